@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from tests.driven import ambient_of, mathieu, paper_rotor, pulls, two_masses
+from tests.driven import ambient_of, flapping, mathieu, paper_rotor, pulls, two_masses
 
 from floquid import ConstantPeriod, Record, identify_ambient
 
@@ -93,3 +93,11 @@ def test_modes_beside_coloured_excitation_are_right_or_the_model_fails():
     assert orders.count(6) >= 5
     assert max(orders) <= 7
     assert np.max(off) < 4.0
+
+
+def test_real_multipliers_gone_within_a_period_do_not_pass_for_a_pair():
+    """Two at half the speed: the record hardly tells them from a pair, whose exponents are others."""
+    system = flapping()
+    for seed in range(DRAWS):
+        found = identify_ambient(record_from(ambient_of(system, 400, 24, 0.01, seed), system, 24, ["blade"]))
+        assert not found.passed or (pulls(system, found.model) < 4.0).all()

@@ -25,6 +25,10 @@ AMBIENT: dict[str, str | Callable[..., str]] = {
         f"The decay is not determined: {_at(frequencies)}. It dies in a period, or modes make up for one another; "
         "random excitation does not tell how many there are."
     ),
+    "ambient_kind": lambda frequencies: (
+        f"A pair explains as much as two real multipliers: {_at(frequencies)}. The record does not tell which it is, "
+        "and the exponents of one are not those of the other."
+    ),
     "ambient_alike": lambda frequencies: (
         f"Nearer to each other than they decay: {_at(frequencies)}. They may be one, or coloured excitation."
     ),

@@ -8,6 +8,7 @@ modulated outputs, and operational modal analysis of them.
 
 from floquid.innovations._autoregression import first_innovations as first_innovations
 from floquid.innovations._colour import colour as colour
+from floquid.innovations._covariance import reweighed as reweighed
 from floquid.innovations._cyclic import Repetition as Repetition
 from floquid.innovations._cyclic import repetition as repetition
 from floquid.innovations._harmonic_spectra import HarmonicSpectra, HomaForm, h_oma, harmonic_spectra

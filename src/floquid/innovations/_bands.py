@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from floquid.innovations._predictor import Mode, Predictor, predicted, rebuilt
-from floquid.innovations._solve import Normal, normal_of, places, solve
+from floquid.innovations._solve import Normal, inverted, moved, normal_of, places, solve, squares
 from floquid.inputs import Limits, Samples, limit_of
 
 ROUNDS = 10
@@ -58,39 +59,63 @@ def grown(samples: Samples, now: Predictor, limits: Limits, rounds: int = ROUNDS
 
 
 def narrowed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
-    """Without the harmonics at the ends of bands that noise explains."""
-    for _ in range(ROUNDS if now.modes else 0):
-        inverse, modes = normal_of(samples, now, rough=True).inverse(), []
-        for mode, place in zip(now.modes, places(now.modes), strict=True):
-            spread = inverse[place, place]
-            turns, reach = np.ones(len(mode.turns), bool), np.ones(len(mode.reach), bool)
-            for band, which in ((turns, 0), (reach, 1)):
-                for end in (-1,) if mode.real else (0, -1):
-                    while band.sum() > 1:
-                        one = np.zeros_like(band)
-                        one[np.flatnonzero(band)[end]] = True
-                        gone = [np.zeros_like(turns), np.zeros_like(reach)]
-                        gone[which] = ~band | one
-                        if weight(mode, spread, gone) > limit_of(
-                            2 * int(gone[which].sum()) * _rows(mode, which), limits.harmonic_alarm
-                        ):
-                            break
-                        band &= ~one
-            modes.append(mode.widened(mode.turns[turns], mode.reach[reach]))
-        if all(
-            len(a.turns) == len(b.turns) and len(a.reach) == len(b.reach) for a, b in zip(modes, now.modes, strict=True)
-        ):
-            return now
-        trial = rebuilt(samples, now, modes)
-        if trial is None:
-            return now
-        trial = solve(samples, trial, rough=True)
-        if now.log_likelihood - trial.log_likelihood > limit_of(
-            now.n_parameters - trial.n_parameters, limits.mode_alarm
-        ):
-            return now
-        now = trial
+    """Without the harmonics at the ends of bands that noise explains together, the least of all ends first.
+
+    Half as many go at once where a linearisation does not hold as far as that: of modes that are nearly one.
+    """
+    period, most = 2.0 * np.pi / samples.fundamental, sum(len(mode.turns) + len(mode.reach) for mode in now.modes)
+    while most:
+        bands, step = _narrower(now, normal_of(samples, now, rough=True).inverse(anchored(now)), limits, most)
+        gone = sum(int(np.sum(~kept)) for band in bands for kept in band)
+        if not gone:
+            break
+        start = moved(samples, now, step, period) or now
+        less = [
+            mode.widened(mode.turns[turns], mode.reach[reach])
+            for mode, (turns, reach) in zip(start.modes, bands, strict=True)
+        ]
+        trial = rebuilt(samples, start, less)
+        if trial is not None:
+            trial = solve(samples, trial, rough=True)
+            limit = limit_of(now.n_parameters - trial.n_parameters, limits.mode_alarm)
+            if now.log_likelihood - trial.log_likelihood <= limit:
+                now = trial
+                continue
+        most = gone // 2
     return now
+
+
+def _narrower(
+    now: Predictor, spread: NDArray[np.float64], limits: Limits, most: int
+) -> tuple[list[tuple[NDArray[np.bool_], NDArray[np.bool_]]], NDArray[np.float64]]:
+    """The harmonics of shape and gains that are kept, and the step to what all are without the others.
+
+    Each that goes takes the others to where they are without it (parameters, parameters).
+    """
+    free = anchored(now)
+    before = np.concatenate([*(mode.parameters for mode in now.modes), np.zeros(now.columns.size + now.initial.size)])
+    own, lost, count, gone = before.copy(), 0.0, 0, 0
+    bands = [(np.ones(len(mode.turns), bool), np.ones(len(mode.reach), bool)) for mode in now.modes]
+    while True:
+        found = []
+        for mode, band, place in zip(now.modes, bands, places(now.modes), strict=True):
+            for which, end in product((0, 1), (-1,) if mode.real else (0, -1)):
+                if band[which].sum() > 1:
+                    one = [np.zeros_like(kept) for kept in band]
+                    last = np.flatnonzero(band[which])[end]
+                    one[which][last] = True
+                    rows = place.start + np.flatnonzero(_mask(mode, *one))
+                    weight = squares(own[rows], spread[np.ix_(rows, rows)]) if free[rows].all() else np.inf
+                    found.append((weight, rows, band[which], last))
+        best = min(found, key=lambda one: one[0], default=None)
+        if best is None or gone == most or lost + best[0] > limit_of(count + len(best[1]), limits.harmonic_alarm):
+            return bands, own - before
+        weight, rows, kept, last = best
+        kept[last] = False
+        lost, count, gone = lost + weight, count + len(rows), gone + 1
+        by = spread[:, rows] @ inverted(spread[np.ix_(rows, rows)])
+        own, spread = own - by @ own[rows], spread - by @ spread[rows]
+        own[rows] = 0.0
 
 
 def _mask(mode: Mode, turns: NDArray[np.bool_], reach: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -110,40 +135,27 @@ def _score(normal: Normal, inverse: NDArray[np.float64], rows: NDArray[np.int64]
     return float(np.sum((vectors[:, good].T @ (pull / size)) ** 2 / values[good]))
 
 
-def _rows(mode: Mode, which: int) -> int:
-    return len(mode.gains) if which else len(mode.shape)
-
-
-def weight(mode: Mode, spread: NDArray[np.float64], gone: list[NDArray[np.bool_]]) -> float:
-    """How far the parameters of some harmonics are from zero, in squared deviations."""
-    mask = _mask(mode, *gone)
-    parts = [np.zeros(mode.rows)]
-    for values in (mode.gains, mode.shape):
-        parts += [values.real.ravel(), values.imag.ravel()]
-    size = np.sqrt(np.maximum(np.diag(spread)[mask], np.finfo(float).tiny))
-    own = np.concatenate(parts)[mask] / size
-    return float(own @ np.linalg.pinv(spread[np.ix_(mask, mask)] / np.outer(size, size), hermitian=True) @ own)
-
-
 def anchored(now: Predictor) -> NDArray[np.bool_]:
     """The parameters less the largest gain of each mode, which says what its scale is (parameters,)."""
     free = []
     for mode in now.modes:
         own = np.ones(sum(mode.sizes), bool)
-        largest = mode.rows + int(np.argmax(np.abs(mode.gains)))
-        own[[largest] if mode.real else [largest, largest + mode.gains.size]] = False
+        if mode.real:
+            own[int(np.argmax(np.abs(mode.parameters[: mode.rows + 2 * mode.gains.size])))] = False
+        else:
+            largest = mode.rows + int(np.argmax(np.abs(mode.gains)))
+            own[[largest, largest + mode.gains.size]] = False
         free.append(own)
     return np.concatenate([*free, np.ones(now.columns.size + now.initial.size, bool)])
 
 
 def centred(samples: Samples, now: Predictor) -> Predictor:
     """Each pair on the branch whose zeroth harmonic is seen most, its frequency not negative."""
-    noise = np.sqrt(np.diag(now.covariance))[:, None]
     modes, initial = [], now.initial.copy()
     begins, row = samples.times[list(samples.begins[:-1])], 0
     for mode in now.modes:
         if not mode.real:
-            turn = float(mode.turns[int(np.argmax(np.sum(np.abs(mode.shape / noise) ** 2, axis=0)))])
+            turn = float(mode.turns[int(np.argmax(np.sum(np.abs(mode.shape / now.noise) ** 2, axis=0)))])
             omega = samples.fundamental
             state = (initial[:, row] + 1j * initial[:, row + 1]) * np.exp(1j * turn * omega * begins)
             mode = replace(
@@ -166,5 +178,5 @@ def centred(samples: Samples, now: Predictor) -> Predictor:
             initial[:, row], initial[:, row + 1] = state.real, state.imag
         modes.append(mode)
         row += mode.rows
-    found = predicted(samples, modes, now.columns, initial)
+    found = predicted(samples, modes, now.columns, initial, now.whitening)
     return now if found is None else found

@@ -20,7 +20,7 @@ def colour(samples: Samples, found: Predictor) -> tuple[float, float]:
     """
     from scipy.special import chdtrc
 
-    white = np.linalg.solve(np.linalg.cholesky(found.covariance), found.innovations)
+    white = found.white(found.innovations)
     turned = samples.turned(1)
     angles = [np.ones(samples.n_samples), 2.0**0.5 * turned.real, 2.0**0.5 * turned.imag]
     squares, count = 0.0, samples.n_samples

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,6 +64,12 @@ class Mode(Rebuilt):
         """Real parameters of the exponent, of the gains and of the shape."""
         return self.rows, 2 * self.gains.size, 2 * self.shape.size
 
+    @property
+    def parameters(self) -> NDArray[np.float64]:
+        """Those of gains and shape, zero for the exponent (parameters,)."""
+        parts = [np.ravel(part) for own in (self.gains, self.shape) for part in (own.real, own.imag)]
+        return np.concatenate([np.zeros(self.rows), *parts])
+
     def moved(self, step: NDArray[np.float64]) -> Mode:
         """With the parameters moved by a step: λ, gains, shape, of each the real parts and then the imaginary ones."""
         of_exponent, of_gains, of_shape = np.split(step, np.cumsum(self.sizes)[:2])
@@ -113,7 +120,7 @@ def _longer(band: NDArray[np.float64], by: float, highest: float, real: bool) ->
     return both[np.abs(both) <= highest]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Predictor(Rebuilt):
     """Modes, coefficients of the known columns and first states, with the innovations that they leave.
 
@@ -129,6 +136,8 @@ class Predictor(Rebuilt):
         e (channels, samples).
     states
         s (samples, states).
+    whitening
+        W (samples, channels, channels), of a determinant with the geometric mean 1: that of e varies, of W e it is R.
     """
 
     modes: tuple[Mode, ...]
@@ -136,11 +145,27 @@ class Predictor(Rebuilt):
     initial: NDArray[np.float64]
     innovations: NDArray[np.float64]
     states: NDArray[np.float64]
+    whitening: NDArray[np.float64]
 
     @property
+    def noise(self) -> NDArray[np.float64]:
+        """The rms of the innovations (channels, 1)."""
+        return np.sqrt(np.mean(self.innovations**2, axis=1, keepdims=True))
+
+    @cached_property
     def covariance(self) -> NDArray[np.float64]:
-        """That of the innovations (channels, channels)."""
-        return self.innovations @ self.innovations.T / self.innovations.shape[1]
+        """R, of W e (channels, channels)."""
+        white = np.einsum("kij,jk->ik", self.whitening, self.innovations)
+        return white @ white.T / white.shape[1]
+
+    @cached_property
+    def root(self) -> NDArray[np.float64]:
+        """What makes innovations white and of variance 1 (samples, channels, channels)."""
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance)) @ self.whitening, np.float64)
+
+    def white(self, signals: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Signals as weighted in the likelihood (channels, samples)."""
+        return np.einsum("kij,jk->ik", self.root, signals)
 
     @property
     def log_likelihood(self) -> float:
@@ -166,9 +191,13 @@ def _free(mode: Mode) -> int:
 
 
 def predicted(
-    samples: Samples, modes: Sequence[Mode], columns: NDArray[np.float64], initial: NDArray[np.float64]
+    samples: Samples,
+    modes: Sequence[Mode],
+    columns: NDArray[np.float64],
+    initial: NDArray[np.float64],
+    whitening: NDArray[np.float64] | None = None,
 ) -> Predictor | None:
-    """The predictor with its innovations; None where it diverges."""
+    """The predictor with its innovations, of one covariance if not given; None where it diverges."""
     system, gains, seen, drive = matrices(samples, modes)
     beside = samples.values - columns @ samples.known
     moved = system - gains @ seen
@@ -188,7 +217,9 @@ def predicted(
         grown = np.abs(np.array(ends)).max(initial=0.0)
     if not (np.abs(innovations).max() <= limit and grown <= 1.0):
         return None
-    return Predictor(tuple(modes), columns, initial, innovations, states)
+    if whitening is None:
+        whitening = np.broadcast_to(np.eye(len(samples.values)), (samples.n_samples, *[len(samples.values)] * 2))
+    return Predictor(tuple(modes), columns, initial, innovations, states, whitening)
 
 
 def _carried(
@@ -225,7 +256,7 @@ def rebuilt(samples: Samples, now: Predictor, modes: Sequence[Mode]) -> Predicto
     initial = np.zeros((len(samples.records), size))
     width = min(size, now.initial.shape[1])
     initial[:, :width] = now.initial[:, :width]
-    return predicted(samples, modes, now.columns, initial)
+    return predicted(samples, modes, now.columns, initial, now.whitening)
 
 
 def matrices(
@@ -261,10 +292,10 @@ def turning(samples: Samples, turns: NDArray[np.float64], own: slice = slice(Non
 def slopes(
     samples: Samples, at: Predictor, root: NDArray[np.float64], *, rough: bool = False
 ) -> Iterator[tuple[slice, NDArray]]:
-    """Derivatives of W e by all parameters, for W (channels, channels) (samples, channels, parameters), in parts.
+    """Derivatives of W e by all parameters (samples, channels, parameters), in parts.
 
-    Parameters are those of `Mode.moved` of each mode, the coefficients of the known columns by channel, and the first
-    states of each record. Rough ones are made in single precision.
+    W is (samples, channels, channels). Parameters are those of `Mode.moved` of each mode, the coefficients of the known
+    columns by channel, and the first states of each record. Rough ones are made in single precision.
     """
     number = np.float32 if rough else np.float64
     system, gains, seen, _ = matrices(samples, at.modes)
@@ -286,10 +317,10 @@ def slopes(
             found = white[own] @ states[:count]
             np.negative(found, out=found)
             for start, part in signals:
-                for channel in range(len(weights)):
+                for channel in range(weights.shape[1]):
                     where = slice(start + channel * len(part), start + (channel + 1) * len(part))
-                    for row in np.flatnonzero(weights[:, channel]):
-                        found[:, row, where] -= weights[row, channel] * part.T
+                    for row in np.flatnonzero(weights[own, :, channel].any(axis=0)):
+                        found[:, row, where] -= weights[own, row, channel, None] * part.T
             yield own, found
             states[0] = states[count]
 
@@ -342,7 +373,7 @@ def gradient(samples: Samples, at: Predictor, of: NDArray[np.float64]) -> NDArra
     The adjoint of the predictor runs backwards once, whatever the number of parameters.
     """
     system, gains, seen, _ = matrices(samples, at.modes)
-    moved, weighted = system - gains @ seen, np.linalg.solve(at.covariance, of)
+    moved, weighted = system - gains @ seen, np.einsum("kji,jk->ik", at.root, at.white(of))
     pull = -np.einsum("kin,ik->kn", seen, weighted)
     behind, begun = np.zeros((samples.n_samples, len(system))), []
     for own in samples.records:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.innovations._bands import grown
+from floquid.innovations._bands import grown, narrowed
 from floquid.innovations._predictor import Mode, Predictor, as_complex, rebuilt
 from floquid.innovations._solve import normal_of, places, solve
 from floquid.inputs import Limits, Samples
@@ -18,27 +20,47 @@ OFF_AXIS = 20.0
 NEAR = 0.05
 """The distance from the axis over the decay up to which it is tried whatever its deviation."""
 
+NEITHER = 4.0
+"""Deviations off the axis up to which a record does not tell a pair from two real multipliers."""
+
+KIND = 25.0
+"""Twice the difference in the logarithm of the likelihood below which a record does not tell the kind."""
+
 APART = (0.8, 1.25)
 """Factors of the decay at which two real multipliers begin."""
 
 
-def with_real_ones(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
-    """With pairs near the axis of real multipliers taken for one such, or for two, where that explains as much."""
+def with_real_ones(
+    samples: Samples, now: Predictor, limits: Limits, before: Sequence[bool] = ()
+) -> tuple[Predictor, list[bool]]:
+    """With pairs near the axis of real multipliers taken for one such, or for two, by the criterion.
+
+    With whether the record leaves undecided that a mode is one of two real multipliers, or the pair (modes,).
+    """
+    undecided = list(before) or [False] * len(now.modes)
     normal, omega = normal_of(samples, now, rough=True), samples.fundamental
     spread = np.sqrt(np.maximum(np.diag(normal.inverse()), 0.0))
     for number, (mode, place) in enumerate(zip(now.modes, places(now.modes), strict=True)):
-        half = 0.5 * round(2.0 * mode.exponent.imag / omega)
-        away = abs(mode.exponent.imag - half * omega)
-        if mode.real or away > max(NEAR * abs(mode.exponent.real), OFF_AXIS * spread[place.start + 1]):
-            continue
-        rest = [own for k, own in enumerate(now.modes) if k != number]
-        for count in (1, 2):
+        rest, turns = [own for k, own in enumerate(now.modes) if k != number], mode.exponent.imag / omega
+        for half, count in product((0.5 * np.floor(2.0 * turns), 0.5 * np.ceil(2.0 * turns)), (1, 2)):
+            away, std = abs(turns - half) * omega, spread[place.start + 1]
+            if mode.real or away > max(NEAR * abs(mode.exponent.real), OFF_AXIS * std):
+                continue
             bare = replace(now, initial=np.zeros((len(samples.records), 0)))
-            trial = rebuilt(samples, bare, [*rest, *_as_real(samples, now, mode, half, count)])
-            trial = None if trial is None else grown(samples, solve(samples, trial, rough=True), limits)
-            if trial is not None and trial.criterion < now.criterion:
-                return with_real_ones(samples, trial, limits)
-    return now
+            # A real multiplier needs harmonics that the pair did without.
+            some = [own.padded(1.0, limits.highest) for own in _as_real(samples, now, mode, half, count)]
+            trial = rebuilt(samples, bare, [*rest, *some])
+            better, gained = False, -np.inf
+            if trial is not None:
+                trial = narrowed(samples, grown(samples, solve(samples, trial, rough=True), limits), limits)
+                better, gained = trial.criterion < now.criterion, trial.log_likelihood - now.log_likelihood
+            near = away < NEITHER * std
+            if count == 2 and (near or (gained < KIND if better else gained > -KIND)):
+                undecided[number] = True
+            if trial is not None and better:
+                others = [own for k, own in enumerate(undecided) if k != number]
+                return with_real_ones(samples, trial, limits, [*others, *[undecided[number]] * count])
+    return now, undecided
 
 
 def _as_real(samples: Samples, now: Predictor, mode: Mode, half: float, count: int) -> list[Mode]:
@@ -46,7 +68,7 @@ def _as_real(samples: Samples, now: Predictor, mode: Mode, half: float, count: i
 
     With z = a + ib, y is Re(s) a - Im(s) b, and Re(g) drives a, Im(g) drives b.
     """
-    noise = np.sqrt(np.diag(now.covariance))[:, None]
+    noise = now.noise
     drives = np.concatenate([np.sqrt(np.mean(samples.inputs**2, axis=1))[:, None], noise])
     gains = mode.gains * np.exp(-1j * half * samples.fundamental * samples.step) * drives
     turns, shapes = _folded(mode.turns + half, np.array([1.0, 1j])[:, None, None] * mode.shape / noise)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from floquid._checks import Rebuilt
 from floquid.core import Channel, PeriodicModel, Provenance
 from floquid.innovations._predictor import Mode, Predictor, gradient, predicted
-from floquid.innovations._solve import normal_of, places
+from floquid.innovations._solve import normal_of, places, squares
 from floquid.inputs import (
     InputMode,
     Samples,
@@ -64,11 +64,6 @@ class Fit(Rebuilt):
         """The place of the parameters of each mode."""
         return places(self.at.modes)
 
-    @property
-    def noise(self) -> NDArray[np.float64]:
-        """The deviation of the innovations (channels, 1)."""
-        return np.sqrt(np.diag(self.at.covariance))[:, None]
-
     def rms(self, number: int) -> float:
         """The rms of the state of a mode over the records."""
         first = sum(mode.rows for mode in self.at.modes[:number])
@@ -78,7 +73,7 @@ class Fit(Rebuilt):
     def varying(self, number: int) -> tuple[float, int]:
         """Squared deviations of the harmonics of a shape, but for the largest, from zero, and how many those are."""
         mode = self.at.modes[number]
-        turns = np.arange(len(mode.turns)) != int(np.argmax(np.sum(np.abs(mode.shape / self.noise) ** 2, axis=0)))
+        turns = np.arange(len(mode.turns)) != int(np.argmax(np.sum(np.abs(mode.shape / self.at.noise) ** 2, axis=0)))
         return self._squares(number, turns)
 
     def seen(self, number: int) -> tuple[float, int]:
@@ -88,14 +83,8 @@ class Fit(Rebuilt):
     def _squares(self, number: int, turns: NDArray[np.bool_]) -> tuple[float, int]:
         mode, place = self.at.modes[number], self.places[number]
         mask = np.concatenate([np.zeros(mode.rows + 2 * mode.gains.size, bool), np.tile(turns, 2 * len(mode.shape))])
-        own = np.concatenate([mode.shape.real.ravel(), mode.shape.imag.ravel()])[mask[-2 * mode.shape.size :]]
-        if not len(own):
-            return 0.0, 0
-        spread = self.parameters[place, place][np.ix_(mask, mask)]
-        size = np.sqrt(np.diag(spread))
-        return float(own / size @ np.linalg.pinv(spread / np.outer(size, size), hermitian=True) @ (own / size)), len(
-            own
-        )
+        own = mode.parameters[mask]
+        return (squares(own, self.parameters[place, place][np.ix_(mask, mask)]), len(own)) if len(own) else (0.0, 0)
 
 
 def _as_input_mode(mode: Mode, samples: Samples, initial: NDArray[np.complex128]) -> InputMode:
@@ -124,9 +113,9 @@ def period_step(fit: Fit) -> tuple[float, float]:
         ends.append(end.innovations)
     slope = (ends[0] - ends[1]) / (2.0 * SHIFT)
     pulled = gradient(samples, at, slope)
-    white = np.linalg.solve(at.covariance, slope)
-    information = float(np.sum(white * slope) - pulled @ fit.parameters @ pulled)
-    step = float(np.sum(white * at.innovations)) / information
+    white = at.white(slope)
+    information = float(np.sum(white**2) - pulled @ fit.parameters @ pulled)
+    step = float(np.sum(white * at.white(at.innovations))) / information
     return step, information**-0.5
 
 
@@ -134,7 +123,7 @@ def sized(fit: Fit) -> Fit:
     """The fit with states of rms 1, the largest coefficient of each real and positive."""
     modes, initial, states, row = [], fit.at.initial.copy(), fit.at.states.copy(), 0
     for number, mode in enumerate(fit.at.modes):
-        largest = mode.shape.ravel()[np.argmax(np.abs(mode.shape / fit.noise))]
+        largest = mode.shape.ravel()[np.argmax(np.abs(mode.shape / fit.at.noise))]
         by = complex(fit.rms(number)) if mode.real else fit.rms(number) * np.conj(largest) / abs(largest)
         modes.append(replace(mode, shape=mode.shape * by, gains=mode.gains / by))
         for values in (initial, states):
@@ -151,7 +140,7 @@ def _deviations(fit: Fit, number: int) -> tuple[NDArray[np.complex128], NDArray[
     """Deviations of b (inputs, reach) and of the shape (channels, turns) of a mode, its largest coefficient held."""
     mode, samples = fit.at.modes[number], fit.samples
     spread = fit.parameters[fit.places[number], fit.places[number]]
-    largest = int(np.argmax(np.abs(mode.shape / fit.noise)))
+    largest = int(np.argmax(np.abs(mode.shape / fit.at.noise)))
     held = mode.shape.flat[largest]
 
     def values(at: Mode) -> NDArray[np.complex128]:

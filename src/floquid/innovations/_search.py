@@ -8,12 +8,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.innovations._bands import anchored, grown, narrowed, weight
+from floquid.innovations._bands import anchored, grown, narrowed
 from floquid.innovations._colour import colour
-from floquid.innovations._gain import stable_gains
+from floquid.innovations._covariance import reweighed, whitening_of
+from floquid.innovations._gain import SMALL, stable_gains
 from floquid.innovations._predictor import Mode, Predictor, predicted, rebuilt
 from floquid.innovations._real import with_real_ones
-from floquid.innovations._solve import normal_of, places, solve
+from floquid.innovations._solve import normal_of, places, solve, squares
 from floquid.inputs import (
     InputMode,
     Limits,
@@ -21,6 +22,7 @@ from floquid.inputs import (
     bare_mode,
     candidates,
     chosen_together,
+    fitted_freely,
     fitted_together,
     input_gain,
     limit_of,
@@ -38,6 +40,9 @@ HELD = 6
 
 SHRUNK = (1.0, 0.5, 0.2, 0.05)
 """Factors of the gains of new modes at which a predictor is tried."""
+
+GONE = 1.0
+"""The decay over a period [nepers] of every mode from which on free matrices at each phase are a start, too."""
 
 REAL = 1e-9
 """The share of ω within which the frequency of a candidate is that of a real multiplier."""
@@ -57,30 +62,34 @@ def searched(
     first: NDArray[np.float64],
     limits: Limits,
     report: Callable[[str], None] = lambda _: None,
-) -> Predictor:
+) -> tuple[Predictor, list[bool]]:
     """The predictor of the modes that rise above the noise, from outputs alone or with measured inputs.
 
-    It begins with first innovations (channels, samples). Units do not matter: all is done on signals of rms 1.
+    With it whether a mode may be of another kind: a pair that may be two real multipliers, or either of such two. It
+    begins with first innovations (channels, samples). Units do not matter: all is done on signals of rms 1.
     """
-    outputs = np.sqrt(np.diag(_none(samples).covariance))[:, None]
+    outputs = _none(samples).noise
     inputs, known = (np.sqrt(np.mean(own**2, axis=1, keepdims=True)) for own in (samples.inputs, samples.known))
     of_one = replace(
         samples, values=samples.values / outputs, inputs=samples.inputs / inputs, known=samples.known / known
     )
-    found = _searched(of_one, first / outputs, limits, report)
+    found, undecided = _searched(of_one, first / outputs, limits, report)
     modes = [
         replace(mode, shape=outputs * mode.shape, gains=mode.gains / np.concatenate([inputs, outputs]))
         for mode in found.modes
     ]
-    at = predicted(samples, modes, outputs * found.columns / known.T, found.initial)
+    whitening = outputs * found.whitening / outputs.T
+    at = predicted(samples, modes, outputs * found.columns / known.T, found.initial, whitening)
     assert at is not None
-    return at
+    return at, undecided
 
 
-def _searched(samples: Samples, first: NDArray[np.float64], limits: Limits, report: Callable[[str], None]) -> Predictor:
+def _searched(
+    samples: Samples, first: NDArray[np.float64], limits: Limits, report: Callable[[str], None]
+) -> tuple[Predictor, list[bool]]:
     driven = replace(samples, inputs=np.concatenate([samples.inputs, first]), hold="none")
-    none = now = _none(samples)
-    of_known = replace(driven, values=none.innovations)
+    none = now = replace(_none(samples), whitening=whitening_of(samples, first))
+    of_known, period = replace(driven, values=none.innovations), 2.0 * np.pi / samples.fundamental
     poles, shares = candidates(driven, none.innovations)
     bare = [_bare(driven, pole) for pole in poles.tolist()]
     for share in STABLE:
@@ -92,6 +101,11 @@ def _searched(samples: Samples, first: NDArray[np.float64], limits: Limits, repo
             now = trial
         if now.modes and _white(samples, now, limits):
             break
+    if all(-mode.exponent.real * period > GONE for mode in now.modes) and not _white(samples, now, limits):
+        trial = _with(samples, of_known, none, _of_phases(driven, limits.highest), limits)
+        trial = None if trial is None else narrowed(samples, trial, limits)
+        if trial is not None and trial.criterion < now.criterion:
+            now = trial
     report(f"searching for modes: {len(now.modes)} found")
     while len(now.modes) < limits.modes and not _white(samples, now, limits):
         more = _with_one_more(samples, driven, now, poles, limits)
@@ -99,11 +113,12 @@ def _searched(samples: Samples, first: NDArray[np.float64], limits: Limits, repo
             break
         now = grown(samples, more, limits, rounds=1)
         report(f"searching for modes: {len(now.modes)} found")
-    now = _needed(samples, grown(samples, now, limits), limits)
-    now = with_real_ones(samples, now, limits)
+    now = _needed(samples, grown(samples, reweighed(samples, now), limits), limits)
     loose = replace(limits, harmonic_alarm=LOOSE)
-    now = narrowed(samples, grown(samples, now, loose, rounds=2), loose)
-    return solve(samples, rebuilt(samples, now, [mode.padded(1.0, limits.highest) for mode in now.modes]) or now)
+    now = narrowed(samples, grown(samples, reweighed(samples, now), loose, rounds=2), loose)
+    now, undecided = with_real_ones(samples, now, loose)
+    now = rebuilt(samples, now, [mode.padded(1.0, limits.highest) for mode in now.modes]) or now
+    return reweighed(samples, solve(samples, reweighed(samples, now))), undecided
 
 
 def _white(samples: Samples, now: Predictor, limits: Limits) -> bool:
@@ -186,15 +201,33 @@ def _bare(driven: Samples, exponent: complex) -> InputMode:
     return bare_mode(driven, complex(exponent.real), turns, turns, real=True)
 
 
+def _of_phases(driven: Samples, highest: float) -> list[InputMode]:
+    """Modes of matrices at each phase that are free, with the harmonics that are not small.
+
+    A mode that is gone within a period seldom is a candidate: each phase knows it by another decay.
+    """
+    found, modes = fitted_freely(driven), []
+    if found is None:
+        return []
+    for number, mode in enumerate(found.modes):
+        shape = found.shape(number)
+        bands = []
+        for turns, size in ((mode.turns, np.abs(shape).max(axis=1)), (mode.reach, np.abs(mode.gains).max(axis=0))):
+            large = turns[size > SMALL * size.max()]
+            bands.append((turns >= max(large[0], -highest)) & (turns <= min(large[-1], highest)))
+        seen, driving = bands
+        modes.append(replace(mode, turns=mode.turns[seen], reach=mode.reach[driving], gains=mode.gains[:, driving]))
+    return modes
+
+
 def _needed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     """Without modes that noise explains once all others are fitted again."""
     while len(now.modes) > 1:
         inverse, trials = normal_of(samples, now, rough=True).inverse(anchored(now)), []
         for number, (mode, place) in enumerate(zip(now.modes, places(now.modes), strict=True)):
-            everywhere = [np.ones(len(mode.turns), bool), np.zeros(len(mode.reach), bool)]
-            if weight(mode, inverse[place, place], everywhere) > DOUBTFUL * limit_of(
-                2 * mode.shape.size, limits.mode_alarm
-            ):
+            count = 2 * mode.shape.size
+            weight = squares(mode.parameters[-count:], inverse[place, place][-count:, -count:])
+            if weight > DOUBTFUL * limit_of(count, limits.mode_alarm):
                 continue
             modes = [mode for k, mode in enumerate(now.modes) if k != number]
             trial = rebuilt(samples, replace(now, initial=np.zeros((len(samples.records), 0))), modes)

@@ -72,13 +72,23 @@ class Normal(Rebuilt):
 
 def normal_of(samples: Samples, at: Predictor, *, rough: bool = False) -> Normal:
     """The linearisation of a predictor by all of its parameters, zero ones as well; rough in single precision."""
-    root = np.asarray(np.linalg.inv(np.linalg.cholesky(at.covariance)), np.float64)
     found = gradient(samples, at, at.innovations)
     matrix = np.zeros((len(found), len(found)))
-    for _, part in slopes(samples, at, root, rough=rough):
+    for _, part in slopes(samples, at, at.root, rough=rough):
         flat = part.reshape(-1, part.shape[2])
         matrix += flat.T @ flat
     return Normal(matrix, found)
+
+
+def inverted(spread: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The inverse of a covariance, but for directions that are rounding of its scale."""
+    size = np.sqrt(np.maximum(np.diag(spread), np.finfo(float).tiny))
+    return np.asarray(np.linalg.pinv(spread / np.outer(size, size), hermitian=True) / np.outer(size, size), np.float64)
+
+
+def squares(own: NDArray[np.float64], spread: NDArray[np.float64]) -> float:
+    """How far some parameters are from zero, in squared deviations."""
+    return float(own @ inverted(spread) @ own)
 
 
 def solve(samples: Samples, start: Predictor, *, rough: bool = False) -> Predictor:
@@ -120,7 +130,7 @@ def moved(samples: Samples, at: Predictor, step: NDArray[np.float64], period: fl
     longest = max(moves, default=0.0)
     share = min(1.0, LONGEST_STEP / max(longest * period, 1e-300))
     modes = [mode.moved(np.asarray(share * own, np.float64)) for mode, own in zip(at.modes, steps[0], strict=True)]
-    return predicted(samples, modes, at.columns + share * steps[1], at.initial + share * steps[2])
+    return predicted(samples, modes, at.columns + share * steps[1], at.initial + share * steps[2], at.whitening)
 
 
 def split(at: Predictor, values: NDArray) -> tuple[list[NDArray], NDArray, NDArray]:

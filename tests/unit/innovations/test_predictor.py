@@ -7,11 +7,12 @@ import pytest
 
 from floquid.innovations import _bands, _real
 from floquid.innovations._colour import colour
+from floquid.innovations._covariance import whitening_of
 from floquid.innovations._gain import stable_gains
 from floquid.innovations._predictor import Mode, gradient, matrices, predicted, slopes
 from floquid.innovations._result import Fit, sized
 from floquid.innovations._solve import moved, normal_of, solve
-from floquid.inputs import samples_of
+from floquid.inputs import Limits, samples_of
 
 OMEGA, STEP, COUNT = 1.3, 0.2, 400
 
@@ -76,7 +77,7 @@ def test_innovations_are_what_drove_the_response(case):
 
 def test_derivatives_are_those_of_differences(case):
     samples, at, _ = case
-    whole = np.concatenate([part for _, part in slopes(samples, at, np.eye(2))])
+    whole = np.concatenate([part for _, part in slopes(samples, at, at.whitening)])
     generator = np.random.default_rng(2)
     for _ in range(3):
         step = 1e-6 * generator.standard_normal(whole.shape[2])
@@ -87,9 +88,8 @@ def test_derivatives_are_those_of_differences(case):
 def test_the_adjoint_gives_the_gradient(case):
     samples, at, _ = case
     signals = np.random.default_rng(3).standard_normal(at.innovations.shape)
-    root = np.linalg.inv(np.linalg.cholesky(at.covariance))
-    whole = np.concatenate([part for _, part in slopes(samples, at, root)])
-    expected = -np.einsum("kcp,ck->p", whole, root @ signals)
+    whole = np.concatenate([part for _, part in slopes(samples, at, at.root)])
+    expected = -np.einsum("kcp,ck->p", whole, at.white(signals))
     assert np.abs(gradient(samples, at, signals) - expected).max() < 1e-12 * np.abs(expected).max()
 
 
@@ -182,3 +182,32 @@ def test_a_pair_on_the_axis_is_two_real_multipliers(case, half, monkeypatch):
     one = predicted(samples, [pair], at.columns, np.zeros((1, 2)))
     two = predicted(samples, _real._as_real(samples, one, pair, half, 2), at.columns, np.zeros((1, 2)))
     assert np.abs(one.innovations - two.innovations).max() < 1e-9 * np.abs(one.innovations).max()
+
+
+def test_the_covariance_along_a_period_is_found():
+    """Two signals, the second's share of the first and its deviation by hand."""
+    generator, times = np.random.default_rng(0), STEP * np.arange(8000)
+    angle = OMEGA * times
+    white = generator.standard_normal((2, len(times)))
+    share, deviation = 0.5 + 0.4 * np.cos(angle), np.exp(0.6 * np.sin(angle))
+    signals = np.array([3.0 * white[0], 3.0 * share * white[0] + deviation * white[1]])
+    samples = samples_of([signals], [np.zeros((0, len(times)))], [0.0], step=STEP, fundamental=OMEGA)
+    found = whitening_of(samples, signals)
+    assert np.abs(found[:, 0, 0] - 1.0).max() < 1e-12
+    assert np.abs(found[:, 1, 1] * deviation - 1.0).max() < 0.1
+    assert np.abs(found[:, 1, 0] / found[:, 1, 1] + share).max() < 0.1
+    assert abs(np.log(np.linalg.det(found)).mean()) < 1e-9
+
+
+def test_a_pair_that_two_real_multipliers_explain_as_well_is_told():
+    generator, times, turns = np.random.default_rng(0), STEP * np.arange(2000), np.arange(-1.0, 2.0)
+    shape, gains = np.array([[0.3j, 1.0, 0.2]]), np.array([[0.09, 0.3 + 0.15j, 0.12j]])
+    noise, inputs = generator.standard_normal((1, 2000)), np.zeros((0, 2000))
+    for far, told in ((0.02, True), (0.3, False)):
+        exponent = -0.1 + 1j * (0.5 * OMEGA + far)
+        pair = Mode(exponent=exponent, real=False, turns=turns, shape=shape, reach=turns, gains=gains)
+        values = response_of([pair], noise, inputs, times, np.zeros(3))
+        samples = samples_of([values], [inputs], [0.0], step=STEP, fundamental=OMEGA, hold="none")
+        start = solve(samples, predicted(samples, [pair], np.zeros((1, 1)), np.zeros((1, 2))))
+        found, undecided = _real.with_real_ones(samples, start, Limits())
+        assert undecided == [told] * len(found.modes)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from floquid.core import Record
 from floquid.errors import IdentificationError
-from floquid.innovations import Fit, Mode, predicted, solve
+from floquid.innovations import Fit, Mode, predicted, reweighed, solve
 from floquid.inputs import InputMode, Samples, Uncertainty, linearise
 from floquid.inputs import solve as solve_driven
 from floquid.pipeline._settings import Settings
@@ -47,7 +47,7 @@ def ambient_fit(
         at = predicted(samples, modes, columns, initial)
     if at is None:
         raise IdentificationError("The predictor of these modes diverges on these records.")
-    return Fit(samples, at, acting)
+    return Fit(samples, reweighed(samples, at), acting)
 
 
 def first_part(samples: Samples) -> tuple[Samples, NDArray[np.bool_]]:
@@ -81,7 +81,7 @@ def predicted_rest(analysis: ExcitedAnalysis) -> tuple[NDArray[np.float64], NDAr
             columns = linearise(samples, own.modes, own.direct).columns
             return np.asarray(own.coefficients.T @ columns, np.float64), mask
         own, whole = analysis.fit.at, None
-        start = None if mask.all() else predicted(part, own.modes, own.columns, own.initial)
+        start = None if mask.all() else predicted(part, own.modes, own.columns, own.initial, own.whitening[mask])
         if start is not None:
             own = solve(part, start, rough=True)
             whole = predicted(samples, own.modes, own.columns, own.initial)

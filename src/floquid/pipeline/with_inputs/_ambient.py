@@ -123,7 +123,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     first = first_innovations(samples, acting)
     _refuse_copies(first, own)
     report("searching for modes")
-    found = searched(samples, first, limits, report)
+    found, undecided = searched(samples, first, limits, report)
     if not found.modes:
         raise IdentificationError(
             "Identification ended without a result: no mode rises above the noise. The response is white, or the "
@@ -145,13 +145,13 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
         records=own.records,
         model=model,
         fit=fit,
-        noise=np.sqrt(np.diag(found.covariance))[:, None],
+        noise=found.noise,
         held_out=held_out,
         lengths=duration * (relative / AIM) ** 2,
         findings=(
             *done_beside(own),
             needed(model, limits, [fit.seen(number) for number in range(len(found.modes))]),
-            *_told(fit, model, relative, duration),
+            *_told(fit, model, relative, duration, np.array(undecided)),
             *_against(samples, found, held_out),
             *(() if own.shafts else _period(fit)),
             *([warning("inputs_modes", most=limits.modes)] if len(found.modes) >= limits.modes else []),
@@ -200,7 +200,7 @@ def _period(fit: Fit) -> tuple[Finding, ...]:
 def _held_out(samples: Samples, found: Predictor) -> NDArray[np.float64]:
     """The rms of the innovations over that of the part fitted, on the last quarter of each record (outputs,)."""
     part, mask = first_part(samples)
-    start = predicted(part, found.modes, found.columns, found.initial)
+    start = predicted(part, found.modes, found.columns, found.initial, found.whitening[mask])
     if start is None:
         return np.full(len(samples.values), np.inf)
     fitted = solve(part, start, rough=True)
@@ -211,8 +211,13 @@ def _held_out(samples: Samples, found: Predictor) -> NDArray[np.float64]:
     return np.asarray(np.sqrt(np.mean(whole.innovations[:, ~mask] ** 2, axis=1)) / expected, np.float64)
 
 
-def _told(fit: Fit, model: PeriodicModel, relative: NDArray[np.float64], duration: float) -> tuple[Finding, ...]:
-    """Findings on the modes: how long a record their damping needs, which are not periodic, and which nearly one."""
+def _told(
+    fit: Fit, model: PeriodicModel, relative: NDArray[np.float64], duration: float, undecided: NDArray[np.bool_]
+) -> tuple[Finding, ...]:
+    """Findings on the modes: how long a record their damping needs, which are not periodic, and which nearly one.
+
+    Whether a pair of one harmonic is two real multipliers does not matter: it is the excitation's own.
+    """
     from scipy.special import chdtrc
 
     found, varying = [], []
@@ -227,6 +232,9 @@ def _told(fit: Fit, model: PeriodicModel, relative: NDArray[np.float64], duratio
     dead = shares * decays * model.period > 1.0
     if dead.any():
         found.append(failure("ambient_undetermined", frequencies=hertz[dead].tolist()))
+    undecided = undecided & np.array(varying)
+    if undecided.any():
+        found.append(failure("ambient_kind", frequencies=hertz[undecided].tolist()))
     single = ~np.array(varying) & any(varying)
     if single.any():
         found.append(warning("ambient_single", frequencies=hertz[single].tolist()))

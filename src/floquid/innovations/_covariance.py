@@ -1,0 +1,81 @@
+"""The covariance of innovations along a period: random excitation that turns with the system makes it vary."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.innovations._predictor import Predictor
+from floquid.inputs import Samples
+
+HARMONICS = 6
+"""Harmonics of the covariance that are tried at most."""
+
+IN_VAIN = 2
+"""Harmonics in a row that are no better before the search ends."""
+
+STEPS = 8
+"""Steps of Fisher's scoring for the logarithm of a variance."""
+
+
+def reweighed(samples: Samples, at: Predictor) -> Predictor:
+    """The predictor with the covariance along a period that its innovations have."""
+    return replace(at, whitening=whitening_of(samples, at.innovations))
+
+
+def whitening_of(samples: Samples, innovations: NDArray[np.float64]) -> NDArray[np.float64]:
+    r"""W (samples, channels, channels) of innovations (channels, samples): that of W e is constant along a period.
+
+    .. math:: e_i = \sum_{j < i} \varphi_{ij}(t)\, e_j + d_i(t)\, \varepsilon_i, \qquad W = D^{-1} (1 - \Phi)
+
+    φ and log d² have few harmonics, as many as the criterion of Schwarz (1978) has, and are those of maximum likelihood
+    (Pourahmadi 1999). The geometric mean of each d is 1: the likelihood needs no more than the covariance of W e.
+    """
+    count = len(innovations)
+    found = np.zeros((samples.n_samples, count, count))
+    highest = min(HARMONICS, int(np.pi / (samples.fundamental * samples.step)))
+    basis = [np.ones((1, samples.n_samples))]
+    for turn in range(1, highest + 1):
+        angle = samples.turned(turn)
+        basis.append(np.array([angle.real, angle.imag]))
+    for channel, own in enumerate(innovations):
+        best, found_at = np.inf, 0
+        for harmonics in range(highest + 1):
+            if harmonics > found_at + IN_VAIN:
+                break
+            columns = np.concatenate(basis[: harmonics + 1])
+            shares, log_variance = _fitted(own, innovations[:channel], columns)
+            parameters = shares.size + len(columns)
+            criterion = log_variance.sum() + parameters * np.log(samples.n_samples)
+            if criterion < best:
+                best, found_at = criterion, harmonics
+                deviation = np.exp(0.5 * (log_variance - log_variance.mean()))
+                found[:, channel, :channel] = -(columns.T @ shares) / deviation[:, None]
+                found[:, channel, channel] = 1.0 / deviation
+    return found
+
+
+def _fitted(
+    own: NDArray[np.float64], others: NDArray[np.float64], columns: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Shares of other signals (columns, others) in a signal, and the logarithm of the variance beside (samples,)."""
+    rows = (columns[:, None] * others).reshape(-1, len(own))
+    log_variance = np.zeros_like(own)
+    shares = np.zeros(len(rows))
+    for _ in range(2):
+        weights = np.exp(-log_variance)
+        shares = np.linalg.solve((rows * weights) @ rows.T, (rows * weights) @ own)
+        log_variance = _log_variance((own - shares @ rows) ** 2, columns)
+    return np.asarray(shares.reshape(len(columns), -1), np.float64), log_variance
+
+
+def _log_variance(squares: NDArray[np.float64], columns: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The logarithm of a variance that is a sum of columns, by squares (samples,)."""
+    inverse = np.linalg.inv(columns @ columns.T)
+    found = np.full_like(squares, np.log(squares.mean()))
+    for _ in range(STEPS):
+        found = found + (inverse @ (columns @ np.expm1(np.log(squares + 1e-300) - found))) @ columns
+    # At the maximum the mean of the squares over the variance is 1.
+    return np.asarray(found + np.log(np.mean(squares * np.exp(-found))), np.float64)
