@@ -78,10 +78,9 @@ def searched(
         replace(mode, shape=outputs * mode.shape, gains=mode.gains / np.concatenate([inputs, outputs]))
         for mode in found.modes
     ]
-    whitening = outputs * found.whitening / outputs.T
-    at = predicted(samples, modes, outputs * found.columns / known.T, found.initial, whitening)
+    at = predicted(samples, modes, outputs * found.columns / known.T, found.initial)
     assert at is not None
-    return at, undecided
+    return reweighed(samples, at), undecided
 
 
 def _searched(
@@ -118,7 +117,7 @@ def _searched(
     now = narrowed(samples, grown(samples, reweighed(samples, now), loose, rounds=2), loose)
     now, undecided = with_real_ones(samples, now, loose)
     now = rebuilt(samples, now, [mode.padded(1.0, limits.highest) for mode in now.modes]) or now
-    return reweighed(samples, solve(samples, reweighed(samples, now))), undecided
+    return solve(samples, reweighed(samples, now)), undecided
 
 
 def _white(samples: Samples, now: Predictor, limits: Limits) -> bool:
