@@ -23,6 +23,9 @@ SINGLE = 1e-5
 """The share in single precision."""
 
 
+TINY = float(np.finfo(float).tiny)
+"""Added where nothing may be divided by: a channel that says nothing of a mode."""
+
 DRAWS = 30
 """Draws of white noise by which a fit is told from noise."""
 
@@ -116,19 +119,23 @@ class Scores:
         The gain of the predictor of a mode is P c(t)ᴴ R⁻¹ to first order in the variance P > 0 of its state. A fit
         takes some of what is near its modes, whatever the noise: how much, draws of white noise tell.
         """
-        generator, samples = np.random.default_rng(0), self.samples
+        generator, samples, heard = np.random.default_rng(0), self.samples, self.now.heard
+        if not (heard.any() and self.now.modes):
+            return 0.0
         draws = [self._unfitted(generator.standard_normal(self.left.shape)) for _ in range(DRAWS)]
         pulls = np.zeros((len(self.now.modes), 1 + DRAWS))
         for number, mode in enumerate(self.now.modes):
             turns = mode.turns.tolist()
-            shapes = np.array([carried(samples, own, turns) for own in (self.now.shape(number) * self.weights).T])
-            for draw, left in enumerate((self.left, *draws)):
+            shapes = np.array(
+                [carried(samples, own, turns) for own in (self.now.shape(number) * self.weights).T[heard]]
+            )
+            for draw, left in enumerate((self.left[heard], *(own[heard] for own in draws))):
                 seen = np.sum(shapes.conj() * left, axis=0)
                 slopes = (shapes * followed(samples, mode, seen)).real
-                pulls[number, draw] = np.sum(slopes * left) / np.linalg.norm(slopes)
+                pulls[number, draw] = np.sum(slopes * left) / (np.linalg.norm(slopes) + TINY)
         pulls -= pulls[:, 1:].mean(axis=1, keepdims=True)
-        together = np.sum(pulls / pulls[:, 1:].std(axis=1, ddof=1, keepdims=True), axis=0)
-        return max(float(together[0] / together[1:].std(ddof=1)), 0.0) ** 2
+        together = np.sum(pulls / (pulls[:, 1:].std(axis=1, ddof=1, keepdims=True) + TINY), axis=0)
+        return max(float(together[0] / (together[1:].std(ddof=1) + TINY)), 0.0) ** 2
 
     def _unfitted(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """What this fit, to first order, leaves of a response over its noise (channels, samples)."""

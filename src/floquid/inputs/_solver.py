@@ -78,6 +78,11 @@ class Linearisation(Rebuilt):
         return int(sum(mode.free.sum() for mode in self.modes)) + self.coefficients.size
 
     @property
+    def heard(self) -> NDArray[np.bool_]:
+        """Where what is left is noise: less than the least that noise is taken to be has the colour of rounding."""
+        return np.mean(self.left**2, axis=1) > 0.5 * self.noise**2
+
+    @property
     def criterion(self) -> float:
         """The criterion of Schwarz (1978): the more the better."""
         return self.log_likelihood - self.n_parameters * float(np.log(self.left.shape[1]))

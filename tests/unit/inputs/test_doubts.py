@@ -78,3 +78,12 @@ def test_what_drives_the_system_beside_the_inputs_is_named(on_input, beside):
     assert not found.passed
     assert "inputs_noise" in codes(found)
     assert any("noise on the measured inputs" in text for text in found.warnings)
+
+
+def test_what_rounding_leaves_is_no_noise_that_drives():
+    """Inputs written to six digits, and no noise: what is left has the colour of the modes, and is no noise."""
+    system = mathieu()
+    values, inputs = record_of(system, PERIODS, PHASES, 0.0, 5)
+    found = identified(values, np.round(inputs, 6), system.period, validate=False)
+    assert not found.fit.at.heard.any()
+    assert not codes(found)

@@ -312,9 +312,7 @@ def _against(found: Linearisation, held_out: NDArray[np.float64]) -> tuple[Findi
         against.append(warning("inputs_held_out", error=float(np.nanmax(held_out))))
     spectrum = np.abs(np.fft.rfft(found.left, 2 * found.left.shape[1], axis=1)) ** 2
     lags = np.fft.irfft(spectrum, axis=1)[:, : LAGS + 1]
-    # What is less than the least that noise is taken to be has the colour of rounding.
-    heard = np.mean(found.left**2, axis=1) > 0.5 * found.noise**2
-    squares = float(np.max(np.sum((lags[:, 1:] / lags[:, :1]) ** 2, axis=1)[heard], initial=0.0))
+    squares = float(np.max(np.sum((lags[:, 1:] / lags[:, :1]) ** 2, axis=1)[found.heard], initial=0.0))
     if squares > COLOURED:
         told = failure if squares > WRONG else warning
         against.append(told("inputs_colour", squares=squares))
