@@ -23,6 +23,9 @@ NEAR = 0.05
 NEITHER = 4.0
 """Deviations off the axis up to which a record does not tell a pair from two real multipliers."""
 
+SAME = 2.0
+"""Deviations within which exponents of both kinds are the same."""
+
 KIND = 25.0
 """Twice the difference in the logarithm of the likelihood below which a record does not tell the kind."""
 
@@ -35,7 +38,8 @@ def with_real_ones(
 ) -> tuple[Predictor, list[bool]]:
     """With pairs near the axis of real multipliers taken for one such, or for two, by the criterion.
 
-    With whether the record leaves undecided that a mode is one of two real multipliers, or the pair (modes,).
+    With whether the record leaves undecided that a mode is one of two real multipliers, or the pair (modes,): where
+    both kinds have the same exponents within their deviations it does not matter.
     """
     undecided = list(before) or [False] * len(now.modes)
     normal, omega = normal_of(samples, now, rough=True), samples.fundamental
@@ -54,8 +58,11 @@ def with_real_ones(
             if trial is not None:
                 trial = narrowed(samples, grown(samples, solve(samples, trial, rough=True), limits), limits)
                 better, gained = trial.criterion < now.criterion, trial.log_likelihood - now.log_likelihood
-            near = away < NEITHER * std
-            if count == 2 and (near or (gained < KIND if better else gained > -KIND)):
+            near, decays = away < NEITHER * std, [own.exponent.real for own in trial.modes[-2:]] if trial else []
+            alike = [abs(own - mode.exponent.real) < SAME * spread[place.start] for own in decays]
+            same = bool(decays) and all(alike) and away < SAME * std
+            told = gained > KIND if better else gained < -KIND and not near
+            if count == 2 and not told and not same:
                 undecided[number] = True
             if trial is not None and better:
                 others = [own for k, own in enumerate(undecided) if k != number]
