@@ -81,7 +81,7 @@ def coloured(system, periods, phases, noise, seed, corner=0.5, warm=40):
 
 
 def test_modes_beside_coloured_excitation_are_right_or_the_model_fails():
-    """Two modes of the system, and two poles that are nearly equal of the excitation."""
+    """The excitation is of order two; a pole more of it may pass, a mode of the system more may not."""
     system, off, orders = two_masses(), [], []
     for seed in range(8):
         found = identify_ambient(record_from(coloured(system, 400, 20, 0.02, seed), system, 20, ["tower", "blade"]))
@@ -90,8 +90,8 @@ def test_modes_beside_coloured_excitation_are_right_or_the_model_fails():
             assert np.count_nonzero(swinging) == 4
             off.append(pulls(system, found.model)[swinging])
             orders.append(found.model.order)
-    assert len(orders) >= 5
-    assert set(orders) == {6}
+    assert orders.count(6) >= 5
+    assert max(orders) <= 7
     assert np.max(off) < 4.0
 
 
