@@ -1,5 +1,7 @@
 """Modes fitted to measured lines by repetition: how many and of what kind, and errors over deviations."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from tests.driven import flapping, lag, mathieu, mathieu_and_lag, paper_rotor, pulls, shaken, two_masses
@@ -11,27 +13,31 @@ DRAWS = 20
 HARMONICS = np.arange(-3, 4)
 
 
-@pytest.mark.parametrize(
-    ("system", "phases", "turns", "noise", "real", "rings"),
-    [
-        (mathieu(), 20, 64, 0.05, 0, False),
-        (lag(), 20, 64, 0.05, 1, False),
-        (flapping(), 40, 64, 0.01, 2, False),
-        (mathieu_and_lag(), 20, 64, 0.02, 1, False),
-        (two_masses(), 24, 64, 0.02, 0, False),
-        (paper_rotor(), 50, 128, 0.02, 0, True),
-    ],
-    ids=["Mathieu", "a periodic lag", "two real negative multipliers", "a pair and a real one", "two masses", "rotor"],
-)
-def test_modes_of_lines(system, phases, turns, noise, real, rings):
+SYSTEMS = {  # phases, turns, noise, real multipliers
+    "Mathieu": (mathieu, 20, 64, 0.05, 0),
+    "a periodic lag": (lag, 20, 64, 0.05, 1),
+    "two real negative multipliers": (flapping, 40, 64, 0.01, 2),
+    "a pair and a real one": (mathieu_and_lag, 20, 64, 0.02, 1),
+    "two masses": (two_masses, 24, 64, 0.02, 0),
+    "rotor": (paper_rotor, 50, 128, 0.02, 0),
+}
+RINGS_ON = pytest.mark.xfail(reason="what rings on counts as noise of the lines: z 0.67, deviations are too wide")
+
+
+@cache
+def drawn(name):
+    """Errors of Re λ over their deviations, these errors and variances, squares of G, its error before and after."""
+    make, phases, turns, noise, real = SYSTEMS[name]
+    system = make()
     order, pull, errors, variances, squares, nearer = len(system.exponents()), [], [], [], [], []
     for seed in range(DRAWS):
         _, record, names = shaken(system, phases, turns, 5, noise, seed, spare=0.0)
         measured = measure_transfer(record, inputs=names, harmonics=HARMONICS)
         found = fit_transfer(measured)
-        assert found.model.order == order, seed
-        assert np.count_nonzero(found.model.real) == real, seed
-        assert not any(one.severity == Severity.FAILURE for one in found.findings), seed
+        if found.model.order != order or np.count_nonzero(found.model.real) != real:
+            pytest.fail(f"seed {seed}: order {found.model.order}, multipliers {found.model.multipliers}")
+        if any(one.severity == Severity.FAILURE for one in found.findings):
+            pytest.fail(f"seed {seed}: {found.warnings}")
         std, own = found.model.exponent_std.real, pulls(system, found.model)[:, 0]
         pull.append(own)
         errors.append(own * std)
@@ -42,13 +48,21 @@ def test_modes_of_lines(system, phases, turns, noise, real, rings):
         squares.append(np.mean((gap.real / fit.std.real[there]) ** 2))
         before = (measured.transfer.values - exact)[there]
         nearer.append([np.mean(np.abs(one / measured.transfer.std[there]) ** 2) for one in (before, gap)])
+    return np.array(pull), errors, variances, squares, nearer
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_order_and_kind_are_right_and_deviations_are_not_too_small(name):
+    pull, *_ = drawn(name)
+    assert np.sqrt(np.mean(pull**2)) < 1.35
+    assert pull.max() < 5.0
+
+
+@pytest.mark.parametrize("name", [pytest.param(own, marks=RINGS_ON if own == "rotor" else ()) for own in SYSTEMS])
+def test_deviations_hold(name):
     # Deviations are those of the linearisation, which are the bound of Cramér and Rao.
-    assert np.sqrt(np.mean(np.square(pull))) < 1.35
-    assert np.max(pull) < 5.0
-    if rings:
-        # What rings on in later repeats counts as noise near resonances: deviations are wide there, z was 0.67.
-        return
-    assert np.sqrt(np.mean(np.square(pull))) > 0.7
+    pull, errors, variances, squares, nearer = drawn(name)
+    assert np.sqrt(np.mean(pull**2)) > 0.7
     assert np.sqrt(np.mean(np.square(errors)) / np.mean(variances)) < 1.4
     assert 0.85 < np.sqrt(np.mean(squares)) < 1.2
     before, after = np.mean(nearer, axis=0)

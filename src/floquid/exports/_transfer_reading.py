@@ -44,7 +44,7 @@ def import_transfer(path: str | PathLike[str]) -> TransferFunctions:
         raise input_error("path", OF, "end in .csv or .mat", f"is {file}", "Write it with `export_transfer`.")
     try:
         return kinds[file.suffix.lower()]()
-    except (DamagedError, KeyError, ValueError, TypeError, NotImplementedError) as error:
+    except (DamagedError, KeyError, ValueError, TypeError, NotImplementedError, csv.Error) as error:
         got = f"{file} is not: {(str(error) or type(error).__name__).splitlines()[0]}"
         raise input_error("path", OF, "be a table as `export_transfer` writes it", got, "See its page.") from None
 
@@ -56,6 +56,8 @@ def _table(file: Path) -> TransferFunctions:
     if first is None or not heads or not all(heads):
         wrong = [head for head, own in zip(rows[0], [first, *heads], strict=True) if own is None]
         raise ValueError(f"its column {wrong[0]!r} names no path" if wrong else "it has no columns")
+    if len(rows) < 2 or any(len(row) != len(rows[0]) for row in rows):
+        raise ValueError(f"it needs lines of {len(rows[0])} numbers below its head")
     numbers = np.array(rows[1:], float)
     parts = {own.groups()[:5]: column for own, column in zip(heads, numbers[:, 1:].T, strict=True) if own}
     units = {own.groups()[1:3]: own[6] for own in heads if own}

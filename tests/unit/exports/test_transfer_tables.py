@@ -111,6 +111,15 @@ def test_a_table_of_something_else_is_refused(tmp_path):
     (tmp_path / "g.csv").write_text("t,x\n0,1\n")
     (tmp_path / "g.mat").write_bytes(b"no such file of MATLAB, but long enough to look at" * 9)
     (tmp_path / "g.s1p").write_text("# Hz Z RI R 1\n1 2 3\n")
-    for name, words in (("g.csv", "names no path"), ("g.mat", "as `export_transfer` writes"), ("g.s1p", "end in")):
+    head = "frequency [Hz],G(+0) F to x real [m/N],G(+0) F to x imag [m/N]\n"
+    (tmp_path / "head.csv").write_text(head)
+    (tmp_path / "short.csv").write_text(head + "1,2\n")
+    short = [(name, "lines of 3 numbers") for name in ("head.csv", "short.csv")]
+    for name, words in (
+        *short,
+        ("g.csv", "names no path"),
+        ("g.mat", "as `export_transfer` writes"),
+        ("g.s1p", "end in"),
+    ):
         with pytest.raises(InputError, match=words):
             import_transfer(tmp_path / name)
