@@ -56,11 +56,11 @@ def _inputs(channels: Sequence[str], hold: str) -> str:
 
 
 def _needed(modes: int, frequency: float, rise: float) -> str:
-    told = f"χ² of {rise:.2g}" if rise < 100.0 else "χ² of more than 100"
-    told += f" times the limit of noise{': only just more' if rise < 2.0 else ''}."
+    size = f"{rise:.2g}" if rise < 100.0 else "more than 100"
+    told = f"{'clear of' if rise >= 2.0 else 'only just above'} the noise (χ² of its shape {size} times the limit)."
     if modes == 1:
-        return f"The one mode is needed: its shape has a {told}"
-    return f"Each of the {modes} modes is needed: the shape of that missed least, at {frequency:.4g} Hz, has a {told}"
+        return f"The one mode is needed: it is {told}"
+    return f"Each of the {modes} modes is needed: the one missed least, at {frequency:.4g} Hz, is {told}"
 
 
 def _instants(delay: int, hold: str, given: str) -> str:
