@@ -22,7 +22,7 @@ DEFECTIVE = 1e10  # the condition of the shapes from which on they are no basis
 def to_periodic_system(
     model: PeriodicModel, states: Sequence[str] | None = None, *, n_phases: int = 128
 ) -> PeriodicSystem:
-    r"""A(t), B(t), C(t) and D(t) of a model, for simulation, norms, gramians, and python-control.
+    r"""A(t), B(t), C(t) and D(t) of a model, for simulation and python-control.
 
     Without `states` in real Floquet coordinates, where a pair :math:`\lambda = \sigma \pm i \nu` is
 

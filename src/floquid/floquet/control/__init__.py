@@ -1,9 +1,7 @@
-"""Periodic systems with inputs and outputs: responses, norms, lifted forms."""
+"""Periodic systems with inputs and outputs: responses, transfer functions, lifted forms."""
 
 from floquid.floquet.control._discrete import DiscretePeriodicSystem, discretise
-from floquid.floquet.control._gramians import gramian, h2_norm, hankel_norm
 from floquid.floquet.control._harmonic_state_space import HarmonicSystem, HarmonicTransfer, harmonic_transfer
 from floquid.floquet.control._lifted import LiftedSystem, lift, realise
-from floquid.floquet.control._linf_norm import PeakGain, linf_norm
 from floquid.floquet.control._simulate import simulate
 from floquid.floquet.control._system import PeriodicSystem

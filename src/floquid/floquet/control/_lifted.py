@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, final, get_args
+from typing import TYPE_CHECKING, Any, TypeAlias, final
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from floquid._arrays import Complexes, Floats, Indices
+from floquid._arrays import Complexes, Floats
 from floquid._checks import Rebuilt, describe, frozen_array, input_error, integer, positive
 from floquid.floquet.control._discrete import DiscretePeriodicSystem, checked_phase
 from floquid.io import load_package
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     import control
     import scipy.signal
 
-
-Form: TypeAlias = Literal["time", "cyclic"]
 
 Label: TypeAlias = tuple[int, str]  # the phase and the name of a lifted signal
 RANK = 1e-10  # share of the largest singular value below which a state is rounding
@@ -38,15 +36,13 @@ class LiftedSystem(Rebuilt):
     A, B, C, D
         Its matrices.
     dt
-        The step [s]: the period by "time", the step of the periodic system by "cyclic".
-    form
-        "time" or "cyclic".
+        The step [s]: the period of the periodic system.
     n_phases
         Steps of the periodic system a period, P.
     first_phase
         The phase of the first sample.
     states, inputs, outputs
-        Phase and name of each; by "time" all states are those at the first phase.
+        Phase and name of each; all states are those at the first phase.
     """
 
     A: Floats
@@ -54,7 +50,6 @@ class LiftedSystem(Rebuilt):
     C: Floats
     D: Floats
     dt: float
-    form: Form
     n_phases: int
     first_phase: int
     states: tuple[Label, ...]
@@ -68,8 +63,8 @@ class LiftedSystem(Rebuilt):
     def poles(self) -> Complexes:
         """The eigenvalues of A (states,), the largest first.
 
-        By "time" they are the multipliers, small ones to a fraction of the largest alone: see
-        `DiscretePeriodicSystem.multipliers`. By "cyclic" they are the P-th roots of the multipliers.
+        They are the multipliers, small ones to a fraction of the largest alone: see
+        `DiscretePeriodicSystem.multipliers`.
         """
         found = np.linalg.eigvals(self.A).astype(np.complex128)
         return found[np.argsort(-np.abs(found), kind="stable")]
@@ -77,17 +72,11 @@ class LiftedSystem(Rebuilt):
     def stack(self, inputs: ArrayLike) -> Floats:
         """The inputs of the periodic system, from the first phase on, as this one takes them (lifted inputs, steps).
 
-        They are u of the periodic system (inputs, samples); by "time" the samples are whole periods, or it is an
-        InputError.
+        They are u of the periodic system (inputs, samples), whole periods of it, or it is an InputError.
         """
         of, count = "LiftedSystem.stack", len(self.inputs) // self.n_phases
         given = frozen_array(inputs, "inputs", of, axes=(count, "samples"), remedy="Time is the last axis.")
         samples = given.shape[1]
-        if self.form == "cyclic":
-            out = np.zeros((self.n_phases, count, samples))
-            every = np.arange(samples)
-            out[every % self.n_phases, :, every] = given.T
-            return out.reshape(-1, samples)
         if samples % self.n_phases:
             got = f"hold {samples} samples"
             raise input_error("inputs", of, f"be whole periods of {self.n_phases} samples", got, "Append zeros.")
@@ -97,18 +86,8 @@ class LiftedSystem(Rebuilt):
         """The outputs of the periodic system (outputs, samples), from this one's `outputs` (lifted outputs, steps)."""
         of = "LiftedSystem.unstack"
         given = frozen_array(outputs, "outputs", of, axes=(len(self.outputs), "steps"), remedy="Time is the last axis.")
-        count, steps = len(self.outputs) // self.n_phases, given.shape[1]
-        blocks = given.reshape(self.n_phases, count, steps)
-        if self.form == "cyclic":
-            every = np.arange(steps)
-            return blocks[every % self.n_phases, :, every].T
-        return blocks.transpose(1, 2, 0).reshape(count, -1)
-
-    def initial(self, state: ArrayLike) -> Floats:
-        """The lifted state (states,) of a `state` (n,) of the periodic system at the first phase."""
-        count = len(self.states) // (self.n_phases if self.form == "cyclic" else 1)
-        given = frozen_array(state, "state", "LiftedSystem.initial", axes=(count,))
-        return np.concatenate([given, np.zeros(len(self.states) - count)])
+        count = len(self.outputs) // self.n_phases
+        return given.reshape(self.n_phases, count, -1).transpose(1, 2, 0).reshape(count, -1)
 
     def to_control(self) -> Any:
         """The system as `control.StateSpace`, every signal named "name[phase]", a full stop in it as a middle dot.
@@ -133,43 +112,35 @@ class LiftedSystem(Rebuilt):
         return StateSpace(self.A, self.B, self.C, self.D, dt=self.dt)
 
 
-def lift(system: DiscretePeriodicSystem, form: Form = "time", *, first_phase: int = 0) -> LiftedSystem:
+def lift(system: DiscretePeriodicSystem, *, first_phase: int = 0) -> LiftedSystem:
     r"""A time-invariant system with the responses of a discrete periodic one, its signals labelled by phase and name.
 
-    By "time", one step is a period, and the inputs and outputs of a period are stacked: with
+    One step is a period, and the inputs and outputs of a period are stacked (Meyer and Burrus 1975): with
     :math:`\Phi_{i,j} = A_{i-1} \cdots A_j`, counted from the first phase,
 
     .. math:: x_{h+1} = \Phi_{P,0}\, x_h + [\Phi_{P,1} B_0, \ldots, B_{P-1}]\, u_h, \qquad
               (y_h)_i = C_i \Phi_{i,0}\, x_h + \sum_{j<i} C_i \Phi_{i,j+1} B_j\, (u_h)_j + D_i\, (u_h)_i
 
-    Its poles are the multipliers. By "cyclic", a step stays a step, and every signal has P copies, of which the
-    one of the present phase holds the signal and the others are zero. Its poles are all P-th roots of the
-    multipliers, and small multipliers are not lost in a product.
+    Its poles are the multipliers.
 
     Bittanti and Colaneri 2009, Periodic Systems: Filtering and Control, chapter 6.
 
-    `system` is the periodic system, `form` "time" (Meyer and Burrus 1975) or "cyclic" (Flamm 1991), and `first_phase`
-    the phase with which a step begins, 0 to P - 1: the lifted state is the state at that phase. Raises InputError where
-    the form is unknown, or the phase is not possible.
+    `system` is the periodic system, and `first_phase` the phase with which a step begins, 0 to P - 1: the lifted state
+    is the state at that phase. Raises InputError where the phase is not possible.
     """
-    of = "floquet.lift"
-    if form not in get_args(Form):
-        raise input_error("form", of, "be " + " or ".join(f'"{word}"' for word in get_args(Form)), f"is {form!r}")
-    first = checked_phase(first_phase, system.n_phases, of)
+    first = checked_phase(first_phase, system.n_phases, "floquet.lift")
     order = np.roll(np.arange(system.n_phases), -first)
-    matrices = tuple(stack[order] for stack in (system.A, system.B, system.C, system.D))
-    A, B, C, D = _in_time(*matrices) if form == "time" else _cyclic(*matrices)
+    A, B, C, D = _in_time(*(stack[order] for stack in (system.A, system.B, system.C, system.D)))
     phases = order.tolist()
     return LiftedSystem(
         A=A,
         B=B,
         C=C,
         D=D,
-        dt=system.period if form == "time" else system.dt,
-        form="time" if form == "time" else "cyclic",
+        dt=system.period,
         n_phases=system.n_phases,
         first_phase=first,
-        states=_labels(phases[:1] if form == "time" else phases, system.states),
+        states=_labels(phases[:1], system.states),
         inputs=_labels(phases, system.inputs),
         outputs=_labels(phases, system.outputs),
     )
@@ -191,20 +162,6 @@ def _in_time(A: Floats, B: Floats, C: Floats, D: Floats) -> tuple[Floats, Floats
     return owed[:, :n], owed[:, n:], seen[:, :n], seen[:, n:]
 
 
-def _cyclic(A: Floats, B: Floats, C: Floats, D: Floats) -> tuple[Floats, ...]:
-    """Each phase's matrices as blocks, those into the state a row of blocks further down, the last into the first."""
-    following = np.roll(np.arange(len(A)), -1)
-    return _blocks(A, following), _blocks(B, following), _blocks(C), _blocks(D)
-
-
-def _blocks(stack: Floats, rows: Indices | None = None) -> Floats:
-    count, height, width = stack.shape
-    every = np.arange(count)
-    out = np.zeros((count, height, count, width))
-    out[every if rows is None else rows, :, every, :] = stack
-    return out.reshape(count * height, count * width)
-
-
 def _labels(phases: list[int], names: tuple[str, ...]) -> tuple[Label, ...]:
     return tuple((phase, name) for phase in phases for name in names)
 
@@ -215,7 +172,7 @@ def _words(labels: tuple[Label, ...]) -> list[str]:
 
 
 def realise(system: control.StateSpace, n_phases: int, *, first_phase: int = 0) -> DiscretePeriodicSystem:
-    r"""The periodic system whose lifted form by "time" is a system of python-control.
+    r"""The periodic system whose lifted form is a system of python-control.
 
     .. math:: \begin{bmatrix} y_k, \ldots, y_{P-1}, x_P \end{bmatrix}^T = O_k\, x_k, \qquad
               x_k = R_k \begin{bmatrix} x_0, u_0, \ldots, u_{k-1} \end{bmatrix}^T

@@ -152,13 +152,6 @@ def _over_one_period(given: dict[str, Operand]) -> dict[str, AbstractPeriodicMat
     }
 
 
-def balanced_system(system: PeriodicSystem, prepared: Prepared, of: str) -> Matrices:
-    """A, B, C and D in units of the states in which A is balanced."""
-    _, B, C, D = with_inputs(system, of)
-    to, back = np.diag(prepared.scale), np.diag(1.0 / prepared.scale)
-    return back @ prepared.matrix @ to, back @ B, C @ to, D
-
-
 def matrix_reach(prepared: Prepared, entry: AbstractPeriodicMatrix) -> Floats:
     """The speed at which a unit of each input moves the states, in their units (inputs,)."""
     size = np.abs(entry.at(probe_times(entry.period, _PROBES))).max(axis=0)

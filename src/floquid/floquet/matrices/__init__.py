@@ -31,6 +31,5 @@ from floquid.floquet.matrices._periods import (
     multiples,
     reduced,
     repeated,
-    stretches,
 )
 from floquid.floquet.matrices._state_matrix import Prepared, StateMatrix, periodic, prepare

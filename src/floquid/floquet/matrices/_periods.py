@@ -22,7 +22,6 @@ MOST = 1000  # periods of one matrix in a common period
 REPEATS = 1e-10  # difference, as a share of the largest value, within which a matrix repeats itself
 _GOLDEN = 0.3819660112501051
 _PROBES = 32
-_WITHIN = 65  # instants of a stretch without a break
 
 
 def common_period(*periods: float) -> float:
@@ -204,11 +203,3 @@ def _incommensurate(first: float, second: float, of: str) -> Exception:
     got = f"are {first:.15g} s and {second:.15g} s, which have none to within {SAME:g}"
     remedy = "If they are meant to be equal or a whole multiple, give both from one number."
     return input_error("periods", of, f"have a common multiple within {MOST} of each", got, remedy)
-
-
-def stretches(matrix: AbstractPeriodicMatrix) -> Floats:
-    """Instants from one break to the next, just within both (stretches, instants)."""
-    breaks = np.asarray(matrix.breaks)
-    starts = breaks if breaks.size else np.zeros(1)
-    widths = np.append(starts[1:], starts[0] + matrix.period) - starts
-    return starts[:, None] + widths[:, None] * np.linspace(1e-12, 1.0 - 1e-12, _WITHIN)

@@ -21,8 +21,6 @@ from floquid.floquet import (
     realise,
 )
 
-FORMS = ["time", "cyclic"]
-
 
 def random_discrete(seed, n_phases=5, n=3, n_inputs=2, n_outputs=2):
     generator = np.random.default_rng(seed)
@@ -61,24 +59,23 @@ def test_simulation_is_the_recurrence(first_phase):
     assert found == pytest.approx(recurrence(system, inputs, initial, first_phase), abs=1e-12)
 
 
-@pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize(
     ("n_phases", "n", "n_inputs", "n_outputs", "first_phase"),
     [(5, 3, 2, 2, 0), (5, 3, 2, 1, 3), (1, 2, 1, 3, 0), (4, 1, 3, 2, 1), (2, 4, 1, 1, 1)],
 )
-def test_lifted_responses_are_the_periodic_ones(form, n_phases, n, n_inputs, n_outputs, first_phase):
+def test_lifted_responses_are_the_periodic_ones(n_phases, n, n_inputs, n_outputs, first_phase):
     """Sample by sample, by scipy and by python-control."""
     control = pytest.importorskip("control", reason="it is in the dependency group `peers`")
     system, generator = random_discrete(2, n_phases, n, n_inputs, n_outputs), np.random.default_rng(3)
     inputs, initial = generator.normal(size=(n_inputs, 6 * n_phases)), generator.normal(size=n)
     expected = system.simulate(inputs, initial=initial, first_phase=first_phase)
-    lifted = lift(system, form, first_phase=first_phase)
-    stacked, start = lifted.stack(inputs), lifted.initial(initial)
-    _, by_scipy, _ = dlsim(lifted.to_scipy(), stacked.T, x0=start)
+    lifted = lift(system, first_phase=first_phase)
+    stacked = lifted.stack(inputs)
+    _, by_scipy, _ = dlsim(lifted.to_scipy(), stacked.T, x0=initial)
     assert lifted.unstack(by_scipy.T) == pytest.approx(expected, abs=1e-11)
-    response = control.forced_response(lifted.to_control(), inputs=stacked, initial_state=start, squeeze=False)
+    response = control.forced_response(lifted.to_control(), inputs=stacked, initial_state=initial, squeeze=False)
     assert lifted.unstack(response.outputs) == pytest.approx(expected, abs=1e-11)
-    assert response.time[1] == pytest.approx(system.period if form == "time" else system.dt)
+    assert response.time[1] == pytest.approx(system.period)
 
 
 @pytest.mark.parametrize("first_phase", [0, 2])
@@ -86,9 +83,7 @@ def test_lifted_responses_are_the_periodic_ones(form, n_phases, n, n_inputs, n_o
 def test_poles_of_the_lifted_are_the_multipliers(seed, first_phase):
     system = random_discrete(seed)
     found = system.multipliers()
-    assert_same_set(lift(system, "time", first_phase=first_phase).poles(), found, 1e-12)
-    roots = lift(system, "cyclic", first_phase=first_phase).poles()
-    assert_same_set(roots**5, np.repeat(found, 5), 1e-11)
+    assert_same_set(lift(system, first_phase=first_phase).poles(), found, 1e-12)
     assert np.exp(system.exponents() * system.period) == pytest.approx(found, rel=1e-12)
     assert np.abs(system.exponents().imag).max() <= np.pi / system.period * (1.0 + 1e-15)
 
@@ -131,15 +126,12 @@ def test_labels_say_phase_and_name():
     # The output at phase 0, two steps on, owes to the input at phase 1 what goes through A at phase 2.
     assert lifted.D[2, 0] == pytest.approx((C[0] @ A[2] @ B[1])[0, 0])
     assert lifted.D[0].tolist() == [0.0, 0.0, 0.0]
-    cyclic = lift(system, "cyclic", first_phase=1)
-    assert cyclic.states == tuple((k, name) for k in (1, 2, 0) for name in ("x", "v"))
-    assert cyclic.dt == 0.1
-    model = cyclic.to_control()
+    model = lifted.to_control()
     assert isinstance(model, control.StateSpace)
-    assert model.dt == 0.1
+    assert model.dt == pytest.approx(0.3)
     assert model.input_labels == ["force[1]", "force[2]", "force[0]"]
     assert model.output_labels == ["tip[1]", "tip[2]", "tip[0]"]
-    assert model.state_labels[:3] == ["x[1]", "v[1]", "x[2]"]
+    assert model.state_labels == ["x[1]", "v[1]"]
 
 
 @pytest.mark.parametrize(
@@ -305,7 +297,7 @@ def test_a_system_without_inputs():
     free = found.simulate(np.empty((0, 9)), initial=start)
     assert free[:, 0].tolist() == start.tolist()
     assert free[:, 4] == pytest.approx(np.linalg.multi_dot(found.A[::-1]) @ start, abs=1e-12)
-    lifted = lift(found, "cyclic")
+    lifted = lift(found)
     assert np.array_equal(lifted.to_scipy().A, lifted.A)
     pieces = system.A
     lengths = [0.1, 0.35, 0.45, 0.4]
@@ -335,11 +327,9 @@ def test_outputs_at_a_jump_are_those_after_it():
             lambda: random_discrete(0).simulate(np.ones((2, 5)), initial=[1.0]),
             r"`initial` of .* must have shape \(3,\)",
         ),
-        (lambda: lift(random_discrete(0), "fourier"), '`form` of .*lift` must be "time" or "cyclic"'),
         (lambda: lift(random_discrete(0), first_phase=5), "`first_phase` of .* must be below the number of phases, 5"),
         (lambda: lift(random_discrete(0)).stack(np.ones((2, 7))), "must be whole periods of 5 samples, but hold 7"),
         (lambda: lift(random_discrete(0)).unstack(np.ones((2, 7))), r"must have shape \(10, steps\)"),
-        (lambda: lift(random_discrete(0)).initial(np.ones(4)), r"`state` of .* must have shape \(3,\)"),
         (lambda: discretise(continuous("harmonics").A, 4), r"`system` of `floquet.discretise` must be a Periodic.*\n"),
         (lambda: discretise(continuous("harmonics"), 0), "`n_phases` of `floquet.discretise` must be an integer"),
         (lambda: discretise(continuous("harmonics"), 4, tolerance=1.0), "`tolerance` of `floquet.discretise` must lie"),
