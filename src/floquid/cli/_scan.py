@@ -19,7 +19,6 @@ from floquid.cli._options import (
     RECORDS,
     Choices,
     Format,
-    OptionalWhole,
     OutputFolder,
     RecordFiles,
     RecordOptions,
@@ -76,7 +75,6 @@ def scan(
     record: RecordOptions | None = None,
     identifier: IdentifierName | None = None,
     orders: str | None = None,
-    most: OptionalWhole = None,
     out: OutputFolder = None,
     format: Format = "text",  # noqa: A002
     settings: SettingsFile = None,
@@ -93,10 +91,8 @@ def scan(
         The algorithm that finds the poles, as for `floquid identify`. When not given, that of --settings, or ERA, which
         finds each order afresh; ml and ami add poles to those they have, so that poles of noise stay too.
     orders
-        The orders: 2..40 is each from 2 to 40, 2..40..2 every other one, 4,8,16 these three.
-    most
-        Instead of --orders: 2, 4, and so on up to this order. When neither is given, up to half of the periods, at most
-        40.
+        The orders: 2..40 is each from 2 to 40, 2..40..2 every other one, 4,8,16 these three. When not given, every
+        other one up to half of the periods, at most 40.
     out
         A folder for scan.json, figures/stabilisation.png and figures/indicators.png.
     format
@@ -105,11 +101,11 @@ def scan(
         A settings.toml written by `floquid identify`; options given here come first.
     """
     check_files(files, OF)
-    listed = _orders(orders, most)
+    listed = _orders(orders)
     choices = choices_of(settings).with_given(**given(record, OF), identifier=identifier)
     stages = STAGES + len(files) + (2 if out else 0)
     with maybe_folder(out, FILES) as folder, progress(stages) as report:
-        scanned = _scanned(files, choices, listed, "--most" if orders is None else "--orders", report)
+        scanned = _scanned(files, choices, listed, report)
         text = _scan_text(scanned, choices)
         if folder is not None:
             _write(folder, scanned.found, text, report)
@@ -123,7 +119,6 @@ def _scanned(
     files: tuple[Path, ...],
     choices: Choices,
     orders: tuple[int, ...] | None,
-    option: str,
     report: Callable[[str], None],
 ) -> Scanned:
     """The records prepared as `floquid identify` does, their lifted responses, and the scan of the orders."""
@@ -135,20 +130,14 @@ def _scanned(
     samples = int(responses.responses.lengths.max())
     if orders and orders[-1] >= samples:
         must, got = f"be less than the {samples} periods of the record", f"goes up to {orders[-1]}"
-        raise input_error(option, OF, must, got, "Ask for lower orders, or record longer.")
+        raise input_error("--orders", OF, must, got, "Ask for lower orders, or record longer.")
     with blas_threads([responses.responses]):
         found = scan_orders(responses.responses, chosen.identifier, orders, report=report)
     return Scanned(prepared=prepared, lifted=responses, found=found)
 
 
-def _orders(orders: str | None, most: int | None) -> tuple[int, ...] | None:
-    """The orders of «2..40», «2..40..2» or «4,8,16», or 2, 4, … `most`."""
-    if orders is not None and most is not None:
-        raise input_error("--most", OF, "not be given beside --orders", "both are given", "Give one of them.")
-    if most is not None:
-        if not 2 <= most <= HIGHEST:
-            raise input_error("--most", OF, f"be 2 to {HIGHEST}", f"is {most}", "For example: --most 40")
-        return tuple(range(2, most + 1, 2))
+def _orders(orders: str | None) -> tuple[int, ...] | None:
+    """The orders of «2..40», «2..40..2» or «4,8,16»."""
     if orders is None:
         return None
     listed: set[int] = set()

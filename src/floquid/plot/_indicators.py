@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from floquid._checks import input_error
 from floquid.lti import WHITE, composites
 from floquid.order import Indicators
 from floquid.pipeline import Analysis
@@ -39,35 +40,30 @@ LOOKS = ((BLUE, "-", 1.8), (ORANGE, "-", 1.2), (GREEN, (0, (4, 1.5)), 1.2), (PUR
 DEEP = 20  # how many singular values are shown beyond those above the noise
 
 
-def indicators(found: Indicators | Mapping[str, Indicators], *, angular: bool = False) -> Figure:
+def indicators(found: Indicators) -> Figure:
     """Mode indicator functions over the band 0 to ω/2, and the singular values of the responses, both over the noise.
 
     On the left, 1 is where white noise alone would lie: of the mode indicator functions (CMIF) its expected end, of the
     composite its mean. A second CMIF that rises where the first does means a second mode. On the right, each value
     above the line is the trace of a pole.
 
-    `found` is what `order.indicators` found, or several of them by name: then a row each. With `angular` frequencies
-    are in rad/s instead of Hz. Raises InputError where `found` is something else, or there are more of them than fit a
-    figure.
+    `found` is what `order.indicators` found. Raises InputError where it is something else.
     """
-    of = "indicators"
-    named = several(found, Indicators, "found", of)
-    turn, unit = frequency_unit(angular=angular)
-    with drawing(3.8 if len(named) == 1 else 0.8 + 2.8 * len(named)) as figure:
-        panels = figure.subplots(len(named), 2, squeeze=False, width_ratios=(3, 2))
-        for (left, right), (name, one) in zip(panels, named.items(), strict=True):
-            _draw_curves(left, one, turn)
-            _draw_values(right, one)
-            if name:
-                left.set_title(plain(name), loc="left")
-        panels[-1, 0].set_xlabel(rf"lifted band, 0 to $\omega$/2 [{unit}]")
-        panels[-1, 1].set_xlabel("number")
+    if not isinstance(found, Indicators):
+        remedy = "Pass what `order.indicators` gives."
+        raise input_error("found", "indicators", "be an Indicators", f"is {found!r:.60}", remedy)
+    with drawing(3.8) as figure:
+        left, right = figure.subplots(1, 2, width_ratios=(3, 2))
+        _draw_curves(left, found)
+        _draw_values(right, found)
+        left.set_xlabel(r"lifted band, 0 to $\omega$/2 [Hz]")
+        right.set_xlabel("number")
     return figure
 
 
-def _draw_curves(axes: Axes, found: Indicators, turn: float) -> None:
+def _draw_curves(axes: Axes, found: Indicators) -> None:
     """The mode indicator functions and the composites, over white noise."""
-    x = found.angles * turn / (2.0 * np.pi * found.dt)
+    x = found.angles / (2.0 * np.pi * found.dt)
     for number, (curve, (color, dashes, width)) in enumerate(zip(found.cmif.T, LOOKS, strict=False), start=1):
         look = {"color": color, "linestyle": dashes, "linewidth": width}
         axes.plot(*envelope(x, curve, POINTS), **look, label=f"CMIF {number}")

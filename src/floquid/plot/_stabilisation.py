@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,10 +20,7 @@ from floquid.plot._style import (
     SKY,
     VERMILION,
     drawing,
-    frequency_unit,
-    plain,
     plain_decades,
-    several,
     whole_numbers,
 )
 from floquid.views import envelope, families, record_spectrum, unfolded
@@ -32,8 +28,6 @@ from floquid.views import envelope, families, record_spectrum, unfolded
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-Axis = Literal["folded", "unfolded"]
 
 MARKS: dict[Stability, tuple[str, dict[str, Any]]] = {  # told apart by form as well as by colour
     Stability.NEW: ("new", {"marker": ".", "color": GREY, "markersize": 3.0}),
@@ -43,103 +37,47 @@ MARKS: dict[Stability, tuple[str, dict[str, Any]]] = {  # told apart by form as 
 }
 
 
-def stabilisation(
-    scan: OrderScan | Mapping[str, OrderScan],
-    *,
-    chosen: int | Mapping[str, int] | None = None,
-    axis: Axis = "folded",
-    analysis: Analysis | Mapping[str, Analysis] | None = None,
-    angular: bool = False,
-) -> Figure:
+def stabilisation(scan: OrderScan, *, analysis: Analysis | None = None, chosen: int | None = None) -> Figure:
     """The frequencies of the poles of each order, marked by how far they agree with those of the order before.
 
     Lifted responses fold all frequencies into the band from 0 to ω/2. Real multipliers lie on its edges. Behind the
     poles is the largest mode indicator function, on the axis to the right.
 
-    On the unfolded axis each pole is at |Im λ| on the branch whose zeroth harmonic carries most of its residues
-    (`views.unfolded`), where it is to be looked for on the machine; dotted lines are multiples of ω/2, where the band
-    folds. Behind is the spectrum of the record, a mean over the channels. Poles of noise have no branch of their own:
-    they scatter up to half of the sampling rate, most of them beyond the end of the axis, half a fundamental above the
-    highest line of the analysis.
+    With an analysis the axis is unfolded: each pole is at |Im λ| on the branch whose zeroth harmonic carries most of
+    its residues (`views.unfolded`), where it is to be looked for on the machine; dotted lines are multiples of ω/2,
+    where the band folds. Behind is the spectrum of the record, a mean over the channels. Poles of noise have no branch
+    of their own: they scatter up to half of the sampling rate, most of them beyond the end of the axis, half a
+    fundamental above the highest line of the analysis.
 
-    Raises InputError where `scan` is something else, there are more of them than fit a figure, an option is not
-    possible, or the analysis is missing or of other responses.
-
-    Parameters
-    ----------
-    scan
-        What `order.scan` found, or several scans by name: then one panel each.
-    chosen
-        The order chosen, which is marked; of several scans, by name.
-    axis
-        "folded" or "unfolded".
-    analysis
-        What `identify` found in the same responses, for the unfolded axis; of several scans, by name.
-    angular
-        Frequencies in rad/s instead of Hz.
+    `scan` is what `order.scan` found, `analysis` what `identify` found in the same responses, and `chosen` an order
+    that is marked. Raises InputError where one is something else, or the analysis is of other responses.
     """
-    of = "stabilisation"
-    named = several(scan, OrderScan, "scan", of)
-    orders = _chosen(chosen, named)
-    turn, unit = frequency_unit(angular=angular)
-    sources = _sources(axis, analysis, named)
-    with drawing(4.4 if len(named) == 1 else 1.0 + 3.0 * len(named)) as figure:
-        panels = figure.subplots(len(named), squeeze=False)[:, 0]
-        for axes, (name, one) in zip(panels, named.items(), strict=True):
-            source = sources.get(name)
-            if source is None:
-                _draw_indicator(axes, one, turn)
-                end = np.pi / one.indicators.dt
-            else:
-                _draw_spectrum(axes, source, turn)
-                # Half a fundamental beyond the highest line: past it there are poles of noise alone.
-                highest = max(line for family in families(source) for line in family.omega)
-                end = highest + np.pi / source.lifted.period
-            _draw_poles(axes, _poles(one, source), one, turn, end)
-            if source is not None:
-                _draw_folds(axes, source, turn, end)
-            _finish(axes, one, orders.get(name), turn * end / (2.0 * np.pi))
-            if name:
-                axes.set_title(plain(name), loc="left")
-        band = "" if sources else r" in the lifted band, 0 to $\omega$/2"
-        panels[-1].set_xlabel(f"frequency{band} [{unit}]")
+    if not isinstance(scan, OrderScan):
+        raise input_error("scan", "stabilisation", "be an OrderScan", f"is {scan!r:.60}", "Pass what `scan` gives.")
+    if chosen is not None:
+        integer(chosen, "chosen", "stabilisation", at_least=1)
+    poles = _poles(scan, analysis)
+    with drawing(4.4) as figure:
+        axes = figure.subplots()
+        if analysis is None:
+            _draw_indicator(axes, scan)
+            end = np.pi / scan.indicators.dt
+        else:
+            _draw_spectrum(axes, analysis)
+            # Half a fundamental beyond the highest line: past it there are poles of noise alone.
+            highest = max(line for family in families(analysis) for line in family.omega)
+            end = highest + np.pi / analysis.lifted.period
+        _draw_poles(axes, poles, scan, end)
+        if analysis is not None:
+            _draw_folds(axes, analysis, end)
+        _finish(axes, scan, chosen, end / (2.0 * np.pi))
+        band = r" in the lifted band, 0 to $\omega$/2" if analysis is None else ""
+        axes.set_xlabel(f"frequency{band} [Hz]")
     return figure
 
 
-def _chosen(chosen: int | Mapping[str, int] | None, named: Mapping[str, OrderScan]) -> dict[str, int]:
-    """The order to mark in each panel that has one."""
-    if chosen is None:
-        return {}
-    if not isinstance(chosen, Mapping):
-        return dict.fromkeys(named, integer(chosen, "chosen", "stabilisation", at_least=1))
-    for name in chosen:
-        if name not in named:
-            must = f"name the scans: {', '.join(named)}"
-            raise input_error("chosen", "stabilisation", must, f"has {name!r}", "Pass one number for a single scan.")
-    return {name: integer(order, "chosen", "stabilisation", at_least=1) for name, order in chosen.items()}
-
-
-def _sources(
-    axis: Axis, analysis: Analysis | Mapping[str, Analysis] | None, named: Mapping[str, OrderScan]
-) -> dict[str, Analysis]:
-    """The analysis of each scan, where the axis is the unfolded one."""
-    of = "stabilisation"
-    if axis not in get_args(Axis):
-        raise input_error("axis", of, 'be "folded" or "unfolded"', f"is {axis!r}")
-    if axis == "folded":
-        return {}
-    if analysis is None:
-        remedy = "Pass what `identify` found in the same responses: its noise and phases tell the branch."
-        raise input_error("analysis", of, 'be given for axis="unfolded"', "is None", remedy)
-    found = several(analysis, Analysis, "analysis", of)
-    if set(found) != set(named):
-        must = f"be named as the scans: {', '.join(named)}" if "" not in named else "be one, as the scan"
-        raise input_error("analysis", of, must, f"has {', '.join(found) or 'none'}")
-    return found
-
-
 def _poles(scan: OrderScan, analysis: Analysis | None) -> list[Floats]:
-    """The frequency of each pole of each order above the real axis [rad/s], with an analysis on its branch."""
+    """The frequency of each pole of each order above the real axis [rad/s], on its branch where that is known."""
     angles = [np.angle(model.multipliers) for model in scan.models]
     found = [own / scan.indicators.dt for own in angles]
     if analysis is not None:
@@ -147,19 +85,18 @@ def _poles(scan: OrderScan, analysis: Analysis | None) -> list[Floats]:
     return [np.where(angle >= 0, own, np.nan) for angle, own in zip(angles, found, strict=True)]
 
 
-def _draw_poles(axes: Axes, poles: list[Floats], scan: OrderScan, turn: float, end: float) -> None:
-    """The poles up to `end` [rad/s], a form for each level of stability, at `turn` times frequencies in Hz."""
+def _draw_poles(axes: Axes, poles: list[Floats], scan: OrderScan, end: float) -> None:
+    """The poles up to `end` [rad/s], a form for each level of stability."""
     found: dict[Stability, list[tuple[float, int]]] = {level: [] for level in Stability}
     for order, model, levels, own in zip(scan.orders, scan.models, scan.stable, poles, strict=True):
         if model.outcome is Outcome.SUCCESS:
             for frequency, level in zip(own, levels, strict=True):
                 if np.isfinite(frequency):
                     found[Stability(int(level))].append((float(frequency), order))
-    scale = turn / (2.0 * np.pi)
     # Of a line without points that is not clipped, matplotlib takes the figure's corner for its place.
     for level, (label, look) in MARKS.items():
         x, y = np.array([pole for pole in found[level] if pole[0] <= end * (1.0 + 1e-9)], float).reshape(-1, 2).T
-        axes.plot(x * scale, y, linestyle="none", clip_on=not len(x), zorder=3, label=label, **look)
+        axes.plot(x / (2.0 * np.pi), y, linestyle="none", clip_on=not len(x), zorder=3, label=label, **look)
 
 
 def _finish(axes: Axes, scan: OrderScan, chosen: int | None, end: float) -> None:
@@ -172,20 +109,20 @@ def _finish(axes: Axes, scan: OrderScan, chosen: int | None, end: float) -> None
     whole_numbers(axes.yaxis)
 
 
-def _draw_spectrum(axes: Axes, analysis: Analysis, turn: float) -> None:
+def _draw_spectrum(axes: Axes, analysis: Analysis) -> None:
     """The mean of the record's spectra over the noise, of the longest hit."""
     hit = int(np.argmax([cycles.n_cycles for cycles in analysis.cycles]))
     found = [record_spectrum(analysis, row, hit) for row in range(len(analysis.lifted.channels))]
     mean = np.mean([one.values / one.noise for one in found], axis=0)
     look = {"linewidth": 1.0, "label": "spectrum of the record"}
-    curve = envelope(found[0].omega * turn / (2.0 * np.pi), mean, POINTS)
+    curve = envelope(found[0].omega / (2.0 * np.pi), mean, POINTS)
     _draw_behind(axes, curve, look, "spectrum of the record / noise [-]", bottom=0.5)
 
 
-def _draw_indicator(axes: Axes, scan: OrderScan, turn: float) -> None:
+def _draw_indicator(axes: Axes, scan: OrderScan) -> None:
     """The largest mode indicator function."""
     found = scan.indicators
-    curve = envelope(found.angles * turn / (2.0 * np.pi * found.dt), found.cmif[:, 0], POINTS)
+    curve = envelope(found.angles / (2.0 * np.pi * found.dt), found.cmif[:, 0], POINTS)
     _draw_behind(axes, curve, {"linewidth": 1.2, "label": "CMIF"}, "largest CMIF / white noise [-]")
 
 
@@ -201,10 +138,9 @@ def _draw_behind(axes: Axes, curve: Any, look: dict[str, Any], name: str, bottom
     axes.patch.set_visible(False)
 
 
-def _draw_folds(axes: Axes, analysis: Analysis, turn: float, end: float) -> None:
+def _draw_folds(axes: Axes, analysis: Analysis, end: float) -> None:
     """Lines at which the lifted band folds."""
     half = np.pi / analysis.lifted.period
     for number in range(1, int(end / half * (1.0 - 1e-9)) + 1):
         label = r"multiples of $\omega$/2" if number == 1 else None
-        x = number * half * turn / (2.0 * np.pi)
-        axes.axvline(x, color=GREY, linestyle=":", linewidth=0.9, zorder=1, label=label)
+        axes.axvline(number * half / (2.0 * np.pi), color=GREY, linestyle=":", linewidth=0.9, zorder=1, label=label)

@@ -354,9 +354,9 @@ def test_no_such_channel(found):
 # The unfolded diagram.
 
 
-@pytest.mark.parametrize(("angular", "turn", "unit"), [(False, 0.5 / np.pi, "Hz"), (True, 1.0, "rad/s")])
-def test_poles_are_where_they_are_on_the_machine(found, poles, angular, turn, unit):
-    figure = plot.stabilisation(poles, axis="unfolded", analysis=found, angular=angular)
+def test_poles_are_where_they_are_on_the_machine(found, poles):
+    turn = 0.5 / np.pi
+    figure = plot.stabilisation(poles, analysis=found)
     axes = figure.axes[0]
     x, y = drawn(axes, "and shape")
     stays = [own for own, order in zip(np.asarray(x), np.asarray(y), strict=True) if order == 8]
@@ -373,30 +373,20 @@ def test_poles_are_where_they_are_on_the_machine(found, poles, angular, turn, un
     assert drawn_poles == inside > 6
     folds = [line.get_xdata()[0] for line in axes.lines if line.get_linestyle() == ":"]
     assert folds == pytest.approx(0.5 * OMEGA * turn * np.arange(1, len(folds) + 1))
-    assert axes.get_xlabel() == f"frequency [{unit}]"
+    assert axes.get_xlabel() == "frequency [Hz]"
     assert figure.axes[1].get_ylabel() == "spectrum of the record / noise [-]"
 
 
 def test_behind_is_the_mean_spectrum_of_the_longest_hit(found, poles):
-    x, y = drawn(plot.stabilisation(poles, axis="unfolded", analysis=found).axes[1], "spectrum of the record")
+    x, y = drawn(plot.stabilisation(poles, analysis=found).axes[1], "spectrum of the record")
     spectra = [views.record_spectrum(found, row, 0) for row in range(4)]
     assert y == pytest.approx(np.mean([one.values / one.noise for one in spectra], axis=0))
     assert x == pytest.approx(spectra[0].omega / (2.0 * np.pi))
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"axis": "flat"}, '`axis` of `stabilisation` must be "folded" or "unfolded"'),
-        ({"axis": "unfolded", "analysis": None}, '`analysis` of `stabilisation` must be given for axis="unfolded"'),
-        ({"axis": "unfolded", "analysis": 3}, "`analysis` of `stabilisation` must be an Analysis"),
-    ],
-)
-def test_a_diagram_that_cannot_be_drawn(found, poles, changes, words):
-    with pytest.raises(InputError, match=words):
-        plot.stabilisation(poles, **{"analysis": found, **changes})
-    with pytest.raises(InputError, match="`analysis` of `stabilisation` must be named as the scans"):
-        plot.stabilisation({"a": poles}, axis="unfolded", analysis={"b": found})
+def test_a_diagram_that_cannot_be_drawn(poles):
+    with pytest.raises(InputError, match="`analysis` of `unfolded` must be an Analysis"):
+        plot.stabilisation(poles, analysis=3)
 
 
 # All.
@@ -417,8 +407,7 @@ def figures(found, locked, poles):
     yield plot.synthesis(locked)
     yield plot.synchronisation(found)
     yield plot.synchronisation(locked)
-    yield plot.stabilisation(poles, axis="unfolded", analysis=found, chosen=4)
-    yield plot.stabilisation({"a": poles, "b": poles}, axis="unfolded", analysis={"a": found, "b": found})
+    yield plot.stabilisation(poles, analysis=found, chosen=4)
     yield plot.spectra(locked)
     yield plot.coefficients(locked)
 
@@ -436,7 +425,7 @@ def test_the_same_figure_is_the_same_file(found, poles, tmp_path):
         ("p", lambda: plot.periodic_shapes(found.model)),
         ("y", lambda: plot.synthesis(found)),
         ("z", lambda: plot.synchronisation(found)),
-        ("u", lambda: plot.stabilisation(poles, axis="unfolded", analysis=found)),
+        ("u", lambda: plot.stabilisation(poles, analysis=found)),
     ):
         files = [plot.save_figure(draw(), tmp_path / f"{name}{n}.png") for n in range(2)]
         assert files[0].read_bytes() == files[1].read_bytes()

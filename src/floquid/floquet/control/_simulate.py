@@ -1,8 +1,7 @@
-"""Responses of a periodic system to any inputs."""
+"""Responses of a periodic system to inputs that are sampled."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
@@ -15,24 +14,17 @@ from floquid.floquet.matrices import SAME, AbstractPeriodicMatrix, FunctionMatri
 from floquid.floquet.monodromy_matrix import TOLERANCE, Evaluate, checked, divided, factorise, stages
 
 Between: TypeAlias = Literal["linear", "held"]
-Inputs: TypeAlias = Callable[..., ArrayLike] | ArrayLike
-"""u(t): a callable, t [s] -> (inputs,), or its samples (inputs, times)."""
-
-_Signal: TypeAlias = Callable[[Floats], Floats]
 _OF = "floquet.simulate"
 _BATCH = 2048  # gaps between instants that are integrated at once
-_PROBES = 64
 
 
 def simulate(
     system: PeriodicSystem,
-    inputs: Inputs | None,
+    inputs: ArrayLike | None,
     times: ArrayLike,
     *,
     initial: ArrayLike | None = None,
     between: Between = "linear",
-    breaks: ArrayLike = (),
-    vectorised: bool = False,
     tolerance: float = TOLERANCE,
 ) -> Floats:
     r"""The outputs of a periodic system at `times` under given inputs (outputs, times); the value after a jump.
@@ -53,18 +45,13 @@ def simulate(
     system
         The periodic system.
     inputs
-        u(t): a callable, t [s] -> (inputs,); or its samples at `times` (inputs, times); None for no inputs.
+        The samples of u at `times` (inputs, times); None for no inputs.
     times
         Instants, ascending, with the initial state at the first (times,) [s].
     initial
         The state at the first instant (n,); zero by default.
     between
         What samples of u are taken to be between the instants: "linear", or "held" at the last sample.
-    breaks
-        Instants at which a callable u jumps (breaks,) [s]. One that is not named is found, at the cost of some fifty
-        halvings; a pulse shorter than a step may be missed.
-    vectorised
-        Whether a callable takes an array of times, (times,) [s] -> (inputs, times).
     tolerance
         The relative error of each step: that of the transition to itself, that of the forcing to its largest value.
         From 1e-14 to 1e-3.
@@ -79,46 +66,15 @@ def simulate(
         np.zeros(system.n_states) if initial is None else initial, "initial", _OF, axes=(system.n_states,)
     )
     prepared = checked(system.A, None, (), tolerance, _OF)
-    jumps = frozen_array(breaks, "breaks", _OF, axes=("breaks",))
-    if inputs is None or (system.B is None and not callable(inputs)):
-        _check_samples(np.zeros((system.n_inputs, instants.size)) if inputs is None else inputs, system, instants)
-        given = np.zeros((0, instants.size))
-        states = _sampled(prepared, None, given, instants, start, between, tolerance)
-    elif callable(inputs):
-        if system.B is None:
-            raise input_error("inputs", _OF, "be None for a system without inputs", "is a callable", "Give it a `B`.")
-        signal = _signal(inputs, system.n_inputs, vectorised)
-        states = _driven(prepared, system.B, signal, instants, start, jumps, tolerance)
-        given = signal(instants)
-    else:
-        given = _check_samples(inputs, system, instants)
-        states = _sampled(prepared, system.B, given, instants, start, between, tolerance)
+    given = np.zeros((system.n_inputs, instants.size)) if inputs is None else inputs
+    remedy = "Give one sample for each of `times`, the last axis."
+    given = frozen_array(given, "inputs", _OF, axes=(system.n_inputs, instants.size), remedy=remedy)
+    states = _sampled(prepared, None if inputs is None else system.B, given, instants, start, between, tolerance)
     phases = np.mod(instants, system.period)
     outputs = np.einsum("tij,tj->it", after_jumps(system.C, phases), states)
     if system.D is not None and len(given):
         outputs += np.einsum("tij,jt->it", after_jumps(system.D, phases), given)
     return outputs
-
-
-def _check_samples(inputs: ArrayLike, system: PeriodicSystem, instants: Floats) -> Floats:
-    axes = (system.n_inputs, instants.size)
-    return frozen_array(inputs, "inputs", _OF, axes=axes, remedy="Give one sample for each of `times`, the last axis.")
-
-
-def _signal(inputs: Callable[..., ArrayLike], count: int, vectorised: bool) -> _Signal:
-    """A callable as times (times,) -> (inputs, times), its values checked."""
-
-    def checked_values(value: ArrayLike, axes: tuple[int, ...], time: float) -> Floats:
-        remedy = f"This is its value at t = {time:g}."
-        return frozen_array(value, "inputs", _OF, axes=axes, remedy=remedy)
-
-    def signal(times: Floats) -> Floats:
-        if vectorised:
-            return checked_values(inputs(times), (count, len(times)), float(times[0]))
-        values = [checked_values(np.atleast_1d(inputs(t)), (count,), t) for t in times.tolist()]
-        return np.array(values).reshape(len(times), count).T
-
-    return signal
 
 
 def _sampled(
@@ -198,54 +154,6 @@ def _steps(
     return out[:, :n]
 
 
-def _driven(
-    prepared: Prepared,
-    entry: AbstractPeriodicMatrix,
-    signal: _Signal,
-    instants: Floats,
-    start: Floats,
-    jumps: Floats,
-    tolerance: float,
-) -> Floats:
-    """The states at the instants (times, n) under inputs that are a function of time."""
-    matrix, n = prepared.matrix, len(start)
-    period = matrix.period
-    turns = period * np.arange(np.floor(instants[0] / period), np.ceil(instants[-1] / period) + 1.0)
-    # A stop at every turn keeps the steps of one batch few, however far apart the instants are.
-    stops = np.concatenate([turns, np.add.outer(turns, joint_breaks((matrix, entry), period)).ravel(), jumps])
-    stops = stops[(stops > instants[0]) & (stops < instants[-1])]
-    ends = np.unique(np.concatenate([instants, stops]))
-
-    def forcing(times: Floats) -> Floats:
-        values = signal(times.ravel()).T.reshape(*times.shape, -1)
-        return np.einsum("...ij,...j->...i", entry.at(times), values)
-
-    def evaluate(_: Indices, times: Floats) -> Floats:
-        out = np.zeros((*times.shape, n + 1, n + 1))
-        out[..., :n, :n] = matrix.at(times)
-        out[..., :n, n] = forcing(times)
-        return out
-
-    reach = np.zeros(1)
-    if len(ends) > 1:
-        middles = 0.5 * (ends[1:] + ends[:-1])
-        probes = np.concatenate([middles[:: max(1, len(middles) // _PROBES)], np.linspace(ends[0], ends[-1], _PROBES)])
-        reach = (np.abs(forcing(probes)) / prepared.scale).max(axis=1).max(keepdims=True)
-    unit = input_units(prepared, reach)
-    states = np.empty((len(ends), n))
-    state = np.append(start, 1.0)
-    states[0] = start
-    with np.errstate(over="ignore", invalid="ignore"):
-        for begin in range(0, len(ends) - 1, _BATCH):
-            left, right = ends[:-1][begin : begin + _BATCH], ends[1:][begin : begin + _BATCH]
-            gap, starts, stops = _pieces(left, right, np.empty(0), prepared)
-            owners, matrices = _factors(evaluate, gap, starts, stops, prepared, unit, None, tolerance)
-            for owner, factor in zip(owners.tolist(), matrices, strict=True):
-                state = factor @ state
-                states[begin + owner + 1] = state[:n]
-    return _finite(states, ends)[np.searchsorted(ends, instants)]
-
-
 def _factors(
     evaluate: Evaluate,
     gap: Indices,
@@ -257,7 +165,6 @@ def _factors(
     tolerance: float,
 ) -> tuple[Indices, Floats]:
     """The transition matrices of states and inputs over short intervals, and the gap that each is in."""
-    forced_by_function = len(units) > 0 and (entry is None or isinstance(entry, FunctionMatrix))
     found = factorise(
         evaluate,
         gap,
@@ -265,7 +172,7 @@ def _factors(
         right,
         scale=np.concatenate([prepared.scale, units]),
         tolerance=tolerance,
-        smooth=prepared.smooth and not forced_by_function,
+        smooth=prepared.smooth and not isinstance(entry, FunctionMatrix),
     )
     if not found.finished:
         worst = found.left[int(np.argmin(found.right - found.left))]
@@ -274,7 +181,7 @@ def _factors(
             _OF,
             f"be integrable with its inputs to a relative error of {tolerance:g}",
             f"the steps near t = {worst:g} shrink without end",
-            "Name the instants at which its matrices or a callable input jump in their `breaks`, or raise `tolerance`.",
+            "Name the instants at which its matrices jump in their `breaks`, or raise `tolerance`.",
         )
     return found.owner, found.matrices
 
