@@ -75,6 +75,15 @@ def _instants(delay: int, hold: str, given: str) -> str:
     )
 
 
+def _untold(delay: int, share: float) -> str:
+    when = "later" if delay > 0 else "earlier"
+    return (
+        f"The record does not tell the inputs as they are from the same one sample {when}: exponents and shapes would "
+        f"be the same, but b would differ by {share:.0%}, and the direct term would be another, or none. Make sure of "
+        "the instants of the inputs, or drive harder, or for longer."
+    )
+
+
 INPUTS: dict[str, str | Callable[..., str]] = {
     "inputs": _inputs,
     "excited_order": _needed,
@@ -92,6 +101,7 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "inputs_period": "The response does not repeat with the period given: its own is {own:.10g} ± {std:.1g} s, not "
     "{given:.10g} s. Exponents and shapes would look right and be wrong. Correct the period, or the rate.",
     "inputs_instants": _instants,
+    "inputs_untold": _untold,
     "inputs_nonlinear": "What is left goes with squares and cubes of the response (squared scores of {squares:.3g}; "
     "noise alone stays below {limit:.3g}): the system is not linear at this force, and exponents are those of this "
     "level. Drive it less.",

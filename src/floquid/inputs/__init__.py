@@ -10,6 +10,7 @@ from floquid.inputs._free import fitted_freely as fitted_freely
 from floquid.inputs._joint import chosen_together as chosen_together
 from floquid.inputs._joint import fitted_together as fitted_together
 from floquid.inputs._modes import InputMode as InputMode
+from floquid.inputs._modes import answering as answering
 from floquid.inputs._modes import input_gain as input_gain
 from floquid.inputs._real import near_real as near_real
 from floquid.inputs._real import noise_explains as noise_explains
@@ -25,6 +26,7 @@ from floquid.inputs._samples import Hold
 from floquid.inputs._samples import Samples as Samples
 from floquid.inputs._samples import samples_of as samples_of
 from floquid.inputs._scores import Scores as Scores
+from floquid.inputs._scores import gain_of as gain_of
 from floquid.inputs._scores import period_step as period_step
 from floquid.inputs._search import nearly_one as nearly_one
 from floquid.inputs._search import searched as searched

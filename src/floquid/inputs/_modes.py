@@ -125,6 +125,19 @@ def input_gain(exponent: complex, turn: float, omega: float, step: float, hold: 
     return step * decay * (whole - later), step * decay * later * np.exp(-1j * turn * omega * step)
 
 
+def answering(samples: Samples, mode: InputMode, other: Samples, delay: int) -> InputMode:
+    """A mode with b such that it answers to other inputs as to these, but for the first samples of each answer.
+
+    The other inputs are these some samples later, or with another hold.
+    """
+    decay, ratios = np.exp(mode.exponent * samples.step), []
+    for turn in mode.reach.tolist():
+        both = [input_gain(mode.exponent, turn, own.fundamental, own.step, own.hold) for own in (samples, other)]
+        said, acts = (now + decay * then for now, then in both)
+        ratios.append(said / acts * np.exp((mode.exponent - 1j * turn * samples.fundamental) * delay * samples.step))
+    return replace(mode, gains=mode.gains * np.array(ratios))
+
+
 def state_of(samples: Samples, mode: InputMode) -> NDArray:
     """The state of a mode, driven by the inputs from its initial value on (samples,); real of a real multiplier."""
     drive = mode.gains.ravel() @ _drives(samples, mode, mode.exponent)

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.inputs._modes import followed, reached_by
+from floquid.inputs._modes import InputMode, followed, reached_by
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, carried, linearise, slopes_of, state_slopes
 
@@ -186,6 +186,17 @@ def period_step(scores: Scores) -> tuple[float, float]:
         ends.append(now.coefficients.T @ linearise(moved, now.modes, now.direct).columns)
     step, std = scores.step_along((ends[0] - ends[1]) / (2.0 * NUDGE))
     return -step, std
+
+
+def gain_of(scores: Scores, samples: Samples, modes: Sequence[InputMode]) -> float:
+    """The gain by modes that answer to other inputs nearly alike, to first order; zero where the record tells none.
+
+    A step of 0 along the difference of both responses is what was fitted, one of 1 is the other.
+    """
+    now = scores.now
+    apart = now.coefficients.T @ (linearise(samples, modes, now.direct).columns - now.columns)
+    step, std = scores.step_along(apart)
+    return (2.0 * step - 1.0) / std**2
 
 
 def inverse_root(matrix: NDArray[np.float64], least: float = DOUBLE, *, floor: bool = False) -> NDArray[np.float64]:

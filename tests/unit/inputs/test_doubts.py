@@ -34,6 +34,23 @@ def test_inputs_at_other_instants_are_named(moved, hold, words):
     assert any(words in text for text in found.warnings)
 
 
+@pytest.mark.parametrize(("moved", "seed"), [(1, 6), (-1, 1)])
+def test_short_and_noisy_records_do_not_take_up_a_delay_without_a_word(moved, seed):
+    system = mathieu()
+    values, inputs = record_of(system, 30, PHASES, 0.05, seed)
+    found = identified(values, np.roll(inputs, moved, axis=1), system.period)
+    assert codes(found) == {"inputs_instants"}
+    assert not found.passed
+
+
+def test_outputs_too_noisy_to_show_the_first_samples_of_an_answer_do_not_tell_the_instants():
+    system = mathieu()
+    values, inputs = record_of(system, 30, PHASES, 0.5, 1)
+    found = identified(values, inputs, system.period)
+    assert codes(found) == {"inputs_untold"}
+    assert "b would differ by" in found.warnings[0]
+
+
 @pytest.mark.parametrize(("direct", "seed"), [(0.0, 1), (1.0, 1), (0.0, 10)])
 def test_inputs_as_they_are_said_are_not(direct, seed):
     """Noise brings a direct term in at the last of these."""

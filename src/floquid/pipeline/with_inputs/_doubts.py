@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.findings import Finding, failure
-from floquid.inputs import Samples, Scores, Uncertainty, limit_of, solve
+from floquid.findings import Finding, failure, warning
+from floquid.inputs import Samples, Scores, Uncertainty, answering, gain_of, limit_of, solve
 
 SURE = 1e-9
 """The probability at which noise may pass for something that is told."""
@@ -20,11 +20,11 @@ NOISE = 1e-4
 MORE = 2.0
 """What squares and cubes must gain, over what noise that drives the system does: it lets them gain by chance."""
 
-LAGS = (-2, -1, 0, 1, 2)
-"""Samples by which inputs are moved to see whether outputs answer to them apart from the modes."""
+UNTOLD = 15.0
+"""The criterion of a fit of one size over another below which the record does not tell them: Φ(-√15) is 10⁻⁴/2."""
 
-CLEARLY = 3.0
-"""What the criterion must be better by: some holds differ in nothing but b."""
+HOPELESS = -50.0
+"""The gain to first order below which other instants are not fitted."""
 
 STEPS = 10
 """Steps of the fit with other instants."""
@@ -65,7 +65,7 @@ def _instants(fit: Uncertainty, scores: Scores) -> tuple[Finding, ...]:
     """Finding on inputs that come late or early, or between the samples in another way than `hold` says.
 
     Gains take up a delay but for the first samples of each response. For those a direct term stands, or modes that die
-    at once, or outputs answer apart from the modes. With the right instants none of that is needed.
+    at once: with the right instants none of that is needed. Else a fit to first order tells what no other needs to be.
     """
     samples, now = scores.samples, scores.now
     modes = [
@@ -74,27 +74,27 @@ def _instants(fit: Uncertainty, scores: Scores) -> tuple[Finding, ...]:
         if fit.parameters[place.start, place.start] ** 0.5 < VAGUE * abs(mode.exponent.real)
         and -mode.exponent.real * samples.step < AT_ONCE
     ]
-    if not modes or not (now.direct or len(modes) < len(now.modes) or _answers_apart(scores)):
+    if not modes:
+        return ()
+    plainly, others = not now.direct and len(modes) == len(now.modes), {}
+    for (delay, hold), other in _others(samples):
+        alike = [answering(samples, mode, other, delay) for mode in modes]
+        if not (plainly and gain_of(scores, other, alike) < HOPELESS):
+            others[delay, hold] = solve(other, alike, iterations=STEPS).criterion
+    if not others:
         return ()
 
     # A direct term comes in by noise, too: as it was said, but without it, is one of those compared.
-    as_said = max(now.criterion, solve(samples, modes, iterations=STEPS).criterion)
-    others = {key: solve(other, modes, iterations=STEPS).criterion for key, other in _others(samples)}
+    plain = now.criterion if plainly else solve(samples, modes, iterations=STEPS).criterion
     delay, hold = max(others, key=lambda key: others[key])
-    if others[delay, hold] <= as_said + CLEARLY:
+    if others[delay, hold] > max(plain + UNTOLD, now.criterion):
+        return (failure("inputs_instants", delay=delay, hold=hold, given=samples.hold),)
+    delays = {own: other for (own, _), other in others.items() if own}
+    delay = max(delays, key=lambda own: delays[own], default=0)
+    if not delay or delays[delay] < max(plain, now.criterion) - UNTOLD:
         return ()
-    return (failure("inputs_instants", delay=delay, hold=hold, given=samples.hold),)
-
-
-def _answers_apart(scores: Scores) -> bool:
-    """True where outputs answer to single samples of the inputs beside what the modes do."""
-    samples = scores.samples
-    angle, groups = samples.turned(1), []
-    for lag in LAGS:
-        own = _moved(samples, lag)
-        groups.append(np.concatenate([own, angle.real * own, angle.imag * own]))
-    limit = limit_of(len(groups[0]) * len(samples.values), SURE / len(groups))
-    return bool(scores.by_columns(groups).max() > limit)
+    share = max(abs(np.expm1(mode.exponent * delay * samples.step)) for mode in modes)
+    return (warning("inputs_untold", delay=delay, share=share),)
 
 
 def _others(samples: Samples) -> Iterator[tuple[tuple[int, str], Samples]]:
