@@ -92,6 +92,7 @@ def test_modes_fitted_to_the_lines(file, capsys):
         (["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--method", "lines"], "--method"),
         (["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--method", "repeats", "--at", "1"], "--at"),
         (["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--method", "repeats", "--drop", "-1"], "--drop"),
+        (["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--method", "repeats", "--out", "g.html"], "--out"),
         (["multisine", "--rate", "20"], "--period"),
         (["multisine", "--period", "1"], "--rate"),
         (["multisine", "--period", "1", "--rate", "20", "--band", "low"], "--band"),
@@ -121,12 +122,16 @@ def test_lines_of_a_file_are_fitted(tmp_path, capsys):
     found = json.loads(capsys.readouterr().out)
     assert found["exponents"][0][0] == pytest.approx(-0.5, abs=5 * found["exponents_std"][0][0])
     assert load(tmp_path / "g.h5").model.real.tolist() == [True]
+    assert run(["report", str(tmp_path / "g.h5")]) == 0
+    assert run([*command, "--period", PERIOD, "--out", str(tmp_path / "g.html")]) == 0
+    for page in ("report.html", "g.html"):
+        assert "The modes explain the lines." in (tmp_path / page).read_text(encoding="utf-8")
+    capsys.readouterr()
     for words, said in (
         (command, "period"),  # a table has none
         ([*command, "run.csv"], "--lines"),
         ([*command[:3], "--period", PERIOD], "--lines"),
         (["transfer", "--lines", str(tmp_path / "g.h5"), "--method", "fit"], "measured"),
-        (["report", str(tmp_path / "g.h5")], "RESULT"),
         (["bootstrap", str(tmp_path / "g.h5")], "RESULT"),
         (["convert", str(tmp_path / "g.h5"), str(tmp_path / "m.mat")], "RESULT"),
     ):

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from floquid._checks import input_error
 from floquid.cli._errors import CriteriaNotMetError
-from floquid.cli._folder import NAMES, identified_in, maybe_folder, result_file, write_result
+from floquid.cli._folder import NAMES, maybe_folder, result_file, write_result
 from floquid.cli._options import (
     Flag,
     Format,
@@ -32,6 +32,8 @@ from floquid.exports import summary
 from floquid.pipeline import Analysis, ExcitedAnalysis, Settings, identify_ambient, identify_driven
 from floquid.pipeline import identify as identify_records
 from floquid.reporting import report as write_report
+from floquid.store import load
+from floquid.transfer import MeasuredTransfer
 
 OF = "floquid identify"
 STAGES = 10
@@ -110,6 +112,8 @@ def identified(
 def report(result: Saved, *, out: OutputFolder = None, title: str | None = None) -> None:
     """Write the report of a saved result: one HTML page that opens in any browser, without a network.
 
+    It may be that of modes fitted to transfer functions, as `floquid transfer --method fit --out g.h5` writes it.
+
     Parameters
     ----------
     out
@@ -121,5 +125,9 @@ def report(result: Saved, *, out: OutputFolder = None, title: str | None = None)
     page = file.parent / "report.html" if out is None else out
     with progress(3) as stage:
         stage("reading the result")
-        write_report(identified_in(file, "floquid report"), page, title=title, progress=stage)
+        found = load(file)
+        if isinstance(found, MeasuredTransfer):
+            remedy = "Fit modes to them: `floquid transfer --lines`."
+            raise input_error("RESULT", "floquid report", "hold modes", "holds transfer functions as measured", remedy)
+        write_report(found, page, title=title, progress=stage)
     terminal().print(f"Written: {page}", soft_wrap=True)

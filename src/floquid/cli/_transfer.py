@@ -37,6 +37,8 @@ from floquid.findings import Severity, texts
 from floquid.inputs import TransferFunctions
 from floquid.pipeline import ExcitedAnalysis, measure_transfer
 from floquid.readers import write
+from floquid.reporting import ENDINGS
+from floquid.reporting import report as write_report
 from floquid.store import load, save
 from floquid.transfer import MeasuredTransfer, Multisine, TransferFit, fit_transfer
 from floquid.transfer import multisine as designed
@@ -80,8 +82,8 @@ def transfer(
     out: Annotated[
         Path | None,
         Parameter(
-            help="A table (.csv, .mat, Touchstone .sNp of one harmonic of N paths), a picture (.png, .pdf, .svg), or "
-            "all that was found (.h5)."
+            help="A table (.csv, .mat, Touchstone .sNp of one harmonic of N paths), a picture (.png, .pdf, .svg), "
+            "all that was found (.h5), or of modes its page (.html)."
         ),
     ] = None,
     format: Format = "text",  # noqa: A002
@@ -101,7 +103,7 @@ def transfer(
         A settings.toml written by an earlier run; options given here come first.
     """
     choices = choices_of(settings).with_given(**given(record, OF))
-    _check_given(files, choices.settings.inputs, lines, method)
+    _check_given(files, choices.settings.inputs, lines, method, out)
     turns, hertz, references = _whole(harmonics), _frequencies(at), split(reference)
     if references and method == "model":
         remedy = "Leave it out: `--excitation ambient` with --inputs takes account of a loop."
@@ -182,8 +184,13 @@ def _spread(there: NDArray[np.bool_]) -> NDArray[np.int64]:
     return places[np.unique(np.linspace(0, len(places) - 1, min(SHOWN, len(places))).astype(int))]
 
 
-def _check_given(files: tuple[Path, ...], inputs: tuple[str, ...] | None, lines: Path | None, method: str) -> None:
-    """Refuse records without inputs, and lines beside records or for another method than a fit."""
+def _check_given(
+    files: tuple[Path, ...], inputs: tuple[str, ...] | None, lines: Path | None, method: str, out: Path | None
+) -> None:
+    """Refuse records without inputs, lines beside records or for another method than a fit, and pages without modes."""
+    if method in ("repeats", "polynomials") and out is not None and out.suffix.lower() in ENDINGS:
+        remedy = "Fit modes to the lines: --method fit."
+        raise input_error("--out", OF, f"be no page with --method {method}", f"is {out}", remedy)
     if lines is None:
         check_files(files, OF)
         if not inputs:
@@ -209,6 +216,9 @@ def _write(found: TransferFunctions, result: ExcitedAnalysis | MeasuredTransfer 
     """Write transfer functions as a table, as a picture, or with all that they come of."""
     if out.suffix.lower() == ".h5":
         save(result, out)
+        return
+    if isinstance(result, (ExcitedAnalysis, TransferFit)) and out.suffix.lower() in ENDINGS:
+        write_report(result, out)
         return
     if out.suffix.lower() in (".csv", ".mat") or re.fullmatch(r"\.s\d+p", out.suffix.lower()):
         export_transfer(found, out)

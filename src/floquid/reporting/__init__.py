@@ -4,6 +4,7 @@
 """
 
 from floquid.reporting._page import fragment as fragment
+from floquid.reporting._report import ENDINGS as ENDINGS
 from floquid.reporting._report import report
 
 __all__ = ["report"]

@@ -111,46 +111,58 @@ def measured_beside(analysis: ExcitedAnalysis, found: TransferFunctions) -> Meas
     return measured
 
 
-def measured_figures(analysis: ExcitedAnalysis, measured: MeasuredTransfer, paths: list[Path]) -> list[Figure]:
-    """Lines measured without the model, with bars of 95 %, and the model's G of samples, a figure a path."""
+def measured_figures(
+    lines: TransferFunctions, at: TransferFunctions, drawn: TransferFunctions, paths: list[Path], *, each: bool = False
+) -> list[Figure]:
+    """Lines as measured with bars of 95 %, and the model's G with bands: a figure a path, or each harmonic of it.
+
+    `at` is that of the model at the lines, and `drawn` that of its curves.
+    """
     from bokeh.models import ColumnDataSource, Whisker
 
-    lines, figures = measured.transfer, []
-    model = analysis.transfer(lines.frequencies_hz, lines.harmonics, sampled=True)
-    drawn = analysis.transfer(None, lines.harmonics, sampled=True)
     assert lines.std is not None
+    figures, most = [], MOST_PATHS * STRONGEST // len(paths) if each else STRONGEST
     for row, column in paths:
-        made = new_figure(
-            "frequency of the input f [Hz]", f"|G| [{lines.unit(row, column)}]", name=f"measured-{row}-{column}",
-            y_axis_type="log",
-        )  # fmt: skip
-        off, std = (model.values - lines.values)[:, row, column], lines.std[:, row, column]
-        apart = np.sqrt(np.nanmean(np.concatenate([off.real / std.real, off.imag / std.imag]) ** 2))
-        made.title.text = f"{_name(lines, (row, column))}: {apart:.2g} deviations apart (rms)"
-        sizes, low, high, made.y_range.start = magnitude_bands(lines, row, column)
-        curves = np.abs(drawn.values[:, row, column])
-        strongest = np.sort(np.argsort(-curves.max(axis=1), kind="stable")[:STRONGEST])
-        for place in strongest.tolist():
-            there = (high[place] - sizes[place]) * SEEN < BAND * sizes[place]  # false of one that is missing
-            number, label = _curve(int(lines.harmonics[place])), f"m = {lines.harmonics[place]}"
-            colour = CURVES[number]
-            made.line(
-                drawn.frequencies_hz, curves[place], line_width=1.5, line_color=colour, line_dash=DASHES[number],
-                legend_label=label,
+        off = (at.values - lines.values)[:, row, column]
+        std = lines.std[:, row, column]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            pulls = np.array([off.real / std.real, off.imag / std.imag])
+        pulls[:, ~np.isfinite(off)] = np.nan
+        sizes, low, high, _ = magnitude_bands(lines, row, column)
+        curves, under, over, _ = magnitude_bands(drawn, row, column)
+        strongest = np.sort(np.argsort(-curves.max(axis=1), kind="stable")[:most])
+        for places in strongest[:, None] if each else [strongest]:
+            made = new_figure(
+                "frequency of the input f [Hz]", f"|G| [{lines.unit(row, column)}]",
+                name=f"measured-{row}-{column}-{places[0]}", y_axis_type="log",
             )  # fmt: skip
-            source = ColumnDataSource({
-                "f": lines.frequencies_hz[there], "size": sizes[place, there],
-                "low": low[place, there], "high": high[place, there],
-            })  # fmt: skip
-            bars = Whisker(base="f", upper="high", lower="low", source=source, line_color=colour, level="underlay")
-            bars.upper_head = bars.lower_head = None
-            made.add_layout(bars)
-            made.scatter(
-                "f", "size", source=source, size=4, marker=MARKERS[number], line_color=colour, fill_color="white",
-                legend_label=label,
-            )  # fmt: skip
-        legend_above(made, columns=3)
-        figures.append(made)
+            which = f", m = {lines.harmonics[places[0]]}" if each else ""
+            apart = np.sqrt(np.nanmean(pulls[:, places if each else slice(None)] ** 2))
+            made.title.text = f"{_name(lines, (row, column))}{which}: {apart:.2g} deviations apart (rms)"
+            there = np.isfinite(sizes[places])
+            made.y_range.start = 0.5 * np.maximum(sizes, high - sizes)[places][there].min(initial=np.inf)
+            for place in places.tolist():
+                there = (high[place] - sizes[place]) * SEEN < BAND * sizes[place]  # false of one that is missing
+                number, label = _curve(int(lines.harmonics[place])), f"m = {lines.harmonics[place]}"
+                colour = CURVES[number]
+                made.varea(drawn.frequencies_hz, under[place], over[place], fill_color=colour, fill_alpha=0.25)
+                made.line(
+                    drawn.frequencies_hz, curves[place], line_width=1.5, line_color=colour, line_dash=DASHES[number],
+                    legend_label=label,
+                )  # fmt: skip
+                source = ColumnDataSource({
+                    "f": lines.frequencies_hz[there], "size": sizes[place, there],
+                    "low": low[place, there], "high": high[place, there],
+                })  # fmt: skip
+                bars = Whisker(base="f", upper="high", lower="low", source=source, line_color=colour, level="underlay")
+                bars.upper_head = bars.lower_head = None
+                made.add_layout(bars)
+                made.scatter(
+                    "f", "size", source=source, size=4, marker=MARKERS[number], line_color=colour, fill_color="white",
+                    legend_label=label,
+                )  # fmt: skip
+            legend_above(made, columns=3)
+            figures.append(made)
     return figures
 
 

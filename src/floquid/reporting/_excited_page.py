@@ -1,20 +1,18 @@
-"""The page of records whose excitation goes on, with measured inputs or without."""
+"""The pages of records whose excitation goes on, and of modes that were fitted to measured transfer functions."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
 from floquid._checks import counted
+from floquid.findings import Severity
 from floquid.pipeline import AmbientAnalysis, ExcitedAnalysis
 from floquid.reporting import _words as words
-from floquid.reporting._case import Case
-from floquid.reporting._chosen_figures import (
-    coefficient_source,
-    coefficients_figure,
-    link_modes,
-    shape_figures,
-    shape_source,
-)
+from floquid.reporting._case import Case, case_of
 from floquid.reporting._excited_figures import (
     left_out_figures,
     matrix_rows,
@@ -24,38 +22,34 @@ from floquid.reporting._excited_figures import (
     reach_figures,
     transfer_figures,
 )
-from floquid.reporting._modes_figures import exponents_figure, mode_source, multipliers_figure
+from floquid.reporting._modes_figures import mode_figures
 from floquid.reporting._page import rendered
+from floquid.transfer import TransferFit
 from floquid.views import mode_table, note_meanings, outcome_lines
+
+POINTS = 600  # frequencies of a curve, beside those measured
 
 
 def excited_page(case: Case, *, title: str | None) -> str:
     """The whole page as text."""
     analysis: ExcitedAnalysis = case.analysis
-    modes, shape, coefficients = mode_source(case), shape_source(case), coefficient_source(case)
-    link_modes(modes, [shape, coefficients])
     record, held_out = left_out_figures(case)
-    figures = {
-        "shape": shape_figures(case, shape),
-        "coefficients": [coefficients_figure(case, coefficients)],
-        "plane": [exponents_figure(case, modes), multipliers_figure(case, modes)],
-        "transfer": [],
-        "measured": [],
-        "reach": [],
-        "record": record,
-    }
+    figures = mode_figures(case) | {"transfer": [], "measured": [], "reach": [], "record": record}
     paths, matrix, harmonics, beside = [], [], [], []
     if analysis.inputs:
         found = analysis.transfer()
         paths = paths_of(found, analysis.noise, analysis.fit.samples.input_size)
         matrix, harmonics = matrix_rows(found, paths), found.harmonics.tolist()
+        figures |= {"transfer": transfer_figures(found, paths), "reach": reach_figures(case)}
         measured = measured_beside(analysis, found)
-        beside = [measured] if isinstance(measured, str) else [str(finding) for finding in measured.findings]
-        figures |= {
-            "transfer": transfer_figures(found, paths),
-            "measured": [] if isinstance(measured, str) else measured_figures(analysis, measured, paths),
-            "reach": reach_figures(case),
-        }
+        if isinstance(measured, str):
+            beside = [measured]
+        else:
+            beside, lines = [str(finding) for finding in measured.findings], measured.transfer
+            at, drawn = (
+                analysis.transfer(hertz, lines.harmonics, sampled=True) for hertz in (lines.frequencies_hz, None)
+            )
+            figures["measured"] = measured_figures(lines, at, drawn, paths)
     rows, checked = mode_table(analysis), bool(np.isfinite(analysis.held_out).all())
     failed = not analysis.passed and (checked or any(own.severity.name == "FAILURE" for own in analysis.findings))
     sentence = "The model does not pass its checks." if failed else "The model passes its checks."
@@ -108,3 +102,68 @@ def _checked(analysis: ExcitedAnalysis) -> list[tuple[str, str, str, str]]:
         (channel.name, channel.unit, f"{noise:.3g}", f"{error:.3g}" if np.isfinite(error) else "not checked")
         for channel, noise, error in zip(analysis.model.channels, analysis.noise[:, 0], analysis.held_out, strict=True)
     ]
+
+
+@dataclass(frozen=True, slots=True)
+class _Settings:
+    """What a fit of lines was told."""
+
+    period: float
+    hold: str
+    harmonics: None = None  # of the shapes: found, not given
+
+
+def lines_page(fit: TransferFit, *, title: str | None) -> str:
+    """The whole page as text."""
+    lines, model = fit.measured, fit.model
+    sampled = lines.step is not None
+    at = fit.transfer(sampled=sampled)
+    hertz = lines.frequencies_hz
+    drawn = fit.transfer(np.union1d(hertz, np.linspace(hertz[0], hertz[-1], POINTS)), sampled=sampled)
+    assert lines.std is not None
+    noise = np.sqrt(np.nanmean(np.abs(lines.std) ** 2, axis=(0, 2, 3)))[:, None]
+    shown: Any = SimpleNamespace(
+        model=model, noise=noise, records=(), settings=_Settings(model.period, fit.hold), findings=fit.findings,
+        warnings=fit.warnings,
+    )  # fmt: skip
+    case, paths = case_of(shown), paths_of(at, noise, np.ones(len(lines.inputs)))
+    measured = measured_figures(lines, at, drawn, paths, each=True)
+    rows, ratio = mode_table(shown), fit.chi_square / max(fit.degrees, 1)
+    worst = max((finding.severity for finding in fit.findings), key=list(Severity).index, default=Severity.NOTE)
+    mark, sentence = {
+        Severity.NOTE: ("passed", "The modes explain the lines."),
+        Severity.WARNING: ("remainder", "The modes do not explain all of the lines."),
+        Severity.FAILURE: ("failed", "The fit fails."),
+    }[worst]
+    there = np.isfinite(lines.values).any(axis=(0, 1, 2))
+    return rendered(
+        "excited.html.jinja",
+        case,
+        mode_figures(case) | {"transfer": [], "measured": measured, "reach": [], "record": []},
+        title or "Modes of measured transfer functions",
+        mark=mark,
+        sentence=sentence,
+        under=f"They leave {ratio:.3g} times the variance of the lines, {fit.degrees} degrees of freedom.",
+        reasons=[],
+        rows=rows,
+        meanings=note_meanings(rows),
+        bands=True,
+        fails=False,
+        summary=(
+            f"{counted(len(case.modes), 'mode')} (order {model.order}) fitted to {np.count_nonzero(there)} lines from "
+            f"{hertz[there][0]:.5g} to {hertz[there][-1]:.5g} Hz of {counted(len(lines.inputs), 'input')} and "
+            f"{counted(len(lines.outputs), 'output')}, {counted(len(lines.harmonics), 'harmonic')}, at a period of "
+            f"{model.period:.8g} s (ω/2π = {1.0 / model.period:.6g} Hz)."
+        ),
+        ambient=False,
+        inputs=lines.inputs,
+        matrix=matrix_rows(at, paths),
+        harmonics=at.harmonics.tolist(),
+        beside=[],
+        paths_shown=len(paths),
+        paths_left=len(lines.inputs) * len(lines.outputs) - len(paths),
+        held_out=False,
+        checked=[],
+        hits=[],
+        steps=words.steps(shown),
+    )

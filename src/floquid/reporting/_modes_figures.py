@@ -8,6 +8,13 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats
 from floquid.reporting._case import Case
+from floquid.reporting._chosen_figures import (
+    coefficient_source,
+    coefficients_figure,
+    link_modes,
+    shape_figures,
+    shape_source,
+)
 from floquid.reporting._look import BLACK, GREY, HEIGHT, VERMILION, Figure, hover, legend_above, new_figure
 from floquid.views import exponent_ellipses, multiplier_ellipses
 
@@ -108,3 +115,14 @@ def multipliers_figure(case: Case, source: ColumnDataSource) -> Figure:
     _modes(made, source, "real", "imag")
     legend_above(made)
     return made
+
+
+def mode_figures(case: Case) -> dict[str, list[Figure]]:
+    """Shape and coefficients of the mode chosen, and the planes of all, by their places on the page, linked."""
+    modes, shape, coefficients = mode_source(case), shape_source(case), coefficient_source(case)
+    link_modes(modes, [shape, coefficients])
+    return {
+        "shape": shape_figures(case, shape),
+        "coefficients": [coefficients_figure(case, coefficients)],
+        "plane": [exponents_figure(case, modes), multipliers_figure(case, modes)],
+    }

@@ -15,14 +15,15 @@ from floquid.order import OrderScan
 from floquid.order import scan as scan_orders
 from floquid.pipeline import Analysis, ExcitedAnalysis, blas_threads
 from floquid.reporting._case import case_of
-from floquid.reporting._excited_page import excited_page
+from floquid.reporting._excited_page import excited_page, lines_page
 from floquid.reporting._page import page
+from floquid.transfer import TransferFit
 
 ENDINGS = (".html", ".htm")
 
 
 def report(
-    analysis: Analysis | ExcitedAnalysis,
+    analysis: Analysis | ExcitedAnalysis | TransferFit,
     path: str | PathLike[str],
     *,
     title: str | None = None,
@@ -41,7 +42,7 @@ def report(
     Parameters
     ----------
     analysis
-        What `identify`, `identify_driven` or `identify_ambient` found, or `load` read.
+        What `identify`, `identify_driven`, `identify_ambient` or `fit_transfer` found, or `load` read.
     path
         The file, ending in .html; it is replaced, whole or not at all.
     title
@@ -52,7 +53,7 @@ def report(
         Called with what is about to be done, in words.
     """
     of = "report"
-    if not isinstance(analysis, (Analysis, ExcitedAnalysis)):
+    if not isinstance(analysis, (Analysis, ExcitedAnalysis, TransferFit)):
         must, got = "be an Analysis", f"is a {type(analysis).__name__}"
         raise input_error("analysis", of, must, got, "Pass what `identify` or `load` gives.")
     place = as_path(path, of=of)
@@ -60,7 +61,7 @@ def report(
         raise input_error("path", of, "end in .html", f"is {place}", "The report is a web page.")
     known = None
     if truth is not None:
-        if isinstance(analysis, ExcitedAnalysis) or analysis.state is None:
+        if not isinstance(analysis, Analysis) or analysis.state is None:
             must, got = "come with an A(t) to hold it against", "the analysis has none"
             raise input_error("truth", of, must, got, "Identify with `states`, or leave out the truth.")
         known = timed_matrices(truth, "truth", of, len(analysis.state.states))
@@ -73,7 +74,8 @@ def report(
         text = page(case, title=title, truth=known)
     else:
         progress("drawing the report")
-        text = excited_page(case_of(analysis), title=title)
+        fitted = isinstance(analysis, TransferFit)
+        text = lines_page(analysis, title=title) if fitted else excited_page(case_of(analysis), title=title)
     with atomic_path(place, of=of) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return place

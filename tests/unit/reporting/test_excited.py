@@ -5,10 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.driven import ambient_of, mathieu, record_of
+from tests.driven import ambient_of, lag, mathieu, record_of
+from tests.unit.transfer.test_fit import of_equations
 
 import floquid
 from floquid import Channel, Record
+from floquid.findings import warning
 from floquid.inputs import TransferFunctions
 from floquid.pipeline import predicted_rest
 from floquid.reporting._excited_figures import matrix_rows, measured_beside, measured_figures, paths_of
@@ -119,8 +121,37 @@ def test_lines_measured_without_the_model_tell_a_wrong_one(tmp_path):
     # The same lines beside a model of another force.
     louder = replace(record, values=record.values * [[1.0], [1.1]])
     measured = measured_beside(replace(found, records=(louder,)), found.transfer())
-    wrong = measured_figures(found, measured, [(0, 0)])[0].title.text
+    at, drawn = (
+        found.transfer(hertz, measured.transfer.harmonics, sampled=True)
+        for hertz in (measured.transfer.frequencies_hz, None)
+    )
+    wrong = measured_figures(measured.transfer, at, drawn, [(0, 0)])[0].title.text
     assert float(re.search(r"([\d.]+) deviations apart", wrong)[1]) > 3.0
+
+
+def test_the_page_of_modes_fitted_to_lines(tmp_path):
+    """Of two inputs in turn half of the lines of a path are missing: so is one here."""
+    lines = of_equations(lag(), np.linspace(0.02, 0.4, 20), harmonics=np.arange(-1, 2))
+    missing = np.arange(20) == 7
+    values, std = (np.where(missing, np.nan, own) for own in (lines.values, lines.std))
+    fit = floquid.fit_transfer(replace(lines, values=values, std=std), period=lag().period)
+    page = floquid.report(fit, tmp_path / "report.html").read_text(encoding="utf-8")
+    said = words_of(page)
+    assert "The modes explain the lines." in said
+    assert "1 mode (order 1) fitted to 19 lines from 0.02 to 0.4 Hz of 1 input and 1 output, 3 harmonics" in said
+    apart = [float(one) for one in re.findall(r"m = -?\d: ([\w.]+) deviations apart", page)]
+    assert len(set(apart)) >= 2
+    assert 0.5 < min(apart) <= max(apart) < 1.6
+    for hidden in ("phase is drawn", "Which input reaches", "The record and the model"):
+        assert hidden not in said
+    # The same modes beside lines that are twice as large, with what is then found.
+    measured = replace(fit.measured, values=2.0 * fit.measured.values)
+    misfit = replace(fit, measured=measured, findings=(warning("modes_of_lines_misfit", ratio=2.0),))
+    page = floquid.report(misfit, tmp_path / "report.html").read_text(encoding="utf-8")
+    assert max(float(one) for one in re.findall(r"([\w.+]+) deviations apart", page)) > 10.0
+    said = words_of(page)
+    assert "The modes do not explain all of the lines." in said
+    assert "2 times the variance of the lines: modes are missing" in said
 
 
 def test_where_no_lines_can_be_measured_the_page_says_why(driven):
