@@ -1,7 +1,7 @@
 """Records to `Cycles`: what ties samples to the phase of the system, before any pole is known."""
 
 from floquid.sync._angle_spline import AngleSpline
-from floquid.sync._faults import Clipping, Dropout, Gap, Wrapping, clipped, dropouts, gaps, wrapped
+from floquid.sync._faults import clipped, dropouts, gaps, wrapped
 from floquid.sync._hits import Impact, find_hits, find_impacts, split_hits
 from floquid.sync._interpolation import half_width, interpolate, interpolation_error
 from floquid.sync._pulses import pulse_times
@@ -10,7 +10,7 @@ from floquid.sync._segment import rejoin, samples_per_period, segment
 from floquid.sync._shaft_angle import ShaftAngle, shaft_angle
 
 __all__ = [
-    "AngleSpline", "Clipping", "Dropout", "Gap", "Impact", "ShaftAngle", "Wrapping", "bandwidth", "clipped", "dropouts",
+    "AngleSpline", "Impact", "ShaftAngle", "bandwidth", "clipped", "dropouts",
     "find_hits", "find_impacts", "gaps", "half_width", "interpolate", "interpolation_error", "pulse_times", "rejoin",
     "resample", "samples_per_period", "segment", "shaft_angle", "split_hits", "wrapped",
 ]  # fmt: skip

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-
 import numpy as np
 
 from floquid._arrays import Floats
@@ -19,87 +17,8 @@ SMOOTHER = 0.25  # share of the power of second differences that taking the jump
 WHOLE = 1e-3  # largest difference of counts from whole numbers: a factor of calibration rounds them
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Clipping:
-    """A channel that sits at its extreme value for several samples in a row.
-
-    Parameters
-    ----------
-    channel, unit
-        The name of the channel, and its unit.
-    levels
-        The value or values it is cut at: the lowest, the highest or both.
-    samples, share
-        The samples at these values in flat tops, and their share of those that are not missing.
-    """
-
-    channel: str
-    unit: str
-    levels: tuple[float, ...]
-    samples: int
-    share: float
-
-    @property
-    def finding(self) -> Finding:
-        """The fault as a finding."""
-        return warning("clipped", **asdict(self))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Dropout:
-    """A stretch in which a channel stands still at one value that it jumps to or from.
-
-    Parameters
-    ----------
-    channel, unit
-        The name of the channel, and its unit.
-    level, samples
-        The value it stands at, and for how many samples.
-    first, last
-        The times of the first and the last sample of the stretch [s].
-    """
-
-    channel: str
-    unit: str
-    level: float
-    first: float
-    last: float
-    samples: int
-
-    @property
-    def finding(self) -> Finding:
-        """The fault as a finding."""
-        return warning("stands_still", **asdict(self))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Gap:
-    """A stretch of missing samples.
-
-    Parameters
-    ----------
-    channels, of
-        The names of the channels that miss just this stretch, and the number of all.
-    first, last
-        The times of the first and the last missing sample [s].
-    samples
-        The samples missing in each channel.
-    """
-
-    channels: tuple[str, ...]
-    first: float
-    last: float
-    samples: int
-    of: int
-
-    @property
-    def finding(self) -> Finding:
-        """The gap as a finding."""
-        return note("missing_samples", **asdict(self))
-
-
-def clipped(record: Record) -> tuple[Clipping, ...]:
-    r"""The channels of `record` that are cut off at their extreme values, in its order.
+def clipped(record: Record) -> tuple[Finding, ...]:
+    r"""The channels of `record` that are cut off at their extreme values, in its order, as findings.
 
     A flat top is a run of three equal samples or more at the channel's highest or lowest value, unless a smooth crest
     explains it. A crest that stays within one quantum q (the smallest step between two values of the channel) for r
@@ -111,8 +30,11 @@ def clipped(record: Record) -> tuple[Clipping, ...]:
     sampled sine is not called clipped, nor is one of less than about six bits that is. Pulse and angle channels, those
     of the clock and those that switch between two levels are passed over; so are a level of zero, which is a dropout's
     or the padding of a file, and a level at which the channel rests for half of the record.
+
+    `Finding.numbers` has the `channel` and its `unit`, the `levels` it is cut at (lowest, highest or both), the
+    `samples` in flat tops, and their `share` of those that are not missing.
     """
-    found: list[Clipping] = []
+    found: list[Finding] = []
     for row, values, quantum in measuring(record, standing=True):
         channel = record.channels[row]
         rest = float(np.nanmedian(values))
@@ -126,20 +48,22 @@ def clipped(record: Record) -> tuple[Clipping, ...]:
                 samples += flat
         if levels:
             share = samples / int(np.isfinite(values).sum())
-            found.append(
-                Clipping(channel=channel.name, unit=channel.unit, levels=tuple(levels), samples=samples, share=share)
-            )
+            numbers = {"channel": channel.name, "unit": channel.unit, "levels": levels, "samples": samples}
+            found.append(warning("clipped", **numbers, share=share))
     return tuple(found)
 
 
-def dropouts(record: Record, *, least: int = STUCK) -> tuple[Dropout, ...]:
+def dropouts(record: Record, *, least: int = STUCK) -> tuple[Finding, ...]:
     """The stretches of `record` in which a channel stands still: zeros put in for lost samples, or a last value held.
 
     A run of `least` equal samples that the channel enters or leaves by a jump of more than four quanta, away from its
     highest and lowest values unless it is zero. The channels that `clipped` passes over are passed over, and forces,
     which rest between blows. In the order of channels, then of time.
+
+    `Finding.numbers` has the `channel` and its `unit`, the `level` it stands at, the times of the `first` and the
+    `last` sample [s], and how many `samples` they are.
     """
-    found: list[Dropout] = []
+    found: list[Finding] = []
     for row, values, quantum in measuring(record, standing=True):
         channel = record.channels[row]
         if channel.quantity == "force":
@@ -153,19 +77,24 @@ def dropouts(record: Record, *, least: int = STUCK) -> tuple[Dropout, ...]:
             beside = [values[n] for n in (first - 1, stop) if 0 <= n < len(values) and np.isfinite(values[n])]
             if max((abs(value - level) for value in beside), default=0.0) > 4.0 * quantum:
                 begin, last = (float(record.start + n / record.sample_rate) for n in (first, stop - 1))
-                size, name, unit = stop - first, channel.name, channel.unit
-                found.append(Dropout(channel=name, unit=unit, level=level, first=begin, last=last, samples=size))
+                numbers = {"channel": channel.name, "unit": channel.unit, "level": level, "samples": stop - first}
+                found.append(warning("stands_still", **numbers, first=begin, last=last))
     return tuple(found)
 
 
-def gaps(record: Record) -> tuple[Gap, ...]:
-    """The runs of missing samples of `record`, in order of time; channels that miss the same stretch share one."""
+def gaps(record: Record) -> tuple[Finding, ...]:
+    """The runs of missing samples of `record`, in order of time; channels that miss the same stretch share one.
+
+    `Finding.numbers` has the `channels` that miss it `of` so many, the times of the `first` and the `last` sample [s],
+    and how many `samples` they are in each channel.
+    """
     where: dict[tuple[int, int], list[str]] = {}
     for channel, values in zip(record.channels, record.values, strict=True):
         for run in runs_of(np.isnan(values)):
             where.setdefault(run, []).append(channel.name)
     return tuple(
-        Gap(
+        note(
+            "missing_samples",
             channels=tuple(where[first, stop]),
             first=float(record.start + first / record.sample_rate),
             last=float(record.start + (stop - 1) / record.sample_rate),
@@ -208,32 +137,14 @@ def _cut(values: Floats, first: int, stop: int, quantum: float) -> bool:
     return bool(lost) and float(np.mean(lost)) > 1.5 * most
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Wrapping:
-    """A channel whose counts left the range of their integers.
-
-    Parameters
-    ----------
-    channel, bits, jumps
-        The name of the channel, the width of the integers, and the number of jumps by the whole range.
-    """
-
-    channel: str
-    bits: int
-    jumps: int
-
-    @property
-    def finding(self) -> Finding:
-        """The fault as a finding."""
-        return failure("wraps_round", **asdict(self))
-
-
-def wrapped(record: Record) -> tuple[Wrapping, ...]:
+def wrapped(record: Record) -> tuple[Finding, ...]:
     """The channels of `record` whose counts wrapped round in integers that were too narrow, in its order.
 
     Values are whole numbers, or whole multiples of the smallest step between two of them, span the range of an integer
     of some width nearly from end to end and nowhere leave it, jump by more than half of it, and are much smoother once
     the whole range is added after each jump. The channels that `clipped` passes over are passed over.
+
+    `Finding.numbers` has the `channel`, the `bits` of the integers, and the number of `jumps` by the whole range.
     """
     found = []
     for row, values, quantum in measuring(record):
@@ -245,7 +156,7 @@ def wrapped(record: Record) -> tuple[Wrapping, ...]:
         for bits in BITS:
             jumps = _jumps(np.rint(counts), 2.0**bits)
             if jumps:
-                found.append(Wrapping(channel=record.channels[row].name, bits=bits, jumps=jumps))
+                found.append(failure("wraps_round", channel=record.channels[row].name, bits=bits, jumps=jumps))
                 break
     return tuple(found)
 

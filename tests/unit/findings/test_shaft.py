@@ -2,8 +2,7 @@
 
 import pytest
 
-from floquid.findings import note, warning
-from floquid.sync import Clipping, Gap, Wrapping
+from floquid.findings import failure, note, warning
 
 
 @pytest.mark.parametrize(
@@ -38,11 +37,11 @@ def test_each_end_beyond_the_evidence_is_named(before, after, by):
 
 
 def test_a_fault_is_a_sentence_and_a_part_of_one():
-    both = Clipping(channel="z", unit="-", levels=(-1.0, 1.0), samples=12, share=0.12).finding
+    both = warning("clipped", channel="z", unit="-", levels=(-1.0, 1.0), samples=12, share=0.12)
     assert str(both) == "Channel 'z' is clipped at -1 and 1: 12 samples, 12 %."
     assert both.clause == "channel 'z' is clipped at -1 and 1: 12 samples, 12 %"
-    assert Wrapping(channel="z", bits=16, jumps=1).finding.clause.endswith("its whole range, once")
-    alone = Gap(channels=("z",), first=1.0, last=2.0, samples=5, of=1).finding
+    assert failure("wraps_round", channel="z", bits=16, jumps=1).clause.endswith("its whole range, once")
+    alone = note("missing_samples", channels=("z",), first=1.0, last=2.0, samples=5, of=1)
     assert str(alone) == "Channel 'z' misses 5 samples from 1 to 2 s."
 
 

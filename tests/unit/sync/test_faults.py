@@ -35,18 +35,17 @@ def test_a_channel_cut_at_both_ends_or_one_is_told(bits, noise):
     both, top = np.clip(wave, -0.7, 0.7), np.minimum(wave, 0.8)
     rows = [wave, both, top] if bits is None else [quantised(row, bits) for row in (wave, both, top)]
     two, one = clipped(record(*rows, units=["m", "m/s", "m/s^2"]))
-    assert (two.channel, one.channel) == ("c1", "c2")
+    assert (two.numbers["channel"], one.numbers["channel"]) == ("c1", "c2")
     step = 0.0 if bits is None else 1.2 / 2**bits
-    assert_allclose(two.levels, (-0.7, 0.7), atol=1.01 * step)
-    assert_allclose(one.levels, (0.8,), atol=1.01 * step)
+    assert_allclose(two.numbers["levels"], (-0.7, 0.7), atol=1.01 * step)
+    assert_allclose(one.numbers["levels"], (0.8,), atol=1.01 * step)
     if bits is None:
-        assert 0.85 * np.sum(np.abs(both) == 0.7) <= two.samples <= np.sum(np.abs(both) == 0.7)
-        assert two.share == two.samples / len(TIMES)
-    assert two.finding.clause.startswith(
-        f"channel 'c1' is clipped at {two.levels[0]:.6g} m/s and {two.levels[1]:.6g} m/s: "
-    )
-    assert two.finding.clause.endswith("%")
-    assert " m/s^2: " in one.finding.clause
+        assert 0.85 * np.sum(np.abs(both) == 0.7) <= two.numbers["samples"] <= np.sum(np.abs(both) == 0.7)
+        assert two.numbers["share"] == two.numbers["samples"] / len(TIMES)
+    low, high = two.numbers["levels"]
+    assert two.clause.startswith(f"channel 'c1' is clipped at {low:.6g} m/s and {high:.6g} m/s: ")
+    assert two.clause.endswith("%")
+    assert " m/s^2: " in one.clause
 
 
 @pytest.mark.parametrize("bits", [4, 6, 8, 12, 16])
@@ -86,8 +85,8 @@ def test_a_force_at_rest_is_not_clipped_but_its_flat_top_is():
     often = 0.5 + np.tile(np.concatenate([np.zeros(20), blow, np.zeros(100), blow]), 20)
     assert clipped(record(often, units=["N"])) == ()
     (found,) = clipped(record(np.minimum(force, 20.0), units=["N"]))
-    assert found.levels == (20.0,)
-    assert found.samples == int((np.minimum(force, 20.0) == 20.0).sum())
+    assert found.numbers["levels"] == (20.0,)
+    assert found.numbers["samples"] == int((np.minimum(force, 20.0) == 20.0).sum())
 
 
 def test_padding_and_lost_samples_are_dropouts_and_not_clipping():
@@ -99,10 +98,15 @@ def test_padding_and_lost_samples_are_dropouts_and_not_clipping():
     made = record(lost, held, padded, lifted, units=["m", "m", "m", "g"], start=10.0)
     assert clipped(made) == ()
     found = dropouts(made)
-    assert [(d.channel, d.samples) for d in found] == [("c0", 100), ("c1", 50), ("c2", 1000), ("c3", 20)]
-    assert_allclose([(d.first, d.last) for d in found[:2]], [(12.0, 12.099), (13.0, 13.049)])
-    assert found[3].finding.clause == "channel 'c3' stands still at 0 g from 15 to 15.019 s, 20 samples"
-    assert found[1].level == held[3000]
+    assert [(d.numbers["channel"], d.numbers["samples"]) for d in found] == [
+        ("c0", 100),
+        ("c1", 50),
+        ("c2", 1000),
+        ("c3", 20),
+    ]
+    assert_allclose([(d.numbers["first"], d.numbers["last"]) for d in found[:2]], [(12.0, 12.099), (13.0, 13.049)])
+    assert found[3].clause == "channel 'c3' stands still at 0 g from 15 to 15.019 s, 20 samples"
+    assert found[1].numbers["level"] == held[3000]
     assert dropouts(made, least=200) == (found[2],) or len(dropouts(made, least=200)) == 1
 
 
@@ -119,9 +123,13 @@ def test_gaps_that_all_channels_share_are_one():
     values[1, 500] = np.nan
     values[:2, 7990:] = np.nan
     found = gaps(record(*values, start=2.0))
-    assert [(g.channels, g.samples) for g in found] == [(("c0", "c1", "c2"), 100), (("c1",), 1), (("c0", "c1"), 10)]
-    assert_allclose([(g.first, g.last) for g in found], [(2.1, 2.199), (2.5, 2.5), (9.99, 9.999)])
-    assert [g.finding.clause for g in found] == [
+    assert [(g.numbers["channels"], g.numbers["samples"]) for g in found] == [
+        (("c0", "c1", "c2"), 100),
+        (("c1",), 1),
+        (("c0", "c1"), 10),
+    ]
+    assert_allclose([(g.numbers["first"], g.numbers["last"]) for g in found], [(2.1, 2.199), (2.5, 2.5), (9.99, 9.999)])
+    assert [g.clause for g in found] == [
         "all 3 channels miss 100 samples from 2.1 to 2.199 s",
         "channel 'c1' misses 1 sample at 2.5 s",
         "channels 'c0', 'c1' miss 10 samples from 9.99 to 9.999 s",
@@ -134,8 +142,8 @@ def test_missing_samples_do_not_hide_a_flat_top():
     whole = clipped(record(wave))[0]
     wave[::97] = np.nan
     (found,) = clipped(record(wave))
-    assert found.levels == whole.levels
-    assert 0.8 * whole.samples < found.samples < whole.samples
+    assert found.numbers["levels"] == whole.numbers["levels"]
+    assert 0.8 * whole.numbers["samples"] < found.numbers["samples"] < whole.numbers["samples"]
     assert clipped(record(np.full_like(TIMES, np.nan), decay())) == ()
 
 
@@ -149,8 +157,8 @@ def test_counts_that_wrapped_round_are_told(bits, scale, offset):
     round_ = (counts - lowest) % (2 * half) + lowest
     jumps = int((np.abs(np.diff(round_)) > half).sum())
     (found,) = wrapped(record(decay(), round_ * scale))
-    assert (found.channel, found.bits, found.jumps) == ("c1", bits, jumps)
-    assert f"jumps by {2**bits} counts, its whole range, {jumps} times" in found.finding.clause
+    assert (found.numbers["channel"], found.numbers["bits"], found.numbers["jumps"]) == ("c1", bits, jumps)
+    assert f"jumps by {2**bits} counts, its whole range, {jumps} times" in found.clause
 
 
 def test_what_fills_its_range_has_not_wrapped_round():

@@ -60,7 +60,7 @@ def _at(orbit: NDArray[np.float64], turns: NDArray[np.float64]) -> NDArray[np.fl
 def faults_of(records: tuple[Record, ...], *, repair: bool) -> tuple[Finding, ...]:
     """Findings on samples: channels that are clipped or stand still; with `repair` that is not all that is done."""
     found = [
-        replace(fault.finding, where=_name(number, records))
+        replace(fault, where=_name(number, records))
         for number, record in enumerate(records, start=1)
         for fault in (*clipped(record), *dropouts(record))
     ]
@@ -72,7 +72,7 @@ def missing_of(records: tuple[Record, ...]) -> tuple[Finding, ...]:
     found = []
     for number, record in enumerate(records, start=1):
         where, own = _name(number, records), gaps(record)
-        found += [replace(gap.finding, where=where) for gap in own[:MOST_GAPS]]
+        found += [replace(gap, where=where) for gap in own[:MOST_GAPS]]
         if len(own) > MOST_GAPS:
             found.append(note("more_gaps", where=where, number=len(own) - MOST_GAPS))
     return tuple(found)

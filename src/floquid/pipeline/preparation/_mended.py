@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from floquid.core import AzimuthSignal, ConstantPeriod, Record, TachometerSignal
 from floquid.errors import FloquidError
 from floquid.findings import Finding, warning
-from floquid.sync import Clipping, Dropout, Impact, find_impacts
+from floquid.sync import Impact, find_impacts
 
 NO_RESPONSE = ("force", "pulse", "angle")
 """Quantities of channels that say what drives a system, or how far it has turned."""
@@ -35,21 +35,21 @@ ENOUGH = 30
 MOST_LEFT_OUT = 0.3  # the share of a channel's samples that is left out at most
 
 
-def without_faults(record: Record, faults: Sequence[Clipping | Dropout]) -> tuple[Record, tuple[Finding, ...]]:
+def without_faults(record: Record, faults: Sequence[Finding]) -> tuple[Record, tuple[Finding, ...]]:
     """The record with clipped samples, and those of a channel that stands still, missing; and which."""
     values, found = np.array(record.values), []
     rows = {record.channels[row].name: row for row in _responses(record)}
-    for fault in faults:
-        if fault.channel not in rows:
+    for fault in (own.numbers for own in faults):
+        if fault["channel"] not in rows:
             continue
-        row = rows[fault.channel]
-        if isinstance(fault, Clipping):
-            bad = np.isin(record.values[row], fault.levels)
+        row = rows[fault["channel"]]
+        if "levels" in fault:
+            bad = np.isin(record.values[row], fault["levels"])
         else:
-            bad = (record.times >= fault.first) & (record.times <= fault.last)
+            bad = (record.times >= fault["first"]) & (record.times <= fault["last"])
         if bad.mean() <= MOST_LEFT_OUT:
             values[row, bad] = np.nan
-            found.append(warning("left_out", channel=fault.channel, samples=int(bad.sum())))
+            found.append(warning("left_out", channel=fault["channel"], samples=int(bad.sum())))
     return (_with(record, values), tuple(found)) if found else (record, ())
 
 

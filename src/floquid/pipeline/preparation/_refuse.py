@@ -149,7 +149,7 @@ def refuse_unusable(records: Sequence[Record], of: str = "identify") -> None:
         refuse_values([record.channels[row] for row in rows], record.values[rows], f"record {number}", of=of)
         for fault in wrapped(record):
             must, remedy = "hold the samples that were measured", "Read them as wider integers, or measure anew."
-            raise input_error("records", of, must, f"in record {number} {fault.finding.clause}", remedy)
+            raise input_error("records", of, must, f"in record {number} {fault.clause}", remedy)
 
 
 def refuse_copies(records: Sequence[Record], of: str = "identify") -> None:
