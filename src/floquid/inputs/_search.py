@@ -14,7 +14,7 @@ from floquid.inputs._modes import InputMode
 from floquid.inputs._real import with_real_ones
 from floquid.inputs._samples import Samples
 from floquid.inputs._scores import Scores
-from floquid.inputs._solver import Linearisation, solve
+from floquid.inputs._solver import LAGS, Linearisation, solve
 from floquid.inputs._start import bare_mode, candidates
 
 TRIED = 4
@@ -36,7 +36,7 @@ FIRST = 3
 """Rounds in which bands grow before modes that are needless have gone."""
 
 FEW = 4
-"""Modes to begin with up to which a search that begins with one is made, too."""
+"""Modes to begin with up to which a search that begins with one is made, too, where what is left is not white."""
 
 TOO_NEAR = 0.5
 """The distance of two modes over their decay below which they may be one."""
@@ -58,7 +58,8 @@ def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = l
     bare = [bare_mode(samples, exponent, turns, turns) for exponent in poles[shares >= STABLE].tolist()]
     first = chosen_together(samples, bare, limits.modes)
     now = _found(samples, first, limits, report)
-    if len(first) > 1 and len(now.modes) > 1 and (len(first) <= FEW or _crowded(samples, now)):
+    white = samples.n_samples * now.colour < limit_of(LAGS, limits.mode_alarm)
+    if len(first) > 1 and len(now.modes) > 1 and (_crowded(samples, now) or (len(first) <= FEW and not white)):
         # Two poles may stand for one mode of strong harmonics: begin with one, too.
         other = _found(samples, first[:1], replace(limits, modes=min(limits.modes, FEW)), report)
         now = max(now, other, key=lambda own: own.criterion)

@@ -33,6 +33,9 @@ RUNAWAY = 20.0
 ITERATIONS = 25
 """Steps at most."""
 
+LAGS = 20
+"""Lags of the correlation of what is left."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linearisation(Rebuilt):
@@ -81,6 +84,13 @@ class Linearisation(Rebuilt):
     def heard(self) -> NDArray[np.bool_]:
         """Where what is left is noise: less than the least that noise is taken to be has the colour of rounding."""
         return np.mean(self.left**2, axis=1) > 0.5 * self.noise**2
+
+    @property
+    def colour(self) -> float:
+        """The sum of squared correlations of what is left, of the channel that has most (Box and Pierce 1970)."""
+        spectrum = np.abs(np.fft.rfft(self.left, 2 * self.left.shape[1], axis=1)) ** 2
+        lags = np.fft.irfft(spectrum, axis=1)[:, : LAGS + 1]
+        return float(np.max(np.sum((lags[:, 1:] / lags[:, :1]) ** 2, axis=1)[self.heard], initial=0.0))
 
     @property
     def criterion(self) -> float:

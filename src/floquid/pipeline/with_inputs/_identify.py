@@ -46,9 +46,6 @@ MOST_UNTOLD = 3.0
 SIGNIFICANT = 5.0
 """Deviations from which on the period is another one than that given."""
 
-LAGS = 20
-"""Lags of the correlation of what is left."""
-
 COLOURED, WRONG = 0.1, 0.3
 """The sum of squared correlations from which on what is left is no white noise, and the model is not what left it."""
 
@@ -310,10 +307,7 @@ def _against(found: Linearisation, held_out: NDArray[np.float64]) -> tuple[Findi
     against = []
     if (held_out >= HELD_OUT).any():
         against.append(warning("inputs_held_out", error=float(np.nanmax(held_out))))
-    spectrum = np.abs(np.fft.rfft(found.left, 2 * found.left.shape[1], axis=1)) ** 2
-    lags = np.fft.irfft(spectrum, axis=1)[:, : LAGS + 1]
-    squares = float(np.max(np.sum((lags[:, 1:] / lags[:, :1]) ** 2, axis=1)[found.heard], initial=0.0))
-    if squares > COLOURED:
-        told = failure if squares > WRONG else warning
-        against.append(told("inputs_colour", squares=squares))
+    if found.colour > COLOURED:
+        told = failure if found.colour > WRONG else warning
+        against.append(told("inputs_colour", squares=found.colour))
     return tuple(against)
