@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -158,23 +157,9 @@ def centred(samples: Samples, now: Predictor) -> Predictor:
             turn = float(mode.turns[int(np.argmax(np.sum(np.abs(mode.shape / now.noise) ** 2, axis=0)))])
             omega = samples.fundamental
             state = (initial[:, row] + 1j * initial[:, row + 1]) * np.exp(1j * turn * omega * begins)
-            mode = replace(
-                mode,
-                exponent=mode.exponent + 1j * turn * omega,
-                turns=mode.turns - turn,
-                reach=mode.reach + turn,
-                gains=mode.gains * np.exp(1j * turn * omega * samples.step),
-            )
+            mode = mode.turned(turn, omega, samples.step)
             if mode.exponent.imag < 0.0:
-                state = state.conj()
-                mode = replace(
-                    mode,
-                    exponent=mode.exponent.conjugate(),
-                    turns=-mode.turns[::-1],
-                    shape=mode.shape[:, ::-1].conj(),
-                    reach=-mode.reach[::-1],
-                    gains=mode.gains[:, ::-1].conj(),
-                )
+                state, mode = state.conj(), mode.conjugate()
             initial[:, row], initial[:, row + 1] = state.real, state.imag
         modes.append(mode)
         row += mode.rows

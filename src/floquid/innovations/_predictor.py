@@ -94,6 +94,29 @@ class Mode(Rebuilt):
         """With some harmonics more at each end of its bands."""
         return self.widened(*(_longer(band, by, highest, self.real) for band in (self.turns, self.reach)))
 
+    def turned(self, by: float, omega: float, step: float) -> Mode:
+        """The same mode on another branch: λ + i·by·ω."""
+        return replace(
+            self,
+            exponent=self.exponent + 1j * by * omega,
+            turns=self.turns - by,
+            reach=self.reach + by,
+            gains=self.gains * np.exp(1j * by * omega * step),
+        )
+
+    def conjugate(self) -> Mode:
+        """The same pair by its other exponent; a real multiplier is itself."""
+        if self.real:
+            return self
+        return replace(
+            self,
+            exponent=self.exponent.conjugate(),
+            turns=-self.turns[::-1],
+            shape=self.shape[:, ::-1].conj(),
+            reach=-self.reach[::-1],
+            gains=self.gains[:, ::-1].conj(),
+        )
+
     def scaled(self) -> Mode:
         """With a state of such a size that the largest gain is 1."""
         largest = self.gains.ravel()[np.argmax(np.abs(self.gains))]

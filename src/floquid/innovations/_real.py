@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from floquid.innovations._bands import grown, narrowed
-from floquid.innovations._predictor import Mode, Predictor, as_complex, rebuilt
+from floquid.innovations._fewer import hopeless, stable
+from floquid.innovations._predictor import Mode, Predictor, as_complex
 from floquid.innovations._solve import normal_of, places, solve
 from floquid.inputs import Limits, Samples
 
@@ -50,13 +50,14 @@ def with_real_ones(
             away, std = abs(turns - half) * omega, spread[place.start + 1]
             if mode.real or away > max(NEAR * abs(mode.exponent.real), OFF_AXIS * std):
                 continue
-            bare = replace(now, initial=np.zeros((len(samples.records), 0)))
             # A real multiplier needs harmonics that the pair did without.
             some = [own.padded(1.0, limits.highest) for own in _as_real(samples, now, mode, half, count)]
-            trial = rebuilt(samples, bare, [*rest, *some])
+            trial = stable(samples, now, [*rest, *some], limits)
             better, gained = False, -np.inf
             if trial is not None:
-                trial = narrowed(samples, grown(samples, solve(samples, trial, rough=True), limits), limits)
+                trial = solve(samples, trial, rough=True)
+                if not hopeless(trial, now, limits):
+                    trial = narrowed(samples, grown(samples, trial, limits), limits)
                 better, gained = trial.criterion < now.criterion, trial.log_likelihood - now.log_likelihood
             near, decays = away < NEITHER * std, [own.exponent.real for own in trial.modes[-2:]] if trial else []
             alike = [abs(own - mode.exponent.real) < SAME * spread[place.start] for own in decays]

@@ -8,13 +8,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.innovations._bands import anchored, grown, narrowed
+from floquid.innovations._bands import grown, narrowed
 from floquid.innovations._colour import colour
 from floquid.innovations._covariance import reweighed, whitening_of
+from floquid.innovations._fewer import GONE, better, needed
 from floquid.innovations._gain import SMALL, stable_gains
 from floquid.innovations._predictor import Mode, Predictor, predicted, rebuilt
 from floquid.innovations._real import with_real_ones
-from floquid.innovations._solve import normal_of, places, solve, squares
+from floquid.innovations._solve import solve
 from floquid.inputs import (
     InputMode,
     Limits,
@@ -41,17 +42,8 @@ HELD = 6
 SHRUNK = (1.0, 0.5, 0.2, 0.05)
 """Factors of the gains of new modes at which a predictor is tried."""
 
-GONE = 1.0
-"""The decay over a period [nepers] of every mode from which on free matrices at each phase are a start, too."""
-
 REAL = 1e-9
 """The share of ω within which the frequency of a candidate is that of a real multiplier."""
-
-DOUBTFUL = 5.0
-"""The squared deviations of a mode's shape over the limit, from which on no fit without it is tried."""
-
-HOPELESS = 5.0
-"""The loss by leaving a mode out, over the limit, from which on no harmonics of others are grown to make it up."""
 
 LOOSE = 1e-2
 """The probability at which noise may pass for a harmonic at the end: one that is missing does more harm."""
@@ -96,10 +88,11 @@ def _searched(
         chosen = chosen_together(of_known, begun, limits.modes, acting=0)
         trial = _with(samples, of_known, none, chosen, limits)
         trial = None if trial is None else grown(samples, trial, limits, rounds=1)
-        if trial is not None and _better(trial, now, limits):
+        if trial is not None and better(trial, now, limits):
             now = trial
         if now.modes and _white(samples, now, limits):
             break
+    # Of modes that are gone within a period free matrices at each phase are a start, too.
     if all(-mode.exponent.real * period > GONE for mode in now.modes) and not _white(samples, now, limits):
         trial = _with(samples, of_known, none, _of_phases(driven, limits.highest), limits)
         trial = None if trial is None else narrowed(samples, trial, limits)
@@ -112,10 +105,15 @@ def _searched(
             break
         now = grown(samples, more, limits, rounds=1)
         report(f"searching for modes: {len(now.modes)} found")
-    now = _needed(samples, grown(samples, reweighed(samples, now), limits), limits)
+    now = needed(samples, grown(samples, reweighed(samples, now), limits), limits)
     loose = replace(limits, harmonic_alarm=LOOSE)
     now = narrowed(samples, grown(samples, reweighed(samples, now), loose, rounds=2), loose)
     now, undecided = with_real_ones(samples, now, loose)
+    fewer = needed(samples, now, loose)
+    while len(fewer.modes) < len(now.modes):
+        one = any(undecided)
+        now, undecided = with_real_ones(samples, fewer, loose, [one and mode.real for mode in fewer.modes])
+        fewer = needed(samples, now, loose)
     now = rebuilt(samples, now, [mode.padded(1.0, limits.highest) for mode in now.modes]) or now
     return solve(samples, reweighed(samples, now)), undecided
 
@@ -138,7 +136,7 @@ def _with_one_more(
         if gain < limit_of(len(now.innovations) * products, limits.mode_alarm):
             break
         trial = _with(samples, own, now, modes, limits)
-        if trial is not None and _better(trial, now, limits):
+        if trial is not None and better(trial, now, limits):
             return trial
     return None
 
@@ -149,13 +147,6 @@ def _none(samples: Samples) -> Predictor:
     found = predicted(samples, [], columns, np.zeros((len(samples.records), 0)))
     assert found is not None
     return found
-
-
-def _better(trial: Predictor, now: Predictor, limits: Limits) -> bool:
-    """True where noise does not explain what a fit with more gains, by its probability and by the criterion."""
-    more = max(trial.n_parameters - now.n_parameters, 1)
-    sure = trial.log_likelihood - now.log_likelihood > limit_of(more, limits.mode_alarm)
-    return sure and trial.criterion < now.criterion
 
 
 def _with(
@@ -217,29 +208,3 @@ def _of_phases(driven: Samples, highest: float) -> list[InputMode]:
         seen, driving = bands
         modes.append(replace(mode, turns=mode.turns[seen], reach=mode.reach[driving], gains=mode.gains[:, driving]))
     return modes
-
-
-def _needed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
-    """Without modes that noise explains once all others are fitted again."""
-    while len(now.modes) > 1:
-        inverse, trials = normal_of(samples, now, rough=True).inverse(anchored(now)), []
-        for number, (mode, place) in enumerate(zip(now.modes, places(now.modes), strict=True)):
-            count = 2 * mode.shape.size
-            weight = squares(mode.parameters[-count:], inverse[place, place][-count:, -count:])
-            if weight > DOUBTFUL * limit_of(count, limits.mode_alarm):
-                continue
-            modes = [mode for k, mode in enumerate(now.modes) if k != number]
-            trial = rebuilt(samples, replace(now, initial=np.zeros((len(samples.records), 0))), modes)
-            if trial is not None:
-                trials.append(solve(samples, trial, rough=True))
-        if not trials:
-            return now
-        best = max(trials, key=lambda own: own.log_likelihood)
-        limit = limit_of(now.n_parameters - best.n_parameters, limits.mode_alarm)
-        if now.log_likelihood - best.log_likelihood > HOPELESS * limit:
-            return now
-        best = grown(samples, best, limits)
-        if _better(now, best, limits):
-            return now
-        now = best
-    return now

@@ -1,6 +1,7 @@
 """Outputs alone: the chain from a record to a verdict."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -17,8 +18,10 @@ from floquid import (
     reconstruct,
 )
 from floquid.exports import summary
-from floquid.innovations import first_innovations, period_step, repetition
+from floquid.findings import Severity
+from floquid.innovations import Fit, first_innovations, model_of, period_step, predicted, repetition
 from floquid.inputs import samples_of
+from floquid.pipeline.with_inputs._ambient import _told
 
 SYSTEM, PHASES = mathieu(), 16
 
@@ -70,6 +73,21 @@ def test_the_matrix_of_the_system_comes_of_outputs_alone(analysis):
     assert found.system_std is None
     with pytest.raises(InputError, match="states"):
         reconstruct(analysis.model, ["x", "x"])
+
+
+@pytest.mark.parametrize(("decay", "severity"), [(1.0, Severity.FAILURE), (6.0, Severity.WARNING)])
+def test_a_copy_of_a_mode_that_outlasts_a_period_fails(analysis, decay, severity):
+    fit, own = analysis.fit, analysis.fit.at.modes[0]
+    exponent = complex(decay * own.exponent.real, own.exponent.imag)
+    copies = [replace(own, exponent=share * exponent, gains=0.5 * own.gains) for share in (1.0, 1.001)]
+    at = predicted(fit.samples, copies, fit.at.columns, np.zeros((1, 4)))
+    twice = Fit(fit.samples, at, fit.acting)
+    model = model_of(twice, analysis.model.channels, (), analysis.model.provenance)
+    told = _told(twice, model, np.full(4, 0.1), 1.0, np.zeros(2, bool))
+    assert [own.severity for own in told if own.code == "ambient_alike"] == [severity]
+    # Far from each other over their deviations both are there.
+    told = _told(twice, model, np.full(4, 1e-4), 1.0, np.zeros(2, bool))
+    assert [own.severity for own in told if own.code == "ambient_alike"] == [Severity.WARNING]
 
 
 def test_a_line_at_the_speed_is_taken_off(values):

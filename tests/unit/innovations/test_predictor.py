@@ -8,6 +8,7 @@ import pytest
 from floquid.innovations import _bands, _real
 from floquid.innovations._colour import colour
 from floquid.innovations._covariance import whitening_of
+from floquid.innovations._fewer import alike, needed
 from floquid.innovations._gain import stable_gains
 from floquid.innovations._predictor import Mode, gradient, matrices, predicted, slopes
 from floquid.innovations._result import Fit, sized
@@ -145,6 +146,28 @@ def test_gains_of_a_predictor_that_grows_have_a_stable_one_of_the_same_spectrum(
     # Half of the gain is no longer that spectrum.
     half = predicted(samples, [replace(mode, gains=0.5 * mode.gains) for mode in stable], *still)
     assert half is None or colour(samples, half)[1] < 1e-9
+
+
+@pytest.mark.parametrize("number", [0, 1], ids=["pair", "real"])
+def test_of_copies_of_a_mode_one_stays(number):
+    generator, times = np.random.default_rng(5), 0.4 + STEP * np.arange(3000)
+    modes = [replace(mode, gains=15.0 * mode.gains) for mode in modes_of(generator)]
+    noise, inputs = generator.standard_normal((2, 3000)), generator.standard_normal((1, 3000))
+    values = response_of(modes, noise, inputs, times, np.zeros(3))
+    samples = samples_of([values], [inputs], [0.4], step=STEP, fundamental=OMEGA, hold="none")
+    whole = predicted(samples, stable_gains(samples, modes, np.eye(2), 3.0), np.zeros((2, 1)), np.zeros((1, 3)))
+    own = whole.modes[number]
+    other = replace(own, shape=-19.0 * own.shape)
+    if number == 0:
+        other = other.turned(1.0, OMEGA, STEP).conjugate()
+    twice = [*whole.modes, replace(other, exponent=1.001 * other.exponent.real + 1j * other.exponent.imag)]
+    twice[number] = replace(own, shape=20.0 * own.shape)
+    found = predicted(samples, twice, whole.columns, np.zeros((1, sum(mode.rows for mode in twice))))
+    assert [number, 2] in alike(found.modes, OMEGA)
+    left = needed(samples, found, Limits(highest=3))
+    assert [mode.real for mode in left.modes].count(number == 1) == 1
+    assert len(left.modes) == 2
+    assert left.log_likelihood > whole.log_likelihood - 1.0
 
 
 def test_stable_gains_are_those_of_the_equation_run_along_a_record(case):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +12,11 @@ from floquid.core import PeriodicModel, Provenance, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, failure, note, warning
 from floquid.innovations import (
+    ALIKE,
+    GONE,
     Fit,
     Predictor,
+    alike,
     colour,
     first_innovations,
     model_of,
@@ -45,9 +47,6 @@ CLEARLY = 2.0
 
 A response that is hardly periodic scores at many periods, by up to 1.6 times what it does at its own.
 """
-
-ALIKE = 0.5
-"""The distance of two modes over their decay below which they may be one."""
 
 AIM = 0.1
 """The relative deviation of the damping for which the length of a record is given."""
@@ -250,16 +249,22 @@ def _told(
                 seconds=float(periods[worst] * model.period),
             )
         )
-    omega, near = model.fundamental, set()
-    for one, other in combinations(range(len(places)), 2):
-        first, second = fit.at.modes[one].exponent, fit.at.modes[other].exponent
-        gaps = [first - second, first - second.conjugate()]
-        gap = min(abs(gap - 1j * omega * round(gap.imag / omega)) for gap in gaps)
-        if gap < ALIKE * min(abs(first.real), abs(second.real)):
-            near |= {one, other}
-    if near:
-        found.append(warning("ambient_alike", frequencies=hertz[sorted(near)].tolist()))
+    groups = [np.array(group) for group in alike(fit.at.modes, model.fundamental) if len(group) > 1]
+    if groups:
+        told = failure if any(_one(fit, model, group, shares) for group in groups) else warning
+        found.append(told("ambient_alike", frequencies=hertz[np.sort(np.concatenate(groups))].tolist()))
     return tuple(found)
+
+
+def _one(fit: Fit, model: PeriodicModel, group: NDArray[np.int64], shares: NDArray[np.float64]) -> bool:
+    """True where modes that outlast a period are nearer to each other than their deviations tell: a copy may be false.
+
+    Poles of excitation that die within a period often are the same and are there.
+    """
+    modes = [fit.at.modes[number] for number in group]
+    lasting = any(-mode.exponent.real * model.period < GONE for mode in modes)
+    near = min(SIGNIFICANT * float(shares[group].max()), ALIKE)
+    return lasting and len(alike(modes, model.fundamental, near)) < len(modes)
 
 
 def _against(samples: Samples, found: Predictor, held_out: NDArray[np.float64]) -> tuple[Finding, ...]:
