@@ -7,7 +7,7 @@ modulated outputs, and operational modal analysis of them.
 """
 
 from floquid.innovations._autoregression import first_innovations as first_innovations
-from floquid.innovations._colour import colour as colour
+from floquid.innovations._covariance import colour as colour
 from floquid.innovations._covariance import reweighed as reweighed
 from floquid.innovations._cyclic import Repetition as Repetition
 from floquid.innovations._cyclic import repetition as repetition
@@ -15,7 +15,7 @@ from floquid.innovations._fewer import ALIKE as ALIKE
 from floquid.innovations._fewer import GONE as GONE
 from floquid.innovations._fewer import alike as alike
 from floquid.innovations._harmonic_spectra import HarmonicSpectra, HomaForm, h_oma, harmonic_spectra
-from floquid.innovations._predictor import Mode as Mode
+from floquid.innovations._mode import Mode as Mode
 from floquid.innovations._predictor import Predictor as Predictor
 from floquid.innovations._predictor import predicted as predicted
 from floquid.innovations._result import Fit as Fit

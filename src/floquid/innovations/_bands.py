@@ -7,7 +7,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.innovations._predictor import Mode, Predictor, predicted, rebuilt
+from floquid.innovations._mode import Mode
+from floquid.innovations._predictor import Predictor, predicted, rebuilt
 from floquid.innovations._solve import Normal, inverted, moved, normal_of, places, solve, squares
 from floquid.inputs import Limits, Samples, limit_of
 

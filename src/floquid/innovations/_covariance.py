@@ -1,8 +1,9 @@
-"""The covariance of innovations along a period: random excitation that turns with the system makes it vary."""
+"""The covariance of innovations along a period, which random excitation that turns makes vary, and their colour."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,9 @@ IN_VAIN = 2
 
 STEPS = 8
 """Steps of Fisher's scoring for the logarithm of a variance."""
+
+LAGS = 20
+"""Lags of the correlation of the innovations."""
 
 
 def reweighed(samples: Samples, at: Predictor) -> Predictor:
@@ -79,3 +83,21 @@ def _log_variance(squares: NDArray[np.float64], columns: NDArray[np.float64]) ->
         found = found + (inverse @ (columns @ np.expm1(np.log(squares + 1e-300) - found))) @ columns
     # At the maximum the mean of the squares over the variance is 1.
     return np.asarray(found + np.log(np.mean(squares * np.exp(-found))), np.float64)
+
+
+def colour(samples: Samples, found: Predictor) -> tuple[float, float]:
+    """The share of the variance of innovations that is predictable, and the probability of so much in white ones.
+
+    Colour that turns with the system is looked for as well as colour that does not (Ljung and Box 1978).
+    """
+    from scipy.special import chdtrc
+
+    white = found.white(found.innovations)
+    turned = samples.turned(1)
+    angles = [np.ones(samples.n_samples), 2.0**0.5 * turned.real, 2.0**0.5 * turned.imag]
+    squares, count = 0.0, samples.n_samples
+    for lag, angle in product(range(1, LAGS + 1), angles):
+        both = (white[:, lag:] * angle[lag:]) @ white[:, :-lag].T / count
+        squares += count * float(np.sum(both**2))
+    degrees = LAGS * len(angles) * len(white) ** 2
+    return (squares - degrees) / (count * len(white)), float(chdtrc(degrees, squares))

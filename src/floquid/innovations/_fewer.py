@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from floquid.innovations._bands import anchored, grown
 from floquid.innovations._gain import stable_gains
-from floquid.innovations._predictor import Mode, Predictor, as_complex, predicted
+from floquid.innovations._mode import Mode, as_complex
+from floquid.innovations._predictor import Predictor, predicted
 from floquid.innovations._solve import normal_of, places, solve, squares
 from floquid.inputs import Limits, Samples, limit_of
 

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.innovations._predictor import Mode, matrices, turning
+from floquid.innovations._mode import Mode
+from floquid.innovations._predictor import matrices, turning
 from floquid.inputs import Samples
 
 SWEEPS = 200

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from floquid.innovations._bands import grown, narrowed
 from floquid.innovations._fewer import hopeless, stable
-from floquid.innovations._predictor import Mode, Predictor, as_complex
+from floquid.innovations._mode import Mode, as_complex
+from floquid.innovations._predictor import Predictor
 from floquid.innovations._solve import normal_of, places, solve
 from floquid.inputs import Limits, Samples
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
 from floquid.core import Channel, PeriodicModel, Provenance
-from floquid.innovations._predictor import Mode, Predictor, gradient, predicted
+from floquid.innovations._mode import Mode
+from floquid.innovations._predictor import Predictor, gradient, predicted
 from floquid.innovations._solve import normal_of, places, squares
 from floquid.inputs import (
     InputMode,

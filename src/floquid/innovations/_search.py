@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.innovations._bands import grown, narrowed
-from floquid.innovations._colour import colour
-from floquid.innovations._covariance import reweighed, whitening_of
+from floquid.innovations._covariance import colour, reweighed, whitening_of
 from floquid.innovations._fewer import GONE, better, needed
 from floquid.innovations._gain import SMALL, stable_gains
-from floquid.innovations._predictor import Mode, Predictor, predicted, rebuilt
+from floquid.innovations._mode import Mode
+from floquid.innovations._predictor import Predictor, predicted, rebuilt
 from floquid.innovations._real import with_real_ones
 from floquid.innovations._solve import solve
 from floquid.inputs import (

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
-from floquid.innovations._predictor import Mode, Predictor, gradient, predicted, slopes
+from floquid.innovations._mode import Mode
+from floquid.innovations._predictor import Predictor, gradient, predicted, slopes
 from floquid.inputs import Samples
 
 LONGEST_STEP = 0.3

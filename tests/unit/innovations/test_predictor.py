@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from floquid.innovations import _bands, _real
-from floquid.innovations._colour import colour
-from floquid.innovations._covariance import whitening_of
+from floquid.innovations._covariance import colour, whitening_of
 from floquid.innovations._fewer import alike, needed
 from floquid.innovations._gain import stable_gains
-from floquid.innovations._predictor import Mode, gradient, matrices, predicted, slopes
+from floquid.innovations._mode import Mode
+from floquid.innovations._predictor import gradient, matrices, predicted, slopes
 from floquid.innovations._result import Fit, sized
 from floquid.innovations._solve import moved, normal_of, solve
 from floquid.inputs import Limits, samples_of
