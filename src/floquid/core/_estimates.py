@@ -158,17 +158,15 @@ class Estimates(Rebuilt):
         by_coefficients: Complexes,
         by_rates: Complexes | None = None,
         by_exponents: Complexes | None = None,
-        by_fundamental: Floats | None = None,
     ) -> Floats:
         r"""The variance of real quantities f, to first order (quantities,).
 
         .. math:: \delta f = \Re \Big(\sum_k \frac{\partial f}{\partial B_k} \delta B_k +
                   \sum_k \frac{\partial f}{\partial s_k} \delta s_k + \sum_r \frac{\partial f}{\partial \lambda_r}
-                  \delta \lambda_r\Big) + \frac{\partial f}{\partial \omega} \delta \omega
+                  \delta \lambda_r\Big)
 
         with s the rates of the terms. A slope is that of the term and of its mirror image together: `by_coefficients`
-        (quantities, terms, channels, hits), `by_rates` (quantities, terms), `by_exponents` (quantities, modes),
-        `by_fundamental` (quantities,).
+        (quantities, terms, channels, hits), `by_rates` (quantities, terms), `by_exponents` (quantities, modes).
         """
         flat = by_coefficients.reshape(len(by_coefficients), -1)
         total = (flat @ self.slopes.reshape(flat.shape[1], -1)).real
@@ -179,8 +177,6 @@ class Estimates(Rebuilt):
             total[:, :count] += own.real
             total[:, count:-1] -= own.imag * ~self.real
             total[:, -1] -= own.imag @ (0.5 * self.half_turns)
-        if by_fundamental is not None:
-            total[:, -1] += by_fundamental
         variance = np.einsum("qp,qp->q", total @ self.covariance, total)
         for channel, hit in np.ndindex(*self.blocks.shape):
             seen = by_coefficients[:, :, channel, hit]

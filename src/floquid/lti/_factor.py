@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import Floats, Integers
-from floquid._checks import integer
 from floquid.lti._types import TimeResponses
 
 BLOCK = 2**20  # the most numbers that are scaled at once
@@ -172,7 +171,7 @@ def _leading(rows: Rows, width: int, rank: int) -> tuple[Floats, float]:
     return q @ (vectors * np.sqrt(np.maximum(values, 0.0))), energy
 
 
-def compress(data: TimeResponses, most: int | None = None, *, rank_one: bool = False) -> TimeResponses:
+def compress(data: TimeResponses, *, rank_one: bool = False) -> TimeResponses:
     r"""The principal responses: the weighted responses seen along orthogonal directions of the outputs.
 
     .. math:: W = \big[\,Y_1/\sigma_1 \;\cdots\; Y_I/\sigma_I\,\big] = U S V^T, \qquad C = U^T W = S V^T
@@ -188,20 +187,11 @@ def compress(data: TimeResponses, most: int | None = None, *, rank_one: bool = F
 
     They are (responses, inputs, samples) in units of the noise of one output. `noise` is √(outputs/responses) for all,
     so that the energy of white noise stays what it is; it is exactly white if there are no more outputs than samples.
-    Raises InputError where `most` is not a positive integer.
 
-    Parameters
-    ----------
-    data
-        The responses and their noise.
-    most
-        The most principal responses; None for as many as there are.
-    rank_one
-        Keep residues of several inputs of rank one: the weights are then the product of one number an output and one
-        an input that is nearest to the noise. Other weights turn the shape of a mode a little with each input.
+    `data` are the responses and their noise. With `rank_one` residues of several inputs stay of rank one: the weights
+    are then the product of one number an output and one an input that is nearest to the noise. Other weights turn the
+    shape of a mode a little with each input.
     """
-    if most is not None:
-        integer(most, "most", "compress", at_least=1)
     if rank_one:
         data = TimeResponses(values=data.values, dt=data.dt, noise=product_noise(data.noise), lengths=data.lengths)
 
@@ -216,8 +206,7 @@ def compress(data: TimeResponses, most: int | None = None, *, rank_one: bool = F
         _, strengths, along = np.linalg.svd(rows, full_matrices=False)
         rows = strengths[:, None] * along
     else:
-        rows = _leading(blocks, width, min(most or LEADING, whole))[0].T[::-1]
-    rows = rows[:most]
+        rows = _leading(blocks, width, min(LEADING, whole))[0].T[::-1]
     values = np.zeros((len(rows), data.n_inputs, data.values.shape[2]))
     ends = np.cumsum(data.lengths)
     for i, (end, length) in enumerate(zip(ends, data.lengths, strict=True)):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Parts = Literal["polar", "cartesian"]
-
 _COLORS, _DASHES = (BLUE, VERMILION, GREEN, ORANGE, PURPLE), ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
 _LOOKS = tuple((_COLORS[k % 5], _DASHES[(k + k // 5) % 5]) for k in range(25))
 """Told apart by dashes as well as by colour; no two alike, since all channels of a figure share its legend."""
@@ -55,19 +53,17 @@ def periodic_shapes(
     states: Sequence[str] | None = None,
     of: Sequence[int] | None = None,
     *,
-    parts: Parts | None = None,
     hit: int = 0,
     weights: ArrayLike | None = None,
 ) -> Figure:
     """The periodic shapes of modes over the period, and the parts of their harmonics.
 
     Those of an identified model are drawn as they are, in the units of the channels, with bands that hold the true
-    value at each phase with 95 %: a row for each mode and unit. In polar form a band is that of a circle with the
-    larger of the deviations of real and imaginary part.
+    value at each phase with 95 %: a row for each mode and unit, in real and imaginary part.
 
-    Those of a known A(t) have a row a mode, by rising damping ratio; each shape is scaled so that the strongest
-    coefficient of its zeroth harmonic is one, in the units of the states. The states drawn are those that take most
-    part in the modes.
+    Those of a known A(t) have a row a mode, by rising damping ratio, in magnitude and phase; each shape is scaled so
+    that the strongest coefficient of its zeroth harmonic is one, in the units of the states. The states drawn are those
+    that take most part in the modes.
 
     Raises InputError where `modes` is something else, there are not as many names as states, or a mode, channel or hit
     is not there.
@@ -82,9 +78,6 @@ def periodic_shapes(
     of
         The indices of the modes, up to six; by default three, one of each pair: those that are damped least, of an
         identified model the strongest. Modes that only die away, such as those of filters, come after all that swing.
-    parts
-        "polar", magnitude and phase, or "cartesian", real and imaginary part; by default polar, of an identified model
-        cartesian.
     hit
         Which of the hits, from 0, of an identified model.
     weights
@@ -93,14 +86,11 @@ def periodic_shapes(
         channels of its unit, so that a channel counts by its size and not by how well it is known. All hits count.
     """
     name = "periodic_shapes"
-    if parts is not None and parts not in get_args(Parts):
-        raise input_error("parts", name, 'be "polar" or "cartesian"', f"is {parts!r}")
     if isinstance(modes, PeriodicModel):
-        return _identified(modes, states, of, hit, weights=weights, polar=parts == "polar", name=name)
+        return _identified(modes, states, of, hit, weights, name)
     if not isinstance(modes, FloquetModes):
         must, remedy = "be a FloquetModes or a PeriodicModel", "Pass floquet.modes(A, period) or analysis.model."
         raise input_error("modes", name, must, f"is {modes!r:.60}", remedy)
-    polar = parts != "cartesian"
     names = _names(modes, states, name)
     damping = _damping(modes)
     chosen = sorted(_asked(modes, of, name) or upper_modes(modes), key=lambda r: (damping[r], -modes.exponents[r].real))
@@ -112,7 +102,7 @@ def periodic_shapes(
         panels = figure.subplots(len(rows), 3, squeeze=False, width_ratios=(3, 3, 2.2))
         for row, (r, three) in enumerate(zip(rows, panels, strict=True)):
             looks = {k: look for k, look in zip(strongest, _LOOKS, strict=False) if shares[r, k] > _SLIGHT}
-            _draw_shape(three, modes, r, names, looks, polar=polar)
+            _draw_shape(three, modes, r, names, looks)
             _draw_harmonics(three[2], modes.harmonics, modes.participation[r])
             plain_decades(three[2])
             three[0].set_title(_title(modes, r), loc="left")
@@ -167,24 +157,20 @@ def _title(modes: FloquetModes, mode: int) -> str:
 
 
 def _draw_shape(
-    panels: Sequence[Axes], modes: FloquetModes, mode: int, names: list[str], looks: dict[int, Any], *, polar: bool
+    panels: Sequence[Axes], modes: FloquetModes, mode: int, names: list[str], looks: dict[int, Any]
 ) -> None:
-    """The two parts of the shape over the period, in each of the states that have a look."""
+    """Magnitude and phase of the shape over the period, in each of the states that have a look."""
     shape = modes.shapes(np.linspace(0.0, modes.period, _POINTS))[mode]
     for k, (color, dashes) in looks.items():
-        parts, _ = _polar(shape[k], None) if polar else ((shape[k].real, shape[k].imag), None)
-        for axes, curve in zip(panels[:2], parts, strict=True):
+        for axes, curve in zip(panels[:2], _polar(shape[k]), strict=True):
             phase = np.linspace(0.0, 360.0, _POINTS)
             axes.plot(phase, curve, color=color, linestyle=dashes, linewidth=1.3, label=plain(names[k]))
-    unit = "[unit of state]"
-    words = (f"$|p|$ {unit}", r"$\angle p$ [deg]") if polar else (f"Re $p$ {unit}", f"Im $p$ {unit}")
-    for axes, label in zip(panels[:2], words, strict=True):
+    for axes, label in zip(panels[:2], ("$|p|$ [unit of state]", r"$\angle p$ [deg]"), strict=True):
         axes.set_ylabel(label)
         axes.margins(y=0.12)
         axes.ticklabel_format(axis="y", useOffset=False)
-    if polar:
-        panels[0].set_ylim(bottom=0.0)
-        _whole_turns(panels[1])
+    panels[0].set_ylim(bottom=0.0)
+    _whole_turns(panels[1])
 
 
 def _whole_turns(axes: Axes) -> None:
@@ -218,9 +204,7 @@ def _identified(
     channels: Sequence[str] | None,
     modes: Sequence[int] | None,
     hit: int,
-    *,
     weights: ArrayLike | None,
-    polar: bool,
     name: str,
 ) -> Figure:
     """The shapes of a model: a row for each mode and unit, and the parts of the harmonics."""
@@ -239,7 +223,7 @@ def _identified(
             for number, unit in enumerate(units):
                 three = panels[place * len(units) + number]
                 own = {row: look for row, look in looks.items() if model.channels[row].unit == unit}
-                _draw_identified(three[:2], model, mode, hit, own, unit, polar=polar)
+                _draw_identified(three[:2], model, mode, hit, own, unit)
                 if number:
                     three[2].set_axis_off()
             first = panels[place * len(units)]
@@ -293,20 +277,15 @@ def _draw_identified(
     hit: int,
     looks: dict[int, tuple[str, Any]],
     unit: str,
-    *,
-    polar: bool,
 ) -> None:
-    """The two parts of the shape in the channels of one unit, with their bands."""
+    """Real and imaginary part of the shape in the channels of one unit, with their bands."""
     curves = shape_curves(model, mode, hit, 181)
     phase, largest = 360.0 * curves.turns, 0.0
     for row, (color, dashes) in looks.items():
         value = curves.values[row]
         std = None if curves.std is None else curves.std[row]
-        if polar:
-            parts, bands = _polar(value, std)
-        else:
-            parts, bands = (value.real, value.imag), (None, None) if std is None else (std.real, std.imag)
-        largest = max(largest, float(np.nanmax(np.abs(parts[0]))), 0.0 if polar else float(np.nanmax(np.abs(parts[1]))))
+        parts, bands = (value.real, value.imag), (None, None) if std is None else (std.real, std.imag)
+        largest = max(largest, *(float(np.nanmax(np.abs(part))) for part in parts))
         for axes, part, band in zip(panels, parts, bands, strict=True):
             axes.plot(phase, part, color=color, linestyle=dashes, linewidth=1.3, label=plain(model.channels[row].name))
             if band is not None:
@@ -314,25 +293,16 @@ def _draw_identified(
                 axes.fill_between(phase, part - INTERVAL * band, part + INTERVAL * band, **edge)
     if curves.std is not None:
         panels[0].fill_between([], [], [], color=GREY, alpha=0.4, linewidth=0.0, label="95 % intervals")
-    for axes, name in zip(panels, ("size", "") if polar else ("Re", "Im"), strict=True):
+    for axes, name in zip(panels, ("Re", "Im"), strict=True):
         axes.margins(y=0.12)
-        if name:
-            label_values(axes, name, unit, largest)
-    if polar:
-        panels[0].set_ylim(bottom=0.0)
-        panels[1].set_ylabel("phase [deg]")
+        label_values(axes, name, unit, largest)
 
 
-def _polar(value: Complexes, std: Complexes | None) -> tuple[Any, Any]:
-    """Size and phase; their errors are those of a circle with the larger of the two deviations."""
+def _polar(value: Complexes) -> tuple[Floats, Floats]:
+    """Size and phase, the phase where the size says something."""
     size, angle = np.abs(value), np.degrees(np.unwrap(np.angle(value)))
     angle = angle - 360.0 * np.round(angle.mean() / 360.0)
-    seen = size > _FAINT * max(float(size.max()), 1e-300)
-    parts = size, np.where(seen, angle, np.nan)
-    if std is None:
-        return parts, (None, None)
-    spread = np.maximum(std.real, std.imag)
-    return parts, (spread, np.degrees(np.divide(spread, size, out=np.full_like(size, np.nan), where=seen)))
+    return size, np.where(size > _FAINT * max(float(size.max()), 1e-300), angle, np.nan)
 
 
 def _by_unit(model: PeriodicModel) -> Floats:

@@ -83,7 +83,7 @@ def _read_excited(file: Any, kind: str) -> ExcitedAnalysis:
     """A result of records whose excitation goes on."""
     if kind not in EXCITED.values():
         raise DamagedError(f"it is of the kind {kind!r}, which this floquid does not know (update floquid)")
-    settings, (records, _) = _settings(file["settings"]), _measured(file, "records", len(file["records"]))
+    settings, (records, _) = _settings(file["settings"]), _measured(file, len(file["records"]))
     group, made = file["fit"], next(one for one, name in EXCITED.items() if name == kind)
     modes = [group[f"modes/mode{number}"] for number in range(1, len(group["modes"]) + 1)]
     found = get_fields(file, made)
@@ -183,7 +183,7 @@ def _settings(group: Any) -> Settings:
 
 def _fit(file: Any, model: PeriodicModel, settings: Settings) -> Stored:
     """The records used, the angle of the shaft in each that has one, and the fit."""
-    records, shafts = _measured(file, "records", model.n_hits)
+    records, shafts = _measured(file, model.n_hits)
     samples, group = samples_of(records, shafts, settings), file["fit"]
     names = [f"free/hit{number}" for number in range(1, model.n_hits + 1)]
     free = tuple(_record(group[name]) if name in group else one for name, one in zip(names, samples, strict=True))
@@ -205,10 +205,10 @@ def _made_fit(
     return Fit(model=model, forced=forced, free=free, **found)
 
 
-def _measured(group: Any, name: str, count: int) -> tuple[tuple[Record, ...], tuple[ShaftAngle, ...]]:
+def _measured(group: Any, count: int) -> tuple[tuple[Record, ...], tuple[ShaftAngle, ...]]:
     """The records as they were measured, and the angle of the shaft in each that has one."""
     shafts = _hits(group, "shafts", count) if "shafts" in group else []
-    return tuple(map(_record, _hits(group, name, count))), tuple(get_object(hit, ShaftAngle) for hit in shafts)
+    return tuple(map(_record, _hits(group, "records", count))), tuple(get_object(hit, ShaftAngle) for hit in shafts)
 
 
 def _hits(group: Any, name: str, count: int) -> list[Any]:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._arrays import Floats, Integers
-from floquid._checks import finite, frozen_array, input_error, noise_array
+from floquid._checks import frozen_array, input_error, noise_array
 from floquid._numerics import filter_gain
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.findings import Finding, failure, warning
@@ -19,6 +19,7 @@ from floquid.sync import ShaftAngle
 from floquid.validation._held_out import cycles_of, only
 from floquid.validation._types import Criterion
 
+FALSE_ALARM = 1e-3  # the probability at which noise may fail one of the checks, over all responses and lines together
 REMAINDER = 0.05  # the share of the response, in amplitude, that a model may leave beyond the noise and still pass
 
 
@@ -67,7 +68,6 @@ class Case:
     cycles: tuple[Integers, ...]
     highest: float  # half of the lowest sampling rate, in fundamentals
     per_revolution: float
-    false_alarm: float
 
     def places(self, places: Sequence[tuple[int, ...]]) -> dict[str, list[Any]]:
         """The names of the channels and the numbers of the hits of responses; 0 where there is one hit alone."""
@@ -103,13 +103,10 @@ def case_of(
     noise: ArrayLike,
     whitening: ArrayLike | None,
     periods_per_revolution: float,
-    false_alarm: float,
 ) -> Case:
     """The arguments, checked, and after the filter."""
     of = "validate"
     spread = noise_array(noise, of, model.coefficients.shape[1:3])
-    if not 0.0 < finite(false_alarm, "false_alarm", of) < 1.0:
-        raise input_error("false_alarm", of, "lie between 0 and 1", f"is {false_alarm:g}")
     if len(clocks) != len(records) or len(records) != model.n_hits:
         got = f"there are {len(records)} records and {len(clocks)} clocks, and the model has {model.n_hits} hits"
         raise input_error("records", of, "be one a hit of the model, each with a clock", got)
@@ -128,7 +125,6 @@ def case_of(
         cycles=tuple(cycles_of(model, both, spread)),
         highest=0.5 * min(record.sample_rate for record in used) * model.period,
         per_revolution=shafts[0].periods_per_revolution if shafts else periods_per_revolution,
-        false_alarm=false_alarm,
     )
 
 

@@ -14,6 +14,7 @@ from floquid.sync import ShaftAngle
 
 Clocks = Sequence[ConstantPeriod | ShaftAngle]
 
+FOLDS = 5  # the parts that the cycles are dealt into
 PHASES = 32  # instants of a period at which the response is looked at, to see where it has died
 ALIVE = 0.2  # the rms of the response in a cycle, over the noise, below which there is nothing to predict
 PIECES = 5  # pieces of a record in each fold, where it has that many cycles
@@ -41,7 +42,6 @@ def held_out(
     clocks: Clocks,
     cycles: Sequence[Integers],
     noise: Floats,
-    folds: int,
 ) -> HeldOut | None:
     r"""Interleaved pieces of the record, in turn left out of the fit and predicted.
 
@@ -57,7 +57,7 @@ def held_out(
     """
     last = max(int(own.max()) for own in cycles)
     first, end = _predictable(model, last + 1)
-    folds = min(folds, (end - first) // 2)
+    folds = min(FOLDS, (end - first) // 2)
     if folds < 2:
         return None
     alive = [only(record, own >= 0) for record, own in zip(records, cycles, strict=True)]

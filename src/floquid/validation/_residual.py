@@ -11,7 +11,7 @@ from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.periodic import line_amplitudes, unexplained, without_lines
 from floquid.sync import ShaftAngle
-from floquid.validation._case import REMAINDER, Case, Checks, strongest
+from floquid.validation._case import FALSE_ALARM, REMAINDER, Case, Checks, strongest
 
 TONE = 0.1  # the amplitude of a tone, over the noise, that is let pass in any case
 
@@ -57,7 +57,7 @@ def _tones(case: Case, left: list[Floats], found: Checks) -> dict[str, NDArray]:
         amplitudes, squares = line_amplitudes(*_residual(case, hit, rest), np.zeros(len(turns)), turns)
         size[:, hit] = amplitudes / case.noise[:, hit, None]
         score[:, hit] = squares / case.noise[:, hit, None] ** 2
-    there = (score > chdtri(2, case.false_alarm / score.size)) & (size > TONE)
+    there = (score > chdtri(2, FALSE_ALARM / score.size)) & (size > TONE)
     candidates = np.flatnonzero(there.any(axis=(0, 1)))
     there[..., candidates] &= score[..., candidates] > ABOVE * _beside(case, left, turns[candidates])
     found.kept("tone", float(np.max(size * there, initial=0.0)), TONE, failing=LOUD_TONE)
@@ -161,7 +161,7 @@ def _peaks(case: Case, left: list[Floats], found: Checks) -> Mask:
     total = sum(lines * len(score) for _, lines, score, _, _ in looks)
     size, frequency = np.zeros(case.noise.shape), np.zeros(case.noise.shape)
     for hit, _, score, amplitude, where in looks:
-        better = (score > np.log(total / case.false_alarm)) & (amplitude > TONE) & (amplitude > size[:, hit])
+        better = (score > np.log(total / FALSE_ALARM)) & (amplitude > TONE) & (amplitude > size[:, hit])
         size[better, hit] = amplitude[better]
         frequency[better, hit] = where[better] * case.records[hit].sample_rate
     if not found.kept("line", float(size.max()), TONE, failing=LOUD_LINE):
@@ -184,7 +184,7 @@ def _colour(case: Case, left: list[Floats], hidden: Mask, found: Checks) -> Floa
         size = np.maximum(numbers - 2 * len(rates), 1)
         rounding = np.sqrt(np.nanmean(rest**2, axis=1)) < ROUNDING * case.noise[:, hit]
         excess[:, hit] = np.where(rounding, 0.0, squares - lags / size)
-        limit[:, hit] = np.maximum((chdtri(lags, case.false_alarm / case.responses) - lags) / size, COLOUR)
+        limit[:, hit] = np.maximum((chdtri(lags, FALSE_ALARM / case.responses) - lags) / size, COLOUR)
     place = np.unravel_index(int(np.argmax(excess / limit)), excess.shape)
     bound = float(limit[place])
     found.kept("colour", float(excess[place]), bound, failing=max(STRONG_COLOUR, bound))

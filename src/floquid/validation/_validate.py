@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._arrays import Floats, Integers, Mask
-from floquid._checks import integer
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.errors import FloquidError
 from floquid.findings import Finding, failure
 from floquid.periodic import NEGLIGIBLE_SLIP, SIGNIFICANT, own_period
 from floquid.reconstruction import StateModel
 from floquid.sync import ShaftAngle
-from floquid.validation._case import REMAINDER, Case, Checks, case_of, strongest
+from floquid.validation._case import FALSE_ALARM, REMAINDER, Case, Checks, case_of, strongest
 from floquid.validation._consistency import consistency
 from floquid.validation._held_out import held_out
 from floquid.validation._residual import left_by
@@ -45,8 +44,6 @@ def validate(
     state: StateModel | None = None,
     whitening: ArrayLike | None = None,
     periods_per_revolution: float = 1.0,
-    folds: int = 5,
-    false_alarm: float = 1e-3,
     report: Callable[[str], None] = lambda _: None,
 ) -> Validation:
     r"""The verdict on a model: cycles held out, what is left of the record, and A(t) integrated.
@@ -76,22 +73,17 @@ def validate(
         The filter of each channel that makes its noise white (channels, taps); None where it is.
     periods_per_revolution
         Periods of the system in a revolution of the shaft, where no clock says it.
-    folds
-        The parts that the cycles are dealt into.
-    false_alarm
-        The probability at which noise may fail one of the checks, over all channels, hits and lines together.
     report
         Called with a sentence on each stage.
     """
-    case = case_of(model, records, clocks, noise, whitening, periods_per_revolution, false_alarm)
-    integer(folds, "folds", "validate", at_least=2)
+    case = case_of(model, records, clocks, noise, whitening, periods_per_revolution)
     report("checking the model on cycles left out")
     found = Checks()
     _period(case, found)
     strength(case, found)
     # What names a cause comes before what shows the effect.
     arrays = left_by(case, found)
-    fit, error = _held_out(case, folds, found)
+    fit, error = _held_out(case, found)
     if state is not None:
         _state(model, state, found)
     found.kept("remainder", found.remainder, REMAINDER)
@@ -108,21 +100,21 @@ def validate(
     )
 
 
-def _held_out(case: Case, folds: int, found: Checks) -> tuple[Floats, Floats]:
+def _held_out(case: Case, found: Checks) -> tuple[Floats, Floats]:
     """The fit, and the rms error over the noise (channels, hits)."""
     from scipy.special import chdtri
 
     nothing = np.full(case.noise.shape, np.nan)
     criteria = {"fit": LEAST_FIT, "held_out_error": ERROR, "held_out_stretch": ERROR}
     try:
-        sums = held_out(case.model, case.records, case.clocks, case.cycles, case.noise, folds)
+        sums = held_out(case.model, case.records, case.clocks, case.cycles, case.noise)
         why = failure("held_out_too_few")
     except (FloquidError, np.linalg.LinAlgError) as error:
         sums, why = None, failure("held_out_singular", error=str(error).rstrip("."))
     if sums is None:
         found.missing(criteria, why)
         return nothing, nothing
-    alarm = case.false_alarm / case.responses
+    alarm = FALSE_ALARM / case.responses
     numbers, own = sums.numbers.sum(axis=2), sums.own.sum(axis=2)
     most = chdtri(np.maximum(numbers, 1), alarm)
     beyond, response = np.maximum(own - most, 0.0), sums.response.sum(axis=2) - numbers

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._arrays import Complexes, Floats
-from floquid._checks import finite, frozen_array, input_error, integer
+from floquid._checks import finite, frozen_array, input_error
 from floquid.core import PeriodicModel
 from floquid.inputs import TransferFunctions
 
@@ -15,7 +15,7 @@ POINTS = 73
 SINGULAR = 1e-12  # the ratio of the variances across and along a region up to which it is a line
 
 
-def ellipse(centre: complex, covariance: ArrayLike, level: float = 0.95, points: int = POINTS) -> Complexes:
+def ellipse(centre: complex, covariance: ArrayLike, level: float = 0.95) -> Complexes:
     r"""The edge of the region of a complex estimate, in the plane.
 
     .. math:: (z - \hat z)^T C^{-1} (z - \hat z) = -2 \ln(1 - p)
@@ -24,7 +24,7 @@ def ellipse(centre: complex, covariance: ArrayLike, level: float = 0.95, points:
     to each side it is the quantile of (1 + p)/2 times the deviation.
 
     `centre` is the estimate, `covariance` C of its real and imaginary part (2, 2), and `level` the probability p that
-    the region holds the true value. The edge is closed and has so many `points` (points,). Raises InputError where the
+    the region holds the true value. The edge is closed (points,). Raises InputError where the
     covariance is none, or the level no probability.
     """
     from scipy.special import ndtri
@@ -33,7 +33,7 @@ def ellipse(centre: complex, covariance: ArrayLike, level: float = 0.95, points:
     matrix = frozen_array(covariance, "covariance", of, axes=(2, 2))
     if not 0.0 < finite(level, "level", of) < 1.0:
         raise input_error("level", of, "lie between 0 and 1", f"is {level:g}")
-    turn = np.linspace(0.0, 2.0 * np.pi, integer(points, "points", of, at_least=3))
+    turn = np.linspace(0.0, 2.0 * np.pi, POINTS)
     values, vectors = np.linalg.eigh(0.5 * (matrix + matrix.T))
     if values[0] < -1e-9 * max(values[1], 0.0):
         raise input_error("covariance", of, "have no negative variance", f"has {values[0]:g} along one direction")

@@ -360,8 +360,6 @@ def test_principal_responses_say_the_same(size):
     small = compress(quiet)
     energy = sum(np.sum((small.values[:, i, :n] / small.noise[:, i, None]) ** 2) for i, n in enumerate(small.lengths))
     assert energy == pytest.approx(len(small.values) * width, rel=6.0 * np.sqrt(2.0 / (quiet.n_outputs * width)))
-    assert len(compress(data, 3).values) == 3
-    assert_allclose(np.abs(compress(data, 3).values), np.abs(found.values[:3]), atol=1e-6 * strength[0])
 
 
 @pytest.mark.parametrize("noise", [1e-9, 1e-7, 0.02])

@@ -84,7 +84,6 @@ def test_variances_are_those_of_the_dense_covariance(known, locked, kind):
         "by_coefficients": drawn(*own.coefficients.shape),
         "by_rates": drawn(len(own.modes)) * 1e3,
         "by_exponents": drawn(count) * 1e3,
-        "by_fundamental": drawn().real * 1e3,
     }
     by_part = {
         "by_rates": np.zeros((len(own.modes), parts), complex),
@@ -97,14 +96,13 @@ def test_variances_are_those_of_the_dense_covariance(known, locked, kind):
         by_part["by_rates"][:, part] = (up.rates - down.rates) / 2e-4
         by_part["by_exponents"][:, part] = (up.exponents - down.exponents) / 2e-4
     matrix = dense(own)
-    for chosen in ("by_rates", "by_exponents", "by_fundamental", None):
+    for chosen in ("by_rates", "by_exponents", None):
         used = {k: v for k, v in whole.items() if chosen in (None, k) or k == "by_coefficients"}
         flat = used["by_coefficients"].reshape(n, -1)
         gradient = np.concatenate([np.zeros((n, parts)), flat.real, -flat.imag], axis=1)
         for name, slope in by_part.items():
             if name in used:
                 gradient[:, :parts] += (used[name] @ slope).real
-        gradient[:, parts - 1] += used.get("by_fundamental", np.zeros(n))
         assert_allclose(own.variance(**used), np.einsum("qi,ij,qj->q", gradient, matrix, gradient), rtol=1e-8)
 
 

@@ -118,25 +118,21 @@ def test_what_is_below_all_rings_is_said(far_apart):
 # Shapes.
 
 
-@pytest.mark.parametrize("parts", ["polar", "cartesian"])
-def test_shapes_over_the_period(rotor, parts):
+def test_shapes_over_the_period(rotor):
     names = ["X", "Y", "u", "v"]
-    figure = periodic_shapes(rotor, names, of=[0, 2], parts=parts)
+    figure = periodic_shapes(rotor, names, of=[0, 2])
     first = min((0, 2), key=lambda r: rotor.damping_ratios[r])
     one, two = figure.axes[:2]
     assert legend(figure) == names
     for k, name in enumerate(names):
         phase, values = drawn(one, name)
         shape = rotor.shapes(np.asarray(phase) / 360.0 * rotor.period)[first, k]
-        assert values == pytest.approx(np.abs(shape) if parts == "polar" else shape.real, abs=1e-12)
+        assert values == pytest.approx(np.abs(shape), abs=1e-12)
         other = np.asarray(drawn(two, name)[1])
-        if parts == "cartesian":
-            assert other == pytest.approx(shape.imag, abs=1e-12)
-        else:
-            seen = np.isfinite(other)
-            turned = np.exp(1j * np.radians(other[seen])) * np.abs(shape[seen])
-            assert turned == pytest.approx(shape[seen], abs=1e-9)
-            assert (np.abs(shape[~seen]) <= 0.02 * np.abs(shape).max()).all()
+        seen = np.isfinite(other)
+        turned = np.exp(1j * np.radians(other[seen])) * np.abs(shape[seen])
+        assert turned == pytest.approx(shape[seen], abs=1e-9)
+        assert (np.abs(shape[~seen]) <= 0.02 * np.abs(shape).max()).all()
 
 
 def test_harmonics_are_bars_of_their_part(rotor):
@@ -199,7 +195,6 @@ def test_states_are_chosen_whatever_their_units():
         ({"states": "abcd"}, "`states` of `periodic_shapes` must hold 4 names, but is 'abcd'"),
         ({"of": [4]}, "`of` of `periodic_shapes` must list one to 6 indices from 0 to 3"),
         ({"of": []}, "`of` of `periodic_shapes` must list one to 6"),
-        ({"parts": "both"}, "`parts` of `periodic_shapes` must be"),
     ],
 )
 def test_shapes_that_cannot_be_drawn(rotor, changes, words):
@@ -261,7 +256,7 @@ def figures(rotor, locked, far_apart, band, region):
     for found in (rotor, locked, far_apart):
         yield exponents(found)
         yield periodic_shapes(found)
-    yield periodic_shapes(rotor, long, of=[0, 1, 2, 3], parts="cartesian")
+    yield periodic_shapes(rotor, long, of=[0, 1, 2, 3])
     yield draw_map(band)
     yield draw_map(region)
 

@@ -188,9 +188,8 @@ def test_numbers_of_crowded_modes_do_not_lie_on_one_another(found):
     assert not any(one.overlaps(other) for k, one in enumerate(boxes) for other in boxes[:k])
 
 
-@pytest.mark.parametrize("parts", [None, "polar"])
-def test_shapes_of_a_model_have_bands(found, parts):
-    figure = plot.periodic_shapes(found.model, of=[0, 2], parts=parts, hit=1)
+def test_shapes_of_a_model_have_bands(found):
+    figure = plot.periodic_shapes(found.model, of=[0, 2], hit=1)
     for row, mode in enumerate((0, 2)):
         curves = views.shape_curves(found.model, mode, 1, points=181)
         one, two, _ = figure.axes[3 * row : 3 * row + 3]
@@ -198,12 +197,10 @@ def test_shapes_of_a_model_have_bands(found, parts):
             value, std = curves.values[channel], curves.std[channel]
             phase, first = drawn(one, name)
             assert phase == pytest.approx(np.linspace(0.0, 360.0, 181))
-            assert first == pytest.approx(np.abs(value) if parts else value.real)
+            assert first == pytest.approx(value.real)
             band = one.collections[channel].get_paths()[0].vertices[1:182]
-            spread = np.maximum(std.real, std.imag) if parts else std.real
-            assert band[:, 1] == pytest.approx(first - 1.96 * spread)
-            if not parts:
-                assert drawn(two, name)[1] == pytest.approx(value.imag)
+            assert band[:, 1] == pytest.approx(first - 1.96 * std.real)
+            assert drawn(two, name)[1] == pytest.approx(value.imag)
     assert [axes.get_title(loc="left").split(":")[0] for axes in figure.axes[::3]] == ["mode 1", "mode 2"]
     assert "95 % intervals" in legend(figure)
 
@@ -253,7 +250,6 @@ def test_bars_without_weights_do_not_depend_on_units(found):
         ({"states": ["Z"]}, "`states` of `periodic_shapes`"),
         ({"hit": 2}, "`hit` of `periodic_shapes` must be less than 2"),
         ({"weights": [1.0]}, "`weights` of `periodic_shapes` must have shape"),
-        ({"parts": "both"}, "`parts` of `periodic_shapes` must be"),
     ],
 )
 def test_shapes_that_cannot_be_drawn(found, arguments, words):
@@ -401,7 +397,7 @@ def figures(found, locked, poles):
     yield plot.exponents(found.model, truth=exact)
     yield plot.exponents(locked.model)
     yield plot.periodic_shapes(found.model)
-    yield plot.periodic_shapes(named.model, parts="polar")
+    yield plot.periodic_shapes(named.model)
     yield plot.periodic_shapes(locked.model)
     yield plot.synthesis(found, hit=1)
     yield plot.synthesis(locked)

@@ -102,7 +102,7 @@ def test_the_power_of_a_mode_is_that_of_its_response(exponents):
     times = np.arange(4000) / 64.0
     values = np.sum(3.0 * np.exp(np.multiply.outer(exponents, times)), axis=0).real
     record = Record(values=values[None], sample_rate=64.0, channels=model.channels)
-    case = case_of(model, [record], [ConstantPeriod(period=1.0)], 0.5 * np.ones((1, 1)), None, 1.0, 1e-3)
+    case = case_of(model, [record], [ConstantPeriod(period=1.0)], 0.5 * np.ones((1, 1)), None, 1.0)
     assert _power(case, 0) == pytest.approx(np.sum(values**2) / 0.25, rel=0.02)
 
 
@@ -148,7 +148,7 @@ def test_a_forced_response_left(per_revolution, turn, words):
     assert text.startswith(f"{words} per revolution left in channel Y: 0.")
     assert "`forced=`" in text
     record = noisy(tone)
-    alive = case_of(right(), [record], [record.clock], sigma(), None, per_revolution, 1e-3).cycles[0] >= 0
+    alive = case_of(right(), [record], [record.clock], sigma(), None, per_revolution).cycles[0] >= 0
     energy = np.sum((record.values[:, alive] / sigma()) ** 2) - record.values[:, alive].size
     size = found.tones[1, 0, np.argmin(np.abs(found.turns - turn))]
     least = size * np.sqrt(0.5 * alive.sum() / energy)
@@ -437,8 +437,6 @@ def test_a_criterion_without_a_number_is_not_met():
     [
         ({"noise": np.zeros((4, 1))}, "`noise` of `validate` must be positive"),
         ({"noise": np.ones((4, 2))}, "`noise` of `validate` must have shape"),
-        ({"folds": 1}, "`folds` of `validate` must be an integer of at least 2"),
-        ({"false_alarm": 1.0}, "`false_alarm` of `validate` must lie between"),
         ({"whitening": np.ones((3, 2))}, "`whitening` of `validate` must have shape"),
     ],
 )

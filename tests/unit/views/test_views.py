@@ -163,7 +163,6 @@ def test_the_region_of_a_multiplier_has_the_period_in_it(found):
         ((0j, np.eye(3)), "`covariance` of `ellipse` must have shape"),
         ((0j, -np.eye(2)), "`covariance` of `ellipse` must have no negative variance"),
         ((0j, np.eye(2), 1.0), "`level` of `ellipse` must lie between 0 and 1"),
-        ((0j, np.eye(2), 0.9, 2), "`points` of `ellipse`"),
     ],
 )
 def test_no_ellipse(arguments, words):

@@ -32,13 +32,13 @@ def checked_tolerance(tolerance: float, of: str, largest: float = 1e-3) -> float
     return accuracy
 
 
-def as_array(value: ArrayLike, argument: str, of: str, remedy: str = "") -> NDArray[Any]:
+def as_array(value: ArrayLike, argument: str, of: str) -> NDArray[Any]:
     """The value given as an array, of whatever it holds."""
     try:
         return np.asarray(value)
     except ValueError:
         got = "has rows of unequal length"
-        raise input_error(argument, of, "be an array", got, remedy or "Give each row as many numbers.") from None
+        raise input_error(argument, of, "be an array", got, "Give each row as many numbers.") from None
 
 
 def checked_breaks(breaks: ArrayLike, period: float, of: str) -> Floats:

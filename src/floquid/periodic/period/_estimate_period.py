@@ -25,6 +25,7 @@ ROUNDS = 3  # rounds in which bands may grow
 AGREE = 6.0  # standard deviations within which the fit keeps the fundamental of the lines
 EXACT = 0.3  # share of a period within which one by modes must be known to be told from the next fraction of an orbit
 SHOWN = 8  # candidates that are reported
+HARMONIC_ALARM = 1e-6  # the probability that noise passes for a harmonic of any mode
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,8 +120,6 @@ def estimate_period(
     *,
     longest: float | None = None,
     shortest: float | None = None,
-    false_alarm: float = 1e-9,
-    harmonic_false_alarm: float = 1e-6,
     report: Callable[[str], None] = lambda _: None,
 ) -> PeriodEstimate:
     r"""The period of a system from its free response alone.
@@ -150,15 +149,13 @@ def estimate_period(
         instant of phase zero that a constant period gives.
     longest, shortest
         Bounds of the period [s]; a quarter of the record, and two sampling intervals, where not given.
-    false_alarm, harmonic_false_alarm
-        The probabilities that noise passes for a line, and for a harmonic of any mode.
     report
         Is told of each stage.
     """
     longest, shortest = _bounds(records, longest, shortest)
     report("searching for lines")
     blocks = raw_blocks(records)
-    lines = find_lines(blocks, shortened=True, false_alarm=false_alarm, report=report)
+    lines = find_lines(blocks, shortened=True, report=report)
     damped, tones = lines.picked(~lines.undamped), lines.picked(lines.undamped)
     found = spacings_of(damped, tones, 2.0 * np.pi / longest, 2.0 * np.pi / shortest)
     findings, told = _judgement(damped, tones, found)
@@ -166,7 +163,7 @@ def estimate_period(
     if told:
         report("fitting the period")
         try:
-            refined = _refined(records, blocks, damped, tones, found[0], harmonic_false_alarm)
+            refined = _refined(records, blocks, damped, tones, found[0])
         except (IdentificationError, np.linalg.LinAlgError):
             told, findings = False, (*findings, warning("period_lost"))
     if refined is not None:
@@ -248,7 +245,7 @@ def _judgement(lines: Lines, tones: Lines, found: list[Spacing]) -> tuple[tuple[
 
 
 def _refined(
-    records: Sequence[Record], raw: Sequence[RecordBlock], lines: Lines, tones: Lines, best: Spacing, false_alarm: float
+    records: Sequence[Record], raw: Sequence[RecordBlock], lines: Lines, tones: Lines, best: Spacing
 ) -> tuple[PeriodicModel, float]:
     """The model with the period free, and the deviation of the period [s]."""
     blocks = tuple(block.with_noise(lines.noise[block.rows, block.hit]) for block in raw)
@@ -256,7 +253,7 @@ def _refined(
     average = averaged(lines, groups, best.fundamental, free=True)
     most = max(int(np.ceil(np.pi * min(r.sample_rate for r in records) / best.fundamental - 1e-6)) - 1, 0)
     entries = entries_of(groups, average).joined(_free(tones, best.fundamental)).joined(beside(best.fundamental))
-    solution, bands = _grown(blocks, replace(entries, free_period=True), len(groups), most, false_alarm)
+    solution, bands = _grown(blocks, replace(entries, free_period=True), len(groups), most)
     blocks = with_noise_left(blocks, solution)
     solution = solve(blocks, solution.entries)
     entries, covariance, families = solution.entries, solution.covariance(), len(groups)
@@ -281,16 +278,14 @@ def _free(tones: Lines, fundamental: float) -> ModeParameters:
     return ModeParameters.made(values, (0, 0), fundamental, real=tones.real)
 
 
-def _grown(
-    blocks: Sequence[Block], entries: ModeParameters, families: int, most: int, false_alarm: float
-) -> tuple[Solution, Integers]:
+def _grown(blocks: Sequence[Block], entries: ModeParameters, families: int, most: int) -> tuple[Solution, Integers]:
     """The fit with one harmonic beyond each band of the families, and the bands that rise above the noise."""
     own = (np.arange(len(entries.bands)) < families)[:, None]
     rounds = 0
     while True:
         rounds += 1
         solution = solve(blocks, replace(entries, bands=np.where(own, entries.padded(1, most).bands, entries.bands)))
-        chosen = np.where(own, chosen_bands(blocks, solution, false_alarm), entries.bands)
+        chosen = np.where(own, chosen_bands(blocks, solution, HARMONIC_ALARM), entries.bands)
         low, high = np.minimum(chosen[:, 0], entries.bands[:, 0]), np.maximum(chosen[:, 1], entries.bands[:, 1])
         union = np.stack([low, high], axis=1)
         if rounds == ROUNDS or (union == entries.bands).all():

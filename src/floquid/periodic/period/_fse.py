@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -92,8 +92,6 @@ def fse(
     identifier: AbstractIdentifier | None = None,
     order: int | None = None,
     least: int = 1,
-    false_alarm: float = 1e-9,
-    report: Callable[[str], None] = lambda _: None,
 ) -> FSE:
     r"""The periodic model of records as they are, not lifted: an LTI system of many poles.
 
@@ -124,20 +122,13 @@ def fse(
         The number of poles that `identifier` is to find, conjugates one by one; None where it decides.
     least
         Lines that a family has at least; with 1 a line alone is a mode whose shape has one harmonic.
-    false_alarm
-        The probability at which noise may pass for a line.
-    report
-        Is told of each stage.
     """
     fundamental = 2.0 * np.pi / positive(period, "period", "fse", unit="s")
     if period * min(r.sample_rate for r in records) < 2.0:
         must = "be two sampling intervals or more"
         raise input_error("period", "fse", must, f"is {period:g} s", "Check the period and the sampling rate.")
     blocks = raw_blocks(records)
-    if identifier is None:
-        found = find_lines(blocks, false_alarm=false_alarm, report=report)
-    else:
-        found = lines_by(identifier, records, blocks, order=order, false_alarm=false_alarm, report=report)
+    found = find_lines(blocks) if identifier is None else lines_by(identifier, records, blocks, order=order)
     damped = found.picked(~found.undamped)
     groups = grouped(damped, fundamental)
     alone = [line for group in groups if len(group.lines) < least for line in group.lines]
