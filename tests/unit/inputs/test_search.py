@@ -10,7 +10,7 @@ from tests.driven import flapping, mathieu, pulls, record_of, two_masses
 
 from floquid import Channel, IdentificationError, InputError, PeriodicModel, Record, identify_driven
 from floquid.pipeline.with_inputs._analysis import HELD_OUT
-from floquid.pipeline.with_inputs._identify import undetermined
+from floquid.pipeline.with_inputs._verdict import undetermined
 
 NAMES = {"unit": "m"}, {"unit": "N"}
 

@@ -31,8 +31,9 @@ from floquid.pipeline._settings import Settings
 from floquid.pipeline.preparation import blas_threads, clocked, own_names, settings_of
 from floquid.pipeline.with_inputs._again import first_part, with_acting
 from floquid.pipeline.with_inputs._analysis import HELD_OUT, AmbientAnalysis
-from floquid.pipeline.with_inputs._identify import HIGHEST, SIGNIFICANT, done_beside, needed
+from floquid.pipeline.with_inputs._identify import HIGHEST
 from floquid.pipeline.with_inputs._prepare import COPY, Parted, parted, refuse_others
+from floquid.pipeline.with_inputs._verdict import SIGNIFICANT, done_beside, needed
 
 OF = "identify_ambient"
 

@@ -1,0 +1,279 @@
+"""The verdict on a fit with inputs: what was done, what the record does not tell, what stands against the model."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.core import PeriodicModel
+from floquid.findings import Finding, failure, note, warning
+from floquid.inputs import (
+    Limits,
+    Linearisation,
+    Samples,
+    Scores,
+    Uncertainty,
+    answering,
+    gain_of,
+    limit_of,
+    nearly_one,
+    period_step,
+    solve,
+)
+from floquid.pipeline.with_inputs._analysis import HELD_OUT
+from floquid.pipeline.with_inputs._prepare import Parted
+
+SIGNIFICANT = 5.0
+"""Deviations from which on the period is another one than that given."""
+
+COLOURED, WRONG = 0.1, 0.3
+"""The sum of squared correlations from which on what is left is no white noise, and the model is not what left it."""
+
+VAGUE = 0.5
+"""The deviation of the decay of a real multiplier over it, from which on it is not determined,"""
+
+ROUGHLY = 0.1
+"""where that is more than this over a period [nepers]."""
+
+REACHED = 1e-6
+"""The probability at which noise may pass for a way from the inputs to a mode."""
+
+SURE = 1e-9
+"""The probability at which noise may pass for something that is told."""
+
+NOISE = 1e-4
+"""The probability at which noise of sensors may pass for noise that drives the system."""
+
+MORE = 2.0
+"""What squares and cubes must gain, over what noise that drives the system does: it lets them gain by chance."""
+
+UNTOLD = 15.0
+"""The criterion of a fit of one size over another below which the record does not tell them: Φ(-√15) is 10⁻⁴/2."""
+
+HOPELESS = -50.0
+"""The gain to first order below which other instants are not fitted."""
+
+STEPS = 10
+"""Steps of the fit with other instants."""
+
+TAKING_UP = 0.3
+"""The deviation of a decay over it, from which on a mode may stand for inputs at other instants."""
+
+AT_ONCE = 1.0
+"""The decay from sample to sample from which on it may, too [nepers]."""
+
+
+def verdict(
+    own: Parted, fit: Uncertainty, model: PeriodicModel, held_out: NDArray[np.float64], limits: Limits, most: int | None
+) -> tuple[Finding, ...]:
+    """All findings on a model whose harmonics were looked for up to `most`, or None: it has all, from each phase."""
+    samples, scores = own.samples, Scores(own.samples, fit.at, rough=False)
+    phases = round(2.0 * np.pi / (samples.fundamental * samples.step))
+    # Noise and squares leave what the other does, too: squares gain several times what noise does where they are there.
+    by_noise, by_powers = scores.by_noise(), _by_powers(scores)
+    noisy = MORE * by_noise > by_powers.max(initial=0.0)
+    return (
+        *done_beside(own),
+        note("inputs_free", phases=phases) if most is None else needed(model, limits, _seen(scores)),
+        *_unreached(fit),
+        *(_instants(fit, scores) or (_driven_by_noise(scores, by_noise) if noisy else _nonlinear(scores, by_powers))),
+        *_against(fit.at, held_out),
+        *_ended(samples, fit.at, model, limits, most),
+        *(() if own.shafts else _period(scores)),
+    )
+
+
+def at_limit(found: Linearisation, limits: Limits) -> bool:
+    """True where a search found no mode, or one with as many harmonics as are looked for."""
+    widest = max((max(abs(mode.turns).max(), abs(mode.reach).max()) for mode in found.modes), default=np.inf)
+    return bool(widest >= limits.highest)
+
+
+def done_beside(own: Parted) -> tuple[Finding, ...]:
+    """Findings on what was fitted beside the modes."""
+    names = [channel.name for channel in own.inputs]
+    done = [note("inputs", channels=names, hold=own.samples.hold)] if names else []
+    used = {own_channel.name for own_channel in (*own.outputs, *own.inputs)}
+    forces = {c.name for record in own.records for c in record.channels if c.quantity == "force"}
+    done += [note("no_response", channel=name, quantity="force") for name in sorted(forces - used)]
+    steady = [note("steady_beside_inputs", harmonics=own.turns)] if own.turns else []
+    return (*done, *steady, *(finding for shaft in own.shafts for finding in shaft.findings))
+
+
+def _seen(scores: Scores) -> list[tuple[float, int]]:
+    """Squared deviations of the shape of each mode from zero, and how many numbers it has."""
+    columns, channels = scores.now.slices(), len(scores.left)
+    sizes = [channels * (own.stop - own.start) for own, _ in columns]
+    return list(zip(scores.of_modes().tolist(), sizes, strict=True))
+
+
+def needed(model: PeriodicModel, limits: Limits, seen: Sequence[tuple[float, int]]) -> Finding:
+    """Finding on the mode that would be missed least, of (squared deviations of a shape from zero, numbers in it) each.
+
+    The modes are those of the model in their order, of each conjugate pair one.
+    """
+    rises = [squares / limit_of(degrees, limits.mode_alarm) for squares, degrees in seen]
+    least = int(np.argmin(rises))
+    hertz = abs(model.exponents[model.upper_modes[least]]) / (2.0 * np.pi)
+    return note("excited_order", modes=len(rises), frequency=hertz, rise=rises[least])
+
+
+def _unreached(fit: Uncertainty) -> tuple[Finding, ...]:
+    """Findings on modes that ring from the begin alone: no input reaches them as far as the record shows."""
+    from scipy.special import chdtri
+
+    found = []
+    for number, mode in enumerate(fit.at.modes):
+        place, free = fit.places[number]
+        size, starts = mode.gains.size, len(mode.initial)
+        own = np.concatenate([mode.gains.real.ravel(), mode.gains.imag.ravel()])
+        # The imaginary part of a real multiplier's turn zero is no parameter.
+        there = np.concatenate([np.ones(size, bool), np.tile(mode.reach > 0.0, len(mode.gains)) | (not mode.real)])
+        later = 1 + size if mode.real else 2 + size + starts
+        rows = np.concatenate([np.arange(1, 1 + size), np.arange(later, later + size)])[there]
+        flat = own[there]
+        if not free[rows].all():
+            continue  # its scale is that of an input: that one reaches it
+        index = place.start + np.cumsum(free)[rows] - 1
+        spread = fit.parameters[np.ix_(index, index)]
+        if float(flat @ np.linalg.pinv(spread, hermitian=True) @ flat) < chdtri(len(index), REACHED):
+            found.append(warning("unreached", frequency=abs(mode.exponent) / (2.0 * np.pi)))
+    return tuple(found)
+
+
+def _period(scores: Scores) -> tuple[Finding, ...]:
+    """Finding on a period that is not that of the response, to first order."""
+    step, std = period_step(scores)
+    if abs(step) <= SIGNIFICANT * std:
+        return ()
+    given = 2.0 * np.pi / scores.samples.fundamental
+    return (failure("inputs_period", own=given * (1.0 + step), std=given * std, given=given),)
+
+
+def _ended(
+    samples: Samples, found: Linearisation, model: PeriodicModel, limits: Limits, most: int | None
+) -> tuple[Finding, ...]:
+    """Findings on limits at which the search ended, and on modes that the record does not determine."""
+    ended = [warning("inputs_modes", most=limits.modes)] if len(found.modes) >= limits.modes else []
+    if undetermined(model):
+        ended.append(failure("inputs_undetermined"))
+    if most is not None and at_limit(found, limits):
+        if nearly_one(samples, found):  # harmonics beyond the limit are made up for by a copy of the mode
+            ended.append(failure("inputs_copies", most=limits.highest))
+        elif limits.highest == most:
+            ended.append(warning("inputs_harmonics", most=most))
+    return tuple(ended)
+
+
+def undetermined(model: PeriodicModel) -> bool:
+    """True where a mode's decay is not known within a period, or that of a real multiplier hardly at all.
+
+    Real multipliers that make up for one another, or for a pair, are of that kind; one of slow decay is not.
+    """
+    assert model.exponent_std is not None
+    spread = model.exponent_std.real
+    vague = (spread > VAGUE * np.abs(model.exponents.real)) & (model.period * spread > ROUGHLY)
+    return bool((model.period * spread > 1.0).any() or (model.real & vague).any())
+
+
+def _against(found: Linearisation, held_out: NDArray[np.float64]) -> tuple[Finding, ...]:
+    """Findings against the model: samples left out that it does not predict, and colour in what it leaves."""
+    against = []
+    if (held_out >= HELD_OUT).any():
+        against.append(warning("inputs_held_out", error=float(np.nanmax(held_out))))
+    if found.colour > COLOURED:
+        told = failure if found.colour > WRONG else warning
+        against.append(told("inputs_colour", squares=found.colour))
+    return tuple(against)
+
+
+def _moved(samples: Samples, lag: int) -> NDArray[np.float64]:
+    """The inputs some samples ago, zero where there were none (inputs, samples)."""
+
+    def of(own: NDArray) -> NDArray:
+        found, count = np.zeros_like(own), own.shape[1]
+        if abs(lag) < count:
+            found[:, max(lag, 0) : count + min(lag, 0)] = own[:, max(-lag, 0) : count - max(lag, 0)]
+        return found
+
+    return samples.each(samples.inputs, of)
+
+
+def _instants(fit: Uncertainty, scores: Scores) -> tuple[Finding, ...]:
+    """Finding on inputs that come late or early, or between the samples in another way than `hold` says.
+
+    Gains take up a delay but for the first samples of each response. For those a direct term stands, or modes that die
+    at once: with the right instants none of that is needed. Else a fit to first order tells what no other needs to be.
+    """
+    samples, now = scores.samples, scores.now
+    modes = [
+        mode
+        for mode, (place, _) in zip(now.modes, fit.places, strict=True)
+        if fit.parameters[place.start, place.start] ** 0.5 < TAKING_UP * abs(mode.exponent.real)
+        and -mode.exponent.real * samples.step < AT_ONCE
+    ]
+    if not modes:
+        return ()
+    plainly, others = not now.direct and len(modes) == len(now.modes), {}
+    for (delay, hold), other in _others(samples):
+        alike = [answering(samples, mode, other, delay) for mode in modes]
+        if not (plainly and gain_of(scores, other, alike) < HOPELESS):
+            others[delay, hold] = solve(other, alike, iterations=STEPS).criterion
+    if not others:
+        return ()
+
+    # A direct term comes in by noise, too: as it was said, but without it, is one of those compared.
+    plain = now.criterion if plainly else solve(samples, modes, iterations=STEPS).criterion
+    delay, hold = max(others, key=lambda key: others[key])
+    if others[delay, hold] > max(plain + UNTOLD, now.criterion):
+        return (failure("inputs_instants", delay=delay, hold=hold, given=samples.hold),)
+    delays = {own: other for (own, _), other in others.items() if own}
+    delay = max(delays, key=lambda own: delays[own], default=0)
+    if not delay or delays[delay] < max(plain, now.criterion) - UNTOLD:
+        return ()
+    share = max(abs(np.expm1(mode.exponent * delay * samples.step)) for mode in modes)
+    return (warning("inputs_untold", delay=delay, share=share),)
+
+
+def _others(samples: Samples) -> Iterator[tuple[tuple[int, str], Samples]]:
+    """Samples of which the inputs act at other instants, with the delay in samples and the hold."""
+    for delay in (1, -1):
+        yield (delay, samples.hold), replace(samples, inputs=_moved(samples, delay))
+    for hold in ("zero", "first", "none"):
+        if hold != samples.hold:
+            yield (0, hold), replace(samples, hold=hold)
+
+
+def _driven_by_noise(scores: Scores, gain: float) -> tuple[Finding, ...]:
+    """Finding on what drives the system beside the inputs: what is left follows through the modes from what was left.
+
+    Noise w on an input u acts as a force -w that nobody measured (Söderström 2007).
+    """
+    limit = limit_of(1, NOISE)
+    if gain < limit:
+        return ()
+    left = scores.now.left
+    share = np.linalg.norm(left, axis=1) / np.linalg.norm(scores.samples.values - left, axis=1)
+    return (failure("inputs_noise", squares=gain, limit=limit, share=float(share.min())),)
+
+
+def _by_powers(scores: Scores) -> NDArray[np.float64]:
+    """Gains by squares and cubes of the response as inputs of each mode (Billings and Voon 1983) (modes,)."""
+    samples, now = scores.samples, scores.now
+    fitted = samples.values - now.left
+    size = fitted.std(axis=1, keepdims=True)
+    fitted = (fitted - fitted.mean(axis=1, keepdims=True)) / np.where(size > 0.0, size, 1.0)
+    powers = np.concatenate([fitted**2, fitted**3])
+    powers -= powers.mean(axis=1, keepdims=True)
+    return scores.by_inputs([(number, mode.lowest) for number, mode in enumerate(now.modes)], powers)
+
+
+def _nonlinear(scores: Scores, gains: NDArray[np.float64]) -> tuple[Finding, ...]:
+    """Finding on squares and cubes of the response that drive the modes as inputs would."""
+    limit = limit_of(4 * len(scores.now.left), SURE / max(len(gains), 1))
+    if gains.max(initial=0.0) < limit:
+        return ()
+    return (failure("inputs_nonlinear", squares=float(gains.max()), limit=limit),)
