@@ -121,6 +121,16 @@ def mathieu(direct=0.0, damping=0.05):
     )
 
 
+def pendulum():
+    """A pendulum on its head, the pivot moved up and down too little to hold it: one multiplier is above 1."""
+    return Driven(
+        A=lambda t: np.array([[0.0, 1.0], [0.3 + 0.6 * np.cos(2.0 * t), -0.3]]),
+        B=lambda _: np.array([[0.0], [1.0]]),
+        C=lambda _: np.array([[1.0, 0.0]]),
+        period=np.pi,
+    )
+
+
 @cache
 def two_masses():
     """Two masses on springs that vary, a force on each, both seen, one from a frame that turns."""

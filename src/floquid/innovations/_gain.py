@@ -40,7 +40,9 @@ def stable_gains(
     gains, seen = gains[own], seen[own]
     driven = np.einsum("kij,jl->kil", gains, covariance)
     added = driven @ gains.swapaxes(1, 2)
-    variance = solve_discrete_lyapunov(system, added.mean(axis=0))
+    # What grows has no variance by itself: that of its mirror image is a begin.
+    decays = np.concatenate([np.full(mode.rows, np.exp(mode.exponent.real * samples.step)) for mode in modes])
+    variance = solve_discrete_lyapunov(system / np.maximum(decays, 1.0)[:, None] ** 2, added.mean(axis=0))
     # States of half harmonics come back with the other sign.
     turned = np.concatenate([np.full(mode.rows, 1.0 - 4.0 * (mode.turns[0] % 1.0)) for mode in modes])
     found, before = np.zeros_like(gains), np.zeros_like(gains)

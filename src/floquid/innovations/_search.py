@@ -81,7 +81,7 @@ def _searched(
     driven = replace(samples, inputs=np.concatenate([samples.inputs, first]), hold="none")
     none = now = replace(_none(samples), whitening=whitening_of(samples, first))
     of_known, period = replace(driven, values=none.innovations), 2.0 * np.pi / samples.fundamental
-    poles, shares = candidates(driven, none.innovations)
+    poles, shares = candidates(driven, none.innovations, held=len(samples.inputs) > 0)
     bare = [_bare(driven, pole) for pole in poles.tolist()]
     for share in STABLE:
         begun = bare[: int(np.count_nonzero(shares >= share))]
@@ -128,7 +128,7 @@ def _with_one_more(
 ) -> Predictor | None:
     """The predictor with the candidate that explains most of the innovations; None where noise does."""
     own = replace(driven, inputs=np.concatenate([samples.inputs, now.innovations]), values=now.innovations)
-    poles = np.concatenate([candidates(own, now.innovations)[0], before])
+    poles = np.concatenate([candidates(own, now.innovations, held=len(samples.inputs) > 0)[0], before])
     ranked = [fitted_together(own, now.innovations, [_bare(own, pole)], acting=0) for pole in poles.tolist()]
     ranked.sort(key=lambda one: -one[0])
     for gain, modes in ranked[:TRIED]:
@@ -206,5 +206,7 @@ def _of_phases(driven: Samples, highest: float) -> list[InputMode]:
             large = turns[size > SMALL * size.max()]
             bands.append((turns >= max(large[0], -highest)) & (turns <= min(large[-1], highest)))
         seen, driving = bands
-        modes.append(replace(mode, turns=mode.turns[seen], reach=mode.reach[driving], gains=mode.gains[:, driving]))
+        if seen.any() and driving.any():
+            own = replace(mode, turns=mode.turns[seen], reach=mode.reach[driving], gains=mode.gains[:, driving])
+            modes.append(own)
     return modes

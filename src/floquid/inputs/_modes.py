@@ -13,6 +13,9 @@ from floquid.inputs._samples import Hold, Samples
 SERIES = 1e-4
 """Below this a quotient of differences is taken from its series."""
 
+RUNAWAY = 20.0
+"""The growth of a mode over a record [nepers] beyond which its state is run backwards, from the end of the record."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class InputMode(Rebuilt):
@@ -36,7 +39,7 @@ class InputMode(Rebuilt):
     turns
         The harmonics m, ascending (turns,); of a real multiplier from 0 or ½ on.
     initial
-        z at the first sample of each record (records,).
+        z at the first sample of each record (records,); at the last one of a mode that grows beyond all bounds.
     sizes
         The state that a gain of 1 makes of each input, about (inputs,): b counts by it beside z at the begin.
     """
@@ -176,12 +179,19 @@ def followed(samples: Samples, mode: InputMode, drive: NDArray[np.complex128]) -
     return _recursion(samples, decay.real, drive.real) if mode.real else _recursion(samples, decay, drive)
 
 
+def runs_away(samples: Samples, exponent: complex) -> bool:
+    """True of a mode that a feedback must hold: by itself it would grow beyond what a record could hold."""
+    return exponent.real * samples.step * max(own.stop - own.start for own in samples.records) > RUNAWAY
+
+
 def _begun(samples: Samples, mode: InputMode) -> NDArray:
-    """e^{λt} from the begin of each record (records, samples)."""
+    """e^{λt} from the begin of each record (records, samples), or from its end."""
     rate = mode.exponent.real if mode.real else mode.exponent
     found = np.zeros((len(samples.records), samples.n_samples), type(rate))
     for number, own in enumerate(samples.records):
-        found[number, own] = np.exp(rate * samples.step * np.arange(own.stop - own.start))
+        count = own.stop - own.start
+        origin = count - 1 if runs_away(samples, mode.exponent) else 0
+        found[number, own] = np.exp(rate * samples.step * (np.arange(count) - origin))
     return found
 
 
@@ -198,7 +208,17 @@ def _drives(samples: Samples, mode: InputMode, exponent: complex) -> NDArray[np.
 
 
 def _recursion(samples: Samples, decay: complex, drives: NDArray) -> NDArray:
-    """State z with z[k + 1] = decay z[k] + drive[k] from zero in each record (…, samples)."""
+    """State z with z[k + 1] = decay z[k] + drive[k] from zero in each record (…, samples).
+
+    Where it runs away it ends with zero: of all solutions that one is bounded where the inputs hold the mode.
+    """
     from scipy.signal import lfilter
 
-    return samples.each(drives, lambda own: np.asarray(lfilter([0.0, 1.0], [1.0, -decay], own, axis=-1)))
+    if not runs_away(samples, np.log(decay) / samples.step):
+        return samples.each(drives, lambda own: np.asarray(lfilter([0.0, 1.0], [1.0, -decay], own, axis=-1)))
+
+    def backwards(own: NDArray) -> NDArray:
+        behind = np.concatenate([np.zeros_like(own[..., :1]), own[..., -2::-1]], axis=-1)
+        return np.asarray(lfilter([-1.0 / decay], [1.0, -1.0 / decay], behind, axis=-1))[..., ::-1]
+
+    return samples.each(drives, backwards)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
-from floquid.inputs._modes import InputMode, slopes_of_state, state_of
+from floquid.inputs._modes import InputMode, runs_away, slopes_of_state, state_of
 from floquid.inputs._samples import Samples
 
 ROUNDING = 1e-12
@@ -26,9 +26,6 @@ EXACT = 1e-5
 
 LONGEST_STEP = 0.3
 """The most that an exponent may move in a step, over one period."""
-
-RUNAWAY = 20.0
-"""The growth of a mode over a record from which on it is none that a record could hold [nepers]."""
 
 ITERATIONS = 25
 """Steps at most."""
@@ -269,8 +266,8 @@ def _stepped(samples: Samples, at: Linearisation, step: NDArray[np.float64], per
     )
     share = min(1.0, LONGEST_STEP / max(longest, 1e-300))
     moved = [mode.moved(share * own) for mode, own in zip(at.modes, steps, strict=True)]
-    duration = samples.step * max(own.stop - own.start for own in samples.records)
-    if max(mode.exponent.real for mode in moved) * duration > RUNAWAY:
+    pairs = zip(at.modes, moved, strict=True)
+    if any(runs_away(samples, one.exponent) != runs_away(samples, other.exponent) for one, other in pairs):
         return None
     return linearise(samples, [mode.scaled() for mode in moved], at.direct)
 

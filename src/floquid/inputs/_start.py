@@ -43,15 +43,18 @@ ALIKE = 0.15
 """The distance of two candidates, over their decay, within which one is enough."""
 
 GROWN = 3.0
-"""The largest growth of one over a record [nepers]."""
+"""The largest growth of one over a record [nepers], where no feedback holds it."""
 
 
-def candidates(samples: Samples, response: NDArray[np.float64]) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
+def candidates(
+    samples: Samples, response: NDArray[np.float64], *, held: bool = False
+) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
     """Exponents that may be in a response (channels, samples) to the inputs, and how often they come up (candidates,).
 
     A pole of the system comes up at every order and every rate that it is looked for at, as in a diagram of
     stabilisation (Peeters and De Roeck 1999), one of noise does not: those that come up in most looks are first, each
-    on the branch on which it came up most.
+    on the branch on which it came up most. Unless inputs may have held them by a feedback, none grows much
+    over a record.
     """
     found, turns, ages = [], [], []
     omega = samples.fundamental
@@ -67,7 +70,7 @@ def candidates(samples: Samples, response: NDArray[np.float64]) -> tuple[NDArray
     poles = np.asarray(np.concatenate(found), np.complex128)
     branch, look = np.asarray(np.concatenate(turns), np.float64), np.concatenate(ages)
     longest = samples.step * max(own.stop - own.start for own in samples.records)
-    good = (poles.real * samples.step > -FASTEST) & (poles.real * longest < GROWN)
+    good = (poles.real * samples.step > -FASTEST) & (held | (poles.real * longest < GROWN))
     # Of a pair both folds are there: the one of positive frequency is kept.
     poles, branch, look = poles[good], branch[good], look[good]
     below = poles.imag < 0.0

@@ -21,12 +21,12 @@ def samples(hold, values=None):
     return samples_of([outputs], [inputs], [0.4], step=STEP, fundamental=OMEGA, hold=hold, turns=(1,))
 
 
-def mode(*, real=False):
+def mode(*, real=False, rate=-0.3):
     generator = np.random.default_rng(7)
     reach = np.array([0.5, 1.5]) if real else np.array([-1.0, 0.0, 1.0])
     gains = generator.standard_normal((2, len(reach))) + 1j * generator.standard_normal((2, len(reach)))
     return InputMode(
-        exponent=-0.3 + (0.0 if real else 0.8j),
+        exponent=rate + (0.0 if real else 0.8j),
         real=real,
         reach=reach,
         gains=gains,
@@ -61,8 +61,21 @@ def test_the_state_is_that_of_the_equation(hold, real):
 
 
 @pytest.mark.parametrize("real", [False, True])
-def test_slopes_are_those_of_the_response(real):
-    own, wanted = samples("zero"), mode(real=real)
+def test_a_mode_that_a_feedback_holds_ends_where_it_is_said(real):
+    """By itself it would grow by 25 nepers: run forwards from where it began it follows the same equation."""
+    own, wanted = samples("zero"), mode(real=real, rate=2.5)
+    state = state_of(own, wanted)
+    assert np.isclose(state[-1], wanted.initial[0])
+    assert np.abs(state).max() < 20.0
+    at = replace(wanted, initial=np.array([state[0] + 0j]))
+    first = samples_of([own.values[:, :20]], [own.inputs[:, :20]], [0.4], step=STEP, fundamental=OMEGA, hold="zero")
+    assert np.allclose(state_of(first, at), state[:20], atol=1e-9)
+
+
+@pytest.mark.parametrize("rate", [-0.3, 2.5])
+@pytest.mark.parametrize("real", [False, True])
+def test_slopes_are_those_of_the_response(real, rate):
+    own, wanted = samples("zero"), mode(real=real, rate=rate)
     at = linearise(own, [wanted])
     slopes = slopes_of(own, at, 1, state_slopes(own, at))
     free = np.flatnonzero(wanted.free)
