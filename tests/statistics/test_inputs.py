@@ -59,6 +59,29 @@ def test_deviations_hold(system, periods, phases, noise, order):
     assert 0.9 < np.mean(np.abs(np.array(errors)) < 1.96) < 0.98
 
 
+@pytest.mark.parametrize(
+    ("system", "periods", "phases", "noise"),
+    [(mathieu(), 60, 20, 0.05), (paper_rotor(), 32, 50, 0.02)],
+    ids=["Mathieu", "the paper's rotor"],
+)
+def test_deviations_of_state_matrices_hold(system, periods, phases, noise):
+    """Of A(t) and B(t) of displacements and velocities; rows of displacements are known."""
+    errors: dict[str, list[np.ndarray]] = {"system": [], "inputs": []}
+    for seed in range(DRAWS):
+        own = found(system, periods, phases, noise, seed)
+        if own.model.order != len(system.A(0.0)):
+            continue
+        count = own.model.order // 2
+        state = own.reconstruct([f"y{n}" for n in range(count)], times=8)
+        for name, of in (("system", system.A), ("inputs", system.B)):
+            gap = getattr(state, name) - np.array([of(t) for t in state.times])
+            errors[name].append((gap / np.where(gap, getattr(state, f"{name}_std"), 1.0))[:, count:])
+    for own in errors.values():
+        assert len(own) >= DRAWS - 1
+        assert 0.8 < np.sqrt(np.mean(np.square(own))) < 1.2
+        assert 0.9 < np.mean(np.abs(own) < 1.96) < 0.99
+
+
 @pytest.mark.parametrize("on_input", [0.02, 0.05])
 @pytest.mark.parametrize("system", [mathieu(), two_masses()], ids=["Mathieu", "two masses"])
 def test_noise_on_an_input_does_not_pass(system, on_input):

@@ -17,6 +17,7 @@ from floquid.innovations._solve import normal_of, places, squares
 from floquid.inputs import (
     InputMode,
     Samples,
+    Term,
     TransferFunctions,
     assembled,
     input_gain,
@@ -101,6 +102,11 @@ def _as_input_mode(mode: Mode, samples: Samples, initial: NDArray[np.complex128]
         initial=initial,
         sizes=np.ones(len(samples.inputs)),
     )
+
+
+def terms_of_mode(mode: Mode, samples: Samples) -> list[Term]:
+    """A mode of a fit as modes of a model: a pair as two."""
+    return terms_of(_as_input_mode(mode, samples, np.zeros(0, complex)), mode.shape, samples.fundamental)
 
 
 def period_step(fit: Fit) -> tuple[float, float]:
@@ -193,14 +199,14 @@ def transfer_of(
 ) -> TransferFunctions:
     """The harmonic transfer functions of a fit in innovations form with their deviations, to first order."""
     omega = 2.0 * np.pi * frequencies_hz
-    samples, none, omega_0 = fit.samples, np.zeros(0, complex), fit.samples.fundamental
+    samples, omega_0 = fit.samples, fit.samples.fundamental
     shape = (len(harmonics), len(channels), len(inputs), len(omega))
     held = (fit.samples.step, fit.samples.hold) if sampled else None
 
     def transferred(mode: Mode) -> NDArray[np.complex128]:
         parts = [
             modal_transfer(exponent, omega_0, (turns, c), (reach, b), harmonics, omega, held)
-            for exponent, turns, c, reach, b in terms_of(_as_input_mode(mode, samples, none), mode.shape, omega_0)
+            for exponent, turns, c, reach, b in terms_of_mode(mode, samples)
         ]
         return np.sum(parts, axis=0)
 

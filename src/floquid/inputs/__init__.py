@@ -15,6 +15,7 @@ from floquid.inputs._modes import input_gain as input_gain
 from floquid.inputs._real import near_real as near_real
 from floquid.inputs._real import noise_explains as noise_explains
 from floquid.inputs._real import real_for as real_for
+from floquid.inputs._result import Term as Term
 from floquid.inputs._result import Uncertainty as Uncertainty
 from floquid.inputs._result import assembled as assembled
 from floquid.inputs._result import listed as listed

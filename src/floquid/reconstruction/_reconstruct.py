@@ -61,7 +61,7 @@ def reconstruct(
 
     .. math:: B(t) = \Psi(t)\, b(t), \qquad C(t) = c(t)\, \Psi(t)^{-1}, \qquad D(t)
 
-    in all channels; these matrices and A(t) then have no deviations.
+    in all channels; deviations of these are the result's to give (`DrivenAnalysis.reconstruct`).
 
     Raises InputError where a channel is unknown, is not a motion, or the channels chosen cannot span the modes; or an
     option is not possible; IdentificationError where the shapes of the modes in the chosen channels are linearly

@@ -39,6 +39,8 @@ class StateModel(Drawn, Rebuilt):
     inputs, outputs, direct
         B (times, n, inputs), C (times, channels, n) and D (times, channels, inputs) of a model with measured inputs;
         None of one of free responses.
+    inputs_std
+        Standard deviations of B; None where not estimated.
     """
 
     times: Floats
@@ -53,6 +55,7 @@ class StateModel(Drawn, Rebuilt):
     inputs: Floats | None = None
     outputs: Floats | None = None
     direct: Floats | None = None
+    inputs_std: Floats | None = None
 
     def _figures(self) -> Drawings:
         return {"system_elements": (self, {})}
@@ -68,7 +71,13 @@ class StateModel(Drawn, Rebuilt):
         for name in ("system_std", "transition_std"):
             if getattr(self, name) is not None:
                 put(self, name, frozen_array(getattr(self, name), name, of, axes=(steps, n, n)))
-        for name, axes in (("inputs", (n, "inputs")), ("outputs", ("channels", n)), ("direct", ("channels", "inputs"))):
+        b = (n, "inputs")
+        for name, axes in (
+            ("inputs", b),
+            ("inputs_std", b),
+            ("outputs", ("channels", n)),
+            ("direct", ("channels", "inputs")),
+        ):
             if getattr(self, name) is not None:
                 put(self, name, frozen_array(getattr(self, name), name, of, axes=(steps, *axes)))
 

@@ -252,6 +252,7 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "inputs": "times, states, inputs",
         "outputs": "times, channels, states",
         "direct": "times, channels, inputs",
+        "inputs_std": "times, states, inputs",
     },
     Refinement: {
         "parameters": "parameters; 1/s to a power, in the units of the states",

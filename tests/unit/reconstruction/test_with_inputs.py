@@ -15,11 +15,11 @@ LINES = np.array([0.05, 0.13, 0.31, 0.6])
 TURNS = (-2, -1, 0, 1, 2)
 
 
-def model_of(system, outputs, periods=60, phases=24):
+def analysis_of(system, outputs, periods=60, phases=24):
     values, inputs = record_of(system, periods, phases, 0.01, 1)
     names = [*outputs, *(f"F{k}" for k in range(len(inputs)))]
     record = Record(values=np.vstack([values, inputs]), sample_rate=phases / system.period, channels=names)
-    return floquid.identify_driven(record, period=system.period, inputs=names[len(outputs) :], validate=False).model
+    return floquid.identify_driven(record, period=system.period, inputs=names[len(outputs) :], validate=False)
 
 
 def system_of(state, period):
@@ -29,11 +29,16 @@ def system_of(state, period):
 
 
 @pytest.fixture(scope="module")
-def cases():
+def found():
     return [
-        (mathieu(direct=0.2), ["y"], model_of(mathieu(direct=0.2), ["y"])),
-        (two_masses(), ["x", "y"], model_of(two_masses(), ["x", "y"])),
+        (mathieu(direct=0.2), ["y"], analysis_of(mathieu(direct=0.2), ["y"])),
+        (two_masses(), ["x", "y"], analysis_of(two_masses(), ["x", "y"])),
     ]
+
+
+@pytest.fixture(scope="module")
+def cases(found):
+    return [(system, outputs, analysis.model) for system, outputs, analysis in found]
 
 
 def test_transfer_functions_of_the_matrices_are_those_of_the_model(cases):
@@ -69,3 +74,31 @@ def test_a_model_of_free_responses_has_none(cases):
     model = replace(cases[0][2], inputs=None)
     state = reconstruct(model, ["y"], times=4)
     assert (state.inputs, state.outputs, state.direct) == (None, None, None)
+
+
+def test_the_true_matrices_are_within_their_deviations(found):
+    """Of Mathieu's equation: the states of two masses, one of them seen from a frame that turns, are other ones."""
+    system, outputs, analysis = found[0]
+    state = analysis.reconstruct(outputs, times=8)
+    assert np.array_equal(state.system, reconstruct(analysis.model, outputs, times=8).system)
+    truth = [np.array([of(t) for t in state.times]) for of in (system.A, system.B)]
+    # A direct term takes part in the first row of B: what the input does at once is no state.
+    for value, std, right in zip(
+        (state.system, state.inputs), (state.system_std, state.inputs_std), truth, strict=True
+    ):
+        assert (np.abs(value - right)[:, 1] < 4.0 * std[:, 1]).all()
+        assert (std[:, 1] < 0.05 * np.abs(right).max()).all()
+    assert not state.system_std[:, 0].any()
+
+
+def test_deviations_are_those_of_the_joint_errors(found):
+    """Four times the noise are four times the deviations; those of the errors of one channel alone are less."""
+    _, outputs, analysis = found[1]
+    own, at = analysis.fit, analysis.fit.at
+    louder = replace(analysis, fit=replace(own, at=replace(at, noise=4.0 * at.noise)))
+    half = replace(analysis, fit=replace(own, at=replace(at, noise=at.noise * [1.0, 1e-6])))
+    one, four, less = (each.reconstruct(outputs, times=3) for each in (analysis, louder, half))
+    for name in ("system_std", "transition_std", "inputs_std"):
+        assert np.allclose(getattr(four, name), 4.0 * getattr(one, name), rtol=0.02)
+        assert (getattr(less, name) <= getattr(one, name) + 1e-9).all()
+        assert (getattr(less, name) < 0.9 * getattr(one, name)).any()

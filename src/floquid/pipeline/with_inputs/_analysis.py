@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +17,8 @@ from floquid.innovations import Fit, transfer_of
 from floquid.inputs import TransferFunctions, Uncertainty
 from floquid.inputs import transfer_of as transfer_with_inputs
 from floquid.pipeline._settings import Settings
+from floquid.pipeline.with_inputs._state_matrix import state_matrix_of
+from floquid.reconstruction import Names, StateModel
 
 HELD_OUT = 1.4
 """The error of prediction on samples left out, over the noise, from which on a model does not pass."""
@@ -140,6 +143,32 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
             raise input_error("self", of, "have measured inputs", "is of outputs alone", "Name them: `inputs=`.")
         hertz = _frequencies_of(frequencies_hz, self.model, self.records, of)
         return self._transfer(hertz, np.unique(np.atleast_1d(np.asarray(harmonics, np.int64))), sampled=sampled)
+
+    def reconstruct(
+        self,
+        states: Names,
+        *,
+        form: Literal["second-order", "first-order"] = "second-order",
+        times: ArrayLike | int = 50,
+    ) -> StateModel:
+        r"""The state transition matrix, A(t), and of measured inputs B(t), C(t) and D(t), in chosen channels.
+
+        .. math:: \dot x = A(t)\, x + B(t)\, u, \qquad A(t) = (\dot\Psi + \Psi\Lambda)\, \Psi^{-1}, \qquad
+                  B(t) = \Psi(t)\, b(t)
+
+        as `floquid.reconstruct` gives them, with deviations of Φ, A and B by the joint errors of the fit, to first
+        order. Raises what that does.
+
+        Parameters
+        ----------
+        states
+            The channels that are the displacements, half as many as there are modes; or all states in first-order form.
+        form
+            "second-order": displacements, then their velocities. "first-order": the channels as they are.
+        times
+            Instants after phase zero [s], or how many equally spaced ones over a period.
+        """
+        return state_matrix_of(self.model, self.fit, states, form, times)
 
     @abstractmethod
     def _transfer(
