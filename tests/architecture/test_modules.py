@@ -1,6 +1,7 @@
 """The shape of the source: lengths, printing, and what importing it costs."""
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -60,3 +61,10 @@ def test_import_loads_nothing_slow():
     loaded = set(run.stdout.split())
     assert "floquid" in loaded
     assert not loaded.intersection(SLOW_TO_LOAD)
+
+
+def test_paths_that_the_page_for_contributors_names_exist():
+    page = Path("CONTRIBUTING.md")
+    places = re.findall(r"`([\w/*.]+/[\w*]+\.[\w.]+)`", page.read_text(encoding="utf-8"))
+    assert len(places) > 10
+    assert [own for own in places if not (list(ROOT.glob(own)) or list(page.parent.glob(own)))] == []

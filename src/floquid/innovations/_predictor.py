@@ -25,6 +25,9 @@ TOGETHER = 512
 LARGEST = 1e3
 """Innovations over the response from which on the predictor diverges."""
 
+STEEPEST = 1e4
+"""The most that a state may do to one at the next sample: beyond it rounding to single precision diverges."""
+
 
 @dataclass(frozen=True, eq=False)
 class Predictor(Rebuilt):
@@ -107,6 +110,8 @@ def predicted(
     system, gains, seen, drive = matrices(samples, modes)
     beside = samples.values - columns @ samples.known
     moved = system - gains @ seen
+    if not np.abs(moved).max(initial=0.0) <= STEEPEST:
+        return None
     drive = drive + np.einsum("kni,ik->kn", gains, beside)
     limit = LARGEST * np.abs(samples.values).max()
     with np.errstate(all="ignore"):

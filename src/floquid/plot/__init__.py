@@ -5,18 +5,18 @@ matplotlib is loaded when the first figure is drawn, without pyplot and without 
 
 from typing import TYPE_CHECKING
 
-from floquid.plot._excited import harmonic_spectra, transfer
 from floquid.plot._exponents import exponents
 from floquid.plot._indicators import composite, indicators
 from floquid.plot._record import synthesis, time_record
 from floquid.plot._residues import coefficients, residues
 from floquid.plot._save import FIGURES, save_figure, save_figures
 from floquid.plot._shapes import periodic_shapes
-from floquid.plot._spectra import spectra
+from floquid.plot._spectra import harmonic_spectra, spectra
 from floquid.plot._stabilisation import stabilisation
 from floquid.plot._stability_map import stability_map
 from floquid.plot._synchronisation import speed, synchronisation
 from floquid.plot._system_elements import system_elements
+from floquid.plot._transfer import transfer
 
 if TYPE_CHECKING:
     # For annotations elsewhere: no other room imports matplotlib.

@@ -1,4 +1,4 @@
-"""Spectra of the record and of lifted responses: the same resonances, in families above, and once below."""
+"""Spectra of the record and of lifted responses, in families and once; harmonic power spectra of outputs alone."""
 
 from __future__ import annotations
 
@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from floquid._arrays import Floats
+from floquid._arrays import Floats, Integers
 from floquid._checks import index, input_error, integer, positive
 from floquid.core import channels_named
-from floquid.pipeline import Analysis
+from floquid.innovations import harmonic_spectra as spectra_of
+from floquid.pipeline import AmbientAnalysis, Analysis
 from floquid.plot._style import (
     BLACK,
     BLUE,
@@ -36,6 +37,9 @@ if TYPE_CHECKING:
 
 COLORS = (BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY)
 DASHES = ("-", (0, (4, 1.5)), (0, (1, 1)), "-.")
+LINE_DASHES = ((0, (4, 2)), (0, (1, 1)), (0, (5, 1.5, 1, 1.5)))
+CURVES = 4  # singular values that are drawn: three of them are seldom modes at once
+SMALLEST = 1e-3  # the share of a mode's energy below which a line is not marked
 
 BESIDE = 88  # characters of a row of a legend that is as wide as the axes
 DEPTH = 0.1  # where the axis of magnitudes ends, as a share of the lowest level of noise
@@ -226,3 +230,75 @@ def _unit(units: set[str]) -> str:
         return "unit · s"
     (unit,) = units
     return "s" if unit == "-" else f"{plain(unit)} · s"
+
+
+def harmonic_spectra(
+    analysis: AmbientAnalysis, *, harmonics: int = 1, periods: int | None = None, limit: float | None = None
+) -> Figure:
+    r"""Singular values of the harmonic power spectra of a record of outputs alone, and the lines of its modes.
+
+    .. math:: \sigma_k\{S(\Omega)\}, \qquad
+              S_{mn}(\Omega) = \frac{1}{J} \sum_j Y_j(\Omega + m\omega)\, Y_j(\Omega + n\omega)^H
+
+    with Y the transforms of segments (Allen, Sracic, Chauhan and Hansen 2011). A mode is a peak of the first at each of
+    \|Im λ + mω\| that it has in the outputs, and up to M fundamentals beside; a second singular value that rises there
+    is another mode. Lines are those of the model, the strongest of each mode thick. Channels of different units are
+    divided by their rms.
+
+    Raises InputError where this is no result of outputs alone, or an option is not possible.
+
+    Parameters
+    ----------
+    analysis
+        What `identify_ambient` found.
+    harmonics
+        M: outputs are modulated by -M to M.
+    periods
+        Periods a segment; a twelfth of the record where not given.
+    limit
+        The highest frequency [Hz]; half of the fundamental above the highest line where not given.
+    """
+    of = "harmonic_spectra"
+    if not isinstance(analysis, AmbientAnalysis):
+        raise input_error("analysis", of, "be a result of `identify_ambient`", f"is {type(analysis).__name__}")
+    model, samples = analysis.model, analysis.fit.samples
+    found = spectra_of(samples, harmonics, periods)
+    units = {channel.unit for channel in model.channels}
+    scale = np.ones(len(samples.values)) if len(units) == 1 else 1.0 / samples.values.std(axis=1)
+    scale = np.tile(scale, len(found.harmonics))
+    sizes: Floats = np.asarray(np.linalg.svd(found.values * scale[:, None] * scale, compute_uv=False), np.float64)
+    lines = [_lines_of(analysis, mode, found.harmonics) for mode in model.upper_modes]
+    highest = max((own.max() for own in lines), default=found.frequencies_hz[-1]) + 0.5 / model.period
+    end = min(float(found.frequencies_hz[-1]), highest if limit is None else positive(limit, "limit", of, unit="Hz"))
+    inside = found.frequencies_hz <= end
+    with drawing(4.2) as figure:
+        axes = figure.add_subplot()
+        for number in range(min(CURVES, sizes.shape[1])):
+            x, y = envelope(found.frequencies_hz[inside], sizes[inside, number], POINTS)
+            width, alpha = (0.8, 0.75 - 0.15 * number) if number else (1.3, 1.0)
+            label = None if number else "singular values, descending"
+            axes.plot(x, y, color=BLACK, linewidth=width, alpha=alpha, label=label)
+        for number, own in enumerate(lines):
+            look = {
+                "color": COLORS[number % len(COLORS)],
+                "linestyle": LINE_DASHES[number // len(COLORS) % len(LINE_DASHES)],
+            }
+            for place, line in enumerate(own):
+                label = rf"mode {number + 1}, $|\mathrm{{Im}}\,\lambda + m\omega|/2\pi$" if place == 0 else None
+                axes.axvline(line, **look, linewidth=1.6 if place == 0 else 0.9, zorder=1, label=label)
+        axes.set_yscale("log")
+        axes.set_xlim(0.0, end)
+        axes.set_xlabel("frequency [Hz]")
+        unit = "-" if len(units) > 1 else plain(units.copy().pop())
+        squared = "1" if unit == "-" else f"{unit}²" if unit.isalpha() else f"({unit})²"
+        axes.set_ylabel(f"harmonic power spectra, M = {harmonics} [{squared}/Hz]")
+    return figure
+
+
+def _lines_of(analysis: AmbientAnalysis, mode: int, moved: Integers) -> Floats:
+    """Frequencies of a mode's harmonics that are seen, the strongest first, and of those moved (lines,) [Hz]."""
+    model = analysis.model
+    energy = np.sum(np.abs(model.coefficients[mode, :, 0] / analysis.noise) ** 2, axis=0)
+    seen = model.harmonics[energy > SMALLEST * energy.sum()]
+    turns = [model.harmonics[np.argmax(energy)], *np.unique(np.add.outer(seen, moved))]
+    return np.abs(model.exponents[mode].imag + model.fundamental * np.array(turns)) / (2.0 * np.pi)

@@ -6,23 +6,20 @@ Nothing here draws, and no plotting library is loaded.
 from floquid.views._ellipses import ellipse, exponent_ellipses, magnitude_bands, multiplier_ellipses
 from floquid.views._expansion import Expansion, ShapeCurves, closed_period, expansion, identified_residue, shape_curves
 from floquid.views._families import Family, families, unfolded
+from floquid.views._mode_table import MODE_NOTES, ModeRow, mode_notes, mode_table, note_meanings, with_error
 from floquid.views._modes import grows
 from floquid.views._names import SHORT, element_unit, for_command, shortened
-from floquid.views._outcome import outcome_lines, remainder_words, verdict_line
+from floquid.views._outcome import (
+    outcome_lines,
+    passed_words,
+    period_words,
+    remainder_words,
+    verdict_line,
+    whitening_words,
+)
 from floquid.views._spectra import Spectrum, envelope, lifted_spectrum, record_spectrum
 from floquid.views._synchronisation import Synchronisation, synchronisation
 from floquid.views._synthesis import Synthesis, lifted_points, raw_noise, synthesis
-from floquid.views._words import (
-    MODE_NOTES,
-    ModeRow,
-    mode_notes,
-    mode_table,
-    note_meanings,
-    passed_words,
-    period_words,
-    whitening_words,
-    with_error,
-)
 
 __all__ = [
     "MODE_NOTES", "SHORT", "Expansion", "Family", "ModeRow", "ShapeCurves", "Spectrum", "Synchronisation", "Synthesis",

@@ -7,9 +7,10 @@ import numpy as np
 from floquid._checks import counted
 from floquid.core import ModelInputs
 from floquid.findings import Severity, texts
+from floquid.lifting import Lifted
 from floquid.pipeline import AmbientAnalysis, Analysis, ExcitedAnalysis
 from floquid.validation import Validation
-from floquid.views._words import mode_notes, period_words
+from floquid.views._mode_table import mode_notes, with_error
 
 MOST_NAMED = 6  # harmonics of the forced response that are named
 
@@ -153,3 +154,31 @@ def _held_out(analysis: ExcitedAnalysis) -> str:
     if analysis.passed:
         return f"passed: the last quarter, left out of a fit, is predicted to {error} times the expected error at worst"
     return f"the model does not pass: the last quarter, left out of a fit, is {error} times further off than expected"
+
+
+def passed_words(validation: Validation) -> str:
+    """Achievements of a model with a verdict in its favour (`validation`), in a sentence without its beginning."""
+    fit, error = validation.metrics["fit"], validation.metrics["held_out_error"]
+    return (
+        f"{fit:.1%} of the response is predicted in cycles left out, with an error of {error:.3g} times the noise at "
+        "most, and nothing else is left that noise does not explain."
+    )
+
+
+def whitening_words(found: Lifted | Analysis) -> str:
+    """Treatment of noise coloured along the record, of lifted responses or an analysis `found`: may be empty."""
+    if found.whitening is None:
+        return ""
+    channels, taps = found.channels if isinstance(found, Lifted) else found.model.channels, found.whitening.shape[1] - 1
+    those = [c.name for c, own in zip(channels, found.whitening, strict=True) if own[1:].any()]
+    where = "all channels" if len(those) == len(channels) else ", ".join(those)
+    return (
+        f"The noise is coloured along the record in {where}: a filter of {counted(taps, 'tap')} makes it "
+        "white, and poles are found after it."
+    )
+
+
+def period_words(analysis: Analysis) -> str:
+    """The period [s] that `identify` found (`analysis`), with its deviation where it was estimated."""
+    period, std = analysis.model.period, analysis.period_std
+    return f"{period:.8g}" if std is None else with_error(period, std)

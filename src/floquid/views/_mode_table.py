@@ -1,4 +1,4 @@
-"""Numbers and modes in words, and the table of modes, alike on the terminal and on the page."""
+"""The table of modes, alike on the terminal and on the page: a row in words for each, values with their deviations."""
 
 from __future__ import annotations
 
@@ -7,11 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from floquid._checks import counted
-from floquid.lifting import Lifted
 from floquid.periodic import CONFIDENT, participation
 from floquid.pipeline import Analysis, ExcitedAnalysis
-from floquid.validation import Validation
 from floquid.views._modes import grows
 
 MODE_NOTES = {
@@ -53,34 +50,6 @@ def mode_notes(analysis: Analysis | ExcitedAnalysis, mode: int) -> list[str]:
         "f?": not real and len(strongest) > 1 and strongest[1] > RIVAL * strongest[0],
     }
     return [word for word in MODE_NOTES if deserved[word]]
-
-
-def passed_words(validation: Validation) -> str:
-    """Achievements of a model with a verdict in its favour (`validation`), in a sentence without its beginning."""
-    fit, error = validation.metrics["fit"], validation.metrics["held_out_error"]
-    return (
-        f"{fit:.1%} of the response is predicted in cycles left out, with an error of {error:.3g} times the noise at "
-        "most, and nothing else is left that noise does not explain."
-    )
-
-
-def whitening_words(found: Lifted | Analysis) -> str:
-    """Treatment of noise coloured along the record, of lifted responses or an analysis `found`: may be empty."""
-    if found.whitening is None:
-        return ""
-    channels, taps = found.channels if isinstance(found, Lifted) else found.model.channels, found.whitening.shape[1] - 1
-    those = [c.name for c, own in zip(channels, found.whitening, strict=True) if own[1:].any()]
-    where = "all channels" if len(those) == len(channels) else ", ".join(those)
-    return (
-        f"The noise is coloured along the record in {where}: a filter of {counted(taps, 'tap')} makes it "
-        "white, and poles are found after it."
-    )
-
-
-def period_words(analysis: Analysis) -> str:
-    """The period [s] that `identify` found (`analysis`), with its deviation where it was estimated."""
-    period, std = analysis.model.period, analysis.period_std
-    return f"{period:.8g}" if std is None else with_error(period, std)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
