@@ -24,9 +24,7 @@ TOGETHER = 512
 
 LARGEST = 1e3
 """Innovations over the response from which on the predictor diverges."""
-
-STEEPEST = 1e4
-"""The most that a state may do to one at the next sample: beyond it rounding to single precision diverges."""
+STEEPEST = 1e4  # the most that a state may do to one at the next sample, lest rounding to single precision diverges
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,8 +108,6 @@ def predicted(
     system, gains, seen, drive = matrices(samples, modes)
     beside = samples.values - columns @ samples.known
     moved = system - gains @ seen
-    if not np.abs(moved).max(initial=0.0) <= STEEPEST:
-        return None
     drive = drive + np.einsum("kni,ik->kn", gains, beside)
     limit = LARGEST * np.abs(samples.values).max()
     with np.errstate(all="ignore"):
@@ -126,7 +122,7 @@ def predicted(
         innovations = beside - np.einsum("kin,kn->ik", seen, states)
         # One that grows may leave innovations that are small: its derivatives would be none.
         grown = np.abs(np.array(ends)).max(initial=0.0)
-    if not (np.abs(innovations).max() <= limit and grown <= 1.0):
+    if not (np.abs(innovations).max() <= limit and grown <= 1.0 and np.abs(moved).max(initial=0.0) <= STEEPEST):
         return None
     if whitening is None:
         whitening = np.broadcast_to(np.eye(len(samples.values)), (samples.n_samples, *[len(samples.values)] * 2))
