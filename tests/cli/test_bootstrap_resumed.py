@@ -12,8 +12,8 @@ import pytest
 
 from floquid.cli import run
 from floquid.cli._bootstrap import KEPT
-from floquid.pipeline import Draw, bootstrap, identify
-from floquid.store import DrawFile, save
+from floquid.pipeline import Draw, DrawFile, bootstrap, identify
+from floquid.store import save
 from floquid.systems import JeffcottRotor
 
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs SIGKILL")
@@ -21,8 +21,8 @@ pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs SI
 COMMAND = """
 import sys
 from floquid.cli import run
-from floquid.store import _draws
-_draws.EVERY = 0.0
+from floquid.pipeline.draws import _draw_file
+_draw_file.EVERY = 0.0
 sys.exit(run(sys.argv[1:]))
 """
 

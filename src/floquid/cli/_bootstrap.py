@@ -18,9 +18,9 @@ from floquid._checks import counted, input_error
 from floquid.cli._folder import ResultFolder, maybe_folder, result_file
 from floquid.cli._options import Format, OptionalWhole, OutputFolder, Saved, Seed, Whole
 from floquid.cli._terminal import json_text, new_table, print_files, print_title, print_whole, terminal
-from floquid.pipeline import Analysis, Bootstrap, Spread
+from floquid.pipeline import Analysis, Bootstrap, DrawFile, Spread
 from floquid.pipeline import bootstrap as bootstrap_analysis
-from floquid.store import DrawFile, load
+from floquid.store import load
 
 OF = "floquid bootstrap"
 

@@ -19,7 +19,7 @@ from floquid.pipeline._settings import IdentifierName as IdentifierName
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._start import lifted
 from floquid.pipeline._validated import validated
-from floquid.pipeline.draws import AbstractDraws, Bootstrap, Draw, Spread, bootstrap
+from floquid.pipeline.draws import Bootstrap, Draw, DrawFile, Spread, bootstrap
 from floquid.pipeline.preparation import Prepared, prepare
 from floquid.pipeline.preparation import blas_threads as blas_threads
 from floquid.pipeline.with_inputs import (
@@ -36,7 +36,7 @@ from floquid.pipeline.with_inputs import driven_fit as driven_fit
 from floquid.pipeline.with_inputs import predicted_rest as predicted_rest
 
 __all__ = [
-    "CONFIDENT", "HELD_OUT", "AbstractDraws", "AmbientAnalysis", "Analysis", "Bootstrap", "Draw", "DrivenAnalysis",
+    "CONFIDENT", "HELD_OUT", "AmbientAnalysis", "Analysis", "Bootstrap", "Draw", "DrawFile", "DrivenAnalysis",
     "ExcitedAnalysis", "Prepared", "Settings", "Spread", "bootstrap", "find_poles", "identify", "identify_ambient",
     "identify_driven", "lifted", "lifted_views", "measure_transfer", "prepare", "samples_of", "validated",
 ]  # fmt: skip

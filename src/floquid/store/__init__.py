@@ -81,8 +81,7 @@ The cycles and the lifted responses are not in the file: they are made of the fr
 versions of the layout, which no release of floquid wrote, are refused.
 """
 
-from floquid.store._draws import DrawFile
 from floquid.store._load import load
 from floquid.store._save import save
 
-__all__ = ["DrawFile", "load", "save"]
+__all__ = ["load", "save"]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-from abc import ABC, abstractmethod
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -21,6 +20,7 @@ from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, texts, warning
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._deviations import widening_of
+from floquid.pipeline.draws._draw_file import DrawFile
 from floquid.pipeline.draws._plan import Plan, plan_of
 from floquid.pipeline.draws._redraw import Draw, drawn
 from floquid.pipeline.draws._spread import MATERIAL, Spread
@@ -41,25 +41,6 @@ QUANTITIES = (
     "transition",
 )
 """The fields that are spreads."""
-
-
-class AbstractDraws(ABC):
-    """Store of the draws of a bootstrap."""
-
-    @abstractmethod
-    def read(self) -> list[Draw]:
-        """The draws that are done, in the order of their seeds."""
-
-    @abstractmethod
-    def keep(self, draws: Sequence[Draw]) -> None:
-        """Keep all `draws` that are done, in the order of their seeds; or pass over them if that was a moment ago."""
-
-    @abstractmethod
-    def write(self, draws: Sequence[Draw]) -> None:
-        """Keep these.
-
-        All `draws` that are done are given, in the order of their seeds.
-        """
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -215,7 +196,7 @@ def bootstrap(
     seed: int = 0,
     whole: bool = False,
     workers: int | None = None,
-    kept: AbstractDraws | None = None,
+    kept: DrawFile | None = None,
     progress: bool = False,
     report: Callable[[str], None] = lambda _: None,
 ) -> Bootstrap:
@@ -249,7 +230,7 @@ def bootstrap(
     workers
         How many processes share the draws; None for one a processor. The result does not depend on it.
     kept
-        Where draws that are done are kept (`store.DrawFile`), so that a run that is cut short is gone on with.
+        Where draws that are done are kept (`DrawFile`), so that a run that is cut short is gone on with.
     progress
         Whether a progress bar is drawn on stderr, if that is a terminal.
     report

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.io import atomic_path
-from floquid.pipeline import AbstractDraws, Draw
+from floquid.pipeline.draws._redraw import Draw
 
 EVERY = 5.0  # seconds between two writings
 
@@ -20,7 +20,7 @@ _ARRAYS = ("exponents", "coefficients", "system", "transition")
 
 
 @dataclass(slots=True, kw_only=True)
-class DrawFile(AbstractDraws):
+class DrawFile:
     """Keeps the draws of one bootstrap in a file: an archive of plain arrays, replaced whole.
 
     Parameters
