@@ -89,7 +89,10 @@ def coloured(system, periods, phases, noise, seed, corner=0.5, warm=40):
 
 
 def test_modes_beside_coloured_excitation_are_right_or_the_model_fails():
-    """The excitation is of order two; a pole more of it may pass, a mode of the system more may not."""
+    """The excitation is of order two; a pole more of it may pass, a mode of the system more may not.
+
+    When last run, draws 0, 1, 4 and 7 passed with order 6 and 3, 5 and 6 failed: with draw 2 it may hold, or not.
+    """
     system, off, orders = two_masses(), [], []
     for seed in range(8):
         found = identify_ambient(record_from(coloured(system, 400, 20, 0.02, seed), system, 20, ["tower", "blade"]))

@@ -57,7 +57,7 @@ def with_real_ones(
             better, gained = False, -np.inf
             if trial is not None:
                 trial = solve(samples, trial, rough=True)
-                if not hopeless(trial, now, limits):
+                if count == 2 or not hopeless(trial, now, limits):
                     trial = narrowed(samples, grown(samples, trial, limits), limits)
                 better, gained = trial.criterion < now.criterion, trial.log_likelihood - now.log_likelihood
             near, decays = away < NEITHER * std, [own.exponent.real for own in trial.modes[-2:]] if trial else []
