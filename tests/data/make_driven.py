@@ -1,7 +1,7 @@
-"""Make the records with measured inputs: a rotor in MuJoCo (`pip install mujoco`) and a pumped circuit.
+"""Make the records with forces, measured or not: rotors in MuJoCo (`pip install mujoco`) and a pumped circuit.
 
-The truth is the map that made the samples: of the rotor by finite differences of the engine's own step, of the circuit
-by its transition over each sample. Neither has noise: tests add their own.
+The truth is the map that made the samples: of a rotor by finite differences of the engine's own step, of the circuit
+by its transition over each sample. None has noise: tests add their own.
 """
 
 from pathlib import Path
@@ -12,9 +12,8 @@ from scipy.integrate import solve_ivp
 
 HERE = Path(__file__).parent
 PHASES, INNER = 40, 10
-FREE = [0, 1, 3, 4, 5, 6]
 
-MODEL = """
+DISC = """
 <mujoco>
  <option timestep="{step}" gravity="0 {gravity} 0" integrator="implicit"/>
  <worldbody><body name="housing">
@@ -38,54 +37,84 @@ MODEL = """
 </mujoco>"""
 
 
-class Rotor:
-    """A housing on anisotropic springs, an asymmetric shaft and a disc that tilts, at a constant speed."""
+BLADES = """
+<mujoco>
+ <option timestep="{step}" gravity="0 {gravity} 0" integrator="implicit"/>
+ <worldbody><body name="tower">
+  <joint type="slide" axis="1 0 0" stiffness="700" damping="8"/>
+  <joint type="slide" axis="0 1 0" stiffness="1500" damping="10"/>
+  <geom type="box" size=".1 .1 .1" mass="8"/>
+  <site name="tower"/>
+  <body name="hub">
+   <joint type="hinge" axis="0 0 1" armature="1e9"/>
+   <geom type="sphere" size=".01" mass=".05"/>
+   <body name="one" pos=".2 0 0">
+    <joint type="hinge" axis="0 0 1" stiffness="30" damping=".15"/>
+    <inertial pos=".5 0 0" mass="1" diaginertia=".001 .08 .08"/>
+   </body>
+   <body name="two" pos="-.2 0 0">
+    <joint type="hinge" axis="0 0 1" stiffness="36" damping=".15"/>
+    <inertial pos="-.5 0 0" mass="1" diaginertia=".001 .08 .08"/>
+   </body>
+  </body>
+ </body></worldbody>
+</mujoco>"""
 
-    def __init__(self, turns_a_second, gravity=0.0, eccentricity=0.0):
+
+class Rotor:
+    """A model whose third joint turns at a constant speed; sites are seen along x and y, and the joints after it.
+
+    Of `DISC` a housing on anisotropic springs, an asymmetric shaft and a disc that tilts; of `BLADES` a tower with two
+    blades that lag.
+    """
+
+    def __init__(self, turns_a_second, text=DISC, gravity=0.0, eccentricity=0.0):
         self.period = 1.0 / turns_a_second
         self.step_size = self.period / PHASES / INNER
-        text = MODEL.format(step=self.step_size, gravity=gravity, eccentricity=eccentricity)
+        text = text.format(step=self.step_size, gravity=gravity, eccentricity=eccentricity)
         self.model = mujoco.MjModel.from_xml_string(text)
         self.data = mujoco.MjData(self.model)
+        self.free = [joint for joint in range(self.model.nv) if joint != 2]
 
     def sample(self, state, number, forces):
-        """The outputs at a sample, and the state at the next one."""
-        data, speed = self.data, 2.0 * np.pi / self.period
+        """The outputs at a sample, and the state at the next one, of forces on the free joints."""
+        data, speed, free = self.data, 2.0 * np.pi / self.period, self.free
         mujoco.mj_resetData(self.model, data)
-        data.qpos[FREE], data.qvel[FREE] = state[:6], state[6:]
+        data.qpos[free], data.qvel[free] = state[: len(free)], state[len(free) :]
         seen = None
         for inner in range(INNER):
             data.qpos[2], data.qvel[2] = speed * (number * INNER + inner) * self.step_size, speed
             if seen is None:
                 mujoco.mj_kinematics(self.model, data)
-                seen = data.site_xpos[:, :2].ravel().copy()
+                seen = np.append(data.site_xpos[:, :2], data.qpos[3:])
             data.qfrc_applied[:] = 0.0
-            # On the housing along x, and on the disc along an axis that turns.
-            data.qfrc_applied[[0, 3]] = forces
+            data.qfrc_applied[free] = forces
             mujoco.mj_step(self.model, data)
-        return seen, np.concatenate([data.qpos[FREE], data.qvel[FREE]])
+        return seen, np.concatenate([data.qpos[free], data.qvel[free]])
 
     def steady(self, periods=60):
         """The state at phase zero of the orbit that nothing but gravity and imbalance drive."""
-        state = np.zeros(12)
+        state = np.zeros(2 * len(self.free))
         for number in range(periods * PHASES):
-            state = self.sample(state, number % PHASES, (0.0, 0.0))[1]
+            state = self.sample(state, number % PHASES, 0.0)[1]
         return state
 
-    def exponents(self, state):
-        """Exponents on the principal branch, by differences of the engine's step about an orbit."""
-        whole = np.eye(12)
-        for phase in range(PHASES):
-            nudges = np.repeat([1e-5, 1e-3], 6)
-            ends = [
-                [self.sample(state + sign * own, phase, (0.0, 0.0))[1] for sign in (1.0, -1.0)]
-                for own in np.diag(nudges)
-            ]
+    def exponents(self, state, half=False):
+        """Exponents on the principal branch, by differences of the engine's step about an orbit.
+
+        Those of half a turn are of a model that is then as before, but for the sign of what turns: `DISC` without
+        imbalance, seen from the fixed frame.
+        """
+        whole, nudges = np.eye(len(state)), np.repeat([1e-5, 1e-3], len(self.free))
+        for phase in range(PHASES // 2 if half else PHASES):
+            ends = [[self.sample(state + sign * own, phase, 0.0)[1] for sign in (1.0, -1.0)] for own in np.diag(nudges)]
             whole = (
                 np.array([(up - down) / (2.0 * own) for (up, down), own in zip(ends, nudges, strict=True)]).T @ whole
             )
-            state = self.sample(state, phase, (0.0, 0.0))[1]
-        return np.log(np.linalg.eigvals(whole).astype(complex)) / self.period
+            state = self.sample(state, phase, 0.0)[1]
+        if half:
+            whole *= np.where(np.arange(len(whole)) % len(self.free) < 2, 1.0, -1.0)[:, None]
+        return np.log(np.linalg.eigvals(whole).astype(complex)) / self.period * (2.0 if half else 1.0)
 
 
 def white(generator, samples):
@@ -118,17 +147,36 @@ def write(name, outputs, inputs, period, phases, exponents, channels, units):
 
 
 def rotor(name, turns_a_second, periods, forces, **gravity):
-    """A record of the rotor, from its orbit on."""
+    """A record of the rotor, from its orbit on, forces along x on the housing and along an axis that turns."""
     system = Rotor(turns_a_second, **gravity)
     inputs = forces(np.random.default_rng(1), periods * PHASES)
-    orbit = state = system.steady() if gravity else np.zeros(12)
-    outputs = []
-    for number, own in enumerate(inputs.T):
-        seen, state = system.sample(state, number, own)
-        outputs.append(seen)
+    orbit = system.steady() if gravity else np.zeros(12)
+    on_joints = np.zeros((6, periods * PHASES))
+    on_joints[[0, 2]] = inputs
+    outputs = driven(system, orbit, on_joints)[:4]
     names = ["housing_x", "housing_y", "disc_x", "disc_y", "force_housing", "force_disc"]
     exponents, units = system.exponents(orbit), ["m"] * 4 + ["N"] * 2
-    write(name, np.array(outputs).T, inputs, system.period, PHASES, exponents, names, units)
+    write(name, outputs, inputs, system.period, PHASES, exponents, names, units)
+
+
+def driven(system, state, forces):
+    """The outputs (outputs, samples) from a state on, of forces on the free joints."""
+    outputs = []
+    for number, own in enumerate(forces.T):
+        seen, state = system.sample(state, number, own)
+        outputs.append(seen)
+    return np.array(outputs).T
+
+
+def ambient(name, turns_a_second, turns, sizes, channels, units, half=False, warm=60, **model):
+    """A record of a rotor that white forces of these sizes on all free joints drive; none of them is kept."""
+    system = Rotor(turns_a_second, **model)
+    orbit = system.steady()
+    forces = np.random.default_rng(1).standard_normal((len(sizes), (turns + warm) * PHASES))
+    outputs = driven(system, orbit, np.array(sizes)[:, None] * forces)[: len(channels), warm * PHASES :: 2]
+    period, phases = (0.5 * system.period, PHASES // 4) if half else (system.period, PHASES // 2)
+    none = np.zeros((0, outputs.shape[1]))
+    write(name, outputs, none, period, phases, system.exponents(orbit, half), channels, units)
 
 
 def circuit(name, periods=200, phases=64):
@@ -177,3 +225,8 @@ if __name__ == "__main__":
     rotor("driven_rotor_gravity", 9.0, 200, white, gravity=-9.81, eccentricity=2e-5)
     rotor("driven_rotor_hits", 12.0, 240, hits)
     circuit("driven_circuit")
+    sizes = [0.2, 0.2, 0.06, 0.06, 0.002, 0.002]
+    names = ["housing_x", "housing_y", "disc_x", "disc_y"]
+    ambient("ambient_rotor", 9.0, 1000, sizes, names, ["m"] * 4, half=True, gravity=-9.81)
+    sizes, names = [0.5, 0.5, 0.05, 0.05], ["tower_x", "tower_y", "lag"]
+    ambient("ambient_blades", 2.0, 2400, sizes, names, ["m", "m", "rad"], text=BLADES)
