@@ -1,4 +1,4 @@
-"""Words of findings on the order and the fit of a record: its modes, the period, whether it is periodic."""
+"""Words of findings on the order and the fit of a record: its modes and its lines."""
 
 from __future__ import annotations
 
@@ -113,46 +113,6 @@ def _families(lines: int, spacings: int, families: int, frequency: float, odds: 
     )
 
 
-def _of_orbit(period: float, orbit: float, harmonics: Sequence[int], symmetric: bool) -> str:
-    said = (
-        f"The period is told by the lines that do not decay, at {both([str(m) for m in harmonics[:8]])} times "
-        f"{1.0 / orbit:.6g} Hz: a limit cycle, or the response to a force; lines that decay do not tell it."
-    )
-    if not symmetric:
-        return said
-    return (
-        f"{said} All are odd multiples: the orbit is half-wave symmetric, x(t + T/2) = -x(t), with T = {orbit:.7g} s. "
-        f"A(t) of a symmetric system has half of its period, {period:.7g} s, which is taken; if the system is not "
-        f"symmetric, give its own: `period={orbit:.10g}`."
-    )
-
-
-SMALLEST = 1e-300  # probabilities below this are not told apart
-
-
-def _p(p: float) -> str:
-    return f"p < {SMALLEST:g}" if p < SMALLEST else f"p = {p:.2g}"
-
-
-def _periodic(p: float, harmonic: int, mode: int, channel: str) -> str:
-    places = [f"at {harmonic} per period"] * bool(harmonic) + [f"in mode {mode}"] * bool(mode)
-    places += [f"in channel {channel}"] * bool(channel)
-    where = f"strongest {', '.join(places)}" if places else "no one harmonic, mode or channel stands out"
-    return f"The response is periodic: {_p(p)}, {where}."
-
-
-def _not_periodic(p: float, least: float, most: float, low: int, high: int, power: float) -> str:
-    small, large = f"{100 * least:.2g} %", f"{100 * most:.2g} %"
-    size = large if small == large else f"{small} (mode {low}) to {large} (mode {high})"
-    seen = f"harmonics above {size} of the mode would have been, {100 * power:.3g} times in 100"
-    return f"Nothing periodic is seen: {_p(p)}; {seen}."
-
-
-def _untested(modes: Sequence[int], harmonics: Sequence[int]) -> str:
-    cases = ", ".join(f"{m} of mode {mode}" for mode, m in zip(modes, harmonics, strict=True))
-    return f"Not tested, being beyond what the sampling shows, not fitted, or on a mode: m = {cases}."
-
-
 FIT: dict[str, str | Callable[..., str]] = {
     "all_needed": _needed,
     "strongest_peak": _peak,
@@ -177,37 +137,10 @@ FIT: dict[str, str | Callable[..., str]] = {
     "them are noise that is not white along the record, or what a nonlinearity leaves.",
     "undamped_lines": _undamped,
     "line_families": _families,
-    "period_of_orbit": _of_orbit,
     "beside_steady": lambda turns: (
         f"A steady response, {both([f'{turn:g}' for turn in turns[:8]])} times the fundamental, was taken off first: "
         "an orbit on which nothing is seen to decay. A limit cycle shows its multipliers where it is disturbed, and "
         "only those that last for some samples: disturb it more, or sample faster."
-    ),
-    "orbit_of_two_periods": "What does not decay repeats after two periods, with the opposite sign after one: a limit "
-    "cycle or a forced orbit that is half-wave symmetric, or the imbalance of a shaft that turns once in two periods. "
-    "It was fitted beside the modes, where a revolution is two periods.",
-    "period_no_line": "Cannot tell: no line that decays rises above the noise.",
-    "period_no_family": "Cannot tell: no two lines have one decay, as harmonics of a mode have: the response is that "
-    "of a system that is constant, as far as it rises above the noise.",
-    "period_one_spacing": "Cannot tell: one spacing alone is no period: two modes of a constant system with the same "
-    "damping look the same.",
-    "period_by_chance": "Cannot tell: spacings as noisy as these would agree by chance.",
-    "period_other": "Cannot tell: spacings of {frequency:.6g} Hz explain the lines as well, with other lines belonging "
-    "together.",
-    "period_lost": "Cannot tell: the fit with one spacing for all families goes away from the lines.",
-    "period_differs": "Cannot tell: fitted to the whole record the period is another than that of its lines.",
-    "periodic": _periodic,
-    "not_periodic": _not_periodic,
-    "periodic_untestable": "Whether anything is periodic cannot be tested: no harmonic beside the zeroth is to be "
-    "seen.",
-    "periodic_untold": lambda p, spacing: (
-        f"Whether anything is periodic cannot be told: there are harmonics ({_p(p)}), but not where harmonics are "
-        f"(p = {spacing:.2g}). Most likely modes of a constant system fold onto one another, and were taken for one."
-    ),
-    "untested": _untested,
-    "locked": lambda modes: (
-        f"The multipliers of modes {', '.join(map(str, modes))} are real, as those of modes that periodicity locks; a "
-        "constant system has that only by chance. It is no part of the test."
     ),
 }
 """By code."""

@@ -98,8 +98,6 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "inputs_held_out": "The last quarter of the record, left out of a fit, is predicted with an error of {error:.3g} "
     "times the noise: modes or harmonics are missing, the input is not what drives the system alone, or the system is "
     "not linear or not periodic with that period.",
-    "inputs_period": "The response does not repeat with the period given: its own is {own:.10g} ± {std:.1g} s, not "
-    "{given:.10g} s. Exponents and shapes would look right and be wrong. Correct the period, or the rate.",
     "inputs_instants": _instants,
     "inputs_untold": _untold,
     "inputs_nonlinear": "What is left goes with squares and cubes of the response (squared scores of {squares:.3g}; "

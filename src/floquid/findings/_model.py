@@ -52,20 +52,6 @@ def _fails(misfit: float, order: bool, harmonics: bool, forced: bool) -> str:
     )
 
 
-def _wrong_period(own: float, std: float, given: float, slip: float, rate: float, whole: int) -> str:
-    said = (
-        f"The response does not repeat with the period given: its own is {own:.10g} ± {std:.1g} s, not {given:.10g} s; "
-        f"over the record the phase slips by {slip:.3g} samples. Exponents and shapes would look right and be wrong."
-    )
-    if not whole:
-        return said
-    return (
-        f"{said} Its own is {whole} sampling intervals, a whole number: the period or the sampling interval of "
-        f"{1.0 / rate:.6g} s was rounded. If the period is right, the sampling interval is {given / whole:.10g} s: "
-        f"pass `rate={whole / given:.12g}`. If the rate is right, pass `period={whole / rate:.12g}`."
-    )
-
-
 def _forced(orders: Sequence[float], largest: Sequence[float], follows: bool) -> str:
     parts = [f"{j} a revolution (up to {size:.3g} times the noise)" for j, size in zip(orders, largest, strict=True)]
     speed = ", let follow the speed" if follows else ""
@@ -112,7 +98,6 @@ MODEL: dict[str, str | Callable[..., str]] = {
     "found, or ask for a higher one.",
     "order_not_held": "The residues are not constrained to their harmonics: that many poles do not stay where they are "
     "then. The record holds fewer than the order asked for.",
-    "wrong_period": _wrong_period,
     "misfit": "What the fit leaves is {misfit:.3g} times the noise: harmonics are missing, a mode is several that fold "
     "onto one another, or there is something that is no mode. Deviations are as many times those of the noise alone; "
     "exponents may be bent by more still. Allow more harmonics, or finish with `constrained=False`.",
@@ -133,10 +118,6 @@ MODEL: dict[str, str | Callable[..., str]] = {
     "weakly_determined": "{number} of {order} exponents are weakly determined (deviation above {limit:g} of the "
     "fundamental): each may stand for several modes that this record cannot tell apart. Do not quote their frequency "
     "and damping; a second hit at another place, or less noise, helps most.",
-    "no_second_harmonic": "No mode has a second harmonic above the noise: the system looks constant, or the period is "
-    "wrong and tore each harmonic into a mode of its own.",
-    "period_halved": "Modes come in pairs of equal decay, half a fundamental apart: the true period is most likely "
-    "twice the one given, and each mode is listed twice.",
     "growing": "{number} of {order} exponents grow: the system is unstable, or it is being driven.",
 }
 """By code."""

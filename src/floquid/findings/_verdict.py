@@ -82,15 +82,6 @@ def _held_out_error(ratio: float, channel: str, hit: int, part: str) -> str:
     )
 
 
-def _own_period(period: float, std: float | None, given: float) -> str:
-    # A model that fails has no deviations: then what it leaves says nothing of that of the period either.
-    deviation = "" if std is None else f" ± {std:.1g}"
-    return (
-        f"the response repeats with {period:.10g}{deviation} s, not with the period of the model, {given:.10g} s. "
-        "Correct the period, or let it be found (`estimate_period=True`)."
-    )
-
-
 def _system(pair: tuple[tuple[float, float], tuple[float, float]] | None, trace: bool, composition: float) -> str:
     broken = (
         [] if pair is None else ["a multiplier of A(t) is {:.6g} where the model has {:.6g}".format(*_complex(pair))]
@@ -127,7 +118,6 @@ VERDICT: dict[str, str | Callable[..., str]] = {
     "({error}). Ask for fewer modes.",
     "held_out_fit": _held_out_fit,
     "held_out_error": _held_out_error,
-    "own_period": _own_period,
     "tone_left": _tones,
     "harmonic_left": _harmonics,
     "line_left": _lines,

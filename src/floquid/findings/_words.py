@@ -8,6 +8,7 @@ from floquid.findings._draws import DRAWS
 from floquid.findings._fit import FIT, ORDER
 from floquid.findings._inputs import AMBIENT, INPUTS
 from floquid.findings._model import MODEL, SYSTEM
+from floquid.findings._period import PERIOD
 from floquid.findings._records import RECORDS, SHAFT
 from floquid.findings._verdict import VERDICT
 
@@ -18,6 +19,7 @@ WORDS: dict[str, str | Callable[..., str]] = {
     **FIT,
     **INPUTS,
     **AMBIENT,
+    **PERIOD,
     **MODEL,
     **SYSTEM,
     **VERDICT,
