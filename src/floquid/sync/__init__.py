@@ -4,7 +4,7 @@ from floquid.sync._angle_spline import AngleSpline
 from floquid.sync._faults import clipped, dropouts, gaps, wrapped
 from floquid.sync._hits import Impact, find_hits, find_impacts, split_hits
 from floquid.sync._interpolation import half_width, interpolate, interpolation_error
-from floquid.sync._pulses import pulse_times
+from floquid.sync._pulse_times import pulse_times
 from floquid.sync._resample import bandwidth, resample
 from floquid.sync._segment import rejoin, samples_per_period, segment
 from floquid.sync._shaft_angle import ShaftAngle, shaft_angle

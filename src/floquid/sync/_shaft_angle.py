@@ -15,8 +15,8 @@ from floquid.core import AzimuthSignal, PulseTimes, Record, TachometerSignal
 from floquid.findings import Finding, note, texts, warning
 from floquid.sync._angle_spline import AngleFit, AngleSpline, fit_angle
 from floquid.sync._azimuth import OF, Evidence, of_azimuth
-from floquid.sync._count import count
-from floquid.sync._pulses import pulse_times
+from floquid.sync._count_pulses import count
+from floquid.sync._pulse_times import pulse_times
 
 STEADY, USABLE = 0.01, 0.05
 """Wander of the speed, of its mean: below the one a periodic model holds, beyond the other it does not."""
