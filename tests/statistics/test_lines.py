@@ -21,7 +21,6 @@ SYSTEMS = {  # phases, turns, noise, real multipliers
     "two masses": (two_masses, 24, 64, 0.02, 0),
     "rotor": (paper_rotor, 50, 128, 0.02, 0),
 }
-RINGS_ON = pytest.mark.xfail(reason="what rings on counts as noise of the lines: z 0.67, deviations are too wide")
 
 
 @cache
@@ -58,7 +57,7 @@ def test_order_and_kind_are_right_and_deviations_are_not_too_small(name):
     assert pull.max() < 5.0
 
 
-@pytest.mark.parametrize("name", [pytest.param(own, marks=RINGS_ON if own == "rotor" else ()) for own in SYSTEMS])
+@pytest.mark.parametrize("name", SYSTEMS)
 def test_deviations_hold(name):
     # Deviations are those of the linearisation, which are the bound of Cramér and Rao.
     pull, errors, variances, squares, nearer = drawn(name)

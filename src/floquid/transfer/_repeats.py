@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import helmert
 from scipy.special import chdtrc, fdtrc
 
 from floquid.core import Channel
@@ -28,6 +29,9 @@ ROUNDING = 1e-13
 
 BESIDE = 8
 """Lines on either side whose variance over the repeats is put together."""
+
+RINGING = 2.0
+"""The variance of repeats with what rings on in it, over that without, from which on it is taken out."""
 
 SURE = 1e-6
 """The probability at which noise may pass for something that is told."""
@@ -110,8 +114,8 @@ def by_repeats(
     (outputs, spread), (inputs, unlike) = _means(answers), _means([own for _, _, own in both])
     alive = _transient(answers, drop)
     if alive and counts.min() > 2:
-        # What rings at the begin is no noise: what is left of it after a repeat more is smaller.
-        spread = _means([own[:, 1:] for own in answers])[1]
+        spread = np.average([_without_ringing(own) for own in answers], axis=0, weights=counts - 1)
+        spread = np.maximum(spread, _rounding(outputs))
     powers = counts[:, None, None] * np.abs(inputs) ** 2
     driving = (powers > EXCITED**2 * powers.max(axis=(0, 2), keepdims=True)) & (powers > LOUD * unlike)
     driving[:, :, 0] = driving[:, :, (count - 1) // 2 + 1 :] = False
@@ -176,16 +180,34 @@ def _means(records: list[NDArray]) -> tuple[NDArray, NDArray[np.float64]]:
     means = np.array([own.mean(axis=1) for own in records])
     free = sum(own.shape[1] - 1 for own in records)
     apart = [np.sum(np.abs(own - mean[:, None]) ** 2, axis=1) for own, mean in zip(records, means, strict=True)]
-    floor = (ROUNDING * np.abs(means).max(axis=(0, 2))) ** 2
-    return means, np.maximum(_beside(np.sum(apart, axis=0) / free), floor[:, None])
+    return means, np.maximum(_beside(np.sum(apart, axis=0) / free), _rounding(means))
 
 
-def _beside(variance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A variance over lines, each the mean of those beside it (outputs, lines)."""
-    padded = np.concatenate([variance[:, -BESIDE:], variance, variance[:, :BESIDE]], axis=1)
-    total = np.cumsum(np.concatenate([np.zeros((len(padded), 1)), padded], axis=1), axis=1)
+def _rounding(means: NDArray) -> NDArray[np.float64]:
+    """The variance below which noise is rounding (channels, 1), of means (records, channels, lines)."""
+    return (ROUNDING * np.abs(means).max(axis=(0, 2))[:, None]) ** 2
+
+
+def _without_ringing(own: NDArray) -> NDArray[np.float64]:
+    """The variance of a repeat (channels, lines) of a record (channels, repeats, lines) beside what rings on.
+
+    What rings falls from repeat to repeat by one factor at all lines beside a resonance: it is one direction of the
+    differences between repeats, and where the largest variance of any direction stands out, it is left out.
+    """
+    parts = np.einsum("jr,crk->jck", helmert(own.shape[1]), own)
+    products = parts[:, None] * parts.conj()
+    sizes = np.linalg.eigvalsh(np.moveaxis(_beside(products), (0, 1), (-2, -1)))
+    all_of, width = sizes.mean(axis=-1), 2 * BESIDE + 1
+    rest = sizes[..., :-1].mean(axis=-1) * width / (width - 1)
+    return np.where(all_of > RINGING * rest, rest, all_of)
+
+
+def _beside(variance: NDArray) -> NDArray:
+    """A variance over lines, each the mean of those beside it (..., lines)."""
+    padded = np.concatenate([variance[..., -BESIDE:], variance, variance[..., :BESIDE]], axis=-1)
+    total = np.cumsum(np.concatenate([np.zeros_like(padded[..., :1]), padded], axis=-1), axis=-1)
     width = 2 * BESIDE + 1
-    return (total[:, width:] - total[:, :-width]) / width
+    return (total[..., width:] - total[..., :-width]) / width
 
 
 def _refuse_collisions(excited: NDArray[np.bool_], turns: int) -> None:

@@ -145,6 +145,17 @@ def test_a_transient_that_is_alive_is_seen(drop, seen):
     assert any("what rang at the begin" in words for words in found.warnings) == seen
 
 
+def test_what_rings_on_for_repeats_is_no_noise():
+    """By the third repeat, too, what rings at the resonance is many times the noise."""
+    system, phases, turns = mathieu(damping=0.01), 20, 32
+    (_, record, names), (_, clean, _) = (shaken(system, phases, turns, 5, noise, 5) for noise in (0.01, 0.0))
+    found = measure_transfer(record, inputs=names)
+    std = (record.values - clean.values)[0].std()
+    over = found.noise[0] / (2.0 * std / np.sqrt(turns * phases))
+    assert 0.6 < over.min() < over.max() < 2.0
+    assert 0.85 < np.sqrt(np.mean(over**2)) < 1.25
+
+
 @pytest.mark.slow
 def test_g_of_samples_of_a_model_is_what_is_measured():
     system, phases = mathieu(direct=0.3), 20
