@@ -36,7 +36,7 @@ FIRST = 3
 """Rounds in which bands grow before modes that are needless have gone."""
 
 FEW = 4
-"""Modes to begin with up to which a search that begins with one is made, too, where what is left is not white."""
+"""Modes to begin with up to which a doubtful search, not white or with a real multiplier, is made from one, too."""
 
 TOO_NEAR = 0.5
 """The distance of two modes over their decay below which they may be one."""
@@ -58,8 +58,8 @@ def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = l
     bare = [bare_mode(samples, exponent, turns, turns) for exponent in poles[shares >= STABLE].tolist()]
     first = chosen_together(samples, bare, limits.modes)
     now = _found(samples, first, limits, report)
-    white = samples.n_samples * now.colour < limit_of(LAGS, limits.mode_alarm)
-    if len(first) > 1 and len(now.modes) > 1 and (_crowded(samples, now) or (len(first) <= FEW and not white)):
+    doubtful = samples.n_samples * now.colour > limit_of(LAGS, limits.mode_alarm) or any(m.real for m in now.modes)
+    if len(first) > 1 and len(now.modes) > 1 and (_crowded(samples, now) or (len(first) <= FEW and doubtful)):
         # Two poles may stand for one mode of strong harmonics: begin with one, too.
         other = _found(samples, first[:1], replace(limits, modes=min(limits.modes, FEW)), report)
         now = max(now, other, key=lambda own: own.criterion)
