@@ -4,8 +4,6 @@
 make a model and transfer functions of both: `floquid.identify_driven` is the chain.
 """
 
-from floquid.inputs._bands import Limits as Limits
-from floquid.inputs._bands import limit_of as limit_of
 from floquid.inputs._free import fitted_freely as fitted_freely
 from floquid.inputs._joint import chosen_together as chosen_together
 from floquid.inputs._joint import fitted_together as fitted_together
@@ -26,8 +24,10 @@ from floquid.inputs._result import transfer_of as transfer_of
 from floquid.inputs._samples import Hold
 from floquid.inputs._samples import Samples as Samples
 from floquid.inputs._samples import samples_of as samples_of
+from floquid.inputs._scores import Limits as Limits
 from floquid.inputs._scores import Scores as Scores
 from floquid.inputs._scores import gain_of as gain_of
+from floquid.inputs._scores import limit_of as limit_of
 from floquid.inputs._scores import period_step as period_step
 from floquid.inputs._search import nearly_one as nearly_one
 from floquid.inputs._search import searched as searched

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
-from floquid.inputs._scores import Scores
+from floquid.inputs._scores import Limits, Scores, driven_by_noise, limit_of
 from floquid.inputs._solver import Linearisation, columns_of, covariance, solve
 
 ROUGH = 3
@@ -30,33 +30,6 @@ NARROW = 1e-12
 """The probability at which noise may make up for harmonics that are left out together."""
 
 
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """Limits of a search.
-
-    Parameters
-    ----------
-    mode_alarm, harmonic_alarm
-        The probabilities that noise passes for a mode, and for a harmonic.
-    highest
-        The highest harmonic of input and output.
-    modes
-        Modes that may be found, at most.
-    """
-
-    mode_alarm: float = 1e-9
-    harmonic_alarm: float = 1e-6
-    highest: int = 12
-    modes: int = 20
-
-
-def limit_of(degrees: int, probability: float) -> float:
-    """What noise exceeds in χ² of some degrees of freedom with a probability."""
-    from scipy.special import chdtri
-
-    return float(chdtri(degrees, probability))
-
-
 def grown(samples: Samples, now: Linearisation, limits: Limits, rounds: int = GROWTHS) -> Linearisation:
     """The fit with the harmonics beside its bands whose scores rise above the noise."""
     for _ in range(rounds):
@@ -71,15 +44,6 @@ def grown(samples: Samples, now: Linearisation, limits: Limits, rounds: int = GR
             return now
         now = trial
     return now
-
-
-def driven_by_noise(scores: Scores, limits: Limits) -> float:
-    """What the criterion gains by noise that drives the modes, to first order; -∞ where noise of sensors explains all.
-
-    Inputs at any harmonic, and modes at any frequency near, make up for such noise: they must be better than it.
-    """
-    gain = scores.by_noise()
-    return gain - float(np.log(scores.samples.n_samples)) if gain > limit_of(1, limits.harmonic_alarm) else -np.inf
 
 
 def _wider(samples: Samples, now: Linearisation, limits: Limits, scores: Scores) -> list[InputMode]:

@@ -8,10 +8,11 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.inputs._bands import Limits, grown, limit_of
+from floquid.inputs._bands import grown
 from floquid.inputs._joint import fitted_together
 from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
+from floquid.inputs._scores import Limits, limit_of
 from floquid.inputs._solver import Linearisation, covariance, linearise, solve
 from floquid.inputs._start import bare_mode
 

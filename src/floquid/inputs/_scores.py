@@ -1,9 +1,9 @@
-"""Gains of a fit by more of its harmonics, to first order, all else moving along: one linearisation for all tests."""
+"""Gains of a fit by more of its harmonics, to first order, and their limits: one linearisation for all tests."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -28,6 +28,33 @@ TINY = float(np.finfo(float).tiny)
 
 DRAWS = 30
 """Draws of white noise by which a fit is told from noise."""
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Limits of a search.
+
+    Parameters
+    ----------
+    mode_alarm, harmonic_alarm
+        The probabilities that noise passes for a mode, and for a harmonic.
+    highest
+        The highest harmonic of input and output.
+    modes
+        Modes that may be found, at most.
+    """
+
+    mode_alarm: float = 1e-9
+    harmonic_alarm: float = 1e-6
+    highest: int = 12
+    modes: int = 20
+
+
+def limit_of(degrees: int, probability: float) -> float:
+    """What noise exceeds in χ² of some degrees of freedom with a probability."""
+    from scipy.special import chdtri
+
+    return float(chdtri(degrees, probability))
 
 
 class Scores:
@@ -219,3 +246,12 @@ def _gain(
     values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
     good = values > least
     return float(np.sum((vectors[:, good].T @ (pull / scale)) ** 2 / values[good]))
+
+
+def driven_by_noise(scores: Scores, limits: Limits) -> float:
+    """What the criterion gains by noise that drives the modes, to first order; -∞ where noise of sensors explains all.
+
+    Inputs at any harmonic, and modes at any frequency near, make up for such noise: they must be better than it.
+    """
+    gain = scores.by_noise()
+    return gain - float(np.log(scores.samples.n_samples)) if gain > limit_of(1, limits.harmonic_alarm) else -np.inf

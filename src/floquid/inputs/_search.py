@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from floquid.inputs._bands import ROUGH, Limits, driven_by_noise, grown, limit_of, narrowed, with_reach
+from floquid.inputs._bands import ROUGH, grown, narrowed, with_reach
 from floquid.inputs._joint import chosen_together, fitted_together
 from floquid.inputs._modes import InputMode
 from floquid.inputs._real import with_real_ones
 from floquid.inputs._samples import Samples
-from floquid.inputs._scores import Scores
+from floquid.inputs._scores import Limits, Scores, driven_by_noise, limit_of
 from floquid.inputs._solver import LAGS, Linearisation, solve
 from floquid.inputs._start import bare_mode, candidates
 
