@@ -47,8 +47,9 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
                                     liouville, composition, misfit, remainder; at_least: those of the limits that
                                     are the least allowed; absent where nothing was validated
     /state/                         times, transition (times, n, n), system (times, n, n), condition, states,
-                                    system_std, transition_std, coordinates (what the states are, in words),
-                                    provenance/; a null dataset when no A(t) was asked for
+                                    system_std, transition_std, coordinates (what the states are, in words), inputs,
+                                    outputs, direct and inputs_std where inputs were measured, provenance/; a null
+                                    dataset when no A(t) was asked for
     /refinement/                    of an A(t) that was fitted with a structure: structure (a text), parameters, names,
                                     covariance, exponents, exponent_std (modes,), chi_square, degrees, p_value,
                                     findings; state/ where it is not that of the file; absent where no structure was

@@ -44,7 +44,7 @@ REACHED = 1e-6
 SURE = 1e-9
 """The probability at which noise may pass for something that is told."""
 
-NOISE = 1e-4
+NOISE = 1e-6
 """The probability at which noise of sensors may pass for noise that drives the system."""
 
 MORE = 2.0
