@@ -52,16 +52,16 @@ def in_a_loop(system, periods, phases, seed, process, feedback, noise, warm=20):
 
 
 @pytest.mark.parametrize(
-    ("system", "process", "feedback", "noise"),
+    ("system", "process", "feedback", "noise", "most_missed"),
     [
-        (mathieu(), 0.5, (0.0, 0.0), 0.02),
-        (mathieu(), 0.5, (0.0, 0.4), 0.005),
-        (mathieu(damping=-0.02), 0.3, (0.0, 0.4), 0.005),
-        (pendulum(), 0.3, (1.0, 0.6), 0.005),
+        (mathieu(), 0.5, (0.0, 0.0), 0.02, 0),
+        (mathieu(), 0.5, (0.0, 0.4), 0.005, 0),
+        (mathieu(damping=-0.02), 0.3, (0.0, 0.4), 0.005, 0),
+        (pendulum(), 0.3, (1.0, 0.6), 0.005, 1),
     ],
     ids=["wind", "a loop", "a loop around flutter", "a loop around an inverted pendulum"],
 )
-def test_deviations_hold_where_other_forces_act_too(system, process, feedback, noise):
+def test_deviations_hold_where_other_forces_act_too(system, process, feedback, noise, most_missed):
     off, errors, missed = [], [], 0
     truth = system.transfer(HERTZ, HARMONICS)
     for seed in range(DRAWS):
@@ -76,7 +76,7 @@ def test_deviations_hold_where_other_forces_act_too(system, process, feedback, n
         own = found.transfer(HERTZ, HARMONICS)
         gap = own.values - truth
         errors.append(np.concatenate([(gap.real / own.std.real).ravel(), (gap.imag / own.std.imag).ravel()]))
-    assert missed <= 1
+    assert missed <= most_missed
     assert 0.8 < np.sqrt(np.mean(np.concatenate(off) ** 2)) < 1.3
     assert 0.8 < np.sqrt(np.mean(np.array(errors) ** 2)) < 1.25
 
