@@ -8,6 +8,7 @@ from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
 
 from floquid import Record, multisine
 from floquid.systems import JeffcottRotor
@@ -246,3 +247,12 @@ def pulls(system, model):
         off = gap[np.abs(gap).argmin()]
         rows.append([abs(off.real) / own.real, abs(off.imag) / max(own.imag, 1e-9)])
     return np.array(rows)
+
+
+def strayed(model, truth):
+    """The largest error of the exponents of a model over its deviation, by assignment to the true ones, modulo iω."""
+    gap = model.exponents[:, None] - truth
+    gap = gap.real + 1j * (gap.imag - model.fundamental * np.rint(gap.imag / model.fundamental))
+    rows, columns = linear_sum_assignment(np.abs(gap))
+    off, std = gap[rows, columns], model.exponent_std[rows]
+    return max(np.abs(off.real / std.real).max(), np.abs(off.imag / std.imag).max())

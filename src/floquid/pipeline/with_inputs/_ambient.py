@@ -33,7 +33,7 @@ from floquid.pipeline.with_inputs._again import first_part, with_acting
 from floquid.pipeline.with_inputs._analysis import HELD_OUT, AmbientAnalysis
 from floquid.pipeline.with_inputs._identify import HIGHEST
 from floquid.pipeline.with_inputs._prepare import COPY, Parted, parted, refuse_others
-from floquid.pipeline.with_inputs._verdict import SIGNIFICANT, done_beside, needed
+from floquid.pipeline.with_inputs._verdict import SIGNIFICANT, done_beside, needed, of_period
 
 OF = "identify_ambient"
 
@@ -153,7 +153,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
             needed(model, limits, [fit.seen(number) for number in range(len(found.modes))]),
             *_told(fit, model, relative, duration, np.array(undecided)),
             *_against(samples, found, held_out),
-            *(() if own.shafts else _period(fit)),
+            *(() if own.shafts else of_period(samples, *period_step(fit))),
             *([warning("inputs_modes", most=limits.modes)] if len(found.modes) >= limits.modes else []),
         ),
     )
@@ -186,15 +186,6 @@ def _refuse_period(samples: Samples) -> None:
             f"{found.even:.3g}, odd ones of {found.odd:.3g}, which noise alone has (up to {found.limit:.3g}). Modes "
             f"would be found more than once. Give half of it: `period={0.5 * given:.10g}`."
         )
-
-
-def _period(fit: Fit) -> tuple[Finding, ...]:
-    """Finding on a period that is not that of the response, to first order."""
-    step, std = period_step(fit)
-    if abs(step) <= SIGNIFICANT * std:
-        return ()
-    given = 2.0 * np.pi / fit.samples.fundamental
-    return (failure("inputs_period", own=given * (1.0 + step), std=given * std, given=given),)
 
 
 def _held_out(samples: Samples, found: Predictor) -> NDArray[np.float64]:

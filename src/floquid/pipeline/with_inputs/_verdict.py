@@ -82,7 +82,7 @@ def verdict(
         *(_instants(fit, scores) or (_driven_by_noise(scores, by_noise) if noisy else _nonlinear(scores, by_powers))),
         *_against(fit.at, held_out),
         *_ended(samples, fit.at, model, limits, most),
-        *(() if own.shafts else _period(scores)),
+        *(() if own.shafts else of_period(samples, *period_step(scores))),
     )
 
 
@@ -144,12 +144,11 @@ def _unreached(fit: Uncertainty) -> tuple[Finding, ...]:
     return tuple(found)
 
 
-def _period(scores: Scores) -> tuple[Finding, ...]:
-    """Finding on a period that is not that of the response, to first order."""
-    step, std = period_step(scores)
+def of_period(samples: Samples, step: float, std: float) -> tuple[Finding, ...]:
+    """Finding on a period that is not that of the response: (own - given)/given and its deviation, to first order."""
     if abs(step) <= SIGNIFICANT * std:
         return ()
-    given = 2.0 * np.pi / scores.samples.fundamental
+    given = 2.0 * np.pi / samples.fundamental
     return (failure("inputs_period", own=given * (1.0 + step), std=given * std, given=given),)
 
 
