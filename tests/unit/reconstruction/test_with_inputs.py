@@ -102,3 +102,8 @@ def test_deviations_are_those_of_the_joint_errors(found):
         assert np.allclose(getattr(four, name), 4.0 * getattr(one, name), rtol=0.02)
         assert (getattr(less, name) <= getattr(one, name) + 1e-9).all()
         assert (getattr(less, name) < 0.9 * getattr(one, name)).any()
+
+
+def test_another_form_is_refused(found):
+    with pytest.raises(floquid.InputError, match=r"`form` of .* must be .*, but is 'delayed'"):
+        found[0][2].reconstruct(["y"], form="delayed")

@@ -157,7 +157,7 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
                   B(t) = \Psi(t)\, b(t)
 
         as `floquid.reconstruct` gives them, with deviations of Φ, A and B by the joint errors of the fit, to first
-        order. Raises what that does.
+        order. Raises what that does, and InputError where the form is another one.
 
         Parameters
         ----------
@@ -168,6 +168,10 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
         times
             Instants after phase zero [s], or how many equally spaced ones over a period.
         """
+        if form not in ("second-order", "first-order"):
+            remedy = "Delayed states have no deviations: `floquid.reconstruct(analysis.model, ...)`."
+            must = 'be "second-order" or "first-order"'
+            raise input_error("form", f"{type(self).__name__}.reconstruct", must, f"is {form!r}", remedy)
         return state_matrix_of(self.model, self.fit, states, form, times)
 
     @abstractmethod
