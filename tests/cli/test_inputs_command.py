@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from scipy.io import loadmat
 from tests.driven import mathieu, record_of
 
 from floquid import Channel, Record, load
@@ -55,6 +56,31 @@ def test_a_result_is_printed_and_written(file, tmp_path, capsys, monkeypatch):
     assert "does not pass its checks" in capsys.readouterr().err
 
 
+def test_the_state_matrix_is_printed_saved_and_exported(file, tmp_path, capsys):
+    out = tmp_path / "result"
+    words = ["identify", str(file), "--period", PERIOD, "--inputs", "F", "--states", "x", "--system-times", "8"]
+    assert run([*words, "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "A(t) [1/s², 1/s]: smallest" in said
+    assert "B(t): smallest" in said
+    found = json.loads((out / "summary.json").read_text(encoding="utf-8"))["system"]
+    assert found["states"] == ["x", "d/dt x"]
+    times = np.array(found["times"])
+    for name, std, truth in (
+        ("values", "std", np.array([[-(2.0 - np.cos(2.0 * t)), -0.1 * np.sqrt(2.0)] for t in times])),
+        ("inputs", "inputs_std", np.ones((8, 1))),
+    ):
+        pulls = (np.array(found[name])[:, 1] - truth) / np.array(found[std])[:, 1]
+        assert 0.1 < np.abs(pulls).max() < 4.0
+    kept = load(out / "result.h5")
+    assert np.array_equal(kept.state.inputs, found["inputs"])
+    assert (out / "figures" / "system_elements.png").exists()
+    assert run(["convert", str(out), str(tmp_path / "modes.mat")]) == 0
+    table = loadmat(tmp_path / "modes.mat")
+    assert np.array_equal(np.moveaxis(table["B_std"], 2, 0), found["inputs_std"])
+    assert table["Phi"].shape == (2, 2, 8)
+
+
 def test_a_model_that_was_found_to_be_wrong_is_exit_code_one(tmp_path, capsys):
     """The force is measured with noise; the result is printed all the same."""
     values, inputs = record_of(mathieu(), 40, 20, 0.02, 0)
@@ -97,6 +123,9 @@ def test_transfer_functions_as_text_json_table_and_picture(file, tmp_path, capsy
         (["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--harmonics", "half"], "--harmonics"),
         (["identify", "FILE", "--period", PERIOD, "--inputs", "G"], "--inputs"),
         (["identify", "FILE", "--period", PERIOD, "--inputs", "F", "--hold", "second"], "--hold"),
+        (["identify", "FILE", "--period", PERIOD, "--inputs", "F", "--states", "z"], "`--states` must"),
+        (["identify", "FILE", "--period", PERIOD, "--inputs", "F", "--states", "x", "--form", "delayed"], "`--form`"),
+        (["identify", "FILE", "--period", PERIOD, "--excitation", "ambient", "--states", "z"], "`--states` must"),
     ],
 )
 def test_slips_are_usage(file, words, message, capsys):

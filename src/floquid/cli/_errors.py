@@ -41,6 +41,7 @@ _OPTIONS = {
     "Settings": _SETTINGS,
     "identify": _SETTINGS,
     "identify_driven": _SETTINGS,
+    "identify_ambient": _SETTINGS,
     "measure_transfer": {**_SETTINGS, **_alike("method", "harmonics", "drop", "reference"), "frequencies_hz": "`--at`"},
     "multisine": {"sample_rate": "`--rate`", **_alike("period", "turns", "band", "inputs", "rms")},
     "Multisine.record": _alike("repeats"),

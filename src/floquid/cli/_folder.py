@@ -259,7 +259,7 @@ def write_result(
     report("drawing the figures")
     (place / "figures").mkdir()
     save_figures(analysis, place / "figures", truth=truth)
-    known = truth if isinstance(analysis, Analysis) and analysis.state is not None else None
+    known = truth if analysis.state is not None else None
     write_report(analysis, place / "report.html", truth=known, progress=report)
     for name, make in others.items():
         make(place / name)

@@ -100,11 +100,10 @@ def print_analysis(analysis: Analysis | ExcitedAnalysis, *, verbose: bool = Fals
     """The record, the modes, a line for each other finding, A(t) and the warnings; with `verbose` the reasons, too."""
     console = terminal()
     print_found(console, analysis, verbose=verbose)
-    if isinstance(analysis, Analysis):
-        if verbose:
-            _print_reasons(console, analysis)
-        if analysis.state is not None:
-            print_state(console, analysis)
+    if isinstance(analysis, Analysis) and verbose:
+        _print_reasons(console, analysis)
+    if analysis.state is not None:
+        print_state(console, analysis)
     print_warnings(console, analysis.warnings)
     if isinstance(analysis, Analysis) and not verbose:
         console.print("`floquid identify --verbose` explains the columns and gives the reasons.", style="dim")
@@ -250,35 +249,52 @@ def modes_table(analysis: Analysis | ExcitedAnalysis, *, derived: bool = False) 
     return table
 
 
-def print_state(console: Console, analysis: Analysis) -> None:
-    """Rows of A(t): the smallest and the largest value of each element over the period, and its largest deviation."""
+def print_state(console: Console, analysis: Analysis | ExcitedAnalysis) -> None:
+    """Rows of A(t), and of B(t) where inputs were measured: smallest and largest values over the period, deviations."""
     state = analysis.state
     assert state is not None
     second = analysis.settings.form == "second-order"
-    half = len(state.states) // 2 if second else 0
-    print_title(console, f"A(t) [{'1/s², 1/s' if second else '1/s'}]: smallest … largest over the period")
+    n = len(state.states)
+    half = n // 2 if second else 0
     # The names of delayed states are long; the sentence below has them in order.
-    names = [str(k) for k in range(1, len(state.states) + 1)] if analysis.settings.form == "delayed" else state.states
-    table = new_table([""], names)
-    low, high = state.system.min(axis=0), state.system.max(axis=0)
+    names = [str(k) for k in range(1, n + 1)] if analysis.settings.form == "delayed" else state.states
+    rows = [f"d²/dt² {name}" if second else f"d/dt {name}" for name in names[: n - half]]
     blocks = (slice(0, half), slice(half, None))[0 if second else 1 :]
-    for i in range(half, len(state.states)):
-        name = f"d²/dt² {names[i - half]}" if second else f"d/dt {names[i]}"
-        table.add_row(name, *(cell for block in blocks for cell in _alike(low[i, block], high[i, block])))
-        if state.system_std is not None:
-            table.add_row("  deviation", *(f"{std:.2g}" for std in state.system_std[:, i].max(axis=0)), style="dim")
-    if _width(console, table) <= console.width:
-        console.print(table)
-        if state.system_std is not None:
-            console.print("Deviation: the largest standard deviation over the period.", style="dim")
-    else:
-        size = len(state.states)
-        console.print(f"{size} × {size}, too wide for here: summary.json has it (--out DIR or --format json).")
+    print_title(console, f"A(t) [{'1/s², 1/s' if second else '1/s'}]: smallest … largest over the period")
+    _print_elements(console, rows, names, state.system, state.system_std, blocks)
+    if state.inputs is not None:
+        print_title(console, "B(t): smallest … largest over the period")
+        inputs = [channel.name for channel in analysis.inputs] if isinstance(analysis, ExcitedAnalysis) else []
+        _print_elements(console, rows, inputs, state.inputs, state.inputs_std, (slice(None),))
+    if state.system_std is not None:
+        console.print("Deviation: the largest standard deviation over the period.", style="dim")
     console.print(f"Condition number of the modes' shapes in these states: {state.condition.max():.3g} at most.")
     if not second or "+" in state.coordinates or "all" in analysis.settings.states:
         console.print(f"The states are {state.coordinates}.")
-    if analysis.refinement is not None:
+    if isinstance(analysis, Analysis) and analysis.refinement is not None:
         print_structure(console, analysis.refinement)
+
+
+def _print_elements(
+    console: Console,
+    rows: Sequence[str],
+    names: Sequence[str],
+    values: Floats,
+    stds: Floats | None,
+    blocks: Sequence[slice],
+) -> None:
+    """Print the last rows of matrices over a period (times, states, columns), the digits of each block alike."""
+    table = new_table([""], names)
+    low, high = values.min(axis=0), values.max(axis=0)
+    for i, name in enumerate(rows, start=values.shape[1] - len(rows)):
+        table.add_row(name, *(cell for block in blocks for cell in _alike(low[i, block], high[i, block])))
+        if stds is not None:
+            table.add_row("  deviation", *(f"{std:.2g}" for std in stds[:, i].max(axis=0)), style="dim")
+    if _width(console, table) <= console.width:
+        console.print(table)
+    else:
+        size = f"{values.shape[1]} × {values.shape[2]}"
+        console.print(f"{size}, too wide for here: summary.json has it (--out DIR or --format json).")
 
 
 def print_structure(console: Console, found: Refinement) -> None:

@@ -45,7 +45,7 @@ def export_modes(
     - `.mat`: MATLAB version 5: `exponents`, `coefficients` (modes, channels, hits, harmonics), `harmonics`, `period`,
       ..., of measured inputs `input_coefficients` (modes, inputs, harmonics), `input_harmonics`, `direct` (channels,
       inputs, harmonics), `direct_harmonics`, ..., and of A(t), where there is one, `A` and `Phi` (states, states,
-      times), `times` and `states`.
+      times), `times` and `states`, with measured inputs also `B` (states, inputs, times), `C` and `D`.
     - `.csv`: a row for each coefficient: its mode, channel, hit and harmonic, with deviations. The units are in the
       heading, or in a column.
     - `.json`: of an analysis the content of `summary.json`, of a model its modes alone.
@@ -78,7 +78,7 @@ def export_modes(
     if suffix in (".uff", ".unv"):
         content = uff_bytes(model, coordinates or {})
     elif suffix == ".mat":
-        content = mat_bytes(model, result.state if isinstance(result, Analysis) else None)
+        content = mat_bytes(model, None if isinstance(result, PeriodicModel) else result.state)
     elif suffix == ".csv":
         content = csv_bytes(model)
     else:
@@ -203,4 +203,11 @@ def mat_bytes(model: PeriodicModel, state: StateModel | None) -> bytes:
             "Phi": np.moveaxis(state.transition, 0, 2),
             "Phi_std": None if state.transition_std is None else np.moveaxis(state.transition_std, 0, 2),
         }
+        if state.inputs is not None and state.outputs is not None and state.direct is not None:
+            content |= {
+                "B": np.moveaxis(state.inputs, 0, 2),
+                "B_std": None if state.inputs_std is None else np.moveaxis(state.inputs_std, 0, 2),
+                "C": np.moveaxis(state.outputs, 0, 2),
+                "D": np.moveaxis(state.direct, 0, 2),
+            }
     return mat_file(content, "modes")

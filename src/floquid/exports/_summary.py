@@ -31,7 +31,8 @@ def summary(analysis: Analysis | ExcitedAnalysis) -> dict[str, Any]:
     structure, that structure, its parameters, and how well it fits.
 
     Where the excitation goes on, `inputs` has, of each mode, its `coefficients` b over the inputs' `harmonics` with
-    deviations, and the `direct` term, and is null where none were measured; `lengths` are the durations of a record
+    deviations, and the `direct` term, and is null where none were measured; `system` has B(t) beside A(t), its `inputs`
+    (times, states, inputs), with those of the settings; `lengths` are the durations of a record
     that would give each damping to 10 % [s], null with measured inputs alone.
 
     `analysis` is what `identify`, `identify_driven` or `identify_ambient` found.
@@ -90,6 +91,7 @@ def _excited(analysis: ExcitedAnalysis) -> dict[str, Any]:
         },
         "noise": analysis.noise[:, 0],
         "lengths": analysis.lengths if isinstance(analysis, AmbientAnalysis) else None,
+        "system": None if analysis.state is None else _system(analysis.state, None),
         "held_out_error": analysis.held_out,
         "passed": analysis.passed,
         "warnings": analysis.warnings,
@@ -173,7 +175,7 @@ def mode_entries(model: PeriodicModel, weights: Floats) -> list[dict[str, Any]]:
 
 
 def _system(state: StateModel, refinement: Refinement | None) -> dict[str, Any]:
-    return {
+    found = {
         "states": state.states,
         "coordinates": state.coordinates,
         "times": state.times,
@@ -181,6 +183,7 @@ def _system(state: StateModel, refinement: Refinement | None) -> dict[str, Any]:
         "std": state.system_std,
         "structure": None if refinement is None else _structure(refinement),
     }
+    return found if state.inputs is None else found | {"inputs": state.inputs, "inputs_std": state.inputs_std}
 
 
 def _structure(found: Refinement) -> dict[str, Any]:

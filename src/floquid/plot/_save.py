@@ -81,7 +81,9 @@ def save_figures(
     from threadpoolctl import threadpool_limits
 
     written, plots = [], analysis.plot
-    options = _options(analysis, truth) if isinstance(analysis, Analysis) else {}
+    options: dict[str, dict[str, Any]] = {"system_elements": {"truth": truth}}
+    if isinstance(analysis, Analysis):
+        options |= _options(analysis)
     for name in sorted(dir(plots), key=lambda name: FIGURES.index(name) if name in FIGURES else len(FIGURES)):
         # The matrices are many and small: threads inside BLAS would wait for each other, as in `identify`.
         with threadpool_limits(limits=1, user_api="blas"):
@@ -93,8 +95,8 @@ def save_figures(
     return tuple(written)
 
 
-def _options(analysis: Analysis, truth: tuple[ArrayLike, ArrayLike] | None) -> dict[str, dict[str, Any]]:
-    """Options of figures by name: the mode, the channel and the hit that they are of, and the truth."""
+def _options(analysis: Analysis) -> dict[str, dict[str, Any]]:
+    """Options of figures by name: the mode, the channel and the hit that they are of."""
     mode, row, hit = _strongest(analysis)
     names = [channel.name for channel in analysis.model.channels]
     channels = [names[k] for k in _strongest_channels(analysis, mode, hit)]
@@ -104,7 +106,6 @@ def _options(analysis: Analysis, truth: tuple[ArrayLike, ArrayLike] | None) -> d
         "coefficients": {"mode": mode, "channel": names[row], "hit": hit},
         "synthesis": {"channel": names[row], "hit": hit},
         "synchronisation": {"hit": hit},
-        "system_elements": {"truth": truth},
     }
 
 

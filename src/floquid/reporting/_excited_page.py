@@ -24,17 +24,19 @@ from floquid.reporting._excited_figures import (
 )
 from floquid.reporting._modes_figures import mode_figures
 from floquid.reporting._page import rendered
+from floquid.reporting._system_figures import Truth, system_figures
 from floquid.transfer import TransferFit
 from floquid.views import mode_table, note_meanings, outcome_lines
 
 POINTS = 600  # frequencies of a curve, beside those measured
 
 
-def excited_page(case: Case, *, title: str | None) -> str:
+def excited_page(case: Case, *, title: str | None, truth: Truth | None) -> str:
     """The whole page as text."""
     analysis: ExcitedAnalysis = case.analysis
     record, held_out = left_out_figures(case)
     figures = mode_figures(case) | {"transfer": [], "measured": [], "reach": [], "record": record}
+    figures |= system_figures(analysis, truth)
     paths, matrix, harmonics, beside = [], [], [], []
     if analysis.inputs:
         found = analysis.transfer()
@@ -70,6 +72,9 @@ def excited_page(case: Case, *, title: str | None) -> str:
         summary=_summary(case),
         ambient=isinstance(analysis, AmbientAnalysis),
         inputs=analysis.inputs,
+        state=analysis.state,
+        delayed=False,
+        refinement=None,
         matrix=matrix,
         harmonics=harmonics,
         beside=beside,

@@ -38,7 +38,7 @@ from floquid.reporting._record_figures import (
     synchronisation_figure,
 )
 from floquid.reporting._stabilisation_figures import indicator_figures, stabilisation_figures
-from floquid.reporting._system_figures import Truth, element_figures
+from floquid.reporting._system_figures import Truth, system_figures
 from floquid.views import Synchronisation, for_command, mode_table, note_meanings
 
 if TYPE_CHECKING:
@@ -65,6 +65,7 @@ def page(case: Case, *, title: str | None, truth: Truth | None) -> str:
         responses_left=len(analysis.model.channels) * len(analysis.records) - len(responses(case)),
         hits=[hit + 1 for hit in case.hits] if len(analysis.records) > 1 else [],
         state=analysis.state,
+        delayed=True,
         refinement=analysis.refinement,
         parameters=[] if analysis.refinement is None else words.parameters(analysis.refinement),
         synchronisation=slip_words(found),
@@ -147,7 +148,7 @@ def _modes(analysis: Analysis) -> dict[str, Any]:
 
 def _figures(case: Case, found: list[Synchronisation], truth: Truth | None) -> dict[str, list[Figure]]:
     """Every figure by its place on the page, linked."""
-    analysis, model = case.analysis, case.analysis.model
+    analysis = case.analysis
     modes, curves = mode_source(case), response_sources(case)
     shape, coefficients, family = shape_source(case), coefficient_source(case), family_source(case)
     link_modes(modes, [shape, coefficients, family])
@@ -163,14 +164,11 @@ def _figures(case: Case, found: list[Synchronisation], truth: Truth | None) -> d
         "spectrum": [spectrum_figure(case, curves, family)],
         "composite": [composite_figure(case)],
         "synchronisation": [made for made in (synchronisation_figure(found),) if made is not None],
-        "system": [],
     }
     if case.scan is not None:
         folded, unfolded = stabilisation_figures(case, modes)
         figures |= {"stabilisation": [folded], "unfolded": [unfolded], "indicators": indicator_figures(case)}
-    if analysis.state is not None:
-        second = analysis.settings.form == "second-order"
-        figures["system"] = element_figures(analysis.state, model, second_order=second, truth=truth)
+    figures |= system_figures(analysis, truth)
     shown = [*figures["record"], *figures["spectrum"]]
     names = [response_label, response_label, spectrum_label]
     labels = [[name(case, number) for number in range(len(responses(case)))] for name in names]

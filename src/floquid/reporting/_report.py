@@ -61,7 +61,7 @@ def report(
         raise input_error("path", of, "end in .html", f"is {place}", "The report is a web page.")
     known = None
     if truth is not None:
-        if not isinstance(analysis, Analysis) or analysis.state is None:
+        if isinstance(analysis, TransferFit) or analysis.state is None:
             must, got = "come with an A(t) to hold it against", "the analysis has none"
             raise input_error("truth", of, must, got, "Identify with `states`, or leave out the truth.")
         known = timed_matrices(truth, "truth", of, len(analysis.state.states))
@@ -74,8 +74,10 @@ def report(
         text = page(case, title=title, truth=known)
     else:
         progress("drawing the report")
-        fitted = isinstance(analysis, TransferFit)
-        text = lines_page(analysis, title=title) if fitted else excited_page(case_of(analysis), title=title)
+        if isinstance(analysis, TransferFit):
+            text = lines_page(analysis, title=title)
+        else:
+            text = excited_page(case_of(analysis), title=title, truth=known)
     with atomic_path(place, of=of) as temporary:
         temporary.write_text(text, encoding="utf-8")
     return place

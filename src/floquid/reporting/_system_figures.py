@@ -1,4 +1,4 @@
-"""A(t): the elements that vary most, with their bands."""
+"""A(t) and B(t): the elements that vary most, with their bands."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid.core import PeriodicModel
+from floquid.pipeline import Analysis, ExcitedAnalysis
 from floquid.reconstruction import StateModel
 from floquid.reporting._chosen_figures import BAND
 from floquid.reporting._look import BLUE, VERMILION, Figure, legend_above, new_figure
-from floquid.views import closed_period, element_unit
+from floquid.views import closed_period, element_unit, input_unit
 
 MOST = 12  # elements shown; `summary.json` holds all
 
@@ -34,32 +35,61 @@ def element_name(i: int, j: int) -> str:
     return f"A{i + 1}{j + 1}" if max(i, j) < 9 else f"A{i + 1},{j + 1}"
 
 
-def element_figures(
-    state: StateModel, model: PeriodicModel, *, second_order: bool, truth: Truth | None
-) -> list[Figure]:
-    """A figure an element, against the phase."""
-    return [_element_figure(state, model, place, truth) for place in elements_shown(state, second_order=second_order)]
+def system_figures(analysis: Analysis | ExcitedAnalysis, truth: Truth | None) -> dict[str, list[Figure]]:
+    """A figure an element of A(t), and of B(t), against the phase, by their places on the page."""
+    state, model = analysis.state, analysis.model
+    if state is None:
+        return {"system": [], "driving": []}
+    second = analysis.settings.form == "second-order"
+    return {
+        "system": [_element_figure(state, model, at, truth) for at in elements_shown(state, second_order=second)],
+        "driving": _input_figures(state, model, second_order=second),
+    }
+
+
+def _input_figures(state: StateModel, model: PeriodicModel, *, second_order: bool) -> list[Figure]:
+    """The elements of B(t) that are not zero by the form of the states, a figure each."""
+    if state.inputs is None or model.inputs is None:
+        return []
+    n = len(state.states)
+    places = [(i, j) for i in range(n // 2 if second_order else 0, n) for j in range(state.inputs.shape[2])]
+    return [
+        _over_period(
+            state, model.period, f"B{i + 1}{j + 1}", input_unit(state, i, model.inputs.channels[j], model.channels),
+            state.inputs[:, i, j], None if state.inputs_std is None else state.inputs_std[:, i, j], None,
+        )
+        for i, j in places[:MOST]
+    ]  # fmt: skip
 
 
 def _element_figure(state: StateModel, model: PeriodicModel, place: tuple[int, int], truth: Truth | None) -> Figure:
     i, j = place
-    label = f"{element_name(i, j)} [{element_unit(state, i, j, model.channels)}]"
-    made = new_figure("phase [periods]", label, name=f"system-{i}-{j}", height=240)
-    made.title.text = element_name(i, j)
-    order, times = closed_period(state.times, model.period)
-    turns = times / model.period
-    values = state.system[order, i, j]
-    if state.system_std is not None:
-        width = BAND * state.system_std[order, i, j]
+    std = None if state.system_std is None else state.system_std[:, i, j]
+    known = None if truth is None else (truth[0], truth[1][:, i, j])
+    unit = element_unit(state, i, j, model.channels)
+    return _over_period(state, model.period, element_name(i, j), unit, state.system[:, i, j], std, known)
+
+
+def _over_period(
+    state: StateModel, period: float, name: str, unit: str, values: Floats, std: Floats | None, truth: Truth | None
+) -> Figure:
+    """One element over the period, its band, and its truth where that is known."""
+    made = new_figure("phase [periods]", f"{name} [{unit}]", name=f"system-{name}", height=240)
+    made.title.text = name
+    order, times = closed_period(state.times, period)
+    turns = times / period
+    values = values[order]
+    if std is not None:
+        width = BAND * std[order]
         made.varea(
             turns, values - width, values + width, fill_color=BLUE, fill_alpha=0.25, legend_label="interval of 95 %"
         )
     made.line(turns, values, line_color=BLUE, line_width=2, legend_label="identified")
     if truth is not None:
-        inside = (truth[0] >= 0.0) & (truth[0] <= model.period * (1.0 + 1e-9))
+        inside = (truth[0] >= 0.0) & (truth[0] <= period * (1.0 + 1e-9))
         made.line(
-            truth[0][inside] / model.period, truth[1][inside, i, j], line_color=VERMILION, line_dash="dashed",
-            line_width=2, legend_label="truth",
+            truth[0][inside] / period, truth[1][inside], line_color=VERMILION, line_dash="dashed", line_width=2,
+            legend_label="truth",
         )  # fmt: skip
     legend_above(made)
     return made

@@ -58,7 +58,7 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
     .../provenance/                 sources, steps
 
 A result of records whose excitation goes on has the attribute `kind`, "driven" or "ambient", and of these groups
-settings, records, model and findings alone; and::
+settings, records, model and findings alone, and state where an A(t) was asked for; and::
 
     /noise, /held_out, /lengths     of each channel, of each channel, and of each mode of outputs alone
     /fit/modes/mode1, mode2, .../   exponent, real (1 of a real one), turns (harmonics,), reach (harmonics of

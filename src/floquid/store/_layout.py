@@ -33,7 +33,7 @@ EXCITED: dict[type, str] = {DrivenAnalysis: "driven", AmbientAnalysis: "ambient"
 LINES: dict[type, str] = {MeasuredTransfer: "measured", TransferFit: "fitted"}
 """Transfer functions measured line by line, and modes fitted to them, likewise."""
 
-ABSENT = ("estimates", "unselected", "inputs", "composites")  # groups that a file does not have for None
+ABSENT = ("estimates", "unselected", "inputs", "composites", "state")  # groups that a file does not have for None
 FLAGS = ("constrained", "kept", "passed", "real", "speed_dependent", "steady")
 """HDF5 has no truth values: these are 0 and 1."""
 
@@ -102,6 +102,7 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "noise": f"channels, one; {_UNIT}",
         "held_out": "channels",
         "findings": "findings",
+        "state": StateModel,
     },
     AmbientAnalysis: {
         "model": PeriodicModel,
@@ -109,6 +110,7 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "held_out": "channels",
         "lengths": "modes; s",
         "findings": "findings",
+        "state": StateModel,
     },
     TransferFunctions: {
         "frequencies_hz": "frequencies; Hz",

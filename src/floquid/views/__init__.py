@@ -8,7 +8,7 @@ from floquid.views._expansion import Expansion, ShapeCurves, closed_period, expa
 from floquid.views._families import Family, families, unfolded
 from floquid.views._mode_table import MODE_NOTES, ModeRow, mode_notes, mode_table, note_meanings, with_error
 from floquid.views._modes import grows
-from floquid.views._names import SHORT, element_unit, for_command, shortened
+from floquid.views._names import SHORT, element_unit, for_command, input_unit, shortened
 from floquid.views._outcome import (
     outcome_lines,
     passed_words,
@@ -24,8 +24,8 @@ from floquid.views._synthesis import Synthesis, lifted_points, raw_noise, synthe
 __all__ = [
     "MODE_NOTES", "SHORT", "Expansion", "Family", "ModeRow", "ShapeCurves", "Spectrum", "Synchronisation", "Synthesis",
     "closed_period", "element_unit", "ellipse", "envelope", "expansion", "exponent_ellipses", "families", "for_command",
-    "grows", "identified_residue", "lifted_points", "lifted_spectrum", "magnitude_bands", "mode_notes", "mode_table",
-    "multiplier_ellipses", "note_meanings", "outcome_lines", "passed_words", "period_words", "raw_noise",
+    "grows", "identified_residue", "input_unit", "lifted_points", "lifted_spectrum", "magnitude_bands", "mode_notes",
+    "mode_table", "multiplier_ellipses", "note_meanings", "outcome_lines", "passed_words", "period_words", "raw_noise",
     "record_spectrum", "remainder_words", "shape_curves", "shortened", "synchronisation", "synthesis", "unfolded",
     "verdict_line", "whitening_words", "with_error",
 ]  # fmt: skip

@@ -37,17 +37,33 @@ def element_unit(state: StateModel, i: int, j: int, channels: Sequence[Channel])
     `state` has Φ and A(t), `i` and `j` are row and column from 0, and `channels` are those of the model; without that
     of a state, there is the unit of time alone. "-" stands for none.
     """
+    (above, power), (below, other) = (_unit_of_state(state, k, channels) for k in (i, j))
+    return _rate_unit(above, below, power - other - 1)
+
+
+def input_unit(state: StateModel, i: int, channel: Channel, channels: Sequence[Channel]) -> str:
+    """The unit of B(i,j), dx_i/dt by an input: that of the state's channel over that of the input, and a power of s.
+
+    `state` has A(t) and B(t), `i` is the row from 0, `channel` is the input and `channels` are those of the model.
+    """
+    above, power = _unit_of_state(state, i, channels)
+    return _rate_unit(above, channel.unit, power - 1)
+
+
+def _unit_of_state(state: StateModel, k: int, channels: Sequence[Channel]) -> tuple[str | None, int]:
+    """The unit of the channel of a state, None without one, and the power of the second beside it."""
     by_name = {channel.name: channel for channel in channels}
-    second = any(name.startswith(VELOCITY) for name in state.states)
-    power, units = -1, list[str | None]()
-    for name, sign in ((state.states[i], 1), (state.states[j], -1)):
-        own = name.removeprefix(VELOCITY)
-        channel = by_name.get(own) or by_name.get(own.split(LATER)[0]) or by_name.get(own.split("+")[0])
-        if second:
-            power += sign * (_TIME_POWER.get(str(channel.quantity), 0) if channel else 0)
-            power -= sign * name.startswith(VELOCITY)
-        units.append(channel.unit if channel else None)
-    above, below = units
+    name = state.states[k]
+    own = name.removeprefix(VELOCITY)
+    channel = by_name.get(own) or by_name.get(own.split(LATER)[0]) or by_name.get(own.split("+")[0])
+    power = 0
+    if any(one.startswith(VELOCITY) for one in state.states):
+        power = (_TIME_POWER.get(str(channel.quantity), 0) if channel else 0) - name.startswith(VELOCITY)
+    return channel.unit if channel else None, power
+
+
+def _rate_unit(above: str | None, below: str | None, power: int) -> str:
+    """One unit over another, times a power of the second."""
     ratio = "" if above is None or below is None or above == below else f"{_factor(above)}/{_factor(below)}"
     return " · ".join(part for part in (ratio, _time(power)) if part) or "-"
 

@@ -29,7 +29,7 @@ def record_with_force(system, periods):
 def driven():
     system = mathieu()
     record = record_with_force(system, 50)
-    return floquid.identify_driven(record, period=system.period, inputs=["force"])
+    return floquid.identify_driven(record, period=system.period, inputs=["force"], states=["tip <b>"], system_times=8)
 
 
 def words_of(page):
@@ -47,7 +47,19 @@ def test_the_page_of_a_driven_analysis(driven, tmp_path):
     assert "deviations apart" not in page
     assert "no standard deviations" not in said
     assert "tip &lt;b&gt;" in page
-    for label in ("|G| [mm/N]", "arg G [\\u00b0]", "|b| times rms [1/s]", "response [mm]", "time [s]"):
+    assert "The state matrix A(t) and the input matrix B(t)" in said
+    assert (
+        "x′ = A(t) x + B(t) u with the states 1: tip &lt;b&gt;, 2: d/dt tip &lt;b&gt; and the inputs 1: force" in said
+    )
+    for label in (
+        "A21 [1/s\\u00b2]",
+        "B21 [mm/N \\u00b7 1/s\\u00b2]",
+        "|G| [mm/N]",
+        "arg G [\\u00b0]",
+        "|b| times rms [1/s]",
+        "response [mm]",
+        "time [s]",
+    ):
         assert f'"{label}"' in page
 
 
@@ -61,6 +73,8 @@ def test_the_page_of_outputs_alone_has_no_inputs(tmp_path):
     assert "The model was not checked" in said
     assert "no samples were left out" in said
     assert "transfer functions" not in said
+    assert "It was not asked for. floquid identify … --states a,b rebuilds it" in said
+    assert "delayed" not in said
 
 
 def test_samples_left_out_are_predicted_by_the_first_three_quarters_alone(driven):
@@ -142,7 +156,7 @@ def test_the_page_of_modes_fitted_to_lines(tmp_path):
     apart = [float(one) for one in re.findall(r"m = -?\d: ([\w.]+) deviations apart", page)]
     assert len(set(apart)) >= 2
     assert 0.5 < min(apart) <= max(apart) < 1.6
-    for hidden in ("phase is drawn", "Which input reaches", "The record and the model"):
+    for hidden in ("The state matrix", "phase is drawn", "Which input reaches", "The record and the model"):
         assert hidden not in said
     # The same modes beside lines that are twice as large, with what is then found.
     measured = replace(fit.measured, values=2.0 * fit.measured.values)

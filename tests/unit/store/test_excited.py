@@ -32,7 +32,7 @@ def driven():
     ]
     one = record(*record_of(blade, 50, PHASES, 0.01, 3), blade.period, "flap")
     return (
-        floquid.identify_driven(both, period=system.period, inputs=["u0"]),
+        floquid.identify_driven(both, period=system.period, inputs=["u0"], states=["y µ"], system_times=7),
         floquid.identify_driven(one, period=blade.period, inputs=["u0"], validate=False),
     )
 
@@ -42,7 +42,10 @@ def ambient():
     system = mathieu()
     values = ambient_of(system, 150, PHASES, 0.02, 1)
     return floquid.identify_ambient(
-        record(values, np.zeros((0, values.shape[1])), system.period, "y"), period=system.period
+        record(values, np.zeros((0, values.shape[1])), system.period, "y"),
+        period=system.period,
+        states=["y"],
+        system_times=7,
     )
 
 
@@ -57,12 +60,14 @@ def test_every_field_of_a_driven_analysis_comes_back(driven, tmp_path):
         assert list(differences(found, back)) == []
         assert np.array_equal(found.transfer([0.1, 0.2]).std, back.transfer([0.1, 0.2]).std)
     assert driven[0].fit.at.direct != ()
+    assert driven[0].state.inputs_std.shape == (7, 2, 1)
     assert driven[1].fit.at.modes[0].real
     assert driven[0].model.inputs.channels[0].name == "u0"
 
 
 def test_every_field_of_an_ambient_analysis_comes_back(ambient, tmp_path):
     back = again(ambient, tmp_path)
+    assert back.state.system_std.shape == (7, 2, 2)
     assert list(differences(ambient, back)) == []
     assert np.array_equal(ambient.fit.parameters, back.fit.parameters)
 

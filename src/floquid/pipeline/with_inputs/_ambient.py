@@ -33,6 +33,7 @@ from floquid.pipeline.with_inputs._again import first_part, with_acting
 from floquid.pipeline.with_inputs._analysis import HELD_OUT, AmbientAnalysis
 from floquid.pipeline.with_inputs._identify import HIGHEST
 from floquid.pipeline.with_inputs._prepare import COPY, Parted, parted, refuse_others
+from floquid.pipeline.with_inputs._state_matrix import state_asked
 from floquid.pipeline.with_inputs._verdict import SIGNIFICANT, done_beside, needed, of_period
 
 OF = "identify_ambient"
@@ -142,6 +143,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     relative = model.exponent_std.real / np.abs(model.exponents.real)
     return AmbientAnalysis(
         settings=settings,
+        state=state_asked(model, fit, settings, report),
         records=own.records,
         model=model,
         fit=fit,

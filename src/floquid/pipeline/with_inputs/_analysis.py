@@ -17,7 +17,7 @@ from floquid.innovations import Fit, transfer_of
 from floquid.inputs import TransferFunctions, Uncertainty
 from floquid.inputs import transfer_of as transfer_with_inputs
 from floquid.pipeline._settings import Settings
-from floquid.pipeline.with_inputs._state_matrix import state_matrix_of
+from floquid.pipeline.with_inputs._state_matrix import refuse_delayed, state_matrix_of
 from floquid.reconstruction import Names, StateModel
 
 HELD_OUT = 1.4
@@ -54,6 +54,8 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
         the rest (outputs,); NaN where that was not asked for.
     findings
         What was done, and what a reader must know.
+    state
+        Φ, A(t) and B(t) with deviations, when states were asked for.
     """
 
     settings: Settings
@@ -63,6 +65,7 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
     noise: NDArray[np.float64]
     held_out: NDArray[np.float64]
     findings: tuple[Finding, ...] = ()
+    state: StateModel | None = None
 
     def __post_init__(self) -> None:
         self._freeze(noise=("outputs", 1))
@@ -75,7 +78,12 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
         return f"{type(self).__name__}({size}, inputs={len(self.inputs)}: {verdict})"
 
     def _figures(self) -> Drawings:
-        return {"exponents": (self.model, {}), **({"transfer": (self.transfer, {})} if self.inputs else {})}
+        found: Drawings = {"exponents": (self.model, {})}
+        if self.inputs:
+            found["transfer"] = (self.transfer, {})
+        if self.state is not None:
+            found["system_elements"] = (self.state, {"period": self.model.period, "channels": self.model.channels})
+        return found
 
     @property
     def inputs(self) -> tuple[Channel, ...]:
@@ -168,10 +176,7 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
         times
             Instants after phase zero [s], or how many equally spaced ones over a period.
         """
-        if form not in ("second-order", "first-order"):
-            remedy = "Delayed states have no deviations: `floquid.reconstruct(analysis.model, ...)`."
-            must = 'be "second-order" or "first-order"'
-            raise input_error("form", f"{type(self).__name__}.reconstruct", must, f"is {form!r}", remedy)
+        refuse_delayed(form, f"{type(self).__name__}.reconstruct")
         return state_matrix_of(self.model, self.fit, states, form, times)
 
     @abstractmethod
@@ -186,7 +191,7 @@ class DrivenAnalysis(ExcitedAnalysis):
 
     Parameters
     ----------
-    settings, records, model, fit, noise, held_out, findings
+    settings, records, model, fit, noise, held_out, findings, state
         Those of every `ExcitedAnalysis`.
     """
 
@@ -206,7 +211,7 @@ class AmbientAnalysis(ExcitedAnalysis):
 
     Parameters
     ----------
-    settings, records, model, fit, noise, held_out, findings
+    settings, records, model, fit, noise, held_out, findings, state
         Those of every `ExcitedAnalysis`, the fit in innovations form.
     lengths
         Duration of a record that gives the damping of each mode to 10 % (modes,) [s].

@@ -29,6 +29,7 @@ from floquid.pipeline.preparation import blas_threads, clocked, own_names, refus
 from floquid.pipeline.with_inputs._again import KEPT
 from floquid.pipeline.with_inputs._analysis import DrivenAnalysis
 from floquid.pipeline.with_inputs._prepare import OF, Parted, parted, refuse_others
+from floquid.pipeline.with_inputs._state_matrix import state_asked
 from floquid.pipeline.with_inputs._verdict import at_limit, verdict
 
 HIGHEST = 24
@@ -127,6 +128,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
         held_out = _held_out(own, found)
     return DrivenAnalysis(
         settings=settings,
+        state=state_asked(model, fit, settings, report),
         records=own.records,
         model=model,
         fit=fit,

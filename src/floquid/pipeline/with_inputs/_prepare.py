@@ -13,7 +13,9 @@ from floquid.core import Channel, ConstantPeriod, Record, channels_named
 from floquid.errors import IdentificationError
 from floquid.inputs import Hold, Samples, samples_of
 from floquid.pipeline._settings import Settings
+from floquid.pipeline._state import check_states
 from floquid.pipeline.preparation import NO_RESPONSE
+from floquid.pipeline.with_inputs._state_matrix import refuse_delayed
 from floquid.sync import ShaftAngle, shaft_angle
 
 OF = "identify_driven"
@@ -21,6 +23,7 @@ OF = "identify_driven"
 TAKEN = (
     *("period", "tach", "azimuth", "channels", "inputs", "hold", "harmonics", "forced", "validate"),
     *("mode_false_alarm", "harmonic_false_alarm", "pulses_per_revolution", "periods_per_revolution"),
+    *("states", "form", "system_times"),
 )
 """Settings that count where the excitation goes on."""
 
@@ -73,7 +76,7 @@ class Parted:
 
 
 def refuse_others(settings: Settings, of: str, *also: str) -> None:
-    """Refuse options that do not count where the excitation goes on, `TAKEN` and others do.
+    """Refuse options that do not count where the excitation goes on, `TAKEN` and others do, and delayed states.
 
     Raises
     ------
@@ -85,6 +88,7 @@ def refuse_others(settings: Settings, of: str, *also: str) -> None:
         if getattr(settings, name) != getattr(usual, name):
             must, got = "be left as it is where the excitation goes on", f"is {getattr(settings, name)!r:.60}"
             raise input_error(name, of, must, got, f"What counts here: {', '.join(sorted(TAKEN))}.")
+    refuse_delayed(settings.form, of)
 
 
 def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parted:
@@ -117,6 +121,7 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
         remedy = "Name the channels that drive the system alone; forces that are responses are named by `channels`."
         raise input_error("inputs", of, must, "leaves none but forces and clocks, or none at all", remedy)
     names = list(channels)
+    check_states([channels[name] for name in outputs], settings)
     rows, driven = [names.index(name) for name in outputs], [names.index(name) for name in settings.inputs]
     inputs, values = [record.values[driven] for record in records], [record.values[rows] for record in records]
     for name, row in zip(outputs, rows, strict=True):

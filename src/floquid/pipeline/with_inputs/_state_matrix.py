@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from floquid._checks import input_error
 from floquid.core import PeriodicModel
 from floquid.innovations import Fit, terms_of_mode
 from floquid.inputs import Term, Uncertainty, terms_of
-from floquid.reconstruction import Names, StateModel, reconstruct
+from floquid.pipeline._settings import Settings
+from floquid.pipeline._state import states_of
+from floquid.reconstruction import Form, Names, StateModel, reconstruct
 
 NEAR = 0.1
 """The share of a deviation by which parameters are moved for a difference."""
@@ -21,11 +23,29 @@ ROUNDING = 1e-12
 """The share of the largest below which a direction of a covariance is rounding."""
 
 
+def state_asked(
+    model: PeriodicModel, fit: Uncertainty | Fit, settings: Settings, report: Callable[[str], None]
+) -> StateModel | None:
+    """A(t) in the states of the settings, None where these are not asked for."""
+    if not settings.states:
+        return None
+    report("rebuilding the state matrix")
+    names, form = states_of(model.channels, settings), settings.form
+    return state_matrix_of(model, fit, names, form, settings.system_times)  # type: ignore[arg-type]
+
+
+def refuse_delayed(form: str, of: str) -> None:
+    """Raise InputError where states are asked for that have no deviations here."""
+    if form not in ("second-order", "first-order"):
+        remedy = "Delayed states have no deviations: `floquid.reconstruct(analysis.model, ...)`."
+        raise input_error("form", of, 'be "second-order" or "first-order"', f"is {form!r}", remedy)
+
+
 def state_matrix_of(
     model: PeriodicModel,
     fit: Uncertainty | Fit,
     states: Names,
-    form: Literal["second-order", "first-order"],
+    form: Form,
     times: ArrayLike | int,
 ) -> StateModel:
     """What `reconstruct` makes of a model, with deviations by differences along independent errors of its fit."""
