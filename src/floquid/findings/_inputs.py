@@ -29,6 +29,11 @@ AMBIENT: dict[str, str | Callable[..., str]] = {
         f"A pair explains as much as two real multipliers: {_at(frequencies)}. The record does not tell which it is, "
         "and the exponents of one are not those of the other."
     ),
+    "ambient_kind_apart": lambda frequencies: (
+        f"A pair or two real multipliers, gone within a period: {_at(frequencies)}. The record does not tell which, "
+        "nor whether the system has them or coloured excitation: their exponents are no claim. Modes that last are "
+        "the same beside either."
+    ),
     "ambient_alike": lambda frequencies: (
         f"Nearer to each other than they decay: {_at(frequencies)}. They may be one, or coloured excitation."
     ),

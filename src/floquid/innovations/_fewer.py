@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from floquid.innovations._bands import anchored, grown
 from floquid.innovations._gain import stable_gains
-from floquid.innovations._mode import Mode, as_complex
+from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted
+from floquid.innovations._products import as_real, gap_of, merged
 from floquid.innovations._solve import normal_of, places, solve, squares
 from floquid.inputs import Limits, Samples, limit_of
 
@@ -22,6 +22,9 @@ HOPELESS = 5.0
 
 GONE = 1.0
 """The decay over a period [nepers] from which on a mode is gone within it."""
+
+FEW = 2
+"""The states of which all that is gone within a period is tried to be."""
 
 ALIKE = 0.5
 """The distance of two modes over their decay below which they may be one."""
@@ -62,12 +65,20 @@ def _fewer(samples: Samples, now: Predictor, limits: Limits) -> Iterator[Predict
     Of modes that are nearly one the linearisation does not hold: shapes are large and cancel.
     """
     inverse = normal_of(samples, now, rough=True).inverse(anchored(now))
-    groups = alike(now.modes, samples.fundamental)
-    for group in groups:
+    period = 2.0 * np.pi / samples.fundamental
+    gone = [mode for mode in now.modes if -mode.exponent.real * period > GONE]
+    axes = [mode.axis for mode in gone if mode.real]
+    # Copies of several that are gone within a period leave one by one only where each fit without one is good.
+    if axes and sum(mode.rows for mode in gone) > FEW:
+        rest = [mode for mode in now.modes if mode not in gone]
+        trial = stable(samples, now, [*rest, *as_real(samples, now, gone, axes[0], FEW)], limits)
+        if trial is not None:
+            yield trial
+    for group in alike(now.modes, samples.fundamental):
         rest = [mode for k, mode in enumerate(now.modes) if k not in group]
         trial = None
         if len(group) > 1:
-            trial = stable(samples, now, [*rest, *_merged(samples, now, group)], limits)
+            trial = stable(samples, now, [*rest, *merged(samples, now, [now.modes[k] for k in group])], limits)
         else:
             mode, place = now.modes[group[0]], places(now.modes)[group[0]]
             count = 2 * mode.shape.size
@@ -90,11 +101,11 @@ def stable(samples: Samples, now: Predictor, modes: Sequence[Mode], limits: Limi
 
 
 def alike(modes: Sequence[Mode], omega: float, near: float = ALIKE) -> list[list[int]]:
-    """Groups of modes that may be one: of a kind, so near over their decay but for iω."""
+    """Groups of modes that may be one: so near over their decay but for iω, real multipliers beside pairs, too."""
     groups: list[list[int]] = []
     for number, mode in enumerate(modes):
         for group in groups:
-            if any(_gap(modes[other], mode, omega)[0] < near for other in group):
+            if any(_are_near(modes[other], mode, omega, near) for other in group):
                 group.append(number)
                 break
         else:
@@ -102,54 +113,5 @@ def alike(modes: Sequence[Mode], omega: float, near: float = ALIKE) -> list[list
     return groups
 
 
-def _gap(first: Mode, second: Mode, omega: float) -> tuple[float, float, bool]:
-    """The distance of two modes over their decay, and by which turns, of the conjugate or not, the second is there."""
-    if first.real != second.real or (first.real and first.turns[0] % 1.0 != second.turns[0] % 1.0):
-        return np.inf, 0.0, False
-    found = []
-    for other, exponent in enumerate((second.exponent, second.exponent.conjugate())):
-        turn = round((first.exponent - exponent).imag / omega)
-        gap = abs(first.exponent - exponent - 1j * turn * omega)
-        found.append((gap / min(abs(first.exponent.real), abs(exponent.real)), float(turn), bool(other)))
-    return min(found)
-
-
-def _merged(samples: Samples, now: Predictor, group: Sequence[int]) -> list[Mode]:
-    """One mode less than a group has, of the same products of shape and gains as far as so many can have them."""
-    first, omega, noise = now.modes[group[0]], samples.fundamental, now.noise
-    modes = []
-    for number in group:
-        mode = now.modes[number]
-        _, turn, other = _gap(first, mode, omega)
-        modes.append((mode.conjugate() if other else mode).turned(turn, omega, samples.step))
-    turns, reach = (
-        np.arange(min(own[0] for own in bands), max(own[-1] for own in bands) + 0.5)
-        for bands in ([mode.turns for mode in modes], [mode.reach for mode in modes])
-    )
-    modes = [mode.widened(turns, reach) for mode in modes]
-    drives = np.concatenate([np.sqrt(np.mean(samples.inputs**2, axis=1))[:, None], noise])
-    seen = np.array([_flat(mode.shape / noise, first.real) for mode in modes])
-    reached = np.array([_flat(mode.gains * drives, first.real) for mode in modes])
-    left, values, right = np.linalg.svd(seen.T @ reached, full_matrices=False)
-    exponent = complex(np.mean([mode.exponent for mode in modes]))
-    return [
-        Mode(
-            exponent=exponent,
-            real=first.real,
-            turns=turns,
-            shape=_unflat(values[k] * left[:, k], first.real).reshape(modes[0].shape.shape) * noise,
-            reach=reach,
-            gains=_unflat(right[k], first.real).reshape(modes[0].gains.shape) / drives,
-        ).scaled()
-        for k in range(len(group) - 1)
-    ]
-
-
-def _flat(values: NDArray[np.complex128], real: bool) -> NDArray:
-    """Numbers of a product: of a real multiplier real and imaginary parts count by themselves."""
-    flat = values.ravel()
-    return np.concatenate([flat.real, flat.imag]) if real else flat
-
-
-def _unflat(values: NDArray, real: bool) -> NDArray[np.complex128]:
-    return as_complex(values) if real else values
+def _are_near(first: Mode, second: Mode, omega: float, near: float) -> bool:
+    return gap_of(first, second, omega)[0] < near * min(abs(first.exponent.real), abs(second.exponent.real))

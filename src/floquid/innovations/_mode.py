@@ -45,6 +45,11 @@ class Mode(Rebuilt):
         return 1 if self.real else 2
 
     @property
+    def axis(self) -> float:
+        """The turns of a real multiplier, 0 or ½ if it is negative; 0 of a pair, whose exponent has its own."""
+        return float(self.turns[0] % 1.0) if self.real else 0.0
+
+    @property
     def sizes(self) -> tuple[int, int, int]:
         """Real parameters of the exponent, of the gains and of the shape."""
         return self.rows, 2 * self.gains.size, 2 * self.shape.size

@@ -36,6 +36,9 @@ STABLE = (0.5, 0.2)
 TRIED = 4
 """Candidates that are fitted beside the modes in vain before the search ends."""
 
+BESIDE = 0.8
+"""The share of the decay of a mode that is gone within a period at which another is looked for."""
+
 HELD = 6
 """Steps by which modes are fitted with the innovations held."""
 
@@ -54,10 +57,11 @@ def searched(
     first: NDArray[np.float64],
     limits: Limits,
     report: Callable[[str], None] = lambda _: None,
-) -> tuple[Predictor, list[bool]]:
+) -> tuple[Predictor, list[float]]:
     """The predictor of the modes that rise above the noise, from outputs alone or with measured inputs.
 
-    With it whether a mode may be of another kind: a pair that may be two real multipliers, or either of such two. It
+    With it, of a mode that may be of another kind (a pair that may be two real multipliers, or either of such two),
+    the deviations by which modes that last are others beside that, infinite without such; zero of the others. It
     begins with first innovations (channels, samples). Units do not matter: all is done on signals of rms 1.
     """
     outputs = _none(samples).noise
@@ -77,7 +81,7 @@ def searched(
 
 def _searched(
     samples: Samples, first: NDArray[np.float64], limits: Limits, report: Callable[[str], None]
-) -> tuple[Predictor, list[bool]]:
+) -> tuple[Predictor, list[float]]:
     driven = replace(samples, inputs=np.concatenate([samples.inputs, first]), hold="none")
     none = now = replace(_none(samples), whitening=whitening_of(samples, first))
     of_known, period = replace(driven, values=none.innovations), 2.0 * np.pi / samples.fundamental
@@ -110,9 +114,9 @@ def _searched(
     now = narrowed(samples, grown(samples, reweighed(samples, now), loose, rounds=2), loose)
     now, undecided = with_real_ones(samples, now, loose)
     fewer = needed(samples, now, loose)
-    while len(fewer.modes) < len(now.modes):
-        one = any(undecided)
-        now, undecided = with_real_ones(samples, fewer, loose, [one and mode.real for mode in fewer.modes])
+    while fewer is not now:
+        most = max(undecided)
+        now, undecided = with_real_ones(samples, fewer, loose, [most if mode.real else 0.0 for mode in fewer.modes])
         fewer = needed(samples, now, loose)
     now = rebuilt(samples, now, [mode.padded(1.0, limits.highest) for mode in now.modes]) or now
     return solve(samples, reweighed(samples, now)), undecided
@@ -131,10 +135,16 @@ def _with_one_more(
     poles = np.concatenate([candidates(own, now.innovations, held=len(samples.inputs) > 0)[0], before])
     ranked = [fitted_together(own, now.innovations, [_bare(own, pole)], acting=0) for pole in poles.tolist()]
     ranked.sort(key=lambda one: -one[0])
-    for gain, modes in ranked[:TRIED]:
+    # Coloured excitation has several poles at one place, of which candidates hold one: another beside it comes first.
+    period, beside = 2.0 * np.pi / samples.fundamental, []
+    for mode in now.modes:
+        if -mode.exponent.real * period > GONE:
+            pole = complex(BESIDE * mode.exponent.real, mode.axis * samples.fundamental + mode.exponent.imag)
+            beside.append(fitted_together(own, now.innovations, [_bare(own, pole)], acting=0))
+    for gain, modes in [*beside, *ranked[:TRIED]]:
         products = 2 * modes[0].turns.size * (modes[0].gains.size + len(samples.records))
         if gain < limit_of(len(now.innovations) * products, limits.mode_alarm):
-            break
+            continue
         trial = _with(samples, own, now, modes, limits)
         if trial is not None and better(trial, now, limits):
             return trial

@@ -90,6 +90,31 @@ def test_a_copy_of_a_mode_that_outlasts_a_period_fails(analysis, decay, severity
     assert [own.severity for own in told if own.code == "ambient_alike"] == [Severity.WARNING]
 
 
+@pytest.mark.parametrize(
+    ("decay", "moves", "told"),
+    [
+        (6.0, 0.6, [("ambient_kind_apart", Severity.WARNING)]),
+        (6.0, 1.5, [("ambient_kind", Severity.FAILURE)]),
+        (6.0, np.inf, [("ambient_kind", Severity.FAILURE)]),
+        (2.0, 0.6, [("ambient_kind", Severity.FAILURE)]),
+        (6.0, 0.0, []),
+    ],
+    ids=["apart", "others move", "no other", "lasting", "told"],
+)
+def test_a_kind_that_is_not_told_fails_but_of_a_mode_gone_in_a_period_that_moves_no_other(
+    analysis, decay, moves, told, monkeypatch
+):
+    """Mathieu's mode loses 0.22 nepers a period."""
+    fit, own = analysis.fit, analysis.fit.at.modes[0]
+    gone = replace(own, exponent=complex(decay * own.exponent.real, own.exponent.imag), gains=0.5 * own.gains)
+    at = predicted(fit.samples, [replace(own, gains=0.5 * own.gains), gone], fit.at.columns, np.zeros((1, 4)))
+    monkeypatch.setattr(Fit, "varying", lambda *_: (1e3, 4))  # of modes at one place no shape is told
+    both = Fit(fit.samples, at, fit.acting)
+    model = model_of(both, analysis.model.channels, (), analysis.model.provenance)
+    found = _told(both, model, np.full(4, 0.05), 1.0, np.array([0.0, moves]))
+    assert [(own.code, own.severity) for own in found if own.code.startswith("ambient_kind")] == told
+
+
 def test_a_line_at_the_speed_is_taken_off(values):
     angle = 2.0 * np.pi * np.arange(values.shape[1]) / PHASES
     found = identify_ambient(record_from(values + 3.0 * np.cos(angle + 0.3)), validate=False)

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from floquid.innovations import _bands, _real
+from floquid.innovations import _bands, _products, _real
 from floquid.innovations._covariance import colour, whitening_of
 from floquid.innovations._fewer import alike, needed
 from floquid.innovations._gain import stable_gains
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import gradient, matrices, predicted, slopes
+from floquid.innovations._products import as_real, merged
 from floquid.innovations._result import Fit, sized
 from floquid.innovations._solve import moved, normal_of, solve
 from floquid.inputs import Limits, samples_of
@@ -198,13 +199,18 @@ def test_a_predictor_that_grows_unseen_is_none(case):
 
 
 @pytest.mark.parametrize("half", [0.0, 0.5])
-def test_a_pair_on_the_axis_is_two_real_multipliers(case, half, monkeypatch):
+def test_a_pair_on_the_axis_beside_a_real_multiplier_is_three_of_them(case, half, monkeypatch):
     samples, at, _ = case
-    monkeypatch.setattr(_real, "APART", (1.0, 1.0))
+    monkeypatch.setattr(_products, "APART", (1.0, 1.0))
     pair = replace(at.modes[0], exponent=-0.2 + 1j * half * OMEGA)
-    one = predicted(samples, [pair], at.columns, np.zeros((1, 2)))
-    two = predicted(samples, _real._as_real(samples, one, pair, half, 2), at.columns, np.zeros((1, 2)))
-    assert np.abs(one.innovations - two.innovations).max() < 1e-9 * np.abs(one.innovations).max()
+    turns = half + np.arange(at.modes[1].turns.size), half + np.arange(at.modes[1].reach.size)
+    other = replace(at.modes[1], exponent=-0.2 + 0j, turns=turns[0], reach=turns[1])
+    modes = [pair, other]
+    both = predicted(samples, modes, at.columns, np.zeros((1, 3)))
+    three = predicted(samples, as_real(samples, both, modes, half, 3), at.columns, np.zeros((1, 3)))
+    assert np.abs(both.innovations - three.innovations).max() < 1e-9 * np.abs(both.innovations).max()
+    assert alike(both.modes, OMEGA) == [[0, 1]]
+    assert [mode.real for mode in merged(samples, both, modes)] == [True, True]
 
 
 def test_the_covariance_along_a_period_is_found():
@@ -233,4 +239,4 @@ def test_a_pair_that_two_real_multipliers_explain_as_well_is_told():
         samples = samples_of([values], [inputs], [0.0], step=STEP, fundamental=OMEGA, hold="none")
         start = solve(samples, predicted(samples, [pair], np.zeros((1, 1)), np.zeros((1, 2))))
         found, undecided = _real.with_real_ones(samples, start, Limits())
-        assert undecided == [told] * len(found.modes)
+        assert [own > 0.0 for own in undecided] == [told] * len(found.modes)

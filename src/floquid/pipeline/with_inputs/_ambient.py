@@ -50,6 +50,9 @@ CLEARLY = 2.0
 A response that is hardly periodic scores at many periods, by up to 1.6 times what it does at its own.
 """
 
+APART = 1.0
+"""Deviations by which other modes may be others beside another kind of a mode for its kind not to matter to them."""
+
 AIM = 0.1
 """The relative deviation of the damping for which the length of a record is given."""
 
@@ -205,7 +208,7 @@ def _held_out(samples: Samples, found: Predictor) -> NDArray[np.float64]:
 
 
 def _told(
-    fit: Fit, model: PeriodicModel, relative: NDArray[np.float64], duration: float, undecided: NDArray[np.bool_]
+    fit: Fit, model: PeriodicModel, relative: NDArray[np.float64], duration: float, undecided: NDArray[np.float64]
 ) -> tuple[Finding, ...]:
     """Findings on the modes: how long a record their damping needs, which are not periodic, and which nearly one.
 
@@ -225,9 +228,11 @@ def _told(
     dead = shares * decays * model.period > 1.0
     if dead.any():
         found.append(failure("ambient_undetermined", frequencies=hertz[dead].tolist()))
-    undecided = undecided & np.array(varying)
-    if undecided.any():
-        found.append(failure("ambient_kind", frequencies=hertz[undecided].tolist()))
+    undecided = np.where(varying, undecided, 0.0)
+    apart = (undecided < APART) & (decays * model.period > GONE)
+    for told, code, own in ((failure, "ambient_kind", ~apart), (warning, "ambient_kind_apart", apart)):
+        if (own & (undecided > 0.0)).any():
+            found.append(told(code, frequencies=hertz[own & (undecided > 0.0)].tolist()))
     single = ~np.array(varying) & any(varying)
     if single.any():
         found.append(warning("ambient_single", frequencies=hertz[single].tolist()))
