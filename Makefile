@@ -74,7 +74,7 @@ lint: $(INSTALLED) ## style, import contracts and types
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/lint-imports --no-cache
-	$(BIN)/basedpyright --project pyproject.toml
+	$(BIN)/pyrefly check --summary=none
 
 format: $(INSTALLED) ## put the code into the common form
 	$(BIN)/ruff check --fix

@@ -93,7 +93,7 @@ def yule_walker(correlation: Floats, order: int) -> Floats:
 
     first = correlation[:order].copy()
     first[0] *= 1.0 + 1e-9
-    return np.concatenate([[1.0], -solve_toeplitz(first, correlation[1 : order + 1])])
+    return np.concatenate([[1.0], -np.asarray(solve_toeplitz(first, correlation[1 : order + 1]))])
 
 
 def filter_gain(taps: Floats, delays: Floats, rates: Complexes, *, slope: bool = False) -> Complexes:

@@ -190,7 +190,7 @@ class Choices:
 
     def resolved(self) -> Settings:
         """The settings with the algorithm that was named."""
-        return self.settings if self.identifier is None else replace(self.settings, identifier=self.identifier)
+        return self.settings if self.identifier is None else replace(self.settings, identifier=self.identifier)  # type: ignore[arg-type]
 
     def with_given(self, **given: Any) -> Choices:
         """These choices with those put over them that are given, which is to say, not None."""

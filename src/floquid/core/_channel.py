@@ -12,16 +12,15 @@ from floquid._show import Brief
 
 Quantity = Literal["displacement", "velocity", "acceleration", "strain", "force", "angle", "pulse", "other"]
 
-_UNITS: dict[str, tuple[Quantity, ...]] = {
-    **dict.fromkeys(["m", "mm", "um", "µm", "μm", "nm", "cm", "km", "in", "ft", "mil"], ("displacement",)),
-    **dict.fromkeys(["rad", "deg", "mrad", "urad"], ("displacement", "angle")),
-    **dict.fromkeys(["m/s", "mm/s", "cm/s", "um/s", "µm/s", "in/s", "ft/s"], ("velocity",)),
-    **dict.fromkeys(["rad/s", "deg/s"], ("velocity",)),
-    **dict.fromkeys(["m/s^2", "m/s2", "m/s²", "mm/s^2", "mm/s2", "mm/s²", "g", "in/s^2", "ft/s^2"], ("acceleration",)),
-    **dict.fromkeys(["rad/s^2", "rad/s2", "rad/s²", "deg/s^2"], ("acceleration",)),
-    **dict.fromkeys(["N", "kN", "mN", "lbf"], ("force",)),
-    **dict.fromkeys(["strain", "ue", "µε", "με", "m/m"], ("strain",)),
+_UNITS_OF: dict[tuple[Quantity, ...], str] = {
+    ("displacement",): "m mm um µm μm nm cm km in ft mil",
+    ("displacement", "angle"): "rad deg mrad urad",
+    ("velocity",): "m/s mm/s cm/s um/s µm/s in/s ft/s rad/s deg/s",
+    ("acceleration",): "m/s^2 m/s2 m/s² mm/s^2 mm/s2 mm/s² g in/s^2 ft/s^2 rad/s^2 rad/s2 rad/s² deg/s^2",
+    ("force",): "N kN mN lbf",
+    ("strain",): "strain ue µε με m/m",
 }
+_UNITS = {unit: quantities for quantities, units in _UNITS_OF.items() for unit in units.split()}
 
 _NAMES: dict[Quantity, str] = {
     "force": r"force|hammer|torque",

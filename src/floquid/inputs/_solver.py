@@ -162,7 +162,7 @@ def carried(samples: Samples, shape: NDArray[np.complex128], turns: Sequence[flo
 
 def slopes_of(
     samples: Samples, at: Linearisation, channel: int, states: Sequence[NDArray], weight: float = 1.0
-) -> NDArray[np.float64]:
+) -> NDArray:
     """Derivatives of a channel's response by the free parameters, c and D held (parameters, samples), times a weight.
 
     Of the precision that the derivatives of the states have.

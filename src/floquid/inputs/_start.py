@@ -135,7 +135,7 @@ def _poles(samples: Samples, response: NDArray[np.float64], thinned: int) -> lis
         observed = left[:, :wanted] * np.sqrt(values[:wanted])
         shift = np.linalg.lstsq(observed[:-count], observed[count:], rcond=None)[0]
         multipliers = np.asarray(np.linalg.eigvals(shift), np.complex128)
-        found.append(np.log(multipliers + 1e-300) / (samples.step * thinned))
+        found.append(np.asarray(np.log(multipliers + 1e-300), np.complex128) / (samples.step * thinned))
     return found
 
 

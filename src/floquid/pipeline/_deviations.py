@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -105,7 +106,8 @@ def _wider_forced(forced: ForcedResponse, factor: float) -> ForcedResponse:
     """The forced response with deviations larger by a factor."""
     names = ("coefficient_std", "offset_std", "drift_std")
     own = {name: getattr(forced, name) for name in names}
-    return replace(forced, **{name: None if std is None else factor * np.asarray(std) for name, std in own.items()})
+    wider: dict[str, Any] = {name: None if std is None else factor * std for name, std in own.items()}
+    return replace(forced, **wider)
 
 
 def _without_deviations(forced: ForcedResponse) -> ForcedResponse:

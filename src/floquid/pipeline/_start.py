@@ -223,7 +223,7 @@ def refuse_impossible(settings: Settings, cycles: Sequence[Cycles]) -> None:
     refuse_few(min(c.n_cycles for c in cycles))
     if getattr(settings.identifier, "band", None) is not None:
         must = "look at the whole band, since what is left out would count as noise"
-        got = f"has band={settings.identifier.band}"  # pyright: ignore[reportOptionalMemberAccess, reportAttributeAccessIssue]
+        got = f"has band={settings.identifier.band}"  # type: ignore[union-attr]
         raise input_error("identifier", of, must, got, "Use the identifier's own `extract` on lifted responses.")
     if settings.order is not None and settings.order >= periods:
         got = f"is {settings.order}"

@@ -31,12 +31,12 @@ WIDE = 6.0  # deviations that a close-up shows on either side, at least
 _SPOTS = [(x, y) for y in (1.0, -10.0, 8.0, -17.0) for x in (6.0, -6.0)]
 """Places of a number beside its mark [pt], the best ones first."""
 
-_RESTS = {"linestyle": "none", "marker": "D", "color": GREEN, "markersize": 5.0}
-_DECAYS = {"linestyle": "none", "marker": "o", "color": BLUE, "markersize": 5.5}
-_GROWS = {"linestyle": "none", "marker": "^", "color": VERMILION, "markersize": 6.5}
-_COPIES = {"linestyle": "none", "marker": ".", "color": GREY, "markersize": 4.0}
-_TRUE = {"linestyle": "none", "marker": "x", "color": BLACK, "markersize": 6.5, "markeredgewidth": 1.2}
-_REGION = {"color": GREEN, "linewidth": 1.1}
+_RESTS: dict[str, Any] = {"linestyle": "none", "marker": "D", "color": GREEN, "markersize": 5.0}
+_DECAYS: dict[str, Any] = {"linestyle": "none", "marker": "o", "color": BLUE, "markersize": 5.5}
+_GROWS: dict[str, Any] = {"linestyle": "none", "marker": "^", "color": VERMILION, "markersize": 6.5}
+_COPIES: dict[str, Any] = {"linestyle": "none", "marker": ".", "color": GREY, "markersize": 4.0}
+_TRUE: dict[str, Any] = {"linestyle": "none", "marker": "x", "color": BLACK, "markersize": 6.5, "markeredgewidth": 1.2}
+_REGION: dict[str, Any] = {"color": GREEN, "linewidth": 1.1}
 
 
 def exponents(modes: FloquetModes | PeriodicModel, *, truth: ArrayLike | None = None) -> Figure:
@@ -184,7 +184,7 @@ def _draw_multipliers(axes: Axes, modes: FloquetModes) -> None:
     for chosen, look, _ in _kinds(modes):
         axes.plot(points[chosen & inside].real, points[chosen & inside].imag, **look)
     if not inside.all():
-        axes.plot([0.0], [0.0], **{**_DECAYS, "markerfacecolor": "none"}, label=f"below $10^{{-{int(decades)}}}$")
+        axes.plot([0.0], [0.0], **(_DECAYS | {"markerfacecolor": "none"}), label=f"below $10^{{-{int(decades)}}}$")
     if vast:
         axes.set(xticks=[], yticks=[], xlabel=r"$\mu$: angle, and log$_{10}|\mu|$ as radius [-]")
         axes.grid(visible=False)

@@ -86,7 +86,7 @@ def time_record(
         label = plain(shown.name) + (f", hit {hit + 1}" if len(analysis.cycles) > 1 else "")
         axes.plot(*envelope(times, values, POINTS), color=BLUE, linewidth=0.7, label=label)
         marks = _marks(cycles, phase, periods_per_revolution)
-        ring = {**_RING, "color": VERMILION}
+        ring: dict[str, Any] = {**_RING, "color": VERMILION}
         axes.plot(*envelope(instants, samples, POINTS), **ring, markersize=2.5, markeredgewidth=0.6, label=marks)
         axes.set(xlabel="time [s]", xlim=(times[0], times[-1]))
         largest = float(np.nanmax(np.abs(values)))

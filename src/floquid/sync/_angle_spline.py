@@ -143,7 +143,7 @@ class _Rung:
         """For noise of unit variance: the coefficients' covariance, and the offsets' deviations from their mean."""
         from scipy.linalg import cho_solve
 
-        inverse = cho_solve(self.factor, np.eye(len(self.coefficients)))
+        inverse = np.asarray(cho_solve(self.factor, np.eye(len(self.coefficients))))
         # The offsets' own covariance is D⁻¹ + Wᵀ N⁻¹ W, of which no more is formed than is needed.
         n_seen = np.count_nonzero(self.inverse_counts) + 1
         spread = inverse @ self.weights
@@ -270,9 +270,9 @@ def _solve(x: Floats, wave: Floats, lines: Integers, n_lines: int, knots: Floats
     shared: Any = (basis.T @ choose).toarray()
     weights = shared * inverse_counts
     normal = (basis.T @ basis).toarray() - weights @ shared.T
-    factor = cho_factor(normal)
+    factor: Any = cho_factor(normal)
     of_lines = choose.T @ wave
-    coefficients = cho_solve(factor, basis.T @ wave - weights @ of_lines)
+    coefficients = np.asarray(cho_solve(factor, basis.T @ wave - weights @ of_lines))
     offsets = inverse_counts * (of_lines - shared.T @ coefficients)
     rest = wave - basis @ coefficients - offsets[lines]
     return _Rung(

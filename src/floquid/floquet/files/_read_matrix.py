@@ -131,7 +131,7 @@ def _openfast(files: list[Path], period: float | None, interpolation: Interpolat
         matrix: AbstractPeriodicMatrix = HarmonicMatrix(
             coefficients=coefficients, harmonics=harmonics, period=model.period
         )
-        words += f", harmonics up to {harmonics[-1]}"
+        words += f", harmonics up to {int(harmonics[-1])}"
     else:
         matrix = SampledMatrix(values=model.A, period=model.period, times=model.times, interpolation=interpolation)
         words += f", {_BETWEEN[interpolation]} them"
@@ -158,10 +158,9 @@ def _made(found: Contents, period: float | None, interpolation: Interpolation | 
         raise input_error("interpolation", OF, f"be left out for {what}", f"is {interpolation!r}")
     try:
         if series:
-            matrix: AbstractPeriodicMatrix = HarmonicMatrix(
-                coefficients=values, harmonics=_vector(found, "harmonics", values.shape[2]), period=length
-            )
-            words, warnings = f"harmonics up to {np.asarray(matrix.harmonics)[-1]}", ()
+            harmonics = _vector(found, "harmonics", values.shape[2])
+            matrix: AbstractPeriodicMatrix = HarmonicMatrix(coefficients=values, harmonics=harmonics, period=length)
+            words, warnings = f"harmonics up to {int(harmonics[-1])}", ()
         elif pieces:
             if "times" in found.arrays:
                 raise found.error("hold `times` or `edges`", "has both", "Times are of samples, edges of pieces.")

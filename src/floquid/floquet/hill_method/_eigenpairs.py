@@ -137,9 +137,9 @@ def nearest(problem: Problem, near: complex, start: Complexes) -> Truncated:
     factors = lu_factor(matrix, check_finite=False)
     right, left = start.T.ravel(), start.T.ravel()
     for _ in range(3):
-        right = lu_solve(factors, right, check_finite=False)
+        right = np.asarray(lu_solve(factors, right, check_finite=False))
         right /= np.linalg.norm(right)
-        left = lu_solve(factors, left, trans=2, check_finite=False)
+        left = np.asarray(lu_solve(factors, left, trans=2, check_finite=False))
         left /= np.linalg.norm(left)
     overlap = left.conj() @ right
     matrix[diagonal, diagonal] += _EPS * problem.size

@@ -201,7 +201,7 @@ def _of_elements(pieces: Elements, period: float, n_harmonics: int) -> Complexes
         angle = np.multiply.outer(np.pi * width / period, harmonics)
         turn = np.exp(-2j * np.pi * np.multiply.outer((left + 0.5 * width) / period, harmonics))
         for degree in range(n_degrees):
-            weight = (width / period)[:, None] * spherical_jn(degree, angle) * turn * (-1j) ** degree
+            weight = (width / period)[:, None] * np.asarray(spherical_jn(degree, angle)) * turn * (-1j) ** degree
             out += np.tensordot(series[:, degree], weight, (0, 0))
             if not real:
                 # for harmonic -m the angle and the turn change sign: the conjugate weight

@@ -228,17 +228,17 @@ class GappyBlock(Block):
     taken: Integers  # mask of the samples on the grid (samples,)
 
     @property
-    def hit(self) -> int:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def hit(self) -> int:
         """Index of the hit."""
         return self.whole.hit
 
     @property
-    def rows(self) -> Integers:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def rows(self) -> Integers:
         """Indices of the channels (rows,)."""
         return self.whole.rows
 
     @property
-    def noise(self) -> Floats:  # pyright: ignore[reportIncompatibleVariableOverride]
+    def noise(self) -> Floats:
         """The deviation of their noise (rows,)."""
         return self.whole.noise
 

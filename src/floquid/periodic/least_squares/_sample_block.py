@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,12 +56,19 @@ class Sums:
 class Block(ABC):
     """Samples of some channels of one hit, all at the same times."""
 
-    hit: int
-    """Index of the hit."""
-    rows: Integers
-    """Indices of the channels (rows,)."""
-    noise: Floats
-    """The deviation of their noise (rows,)."""
+    if TYPE_CHECKING:  # fields of those that are dataclasses, to which a property would be a default
+
+        @property
+        def hit(self) -> int:
+            """Index of the hit."""
+
+        @property
+        def rows(self) -> Integers:
+            """Indices of the channels (rows,)."""
+
+        @property
+        def noise(self) -> Floats:
+            """The deviation of their noise (rows,)."""
 
     @property
     @abstractmethod

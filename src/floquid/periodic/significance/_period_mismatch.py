@@ -139,7 +139,7 @@ def drift(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
         slopes = counts[:, None] * columns
         slopes = slopes - q @ (q.conj().T @ slopes)
         curvature = slopes.conj().T @ slopes
-        seen = slopes.conj().T @ data.T
+        seen = slopes.conj().T @ data.T.astype(np.complex128)
         whole = [row * size for row in rows]
         _accumulate(information, score, curvature, seen, whole)
     if information[-1, -1] <= 0:

@@ -120,5 +120,5 @@ def _with(model: PeriodicModel, terms: Sequence[Term]) -> PeriodicModel:
         harmonics=model.harmonics,
         period=model.period,
         channels=model.channels,
-        inputs=None if own is None else replace(own, coefficients=gains, coefficient_std=None),
+        inputs=None if own is None or gains is None else replace(own, coefficients=gains, coefficient_std=None),
     )

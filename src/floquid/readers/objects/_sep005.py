@@ -45,7 +45,7 @@ def to_sep005(record: Record) -> list[dict[str, Any]]:
     unless it is zero, `period` and `origin` [s] of a constant period, `location`, `direction` and `orbit`. Values are
     copies.
     """
-    codes = {quantity: code for code, quantity in _CODES.items() if code != "s"}
+    codes: dict[str, str] = {quantity: code for code, quantity in _CODES.items() if code != "s"}
     numbers: dict[str, Any] = {"fs": record.sample_rate}
     if record.start != 0.0:
         numbers["start"] = record.start

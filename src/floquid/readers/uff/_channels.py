@@ -130,11 +130,12 @@ def _words(header: FunctionHeader) -> tuple[dict[str, str], str]:
     return words, ""
 
 
-_QUANTITIES: dict[int, Quantity] = {
-    **dict.fromkeys((2, 5, 6, *range(15, 21)), "other"),
-    **{KINDS[quantity]: quantity for quantity in ("strain", "displacement", "velocity", "acceleration", "force")},
-    9: "force",
-}  # quantity by the specific data type of an ordinate; 0 (unknown) and 1 (general) leave it to the unit
+_MEASURED: tuple[Quantity, ...] = ("strain", "displacement", "velocity", "acceleration", "force")
+_QUANTITIES: dict[int, Quantity] = {KINDS[quantity]: quantity for quantity in _MEASURED}
+_QUANTITIES[9] = "force"
+for _code in (2, 5, 6, *range(15, 21)):
+    _QUANTITIES[_code] = "other"
+"""Quantity by the specific data type of an ordinate; 0 (unknown) and 1 (general) leave it to the unit."""
 
 _SYSTEMS = {1: ("m", "N"), 2: ("ft", "lbf"), 5: ("mm", "mN"), 6: ("cm", "cN"), 7: ("in", "lbf")}
 """Units of length and force, by the code of dataset 164; others name none that could be taken over."""

@@ -23,8 +23,11 @@ _KINDS: dict[str, Kind] = {
     "S": "text",
     "M": "dates",
     "m": "time spans",
+    "b": "numbers",
+    "i": "numbers",
+    "u": "numbers",
+    "f": "numbers",
 }
-_KINDS |= dict.fromkeys("biuf", "numbers")
 
 
 def load_npz(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
