@@ -6,7 +6,7 @@ by its transition over each sample. None has noise: tests add their own.
 
 from pathlib import Path
 
-import mujoco  # pyright: ignore[reportMissingImports]
+import mujoco
 import numpy as np
 from scipy.integrate import solve_ivp
 

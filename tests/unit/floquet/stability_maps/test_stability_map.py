@@ -335,7 +335,7 @@ def module(tmp_path, monkeypatch):
     (tmp_path / "plain_family.py").write_text(MODULE, encoding="utf-8")
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.delitem(sys.modules, "plain_family", raising=False)
-    import plain_family  # pyright: ignore[reportMissingImports]
+    import plain_family
 
     yield plain_family
     del sys.modules["plain_family"]
