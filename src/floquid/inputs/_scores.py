@@ -140,39 +140,61 @@ class Scores:
         places = [slice(a, b) for a, b in pairwise(ends.tolist())]
         return np.array([_gain(left[own, own], pull[own], size[own], self.least) for own in places])
 
-    def by_noise(self) -> float:
+    def by_noise(self, draws: int = DRAWS) -> float:
         r"""The gain by noise that drives the modes, zero where there is less of what it leaves than white noise has.
 
         The gain of the predictor of a mode is P c(t)ᴴ R⁻¹ to first order in the variance P > 0 of its state. A fit
-        takes some of what is near its modes, whatever the noise: how much, draws of white noise tell.
+        takes some of what is near its modes, whatever the noise: how much, draws of white noise tell. The rest is a sum
+        of white noise by what was before: its spread is the size of these slopes, less what the fit takes of them.
         """
-        generator, samples, heard = np.random.default_rng(0), self.samples, self.now.heard
+        heard = self.now.heard
         if not (heard.any() and self.now.modes):
             return 0.0
-        draws = [self._unfitted(generator.standard_normal(self.left.shape)) for _ in range(DRAWS)]
-        pulls = np.zeros((len(self.now.modes), 1 + DRAWS))
-        for number, mode in enumerate(self.now.modes):
-            turns = mode.turns.tolist()
-            shapes = np.array(
-                [carried(samples, own, turns) for own in (self.now.shape(number) * self.weights).T[heard]]
-            )
-            for draw, left in enumerate((self.left[heard], *(own[heard] for own in draws))):
-                seen = np.sum(shapes.conj() * left, axis=0)
-                slopes = (shapes * followed(samples, mode, seen)).real
-                pulls[number, draw] = np.sum(slopes * left) / (np.linalg.norm(slopes) + TINY)
-        pulls -= pulls[:, 1:].mean(axis=1, keepdims=True)
-        together = np.sum(pulls / (pulls[:, 1:].std(axis=1, ddof=1, keepdims=True) + TINY), axis=0)
-        return max(float(together[0] / (together[1:].std(ddof=1) + TINY)), 0.0) ** 2
+        shapes = [
+            carried(self.samples, self.now.shape(number).T[heard] * self.weights[heard, None], mode.turns.tolist())
+            for number, mode in enumerate(self.now.modes)
+        ]
+        pulls, slopes = self._pulls(self.left, heard, shapes)
+        sizes = np.sqrt(np.einsum("mcn,mcn->m", slopes, slopes)) + TINY
+        beyond = sum(
+            self._unfitted((own / size).astype(self.precision)) for own, size in zip(slopes, sizes, strict=True)
+        )
+        generator, drawn = np.random.default_rng(0), np.zeros((4, draws, len(shapes)))
+        for draw in range(draws):
+            whole = generator.standard_normal(self.left.shape, self.precision)
+            for place, own in ((0, self._unfitted(whole)), (2, whole)):
+                drawn[place, draw], found = self._pulls(own, heard, shapes)
+                drawn[place + 1, draw] = np.einsum("mcn,mcn->m", found, found) + TINY
+        # Of a whole draw the mean is none: less that, what is taken is told three times as well.
+        taken = drawn[0] / np.sqrt(drawn[1]) - drawn[2] / np.sqrt(drawn[3].mean(axis=0))
+        return max(float(np.sum(pulls / sizes - taken.mean(axis=0)) / (np.linalg.norm(beyond) + TINY)), 0.0) ** 2
 
-    def _unfitted(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _pulls(
+        self, left: NDArray, heard: NDArray[np.bool_], shapes: Sequence[NDArray[np.complex128]]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The gradient by noise that drives each mode, of what is left in the channels heard (modes,), and its slopes.
+
+        Those are (modes, channels, samples); the modes are seen with these shapes (channels heard, samples).
+        """
+        slopes = np.zeros((len(shapes), *left.shape))
+        for number, (mode, shape) in enumerate(zip(self.now.modes, shapes, strict=True)):
+            slopes[number, heard] = (
+                shape * followed(self.samples, mode, np.sum(shape.conj() * left[heard], axis=0))
+            ).real
+        return np.einsum("mcn,cn->m", slopes, left), slopes
+
+    def _unfitted(self, values: NDArray) -> NDArray:
         """What this fit, to first order, leaves of a response over its noise (channels, samples)."""
-        values = values - ((values @ self.columns.T) @ self.now.inverse) @ self.columns
-        step = np.zeros(self.root.shape[1])
-        for own, left in zip(self.slopes, values, strict=True):
-            step += self.root.T @ (own @ left)
-        by = self.root @ step
-        taken = [by @ own - (by @ along) @ self.columns for own, along in zip(self.slopes, self.along, strict=True)]
-        return np.asarray(values - taken, np.float64)
+        own = (values @ self.columns.T) @ self.now.inverse
+        values, step = values - own.astype(self.precision) @ self.columns, np.zeros(self.root.shape[1])
+        for slopes, left in zip(self.slopes, values, strict=True):
+            step += self.root.T @ (slopes @ left)
+        by = (self.root @ step).astype(self.precision)
+        taken = [
+            by @ slopes - (by @ along).astype(self.precision) @ self.columns
+            for slopes, along in zip(self.slopes, self.along, strict=True)
+        ]
+        return values - np.array(taken)
 
     def of_modes(self) -> NDArray[np.float64]:
         """Squared deviations of the shape of each mode from zero, all else moving along (Wald tests) (modes,)."""

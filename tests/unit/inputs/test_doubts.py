@@ -5,8 +5,10 @@ import pytest
 from tests.driven import mathieu, record_of
 
 from floquid import Record, identify_driven
+from floquid.inputs import Scores, bare_mode, chosen_together, limit_of, samples_of, solve
+from floquid.pipeline.with_inputs._verdict import SURE, _by_powers
 
-PHASES, PERIODS = 20, 40
+PHASES, PERIODS, WARM = 20, 40, 20
 
 
 def identified(values, inputs, period, **options):
@@ -61,16 +63,19 @@ def test_inputs_as_they_are_said_are_not(direct, seed):
     assert not codes(found)
 
 
-def test_a_spring_that_hardens_is_named():
+@pytest.mark.parametrize(("steady", "seed"), [(0.0, 1), (1.0, 5)])
+def test_a_spring_that_hardens_is_named(steady, seed):
+    """Beside a steady response, too: its product with squares of the rest tells more than the rest alone."""
     system, spring = mathieu(), 0.02
-    generator = np.random.default_rng(1)
+    generator = np.random.default_rng(seed)
     inputs, step = generator.standard_normal(PERIODS * PHASES), system.period / PHASES
     state, values = np.zeros(2), []
-    for number, force in enumerate(inputs):
+    for number, force in enumerate(np.concatenate([np.zeros(WARM * PHASES), inputs])):
         values.append(state[0])
 
         def rates(t, x, force=force):
-            return system.A(t) @ x + np.array([0.0, force - spring * x[0] ** 3])
+            own = steady * (1.0 + np.cos(2.0 * t) + 0.5 * np.sin(4.0 * t))
+            return system.A(t) @ x + np.array([0.0, force + own - spring * x[0] ** 3])
 
         for t in step * (number + np.array([0.0, 0.5])):  # Runge and Kutta's steps, two a sample
             k1 = rates(t, state)
@@ -78,10 +83,24 @@ def test_a_spring_that_hardens_is_named():
             k3 = rates(t + 0.25 * step, state + 0.25 * step * k2)
             k4 = rates(t + 0.5 * step, state + 0.5 * step * k3)
             state = state + step / 12.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-    values = np.array(values) + 0.02 * np.std(values) * generator.standard_normal(len(values))
+    values = np.array(values[WARM * PHASES :])
+    values += 0.02 * np.std(values) * generator.standard_normal(len(values))
     found = identified(values, inputs, system.period)
     assert not found.passed
     assert "inputs_nonlinear" in codes(found)
+
+
+def test_squares_of_a_steady_response_are_no_harmonics_that_were_not_kept():
+    """Of a linear system, its outer harmonics left out: products of a large steady response and the rest have them."""
+    system, narrow = mathieu(), np.arange(-1.0, 2.0)
+    inputs = np.random.default_rng(1).standard_normal((1, PERIODS * PHASES))
+    values, _ = record_of(system, PERIODS, PHASES, 0.1, 1, inputs)
+    step = system.period / PHASES
+    values += 20.0 * np.std(values) * np.cos(2.0 * step * np.arange(PERIODS * PHASES))
+    samples = samples_of([values], [inputs], [0.0], step=step, fundamental=2.0, turns=[1.0, 2.0, 3.0, 4.0])
+    bare = [bare_mode(samples, complex(system.exponents()[0]), narrow, narrow)]
+    scores = Scores(samples, solve(samples, chosen_together(samples, bare, 1)), rough=False)
+    assert _by_powers(scores).max() < limit_of(4, SURE)
 
 
 @pytest.mark.first(1)

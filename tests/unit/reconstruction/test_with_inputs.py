@@ -8,6 +8,7 @@ from tests.driven import mathieu, record_of, two_masses
 
 import floquid
 from floquid import Record, reconstruct
+from floquid.findings import failure
 from floquid.floquet import PeriodicSystem, SampledMatrix, harmonic_transfer, simulate
 from floquid.inputs import transfer_functions
 
@@ -102,6 +103,15 @@ def test_deviations_are_those_of_the_joint_errors(found):
         assert np.allclose(getattr(four, name), 4.0 * getattr(one, name), rtol=0.02)
         assert (getattr(less, name) <= getattr(one, name) + 1e-9).all()
         assert (getattr(less, name) < 0.9 * getattr(one, name)).any()
+
+
+def test_a_model_that_fails_has_no_deviations(found):
+    _, outputs, analysis = found[1]
+    wrong = replace(analysis, findings=(*analysis.findings, failure("inputs_undetermined")))
+    good, bad = (own.reconstruct(outputs, times=3) for own in (analysis, wrong))
+    assert np.array_equal(good.system, bad.system)
+    assert (bad.system_std, bad.transition_std, bad.inputs_std) == (None, None, None)
+    assert good.inputs_std is not None
 
 
 def test_another_form_is_refused(found):

@@ -30,10 +30,9 @@ from floquid.inputs import Limits, Samples
 from floquid.pipeline._settings import Settings
 from floquid.pipeline.preparation import blas_threads, clocked, own_names, settings_of
 from floquid.pipeline.with_inputs._again import first_part, with_acting
-from floquid.pipeline.with_inputs._analysis import HELD_OUT, AmbientAnalysis
+from floquid.pipeline.with_inputs._analysis import HELD_OUT, AmbientAnalysis, with_states
 from floquid.pipeline.with_inputs._identify import HIGHEST
 from floquid.pipeline.with_inputs._prepare import COPY, Parted, parted, refuse_others
-from floquid.pipeline.with_inputs._state_matrix import state_asked
 from floquid.pipeline.with_inputs._verdict import SIGNIFICANT, done_beside, needed, of_period
 
 OF = "identify_ambient"
@@ -110,7 +109,7 @@ def identify_ambient(
     with own_names(OF):
         used = clocked(records, chosen, OF)
         with blas_threads(used):
-            return _identified(used, chosen, report)
+            return with_states(_identified(used, chosen, report), report)
 
 
 def _identified(records: Sequence[Record], settings: Settings, report: Callable[[str], None]) -> AmbientAnalysis:
@@ -146,7 +145,6 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     relative = model.exponent_std.real / np.abs(model.exponents.real)
     return AmbientAnalysis(
         settings=settings,
-        state=state_asked(model, fit, settings, report),
         records=own.records,
         model=model,
         fit=fit,

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,8 +18,9 @@ from floquid.innovations import Fit, transfer_of
 from floquid.inputs import TransferFunctions, Uncertainty
 from floquid.inputs import transfer_of as transfer_with_inputs
 from floquid.pipeline._settings import Settings
+from floquid.pipeline._state import states_of
 from floquid.pipeline.with_inputs._state_matrix import refuse_delayed, state_matrix_of
-from floquid.reconstruction import Names, StateModel
+from floquid.reconstruction import Names, StateModel, reconstruct
 
 HELD_OUT = 1.4
 """The error of prediction on samples left out, over the noise, from which on a model does not pass."""
@@ -165,7 +167,7 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
                   B(t) = \Psi(t)\, b(t)
 
         as `floquid.reconstruct` gives them, with deviations of Φ, A and B by the joint errors of the fit, to first
-        order. Raises what that does, and InputError where the form is another one.
+        order; without them where the model fails. Raises what that does, and InputError where the form is another one.
 
         Parameters
         ----------
@@ -177,12 +179,17 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
             Instants after phase zero [s], or how many equally spaced ones over a period.
         """
         refuse_delayed(form, f"{type(self).__name__}.reconstruct")
+        if self.failed:  # what it leaves is no noise: there are no deviations to quote
+            return reconstruct(self.model, states, form=form, times=times)
         return state_matrix_of(self.model, self.fit, states, form, times)
 
     @abstractmethod
     def _transfer(
         self, hertz: NDArray[np.float64], harmonics: NDArray[np.int64], *, sampled: bool
     ) -> TransferFunctions: ...
+
+
+Kind = TypeVar("Kind", bound=ExcitedAnalysis)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -231,6 +238,16 @@ class AmbientAnalysis(ExcitedAnalysis):
         self, hertz: NDArray[np.float64], harmonics: NDArray[np.int64], *, sampled: bool
     ) -> TransferFunctions:
         return transfer_of(self.fit, self.model.channels, self.inputs, hertz, harmonics, sampled=sampled)
+
+
+def with_states(analysis: Kind, report: Callable[[str], None]) -> Kind:
+    """The result with A(t) in the states of its settings, as it is where these are not asked for."""
+    if not analysis.settings.states:
+        return analysis
+    report("rebuilding the state matrix")
+    names, form = states_of(analysis.model.channels, analysis.settings), analysis.settings.form
+    state = analysis.reconstruct(names, form=form, times=analysis.settings.system_times)  # type: ignore[arg-type]
+    return replace(analysis, state=state)
 
 
 def _frequencies_of(

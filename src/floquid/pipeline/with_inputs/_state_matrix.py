@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,8 +12,6 @@ from floquid._checks import input_error
 from floquid.core import PeriodicModel
 from floquid.innovations import Fit, terms_of_mode
 from floquid.inputs import Term, Uncertainty, terms_of
-from floquid.pipeline._settings import Settings
-from floquid.pipeline._state import states_of
 from floquid.reconstruction import Form, Names, StateModel, reconstruct
 
 NEAR = 0.1
@@ -21,17 +19,6 @@ NEAR = 0.1
 
 ROUNDING = 1e-12
 """The share of the largest below which a direction of a covariance is rounding."""
-
-
-def state_asked(
-    model: PeriodicModel, fit: Uncertainty | Fit, settings: Settings, report: Callable[[str], None]
-) -> StateModel | None:
-    """A(t) in the states of the settings, None where these are not asked for."""
-    if not settings.states:
-        return None
-    report("rebuilding the state matrix")
-    names, form = states_of(model.channels, settings), settings.form
-    return state_matrix_of(model, fit, names, form, settings.system_times)  # type: ignore[arg-type]
 
 
 def refuse_delayed(form: str, of: str) -> None:

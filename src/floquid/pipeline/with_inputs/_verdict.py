@@ -47,6 +47,9 @@ SURE = 1e-9
 NOISE = 1e-6
 """The probability at which noise of sensors may pass for noise that drives the system."""
 
+NEAR, MANY = 2.0, 300
+"""The factor within which a gain is near a limit, and the draws that tell it then."""
+
 MORE = 2.0
 """What squares and cubes must gain, over what noise that drives the system does: it lets them gain by chance."""
 
@@ -73,7 +76,7 @@ def verdict(
     samples, scores = own.samples, Scores(own.samples, fit.at, rough=False)
     phases = round(2.0 * np.pi / (samples.fundamental * samples.step))
     # Noise and squares leave what the other does, too: squares gain several times what noise does where they are there.
-    by_noise, by_powers = scores.by_noise(), _by_powers(scores)
+    by_noise, by_powers = _by_noise(scores), _by_powers(scores)
     noisy = MORE * by_noise > by_powers.max(initial=0.0)
     return (
         *done_beside(own),
@@ -246,6 +249,12 @@ def _others(samples: Samples) -> Iterator[tuple[tuple[int, str], Samples]]:
             yield (0, hold), replace(samples, hold=hold)
 
 
+def _by_noise(scores: Scores) -> float:
+    """The gain by noise that drives the modes: near its limit by so many draws that these do not decide."""
+    gain, limit = scores.by_noise(), limit_of(1, NOISE)
+    return scores.by_noise(MANY) if limit / NEAR < gain < NEAR * limit else gain
+
+
 def _driven_by_noise(scores: Scores, gain: float) -> tuple[Finding, ...]:
     """Finding on what drives the system beside the inputs: what is left follows through the modes from what was left.
 
@@ -260,12 +269,18 @@ def _driven_by_noise(scores: Scores, gain: float) -> tuple[Finding, ...]:
 
 
 def _by_powers(scores: Scores) -> NDArray[np.float64]:
-    """Gains by squares and cubes of the response as inputs of each mode (Billings and Voon 1983) (modes,)."""
+    """Gains by squares and cubes of the response as inputs of each mode (Billings and Voon 1983) (modes,).
+
+    Less what is linear beside the response that repeats with the period: that is of harmonics of a linear system, and
+    those that were too weak to be kept would pass for squares.
+    """
     samples, now = scores.samples, scores.now
-    fitted = samples.values - now.left
-    size = fitted.std(axis=1, keepdims=True)
-    fitted = (fitted - fitted.mean(axis=1, keepdims=True)) / np.where(size > 0.0, size, 1.0)
-    powers = np.concatenate([fitted**2, fitted**3])
+    known = len(now.columns) - len(samples.known)
+    repeated, beside = (now.coefficients[own].T @ now.columns[own] for own in (slice(known, None), slice(known)))
+    size = beside.std(axis=1, keepdims=True)
+    size = np.where(size > 0.0, size, 1.0)
+    repeated, beside = ((own - own.mean(axis=1, keepdims=True)) / size for own in (repeated, beside))
+    powers = np.concatenate([beside**2, beside**2 * (beside + 3.0 * repeated)])
     powers -= powers.mean(axis=1, keepdims=True)
     return scores.by_inputs([(number, mode.lowest) for number, mode in enumerate(now.modes)], powers)
 
