@@ -238,6 +238,14 @@ def ambient_of(system, periods, phases, noise, seed, warm=20):
     return values + noise * values.std(axis=1, keepdims=True) * generator.standard_normal(values.shape)
 
 
+def imbalance_of(system, periods, phases, turn=2, warm=400):
+    """The steady response to a force that turns once in some periods, its rms over all outputs 1."""
+    angle = 2.0 * np.pi / (phases * turn) * np.arange((periods + warm * turn) * phases)
+    forces = np.array([np.cos(angle), np.sin(angle)])[: system.B(0.0).shape[1]]
+    values = system.response(forces, phases)[:, warm * turn * phases :]
+    return values / np.sqrt(np.mean(values**2))
+
+
 def pulls(system, model):
     """Deviations by which the exponents of a model are off the nearest true ones, modulo iω (modes, 2)."""
     truth, rows = system.exponents(), []

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 from scipy.io import loadmat
-from tests.driven import mathieu, record_of
+from tests.driven import imbalance_of, mathieu, record_of
 
 from floquid import Channel, Record, load
 from floquid.cli import run
@@ -79,6 +79,22 @@ def test_the_state_matrix_is_printed_saved_and_exported(file, tmp_path, capsys):
     table = loadmat(tmp_path / "modes.mat")
     assert np.array_equal(np.moveaxis(table["B_std"], 2, 0), found["inputs_std"])
     assert table["Phi"].shape == (2, 2, 8)
+
+
+def test_lines_of_a_revolution_of_two_periods(tmp_path, capsys):
+    values, inputs = record_of(mathieu(), 100, 20, 0.02, 0)
+    values += 20.0 * values.std() * imbalance_of(mathieu(), 100, 20)
+    path = tmp_path / "unbalanced.csv"
+    write(Record(values=np.concatenate([values, inputs]), sample_rate=20.0 / np.pi, channels=["x", "F"]), path)
+    words = ["identify", str(path), "--period", PERIOD, "--inputs", "F", "--no-validate"]
+    assert run(words) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "Modes: order 2" in said
+    assert "say so: `--periods-per-rev 2`" in said
+    assert run([*words, "--periods-per-rev", "2"]) == 0
+    said = capsys.readouterr().out
+    assert "Modes: order 2" in said
+    assert "Warning" not in said
 
 
 def test_a_model_that_was_found_to_be_wrong_is_exit_code_one(tmp_path, capsys):

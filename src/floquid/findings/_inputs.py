@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from fractions import Fraction
 
 from floquid.findings._phrases import both
+
+MOST_NAMED = 12
+"""Harmonics of a response that repeats, at most, that are named one by one."""
 
 
 def _at(frequencies: Sequence[float]) -> str:
@@ -60,6 +64,15 @@ def _inputs(channels: Sequence[str], hold: str) -> str:
     )
 
 
+def _steady(harmonics: Sequence[float]) -> str:
+    whole = all(float(own).is_integer() for own in harmonics)
+    words = [str(Fraction(own).limit_denominator(999)) for own in harmonics]
+    if len(words) > MOST_NAMED:
+        words = [f"{', '.join(words[:MOST_NAMED])}, …", words[-1]]
+    of = "period" if whole else "period or the revolution"
+    return f"A response that repeats with the {of} was fitted beside the modes: {both(words)} a period."
+
+
 def _needed(modes: int, frequency: float, rise: float) -> str:
     size = f"{rise:.2g}" if rise < 100.0 else "more than 100"
     told = f"{'clear of' if rise >= 2.0 else 'only just above'} the noise (χ² of its shape {size} times the limit)."
@@ -92,10 +105,10 @@ def _untold(delay: int, share: float) -> str:
 INPUTS: dict[str, str | Callable[..., str]] = {
     "inputs": _inputs,
     "excited_order": _needed,
-    "steady_beside_inputs": lambda harmonics: (
-        f"A response that repeats with the period was fitted beside the modes: {both([str(j) for j in harmonics])} "
-        "a period."
-    ),
+    "steady_beside_inputs": _steady,
+    "lines_between": "There are lines between the multiples of the period's frequency, at multiples of 1/{periods} of "
+    "it: an imbalance, where a revolution holds {periods} periods? They were fitted beside the modes. If it does, say "
+    "so: `periods_per_revolution={periods}`; if not, the period is another one, or a mode hardly decays.",
     "inputs_free": "Harmonics go on to the Nyquist frequency: the matrices at each of the {phases} phases were fitted, "
     "all of them free. Between the samples the model says nothing.",
     "unreached": "The mode at {frequency:.4g} Hz is reached by no input as far as the record shows: it is seen by what "

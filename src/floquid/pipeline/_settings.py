@@ -110,7 +110,8 @@ class Settings(Brief):
     pulses_per_revolution
         Pulses of the tachometer in a revolution.
     periods_per_revolution
-        Periods of the system in a revolution of the shaft. 2 for a two-fold symmetric shaft seen from the ground.
+        Periods of the system in a revolution of the shaft. 2 for a two-fold symmetric shaft seen from the ground, whose
+        imbalance has lines at half the period's frequency: they are fitted beside the modes.
     forced
         The forced response: auto finds it, none leaves it out, 1,2 are harmonics of the revolution to be fitted.
     orbit

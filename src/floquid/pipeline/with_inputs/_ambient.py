@@ -187,7 +187,8 @@ def _refuse_period(samples: Samples) -> None:
         raise IdentificationError(
             f"The response repeats twice within the {given:.6g} s given: even harmonics have squared scores of "
             f"{found.even:.3g}, odd ones of {found.odd:.3g}, which noise alone has (up to {found.limit:.3g}). Modes "
-            f"would be found more than once. Give half of it: `period={0.5 * given:.10g}`."
+            f"would be found more than once. Give half of it: `period={0.5 * given:.10g}`; of a "
+            "shaft that turns once in two of those, out of balance, `periods_per_revolution=2` beside it."
         )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from floquid._checks import input_error
 from floquid.core import Channel, ConstantPeriod, Record, channels_named
 from floquid.errors import IdentificationError
+from floquid.findings import Finding, note, warning
 from floquid.inputs import Hold, Samples, samples_of
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import check_states
@@ -48,6 +50,9 @@ PERIODS_A_LINE = 4.0
 LOUD = 8.0
 """The amplitude at a harmonic over that beside it from which on it is fitted."""
 
+MOST_PERIODS = 6
+"""Periods of a revolution up to which lines of the revolution are looked for where nobody says how many it holds."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parted:
@@ -62,17 +67,20 @@ class Parted:
     outputs, inputs
         The channels of each.
     turns
-        Harmonics of the period that are fitted beside the modes (turns,).
+        Harmonics of the period that are fitted beside the modes, those of the revolution among them (turns,).
     shafts
         The angle of the shaft in each record; none where the period is constant.
+    findings
+        What is said of these harmonics.
     """
 
     records: tuple[Record, ...]
     samples: Samples
     outputs: tuple[Channel, ...]
     inputs: tuple[Channel, ...]
-    turns: tuple[int, ...]
+    turns: tuple[float, ...]
     shafts: tuple[ShaftAngle, ...]
+    findings: tuple[Finding, ...]
 
 
 def refuse_others(settings: Settings, of: str, *also: str) -> None:
@@ -138,7 +146,8 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
         )
     if driven:
         _refuse(inputs, rate, period)
-    turns = _steady(values, times, rate, period) if settings.forced == "auto" else _asked(settings)
+    given = shafts[0].periods_per_revolution if shafts else settings.periods_per_revolution
+    turns, findings = _beside(_Lines(values, inputs, times, rate, period), given, settings)
     hold: Hold = settings.hold
     samples = samples_of(
         values, inputs, times, step=1.0 / rate, fundamental=2.0 * np.pi / period, hold=hold, turns=turns
@@ -150,6 +159,7 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
         inputs=tuple(channels[name] for name in settings.inputs),
         turns=turns,
         shafts=shafts,
+        findings=findings,
     )
 
 
@@ -212,22 +222,49 @@ def _off_harmonics(values: NDArray[np.float64], rate: float, period: float) -> f
     return float(lines[:, ~near].sum() / max(lines.sum(), np.finfo(float).tiny))
 
 
-def _steady(
-    values: Sequence[NDArray[np.float64]], times: Sequence[NDArray[np.float64]], rate: float, period: float
-) -> tuple[int, ...]:
-    """Harmonics of a response that repeats: an orbit, gravity, an imbalance.
+@dataclass(frozen=True, slots=True)
+class _Lines:
+    """Lines of records at multiples and fractions of the fundamental."""
 
-    Where one stands far above what is beside it all are fitted, as far as the records are long enough: a smaller one
-    that is left out would be taken for a mode that never decays.
-    """
-    highest = min(STEADY_LINES, int(0.5 * rate * period - 1e-6))
-    both = list(zip(values, times, strict=True))
-    loud = [harmonic for harmonic in range(1, highest + 1) if any(_loud(*own, period, harmonic) for own in both)]
-    periods = sum(own.shape[1] for own in values) / (rate * period)
-    return tuple(range(1, highest + 1)) if loud and periods > PERIODS_A_LINE * highest else tuple(loud)
+    outputs: Sequence[NDArray[np.float64]]
+    inputs: Sequence[NDArray[np.float64]]
+    times: Sequence[NDArray[np.float64]]
+    rate: float
+    period: float
+
+    def steady(self, periods_of_turn: float) -> tuple[float, ...]:
+        """Harmonics of a response that repeats with the period or the revolution: an orbit, gravity, an imbalance.
+
+        Where one stands far above what is beside it all are fitted, as far as the records are long enough: a smaller
+        one that is left out would be taken for a mode that never decays.
+        """
+        turns = self._up_to_highest(periods_of_turn)
+        loud = tuple(turn for turn in turns if self._loud(turn, self.outputs))
+        periods = sum(own.shape[1] for own in self.outputs) / (self.rate * self.period)
+        return turns if loud and periods > PERIODS_A_LINE * len(turns) else loud
+
+    def periods_of_turn(self) -> int:
+        """Periods of the revolution whose lines the outputs have between the harmonics, and no input has."""
+        found = 1
+        for count in range(2, MOST_PERIODS + 1):
+            between = [turn for turn in self._up_to_highest(count) if math.gcd(round(turn * count), count) == 1]
+            loud = any(self._loud(turn, self.outputs) for turn in between)
+            if loud and not any(self._loud(turn, self.inputs) for turn in between):
+                found = math.lcm(found, count)
+        return found
+
+    def _up_to_highest(self, periods_of_turn: float) -> tuple[float, ...]:
+        """The harmonics of the period and of the revolution that are looked at, over the fundamental."""
+        highest = min(STEADY_LINES, int(0.5 * self.rate * self.period - 1e-6))
+        fractions = np.arange(1, int(highest * periods_of_turn) + 1) / periods_of_turn
+        return tuple(np.union1d(np.arange(1.0, highest + 1.0), fractions).tolist())
+
+    def _loud(self, harmonic: float, values: Sequence[NDArray[np.float64]]) -> bool:
+        """True where the line at a harmonic stands far above those beside it in a channel of a record."""
+        return any(_stands_out(*one, self.period, harmonic) for one in zip(values, self.times, strict=True))
 
 
-def _loud(values: NDArray[np.float64], times: NDArray[np.float64], period: float, harmonic: int) -> bool:
+def _stands_out(values: NDArray[np.float64], times: NDArray[np.float64], period: float, harmonic: float) -> bool:
     """True where the line at a harmonic stands far above those beside it in a channel."""
     offsets = np.array([0.0, *(sign * k for k in BESIDE for sign in (1.0, -1.0))]) * period / (times[-1] - times[0])
     angles = 2.0 * np.pi * np.multiply.outer(harmonic + offsets, times) / period
@@ -235,7 +272,17 @@ def _loud(values: NDArray[np.float64], times: NDArray[np.float64], period: float
     return bool((lines[:, 0] > LOUD * np.sqrt(np.mean(lines[:, 1:] ** 2, axis=1))).any())
 
 
-def _asked(settings: Settings) -> tuple[int, ...]:
-    """The harmonics of the forced response that the settings name."""
-    asked = settings.forced_harmonics
-    return () if isinstance(asked, str) else asked
+def _beside(lines: _Lines, given: float, settings: Settings) -> tuple[tuple[float, ...], tuple[Finding, ...]]:
+    """The harmonics of the period that are fitted beside the modes, and what is said of them.
+
+    `given` are the periods of a revolution as far as they were said.
+    """
+    asked, told = settings.forced_harmonics, ()
+    if not isinstance(asked, str):
+        turns = tuple(harmonic / given for harmonic in asked)
+    elif asked == "none":
+        turns = ()
+    else:
+        own = lines.periods_of_turn() if given == 1.0 else given
+        turns, told = lines.steady(own), () if own == given else (warning("lines_between", periods=own),)
+    return turns, (*([note("steady_beside_inputs", harmonics=turns)] if turns else []), *told)

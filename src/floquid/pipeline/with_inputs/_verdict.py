@@ -102,8 +102,7 @@ def done_beside(own: Parted) -> tuple[Finding, ...]:
     used = {own_channel.name for own_channel in (*own.outputs, *own.inputs)}
     forces = {c.name for record in own.records for c in record.channels if c.quantity == "force"}
     done += [note("no_response", channel=name, quantity="force") for name in sorted(forces - used)]
-    steady = [note("steady_beside_inputs", harmonics=own.turns)] if own.turns else []
-    return (*done, *steady, *(finding for shaft in own.shafts for finding in shaft.findings))
+    return (*done, *own.findings, *(finding for shaft in own.shafts for finding in shaft.findings))
 
 
 def _seen(scores: Scores) -> list[tuple[float, int]]:

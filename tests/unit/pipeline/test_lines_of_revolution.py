@@ -1,0 +1,99 @@
+"""Lines of a revolution that holds several periods, where the excitation goes on: they are no modes."""
+
+import numpy as np
+import pytest
+from tests.driven import ambient_of, imbalance_of, mathieu, pulls, record_of
+
+from floquid import Channel, ConstantPeriod, Record, Settings, identify_ambient, identify_driven
+from floquid.errors import IdentificationError, InputError
+from floquid.findings import texts
+from floquid.pipeline.with_inputs._prepare import parted
+
+SYSTEM, PHASES = mathieu(), 20
+HALVES = tuple(0.5 * j for j in range(1, 19))
+
+
+def record_from(values, names=("x", "F")):
+    channels = [Channel(name=name) for name in names[: len(values)]]
+    return Record(values=values, sample_rate=PHASES / SYSTEM.period, channels=channels)
+
+
+@pytest.fixture(scope="module")
+def driven():
+    """120 periods, a force that is measured, and an imbalance twenty times what it does."""
+    values, inputs = record_of(SYSTEM, 120, PHASES, 0.02, 0)
+    return np.concatenate([values + 20.0 * values.std() * imbalance_of(SYSTEM, 120, PHASES), inputs])
+
+
+def turns_of(values, **options):
+    record = record_from(values).with_clock(ConstantPeriod(period=SYSTEM.period))
+    return parted([record], Settings(inputs=("F",), **options))
+
+
+def test_lines_of_the_revolution_are_fitted_beside_the_modes(driven):
+    found = identify_driven(record_from(driven), period=SYSTEM.period, inputs=["F"], periods_per_revolution=2)
+    assert found.model.order == 2
+    assert pulls(SYSTEM, found.model).max() < 4.0
+    assert found.passed
+    assert found.warnings == ()
+    assert "period or the revolution was fitted beside the modes: 1/2, 1, 3/2, 2" in " ".join(texts(found.findings))
+    # Left in they are a mode that never decays.
+    left = identify_driven(record_from(driven), period=SYSTEM.period, inputs=["F"], forced="none", validate=False)
+    assert left.model.order > 2
+
+
+def test_a_line_that_nobody_told_of_is_told_with_the_remedy(driven):
+    found = identify_driven(record_from(driven), period=SYSTEM.period, inputs=["F"])
+    assert found.model.order == 2
+    assert len(found.warnings) == 1
+    assert "`periods_per_revolution=2`" in found.warnings[0]
+
+
+def test_outputs_alone_of_a_tachometer_with_a_pulse_a_turn():
+    values = ambient_of(SYSTEM, 300, PHASES, 0.02, 0)
+    values += 20.0 * values.std() * imbalance_of(SYSTEM, 300, PHASES)
+    pulses = 5.0 * (np.arange(values.shape[1]) % (2 * PHASES) < 4)
+    record = record_from(np.concatenate([values, [pulses]]), ("x", "tach"))
+    found = identify_ambient(record, tach="tach", periods_per_revolution=2, validate=False)
+    assert found.model.order == 2
+    assert found.model.period == pytest.approx(SYSTEM.period, rel=1e-4)
+    assert pulls(SYSTEM, found.model).max() < 4.0
+    assert [one.code for one in found.findings if one.code == "lines_between"] == []
+
+
+def test_harmonics_that_are_asked_for_are_those_of_the_revolution(driven):
+    assert turns_of(driven, forced="1,2", periods_per_revolution=2).turns == (0.5, 1.0)
+    assert turns_of(driven, forced="1,2").turns == (1.0, 2.0)
+    assert turns_of(driven, forced="none", periods_per_revolution=2).turns == ()
+    assert turns_of(driven, periods_per_revolution=2).turns == HALVES
+
+
+def test_a_line_of_the_inputs_is_no_imbalance():
+    """The force has that line itself: what it does says something of the system."""
+    angle = np.pi / PHASES * np.arange(120 * PHASES)
+    force = np.random.default_rng(0).standard_normal((1, len(angle))) + 20.0 * np.cos(angle)
+    values, inputs = record_of(SYSTEM, 120, PHASES, 0.02, 0, force)
+    found = turns_of(np.concatenate([values, inputs]))
+    assert found.turns == ()
+    assert found.findings == ()
+
+
+@pytest.mark.parametrize(("turn", "told"), [(3, 3), (4, 4)])
+def test_revolutions_of_more_periods_are_told_apart(turn, told):
+    values, inputs = record_of(SYSTEM, 120, PHASES, 0.02, 0)
+    values += 20.0 * values.std() * imbalance_of(SYSTEM, 120, PHASES, turn)
+    (finding, between) = turns_of(np.concatenate([values, inputs])).findings
+    assert between.numbers == {"periods": told}
+    assert 1.0 / turn in finding.numbers["harmonics"]
+
+
+def test_a_period_of_the_whole_turn_is_refused_with_the_way():
+    values = ambient_of(SYSTEM, 300, PHASES, 0.02, 0)
+    values += 5.0 * values.std() * imbalance_of(SYSTEM, 300, PHASES)
+    with pytest.raises(IdentificationError, match=r"period=3\.1415.*periods_per_revolution=2"):
+        identify_ambient(record_from(values), period=2.0 * SYSTEM.period)
+
+
+def test_periods_of_a_revolution_are_positive(driven):
+    with pytest.raises(InputError, match="periods_per_revolution"):
+        identify_driven(record_from(driven), period=SYSTEM.period, inputs=["F"], periods_per_revolution=0)
