@@ -61,18 +61,28 @@ class Watched:
         return self.page
 
 
-@pytest.fixture
-def desktop(browser):
+@pytest.fixture(scope="module")
+def desktop(browser, rotor):
+    """The rotor's report, which takes seconds to open: tests share it."""
     watched = Watched(browser, 1280, 900)
+    watched.open(rotor)
+    yield watched
+    watched.page.close()
+
+
+@pytest.fixture(scope="module")
+def phone(browser, rotor):
+    watched = Watched(browser, 390, 844)
+    watched.open(rotor)
     yield watched
     watched.page.close()
 
 
 @pytest.fixture
-def phone(browser):
-    watched = Watched(browser, 390, 844)
-    yield watched
-    watched.page.close()
+def page(desktop):
+    """That report with its first mode chosen."""
+    desktop.page.locator(".chooser button").first.click()
+    return desktop.page
 
 
 def clicked(page, figure, renderer, index):
@@ -86,8 +96,7 @@ def clicked(page, figure, renderer, index):
     page.wait_for_timeout(100)
 
 
-def test_a_click_on_a_pole_shows_the_shape_of_its_mode(desktop, rotor):
-    page = desktop.open(rotor)
+def test_a_click_on_a_pole_shows_the_shape_of_its_mode(desktop, page):
     before = page.evaluate(SOURCE, ["shape", "real0"])
     rows = page.evaluate(
         "() => [...Bokeh.index].find((one) => one.model.name === 'stabilisation-figure').model.renderers"
@@ -106,8 +115,7 @@ def test_a_click_on_a_pole_shows_the_shape_of_its_mode(desktop, rotor):
     assert desktop.complaints == []
 
 
-def test_a_click_on_an_exponent_and_beside_it(desktop, rotor):
-    page = desktop.open(rotor)
+def test_a_click_on_an_exponent_and_beside_it(page):
     clicked(page, "exponents", "mode-marks", 6)
     assert page.evaluate(CHOSEN) == [6]
     told = next(family for family in views.families(read()) if family.mode == upper(read())[6])
@@ -117,8 +125,7 @@ def test_a_click_on_an_exponent_and_beside_it(desktop, rotor):
     assert page.evaluate(CHOSEN) == [6], "one mode is always chosen"
 
 
-def test_the_keyboard_chooses_a_mode(desktop, rotor):
-    page = desktop.open(rotor)
+def test_the_keyboard_chooses_a_mode(page):
     page.locator(".chooser button").first.focus()
     page.keyboard.press("ArrowRight")
     assert page.evaluate(CHOSEN) == [1]
@@ -129,9 +136,8 @@ def test_the_keyboard_chooses_a_mode(desktop, rotor):
     assert page.evaluate(CHOSEN) == [0]
 
 
-def test_every_shape_is_the_models(desktop, rotor):
+def test_every_shape_is_the_models(page):
     model = read().model
-    page = desktop.open(rotor)
     for row, mode in enumerate(upper(read())):
         page.locator(".chooser button").nth(row).click()
         turns = np.array(page.evaluate(SOURCE, ["shape", "turns"]))
@@ -140,8 +146,7 @@ def test_every_shape_is_the_models(desktop, rotor):
         np.testing.assert_allclose(shown, model.shapes(turns * PERIOD)[mode, 0, hit].real, rtol=1e-6, atol=1e-12)
 
 
-def test_another_response_is_shown(desktop, rotor):
-    page = desktop.open(rotor)
+def test_another_response_is_shown(page):
     before = page.evaluate(SOURCE, ["record", "y"])
     page.locator(".response select").first.select_option(index=10)
     after = page.evaluate(SOURCE, ["record", "y"])
@@ -155,9 +160,9 @@ def test_another_response_is_shown(desktop, rotor):
 
 
 @pytest.mark.parametrize("size", ["desktop", "phone"])
-def test_nothing_is_asked_of_the_network(size, rotor, request):
+def test_nothing_is_asked_of_the_network(size, request):
     watched = request.getfixturevalue(size)
-    page = watched.open(rotor)
+    page = watched.page
     page.mouse.wheel(0, 20_000)
     page.wait_for_timeout(300)
     assert [url for url in watched.requests if not url.startswith(("file:", "data:", "blob:"))] == []
@@ -165,28 +170,29 @@ def test_nothing_is_asked_of_the_network(size, rotor, request):
     assert page.evaluate("() => document.documentElement.scrollWidth <= window.innerWidth"), "it scrolls sideways"
 
 
-def test_a_table_that_goes_on_says_so(desktop, phone, rotor):
-    assert phone.open(rotor).locator("#modes .wide.more").count() == 1
-    assert desktop.open(rotor).locator(".wide.more").count() == 0
+def test_a_table_that_goes_on_says_so(desktop, phone):
+    assert phone.page.locator("#modes .wide.more").count() == 1
+    assert desktop.page.locator(".wide.more").count() == 0
 
 
-def test_on_paper_the_buttons_are_gone(desktop, rotor):
-    page = desktop.open(rotor)
+def test_on_paper_the_buttons_are_gone(page):
     page.emulate_media(media="print")
     assert not page.locator(".chooser").is_visible()
     assert not page.locator("nav").is_visible()
     assert page.locator("#verdict-title").is_visible()
     assert page.pdf(format="A4").count(b"/Type /Page\n") > 3
+    page.emulate_media(media="screen")
 
 
-def test_names_of_channels_run_nothing(desktop, tmp_path):
+def test_names_of_channels_run_nothing(browser, tmp_path):
     record = fq.systems.JeffcottRotor().simulate(n_periods=128, noise=0.02, seed=1).select(["X", "Y"])
     channels = [replace(record.channels[0], name=HOSTILE), replace(record.channels[1], name="{{ 7 * 7 }}")]
     record = replace(record, channels=channels)
     path = fq.report(fq.identify(record, validate=False), tmp_path / "hostile.html", title=HOSTILE)
-    page = desktop.open(path)
+    watched = Watched(browser, 1280, 900)
+    page = watched.open(path)
     page.wait_for_timeout(200)
     assert page.evaluate("() => window.broken") is None
     assert page.locator("h1").inner_text() == HOSTILE
     assert "{{ 7 * 7 }}" in page.locator(".response select").first.inner_text()
-    assert desktop.complaints == []
+    assert watched.complaints == []
