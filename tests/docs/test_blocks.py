@@ -62,8 +62,11 @@ PLAIN = re.compile(r"(floquid [\w ./,=:+-]*(?:\"[^\"$`\\\\]*\"[\w ./,=:+-]*)*)(?
 """What needs no shell, and so no process of its own: half of such a process' time is that of loading."""
 
 
-SMALLER = {"floquid demo jeffcott --paper": "floquid demo jeffcott --paper --periods 60 --draws 1"}
-"""The paper's experiment is a slow statistic: here a smaller one."""
+SMALLER = {
+    "floquid demo jeffcott --paper": "floquid demo --help",  # in tests/cli/test_paper_command.py
+    "floquid bootstrap result --draws 40 --out draws": "floquid bootstrap result --draws 20 --out draws",
+}
+"""What takes long, by what stands for it here: the paper's experiment and the draws have tests of their own."""
 
 
 def run_command(command, folder, within=False):
