@@ -39,6 +39,12 @@ TRIED = 4
 BESIDE = 0.8
 """The share of the decay of a mode that is gone within a period at which another is looked for."""
 
+CLIMBS = 5
+"""Rough fits at most by which a candidate goes on,"""
+
+CLIMBING = 20.0
+"""while one gains so much in twice the logarithm of the likelihood."""
+
 HELD = 6
 """Steps by which modes are fitted with the innovations held."""
 
@@ -146,9 +152,19 @@ def _with_one_more(
         if gain < limit_of(len(now.innovations) * products, limits.mode_alarm):
             continue
         trial = _with(samples, own, now, modes, limits)
+        trial = None if trial is None else _climbed(samples, trial)
         if trial is not None and better(trial, now, limits):
             return trial
     return None
+
+
+def _climbed(samples: Samples, now: Predictor) -> Predictor:
+    """A rough fit that goes on while it gains: a pole beside one that is there begins with next to nothing."""
+    for _ in range(CLIMBS):
+        before, now = now, solve(samples, now, rough=True)
+        if now.log_likelihood - before.log_likelihood < CLIMBING:
+            break
+    return now
 
 
 def _none(samples: Samples) -> Predictor:
