@@ -4,83 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from floquid._checks import input_error
 from floquid.core import PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, texts, warning
 from floquid.lifting import floor_of
 from floquid.order import judge
-from floquid.periodic import Fit, OrderError, assemble, distinct_multipliers, entries_of, fit, groups, unexplained
+from floquid.periodic import Fit, OrderError, assemble, distinct_multipliers, entries_of, fit, groups
 from floquid.pipeline._analysis import Analysis, clocks_of
 from floquid.pipeline._complete import completed, free_residues, samples_of
-from floquid.pipeline._doubts import QUIET, order_too_low, wrong_period_fitted, wrong_period_lifted
+from floquid.pipeline._dependent_channels import of_sums
+from floquid.pipeline._doubts import order_too_low, wrong_period_fitted, wrong_period_lifted
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._start import Lifting, Start, cut, start_of
 from floquid.pipeline._validated import validated
-from floquid.pipeline.preparation import NO_NEWS, Prepared, blas_threads, name_of, own_names, prepare, settings_of
-
-OWN = 0.1
-"""Share of its noise that a channel has beside the others, below which it has none of its own: 1 % of its power."""
-
-COPIED = 0.04  # the same below which it is a copy, but for rounding; above, sensors may share what they do not measure
-ENOUGH = 4  # samples for each response from which on sums of them are looked for
-NORMAL_QUARTILE = 0.6745  # the median size of a normal number of unit deviation
-LOOKED_AT = 5000  # second differences whose median tells the noise to two percent
-NAMED = 0.01  # the share of a channel that another must make up to be named
-
-
-def sum_of_others(analysis: Analysis) -> dict[str, Any] | None:
-    r"""A response that is a weighted sum of others, noise and all, its shares of them, and what it has beside them.
-
-    .. math:: D^{-1} Y = L Q, \qquad |L_{kk}| / \sqrt{N} < 0.1
-
-    with Y the responses (channels · hits, N samples), D their noise (of what the model leaves, without what is smooth),
-    and L lower triangular: what a response has beside those before it, over its noise, is at least its own noise, but
-    for a sum of the others. Records with hardly any noise are passed over: there, modes that are fewer than channels
-    make sums of all of them. None where there is none.
-    """
-    records = analysis.fit.free
-    left = unexplained(analysis.model, records, analysis.clocks)
-    if len({record.sample_rate for record in records}) > 1:
-        return None
-    n = min(record.n_samples for record in records)
-    rows = np.concatenate([record.values[:, :n] for record in records])
-    rests = np.concatenate([own[:, :n] for own in left])
-    there = np.isfinite(rests).all(axis=0)
-    if there.sum() < ENOUGH * len(rows):
-        return None
-    if not there.all():
-        rows, rests = rows[:, there], rests[:, there]
-    noise = np.minimum(_noise_of(rests), _noise_of(rows))  # a wrong model leaves more than there is
-    sizes = np.abs(rows).max(axis=1)
-    if (noise <= QUIET * sizes).any():
-        return None
-    lower = np.asarray(np.linalg.qr((rows / noise[:, None]).T, mode="r")).T
-    beside = np.abs(np.diag(lower)) / np.sqrt(rows.shape[1])
-    if beside.min() >= OWN:
-        return None
-    first = int(np.flatnonzero(beside < OWN)[0])
-    names = [name_of(c.name, hit, len(records)) for hit, r in enumerate(records, start=1) for c in r.channels]
-    shares = np.linalg.solve(lower[:first, :first].T, lower[first, :first]) * noise[first] / noise[:first]
-    own = [k for k in range(first) if abs(shares[k]) * sizes[k] > NAMED * sizes[first]]
-    others = [names[k] for k in own]
-    return {"channel": names[first], "shares": shares[own], "others": others, "beside": float(beside[first])}
-
-
-def _noise_of(rests: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The noise of samples that may hold a response too (rows,).
-
-    Their root mean square, or what their median second difference is in white noise, if that is less.
-    """
-    apart = max(1, rests.shape[1] // LOOKED_AT)
-    rough = np.abs(np.diff(rests, 2, axis=1)[:, ::apart])
-    rough = np.median(rough, axis=1) / (NORMAL_QUARTILE * np.sqrt(6.0))
-    return np.minimum(np.sqrt(np.einsum("rn,rn->r", rests, rests) / rests.shape[1]), rough)
+from floquid.pipeline.preparation import Prepared, blas_threads, own_names, prepare, settings_of
 
 
 def identify(
@@ -120,26 +58,8 @@ def identify(
             found = _identified(prepared, report)
         except IdentificationError as error:
             raise IdentificationError("\n  ".join([str(error), *texts(faults)])) from None
-        found = replace(found, findings=(*faults, *_of_sums(found), *found.findings))
+        found = replace(found, findings=(*faults, *of_sums(found), *found.findings))
         return validated(found, report=report) if prepared.settings.validate else found
-
-
-def _of_sums(found: Analysis) -> tuple[Finding, ...]:
-    """Finding on a channel that shares its noise with others; refused if it has next to none of its own.
-
-    Too low an order leaves modes in what is taken for noise, which are alike in channels that are independent: where
-    the order was given, nothing is refused. Noise that the structure itself makes is shared, too. What a model that
-    fails leaves is no noise at all.
-    """
-    if found.failed:
-        return ()
-    own = sum_of_others(found)
-    if own is None:
-        return ()
-    if found.settings.order is None and own["beside"] < COPIED:
-        must, remedy = "be independent measurements", f"Leave it out with `channels=`: {NO_NEWS}"
-        raise input_error("records", "identify", must, warning("copied_sum", **own).clause, remedy)
-    return (warning("sum_of_others", **own),)
 
 
 def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
