@@ -54,8 +54,8 @@ class Uncertainty(Rebuilt):
     def variance(self, channel: int, by_parameters: NDArray, by_columns: NDArray) -> NDArray[np.float64]:
         """The variance of real quantities of one channel, by (quantities, parameters) and (quantities, columns)."""
         whole = by_parameters + by_columns @ self.slopes[channel]
-        own = np.einsum("qk,kl,ql->q", by_columns, self.at.inverse, by_columns) * self.at.noise[channel] ** 2
-        return np.maximum(np.einsum("qp,pr,qr->q", whole, self.parameters, whole) + own, 0.0)
+        own = np.sum((by_columns @ self.at.inverse) * by_columns, axis=1) * self.at.noise[channel] ** 2
+        return np.maximum(np.sum((whole @ self.parameters) * whole, axis=1) + own, 0.0)
 
     @cached_property
     def places(self) -> list[tuple[slice, NDArray[np.bool_]]]:

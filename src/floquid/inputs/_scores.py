@@ -29,6 +29,9 @@ TINY = float(np.finfo(float).tiny)
 DRAWS = 30
 """Draws of white noise by which a fit is told from noise."""
 
+FEW, FAR = 5, 0.25
+"""Draws that tell a gain to a quarter of its deviation, and the share of a limit below which they do."""
+
 
 @dataclass(frozen=True, slots=True)
 class Limits:
@@ -275,5 +278,7 @@ def driven_by_noise(scores: Scores, limits: Limits) -> float:
 
     Inputs at any harmonic, and modes at any frequency near, make up for such noise: they must be better than it.
     """
-    gain = scores.by_noise()
-    return gain - float(np.log(scores.samples.n_samples)) if gain > limit_of(1, limits.harmonic_alarm) else -np.inf
+    limit = limit_of(1, limits.harmonic_alarm)
+    # A few draws do where it is far below.
+    gain = 0.0 if scores.by_noise(FEW) < FAR * limit else scores.by_noise()
+    return gain - float(np.log(scores.samples.n_samples)) if gain > limit else -np.inf

@@ -96,9 +96,7 @@ def candidates(
 
 def _poles(samples: Samples, response: NDArray[np.float64], thinned: int) -> list[NDArray[np.complex128]]:
     """Poles of several orders, by past outputs and inputs as instruments (Verhaegen 1994); none of too few samples."""
-    from scipy.signal import firwin, lfilter
-
-    taps = firwin(8 * thinned + 1, 0.9 / thinned) if thinned > 1 else np.ones(1)
+    taps = _low_pass(thinned)
     count = len(response)
     lengths = [(own.stop - own.start - len(taps) + thinned) // thinned for own in samples.records]
     for sidebands in SIDEBANDS:
@@ -116,9 +114,9 @@ def _poles(samples: Samples, response: NDArray[np.float64], thinned: int) -> lis
     signals = signals / np.where(size > 0.0, size, 1.0)
     rows = 2 * depth * len(signals)
     gram = np.zeros((rows, rows))
-    for own in samples.records:
-        part = np.asarray(lfilter(taps, 1.0, signals[:, own], axis=1))[:, len(taps) - 1 :: thinned]
-        if part.shape[1] > 2 * depth:
+    for own, length in zip(samples.records, lengths, strict=True):
+        if length > 2 * depth:
+            part = np.array([np.convolve(row, taps, "valid")[::thinned] for row in signals[:, own]])
             gram += _products_of_lags(part, 2 * depth)
     place = np.arange(2 * depth)[:, None] * len(signals) + np.arange(len(signals))
     past, inputs, outputs = place[:depth].ravel(), place[depth:, :-count].ravel(), place[depth:, -count:].ravel()
@@ -137,6 +135,13 @@ def _poles(samples: Samples, response: NDArray[np.float64], thinned: int) -> lis
         multipliers = np.asarray(np.linalg.eigvals(shift), np.complex128)
         found.append(np.asarray(np.log(multipliers + 1e-300), np.complex128) / (samples.step * thinned))
     return found
+
+
+def _low_pass(thinned: int) -> NDArray[np.float64]:
+    """Taps that let through what is below nine tenths of half the thinned rate (taps,): a sinc, Hamming's window."""
+    half = 4 * thinned if thinned > 1 else 0
+    taps = np.sinc(0.9 / thinned * np.arange(-half, half + 1)) * np.hamming(2 * half + 1)
+    return taps / taps.sum()
 
 
 def _lower(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
