@@ -87,6 +87,14 @@ def test_revolutions_of_more_periods_are_told_apart(turn, told):
     assert 1.0 / turn in finding.numbers["harmonics"]
 
 
+def test_a_mode_that_hardly_decays_is_no_line():
+    """It rings between two lines of a short record: at 0.7406 of the fundamental, a fifth of a line off 3/4."""
+    angle = 2.0 * np.pi / PHASES * np.arange(20 * PHASES)
+    values = np.exp(-0.002 * angle) * np.cos(0.7406 * angle)
+    force = np.random.default_rng(0).standard_normal(len(angle))
+    assert turns_of(np.array([values + 1e-3 * force, force])).turns == ()
+
+
 def test_a_period_of_the_whole_turn_is_refused_with_the_way():
     values = ambient_of(SYSTEM, 300, PHASES, 0.02, 0)
     values += 5.0 * values.std() * imbalance_of(SYSTEM, 300, PHASES)

@@ -51,7 +51,10 @@ LOUD = 8.0
 """The amplitude at a harmonic over that beside it from which on it is fitted."""
 
 MOST_PERIODS = 6
-"""Periods of a revolution up to which lines of the revolution are looked for where nobody says how many it holds."""
+"""Periods of a revolution up to which lines of the revolution are looked for where nobody says how many it holds,"""
+
+LONG, PURE = 60, 50.0
+"""in records of as many periods, by this amplitude over that beside: few modes that hardly decay are at such a line."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -248,8 +251,8 @@ class _Lines:
         found = 1
         for count in range(2, MOST_PERIODS + 1):
             between = [turn for turn in self._up_to_highest(count) if math.gcd(round(turn * count), count) == 1]
-            loud = any(self._loud(turn, self.outputs) for turn in between)
-            if loud and not any(self._loud(turn, self.inputs) for turn in between):
+            pure = any(self._loud(turn, self.outputs, PURE, LONG) for turn in between)
+            if pure and not any(self._loud(turn, self.inputs) for turn in between):
                 found = math.lcm(found, count)
         return found
 
@@ -259,17 +262,26 @@ class _Lines:
         fractions = np.arange(1, int(highest * periods_of_turn) + 1) / periods_of_turn
         return tuple(np.union1d(np.arange(1.0, highest + 1.0), fractions).tolist())
 
-    def _loud(self, harmonic: float, values: Sequence[NDArray[np.float64]]) -> bool:
-        """True where the line at a harmonic stands far above those beside it in a channel of a record."""
-        return any(_stands_out(*one, self.period, harmonic) for one in zip(values, self.times, strict=True))
+    def _loud(
+        self, harmonic: float, values: Sequence[NDArray[np.float64]], loud: float = LOUD, periods: float = 0.0
+    ) -> bool:
+        """True where the line at a harmonic stands out in a channel of a record of so many periods or more."""
+        each = [
+            _above_beside(own, times, self.period, harmonic)
+            for own, times in zip(values, self.times, strict=True)
+            if times[-1] - times[0] > (periods - 1.0) * self.period
+        ]
+        return bool(np.max(np.concatenate(each), initial=0.0) > loud) if each else False
 
 
-def _stands_out(values: NDArray[np.float64], times: NDArray[np.float64], period: float, harmonic: float) -> bool:
-    """True where the line at a harmonic stands far above those beside it in a channel."""
+def _above_beside(
+    values: NDArray[np.float64], times: NDArray[np.float64], period: float, harmonic: float
+) -> NDArray[np.float64]:
+    """The amplitude of the line at a harmonic over the rms of those beside it (channels,)."""
     offsets = np.array([0.0, *(sign * k for k in BESIDE for sign in (1.0, -1.0))]) * period / (times[-1] - times[0])
     angles = 2.0 * np.pi * np.multiply.outer(harmonic + offsets, times) / period
     lines = np.abs((values - values.mean(axis=1, keepdims=True)) @ np.exp(-1j * angles).T)
-    return bool((lines[:, 0] > LOUD * np.sqrt(np.mean(lines[:, 1:] ** 2, axis=1))).any())
+    return lines[:, 0] / np.maximum(np.sqrt(np.mean(lines[:, 1:] ** 2, axis=1)), np.finfo(float).tiny)
 
 
 def _beside(lines: _Lines, given: float, settings: Settings) -> tuple[tuple[float, ...], tuple[Finding, ...]]:
