@@ -1,14 +1,16 @@
 """`floquid identify --inputs` and `floquid transfer`: files, tables, and what a newcomer mistypes."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.io import loadmat
 from tests.driven import imbalance_of, mathieu, record_of
 
-from floquid import Channel, Record, load
+from floquid import Channel, Record, load, reconstruct
 from floquid.cli import run
+from floquid.cli._terminal import print_analysis
 from floquid.readers import write
 
 PERIOD = f"{np.pi:.15g}"
@@ -79,6 +81,11 @@ def test_the_state_matrix_is_printed_saved_and_exported(file, tmp_path, capsys):
     table = loadmat(tmp_path / "modes.mat")
     assert np.array_equal(np.moveaxis(table["B_std"], 2, 0), found["inputs_std"])
     assert table["Phi"].shape == (2, 2, 8)
+    # A model that fails has no deviations.
+    print_analysis(replace(kept, state=reconstruct(kept.model, ["x"])))
+    said = capsys.readouterr().out
+    assert "B(t): smallest" in said
+    assert "deviation" not in said[said.index("A(t)") :].lower()
 
 
 def test_lines_of_a_revolution_of_two_periods(tmp_path, capsys):
