@@ -1,12 +1,15 @@
 """Lines of a revolution that holds several periods, where the excitation goes on: they are no modes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.driven import ambient_of, imbalance_of, mathieu, pulls, record_of
 
 from floquid import Channel, ConstantPeriod, Record, Settings, identify_ambient, identify_driven
 from floquid.errors import IdentificationError, InputError
-from floquid.findings import texts
+from floquid.findings import Severity, texts
+from floquid.pipeline.with_inputs._analysis import _lines_found
 from floquid.pipeline.with_inputs._prepare import parted
 
 SYSTEM, PHASES = mathieu(), 20
@@ -37,9 +40,15 @@ def test_lines_of_the_revolution_are_fitted_beside_the_modes(driven):
     assert found.passed
     assert found.warnings == ()
     assert "period or the revolution was fitted beside the modes: 1/2, 1, 3/2, 2" in " ".join(texts(found.findings))
-    # Left in they are a mode that never decays.
+    assert _lines_found(replace(found, settings=Settings())) == ()
+    # Left in they are a mode that never decays, and told where nobody wanted that.
     left = identify_driven(record_from(driven), period=SYSTEM.period, inputs=["F"], forced="none", validate=False)
     assert left.model.order > 2
+    assert _lines_found(left) == ()
+    (told,) = _lines_found(replace(left, settings=Settings(inputs=("F",))))
+    assert told.severity is Severity.FAILURE
+    assert told.numbers["periods"] == 2
+    assert "does not decay and is at a multiple of 1/2 of the period's frequency" in str(told)
 
 
 def test_a_line_that_nobody_told_of_is_told_with_the_remedy(driven):

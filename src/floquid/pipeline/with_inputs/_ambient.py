@@ -30,7 +30,7 @@ from floquid.inputs import Limits, Samples
 from floquid.pipeline._settings import Settings
 from floquid.pipeline.preparation import blas_threads, clocked, own_names, settings_of
 from floquid.pipeline.with_inputs._again import first_part, with_acting
-from floquid.pipeline.with_inputs._analysis import HELD_OUT, AmbientAnalysis, with_states
+from floquid.pipeline.with_inputs._analysis import HELD_OUT, AmbientAnalysis, finished
 from floquid.pipeline.with_inputs._identify import HIGHEST
 from floquid.pipeline.with_inputs._prepare import COPY, Parted, parted, refuse_others
 from floquid.pipeline.with_inputs._verdict import SIGNIFICANT, done_beside, needed, of_period
@@ -109,7 +109,7 @@ def identify_ambient(
     with own_names(OF):
         used = clocked(records, chosen, OF)
         with blas_threads(used):
-            return with_states(_identified(used, chosen, report), report)
+            return finished(_identified(used, chosen, report), report)
 
 
 def _identified(records: Sequence[Record], settings: Settings, report: Callable[[str], None]) -> AmbientAnalysis:

@@ -13,17 +13,25 @@ from numpy.typing import ArrayLike, NDArray
 from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid._show import Drawings, Drawn, Told
 from floquid.core import Channel, ConstantPeriod, PeriodicModel, Provenance, Record
-from floquid.findings import Finding, Severity, texts
+from floquid.findings import Finding, Severity, failure, texts, warning
 from floquid.innovations import Fit, transfer_of
 from floquid.inputs import TransferFunctions, Uncertainty
 from floquid.inputs import transfer_of as transfer_with_inputs
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import states_of
+from floquid.pipeline.with_inputs._prepare import MOST_PERIODS
 from floquid.pipeline.with_inputs._state_matrix import refuse_delayed, state_matrix_of
 from floquid.reconstruction import Names, StateModel, reconstruct
 
 HELD_OUT = 1.4
 """The error of prediction on samples left out, over the noise, from which on a model does not pass."""
+
+STILL = 3.0
+"""Deviations within which a mode does not decay, or is at a line,"""
+
+SHARP, SURE, ROUNDING = 1e-3, 1.5e-4, 1e-9
+"""of a frequency known to this share of the fundamental, where it warns and fails: one in a hundred that does not decay
+is as near as that to some line by chance; and what is rounding of it."""
 
 POINTS = 400
 """Frequencies of transfer functions where none are named, evenly spaced, beside those at resonances."""
@@ -240,14 +248,36 @@ class AmbientAnalysis(ExcitedAnalysis):
         return transfer_of(self.fit, self.model.channels, self.inputs, hertz, harmonics, sampled=sampled)
 
 
-def with_states(analysis: Kind, report: Callable[[str], None]) -> Kind:
-    """The result with A(t) in the states of its settings, as it is where these are not asked for."""
+def finished(analysis: Kind, report: Callable[[str], None]) -> Kind:
+    """The result with a finding on modes that are lines, and A(t) in the states of its settings where it has some."""
+    analysis = replace(analysis, findings=(*analysis.findings, *_lines_found(analysis)))
     if not analysis.settings.states:
         return analysis
     report("rebuilding the state matrix")
     names, form = states_of(analysis.model.channels, analysis.settings), analysis.settings.form
     state = analysis.reconstruct(names, form=form, times=analysis.settings.system_times)  # type: ignore[arg-type]
     return replace(analysis, state=state)
+
+
+def _lines_found(analysis: ExcitedAnalysis) -> tuple[Finding, ...]:
+    """Finding on modes that do not decay at a fraction of the fundamental, as lines of a revolution are."""
+    model, settings = analysis.model, analysis.settings
+    std = model.exponent_std
+    if std is None or settings.forced != "auto" or settings.periods_per_revolution != 1.0:
+        return ()
+    still = np.abs(model.exponents.real) < STILL * std.real
+    still &= np.abs(model.exponents.real) * max(record.duration for record in analysis.records) < 1.0
+    sharp = std.imag < SHARP * model.fundamental
+    turns = model.exponents.imag / model.fundamental
+    for count in range(2, MOST_PERIODS + 1):
+        near = np.rint(turns * count)
+        off = np.abs(turns * count - near) * model.fundamental / count
+        at = still & sharp & (near % count != 0) & (off <= STILL * std.imag + ROUNDING * model.fundamental)
+        if at.any():
+            hertz = np.unique(np.abs(model.exponents.imag[at])) / (2.0 * np.pi)
+            told = failure if (std.imag[at] < SURE * model.fundamental).all() else warning
+            return (told("line_as_mode", frequencies=hertz[:1].tolist(), periods=count),)
+    return ()
 
 
 def _frequencies_of(

@@ -27,7 +27,7 @@ from floquid.inputs import (
 from floquid.pipeline._settings import Settings
 from floquid.pipeline.preparation import blas_threads, clocked, own_names, refuse_driven, settings_of
 from floquid.pipeline.with_inputs._again import KEPT
-from floquid.pipeline.with_inputs._analysis import DrivenAnalysis, with_states
+from floquid.pipeline.with_inputs._analysis import DrivenAnalysis, finished
 from floquid.pipeline.with_inputs._prepare import OF, Parted, parted, refuse_others
 from floquid.pipeline.with_inputs._verdict import at_limit, verdict
 
@@ -87,7 +87,7 @@ def identify_driven(
     with own_names(OF):
         used = clocked(records, chosen, OF)
         with blas_threads(used):
-            return with_states(_identified(used, chosen, report), report)
+            return finished(_identified(used, chosen, report), report)
 
 
 def _identified(records: Sequence[Record], settings: Settings, report: Callable[[str], None]) -> DrivenAnalysis:
