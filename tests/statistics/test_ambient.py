@@ -67,7 +67,7 @@ def test_deviations_hold_where_other_forces_act_too(system, process, feedback, n
     for seed in range(DRAWS):
         values = in_a_loop(system, 300, 20, seed, process, feedback, noise)
         found = identify_ambient(record_from(values, system, 20, ["y", "F"]), inputs=["F"], validate=False)
-        if found.failed:  # one draw of the pendulum: a pair in the place of its two real multipliers
+        if found.failed:
             missed += 1
             continue
         assert found.model.order == 2
@@ -95,7 +95,7 @@ def coloured(system, periods, phases, noise, seed, corner=0.5, warm=40):
 def test_modes_beside_coloured_excitation_are_right_or_the_model_fails():
     """The excitation is of order two; a pole more of it may pass, a mode of the system more may not.
 
-    When last run, draws 0, 1, 4 and 7 passed with order 6 and 3, 5 and 6 failed: with draw 2 it may hold, or not.
+    When last run, all eight passed with order 6; two of them do not tell the kind of the excitation's poles.
     """
     system, off, orders = two_masses(), [], []
     for seed in range(8):
@@ -105,7 +105,7 @@ def test_modes_beside_coloured_excitation_are_right_or_the_model_fails():
             assert np.count_nonzero(swinging) == 4
             off.append(pulls(system, found.model)[swinging])
             orders.append(found.model.order)
-    assert orders.count(6) >= 5
+    assert orders.count(6) >= 7
     assert max(orders) <= 7
     assert np.max(off) < 4.0
 
