@@ -177,11 +177,13 @@ def test_a_table_that_goes_on_says_so(desktop, phone):
 
 def test_on_paper_the_buttons_are_gone(page):
     page.emulate_media(media="print")
-    assert not page.locator(".chooser").is_visible()
-    assert not page.locator("nav").is_visible()
-    assert page.locator("#verdict-title").is_visible()
-    assert page.pdf(format="A4").count(b"/Type /Page\n") > 3
-    page.emulate_media(media="screen")
+    try:
+        assert not page.locator(".chooser").is_visible()
+        assert not page.locator("nav").is_visible()
+        assert page.locator("#verdict-title").is_visible()
+        assert page.pdf(format="A4").count(b"/Type /Page\n") > 3
+    finally:
+        page.emulate_media(media="screen")
 
 
 def test_names_of_channels_run_nothing(browser, tmp_path):
@@ -196,3 +198,4 @@ def test_names_of_channels_run_nothing(browser, tmp_path):
     assert page.locator("h1").inner_text() == HOSTILE
     assert "{{ 7 * 7 }}" in page.locator(".response select").first.inner_text()
     assert watched.complaints == []
+    page.close()

@@ -19,6 +19,7 @@ from pathlib import Path
 import pytest
 from markdown_it import MarkdownIt
 from tests.cli.conftest import quick_pictures
+from tests.cli.test_paper_command import SHORT
 
 from floquid.cli import run
 
@@ -62,11 +63,11 @@ PLAIN = re.compile(r"(floquid [\w ./,=:+-]*(?:\"[^\"$`\\\\]*\"[\w ./,=:+-]*)*)(?
 """What needs no shell, and so no process of its own: half of such a process' time is that of loading."""
 
 
-SMALLER = {
-    "floquid demo jeffcott --paper": "floquid demo --help",  # in tests/cli/test_paper_command.py
+INSTEAD = {
+    "floquid demo jeffcott --paper": "floquid demo --help",
     "floquid bootstrap result --draws 40 --out draws": "floquid bootstrap result --draws 20 --out draws",
 }
-"""What takes long, by what stands for it here: the paper's experiment and the draws have tests of their own."""
+"""What takes long, by what is run instead: `test_paper_command` runs the paper's experiment, of fewer periods."""
 
 
 def run_command(command, folder, within=False):
@@ -128,13 +129,14 @@ def folder(tmp_path, monkeypatch):
 def test_page(path, folder, quick_pictures, monkeypatch):
     monkeypatch.setattr("floquid.cli._demo.save_figure", lambda figure, path: path.write_bytes(b""))
     text = path.read_text(encoding="utf-8")
-    for whole, smaller in SMALLER.items():
+    for whole, smaller in INSTEAD.items():
         text = text.replace(f"$ {whole}\n", f"$ {smaller}\n")
     run_page(text, path.name, folder, within=True)
 
 
-def test_what_is_made_smaller_stands_on_a_page():
-    assert all(any(f"$ {whole}\n" in page.read_text(encoding="utf-8") for page in PAGES) for whole in SMALLER)
+def test_what_is_not_run_stands_on_a_page_and_is_tested():
+    assert next(iter(INSTEAD)) == f"floquid {SHORT.split(' --periods')[0]}"
+    assert all(any(f"$ {whole}\n" in page.read_text(encoding="utf-8") for page in PAGES) for whole in INSTEAD)
 
 
 @pytest.mark.slow

@@ -67,11 +67,11 @@ def _fewer(samples: Samples, now: Predictor, limits: Limits) -> Iterator[Predict
     inverse = normal_of(samples, now, rough=True).inverse(anchored(now))
     period = 2.0 * np.pi / samples.fundamental
     gone = [mode for mode in now.modes if -mode.exponent.real * period > GONE]
-    axes = [mode.axis for mode in gone if mode.real]
+    axes = {mode.axis for mode in gone if mode.real}
     # Copies of several that are gone within a period leave one by one only where each fit without one is good.
-    if axes and sum(mode.rows for mode in gone) > FEW:
+    if len(axes) == 1 and sum(mode.rows for mode in gone) > FEW:
         rest = [mode for mode in now.modes if mode not in gone]
-        trial = stable(samples, now, [*rest, *as_real(samples, now, gone, axes[0], FEW)], limits)
+        trial = stable(samples, now, [*rest, *as_real(samples, now, gone, axes.pop(), FEW)], limits)
         if trial is not None:
             yield trial
     for group in alike(now.modes, samples.fundamental):
@@ -101,11 +101,15 @@ def stable(samples: Samples, now: Predictor, modes: Sequence[Mode], limits: Limi
 
 
 def alike(modes: Sequence[Mode], omega: float, near: float = ALIKE) -> list[list[int]]:
-    """Groups of modes that may be one: so near over their decay but for iω, real multipliers beside pairs, too."""
+    """Groups of modes that may be one: so near over their decay but for iω, real multipliers beside pairs, too.
+
+    Real multipliers of both signs are never one.
+    """
     groups: list[list[int]] = []
     for number, mode in enumerate(modes):
         for group in groups:
-            if any(_are_near(modes[other], mode, omega, near) for other in group):
+            axes = {own.axis for own in (mode, *(modes[other] for other in group)) if own.real}
+            if len(axes) < 2 and any(_are_near(modes[other], mode, omega, near) for other in group):
                 group.append(number)
                 break
         else:

@@ -16,7 +16,7 @@ APART = (0.8, 1.25)
 
 
 def gap_of(first: Mode, second: Mode, omega: float) -> tuple[float, float, bool]:
-    """The distance of two modes, and by which turns, of the conjugate or not, the second is there."""
+    """The least distance of two exponents but for iω [1/s], the turns between them, and whether of the conjugate."""
     at, there = (mode.exponent + 1j * omega * mode.axis for mode in (first, second))
     if first.real and second.real and first.axis != second.axis:
         return np.inf, 0.0, False
@@ -58,7 +58,7 @@ def merged(samples: Samples, now: Predictor, modes: Sequence[Mode]) -> list[Mode
             reach=reach,
             gains=right[k].reshape(turned[0].gains.shape) / drives,
         ).scaled()
-        for k in range(len(modes) - 1)
+        for k in range(min(len(modes) - 1, len(values)))
     ]
 
 
@@ -84,6 +84,7 @@ def as_real(samples: Samples, now: Predictor, modes: Sequence[Mode], half: float
     turns, reach = (np.arange(half % 1.0, max(band[-1] for band, _ in own) + 0.25) for own in (seen, driven))
     left, values, right = np.linalg.svd(_rows(seen, turns).T @ _rows(driven, reach), full_matrices=False)
     decay = float(np.mean([mode.exponent.real for mode in modes]))
+    count = min(count, len(values))
     return [
         Mode(
             exponent=complex(factor * decay),

@@ -36,9 +36,9 @@ def with_real_ones(
 ) -> tuple[Predictor, list[float]]:
     """With pairs near the axis of real multipliers taken for one such, or for two, by the criterion.
 
-    Where the record leaves undecided that a mode is one of two real multipliers, or the pair, with the deviations by
-    which modes that last are others beside the other kind, infinite without such; else with zero (modes,). Where both
-    kinds have the same exponents within their deviations it does not matter.
+    With them, where the record leaves undecided whether a mode is one of two real multipliers or the pair, how far
+    lasting modes move, in deviations, where it is fitted as the other kind: infinite where none lasts, zero where the
+    kind is known (modes,). Where both kinds have the same exponents within their deviations it does not matter.
     """
     undecided = list(before) or [0.0] * len(now.modes)
     normal, omega = normal_of(samples, now, rough=True), samples.fundamental

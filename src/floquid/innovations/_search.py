@@ -67,8 +67,9 @@ def searched(
     """The predictor of the modes that rise above the noise, from outputs alone or with measured inputs.
 
     With it, of a mode that may be of another kind (a pair that may be two real multipliers, or either of such two),
-    the deviations by which modes that last are others beside that, infinite without such; zero of the others. It
-    begins with first innovations (channels, samples). Units do not matter: all is done on signals of rms 1.
+    how far lasting modes move, in deviations, where it is fitted as that kind: infinite where none lasts, zero where
+    the kind is known. It begins with first innovations (channels, samples). Units do not matter: all is done on signals
+    of rms 1.
     """
     outputs = _none(samples).noise
     inputs, known = (np.sqrt(np.mean(own**2, axis=1, keepdims=True)) for own in (samples.inputs, samples.known))

@@ -135,7 +135,7 @@ class Modal(Rebuilt):
             free, size, own = mode.free, mode.gains.size, lines.response(mode, shape)
             half = len(free) // 2
             ones = np.eye(len(mode.reach), dtype=np.complex128)
-            bare = [replace(mode, gains=unit * ones, initial=ones[0, :0]) for unit in (1.0, 1j)]
+            bare = [replace(mode, gains=unit * ones, initial=np.zeros(0, np.complex128)) for unit in (1.0, 1j)]
             by_gain = [lines.response(one, shape) for one in bare]
             firsts = (1, 1 + size if mode.real else 1 + half)
             for index in np.flatnonzero(free).tolist():

@@ -213,6 +213,28 @@ def test_a_pair_on_the_axis_beside_a_real_multiplier_is_three_of_them(case, half
     assert [mode.real for mode in merged(samples, both, modes)] == [True, True]
 
 
+def test_real_multipliers_of_both_signs_are_never_one(case):
+    """Nor where a pair between them is near to either."""
+    _, at, _ = case
+    negative = replace(at.modes[1], exponent=-5.0 + 0j)
+    positive = replace(negative, turns=np.arange(2.0), reach=np.arange(float(negative.reach.size)))
+    pair = replace(at.modes[0], exponent=-5.0 + 0.25j * OMEGA)
+    assert alike([positive, pair, negative], OMEGA) == [[0, 1], [2]]
+    assert alike([negative, pair, positive], OMEGA) == [[0, 1], [2]]
+
+
+def test_copies_are_no_more_than_there_are_products():
+    """Of one harmonic, seen in one channel and driven by one innovation, there is one product of a pair."""
+    generator = np.random.default_rng(3)
+    pair = replace(modes_of(generator, channels=1, inputs=0)[0], turns=np.zeros(1), reach=np.zeros(1))
+    pair = replace(pair, shape=0.1 + 0.05j * np.ones((1, 1)), gains=0.1 * np.ones((1, 1), complex))
+    values = generator.standard_normal((1, COUNT))
+    samples = samples_of([values], [values[:0]], [0.4], step=STEP, fundamental=OMEGA, hold="none")
+    modes = [replace(pair, exponent=decay + 0.4j) for decay in (-0.09, -0.1, -0.11)]
+    at = predicted(samples, modes, np.zeros((1, 1)), np.zeros((1, 6)))
+    assert len(merged(samples, at, modes)) == 1
+
+
 def test_the_covariance_along_a_period_is_found():
     """Two signals, the second's share of the first and its deviation by hand."""
     generator, times = np.random.default_rng(0), STEP * np.arange(8000)

@@ -49,8 +49,8 @@ CLEARLY = 2.0
 A response that is hardly periodic scores at many periods, by up to 1.6 times what it does at its own.
 """
 
-APART = 1.0
-"""Deviations by which other modes may be others beside another kind of a mode for its kind not to matter to them."""
+MOVED = 1.0
+"""Deviations that lasting modes may move where a doubtful one is fitted as the other kind, which then is no matter."""
 
 AIM = 0.1
 """The relative deviation of the damping for which the length of a record is given."""
@@ -228,7 +228,7 @@ def _told(
     if dead.any():
         found.append(failure("ambient_undetermined", frequencies=hertz[dead].tolist()))
     undecided = np.where(varying, undecided, 0.0)
-    apart = (undecided < APART) & (decays * model.period > GONE)
+    apart = (undecided < MOVED) & (decays * model.period > GONE)
     for told, code, own in ((failure, "ambient_kind", ~apart), (warning, "ambient_kind_apart", apart)):
         if (own & (undecided > 0.0)).any():
             found.append(told(code, frequencies=hertz[own & (undecided > 0.0)].tolist()))
