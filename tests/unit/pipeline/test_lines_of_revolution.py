@@ -10,7 +10,7 @@ from floquid import Channel, ConstantPeriod, Record, Settings, identify_ambient,
 from floquid.errors import IdentificationError, InputError
 from floquid.findings import Severity, texts
 from floquid.pipeline.with_inputs._analysis import _lines_found
-from floquid.pipeline.with_inputs._prepare import parted
+from floquid.pipeline.with_inputs._prepare import BESIDE, MOST_PERIODS, _above_beside, parted
 
 SYSTEM, PHASES = mathieu(), 20
 HALVES = tuple(0.5 * j for j in range(1, 19))
@@ -94,6 +94,31 @@ def test_revolutions_of_more_periods_are_told_apart(turn, told):
     (finding, between) = turns_of(np.concatenate([values, inputs])).findings
     assert between.numbers == {"periods": told}
     assert 1.0 / turn in finding.numbers["harmonics"]
+
+
+def test_lines_of_two_revolutions_are_none_of_one_that_holds_both():
+    values, inputs = record_of(SYSTEM, 120, PHASES, 0.02, 0)
+    for turn in (4, 5, 6):
+        values += 20.0 * values.std() * imbalance_of(SYSTEM, 120, PHASES, turn)
+    between = turns_of(np.concatenate([values, inputs])).findings[-1]
+    assert between.code == "lines_between"
+    assert between.numbers["periods"] <= MOST_PERIODS
+
+
+@pytest.mark.parametrize("wander", [0.0, 0.3])
+@pytest.mark.parametrize("samples", [256, 1000])
+def test_lines_are_fourier_sums_over_those_beside(samples, wander):
+    """At instants of a constant period and of an angle; line by line."""
+    generator = np.random.default_rng(0)
+    times = np.arange(samples) * SYSTEM.period / PHASES
+    times += wander * np.sin(0.03 * times)
+    values = generator.standard_normal((2, samples)) + 5.0 + np.cos(times)
+    harmonics = np.array([0.5, 1.0, 4.0 / 3.0, 1.7, 3.5, 7.0])
+    lines = np.array([0.0, *BESIDE, *(-k for k in BESIDE)]) * SYSTEM.period / (times[-1] - times[0])
+    angles = 2.0 * np.pi / SYSTEM.period * np.multiply.outer(np.add.outer(harmonics, lines), times)
+    sizes = np.abs(np.einsum("ct,hlt->chl", values - values.mean(axis=1, keepdims=True), np.exp(-1j * angles)))
+    exact = sizes[..., 0] / np.sqrt(np.mean(sizes[..., 1:] ** 2, axis=2))
+    np.testing.assert_allclose(_above_beside(values, times, SYSTEM.period, harmonics), exact, rtol=1e-6)
 
 
 def test_a_mode_that_hardly_decays_is_no_line():

@@ -44,6 +44,9 @@ STEADY_LINES = 12
 BESIDE = (1, 2, 3, 4)
 """Lines on either side of a harmonic by which the level there is judged."""
 
+BLOCK = 256
+"""Samples that are summed to lines at once."""
+
 PERIODS_A_LINE = 4.0
 """Periods of the records over the harmonics that are fitted, at least, where all are."""
 
@@ -73,6 +76,8 @@ class Parted:
         Harmonics of the period that are fitted beside the modes, those of the revolution among them (turns,).
     shafts
         The angle of the shaft in each record; none where the period is constant.
+    periods_per_revolution
+        Periods of a revolution, as the clock of the record has them, or the settings.
     findings
         What is said of these harmonics.
     """
@@ -83,6 +88,7 @@ class Parted:
     inputs: tuple[Channel, ...]
     turns: tuple[float, ...]
     shafts: tuple[ShaftAngle, ...]
+    periods_per_revolution: float
     findings: tuple[Finding, ...]
 
 
@@ -162,6 +168,7 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
         inputs=tuple(channels[name] for name in settings.inputs),
         turns=turns,
         shafts=shafts,
+        periods_per_revolution=given,
         findings=findings,
     )
 
@@ -242,46 +249,72 @@ class _Lines:
         one that is left out would be taken for a mode that never decays.
         """
         turns = self._up_to_highest(periods_of_turn)
-        loud = tuple(turn for turn in turns if self._loud(turn, self.outputs))
+        loud = turns[self._above(turns, self.outputs) > LOUD]
         periods = sum(own.shape[1] for own in self.outputs) / (self.rate * self.period)
-        return turns if loud and periods > PERIODS_A_LINE * len(turns) else loud
+        return tuple((turns if len(loud) and periods > PERIODS_A_LINE * len(turns) else loud).tolist())
 
     def periods_of_turn(self) -> int:
         """Periods of the revolution whose lines the outputs have between the harmonics, and no input has."""
-        found = 1
+        each = {}
         for count in range(2, MOST_PERIODS + 1):
-            between = [turn for turn in self._up_to_highest(count) if math.gcd(round(turn * count), count) == 1]
-            pure = any(self._loud(turn, self.outputs, PURE, LONG) for turn in between)
-            if pure and not any(self._loud(turn, self.inputs) for turn in between):
-                found = math.lcm(found, count)
+            turns = self._up_to_highest(count)
+            each[count] = turns[np.gcd(np.rint(turns * count).astype(np.int64), count) == 1]
+        turns = np.concatenate(list(each.values()))
+        counts = np.repeat(list(each), [len(own) for own in each.values()])
+        pure = self._above(turns, self.outputs, LONG) > PURE
+        if not pure.any():
+            return 1
+        driven = self._above(turns, self.inputs) > LOUD
+        found = 1
+        for count in each:
+            if pure[counts == count].any() and not driven[counts == count].any():
+                both = math.lcm(found, count)
+                found = both if both <= MOST_PERIODS else found  # lines of 1/4 and 1/5 are no revolution of 20 periods
         return found
 
-    def _up_to_highest(self, periods_of_turn: float) -> tuple[float, ...]:
-        """The harmonics of the period and of the revolution that are looked at, over the fundamental."""
+    def _up_to_highest(self, periods_of_turn: float) -> NDArray[np.float64]:
+        """The harmonics of the period and of the revolution that are looked at, over the fundamental (harmonics,)."""
         highest = min(STEADY_LINES, int(0.5 * self.rate * self.period - 1e-6))
         fractions = np.arange(1, int(highest * periods_of_turn) + 1) / periods_of_turn
-        return tuple(np.union1d(np.arange(1.0, highest + 1.0), fractions).tolist())
+        return np.union1d(np.arange(1.0, highest + 1.0), fractions)
 
-    def _loud(
-        self, harmonic: float, values: Sequence[NDArray[np.float64]], loud: float = LOUD, periods: float = 0.0
-    ) -> bool:
-        """True where the line at a harmonic stands out in a channel of a record of so many periods or more."""
+    def _above(
+        self, harmonics: NDArray[np.float64], values: Sequence[NDArray[np.float64]], periods: float = 0.0
+    ) -> NDArray[np.float64]:
+        """Lines over those beside, the most of all channels in records of so many periods or more (harmonics,)."""
         each = [
-            _above_beside(own, times, self.period, harmonic)
+            _above_beside(own, times, self.period, harmonics)
             for own, times in zip(values, self.times, strict=True)
             if times[-1] - times[0] > (periods - 1.0) * self.period
         ]
-        return bool(np.max(np.concatenate(each), initial=0.0) > loud) if each else False
+        return np.max(np.concatenate([np.zeros((1, len(harmonics))), *each]), axis=0)
 
 
 def _above_beside(
-    values: NDArray[np.float64], times: NDArray[np.float64], period: float, harmonic: float
+    values: NDArray[np.float64], times: NDArray[np.float64], period: float, harmonics: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """The amplitude of the line at a harmonic over the rms of those beside it (channels,)."""
-    offsets = np.array([0.0, *(sign * k for k in BESIDE for sign in (1.0, -1.0))]) * period / (times[-1] - times[0])
-    angles = 2.0 * np.pi * np.multiply.outer(harmonic + offsets, times) / period
-    lines = np.abs((values - values.mean(axis=1, keepdims=True)) @ np.exp(-1j * angles).T)
-    return lines[:, 0] / np.maximum(np.sqrt(np.mean(lines[:, 1:] ** 2, axis=1)), np.finfo(float).tiny)
+    """The amplitudes of lines at harmonics over the rms of those beside each (channels, harmonics).
+
+    Phases are products of those at whole harmonics and at fractions, and lines beside are sums with cosines and sines
+    that go with the values: 2(|C|² + |S|²) = |C - iS|² + |C + iS|².
+    """
+    fundamental = 2.0 * np.pi / period
+    slow = 2.0 * np.pi * np.array(BESIDE) / (times[-1] - times[0])
+    whole, i = np.unique(np.floor(harmonics), return_inverse=True)
+    fractions, j = np.unique(np.round(harmonics - np.floor(harmonics), 12), return_inverse=True)
+    values = values - values.mean(axis=1, keepdims=True)
+    room = np.empty((len(whole), len(fractions), BLOCK), np.complex128)
+    sums = np.zeros((len(values) * (1 + 2 * len(slow)), 2 * len(whole) * len(fractions)))
+    for first in range(0, len(times), BLOCK):
+        own = times[first : first + BLOCK]
+        coarse, fine = (np.exp(-1j * fundamental * np.multiply.outer(one, own)) for one in (whole, fractions))
+        turned = np.multiply(coarse[:, None], fine, out=room[..., : len(own)]).reshape(-1, len(own))
+        angles = np.multiply.outer(slow, own)
+        beside = np.concatenate([np.ones((1, len(own))), np.cos(angles), np.sin(angles)])
+        weighted = (values[:, None, first : first + BLOCK] * beside).reshape(-1, len(own))
+        sums += weighted @ np.concatenate([turned.real, turned.imag]).T
+    squares = np.sum(sums.reshape(len(values), 1 + 2 * len(slow), 2, -1) ** 2, axis=2)[..., i * len(fractions) + j]
+    return np.sqrt(squares[:, 0] / np.maximum(squares[:, 1:].sum(axis=1) / len(slow), np.finfo(float).tiny))
 
 
 def _beside(lines: _Lines, given: float, settings: Settings) -> tuple[tuple[float, ...], tuple[Finding, ...]]:
