@@ -102,6 +102,17 @@ def _untold(delay: int, share: float) -> str:
     )
 
 
+def _line(frequencies: Sequence[float], periods: int, real: bool) -> str:
+    many = len(frequencies) > 1
+    what = "do not decay and are at multiples" if many else "does not decay and is at a multiple"
+    other = ", or a real negative multiplier at the limit of stability" if real else ""
+    return (
+        f"The {_at(frequencies)} {what} of 1/{periods} of the period's frequency: likely no mode{'s' * many}, but what "
+        f"drives the system once in {periods} periods, as an imbalance does{other}. If a revolution holds "
+        f"{periods} periods, say so: `periods_per_revolution={periods}`."
+    )
+
+
 INPUTS: dict[str, str | Callable[..., str]] = {
     "inputs": _inputs,
     "excited_order": _needed,
@@ -109,11 +120,7 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "lines_between": "There are lines between the multiples of the period's frequency, at multiples of 1/{periods} of "
     "it: an imbalance, where a revolution holds {periods} periods? They were fitted beside the modes. If it does, say "
     "so: `periods_per_revolution={periods}`; if not, the period is another one, or a mode hardly decays.",
-    "line_as_mode": lambda frequencies, periods: (
-        f"The {_at(frequencies)} does not decay and is at a multiple of 1/{periods} of the period's frequency: likely "
-        f"no mode, but what drives the system once in {periods} periods, as an imbalance does. If a revolution holds "
-        f"{periods} periods, say so: `periods_per_revolution={periods}`."
-    ),
+    "line_as_mode": _line,
     "inputs_free": "Harmonics go on to the Nyquist frequency: the matrices at each of the {phases} phases were fitted, "
     "all of them free. Between the samples the model says nothing.",
     "unreached": "The mode at {frequency:.4g} Hz is reached by no input as far as the record shows: it is seen by what "

@@ -1,14 +1,16 @@
 """Lines of a revolution that holds several periods, where the excitation goes on: they are no modes."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from tests.driven import ambient_of, imbalance_of, mathieu, pulls, record_of
 
-from floquid import Channel, ConstantPeriod, Record, Settings, identify_ambient, identify_driven
+from floquid import Channel, ConstantPeriod, Record, Settings, TachometerSignal, identify_ambient, identify_driven
 from floquid.errors import IdentificationError, InputError
 from floquid.findings import Severity, texts
+from floquid.pipeline.with_inputs import _analysis
 from floquid.pipeline.with_inputs._analysis import _lines_found
 from floquid.pipeline.with_inputs._prepare import BESIDE, MOST_PERIODS, _above_beside, parted
 
@@ -40,15 +42,45 @@ def test_lines_of_the_revolution_are_fitted_beside_the_modes(driven):
     assert found.passed
     assert found.warnings == ()
     assert "period or the revolution was fitted beside the modes: 1/2, 1, 3/2, 2" in " ".join(texts(found.findings))
-    assert _lines_found(replace(found, settings=Settings())) == ()
+    assert _lines_found(replace(found, settings=Settings()), 1.0) == ()
     # Left in they are a mode that never decays, and told where nobody wanted that.
     left = identify_driven(record_from(driven), period=SYSTEM.period, inputs=["F"], forced="none", validate=False)
     assert left.model.order > 2
-    assert _lines_found(left) == ()
-    (told,) = _lines_found(replace(left, settings=Settings(inputs=("F",))))
+    assert _lines_found(left, 1.0) == ()
+    left = replace(left, settings=Settings(inputs=("F",)))
+    assert _lines_found(left, 2.0) == ()
+    (told,) = _lines_found(left, 1.0)
     assert told.severity is Severity.FAILURE
     assert told.numbers["periods"] == 2
     assert "does not decay and is at a multiple of 1/2 of the period's frequency" in str(told)
+
+
+def told_of(turns, deviations, real):
+    """What is told of modes that do not decay, at these turns a period, known to these deviations."""
+    exponents = 1e-6 + 2j * np.array(turns)
+    model = SimpleNamespace(
+        exponents=exponents, exponent_std=1e-3 + 2j * np.array(deviations), fundamental=2.0, real=np.array(real)
+    )
+    analysis = SimpleNamespace(model=model, settings=Settings(), records=[SimpleNamespace(duration=400.0)])
+    return _lines_found(analysis, 1.0)
+
+
+def test_a_real_multiplier_at_its_limit_may_be_one():
+    """Its frequency is half the fundamental by its kind: it is measured in none."""
+    (told,) = told_of([0.5], [0.0], [True])
+    assert told.severity is Severity.WARNING
+    assert "or a real negative multiplier at the limit of stability" in str(told)
+
+
+def test_each_line_is_told_by_how_well_it_is_known():
+    (both,) = told_of([0.25, 0.75], [1e-5, 5e-4], [False, False])
+    assert both.severity is Severity.FAILURE
+    assert "modes at 0.07958 and 0.2387 Hz do not decay and are at multiples of 1/4" in str(both)
+    assert "limit of stability" not in str(both)
+    (vague,) = told_of([0.25], [5e-4], [False])
+    assert vague.severity is Severity.WARNING
+    half, third = told_of([0.5, 1.0 / 3.0], [0.0, 1e-5], [True, False])
+    assert (half.severity, third.severity) == (Severity.WARNING, Severity.FAILURE)
 
 
 def test_a_line_that_nobody_told_of_is_told_with_the_remedy(driven):
@@ -58,12 +90,17 @@ def test_a_line_that_nobody_told_of_is_told_with_the_remedy(driven):
     assert "`periods_per_revolution=2`" in found.warnings[0]
 
 
-def test_outputs_alone_of_a_tachometer_with_a_pulse_a_turn():
+def test_outputs_alone_of_a_tachometer_with_a_pulse_a_turn(monkeypatch):
+    given = []
+    monkeypatch.setattr(_analysis, "_lines_found", lambda _, periods: given.append(periods) or ())
     values = ambient_of(SYSTEM, 300, PHASES, 0.02, 0)
     values += 20.0 * values.std() * imbalance_of(SYSTEM, 300, PHASES)
     pulses = 5.0 * (np.arange(values.shape[1]) % (2 * PHASES) < 4)
     record = record_from(np.concatenate([values, [pulses]]), ("x", "tach"))
-    found = identify_ambient(record, tach="tach", periods_per_revolution=2, validate=False)
+    clock = TachometerSignal(channel="tach", periods_per_revolution=2)  # settings know nothing of it
+    found = identify_ambient(record.with_clock(clock), validate=False)
+    assert given == [2.0]
+    assert [channel.name for channel in found.model.channels] == ["x"]
     assert found.model.order == 2
     assert found.model.period == pytest.approx(SYSTEM.period, rel=1e-4)
     assert pulls(SYSTEM, found.model).max() < 4.0

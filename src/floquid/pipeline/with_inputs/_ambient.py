@@ -109,7 +109,7 @@ def identify_ambient(
     with own_names(OF):
         used = clocked(records, chosen, OF)
         with blas_threads(used):
-            return finished(_identified(used, chosen, report), report)
+            return _identified(used, chosen, report)
 
 
 def _identified(records: Sequence[Record], settings: Settings, report: Callable[[str], None]) -> AmbientAnalysis:
@@ -143,7 +143,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     assert model.exponent_std is not None
     duration = samples.n_samples * samples.step
     relative = model.exponent_std.real / np.abs(model.exponents.real)
-    return AmbientAnalysis(
+    analysis = AmbientAnalysis(
         settings=settings,
         records=own.records,
         model=model,
@@ -160,6 +160,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
             *([warning("inputs_modes", most=limits.modes)] if len(found.modes) >= limits.modes else []),
         ),
     )
+    return finished(analysis, own.periods_per_revolution, report)
 
 
 def _refuse_copies(first: NDArray[np.float64], own: Parted) -> None:

@@ -27,11 +27,16 @@ HELD_OUT = 1.4
 """The error of prediction on samples left out, over the noise, from which on a model does not pass."""
 
 STILL = 3.0
-"""Deviations within which a mode does not decay, or is at a line,"""
+"""Deviations within which a mode does not decay, and within which it is at a line."""
 
-SHARP, SURE, ROUNDING = 1e-3, 1.5e-4, 1e-9
-"""of a frequency known to this share of the fundamental, where it warns and fails: one in a hundred that does not decay
-is as near as that to some line by chance; and what is rounding of it."""
+SHARP = 1e-3
+"""The deviation of a frequency over the fundamental below which a mode at a line warns."""
+
+SURE = 1.5e-4
+"""That below which it fails: one in a hundred modes that do not decay is as near to some line by chance."""
+
+ROUNDING = 1e-9
+"""What is rounding of a frequency, over the fundamental."""
 
 POINTS = 400
 """Frequencies of transfer functions where none are named, evenly spaced, beside those at resonances."""
@@ -248,9 +253,12 @@ class AmbientAnalysis(ExcitedAnalysis):
         return transfer_of(self.fit, self.model.channels, self.inputs, hertz, harmonics, sampled=sampled)
 
 
-def finished(analysis: Kind, report: Callable[[str], None]) -> Kind:
-    """The result with a finding on modes that are lines, and A(t) in the states of its settings where it has some."""
-    analysis = replace(analysis, findings=(*analysis.findings, *_lines_found(analysis)))
+def finished(analysis: Kind, periods_of_turn: float, report: Callable[[str], None]) -> Kind:
+    """The result with findings on modes that are lines, and A(t) in the states of its settings where it has some.
+
+    `periods_of_turn` are the periods of a revolution as far as they were said.
+    """
+    analysis = replace(analysis, findings=(*analysis.findings, *_lines_found(analysis, periods_of_turn)))
     if not analysis.settings.states:
         return analysis
     report("rebuilding the state matrix")
@@ -259,25 +267,27 @@ def finished(analysis: Kind, report: Callable[[str], None]) -> Kind:
     return replace(analysis, state=state)
 
 
-def _lines_found(analysis: ExcitedAnalysis) -> tuple[Finding, ...]:
-    """Finding on modes that do not decay at a fraction of the fundamental, as lines of a revolution are."""
-    model, settings = analysis.model, analysis.settings
+def _lines_found(analysis: ExcitedAnalysis, periods_of_turn: float) -> tuple[Finding, ...]:
+    """Findings on modes that do not decay at a fraction of the fundamental, as lines of a revolution are."""
+    model = analysis.model
     std = model.exponent_std
-    if std is None or settings.forced != "auto" or settings.periods_per_revolution != 1.0:
+    if std is None or analysis.settings.forced != "auto" or periods_of_turn != 1.0:
         return ()
     still = np.abs(model.exponents.real) < STILL * std.real
     still &= np.abs(model.exponents.real) * max(record.duration for record in analysis.records) < 1.0
     sharp = std.imag < SHARP * model.fundamental
-    turns = model.exponents.imag / model.fundamental
+    known = (std.imag < SURE * model.fundamental) & ~model.real  # the frequency of a real multiplier is none measured
+    turns, found = model.exponents.imag / model.fundamental, []
     for count in range(2, MOST_PERIODS + 1):
-        near = np.rint(turns * count)
+        near = np.rint(turns * count).astype(np.int64)
         off = np.abs(turns * count - near) * model.fundamental / count
-        at = still & sharp & (near % count != 0) & (off <= STILL * std.imag + ROUNDING * model.fundamental)
+        at = still & sharp & (np.gcd(near, count) == 1) & (off <= STILL * std.imag + ROUNDING * model.fundamental)
         if at.any():
             hertz = np.unique(np.abs(model.exponents.imag[at])) / (2.0 * np.pi)
-            told = failure if (std.imag[at] < SURE * model.fundamental).all() else warning
-            return (told("line_as_mode", frequencies=hertz[:1].tolist(), periods=count),)
-    return ()
+            told = failure if known[at].any() else warning
+            real = bool(model.real[at].any())
+            found.append(told("line_as_mode", frequencies=hertz.tolist(), periods=count, real=real))
+    return tuple(found)
 
 
 def _frequencies_of(

@@ -87,7 +87,7 @@ def identify_driven(
     with own_names(OF):
         used = clocked(records, chosen, OF)
         with blas_threads(used):
-            return finished(_identified(used, chosen, report), report)
+            return _identified(used, chosen, report)
 
 
 def _identified(records: Sequence[Record], settings: Settings, report: Callable[[str], None]) -> DrivenAnalysis:
@@ -125,7 +125,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     if settings.validate:
         report("predicting samples left out")
         held_out = _held_out(own, found)
-    return DrivenAnalysis(
+    analysis = DrivenAnalysis(
         settings=settings,
         records=own.records,
         model=model,
@@ -134,6 +134,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
         held_out=held_out,
         findings=verdict(own, fit, model, held_out, limits, None if free else HIGHEST),
     )
+    return finished(analysis, own.periods_per_revolution, report)
 
 
 def _if_better(one: Linearisation | None, other: Linearisation) -> Linearisation | None:
