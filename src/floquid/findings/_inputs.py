@@ -119,7 +119,8 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "steady_beside_inputs": _steady,
     "lines_between": "There are lines between the multiples of the period's frequency, at multiples of 1/{periods} of "
     "it: an imbalance, where a revolution holds {periods} periods? They were fitted beside the modes. If it does, say "
-    "so: `periods_per_revolution={periods}`; if not, the period is another one, or a mode hardly decays.",
+    "so: `periods_per_revolution={periods}`; if not, the period is another one, or a mode hardly decays, which "
+    '`forced="none"` leaves in.',
     "line_as_mode": _line,
     "inputs_free": "Harmonics go on to the Nyquist frequency: the matrices at each of the {phases} phases were fitted, "
     "all of them free. Between the samples the model says nothing.",

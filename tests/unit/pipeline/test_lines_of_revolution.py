@@ -13,6 +13,7 @@ from floquid.findings import Severity, texts
 from floquid.pipeline.with_inputs import _analysis
 from floquid.pipeline.with_inputs._analysis import _lines_found
 from floquid.pipeline.with_inputs._prepare import BESIDE, MOST_PERIODS, _above_beside, parted
+from floquid.views import for_command
 
 SYSTEM, PHASES = mathieu(), 20
 HALVES = tuple(0.5 * j for j in range(1, 19))
@@ -88,6 +89,7 @@ def test_a_line_that_nobody_told_of_is_told_with_the_remedy(driven):
     assert found.model.order == 2
     assert len(found.warnings) == 1
     assert "`periods_per_revolution=2`" in found.warnings[0]
+    assert "a mode hardly decays, which `--forced none` leaves in" in for_command(found.warnings[0])
 
 
 def test_outputs_alone_of_a_tachometer_with_a_pulse_a_turn(monkeypatch):

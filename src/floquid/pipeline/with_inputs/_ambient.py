@@ -85,13 +85,14 @@ def identify_ambient(
     report
         Is told what is being done, a phrase a stage.
     **options
-        Fields of `Settings`: `period` or a clock, `channels`, `inputs`, `hold`, `harmonics`, `forced`, `validate` and
-        the probabilities of false alarm. Others are refused.
+        Fields of `Settings`: `period` or a clock, `periods_per_revolution`, `channels`, `inputs`, `hold`, `harmonics`,
+        `forced`, `states`, `form`, `system_times`, `validate` and the probabilities of false alarm. Others are refused.
 
     Returns
     -------
     AmbientAnalysis
-        The model with deviations, the verdict, and the length of record that a damping to 10 % needs.
+        The model with deviations, the verdict, and the length of record that a damping to 10 % needs; A(t), with
+        `inputs` B(t) too, where `states` are given.
 
     Raises
     ------
@@ -188,8 +189,8 @@ def _refuse_period(samples: Samples) -> None:
         raise IdentificationError(
             f"The response repeats twice within the {given:.6g} s given: even harmonics have squared scores of "
             f"{found.even:.3g}, odd ones of {found.odd:.3g}, which noise alone has (up to {found.limit:.3g}). Modes "
-            f"would be found more than once. Give half of it: `period={0.5 * given:.10g}`; of a "
-            "shaft that turns once in two of those, out of balance, `periods_per_revolution=2` beside it."
+            f"would be found more than once. Give half of it: `period={0.5 * given:.10g}`; if a shaft that is out of "
+            "balance turns once in two of these halves, give `periods_per_revolution=2` as well."
         )
 
 

@@ -64,13 +64,13 @@ def identify_driven(
     report
         Is told what is being done, a phrase a stage.
     **options
-        Fields of `Settings`: `period` or a clock, `channels`, `inputs`, `hold`, `harmonics`, `forced`, `validate` and
-        the probabilities of false alarm. Others are refused.
+        Fields of `Settings`: `period` or a clock, `periods_per_revolution`, `channels`, `inputs`, `hold`, `harmonics`,
+        `forced`, `states`, `form`, `system_times`, `validate` and the probabilities of false alarm. Others are refused.
 
     Returns
     -------
     DrivenAnalysis
-        The model with its inputs, deviations of all of it, and the verdict.
+        The model with its inputs, deviations of all of it, and the verdict; A(t) and B(t) where `states` are given.
 
     Raises
     ------
