@@ -58,13 +58,14 @@ def test_a_result_is_printed_and_written(file, tmp_path, capsys, monkeypatch):
     assert "does not pass its checks" in capsys.readouterr().err
 
 
-def test_the_state_matrix_is_printed_saved_and_exported(file, tmp_path, capsys):
+def test_the_state_matrix_is_printed_saved_and_exported(file, tmp_path, capsys, monkeypatch):
     out = tmp_path / "result"
     words = ["identify", str(file), "--period", PERIOD, "--inputs", "F", "--states", "x", "--system-times", "8"]
     assert run([*words, "--out", str(out)]) == 0
     said = capsys.readouterr().out
     assert "A(t) [1/s², 1/s]: smallest" in said
-    assert "B(t): smallest" in said
+    assert "F [m/N · 1/s²]" in said[said.index("B(t): smallest") :]
+    assert "Deviation: the largest standard deviation" in said
     found = json.loads((out / "summary.json").read_text(encoding="utf-8"))["system"]
     assert found["states"] == ["x", "d/dt x"]
     times = np.array(found["times"])
@@ -81,6 +82,13 @@ def test_the_state_matrix_is_printed_saved_and_exported(file, tmp_path, capsys):
     table = loadmat(tmp_path / "modes.mat")
     assert np.array_equal(np.moveaxis(table["B_std"], 2, 0), found["inputs_std"])
     assert table["Phi"].shape == (2, 2, 8)
+    # Nothing is said of deviations where the tables are too wide for the terminal.
+    monkeypatch.setenv("COLUMNS", "20")
+    print_analysis(kept)
+    said = capsys.readouterr().out
+    assert "too wide" in " ".join(said.split())
+    assert "Deviation: the largest" not in " ".join(said.split())
+    monkeypatch.setenv("COLUMNS", "80")
     # A model that fails has no deviations.
     print_analysis(replace(kept, state=reconstruct(kept.model, ["x"])))
     said = capsys.readouterr().out

@@ -23,6 +23,7 @@ from floquid.pipeline import Analysis, ExcitedAnalysis
 from floquid.reconstruction import Refinement
 from floquid.views import (
     for_command,
+    input_unit,
     mode_table,
     note_meanings,
     outcome_lines,
@@ -261,12 +262,15 @@ def print_state(console: Console, analysis: Analysis | ExcitedAnalysis) -> None:
     rows = [f"d²/dt² {name}" if second else f"d/dt {name}" for name in names[: n - half]]
     blocks = (slice(0, half), slice(half, None))[0 if second else 1 :]
     print_title(console, f"A(t) [{'1/s², 1/s' if second else '1/s'}]: smallest … largest over the period")
-    _print_elements(console, rows, names, state.system, state.system_std, blocks)
-    if state.inputs is not None:
+    shown = _print_elements(console, rows, names, state.system, state.system_std, blocks)
+    if state.inputs is not None and analysis.model.inputs is not None:
         print_title(console, "B(t): smallest … largest over the period")
-        inputs = [channel.name for channel in analysis.inputs] if isinstance(analysis, ExcitedAnalysis) else []
-        _print_elements(console, rows, inputs, state.inputs, state.inputs_std, (slice(None),))
-    if state.system_std is not None:
+        inputs = []
+        for own in analysis.model.inputs.channels:
+            units = dict.fromkeys(input_unit(state, i, own, analysis.model.channels) for i in range(half, n))
+            inputs.append(f"{own.name} [{', '.join(units)}]")
+        shown |= _print_elements(console, rows, inputs, state.inputs, state.inputs_std, (slice(None),))
+    if shown and state.system_std is not None:
         console.print("Deviation: the largest standard deviation over the period.", style="dim")
     console.print(f"Condition number of the modes' shapes in these states: {state.condition.max():.3g} at most.")
     if not second or "+" in state.coordinates or "all" in analysis.settings.states:
@@ -282,19 +286,21 @@ def _print_elements(
     values: Floats,
     stds: Floats | None,
     blocks: Sequence[slice],
-) -> None:
-    """Print the last rows of matrices over a period (times, states, columns), the digits of each block alike."""
+) -> bool:
+    """Print the last rows of matrices over a period (times, states, columns), the digits of each block alike.
+
+    False where they are too wide.
+    """
     table = new_table([""], names)
     low, high = values.min(axis=0), values.max(axis=0)
     for i, name in enumerate(rows, start=values.shape[1] - len(rows)):
         table.add_row(name, *(cell for block in blocks for cell in _alike(low[i, block], high[i, block])))
         if stds is not None:
             table.add_row("  deviation", *(f"{std:.2g}" for std in stds[:, i].max(axis=0)), style="dim")
-    if _width(console, table) <= console.width:
-        console.print(table)
-    else:
-        size = f"{values.shape[1]} × {values.shape[2]}"
-        console.print(f"{size}, too wide for here: summary.json has it (--out DIR or --format json).")
+    fits = _width(console, table) <= console.width
+    size = f"{values.shape[1]} × {values.shape[2]}"
+    console.print(table if fits else f"{size}, too wide for here: summary.json has it (--out DIR or --format json).")
+    return fits
 
 
 def print_structure(console: Console, found: Refinement) -> None:

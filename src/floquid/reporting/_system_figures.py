@@ -12,27 +12,29 @@ from floquid.reporting._chosen_figures import BAND
 from floquid.reporting._look import BLUE, VERMILION, Figure, legend_above, new_figure
 from floquid.views import closed_period, element_unit, input_unit
 
-MOST = 12  # elements shown; `summary.json` holds all
+MOST = 12  # elements shown of each; `summary.json` holds all
 
 Truth = tuple[Floats, Floats]
 
 
-def elements_shown(state: StateModel, *, second_order: bool) -> list[tuple[int, int]]:
-    """The elements that are no identity: all of them where they are few, or else those that vary most."""
-    n = len(state.states)
-    rows = range(n // 2 if second_order else 0, n)
-    places = [(i, j) for i in rows for j in range(n)]
+def elements_shown(values: Floats, std: Floats | None, *, second_order: bool) -> list[tuple[int, int]]:
+    """The elements that are no identity: all of them where they are few, or else those that vary most.
+
+    `values` are those of A(t) or B(t) (times, states, columns), `std` their deviations.
+    """
+    _, n, columns = values.shape
+    places = [(i, j) for i in range(n // 2 if second_order else 0, n) for j in range(columns)]
     if len(places) <= MOST:
         return places
-    swing = 0.5 * np.ptp(state.system, axis=0)
-    if state.system_std is not None:
-        swing = swing / np.maximum(state.system_std.max(axis=0), np.finfo(float).tiny)
+    swing = 0.5 * np.ptp(values, axis=0)
+    if std is not None:
+        swing = swing / np.maximum(std.max(axis=0), np.finfo(float).tiny)
     return sorted(sorted(places, key=lambda place: -swing[place])[:MOST])
 
 
-def element_name(i: int, j: int) -> str:
+def element_name(letter: str, i: int, j: int) -> str:
     """The name of an element, counted from one: A₁₂ as A12, with a comma beyond nine."""
-    return f"A{i + 1}{j + 1}" if max(i, j) < 9 else f"A{i + 1},{j + 1}"
+    return f"{letter}{i + 1}{j + 1}" if max(i, j) < 9 else f"{letter}{i + 1},{j + 1}"
 
 
 def system_figures(analysis: Analysis | ExcitedAnalysis, truth: Truth | None) -> dict[str, list[Figure]]:
@@ -42,23 +44,25 @@ def system_figures(analysis: Analysis | ExcitedAnalysis, truth: Truth | None) ->
         return {"system": [], "driving": []}
     second = analysis.settings.form == "second-order"
     return {
-        "system": [_element_figure(state, model, at, truth) for at in elements_shown(state, second_order=second)],
+        "system": [
+            _element_figure(state, model, at, truth)
+            for at in elements_shown(state.system, state.system_std, second_order=second)
+        ],
         "driving": _input_figures(state, model, second_order=second),
     }
 
 
 def _input_figures(state: StateModel, model: PeriodicModel, *, second_order: bool) -> list[Figure]:
-    """The elements of B(t) that are not zero by the form of the states, a figure each."""
+    """A figure an element of B(t)."""
     if state.inputs is None or model.inputs is None:
         return []
-    n = len(state.states)
-    places = [(i, j) for i in range(n // 2 if second_order else 0, n) for j in range(state.inputs.shape[2])]
+    stds, channels = state.inputs_std, model.inputs.channels
     return [
         _over_period(
-            state, model.period, f"B{i + 1}{j + 1}", input_unit(state, i, model.inputs.channels[j], model.channels),
-            state.inputs[:, i, j], None if state.inputs_std is None else state.inputs_std[:, i, j], None,
+            state, model.period, element_name("B", i, j), input_unit(state, i, channels[j], model.channels),
+            state.inputs[:, i, j], None if stds is None else stds[:, i, j], None,
         )
-        for i, j in places[:MOST]
+        for i, j in elements_shown(state.inputs, stds, second_order=second_order)
     ]  # fmt: skip
 
 
@@ -67,7 +71,7 @@ def _element_figure(state: StateModel, model: PeriodicModel, place: tuple[int, i
     std = None if state.system_std is None else state.system_std[:, i, j]
     known = None if truth is None else (truth[0], truth[1][:, i, j])
     unit = element_unit(state, i, j, model.channels)
-    return _over_period(state, model.period, element_name(i, j), unit, state.system[:, i, j], std, known)
+    return _over_period(state, model.period, element_name("A", i, j), unit, state.system[:, i, j], std, known)
 
 
 def _over_period(

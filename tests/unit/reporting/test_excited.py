@@ -51,6 +51,7 @@ def test_the_page_of_a_driven_analysis(driven, tmp_path):
     assert (
         "x′ = A(t) x + B(t) u with the states 1: tip &lt;b&gt;, 2: d/dt tip &lt;b&gt; and the inputs 1: force" in said
     )
+    assert "Shown: 2 of 4 elements of A(t) and 1 of 2 of B(t); summary.json holds all." in said
     for label in (
         "A21 [1/s\\u00b2]",
         "B21 [mm/N \\u00b7 1/s\\u00b2]",
