@@ -160,6 +160,11 @@ def test_lines_are_fourier_sums_over_those_beside(samples, wander):
     np.testing.assert_allclose(_above_beside(values, times, SYSTEM.period, harmonics), exact, rtol=1e-6)
 
 
+def test_lines_are_told_of_outputs_alone(driven):
+    record = record_from(driven[:1]).with_clock(ConstantPeriod(period=SYSTEM.period))
+    assert parted([record], Settings(excitation="ambient")).findings[-1].numbers == {"periods": 2}
+
+
 def test_a_mode_that_hardly_decays_is_no_line():
     """It rings between two lines of a short record: at 0.7406 of the fundamental, a fifth of a line off 3/4."""
     angle = 2.0 * np.pi / PHASES * np.arange(20 * PHASES)

@@ -313,7 +313,8 @@ def _above_beside(
         beside = np.concatenate([np.ones((1, len(own))), np.cos(angles), np.sin(angles)])
         weighted = (values[:, None, first : first + BLOCK] * beside).reshape(-1, len(own))
         sums += weighted @ np.concatenate([turned.real, turned.imag]).T
-    squares = np.sum(sums.reshape(len(values), 1 + 2 * len(slow), 2, -1) ** 2, axis=2)[..., i * len(fractions) + j]
+    shape = (len(values), 1 + 2 * len(slow), 2, len(whole) * len(fractions))
+    squares = np.sum(sums.reshape(shape) ** 2, axis=2)[..., i * len(fractions) + j]
     return np.sqrt(squares[:, 0] / np.maximum(squares[:, 1:].sum(axis=1) / len(slow), np.finfo(float).tiny))
 
 
