@@ -12,7 +12,8 @@ from floquid.errors import IdentificationError, InputError
 from floquid.findings import Severity, texts
 from floquid.pipeline.with_inputs import _analysis
 from floquid.pipeline.with_inputs._analysis import _lines_found
-from floquid.pipeline.with_inputs._prepare import BESIDE, MOST_PERIODS, _above_beside, parted
+from floquid.pipeline.with_inputs._lines import BESIDE, MOST_PERIODS, _above_beside
+from floquid.pipeline.with_inputs._prepare import parted
 from floquid.views import for_command
 
 SYSTEM, PHASES = mathieu(), 20
