@@ -164,6 +164,11 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "modes_of_lines_real": "A pair of modes is within its deviation of the axis of real multipliers: it may be two "
     "real ones, which these lines do not part. Its decay may be off by many deviations. Lines of less noise tell, or "
     "`identify_driven` on the record itself.",
+    "modes_of_lines_undetermined": lambda frequencies: (
+        f"The decay is not determined: {_at(frequencies)}. A resonance falls between the lines, or modes make up for "
+        "one another: exponents may be wrong, and how many there are. Record for longer, so that lines are closer, or "
+        "use `identify_driven` on the record itself."
+    ),
     "modes_of_lines_misfit": "The modes leave {ratio:.3g} times the variance of the lines: modes are missing, the "
     "system is not linear, or the deviations of the lines are too small. All deviations are widened by its root.",
     "inputs_copies": "Two modes are nearly one, and have as many harmonics as are looked for ({most}): one is likely a "

@@ -18,6 +18,9 @@ from floquid.transfer._measured import MeasuredTransfer
 from floquid.transfer._modal import Lines, Modal
 from floquid.transfer._search import searched
 
+UNKNOWN = 2.0
+"""Deviations of a decay from none within which it is not determined."""
+
 SURE = 1e-6
 """The probability of χ² below which the modes do not explain G."""
 
@@ -201,9 +204,13 @@ def fit_transfer(
     misfit = degrees > 0 and ratio > WORSE and chdtrc(degrees, found.chi_square) < SURE
     for one in (found.modal, *found.modal.modes):
         sealed(one)
+    model = _model(lines, found.modal, covariance, own, period)
+    assert model.exponent_std is not None
+    unknown = ~(UNKNOWN * model.exponent_std.real < np.abs(model.exponents.real))
+    hertz = np.unique(np.abs(model.exponents.imag[unknown])) / (2.0 * np.pi)
     return TransferFit(
         measured=own,
-        model=_model(lines, found.modal, covariance, own, period),
+        model=model,
         modal=found.modal,
         covariance=frozen_array(covariance, "covariance", of, axes=("numbers", "numbers")),
         hold=hold,
@@ -214,6 +221,7 @@ def fit_transfer(
             note("modes_of_lines", modes=len(found.modal.modes), ratio=ratio, degrees=degrees),
             *([warning("modes_of_lines_misfit", ratio=ratio)] if misfit else []),
             *([failure("modes_of_lines_real")] if on_axis else []),
+            *([failure("modes_of_lines_undetermined", frequencies=hertz.tolist())] if hertz.size else []),
         ),
     )
 

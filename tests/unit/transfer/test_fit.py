@@ -142,6 +142,14 @@ def test_lines_that_do_not_tell_a_pair_from_two_real_ones_fail():
     assert [one.code for one in found.findings if one.severity == Severity.FAILURE] == ["modes_of_lines_real"]
 
 
+def test_a_decay_that_lines_do_not_tell_fails():
+    given = of_equations(mathieu(damping=1e-4), np.linspace(0.05, 0.8, 30), noise=0.1, harmonics=np.arange(-1, 2))
+    found = fit_transfer(given, period=np.pi, limits=Limits(modes=1))
+    assert (2.0 * found.model.exponent_std.real > np.abs(found.model.exponents.real)).all()
+    assert [one.code for one in found.findings if one.severity == Severity.FAILURE] == ["modes_of_lines_undetermined"]
+    assert found.warnings[0].startswith("The decay is not determined: mode at ")
+
+
 def test_a_direct_term():
     system = mathieu(direct=0.4)
     given = of_equations(system, np.linspace(0.05, 0.8, 30), harmonics=np.arange(-1, 2))
