@@ -114,6 +114,18 @@ def test_inputs_that_do_not_repeat_are_told(tmp_path, capsys):
     assert "do not repeat" in capsys.readouterr().err
 
 
+def test_modes_whose_decay_lines_do_not_tell_end_with_one(tmp_path, capsys):
+    hertz = np.linspace(0.05, 0.8, 30)
+    export_transfer(
+        of_equations(mathieu(damping=1e-4), hertz, noise=0.1, harmonics=np.arange(-1, 2)), tmp_path / "g.csv"
+    )
+    command = ["transfer", "--lines", str(tmp_path / "g.csv"), "--method", "fit", "--period", PERIOD]
+    for more in ([], ["--format", "json"], ["--out", str(tmp_path / "g.html")]):
+        assert run([*command, *more]) == 1
+        assert "The decay is not determined: mode" in capsys.readouterr().err
+    assert "The modes explain the lines." not in (tmp_path / "g.html").read_text(encoding="utf-8")
+
+
 def test_lines_of_a_file_are_fitted(tmp_path, capsys):
     lines = of_equations(lag(), np.linspace(0.02, 0.4, 20), harmonics=np.arange(-1, 2))
     export_transfer(lines, tmp_path / "g.csv")

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 import sys
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Literal, TypeAlias
+from typing import Annotated, Any, Literal, TypeAlias
 
 import numpy as np
 from cyclopts import Parameter
@@ -32,8 +33,9 @@ from floquid.cli._options import (
 from floquid.cli._records import check_files, read_records
 from floquid.cli._terminal import json_text, print_title, print_warnings, progress, terminal
 from floquid.core import Channel
+from floquid.errors import IdentificationError
 from floquid.exports import export_transfer, fit_entries, import_transfer, measured_entries, transfer_entries
-from floquid.findings import Severity, texts
+from floquid.findings import Finding, Severity, texts
 from floquid.inputs import TransferFunctions
 from floquid.pipeline import ExcitedAnalysis, measure_transfer
 from floquid.readers import write
@@ -144,7 +146,15 @@ def transfer(
             _write(found, result, out)
     if format == "json":
         sys.stdout.write(json_text(transfer_entries(found) | more))
-        return
+    else:
+        _print(found, findings, more, out)
+    failed = texts(findings, Severity.FAILURE)
+    if failed:
+        raise IdentificationError(failed[0])
+
+
+def _print(found: TransferFunctions, findings: Sequence[Finding], more: dict[str, Any], out: Path | None) -> None:
+    """Print G, the exponents where modes were fitted, and what was found."""
     print_transfer(terminal(), found)
     for value, std in zip(more.get("exponents", ()), more.get("exponents_std") or (), strict=True):
         real, imag = (with_error(*part) for part in zip(value, std, strict=True))
