@@ -273,6 +273,8 @@ def eliminated(lines: Lines, modal: Modal) -> Fitted:
     units, numbers, parts = modal.units(lines), [], []
     for output in range(lines.values.shape[1]):
         columns = lines.weighed(units, output)
+        # A step too far overflows: what is there explains nothing, and the step is taken back.
+        columns = np.where(np.isfinite(columns).all(axis=1, keepdims=True), columns, 0.0)
         size = np.linalg.norm(columns, axis=1)
         size = np.where(size > 0.0, size, 1.0)
         basis, triangle = np.linalg.qr((columns / size[:, None]).T)

@@ -97,7 +97,8 @@ def test_a_real_multiplier_is_one():
     assert not found.warnings
 
 
-def test_the_joint_covariance_is_the_inverse_of_all_products_of_slopes():
+def a_lag(exponent, held=None):
+    """Lines of two outputs, and a real mode of some exponent."""
     one = of_equations(lag(), np.linspace(0.02, 0.4, 12), harmonics=np.arange(-1, 2))
     both = (np.concatenate([own, 0.5 * own[:, :, :, ::-1].conj()], axis=1) for own in (one.values, one.std))
     values, std = both
@@ -107,13 +108,13 @@ def test_the_joint_covariance_is_the_inverse_of_all_products_of_slopes():
         values=values,
         std=np.abs(std.real) + 1j * np.abs(std.imag),
         fundamental=2.0,
-        held=None,
+        held=held,
         echoes=(np.zeros((0, 1, 12), complex), np.zeros(0)),
     )
     turns = np.arange(2.0)
     gains = np.array([[1.0, 0.3 + 0.1j]])
     mode = InputMode(
-        exponent=-0.5 + 0j,
+        exponent=exponent + 0j,
         real=True,
         reach=turns,
         gains=gains,
@@ -121,7 +122,19 @@ def test_the_joint_covariance_is_the_inverse_of_all_products_of_slopes():
         initial=np.zeros(0, complex),
         sizes=np.ones(1),
     )
-    found = eliminated(lines, Modal((mode,), (np.zeros((2, 2), complex),), (np.zeros((2, 1), complex),)))
+    return lines, Modal((mode,), (np.zeros((2, 2), complex),), (np.zeros((2, 1), complex),))
+
+
+def test_an_exponent_that_overflows_explains_nothing():
+    """A step of a fit may go that far; it is taken back, and does not end the search."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        off = eliminated(*a_lag(1e6, held=(0.1, "zero")))
+    assert np.isfinite(off.chi_square)
+    assert off.chi_square > eliminated(*a_lag(-0.5, held=(0.1, "zero"))).chi_square
+
+
+def test_the_joint_covariance_is_the_inverse_of_all_products_of_slopes():
+    found = eliminated(*a_lag(-0.5))
     count, width = len(found.slopes[0]), len(found.columns[0])
     rows = np.zeros((count + 2 * width, sum(own.shape[1] for own in found.slopes)))
     for output, (slopes, columns) in enumerate(zip(found.slopes, found.columns, strict=True)):
