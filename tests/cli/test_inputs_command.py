@@ -77,6 +77,8 @@ def test_the_state_matrix_is_printed_saved_and_exported(file, tmp_path, capsys, 
         assert 0.1 < np.abs(pulls).max() < 4.0
     kept = load(out / "result.h5")
     assert np.array_equal(kept.state.inputs, found["inputs"])
+    assert np.array(found["outputs"])[:, 0] == pytest.approx(np.tile([1.0, 0.0], (8, 1)), abs=1e-9)
+    assert np.shape(found["direct"]) == (8, 1, 1)
     assert (out / "figures" / "system_elements.png").exists()
     assert run(["convert", str(out), str(tmp_path / "modes.mat")]) == 0
     table = loadmat(tmp_path / "modes.mat")
@@ -94,6 +96,16 @@ def test_the_state_matrix_is_printed_saved_and_exported(file, tmp_path, capsys, 
     said = capsys.readouterr().out
     assert "B(t): smallest" in said
     assert "deviation" not in said[said.index("A(t)") :].lower()
+
+
+def test_states_that_are_too_few_lose_no_search(file, capsys):
+    words = ["identify", str(file), "--period", PERIOD, "--inputs", "F", "--states", "x", "--form", "first-order"]
+    assert run(words) == 0
+    said = " ".join(capsys.readouterr().out.split())
+    assert "A(t) was not rebuilt:" in said
+    assert "must name 2 channels" in said
+    assert "Verdict passed" in said
+    assert "A(t) [" not in said
 
 
 def test_lines_of_a_revolution_of_two_periods(tmp_path, capsys):

@@ -31,8 +31,8 @@ def summary(analysis: Analysis | ExcitedAnalysis) -> dict[str, Any]:
     structure, that structure, its parameters, and how well it fits.
 
     Where the excitation goes on, `inputs` has, of each mode, its `coefficients` b over the inputs' `harmonics` with
-    deviations, and the `direct` term, and is null where none were measured; `system` has B(t) beside A(t), its `inputs`
-    (times, states, inputs), with those of the settings; `lengths` are the durations of a record
+    deviations, and the `direct` term, and is null where none were measured; `system` has B(t), C(t) and D(t)
+    beside A(t), its `inputs`, `outputs` and `direct` (times, …); `lengths` are the durations of a record
     that would give each damping to 10 % [s], null with measured inputs alone.
 
     `analysis` is what `identify`, `identify_driven` or `identify_ambient` found.
@@ -183,7 +183,9 @@ def _system(state: StateModel, refinement: Refinement | None) -> dict[str, Any]:
         "std": state.system_std,
         "structure": None if refinement is None else _structure(refinement),
     }
-    return found if state.inputs is None else found | {"inputs": state.inputs, "inputs_std": state.inputs_std}
+    if state.inputs is None:
+        return found
+    return found | {name: getattr(state, name) for name in ("inputs", "inputs_std", "outputs", "direct")}
 
 
 def _structure(found: Refinement) -> dict[str, Any]:

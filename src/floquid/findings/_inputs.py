@@ -122,6 +122,7 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "so: `periods_per_revolution={periods}`; if not, the period is another one, or a mode hardly decays, which "
     '`forced="none"` leaves in.',
     "line_as_mode": _line,
+    "states_unfit": "A(t) was not rebuilt: {reason}",
     "inputs_free": "Harmonics go on to the Nyquist frequency: the matrices at each of the {phases} phases were fitted, "
     "all of them free. Between the samples the model says nothing.",
     "unreached": "The mode at {frequency:.4g} Hz is reached by no input as far as the record shows: it is seen by what "

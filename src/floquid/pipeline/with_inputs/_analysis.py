@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid._show import Drawings, Drawn, Told
 from floquid.core import Channel, ConstantPeriod, PeriodicModel, Provenance, Record
+from floquid.errors import FloquidError
 from floquid.findings import Finding, Severity, failure, texts, warning
 from floquid.innovations import Fit, transfer_of
 from floquid.inputs import TransferFunctions, Uncertainty
@@ -263,7 +264,11 @@ def finished(analysis: Kind, periods_of_turn: float, report: Callable[[str], Non
         return analysis
     report("rebuilding the state matrix")
     names, form = states_of(analysis.model.channels, analysis.settings), analysis.settings.form
-    state = analysis.reconstruct(names, form=form, times=analysis.settings.system_times)  # type: ignore[arg-type]
+    try:
+        state = analysis.reconstruct(names, form=form, times=analysis.settings.system_times)  # type: ignore[arg-type]
+    except FloquidError as error:  # how many states the modes need was not known before the search
+        missing = warning("states_unfit", reason=str(error).splitlines()[0])
+        return replace(analysis, findings=(*analysis.findings, missing))
     return replace(analysis, state=state)
 
 
