@@ -156,8 +156,8 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "resonance is flattened, deviations there are too small. Record for longer, or fit a model: "
     "`identify_driven`.",
     "measured_transient": "The first repeat that is used differs from the others by {ratio:.3g} times the power of the "
-    "noise at some lines: what rang at the begin is not over, or the input is not the same. Leave out more than "
-    "{dropped}.",
+    "noise at some lines: what rang at the begin is not over, or the input is not the same. What is not linear is "
+    "not told beside it. Leave out more than {dropped}.",
     "measured_nonlinear": "Output {channel} has {ratio:.3g} times the power of the noise at lines where a linear "
     "system has none: it is not linear at this force, or does not repeat with that period.",
     "modes_of_lines": "Modes fitted to the lines: {modes}. They leave {ratio:.3g} times the variance, {degrees} "

@@ -139,7 +139,8 @@ def by_repeats(
             std[row, :, number][:, seen] = (1.0 + 1.0j) * np.sqrt(0.5 * variance)
     level = spread[:, places]
     explained = level + np.einsum("p,pok->ok", counts, np.abs(outputs[:, :, places]) ** 2) / repeats
-    nonlinear, lines = _nonlinear(answers, spread, excited, turns)
+    # What rings has power at all lines.
+    nonlinear, lines = (np.full(len(spread), np.nan), 0) if alive else _nonlinear(answers, spread, excited, turns)
     return measured_of(
         samples,
         channels,

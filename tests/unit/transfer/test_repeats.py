@@ -136,13 +136,15 @@ def test_what_is_not_linear_is_seen(stiffness, seen):
     )
     found = measure_transfer(record, inputs=["F"], drop=1)
     assert (found.nonlinear[0] > 2.0) == seen
-    assert any("not linear" in words for words in found.warnings) == seen
+    assert any("not linear at this force" in words for words in found.warnings) == seen
 
 
 @pytest.mark.parametrize(("drop", "seen"), [(0, True), (1, False)])
 def test_a_transient_that_is_alive_is_seen(drop, seen):
     found = measured(mathieu(), 20, 32, 4, 0.02, 5, drop=drop)
     assert any("what rang at the begin" in words for words in found.warnings) == seen
+    assert not any("not linear at this force" in words for words in found.warnings)
+    assert np.isnan(found.nonlinear).all() == seen
 
 
 def test_what_rings_on_for_repeats_is_no_noise():
