@@ -289,18 +289,26 @@ def _print_elements(
 ) -> bool:
     """Print the last rows of matrices over a period (times, states, columns), the digits of each block alike.
 
-    False where they are too wide.
+    In two tables below one another where one is too wide; False where these are, too.
     """
-    table = new_table([""], names)
     low, high = values.min(axis=0), values.max(axis=0)
-    for i, name in enumerate(rows, start=values.shape[1] - len(rows)):
-        table.add_row(name, *(cell for block in blocks for cell in _alike(low[i, block], high[i, block])))
-        if stds is not None:
-            table.add_row("  deviation", *(f"{std:.2g}" for std in stds[:, i].max(axis=0)), style="dim")
-    fits = _width(console, table) <= console.width
+    places = range(values.shape[1] - len(rows), values.shape[1])
+    cells = [[cell for block in blocks for cell in _alike(low[i, block], high[i, block])] for i in places]
+    for width in (len(names), -(-len(names) // 2)):
+        tables = []
+        for part in (slice(0, width), slice(width, None))[: 1 + (width < len(names))]:
+            tables.append(new_table([""], names[part]))
+            for i, name, own in zip(places, rows, cells, strict=True):
+                tables[-1].add_row(name, *own[part])
+                if stds is not None:
+                    most = stds[:, i, part].max(axis=0)
+                    tables[-1].add_row("  deviation", *(f"{std:.2g}" for std in most), style="dim")
+        if all(_width(console, table) <= console.width for table in tables):
+            console.print(*tables, sep="\n")
+            return True
     size = f"{values.shape[1]} × {values.shape[2]}"
-    console.print(table if fits else f"{size}, too wide for here: summary.json has it (--out DIR or --format json).")
-    return fits
+    console.print(f"{size}, too wide for here: summary.json has it (--out DIR or --format json).")
+    return False
 
 
 def print_structure(console: Console, found: Refinement) -> None:
