@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from numpy.typing import ArrayLike
-
 from floquid._arrays import Floats
-from floquid._checks import Rebuilt, finite, frozen_array, input_error
+from floquid._checks import Rebuilt, finite, input_error
 from floquid.core._channel import Channel
 from floquid.core._provenance import Provenance
 from floquid.core._record import as_channels
@@ -34,38 +31,24 @@ class Cycles(Rebuilt):
 
     values: Floats
     periods: Floats
-    first_phase: float
+    first_phase: float = 0.0
     channels: tuple[Channel, ...]
     provenance: Provenance = field(default_factory=Provenance)
     first_cycle: int = 0
 
-    def __init__(
-        self,
-        *,
-        values: ArrayLike,
-        periods: ArrayLike,
-        first_phase: float = 0.0,
-        channels: Sequence[Channel | str],
-        provenance: Provenance | None = None,
-        first_cycle: int = 0,
-    ) -> None:
-        named = as_channels(channels, "Cycles")
-        array = frozen_array(values, "values", "Cycles", axes=(len(named), "phases", "cycles"), missing=True)
-        lengths = frozen_array(periods, "periods", "Cycles", axes=(array.shape[2],))
-        if array.size == 0:
-            raise input_error("values", "Cycles", "hold at least one phase and one cycle", f"has shape {array.shape}")
-        if not (lengths > 0).all():
-            raise input_error("periods", "Cycles", "be positive [s]", f"has {lengths.min():g}")
-        phase = finite(first_phase, "first_phase", "Cycles")
-        if not 0.0 <= phase < 1.0:
-            raise input_error("first_phase", "Cycles", "lie in [0, 1), in periods", f"is {phase:g}")
+    def __post_init__(self) -> None:
         put = object.__setattr__
-        put(self, "values", array)
-        put(self, "periods", lengths)
-        put(self, "first_phase", phase)
-        put(self, "channels", named)
-        put(self, "provenance", provenance if provenance is not None else Provenance())
-        put(self, "first_cycle", first_cycle)
+        put(self, "channels", as_channels(self.channels, "Cycles"))
+        self._freeze(missing=True, values=(len(self.channels), "phases", "cycles"))
+        self._freeze(periods=(self.n_cycles,))
+        if self.values.size == 0:
+            got = f"has shape {self.values.shape}"
+            raise input_error("values", "Cycles", "hold at least one phase and one cycle", got)
+        if not (self.periods > 0).all():
+            raise input_error("periods", "Cycles", "be positive [s]", f"has {self.periods.min():g}")
+        put(self, "first_phase", finite(self.first_phase, "first_phase", "Cycles"))
+        if not 0.0 <= self.first_phase < 1.0:
+            raise input_error("first_phase", "Cycles", "lie in [0, 1), in periods", f"is {self.first_phase:g}")
 
     @property
     def n_channels(self) -> int:

@@ -239,29 +239,46 @@ class PeriodicModel(Drawn, Rebuilt):
 
     @property
     def multiplier_std(self) -> Complexes | None:
-        r"""Deviations of the multipliers (modes,): real part of the real, imaginary of the imaginary.
+        """Deviations of the multipliers (modes,): real part of the real, imaginary of the imaginary."""
+        covariance = self.multiplier_covariance
+        if covariance is None:
+            return None
+        variances = np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 0.0)
+        return np.sqrt(variances[:, 0]) + 1j * np.sqrt(variances[:, 1])
+
+    @property
+    def multiplier_covariance(self) -> Floats | None:
+        r"""Covariance of the real and the imaginary part of each multiplier (modes, 2, 2); None if not estimated.
 
         .. math:: \delta\mu = \mu\, (T\, \delta\lambda + \lambda\, \delta T)
 
-        with δT where the period was estimated.
+        to first order, with δT where the period was estimated.
         """
         if self.covariance is None:
             return None
-        own = self.estimates
+        own, n = self.estimates, self.order
         if own is None or own.covariance[-1, -1] == 0.0:
             slope = self.multipliers * self.period
-            return self._std_of(slope.real, -slope.imag) + 1j * self._std_of(slope.imag, slope.real)
+            turned = np.moveaxis(np.array([[slope.real, -slope.imag], [slope.imag, slope.real]]), 2, 0)
+            parts = np.array([self.covariance[r::n, r::n] for r in range(n)]).reshape(n, 2, 2)
+            return turned @ parts @ turned.transpose(0, 2, 1)
         # Half the fundamental, in a real multiplier, turns by half a turn a period whatever the period is.
         lam = np.where(own.real, own.exponents.real, own.exponents)
         slope = self.multipliers[self.modes_of(own)] * self.period
         by = np.concatenate(
             [np.diag(slope), np.diag(1j * slope * ~own.real), -(slope * lam / own.fundamental)[:, None]], 1
         )
-        std = np.sqrt(np.einsum("rp,pq,rq->r", by.real, own.covariance, by.real)) + 1j * np.sqrt(
-            np.einsum("rp,pq,rq->r", by.imag, own.covariance, by.imag)
+        both = np.stack([by.real, by.imag], axis=1)
+        known = both @ own.covariance @ both.transpose(0, 2, 1)
+        straight, mirrored = (
+            np.abs(np.subtract.outer(self.exponents, side)) for side in (own.exponents, own.exponents.conj())
         )
-        both = (np.subtract.outer(self.exponents, side) for side in (own.exponents, own.exponents.conj()))
-        return std[np.argmin(np.minimum(*map(np.abs, both)), axis=1)]
+        of = np.argmin(np.minimum(straight, mirrored), axis=1)
+        sign = np.where((straight <= mirrored)[np.arange(n), of], 1.0, -1.0)  # of a conjugate the imaginary part's
+        found = known[of]
+        found[:, 0, 1] *= sign
+        found[:, 1, 0] *= sign
+        return found
 
     @property
     def frequency_std_hz(self) -> Floats | None:

@@ -19,7 +19,6 @@ from floquid.periodic.least_squares import (
     SPEED_RATE,
     SPEED_SQUARED,
     TREND,
-    GappyBlock,
     ModeParameters,
     RecordBlock,
     estimates_of,
@@ -218,7 +217,7 @@ def forced_of(found: SearchResult, nu: float, channels: tuple[Channel, ...], *, 
     offset, offset_std = alone(plain & (entries.offsets == 0.0))
     half = np.ones(nothing.shape)
     for block in found.blocks:
-        half[block.rows, block.hit] = block.half if isinstance(block, (RecordBlock, GappyBlock)) else 1.0
+        half[block.rows, block.hit] = block.half if isinstance(block, RecordBlock) else 1.0
     drift, drift_std = alone(forced & (entries.factors == TREND), half)
     return ForcedResponse(
         harmonics=np.array([round(entries.offsets[e] * nu) for e in turning], np.int64),

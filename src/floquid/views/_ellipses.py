@@ -64,29 +64,8 @@ def multiplier_ellipses(model: PeriodicModel, level: float = 0.95) -> Complexes 
     with δT where the period was estimated. Of a `model` there are the edges (modes, points) [-], None without
     deviations; each region holds the true multiplier with the probability `level`.
     """
-    if model.covariance is None:
-        return None
-    n, own = model.order, model.estimates
-    if own is None or own.covariance[-1, -1] == 0.0:
-        slope = model.multipliers * model.period
-        turned = [np.array([[s.real, -s.imag], [s.imag, s.real]]) for s in slope]
-        parts = [t @ model.covariance[np.ix_([r, r + n], [r, r + n])] @ t.T for r, t in enumerate(turned)]
-        return _edges(model.multipliers, parts, level)
-    # Half the fundamental, in a real multiplier, turns by half a turn a period whatever the period is.
-    lam = np.where(own.real, own.exponents.real, own.exponents)
-    places = model.modes_of(own)
-    slope = model.multipliers[places] * model.period
-    by = np.concatenate([np.diag(slope), np.diag(1j * slope * ~own.real), -(slope * lam / own.fundamental)[:, None]], 1)
-    both = np.stack([by.real, by.imag], axis=1)
-    known = both @ own.covariance @ both.transpose(0, 2, 1)
-    straight = np.abs(np.subtract.outer(model.exponents, own.exponents))
-    mirrored = np.abs(np.subtract.outer(model.exponents, own.exponents.conj()))
-    of = np.argmin(np.minimum(straight, mirrored), axis=1)
-    turn_back = np.diag([1.0, -1.0])
-    parts = [
-        known[k] if straight[r, k] <= mirrored[r, k] else turn_back @ known[k] @ turn_back for r, k in enumerate(of)
-    ]
-    return _edges(model.multipliers, parts, level)
+    covariance = model.multiplier_covariance
+    return None if covariance is None else _edges(model.multipliers, list(covariance), level)
 
 
 def _edges(centres: Complexes, parts: list[Floats], level: float) -> Complexes:

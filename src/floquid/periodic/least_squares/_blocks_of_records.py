@@ -18,7 +18,7 @@ WANDERS = 1e-7  # the relative wander of the speed from which on the forced resp
 
 def record_blocks(
     records: Sequence[Record], clocks: Sequence[ConstantPeriod | ShaftAngle], nu: float
-) -> tuple[tuple[RecordBlock | GappyBlock, ...], float, float]:
+) -> tuple[tuple[RecordBlock, ...], float, float]:
     """Blocks of the records, of channels that miss the same samples; the fundamental and periods a revolution."""
     if not len(records) or len(records) != len(clocks):
         must, got = "hold one clock a record", f"there are {len(records)} records and {len(clocks)} clocks"
@@ -28,7 +28,7 @@ def record_blocks(
     shafts = [clock for clock in clocks if isinstance(clock, ShaftAngle)]
     period = float(np.mean([clock.period for clock in clocks]))
     nu = shafts[0].periods_per_revolution if shafts else nu
-    blocks: list[RecordBlock | GappyBlock] = []
+    blocks: list[RecordBlock] = []
     for hit, (record, clock) in enumerate(zip(records, clocks, strict=True)):
         times, angles, speeds = record.times, None, None
         if isinstance(clock, ShaftAngle):
@@ -64,9 +64,9 @@ def record_blocks(
     return tuple(blocks), 2.0 * np.pi / period, nu
 
 
-def _with_gaps(grid: RecordBlock, taken: Mask) -> RecordBlock | GappyBlock:
+def _with_gaps(grid: RecordBlock, taken: Mask) -> RecordBlock:
     """The block of some samples of a grid."""
-    gappy = GappyBlock.of(grid, grid.values, taken)
+    gappy = GappyBlock.of(grid, taken)
     if gappy is not None:
         return gappy
     return replace(

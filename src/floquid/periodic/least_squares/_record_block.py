@@ -188,7 +188,7 @@ class RecordBlock(Block):
         return both, late
 
     def _chunks(self) -> list[slice]:
-        return [slice(first, first + CHUNK) for first in range(0, self.n_samples, CHUNK)]
+        return [slice(first, first + CHUNK) for first in range(0, len(self.times), CHUNK)]
 
     def _columns(self, columns: Columns, chunk: slice) -> Floats:
         """Re z and Im z beside each other (samples, 2 columns)."""
@@ -219,92 +219,50 @@ def _turned(turns: Floats, angles: Floats) -> Complexes:
     return found
 
 
-@dataclass(frozen=True)
-class GappyBlock(Block):
+@dataclass(frozen=True, kw_only=True)
+class GappyBlock(RecordBlock):
     """Evenly spaced samples of which some are missing: sums over all, with any values there, less those of these."""
 
-    whole: RecordBlock  # all samples of the grid, the missing ones filled with values of any kind
-    holes: RecordBlock  # the missing samples with the same values
-    taken: Integers  # mask of the samples on the grid (samples,)
-
-    @property
-    def hit(self) -> int:
-        """Index of the hit."""
-        return self.whole.hit
-
-    @property
-    def rows(self) -> Integers:
-        """Indices of the channels (rows,)."""
-        return self.whole.rows
-
-    @property
-    def noise(self) -> Floats:
-        """The deviation of their noise (rows,)."""
-        return self.whole.noise
+    holes: RecordBlock  # the missing samples with the values that stand for them
+    taken: Integers  # indices of the samples that are there (samples there,)
 
     @property
     def n_samples(self) -> int:
         """Samples of each channel that are there."""
         return len(self.taken)
 
-    @property
-    def last(self) -> float:
-        """The time of the last sample [s]."""
-        return self.whole.last
-
-    @property
-    def half(self) -> float:
-        """Unit of trends [s]."""
-        return self.whole.half
-
-    def with_noise(self, noise: Floats) -> GappyBlock:
-        """The same samples with other noise (rows,)."""
-        return replace(self, whole=self.whole.with_noise(noise))
-
-    def placed(self, hit: int, rows: Integers) -> GappyBlock:
-        """The same samples as those of another hit, and of other channels."""
-        return replace(self, whole=self.whole.placed(hit, rows))
-
-    @property
-    def largest(self) -> Floats:
-        """The largest size of a sample (rows,)."""
-        return self.whole.largest
-
     def residual(self, columns: Columns, coefficients: Complexes) -> tuple[NDArray, NDArray]:
         """Times (samples,) [s] and what the model leaves at each (rows, samples)."""
-        times, left = self.whole.residual(columns, coefficients)
+        times, left = super().residual(columns, coefficients)
         return times[self.taken], left[:, self.taken]
 
     def sums(self, columns: Columns, coefficients: Complexes) -> Sums:
         """The sums of the scaled columns, and of what the model 2 Re Σ B_j z_j leaves."""
-        whole, holes = self.whole.sums(columns, coefficients), self.holes.sums(columns, coefficients)
+        whole, holes = super().sums(columns, coefficients), self.holes.sums(columns, coefficients)
         names = ("gram", "mixed", "slopes", "seen", "late", "left")
         return Sums(*(getattr(whole, name) - getattr(holes, name) for name in names))
 
-    def gain(self, rates: Complexes, *, slope: bool = False) -> Complexes:
-        """Gain of the filter at e^{st}, or its slope (rows, rates)."""
-        return self.whole.gain(rates, slope=slope)
-
     def filtered(self, taps: Floats) -> GappyBlock | None:
         """The block after a filter along the record (rows, taps), of samples that have all their past."""
-        whole, order = self.whole.filtered(taps), taps.shape[1] - 1
-        there = np.zeros(len(self.whole.times), bool)
-        there[self.taken] = True
-        past = np.lib.stride_tricks.sliding_window_view(there, order + 1).all(axis=1)
-        if whole is None or past.mean() < ENOUGH:
-            return None
-        ends = (self.whole.first, self.whole.last)
-        holes = replace(whole, times=whole.times[~past], values=whole.values[:, ~past], ends=ends)
-        return GappyBlock(whole, holes, np.flatnonzero(past))
+        whole = super().filtered(taps)
+        there = np.isin(np.arange(len(self.times)), self.taken)
+        past = np.asarray(np.lib.stride_tricks.sliding_window_view(there, taps.shape[1]).all(axis=1), bool)
+        return None if whole is None or past.mean() < ENOUGH else GappyBlock.with_holes(whole, whole.values, past)
 
     @staticmethod
-    def of(grid: RecordBlock, values: Floats, taken: Mask) -> GappyBlock | None:
+    def of(grid: RecordBlock, taken: Mask) -> GappyBlock | None:
         """The block of samples `taken` of an evenly spaced grid; None where it is no grid, or too few are there."""
         if grid.angles is not None or grid.step is None or taken.mean() < ENOUGH:
             return None
         index = np.arange(len(taken))
-        filled = np.array([np.interp(index, index[taken], own[taken]) for own in values])
-        whole = replace(grid, values=np.where(taken, values, filled))
-        ends = (float(grid.times[0]), float(grid.times[-1]))
-        holes = replace(whole, times=grid.times[~taken], values=whole.values[:, ~taken], ends=ends)
-        return GappyBlock(whole, holes, np.flatnonzero(taken))
+        filled = np.array([np.interp(index, index[taken], own[taken]) for own in grid.values])
+        return GappyBlock.with_holes(grid, np.where(taken, grid.values, filled), taken)
+
+    @staticmethod
+    def with_holes(grid: RecordBlock, values: Floats, taken: Mask) -> GappyBlock:
+        """The samples `taken` of a grid whose values are all finite."""
+        own = {name: getattr(grid, name) for name in ("hit", "rows", "noise", "taps")}
+        ends = (grid.first, grid.last)
+        holes = RecordBlock(times=grid.times[~taken], values=values[:, ~taken], ends=ends, **own)
+        places = np.flatnonzero(taken)
+        return GappyBlock(times=grid.times, values=values, ends=grid.ends, holes=holes, taken=places, **own)

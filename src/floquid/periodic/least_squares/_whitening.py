@@ -8,7 +8,7 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid.lifting import LAGS, filters_of
-from floquid.periodic.least_squares._record_block import GappyBlock, RecordBlock
+from floquid.periodic.least_squares._record_block import RecordBlock
 from floquid.periodic.least_squares._sample_block import Block, complex_of
 from floquid.periodic.least_squares._solver import Solution
 
@@ -55,7 +55,5 @@ def through(blocks: Sequence[Block], taps: Floats | None) -> Sequence[Block]:
 
 def filtered_blocks(blocks: Sequence[Block], taps: Floats) -> tuple[Block, ...] | None:
     """The blocks after a filter of each channel; None where samples are missing and too few would be left."""
-    found = [
-        block.filtered(taps[block.rows]) if isinstance(block, (RecordBlock, GappyBlock)) else None for block in blocks
-    ]
+    found = [block.filtered(taps[block.rows]) if isinstance(block, RecordBlock) else None for block in blocks]
     return None if any(block is None for block in found) else tuple(block for block in found if block is not None)

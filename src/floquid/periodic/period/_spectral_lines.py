@@ -77,12 +77,12 @@ def raw_blocks(records: Sequence[Record]) -> tuple[RecordBlock, ...]:
     return tuple(_of_samples_there(block) for block in record_blocks(records, clocks, 1.0)[0])
 
 
-def _of_samples_there(block: RecordBlock | GappyBlock) -> RecordBlock:
+def _of_samples_there(block: RecordBlock) -> RecordBlock:
     """The samples that are there at their own times: a block with holes can be neither shifted nor shortened."""
-    if isinstance(block, RecordBlock):
+    if not isinstance(block, GappyBlock):
         return block
-    whole, taken = block.whole, block.taken
-    return replace(whole, times=whole.times[taken], values=whole.values[:, taken])
+    times, values = block.times[block.taken], block.values[:, block.taken]
+    return RecordBlock(times=times, values=values, hit=block.hit, rows=block.rows, noise=block.noise, ends=block.ends)
 
 
 def after_phase_zero(
