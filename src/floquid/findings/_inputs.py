@@ -23,6 +23,10 @@ AMBIENT: dict[str, str | Callable[..., str]] = {
         f"One harmonic alone: {_at(frequencies)}. Likely the excitation's own, coloured there, or a part that the "
         "rotation does not reach."
     ),
+    "ambient_fast": lambda frequencies: (
+        f"Too fast to be told from the excitation's own: {_at(frequencies)}. What is gone within a period may be "
+        "the system's, or coloured excitation that reaches it; of outputs alone both look the same."
+    ),
     "ambient_length": "Random excitation tells little of damping: that at {frequency:.4g} Hz is known to {share:.0%}, "
     "and to 10 % it needs {seconds:.3g} s, {periods:.3g} periods.",
     "ambient_undetermined": lambda frequencies: (

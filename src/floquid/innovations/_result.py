@@ -76,15 +76,24 @@ class Fit(Rebuilt):
         """Squared deviations of the harmonics of a shape, but for the largest, from zero, and how many those are."""
         mode = self.at.modes[number]
         turns = np.arange(len(mode.turns)) != int(np.argmax(np.sum(np.abs(mode.shape / self.at.noise) ** 2, axis=0)))
-        return self._squares(number, turns)
+        return self._squares(number, shape=np.tile(turns, len(mode.shape)))
 
     def seen(self, number: int) -> tuple[float, int]:
         """Squared deviations of a shape from zero, and how many numbers it has."""
-        return self._squares(number, np.ones(len(self.at.modes[number].turns), bool))
+        return self._squares(number, shape=np.ones(self.at.modes[number].shape.size, bool))
 
-    def _squares(self, number: int, turns: NDArray[np.bool_]) -> tuple[float, int]:
+    def reached(self, number: int) -> tuple[float, int]:
+        """Squared deviations of the gains of the measured inputs from zero, and how many numbers those are."""
+        mode = self.at.modes[number]
+        return self._squares(number, gains=np.arange(mode.gains.size) < len(self.samples.inputs) * len(mode.reach))
+
+    def _squares(
+        self, number: int, *, gains: NDArray[np.bool_] | None = None, shape: NDArray[np.bool_] | None = None
+    ) -> tuple[float, int]:
         mode, place = self.at.modes[number], self.places[number]
-        mask = np.concatenate([np.zeros(mode.rows + 2 * mode.gains.size, bool), np.tile(turns, 2 * len(mode.shape))])
+        gains = np.zeros(mode.gains.size, bool) if gains is None else gains
+        shape = np.zeros(mode.shape.size, bool) if shape is None else shape
+        mask = np.concatenate([np.zeros(mode.rows, bool), gains, gains, shape, shape])
         own = mode.parameters[mask]
         return (squares(own, self.parameters[place, place][np.ix_(mask, mask)]), len(own)) if len(own) else (0.0, 0)
 

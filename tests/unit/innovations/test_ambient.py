@@ -115,6 +115,33 @@ def test_a_kind_that_is_not_told_fails_but_of_a_mode_gone_in_a_period_that_moves
     assert [(own.code, own.severity) for own in found if own.code.startswith("ambient_kind")] == told
 
 
+@pytest.mark.parametrize(
+    ("decay", "turn", "reached", "told"),
+    [
+        (6.0, 0.0, 0.0, True),
+        (6.0, 0.2, 0.0, True),
+        (6.0, 0.5, 0.0, False),
+        (2.0, 0.0, 0.0, False),
+        (6.0, 0.0, 1e3, False),
+    ],
+    ids=["gone", "gone and swinging", "a negative multiplier", "lasting", "reached by a measured input"],
+)
+def test_a_mode_gone_within_a_period_may_be_the_excitations(analysis, decay, turn, reached, told, monkeypatch):
+    """Mathieu's mode loses 0.22 nepers a period."""
+    fit, own = analysis.fit, analysis.fit.at.modes[0]
+    exponent = complex(decay * own.exponent.real, turn * fit.samples.fundamental)
+    gone = replace(own, exponent=exponent, gains=0.5 * own.gains)
+    at = predicted(fit.samples, [replace(own, gains=0.5 * own.gains), gone], fit.at.columns, np.zeros((1, 4)))
+    monkeypatch.setattr(Fit, "varying", lambda *_: (1e3, 4))
+    monkeypatch.setattr(Fit, "reached", lambda *_: (reached, 4))
+    both = Fit(fit.samples, at, fit.acting)
+    model = model_of(both, analysis.model.channels, (), analysis.model.provenance)
+    found = _told(both, model, np.full(4, 0.05), 1.0, np.zeros(2))
+    hertz = [abs(exponent) / (2.0 * np.pi)]
+    named = [own.numbers["frequencies"] for own in found if own.code == "ambient_fast"]
+    assert named == ([pytest.approx(hertz)] if told else [])
+
+
 def test_a_line_at_the_speed_is_taken_off(values):
     angle = 2.0 * np.pi * np.arange(values.shape[1]) / PHASES
     found = identify_ambient(record_from(values + 3.0 * np.cos(angle + 0.3)), validate=False)

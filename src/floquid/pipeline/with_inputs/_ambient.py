@@ -211,7 +211,7 @@ def _held_out(samples: Samples, found: Predictor) -> NDArray[np.float64]:
 def _told(
     fit: Fit, model: PeriodicModel, relative: NDArray[np.float64], duration: float, undecided: NDArray[np.float64]
 ) -> tuple[Finding, ...]:
-    """Findings on the modes: how long a record their damping needs, which are not periodic, and which nearly one.
+    """Findings on the modes: how long a record their damping needs, which may be the excitation's, which nearly one.
 
     Whether a pair of one harmonic is two real multipliers does not matter: it is the excitation's own.
     """
@@ -237,6 +237,9 @@ def _told(
     single = ~np.array(varying) & any(varying)
     if single.any():
         found.append(warning("ambient_single", frequencies=hertz[single].tolist()))
+    fast = (decays * model.period > GONE) & ~single & (undecided == 0.0) & ~_own(fit)
+    if fast.any():
+        found.append(warning("ambient_fast", frequencies=hertz[fast].tolist()))
     if (shares > AIM).any():
         worst = int(np.argmax(shares))
         told, periods = warning if shares[worst] > VAGUE else note, duration / model.period * (shares / AIM) ** 2
@@ -254,6 +257,23 @@ def _told(
         told = failure if any(_one(fit, model, group, shares) for group in groups) else warning
         found.append(told("ambient_alike", frequencies=hertz[np.sort(np.concatenate(groups))].tolist()))
     return tuple(found)
+
+
+def _own(fit: Fit) -> NDArray[np.bool_]:
+    """True of modes that are the system's: driven by a measured input, or with a negative multiplier (modes,).
+
+    Coloured excitation is driven by none, and what decays in it without turning has a positive one.
+    """
+    from scipy.special import chdtrc
+
+    found, omega = [], fit.samples.fundamental
+    for number, (mode, place) in enumerate(zip(fit.at.modes, fit.places, strict=True)):
+        squares, degrees = fit.reached(number)
+        halves = 2.0 * (mode.axis + mode.exponent.imag / omega)
+        away, std = 0.5 * omega * abs(halves - round(halves)), fit.parameters[(place.start + mode.rows - 1,) * 2] ** 0.5
+        negative = round(halves) % 2 == 1 and away <= SIGNIFICANT * std
+        found.append(negative or bool(degrees and chdtrc(degrees, squares) < SURE))
+    return np.array(found)
 
 
 def _one(fit: Fit, model: PeriodicModel, group: NDArray[np.int64], shares: NDArray[np.float64]) -> bool:
