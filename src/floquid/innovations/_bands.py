@@ -64,8 +64,10 @@ def narrowed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     Half as many go at once where a linearisation does not hold as far as that: of modes that are nearly one.
     """
     period, most = 2.0 * np.pi / samples.fundamental, sum(len(mode.turns) + len(mode.reach) for mode in now.modes)
+    spread: NDArray[np.float64] | None = None
     while most:
-        bands, step = _narrower(now, normal_of(samples, now, rough=True).inverse(anchored(now)), limits, most)
+        spread = normal_of(samples, now, rough=True).inverse(anchored(now)) if spread is None else spread
+        bands, step = _narrower(now, spread, limits, most)
         gone = sum(int(np.sum(~kept)) for band in bands for kept in band)
         if not gone:
             break
@@ -76,10 +78,10 @@ def narrowed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
         ]
         trial = rebuilt(samples, start, less)
         if trial is not None:
-            trial = solve(samples, trial, rough=True)
-            limit = limit_of(now.n_parameters - trial.n_parameters, limits.mode_alarm)
-            if now.log_likelihood - trial.log_likelihood <= limit:
-                now = trial
+            least = now.log_likelihood - limit_of(now.n_parameters - trial.n_parameters, limits.mode_alarm)
+            trial = solve(samples, trial, rough=True, least=least)
+            if trial.log_likelihood >= least:
+                now, spread = trial, None
                 continue
         most = gone // 2
     return now

@@ -6,12 +6,12 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from floquid.innovations._bands import anchored, grown
+from floquid.innovations._bands import anchored, grown, narrowed
 from floquid.innovations._gain import stable_gains
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted
 from floquid.innovations._products import as_real, gap_of, merged
-from floquid.innovations._solve import normal_of, places, solve, squares
+from floquid.innovations._solve import climbed, normal_of, places, solve, squares
 from floquid.inputs import Limits, Samples, limit_of
 
 DOUBTFUL = 5.0
@@ -37,18 +37,20 @@ def better(trial: Predictor, now: Predictor, limits: Limits) -> bool:
     return sure and trial.criterion < now.criterion
 
 
-def hopeless(trial: Predictor, now: Predictor, limits: Limits) -> bool:
-    """True where a fit with less loses more than harmonics would make up for."""
-    limit = limit_of(max(now.n_parameters - trial.n_parameters, 1), limits.mode_alarm)
-    return now.log_likelihood - trial.log_likelihood > HOPELESS * limit
+def least(trial: Predictor, now: Predictor, limits: Limits) -> float:
+    """Twice the logarithm of the likelihood of a fit with less below which harmonics will not make up for the loss."""
+    return now.log_likelihood - HOPELESS * limit_of(max(now.n_parameters - trial.n_parameters, 1), limits.mode_alarm)
 
 
 def needed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     """Without modes that noise explains once all others are fitted again."""
+    now = _few(samples, now, limits)
     while len(now.modes) > 1:
-        trials = [solve(samples, trial, rough=True) for trial in _fewer(samples, now, limits)]
+        trials = [
+            solve(samples, trial, rough=True, least=least(trial, now, limits)) for trial in _fewer(samples, now, limits)
+        ]
         for trial in sorted(trials, key=lambda own: -own.log_likelihood):
-            if hopeless(trial, now, limits):
+            if trial.log_likelihood < least(trial, now, limits):
                 return now
             best = grown(samples, solve(samples, trial, rough=True), limits)
             if not better(now, best, limits):
@@ -59,21 +61,41 @@ def needed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     return now
 
 
+def _few(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
+    """All that is gone within a period as a few real multipliers, where these explain as much.
+
+    Copies of several such leave one by one only where each fit without one is good, and each of those takes long.
+    """
+    omega = samples.fundamental
+    gone = [mode for mode in now.modes if -mode.exponent.real * 2.0 * np.pi > GONE * omega]
+    if sum(mode.rows for mode in gone) <= FEW:
+        return now
+    half, far = min(
+        ((half, max(_off_axis(mode, half, omega) for mode in gone)) for half in (0.0, 0.5)), key=lambda own: own[1]
+    )
+    rest = [mode for mode in now.modes if mode not in gone]
+    trial = None if far >= 1.0 else stable(samples, now, [*rest, *as_real(samples, now, gone, half, FEW)], limits)
+    trial = None if trial is None else climbed(samples, trial)
+    if trial is None or trial.log_likelihood < least(trial, now, limits):
+        return now
+    trial = narrowed(samples, grown(samples, trial, limits), limits)
+    return now if better(now, trial, limits) else trial
+
+
+def _off_axis(mode: Mode, half: float, omega: float) -> float:
+    """The distance of a pair from an axis over its decay: of one that is two real multipliers below 1."""
+    turns = mode.axis + mode.exponent.imag / omega - half
+    if mode.real and turns % 1.0:
+        return np.inf
+    return float(abs(turns - round(turns)) * omega / -mode.exponent.real)
+
+
 def _fewer(samples: Samples, now: Predictor, limits: Limits) -> Iterator[Predictor]:
     """Starts with a mode less: without one that the linearisation does not need, or fewer for some that are alike.
 
     Of modes that are nearly one the linearisation does not hold: shapes are large and cancel.
     """
     inverse = normal_of(samples, now, rough=True).inverse(anchored(now))
-    period = 2.0 * np.pi / samples.fundamental
-    gone = [mode for mode in now.modes if -mode.exponent.real * period > GONE]
-    axes = {mode.axis for mode in gone if mode.real}
-    # Copies of several that are gone within a period leave one by one only where each fit without one is good.
-    if len(axes) == 1 and sum(mode.rows for mode in gone) > FEW:
-        rest = [mode for mode in now.modes if mode not in gone]
-        trial = stable(samples, now, [*rest, *as_real(samples, now, gone, axes.pop(), FEW)], limits)
-        if trial is not None:
-            yield trial
     for group in alike(now.modes, samples.fundamental):
         rest = [mode for k, mode in enumerate(now.modes) if k not in group]
         trial = None

@@ -15,7 +15,7 @@ from floquid.innovations._gain import SMALL, stable_gains
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted, rebuilt
 from floquid.innovations._real import with_real_ones
-from floquid.innovations._solve import solve
+from floquid.innovations._solve import climbed, solve
 from floquid.inputs import (
     InputMode,
     Limits,
@@ -38,12 +38,6 @@ TRIED = 4
 
 BESIDE = 0.8
 """The share of the decay of a mode that is gone within a period at which another is looked for."""
-
-CLIMBS = 5
-"""Rough fits at most by which a candidate goes on,"""
-
-CLIMBING = 20.0
-"""while one gains so much in twice the logarithm of the likelihood."""
 
 HELD = 6
 """Steps by which modes are fitted with the innovations held."""
@@ -116,15 +110,21 @@ def _searched(
             break
         now = grown(samples, more, limits, rounds=1)
         report(f"searching for modes: {len(now.modes)} found")
-    now = needed(samples, grown(samples, reweighed(samples, now), limits), limits)
+    report("searching for modes: looking for harmonics")
+    now = grown(samples, reweighed(samples, now), limits)
+    report(f"searching for modes: which of {len(now.modes)} are needed")
+    now = needed(samples, now, limits)
     loose = replace(limits, harmonic_alarm=LOOSE)
+    report(f"searching for modes: harmonics of {len(now.modes)}")
     now = narrowed(samples, grown(samples, reweighed(samples, now), loose, rounds=2), loose)
+    report("searching for modes: telling pairs from real multipliers")
     now, undecided = with_real_ones(samples, now, loose)
     fewer = needed(samples, now, loose)
     while fewer is not now:
         most = max(undecided)
         now, undecided = with_real_ones(samples, fewer, loose, [most if mode.real else 0.0 for mode in fewer.modes])
         fewer = needed(samples, now, loose)
+    report(f"fitting {len(now.modes)} modes")
     now = rebuilt(samples, now, [mode.padded(1.0, limits.highest) for mode in now.modes]) or now
     return solve(samples, reweighed(samples, now)), undecided
 
@@ -153,19 +153,10 @@ def _with_one_more(
         if gain < limit_of(len(now.innovations) * products, limits.mode_alarm):
             continue
         trial = _with(samples, own, now, modes, limits)
-        trial = None if trial is None else _climbed(samples, trial)
+        trial = None if trial is None else climbed(samples, trial)
         if trial is not None and better(trial, now, limits):
             return trial
     return None
-
-
-def _climbed(samples: Samples, now: Predictor) -> Predictor:
-    """A rough fit that goes on while it gains: a pole beside one that is there begins with next to nothing."""
-    for _ in range(CLIMBS):
-        before, now = now, solve(samples, now, rough=True)
-        if now.log_likelihood - before.log_likelihood < CLIMBING:
-            break
-    return now
 
 
 def _none(samples: Samples) -> Predictor:

@@ -30,6 +30,16 @@ FINE = (20, 1e-3)
 ROUGH = (10, 0.5)
 """Those of a fit that is not the last."""
 
+PACED = 3
+"""Steps after which a fit whose gains go down is given up where it will not gain what it must at their pace."""
+
+
+CLIMBS = 5
+"""Rough fits at most by which a candidate goes on,"""
+
+CLIMBING = 20.0
+"""while one gains so much in twice the logarithm of the likelihood."""
+
 
 @dataclass(frozen=True, eq=False)
 class Normal(Rebuilt):
@@ -92,13 +102,14 @@ def squares(own: NDArray[np.float64], spread: NDArray[np.float64]) -> float:
     return float(own @ inverted(spread) @ own)
 
 
-def solve(samples: Samples, start: Predictor, *, rough: bool = False) -> Predictor:
+def solve(samples: Samples, start: Predictor, *, rough: bool = False, least: float = -np.inf) -> Predictor:
     """The maximum of the likelihood near a start (Levenberg-Marquardt); a rough one in single precision.
 
-    The matrix is kept while steps gain what it lets expect: the gradient alone costs next to nothing.
+    The matrix is kept while steps gain what it lets expect: the gradient alone costs next to nothing. A fit that is of
+    no use below a least logarithm of the likelihood (twice that) is given up where it will not come as far.
     """
     (iterations, at_rest), now, damping = ROUGH if rough else FINE, start, 1e-6
-    period, taken, kept = 2.0 * np.pi / samples.fundamental, 0, False
+    period, taken, kept, before = 2.0 * np.pi / samples.fundamental, 0, False, np.inf
     normal = normal_of(samples, now, rough=rough)
     pull, (values, vectors) = normal.gradient, normal.directions(1e-6 if rough else ROUNDING)
     while True:
@@ -116,12 +127,24 @@ def solve(samples: Samples, start: Predictor, *, rough: bool = False) -> Predict
             now, damping, taken = trial, max(0.1 * damping, 1e-9), taken + 1
             if gained < at_rest or taken == iterations:
                 return now
+            slows, pace, before = gained < before, max(gained, before), gained
+            if taken >= PACED and slows and now.log_likelihood + (iterations - taken) * pace < least:
+                return now
         kept = gained > SERVES * float(np.sum((2.0 * aim - along * values) * along))
         if kept:
             pull = gradient(samples, now, now.innovations)
         else:
             normal = normal_of(samples, now, rough=rough)
             pull, (values, vectors) = normal.gradient, normal.directions(1e-6 if rough else ROUNDING)
+
+
+def climbed(samples: Samples, now: Predictor) -> Predictor:
+    """A rough fit that goes on while it gains: a pole beside one that is there begins with next to nothing."""
+    for _ in range(CLIMBS):
+        before, now = now, solve(samples, now, rough=True)
+        if now.log_likelihood - before.log_likelihood < CLIMBING:
+            break
+    return now
 
 
 def moved(samples: Samples, at: Predictor, step: NDArray[np.float64], period: float) -> Predictor | None:

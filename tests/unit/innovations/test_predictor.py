@@ -126,6 +126,15 @@ def test_a_fit_from_beside_comes_back_within_its_deviations(case):
     assert (np.abs([gap.real, gap.imag]) < 4.0 * spread).all()
 
 
+def test_a_fit_that_will_not_come_as_far_as_it_must_is_given_up(case):
+    samples, at, _ = case
+    aside = [replace(mode, exponent=mode.exponent - 0.2, shape=0.3 * mode.shape) for mode in at.modes]
+    start = predicted(samples, aside, at.columns, at.initial)
+    whole = solve(samples, start, rough=True).log_likelihood
+    assert start.log_likelihood < solve(samples, start, rough=True, least=whole + 1e4).log_likelihood < whole - 0.3
+    assert solve(samples, start, rough=True, least=whole).log_likelihood == whole
+
+
 def test_a_predictor_that_diverges_is_none(case):
     samples, at, _ = case
     wild = [replace(mode, gains=-30.0 * mode.gains) for mode in at.modes]
@@ -168,6 +177,23 @@ def test_of_copies_of_a_mode_one_stays(number):
     left = needed(samples, found, Limits(highest=3))
     assert [mode.real for mode in left.modes].count(number == 1) == 1
     assert len(left.modes) == 2
+    assert left.log_likelihood > whole.log_likelihood - 1.0
+
+
+def test_pairs_that_are_gone_within_a_period_are_two_real_multipliers_where_these_do():
+    """Two at one place, as a pair on their axis and a copy of it."""
+    generator, times, none = np.random.default_rng(5), 0.4 + STEP * np.arange(3000), np.zeros(1)
+    shape, gains = np.array([[0.6 + 0.1j], [0.2 - 0.5j]]), np.array([[0.4 - 0.1j], [0.2 + 0.3j]])
+    pair = Mode(exponent=-0.5 + 0j, real=False, turns=none, shape=shape, reach=none, gains=gains)
+    noise, inputs = generator.standard_normal((2, 3000)), np.zeros((0, 3000))
+    values = response_of([pair], noise, inputs, times, np.zeros(3))
+    samples = samples_of([values], [inputs], [0.4], step=STEP, fundamental=OMEGA, hold="none")
+    whole = predicted(samples, [pair], np.zeros((2, 1)), np.zeros((1, 2)))
+    parts = ((0.05j, 0.6), (-0.05 + 0j, 0.4))
+    copies = [replace(pair, exponent=pair.exponent + off, shape=share * shape) for off, share in parts]
+    found = predicted(samples, copies, np.zeros((2, 1)), np.zeros((1, 4)))
+    left = needed(samples, found, Limits(highest=3))
+    assert [mode.real for mode in left.modes] == [True, True]
     assert left.log_likelihood > whole.log_likelihood - 1.0
 
 
