@@ -142,6 +142,22 @@ def test_a_mode_gone_within_a_period_may_be_the_excitations(analysis, decay, tur
     assert named == ([pytest.approx(hertz)] if told else [])
 
 
+@pytest.mark.parametrize("axis", [0.0, 0.5])
+def test_a_mode_of_one_harmonic_is_named_but_for_a_negative_multiplier(analysis, axis, monkeypatch):
+    """What decays without turning in the excitation has a positive one."""
+    fit, own = analysis.fit, analysis.fit.at.modes[0]
+    one = replace(
+        own, turns=np.array([axis]), shape=own.shape[:, :1], reach=np.array([axis]), gains=0.1 * own.gains[:, :1]
+    )
+    one = replace(one, exponent=complex(own.exponent.real), real=True)
+    at = predicted(fit.samples, [replace(own, gains=0.5 * own.gains), one], fit.at.columns, np.zeros((1, 3)))
+    monkeypatch.setattr(Fit, "varying", lambda _, number: (1e3, 4) if number == 0 else (0.0, 0))
+    both = Fit(fit.samples, at, fit.acting)
+    model = model_of(both, analysis.model.channels, (), analysis.model.provenance)
+    found = _told(both, model, np.full(3, 0.05), 1.0, np.zeros(2))
+    assert ("ambient_single" in [own.code for own in found]) == (axis == 0.0)
+
+
 def test_a_line_at_the_speed_is_taken_off(values):
     angle = 2.0 * np.pi * np.arange(values.shape[1]) / PHASES
     found = identify_ambient(record_from(values + 3.0 * np.cos(angle + 0.3)), validate=False)

@@ -234,7 +234,7 @@ def _told(
     for told, code, own in ((failure, "ambient_kind", ~apart), (warning, "ambient_kind_apart", apart)):
         if (own & (undecided > 0.0)).any():
             found.append(told(code, frequencies=hertz[own & (undecided > 0.0)].tolist()))
-    single = ~np.array(varying) & any(varying)
+    single = ~np.array(varying) & any(varying) & np.array([mode.axis == 0.0 for mode in fit.at.modes])
     if single.any():
         found.append(warning("ambient_single", frequencies=hertz[single].tolist()))
     fast = (decays * model.period > GONE) & ~single & (undecided == 0.0) & ~_own(fit)
