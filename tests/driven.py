@@ -32,14 +32,19 @@ class Driven:
 
     def response(self, inputs, phases, start=None):
         """The response (outputs, samples) to inputs that are held (inputs, samples)."""
-        maps, step = self.maps(phases), self.period / phases
-        state = np.zeros(len(self.A(0.0))) if start is None else np.asarray(start, float)
-        found = []
-        for number in range(inputs.shape[1]):
-            found.append(self.C(number * step) @ state + self.D * inputs[:, number].sum())
-            transition, forcing = maps[number % phases]
-            state = transition @ state + forcing @ inputs[:, number]
-        return np.array(found).T
+        maps, step, samples = self.maps(phases), self.period / phases, inputs.shape[1]
+        seen = [self.C(phase * step) for phase in range(phases)]
+        forced, values = np.empty((samples, len(self.A(0.0)))), np.empty((samples, len(seen[0])))
+        for phase, (_, forcing) in enumerate(maps):
+            forced[phase::phases] = (forcing @ inputs[:, phase::phases]).T
+        states = np.empty((samples + 1, forced.shape[1]))
+        states[0] = 0.0 if start is None else start
+        for number in range(samples):
+            np.matmul(maps[number % phases][0], states[number], out=states[number + 1])
+            states[number + 1] += forced[number]
+        for phase, own in enumerate(seen):
+            values[phase::phases] = states[:-1][phase::phases] @ own.T
+        return values.T + self.D * inputs.sum(axis=0)
 
     def sampled_transfer(self, hertz, harmonics, phases):
         """G of samples, inputs held: steady responses by one linear system over the phases of a period."""
@@ -91,23 +96,26 @@ class Driven:
 def _maps(system, phases, inner=16):
     n, inputs = system.A(0.0).shape[0], system.B(0.0).shape[1]
     h = system.period / phases / inner
-    found = []
+    begins = np.arange(phases) * h * inner
 
-    def rates(t, state):
-        moved = system.A(t) @ state
-        moved[:, n:] += system.B(t)
+    def rates(times):
+        own = np.array([system.A(t) for t in times]), np.array([system.B(t) for t in times])
+
+        def moved(state):
+            found = own[0] @ state
+            found[:, :, n:] += own[1]
+            return found
+
         return moved
 
-    for phase in range(phases):
-        state = np.eye(n, n + inputs)
-        for step in range(inner):
-            t = phase * h * inner + step * h
-            k1 = rates(t, state)
-            k2 = rates(t + 0.5 * h, state + 0.5 * h * k1)
-            k3 = rates(t + 0.5 * h, state + 0.5 * h * k2)
-            state = state + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + rates(t + h, state + h * k3))
-        found.append((state[:, :n], state[:, n:]))
-    return found
+    state = np.tile(np.eye(n, n + inputs), (phases, 1, 1))
+    for step in range(inner):
+        first, middle, last = (rates(begins + step * h + part * h) for part in (0.0, 0.5, 1.0))
+        k1 = first(state)
+        k2 = middle(state + 0.5 * h * k1)
+        k3 = middle(state + 0.5 * h * k2)
+        state = state + h / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + last(state + h * k3))
+    return [(one[:, :n], one[:, n:]) for one in state]
 
 
 @cache
@@ -122,6 +130,7 @@ def mathieu(direct=0.0, damping=0.05):
     )
 
 
+@cache
 def pendulum():
     """A pendulum on its head, the pivot moved up and down too little to hold it: one multiplier is above 1."""
     return Driven(
@@ -177,6 +186,7 @@ def flapping(lock=12.0, advance=0.3):
     )
 
 
+@cache
 def lag():
     """A lag of first order, its decay, its gain and what is seen of it periodic: one real positive multiplier."""
     return Driven(
@@ -187,6 +197,7 @@ def lag():
     )
 
 
+@cache
 def mathieu_and_lag():
     """Mathieu's equation driven by a lag, too, and an output that sees both: a pair and a real multiplier."""
     whole = mathieu()

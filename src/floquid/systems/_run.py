@@ -122,11 +122,12 @@ class Run(Brief):
         times = self.times
         outputs = self.rotor.outputs(self.angle(times) / self.rotor.speed)
         kick = np.deg2rad(self.impulse_deg)
-        free = self._states(times, np.array([0.0, 0.0, np.cos(kick), np.sin(kick)]), 0.0)
-        free = np.einsum("tcn,tn->ct", outputs, free)
-        if not self.imbalance:
-            return free, np.zeros_like(free)
-        forced = np.einsum("tcn,tn->ct", outputs, self._states(times, self._orbit(), 1.0))
+        states = np.empty((len(times), 5, 2))
+        states[0, :, 0] = [0.0, 0.0, np.cos(kick), np.sin(kick), 0.0]
+        states[0, :, 1] = [*self._orbit(), 1.0]
+        for k, propagator in enumerate(self._propagators(times)):
+            np.matmul(propagator, states[k], out=states[k + 1])
+        free, forced = (outputs @ states[:, :4]).transpose(2, 1, 0)
         return free, forced * self.imbalance * np.abs(free[0]).max() / np.abs(forced[0]).max()
 
     def _pulses(self) -> Floats:
@@ -138,35 +139,36 @@ class Run(Brief):
     def _orbit(self) -> Floats:
         """The state on the orbit of the imbalance at the first sample, at the mean speed."""
         steps = 2 * STEPS_PER_PERIOD
-        once = np.linspace(0.0, 2.0 * np.pi / self.rotor.speed, steps + 1)
-        homogeneous = np.stack([self._states(once, column, 0.0)[-1] for column in np.eye(4)], axis=1)
-        driven = self._states(once, np.zeros(4), 1.0)[-1]
-        return np.linalg.solve(np.eye(4) - homogeneous, driven)
+        turn = np.eye(5)
+        for propagator in self._propagators(np.linspace(0.0, 2.0 * np.pi / self.rotor.speed, steps + 1)):
+            turn = propagator @ turn
+        return np.linalg.solve(np.eye(4) - turn[:4, :4], turn[:4, 4])
 
-    def _states(self, times: Floats, initial: Floats, force: float) -> Floats:
-        """The states at equidistant times (times, 4): Magnus' method of fourth order, two Gauss points a step."""
+    def _propagators(self, times: Floats) -> Floats:
+        """What takes [u, u', 1] to the next of equidistant times (times - 1, 5, 5).
+
+        By Magnus' method of fourth order, two Gauss points a step.
+        """
         step = times[1] - times[0]
         per = max(1, int(np.ceil(STEPS_PER_PERIOD * step / self.rotor.period)))
         h = step / per
         starts = times[0] + h * np.arange(per * (len(times) - 1))
-        first, second = (self._rates(starts + (0.5 + sign * np.sqrt(3.0) / 6.0) * h, force) for sign in (-1.0, 1.0))
+        first, second = (self._rates(starts + (0.5 + sign * np.sqrt(3.0) / 6.0) * h) for sign in (-1.0, 1.0))
         exponent = 0.5 * h * (first + second) + np.sqrt(3.0) / 12.0 * h**2 * (second @ first - first @ second)
         propagators = unit = np.eye(5)
         for k in range(TAYLOR, 0, -1):  # the steps are so short that the series is exact
             propagators = unit + exponent @ propagators / k
-        state, states = np.append(initial, 1.0), np.empty((len(times), 5))
-        states[0] = state
-        for k, propagator in enumerate(propagators, start=1):
-            state = propagator @ state
-            if k % per == 0:
-                states[k // per] = state
-        return states[:, :4]
+        inner = propagators.reshape(-1, per, 5, 5)
+        whole = inner[:, 0]
+        for k in range(1, per):
+            whole = inner[:, k] @ whole
+        return whole
 
-    def _rates(self, times: Floats, force: float) -> Floats:
+    def _rates(self, times: Floats) -> Floats:
         """The rates of [u, u', 1] (times, 5, 5)."""
         angle, small = self.angle(times), 0.5e-4 * self.rotor.period
         speed = (self.angle(times + small) - self.angle(times - small)) / (2.0 * small)
         rates = np.zeros((len(times), 5, 5))
         rates[:, :4, :4] = self.rotor.system(angle / self.rotor.speed)
-        rates[:, 2:4, 4] = force * speed[:, None] ** 2 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        rates[:, 2:4, 4] = speed[:, None] ** 2 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         return rates
