@@ -28,12 +28,14 @@ def positive_part(whole: Floats, reduced: Floats) -> Floats:
         return whole
     size = np.diag(whole)
     scale = np.sqrt(np.where(size > np.finfo(float).tiny, size, 1.0))
-    values, vectors = np.linalg.eigh(whole / np.outer(scale, scale))
-    root = vectors * np.sqrt(np.maximum(values, 1e-15 * max(values[-1], 1e-15)))
-    inner = np.linalg.solve(root, np.linalg.solve(root, reduced / np.outer(scale, scale)).T)
+    both = np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(whole / both)
+    size = np.sqrt(np.maximum(values, 1e-15 * max(values[-1], 1e-15)))
+    root, inverse = vectors * size, (vectors / size).T
+    inner = inverse @ (reduced / both) @ inverse.T
     share, directions = np.linalg.eigh(0.5 * (inner + inner.T))
     kept = root @ (directions * np.clip(share, 1e-2, 1.0)) @ directions.T @ root.T
-    return kept * np.outer(scale, scale)
+    return kept * both
 
 
 class Quadratic(Protocol):

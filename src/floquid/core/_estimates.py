@@ -178,13 +178,12 @@ class Estimates(Rebuilt):
             total[:, count:-1] -= own.imag * ~self.real
             total[:, -1] -= own.imag @ (0.5 * self.half_turns)
         variance = np.einsum("qp,qp->q", total @ self.covariance, total)
-        for channel, hit in np.ndindex(*self.blocks.shape):
-            seen = by_coefficients[:, :, channel, hit]
-            if not seen.any():
-                continue
-            seen = seen * self.scales[:, channel, hit]
-            both = np.concatenate([seen.real, -seen.imag], axis=1)
-            variance += np.einsum("qk,qk->q", both @ self.spread[self.blocks[channel, hit]], both)
+        used = by_coefficients.any(axis=(0, 1))
+        for block, spread in enumerate(self.spread):
+            own = used & (self.blocks == block)
+            seen = by_coefficients[:, :, own] * self.scales[:, own]
+            both = np.concatenate([seen.real, -seen.imag], axis=1).swapaxes(1, 2)
+            variance += np.sum((both @ spread) * both, axis=(1, 2))
         return np.maximum(variance, 0.0)
 
     def picked(self, *, modes: ArrayLike | None = None, terms: ArrayLike | None = None) -> Estimates:

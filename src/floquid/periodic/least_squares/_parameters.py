@@ -27,8 +27,8 @@ class Parameters:
 
 def turned(coefficients: Floats) -> Floats:
     """The coefficients of a slope by frequency from those of the slope by decay: β, -α for α, β (2 columns, …)."""
-    cosines, sines = np.split(coefficients, 2)
-    return np.concatenate([sines, -cosines])
+    n = len(coefficients) // 2
+    return np.concatenate([coefficients[n:], -coefficients[:n]])
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,15 +74,11 @@ class ModeParameters:
 
     def _members(self) -> tuple[Integers, Integers]:
         """The entry and the harmonic of each column."""
-        modes, harmonics = [], []
-        for entry, (low, high) in enumerate(self.bands):
-            band = np.arange(low, high + 1)
-            if self.real[entry]:
-                band = band[2 * band + self.half_turns[entry] >= 0]
-            modes.append(np.full(len(band), entry))
-            harmonics.append(band)
-        empty = [np.zeros(0, np.int64)]
-        return np.concatenate(modes or empty), np.concatenate(harmonics or empty)
+        low, high = self.bands.T
+        low = np.where(self.real, np.maximum(low, -(self.half_turns // 2)), low)
+        widths = np.maximum(high + 1 - low, 0)
+        modes = np.repeat(np.arange(len(low)), widths)
+        return modes, np.arange(len(modes)) + (low - np.cumsum(widths) + widths)[modes]
 
     def columns(self) -> Columns:
         """The columns of the fit."""

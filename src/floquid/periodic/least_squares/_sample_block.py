@@ -112,8 +112,8 @@ class Block(ABC):
 
 def complex_of(coefficients: Floats) -> Complexes:
     """B with 2 Re B z = α Re z + β Im z."""
-    cosines, sines = np.split(coefficients, 2)
-    return 0.5 * (cosines - 1j * sines)
+    n = len(coefficients) // 2
+    return 0.5 * (coefficients[:n] - 1j * coefficients[n:])
 
 
 def reals_of(coefficients: Complexes) -> Floats:
