@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields
-from functools import wraps
+from functools import cache, wraps
 from inspect import signature
 from math import isfinite
 from numbers import Integral, Real
@@ -38,15 +38,18 @@ class Rebuilt(Brief):
         self, *, dtype: DTypeLike = np.float64, finite: bool = True, missing: bool = False, **axes: Sequence[str | int]
     ) -> None:
         """Make the fields named read-only arrays of these axes (`frozen_array`); one that may be None may stay so."""
-        of, optional = (
-            type(self).__name__,
-            {field.name for field in fields(cast("Any", self)) if "None" in str(field.type)},
-        )
+        of, optional = type(self).__name__, _optional(type(self))
         for name, wanted in axes.items():
             value = getattr(self, name)
             if value is not None or name not in optional:
                 checks: dict[str, Any] = {"dtype": dtype, "axes": wanted, "finite": finite, "missing": missing}
                 object.__setattr__(self, name, frozen_array(cast("Any", value), name, of, **checks))
+
+
+@cache
+def _optional(kind: type) -> frozenset[str]:
+    """The fields of a class that may be None."""
+    return frozenset(field.name for field in fields(cast("Any", kind)) if "None" in str(field.type))
 
 
 def _rebuilt(kind: type[Rebuilt], values: dict[str, Any]) -> Rebuilt:
@@ -161,7 +164,6 @@ def frozen_array(
     if isinstance(value, np.ma.MaskedArray):
         way_out = "`.filled(np.nan)`" if missing else "the entries that count"
         raise input_error(argument, of, "be a plain array", "is a masked one", f"Pass {way_out}.")
-    shape_words = "(" + ", ".join(str(a) for a in axes) + ("," if len(axes) == 1 else "") + ")"
     try:
         raw = np.asarray(value)
         if raw.dtype.kind not in "biufc":
@@ -176,10 +178,10 @@ def frozen_array(
     except (TypeError, ValueError) as error:
         if isinstance(error, InputError):
             raise
-        must = f"be an array of numbers of shape {shape_words}"
+        must = f"be an array of numbers of shape {_shape_words(axes)}"
         raise input_error(argument, of, must, f"is {describe(value)}", remedy) from None
     if array.ndim != len(axes) or any(isinstance(a, int) and n != a for a, n in zip(axes, array.shape, strict=True)):
-        raise input_error(argument, of, f"have shape {shape_words}", f"has shape {array.shape}", remedy)
+        raise input_error(argument, of, f"have shape {_shape_words(axes)}", f"has shape {array.shape}", remedy)
     if finite:
         bad = np.isinf(array) if missing else ~np.isfinite(array)
         if bad.any():
@@ -191,6 +193,10 @@ def frozen_array(
         array = array.copy() if np.shares_memory(array, raw) else array
         array.flags.writeable = False
     return array
+
+
+def _shape_words(axes: Sequence[str | int]) -> str:
+    return "(" + ", ".join(str(a) for a in axes) + ("," if len(axes) == 1 else "") + ")"
 
 
 def noise_array(

@@ -9,13 +9,16 @@ import numpy as np
 import pytest
 
 from floquid import floquet
+from floquid.floquet import FunctionMatrix
 from floquid.systems import JeffcottRotor
 from floquid.testing import assert_exponents_close
 
 PERIOD = 2.0 * np.pi
 ROUTES = {
     "factors": lambda rotor: floquet.exponents(rotor.system, rotor.period),
-    "hill": lambda rotor: floquet.hill(rotor.system, rotor.period).exponents,
+    "hill": lambda rotor: (
+        floquet.hill(FunctionMatrix(function=rotor.system, period=rotor.period, vectorised=True)).exponents
+    ),
 }
 both_routes = pytest.mark.parametrize("route", ROUTES)
 PAPER = np.array([-0.002 + 0.1303357j, -0.002 + 0.2593936j])

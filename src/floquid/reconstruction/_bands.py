@@ -7,7 +7,7 @@ import numpy as np
 from floquid._arrays import Floats, Integers, Mask
 from floquid.core import Estimates, PeriodicModel
 from floquid.errors import IdentificationError
-from floquid.reconstruction._modal_matrix import Jacobian, Shapes, Terms, by_system, modal_at
+from floquid.reconstruction._modal_matrix import Jacobian, Shapes, Terms, at_once, by_system, modal_at
 
 FALSE_ALARM = 1e-3
 """The probability at which noise may pass for a harmonic, over all that are tried: one that is false is multiplied by
@@ -124,13 +124,13 @@ def _risk(shapes: Shapes, terms: Terms, candidate: Mask, largest: tuple, band: M
     whole, reference = largest
     size = np.sqrt(np.mean(np.abs(reference.modal) ** 2, axis=(0, 2)))
     units, total = np.outer(1.0 / size, size) ** 2, 0.0
-    for t in range(len(times)):
+    for t in at_once(own, times, terms):
         slopes = by_system(own, modal, times, t, terms)
         total += float(np.sum(units * slopes.variance(terms.estimates)))
         if (candidate != band).any():
             off = np.abs(modal.system[t] - reference.system[t]) ** 2
             noise = (slopes - by_system(whole, reference, times, t, terms)).variance(terms.estimates)
-            total += max(float(np.sum(units * (off - noise))), 0.0)
+            total += float(np.maximum(np.sum(units * (off - noise), axis=(1, 2)), 0.0).sum())
     return total
 
 
@@ -170,5 +170,6 @@ def sizes_left_out(estimates: Estimates, kept: Mask, rows: Mask) -> Floats:
 
 
 def spread_of(sizes: Floats, slopes: Jacobian) -> Floats:
-    """The variance that coefficients of these sizes and of any phase add to the elements (states, states)."""
-    return 0.5 * np.einsum("ijkch,kch->ij", np.abs(slopes.by_coefficient) ** 2, sizes**2)
+    """The variance that coefficients of these sizes and of any phase add to the elements (times, states, states)."""
+    squares = np.abs(slopes.by_coefficient) ** 2
+    return 0.5 * (squares.reshape(*squares.shape[:3], -1) @ sizes.ravel() ** 2)

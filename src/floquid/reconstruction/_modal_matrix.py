@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from floquid.errors import IdentificationError
 from floquid.reconstruction._coordinates import Coordinates, channel_noise
 
 LARGEST_CONDITION = 1e8  # the condition number of the equilibrated modal matrix beyond which its inverse is noise
+MOST_SLOPES = 1 << 20  # slopes of elements by coefficients that are held at once
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,11 +164,11 @@ def condition_of(modal: Complexes) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Jacobian:
-    """Slopes of the elements of a matrix (states, states), at one instant."""
+    """Slopes of the elements of a matrix (states, states) at some instants."""
 
-    by_coefficient: Complexes  # (states, states, terms, channels, hits)
-    by_rate: Complexes  # (states, states, terms)
-    by_exponent: Complexes | None = None  # (states, states, modes of the estimates)
+    by_coefficient: Complexes  # (times, states, states, terms, channels, hits)
+    by_rate: Complexes  # (times, states, states, terms)
+    by_exponent: Complexes | None = None  # (times, states, states, modes of the estimates)
 
     def __sub__(self, other: Jacobian) -> Jacobian:
         return Jacobian(self.by_coefficient - other.by_coefficient, self.by_rate - other.by_rate)
@@ -185,17 +187,31 @@ class Jacobian:
         return Jacobian(total, self.by_rate, self.by_exponent)
 
     def variance(self, estimates: Estimates) -> Floats:
-        """The variance of the elements (states, states)."""
-        n, rest = self.by_rate.shape[0], self.by_rate.shape[2:]
+        """The variance of the elements (times, states, states)."""
+        shape = self.by_rate.shape[:3]
+        count = int(np.prod(shape))
         return estimates.variance(
-            by_coefficients=self.by_coefficient.reshape(n * n, *self.by_coefficient.shape[2:]),
-            by_rates=self.by_rate.reshape(n * n, *rest),
-            by_exponents=None if self.by_exponent is None else self.by_exponent.reshape(n * n, -1),
-        ).reshape(n, n)
+            by_coefficients=self.by_coefficient.reshape(count, *self.by_coefficient.shape[3:]),
+            by_rates=self.by_rate.reshape(count, -1),
+            by_exponents=None if self.by_exponent is None else self.by_exponent.reshape(count, -1),
+        ).reshape(shape)
 
 
-def by_system(shapes: Shapes, modal: Modal, times: Floats, t: int, terms: Terms) -> Jacobian:
-    r"""The slopes of A at instant number t.
+def at_once(shapes: Shapes, times: Floats, terms: Terms) -> Iterator[slice]:
+    """The instants in groups whose slopes are few enough to be held."""
+    _, _, states, channels = shapes.weights.shape
+    group = max(MOST_SLOPES // (states**2 * len(terms.modes) * channels * shapes.hits.shape[1]), 1)
+    return (slice(begin, begin + group) for begin in range(0, len(times), group))
+
+
+def _outer(by_channel: Complexes, left: Complexes, hits: Complexes) -> Complexes:
+    """Products of (times, terms, states, channels), (times, terms, states) and (terms, hits), as in `Jacobian`."""
+    right = (left[..., None] * hits[:, None]).swapaxes(1, 2)
+    return by_channel.swapaxes(1, 2)[:, :, None, :, :, None] * right[:, None, :, :, None]
+
+
+def by_system(shapes: Shapes, modal: Modal, times: Floats, t: slice, terms: Terms) -> Jacobian:
+    r"""The slopes of A at the instants `times[t]`.
 
     .. math:: \delta A = (\delta(\dot\Psi + \Psi\Lambda) - A\, \delta\Psi)\, \Psi^{-1}
     """
@@ -205,17 +221,17 @@ def by_system(shapes: Shapes, modal: Modal, times: Floats, t: int, terms: Terms)
     own, a = shapes.coefficients[r, :, m] * kept[:, None], modal.system[t]
     # By the rate: the weights change with it, and so does the factor s of the derivative.
     turned, moved = np.einsum("kic,kc->ki", weights, own), np.einsum("kic,kc->ki", slopes, own)
-    phase = terms.estimates.multiplicity * kept * np.exp(1j * shapes.fundamental * shapes.harmonics[m] * times[t])
-    left = modal.inverse[t][r] * phase[:, None]
-    by_channel = rates[:, None, None] * weights - np.einsum("il,klc->kic", a, weights)
+    phase = np.exp(1j * shapes.fundamental * np.multiply.outer(times[t], shapes.harmonics[m]))
+    left = modal.inverse[t][:, r] * (terms.estimates.multiplicity * kept * phase)[..., None]
+    by_channel = rates[:, None, None] * weights - a[:, None] @ weights
     return Jacobian(
-        np.einsum("kic,kj,kh->ijkch", by_channel, left, shapes.hits[r]),
-        np.einsum("ki,kj->ijk", turned + rates[:, None] * moved - moved @ a.T, left),
+        _outer(by_channel, left, shapes.hits[r]),
+        np.einsum("tki,tkj->tijk", turned + rates[:, None] * moved - moved @ a.swapaxes(1, 2), left),
     )
 
 
-def by_transition(shapes: Shapes, modal: Modal, times: Floats, t: int, terms: Terms) -> Jacobian:
-    r"""The slopes of Φ(t, t0) at instant number t, t0 the first.
+def by_transition(shapes: Shapes, modal: Modal, times: Floats, t: slice, terms: Terms) -> Jacobian:
+    r"""The slopes of Φ(t, t0) at the instants `times[t]`, t0 the first of all.
 
     .. math:: \delta\Phi = \delta\Psi(t)\, e^{\Lambda (t - t_0)} \Psi(t_0)^{-1}
               + \Psi(t)\, \delta e^{\Lambda (t - t_0)}\, \Psi(t_0)^{-1} - \Phi\, \delta\Psi(t_0)\, \Psi(t_0)^{-1}
@@ -226,18 +242,18 @@ def by_transition(shapes: Shapes, modal: Modal, times: Floats, t: int, terms: Te
     moved = np.einsum("kic,kc->ki", slopes, shapes.coefficients[r, :, m] * kept[:, None])
     turns = 1j * shapes.fundamental * shapes.harmonics[m]
     first, later = modal.inverse[0], times[t] - times[0]
-    growth = np.exp(shapes.exponents * later)
-    phi = (modal.modal[t] * growth) @ first
-    now, then = np.exp(turns * times[t]) * growth[r], np.exp(turns * times[0])
-    by_channel = now[:, None, None] * weights - then[:, None, None] * np.einsum("il,klc->kic", phi, weights)
-    by_rate = now[:, None] * moved - then[:, None] * (moved @ phi.T)
-    left = first[r] * (terms.estimates.multiplicity * kept)[:, None]
+    growth = np.exp(np.multiply.outer(later, shapes.exponents))
+    phi = (modal.modal[t] * growth[:, None]) @ first
+    now, then = np.exp(np.multiply.outer(times[t], turns)) * growth[:, r], np.exp(turns * times[0])
+    by_channel = now[..., None, None] * weights - then[:, None, None] * (phi[:, None] @ weights)
+    by_rate = now[..., None] * moved - then[:, None] * (moved @ phi.swapaxes(1, 2))
+    left = np.broadcast_to(first[r] * (terms.estimates.multiplicity * kept)[:, None], (len(later), len(r), len(first)))
     # Of a pair, the mode in the estimates and its conjugate do the same.
     entries = np.array([np.flatnonzero(terms.estimates.modes == e)[0] for e in range(len(terms.estimates.exponents))])
     modes, pairs = r[entries], np.where(terms.estimates.real, 1.0, 2.0)
-    grown = modal.modal[t][:, modes] * (growth[modes] * later * pairs)
+    grown = modal.modal[t][..., modes] * (growth[:, modes] * later[:, None] * pairs)[:, None]
     return Jacobian(
-        np.einsum("kic,kj,kh->ijkch", by_channel, left, shapes.hits[r]),
-        np.einsum("ki,kj->ijk", by_rate, left),
-        np.einsum("ir,rj->ijr", grown, first[modes]),
+        _outer(by_channel, left, shapes.hits[r]),
+        np.einsum("tki,tkj->tijk", by_rate, left),
+        np.einsum("tir,rj->tijr", grown, first[modes]),
     )

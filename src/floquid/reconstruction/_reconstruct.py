@@ -16,6 +16,7 @@ from floquid.reconstruction._modal_matrix import (
     Modal,
     Shapes,
     Terms,
+    at_once,
     at_terms,
     by_system,
     by_transition,
@@ -104,7 +105,7 @@ def reconstruct(
         loose = None if coordinates.loose is None else at_terms(coordinates.loose, model, terms)
         wider = terms.mask(kept | (sizes > 0).any(axis=(1, 2)), shapes)
         system_std, transition_std = np.zeros(modal.system.shape), np.zeros(modal.system.shape)
-        for t in range(len(instants)):
+        for t in at_once(shapes, instants, terms):
             pairs = ((system_std, by_system, modal.system), (transition_std, by_transition, transition))
             for std, slopes_of, matrices in pairs:
                 slopes = slopes_of(shapes, modal, instants, t, terms)

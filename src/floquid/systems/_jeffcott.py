@@ -13,7 +13,6 @@ from floquid import floquet
 from floquid._arrays import Complexes, Floats
 from floquid._checks import finite, input_error, integer, positive
 from floquid.core import Channel, ConstantPeriod, Provenance, Record
-from floquid.floquet import transition
 
 DampingForm = Literal["identity", "support"]
 
@@ -128,7 +127,7 @@ class JeffcottRotor:
 
     def exponents(self) -> Complexes:
         """The four Floquet exponents on the principal branch, from the equations (modes,)."""
-        return floquet.exponents(self.system, self.period)
+        return floquet.exponents(floquet.FunctionMatrix(function=self.system, period=self.period, vectorised=True))
 
     def simulate(
         self,
@@ -268,7 +267,8 @@ def free_response(
     the response there. `outputs` is C(t) -> (times, channels, n), `initial` the state at t₀ = `start`.
     """
     offsets = period * np.arange(samples_per_period + 1) / samples_per_period
-    phi = transition(system, period, start + offsets, start=start)
+    matrix = floquet.FunctionMatrix(function=system, period=period, vectorised=True)
+    phi = floquet.transition(matrix, None, start + offsets, start=start)
     states = np.empty((n_periods, len(initial)))
     states[0] = initial
     with np.errstate(over="ignore", invalid="ignore"):

@@ -303,13 +303,13 @@ def test_the_bootstrap_of_a_loaded_result_with_a_structure(tmp_path):
 def test_wrong_deviations_are_found(factor, word):
     model = analysis().model
     wrong = dataclasses.replace(model, covariance=model.covariance * factor**2)
-    checked = bootstrap(dataclasses.replace(analysis(), model=wrong), draws=DRAWS, seed=5, workers=1)
+    checked = bootstrap(dataclasses.replace(analysis(), model=wrong), draws=20, seed=5, workers=1)
     assert checked.holds is False
     assert set(checked.doubtful) == {"exponents", "multipliers", "frequencies_hz", "damping_ratios"}
     assert "do not hold for exponents (4 of 4 elements" in checked.reasons[0]
     assert "They hold for Fourier coefficients, A(t), Φ(t, t0)." in checked.reasons[0]
-    ratio = checked.exponents.ratio
-    assert_allclose(ratio.real, found().exponents.ratio.real / factor, rtol=1e-9)
+    right = dataclasses.replace(found().exponents, draws=found().exponents.draws[:20])
+    assert_allclose(checked.exponents.ratio.real, right.ratio.real / factor, rtol=1e-9)
     assert word in checked.reasons[0]
 
 

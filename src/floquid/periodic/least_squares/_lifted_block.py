@@ -89,15 +89,15 @@ class LiftedBlock(Block):
         times = self.lifted.phase_times
         # Real and imaginary parts beside each other, and the same times nT: one real product a channel.
         weights, own_parts = np.concatenate([parts, starts[:, None] * parts], axis=1), _parts(self._off_known(cycles))
-        folded = np.zeros((2, len(self.rows), self.lifted.n_phases, len(columns.exponents)), complex)
+        met = np.empty((len(self.rows), self.lifted.n_phases, weights.shape[1]))
         left = np.zeros(len(self.rows))
         shapes = _shapes(columns, coefficients, phases)
         for row, block in enumerate(self._values()):
             residual = block - shapes[row] @ own_parts.T
             left[row] = np.einsum("pn,pn->", residual, residual)
-            real, imag, late_real, late_imag = np.split(residual @ weights, 4, axis=1)
-            folded[:, row] = real + 1j * imag, late_real + 1j * late_imag
-        own, late = folded[:, :, :, columns.modes]
+            np.matmul(residual, weights, out=met[row])
+        real, imag, late_real, late_imag = (part[:, :, columns.modes] for part in np.split(met, 4, axis=2))
+        own, late = real + 1j * imag, late_real + 1j * late_imag
         seen = np.einsum("pj,cpj->jc", phases.conj(), own)
         late = np.einsum("pj,cpj->jc", phases.conj(), late + times[:, None] * own)
         # What is known takes its share of the columns, and of the columns times nT.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,7 +32,7 @@ def turned(coefficients: Floats) -> Floats:
     return np.concatenate([coefficients[n:], -coefficients[:n]])
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class ModeParameters:
     """Modes of a real response, a conjugate pair once, and what is beside them: exponents (entries,), and bands.
 
@@ -67,11 +68,12 @@ class ModeParameters:
     factors: Integers
     free_period: bool = False
 
-    @property
+    @cached_property
     def half_turns(self) -> Integers:
         """κ of each real entry, zero for pairs (entries,)."""
         return np.where(self.real, np.rint(2.0 * self.offsets), 0).astype(np.int64)
 
+    @cached_property
     def _members(self) -> tuple[Integers, Integers]:
         """The entry and the harmonic of each column."""
         low, high = self.bands.T
@@ -82,11 +84,11 @@ class ModeParameters:
 
     def columns(self) -> Columns:
         """The columns of the fit."""
-        return Columns(self.exponents, self.offsets, self.factors, *self._members(), self.fundamental)
+        return Columns(self.exponents, self.offsets, self.factors, *self._members, self.fundamental)
 
     def sines(self) -> Mask:
         """Mask of the columns that have a sine (columns,): not a real multiplier's that does not turn."""
-        modes, harmonics = self._members()
+        modes, harmonics = self._members
         return ~(self.real[modes] & (2 * harmonics + self.half_turns[modes] == 0))
 
     def parameters(self) -> Parameters:
