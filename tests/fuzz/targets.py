@@ -15,7 +15,7 @@ from random import Random
 from tests.fuzz import mutators, seeds
 
 from floquid import floquet
-from floquid.cli._options import load_choices
+from floquid.cli._options import choices_of
 from floquid.floquet import read_lin
 from floquid.readers import FORMATS, describe_file, read
 
@@ -51,7 +51,7 @@ def by_name(path: Path) -> object:
 
 def settings(path: Path) -> object:
     """The choices in a settings file, resolved and written again."""
-    choices = load_choices(path)
+    choices = choices_of(path)
     return choices.resolved(), choices.text()
 
 

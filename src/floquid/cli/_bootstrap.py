@@ -85,7 +85,8 @@ def bootstrap(
     if format == "json":
         sys.stdout.write(text)
         return
-    _print(found, out)
+    print_drawn(terminal(), found)
+    print_files(out, FILES, "for bootstrap.json and every draw in bootstrap.npz")
 
 
 def _key(file: Path, seed: int, *, whole: bool) -> str:
@@ -101,12 +102,6 @@ def _write(folder: ResultFolder, found: Bootstrap, text: str) -> None:
     arrays["orders"] = found.orders
     np.savez_compressed(folder.unfinished / FILES[1], **arrays)  # plain arrays all
     folder.publish()
-
-
-def _print(found: Bootstrap, out: Path | None) -> None:
-    """The modes, all elements together, the verdict, and where the draws are."""
-    print_drawn(terminal(), found)
-    print_files(out, FILES, "for bootstrap.json and every draw in bootstrap.npz")
 
 
 def print_drawn(console: Console, found: Bootstrap) -> None:

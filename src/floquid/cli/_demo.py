@@ -6,6 +6,7 @@ import shlex
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -238,11 +239,7 @@ def _compared(rotor: JeffcottRotor, analysis: Analysis) -> dict[str, Table]:
 
 def _files_of_paper(figures: Sequence[PaperFigure], rows: Sequence[Number]) -> dict[str, Callable[[Path], object]]:
     """The files of the comparison by name, each with a function that writes it to a path."""
-
-    def picture(figure: PaperFigure) -> Callable[[Path], object]:
-        return lambda path: save_figure(figure.figure, path)
-
-    files = {_paper_name(figure): picture(figure) for figure in figures}
+    files = {_paper_name(figure): partial(save_figure, figure.figure) for figure in figures}
     text = page(figures, rows, _paper_name)
     return {"paper.md": lambda path: path.write_text(text, encoding="utf-8"), **files}
 

@@ -209,14 +209,11 @@ class Choices:
 
 
 def choices_of(file: Path | None) -> Choices:
-    """The choices of a TOML file, or the usual ones where there is no file."""
-    return Choices() if file is None else load_choices(file)
-
-
-def load_choices(file: Path) -> Choices:
-    """The choices of a TOML file; an InputError where it cannot be read, or holds what is not a setting."""
+    """The choices of a TOML file, the usual ones without; an InputError where it holds what is not a setting."""
     import tomllib
 
+    if file is None:
+        return Choices()
     of = "floquid identify"
     readable_file(file, of=of, argument="--settings")
     try:

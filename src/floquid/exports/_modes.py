@@ -50,17 +50,10 @@ def export_modes(
       heading, or in a column.
     - `.json`: of an analysis the content of `summary.json`, of a model its modes alone.
 
-    Raises InputError where an argument is something else, the suffix is unknown, or the file cannot be written there.
-
-    Parameters
-    ----------
-    result
-        What `identify`, `identify_driven` or `identify_ambient` found, or its `model`.
-    path
-        The file to write; it may exist, and is replaced at the end, in one step.
-    coordinates
-        Where the nodes of a universal file are: x, y, z by the location of channels, or by their names where they have
-        none. Others are at the origin.
+    `result` is what `identify`, `identify_driven` or `identify_ambient` found, or its `model`; the file `path` may
+    exist, and is replaced at the end, in one step. `coordinates` say where the nodes of a universal file are: x, y, z
+    by the location of channels, or by their names where they have none; others are at the origin. Raises InputError
+    where an argument is something else, the suffix is unknown, or the file cannot be written there.
     """
     of = "export_modes"
     if not isinstance(result, (Analysis, ExcitedAnalysis, PeriodicModel)):

@@ -26,17 +26,7 @@ def import_transfer(path: str | PathLike[str]) -> TransferFunctions:
     `frequency [Hz]`, with `of samples every 0.05 s` behind it where G is of samples, the others are like
     `G(+1) F to x real [m/N]`, `imag`, `real std` and `imag std`. Deviations may be missing.
 
-    Raises InputError where the file cannot be read or holds something else.
-
-    Parameters
-    ----------
-    path
-        The table.
-
-    Returns
-    -------
-    TransferFunctions
-        What it holds.
+    `path` is the table. Raises InputError where the file cannot be read or holds something else.
     """
     file = readable_file(path, of=OF)
     kinds = {".csv": lambda: _table(file), ".mat": lambda: GUARD.call(file, _variables, file)}

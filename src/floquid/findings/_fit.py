@@ -79,10 +79,6 @@ ORDER: dict[str, str | Callable[..., str]] = {
 """By code."""
 
 
-def _hertz(frequencies: Sequence[float]) -> str:
-    return both([f"{frequency:.4g} Hz" for frequency in frequencies])
-
-
 def _needed(number: int) -> str:
     words = "One mode is" if number == 1 else f"{number} modes, a pair counted once, are"
     return f"{words} needed: noise explains none of them, nor do the harmonics of another."
@@ -130,8 +126,8 @@ FIT: dict[str, str | Callable[..., str]] = {
     "than they decay: most likely one mode whose frequency or damping changes over the record, by a drift or with its "
     "amplitude. Neither damping is to be believed: use a later part of the record (`skip=`), or a smaller blow.",
     "product": lambda frequency, of: (
-        f"The mode at {frequency:.4g} Hz is most likely no mode: its multiplier is a product of those at {_hertz(of)}, "
-        "which a nonlinearity makes."
+        f"The mode at {frequency:.4g} Hz is most likely no mode: its multiplier is a product of those at "
+        f"{both([f'{own:.4g} Hz' for own in of])}, which a nonlinearity makes."
     ),
     "search_ended": "The search for modes was ended at {number}, a pair counted once, with more to be found: most of "
     "them are noise that is not white along the record, or what a nonlinearity leaves.",

@@ -83,19 +83,14 @@ def _held_out_error(ratio: float, channel: str, hit: int, part: str) -> str:
 
 
 def _system(pair: tuple[tuple[float, float], tuple[float, float]] | None, trace: bool, composition: float) -> str:
-    broken = (
-        [] if pair is None else ["a multiplier of A(t) is {:.6g} where the model has {:.6g}".format(*_complex(pair))]
-    )
+    found, own = (None, None) if pair is None else (complex(*one) for one in pair)
+    broken = [] if pair is None else [f"a multiplier of A(t) is {found:.6g} where the model has {own:.6g}"]
     broken += ["the mean of tr A is not the sum of the exponents"] * trace
     broken += [f"Φ(t, t0) is off by {composition:.2g} of its size"] * bool(composition)
     return (
         f"A(t), integrated over a period, is another system: {'; '.join(broken)}. Ask for more instants "
         "(`system_times=`), other states, or more harmonics."
     )
-
-
-def _complex(pair: tuple[tuple[float, float], tuple[float, float]]) -> list[complex]:
-    return [complex(*one) for one in pair]
 
 
 def _weak_modes(frequencies: Numbers, shares: Numbers) -> str:

@@ -123,18 +123,11 @@ def lift(cycles: Cycles | Sequence[Cycles], *, floor: float = ROUNDING, noise: F
 
     (Allen 2009, eqs. 7-8; outputs are ordered by channel, then phase). One hit of one channel is a view.
 
-    They are (channels · phases, hits, cycles). Raises InputError where hits are not alike, samples are missing, or a
-    channel is constant or too large or small for its square.
-
-    Parameters
-    ----------
-    cycles
-        One `Cycles` a hit, alike in channels, phases, first phase and period; their numbers of cycles may differ.
-    floor
-        The least share of a channel's largest value that the noise is taken to be. Samples that are all in single
-        precision raise it to 2⁻²⁴.
-    noise
-        The deviation of the noise (channels, hits) [units of the channels]; None estimates it.
+    They are (channels · phases, hits, cycles). `cycles` are one `Cycles` a hit, alike in channels, phases, first phase
+    and period; their numbers of cycles may differ. `floor` is the least share of a channel's largest value that the
+    noise is taken to be; samples that are all in single precision raise it to 2⁻²⁴. `noise` is the deviation of the
+    noise (channels, hits) [units of the channels]; None estimates it. Raises InputError where hits are not alike,
+    samples are missing, or a channel is constant or too large or small for its square.
     """
     hits = (cycles,) if isinstance(cycles, Cycles) else tuple(cycles)
     if not hits:

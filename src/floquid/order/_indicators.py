@@ -42,17 +42,10 @@ def indicators(data: TimeResponses, model: ModalModel | None = None, *, smoothin
     in a thousand (Johnstone 2001). Fewer than 64 rows are given delays as rows of their own, and the edge is
     drawn from noise of the same size.
 
-    Raises InputError where `smoothing` is not an odd positive number below the number of lines, or the model is not one
-    of the data.
-
-    Parameters
-    ----------
-    data
-        The responses and their noise. Spectra of unequally long inputs are those of the shorter ones filled with zeros.
-    model
-        A model of them, for the composite of what it leaves.
-    smoothing
-        The number of adjacent lines, odd; 5, as far as there are so many, when not given.
+    `data` are the responses and their noise; spectra of unequally long inputs are those of the shorter ones filled with
+    zeros. A `model` of them gives the composite of what it leaves. `smoothing` is the number of adjacent lines, odd; 5,
+    as far as there are so many, when not given. Raises InputError where it is not an odd positive number below the
+    number of lines, or the model is not one of the data.
     """
     of, lines = "indicators", data.values.shape[2] // 2 + 1
     if smoothing is not None and (integer(smoothing, "smoothing", of, at_least=1) % 2 == 0 or smoothing > lines):

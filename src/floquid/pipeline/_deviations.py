@@ -42,14 +42,14 @@ def with_misfit(found: Fit) -> Fit:
 
     What is left is no noise then, and moves the exponents by more than noise of its size: a deviation would be made up.
     """
-    factor = widening(found.misfit, found.free)
+    factor, forced = widening(found.misfit, found.free), found.forced
     if factor == 1.0:
         return found
     if fails(found):
         return replace(
             found,
             model=replace(found.model, covariance=None, coefficient_std=None, estimates=None, unselected=None),
-            forced=None if found.forced is None else _without_deviations(found.forced),
+            forced=None if forced is None else replace(forced, coefficient_std=None, offset_std=None, drift_std=None),
             period_std=None,
             own_period=None,
         )
@@ -57,7 +57,7 @@ def with_misfit(found: Fit) -> Fit:
     return replace(
         found,
         model=_wider(found.model, factor),
-        forced=None if found.forced is None else _wider_forced(found.forced, factor),
+        forced=None if forced is None else _wider_forced(forced, factor),
         period_std=None if found.period_std is None else factor * found.period_std,
         own_period=None if own is None else (own[0], factor * own[1]),
     )
@@ -108,8 +108,3 @@ def _wider_forced(forced: ForcedResponse, factor: float) -> ForcedResponse:
     own = {name: getattr(forced, name) for name in names}
     wider: dict[str, Any] = {name: None if std is None else factor * std for name, std in own.items()}
     return replace(forced, **wider)
-
-
-def _without_deviations(forced: ForcedResponse) -> ForcedResponse:
-    """The forced response without deviations."""
-    return replace(forced, coefficient_std=None, offset_std=None, drift_std=None)

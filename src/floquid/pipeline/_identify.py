@@ -10,7 +10,7 @@ from floquid.errors import IdentificationError
 from floquid.findings import Finding, texts, warning
 from floquid.lifting import floor_of
 from floquid.order import judge
-from floquid.periodic import Fit, OrderError, assemble, distinct_multipliers, entries_of, fit, groups
+from floquid.periodic import Fit, ModeParameters, OrderError, assemble, distinct_multipliers, fit, groups
 from floquid.pipeline._analysis import Analysis, clocks_of
 from floquid.pipeline._complete import completed, free_residues, samples_of
 from floquid.pipeline._dependent_channels import of_sums
@@ -131,7 +131,7 @@ def _fitted(
     report("constraining the residues to their harmonics")
     begin = None
     if start.modal is not None and model is not None:
-        begin = groups(start.modal, start.lifted) if search else entries_of(model)
+        begin = groups(start.modal, start.lifted) if search else ModeParameters.of(model)
     records = samples_of(prepared.records, prepared.shafts, settings)
     return fit(
         records,

@@ -23,17 +23,13 @@ def structure_of(text: str) -> AbstractStructure | Literal["auto"]:
     .. math:: \text{text} = \text{"auto"} \;|\; \text{block}\,(\text{"; "}\ \text{block})^*, \qquad
               \text{block} = \text{name}\ H\ [\text{symmetry}]\ [\text{"known"}\ (i\text{","}j\text{"="}value)^+]
 
-    Returns `SecondOrder` or `FirstOrder`; "auto" for the one that the data do not contradict.
+    Returns `SecondOrder` or `FirstOrder`; "auto" for the one that the data do not contradict. A block of the text is
+    its name (stiffness, damping and gyroscopic, or system alone for first order), the number of its harmonics, its
+    symmetry (none, symmetric, skew, diagonal; none when left out, gyroscopic is always skew) and its known elements,
+    rows and columns from zero: "stiffness 1 symmetric; damping 0 known 0,1=0 1,0=0". Without damping there is a
+    constant one; "damping 0 diagonal known 0,0=0 1,1=0" says that there is none.
 
     Raises InputError where the text says no structure.
-
-    Parameters
-    ----------
-    text
-        A block is its name (stiffness, damping and gyroscopic, or system alone for first order), the number of its
-        harmonics, its symmetry (none, symmetric, skew, diagonal; none when left out, gyroscopic is always skew) and its
-        known elements, rows and columns from zero: "stiffness 1 symmetric; damping 0 known 0,1=0 1,0=0". Without
-        damping there is a constant one; "damping 0 diagonal known 0,0=0 1,1=0" says that there is none.
     """
     if not isinstance(text, str) or not text.strip():
         raise input_error("text", OF, "say a structure", f"is {text!r:.60}", EXAMPLES)

@@ -92,15 +92,9 @@ def read_matrix(
     above (the message lists those that it has); an array is not of its shape, or is not finite; or the period is not
     known, or is another than the one given.
 
-    Parameters
-    ----------
-    paths
-        The file; of `.lin` files a folder, or several.
-    period
-        The period T [s] where the file does not state it.
-    interpolation
-        What A(t) is between samples: "fourier", "cubic" or "linear" (see `SampledMatrix`); "fourier" by default where
-        they are at equal steps, else "cubic".
+    `paths` is the file; of `.lin` files a folder, or several. `period` is T [s] where the file does not state it.
+    `interpolation` is what A(t) is between samples: "fourier", "cubic" or "linear" (see `SampledMatrix`); "fourier" by
+    default where they are at equal steps, else "cubic".
     """
     files = _paths(paths)
     if any(path.is_dir() or path.suffix.lower() == ".lin" or "*" in path.name for path in files):

@@ -80,7 +80,7 @@ def product(left: Any, right: Any) -> AbstractPeriodicMatrix:
 
 def transposed(matrix: AbstractPeriodicMatrix) -> AbstractPeriodicMatrix:
     """The transpose."""
-    return _mapped(matrix, _swapped)
+    return _mapped(matrix, np.matrix_transpose)
 
 
 def assembled(blocks: Sequence[Sequence[Operand]], period: float) -> AbstractPeriodicMatrix:
@@ -218,7 +218,3 @@ def _sum(sign: float, left: Floats, right: Floats) -> Floats:
 
 def _times(right: Floats, left: Floats) -> Floats:
     return left @ right
-
-
-def _swapped(stack: NDArray[Any]) -> NDArray[Any]:
-    return stack.swapaxes(-1, -2)

@@ -56,11 +56,6 @@ def groups(modal: ModalModel, lifted: Lifted) -> ModeParameters:
     return ModeParameters.made(exponents, np.array(bands, np.int64).reshape(-1, 2), omega)
 
 
-def entries_of(model: PeriodicModel) -> ModeParameters:
-    """The modes of a model, each pair once, with the bands that it keeps."""
-    return ModeParameters.of(model)
-
-
 def distinct_multipliers(model: PeriodicModel) -> int:
     """The number of multipliers of a model that deviations tell apart: two modes may share one.
 

@@ -6,7 +6,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.random import SeedSequence
@@ -29,18 +29,6 @@ OF = "bootstrap"
 
 FEWEST = 20  # draws below which nothing can be said of a deviation
 FAMILY_WISE = 0.01  # probability at which the verdict is against deviations that are right, over all elements together
-
-QUANTITIES = (
-    "exponents",
-    "multipliers",
-    "frequencies_hz",
-    "damping_ratios",
-    "coefficients",
-    "period",
-    "system",
-    "transition",
-)
-"""The fields that are spreads."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -89,8 +77,8 @@ class Bootstrap(Told, Rebuilt):
     @property
     def quantities(self) -> tuple[Spread, ...]:
         """The spreads that there are."""
-        named = (getattr(self, name) for name in QUANTITIES)
-        return tuple(spread for spread in named if spread is not None)
+        values = (getattr(self, field.name) for field in fields(self))
+        return tuple(value for value in values if isinstance(value, Spread))
 
     @property
     def n_used(self) -> int:

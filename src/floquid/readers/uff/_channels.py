@@ -89,8 +89,10 @@ def own_lines(source: Source, header: FunctionHeader) -> OwnLines | None:
     try:
         numbers = [float(text) for text in rate.groups()] + [float(text) for text in (clock.groups() if clock else ())]
         steps = [numbers[0], *numbers[2:3]]
-        if not np.isfinite(numbers).all() or min(steps) <= 0.0 or (clock and _is_far(numbers[3], numbers[2])):
+        if not np.isfinite(numbers).all() or min(steps) <= 0.0:
             raise ValueError(numbers)
+        if clock:
+            ConstantPeriod(period=numbers[2], origin=numbers[3])  # refuses an origin that is too far off
     except ValueError:
         must = "have ID lines 2 and 4 as floquid wrote them"
         remedy = "Mend them, or let line 2 be `NONE`: the function can be read without it."
@@ -104,11 +106,6 @@ def own_lines(source: Source, header: FunctionHeader) -> OwnLines | None:
         words=words,
         doubt=doubt,
     )
-
-
-def _is_far(origin: float, period: float) -> bool:
-    """As `ConstantPeriod` has it: so far off that phases are rounded away."""
-    return bool(np.spacing(abs(origin)) > 1e-3 * period)
 
 
 def _words(header: FunctionHeader) -> tuple[dict[str, str], str]:
