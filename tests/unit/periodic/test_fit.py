@@ -193,10 +193,10 @@ def test_noise_that_is_coloured_along_the_record_is_whitened(seeds):
 
 def test_noise_that_is_coloured_and_not_whitened_is_named():
     """Without a search the noise is taken for white."""
-    start = fit([record()], [CLOCK], forced="none").model
+    start = ModeParameters.made(EXPONENTS, [(-1, 1)] * 2, OMEGA)
     for seed in range(2):
         given = coloured(record(n=1000), 0.9, seed=seed)
-        found = fit([given], [CLOCK], start=ModeParameters.of(start), search=False, forced="none")
+        found = fit([given], [CLOCK], start=start, search=False, forced="none")
         assert found.whitening is None
         assert any("not white along the record" in doubt for doubt in texts(found.findings, "warning"))
 

@@ -104,10 +104,11 @@ def test_the_history_is_told(analysis):
 
 def test_options_are_fields_of_settings_by_name_or_as_one(analysis):
     records = ringing(pairs(TWO))
-    once = identify(records, Settings(states=("c0", "c1")), system_times=9)
-    assert once.settings == analysis.settings
+    once = identify(records, Settings(states=("c0", "c1"), validate=False), system_times=9)
+    assert once.settings == dataclasses.replace(analysis.settings, validate=False)
     assert_array_equal(once.model.exponents, analysis.model.exponents)
-    assert identify(records).state is None
+    assert_array_equal(once.state.system, analysis.state.system)
+    assert identify(records, validate=False).state is None
 
 
 def test_an_unknown_option_is_refused():
@@ -149,26 +150,25 @@ def test_an_option_that_is_not_possible_is_refused(option, wrong, words):
         Settings(**{option: wrong})
 
 
-def test_the_period_given_goes_before_the_records_clock():
+def test_the_period_given_goes_before_the_records_clock(analysis):
     (record,) = ringing(pairs(TWO))
     unclocked = Record(values=record.values, sample_rate=record.sample_rate, channels=record.channels)
     with pytest.raises(InputError, match="must have a clock"):
         identify(unclocked)
-    expected = identify(record).model.exponents
-    assert_array_equal(identify(unclocked, period=PERIOD).model.exponents, expected)
-    other = record.with_clock(ConstantPeriod(period=1.0))
-    assert_array_equal(identify(other, period=PERIOD).model.exponents, expected)
+    for other in (unclocked, record.with_clock(ConstantPeriod(period=1.0))):
+        found = identify(other, period=PERIOD, validate=False)
+        assert_array_equal(found.model.exponents, analysis.model.exponents)
 
 
 def test_the_clocks_origin_stays_when_the_period_is_given():
     (record,) = ringing(pairs(TWO), first=5)
     moved = record.with_clock(ConstantPeriod(period=1.0, origin=1.5))
-    assert identify(moved, period=PERIOD).cycles[0].first_phase == pytest.approx((2.5 - 1.5) / PERIOD)
+    assert identify(moved, period=PERIOD, validate=False).cycles[0].first_phase == pytest.approx((2.5 - 1.5) / PERIOD)
 
 
 def test_channels_are_chosen_by_name_and_order():
     records = ringing(pairs(TWO, channels=3))
-    chosen = identify(records, channels=["c2", "c0"])
+    chosen = identify(records, channels=["c2", "c0"], validate=False)
     assert [c.name for c in chosen.model.channels] == ["c2", "c0"]
     assert chosen.model.order == 4
     with pytest.raises(InputError, match="'c9'"):
@@ -195,10 +195,10 @@ def test_several_hits_share_exponents_and_keep_their_shapes_apart():
 
 def test_a_fixed_order_and_fixed_harmonics():
     records = ringing(pairs(TWO))
-    assert identify(records, order=2).model.order == 2
+    assert identify(records, order=2, validate=False).model.order == 2
     with pytest.raises(IdentificationError, match="order 1 cannot be reached"):
         identify(records, order=1)
-    fixed = identify(records, harmonics=3).model
+    fixed = identify(records, harmonics=3, validate=False).model
     assert fixed.harmonics.tolist() == list(range(-3, 4))
     assert (fixed.coefficients != 0).all()
 
@@ -253,12 +253,11 @@ def test_zeros_and_a_constant_channel_are_refused():
         identify(dataclasses.replace(record, values=0.0 * values))
 
 
-def test_missing_samples_take_no_part():
-    (record,) = ringing(pairs(TWO))
-    whole = identify(record)
+def test_missing_samples_take_no_part(analysis):
+    (record,), whole = ringing(pairs(TWO)), analysis
     values = np.array(record.values)
     values[0, 17:40] = np.nan
-    found = identify(dataclasses.replace(record, values=values))
+    found = identify(dataclasses.replace(record, values=values), validate=False)
     assert any("missing samples" in sentence for sentence in found.synchronisation)
     pairing = pair_exponents(found.model.exponents, whole.model.exponents, whole.model.period)
     std = found.model.exponent_std[pairing.permutation]
@@ -333,11 +332,11 @@ def test_stages_are_reported():
     assert positions == sorted(positions)
 
 
-def test_units_of_the_channels_do_not_matter():
+def test_units_of_the_channels_do_not_matter(analysis):
     records = ringing(pairs(TWO))
     factor = np.array([[1e9], [1e-9]])
     scaled = [dataclasses.replace(r, values=r.values * factor) for r in records]
-    here, there = identify(records).model, identify(scaled).model
+    here, there = analysis.model, identify(scaled, validate=False).model
     assert_allclose(there.exponents, here.exponents, rtol=1e-9)
     assert_array_equal(there.harmonics, here.harmonics)
     assert_allclose(there.coefficients / factor[:, :, None], here.coefficients, atol=1e-7)

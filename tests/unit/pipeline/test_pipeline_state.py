@@ -1,6 +1,7 @@
 """From the settings to A(t): forms, states, structures and the output-error step, on both routes of the chain."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -33,6 +34,14 @@ def missing(record):
 
 
 @pytest.fixture(scope="module")
+def structured(record, missing):
+    """What is found with the structure, by route and by whether the step on the record is made."""
+    given = {"lifted": record, "as sampled": missing}
+    options = {"channels": ["X", "Y"], "states": ["X", "Y"], "structure": STRUCTURE, "validate": False}
+    return cache(lambda route, output_error: identify(given[route], **options, output_error=output_error))
+
+
+@pytest.fixture(scope="module")
 def free(record):
     return identify(record, channels=["X", "Y"], states=["X", "Y"], validate=False)
 
@@ -51,11 +60,8 @@ def of_fields(one, other):
 @pytest.mark.first(2)
 @pytest.mark.parametrize("route", ["lifted", "as sampled"])
 @pytest.mark.parametrize("output_error", [False, True])
-def test_a_structure_is_fitted_on_both_routes(record, missing, free, route, output_error):
-    given = record if route == "lifted" else missing
-    found = identify(
-        given, channels=["X", "Y"], states=["X", "Y"], structure=STRUCTURE, output_error=output_error, validate=False
-    )
+def test_a_structure_is_fitted_on_both_routes(structured, free, route, output_error):
+    found = structured(route, output_error)
     assert ("Fitted as sampled" in " ".join(found.synchronisation)) == (route == "as sampled")
     assert found.refinement.state is found.state
     assert found.refinement.structure == SecondOrder(stiffness=Block(harmonics=1, symmetry="symmetric"))
@@ -68,11 +74,9 @@ def test_a_structure_is_fitted_on_both_routes(record, missing, free, route, outp
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize("route", ["lifted", "as sampled"])
-def test_the_output_error_step_is_made_on_the_record(record, missing, route):
+def test_the_output_error_step_is_made_on_the_record(record, structured, route):
     """It moves the parameters by far less than their deviations, and not by nothing."""
-    given = record if route == "lifted" else missing
-    options = {"channels": ["X", "Y"], "states": ["X", "Y"], "structure": STRUCTURE, "validate": False}
-    without, found = (identify(given, **options, output_error=step) for step in (False, True))
+    without, found = (structured(route, step) for step in (False, True))
     stepped, std = found.refinement, without.refinement.std
     moved = np.abs(stepped.parameters - without.refinement.parameters) / std
     assert 1e-7 < moved.max() < 0.05
@@ -80,7 +84,7 @@ def test_the_output_error_step_is_made_on_the_record(record, missing, route):
     # It is the step that one makes by hand, and not the same fit once more.
     data = {"lifted": found.lifted}
     if route == "as sampled":
-        data = {"records": found.fit.free, "clocks": [given.clock], "noise": found.noise, "forced": found.fit.forced}
+        data = {"records": found.fit.free, "clocks": [record.clock], "noise": found.noise, "forced": found.fit.forced}
     by_hand = refine(found.model, ["X", "Y"], stepped.structure, again=lambda at: estimate_at(found.model, at, **data))
     idle = refine(found.model, ["X", "Y"], stepped.structure, again=lambda _: found.model.unselected)
     assert np.abs(stepped.parameters - by_hand.parameters).max() < 1e-9 * std.min()
@@ -152,8 +156,8 @@ def test_all_channels_are_weighed_together(record):
 def test_several_channels_of_one_motion(record):
     """A velocity beside its displacement: both in one state."""
     both = record.select(["X", "Y"])
-    dense = ROTOR.simulate(n_periods=150, samples_per_period=800, noise=0.0)
-    speed = np.gradient(dense.values[0], dense.times)[::40]
+    dense = ROTOR.simulate(n_periods=150, samples_per_period=200, noise=0.0)
+    speed = np.gradient(dense.values[0], dense.times)[::10]
     values = np.concatenate([both.values, [speed + 0.02 * np.random.default_rng(3).standard_normal(len(speed))]])
     channels = [*both.channels, Channel(name="vx", quantity="velocity", unit="m/s")]
     three = replace(record, values=values, channels=channels)

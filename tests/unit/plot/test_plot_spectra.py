@@ -26,7 +26,7 @@ def found():
     second = ROTOR.simulate(
         n_periods=50, samples_per_period=N_PHASES, noise=0.01, seed=2, first_phase=0.1, impulse_deg=80.0
     )
-    return identify([first, second], states=["X", "Y"], constrained=False)
+    return identify([first, second], states=["X", "Y"], constrained=False, validate=False)
 
 
 @pytest.fixture(scope="module")
@@ -34,8 +34,8 @@ def pair():
     """The same record by both algorithms."""
     record = ROTOR.simulate(n_periods=60, samples_per_period=N_PHASES, noise=0.01, seed=1)
     return {
-        "AMI": identify(record, states=["X", "Y"], identifier=AMI(), constrained=False),
-        "max. likelihood": identify(record, states=["X", "Y"], constrained=False),
+        "AMI": identify(record, states=["X", "Y"], identifier=AMI(), constrained=False, validate=False),
+        "max. likelihood": identify(record, states=["X", "Y"], constrained=False, validate=False),
     }
 
 
@@ -312,7 +312,7 @@ def test_several_must_be_analyses(found, function):
         ):
             function(wrong)
     if function is not composite:
-        other = identify(found.records, channels=["X", "Y"])
+        other = identify(found.records, channels=["X", "Y"], validate=False)
         with pytest.raises(InputError, match="analyses of the same channels"):
             function({"all": found, "two": other})
 
