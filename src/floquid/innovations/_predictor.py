@@ -206,55 +206,47 @@ def slopes(
     """
     number = np.float32 if rough else np.float64
     system, gains, seen, _ = matrices(samples, at.modes)
-    moved, white = (system - gains @ seen).astype(number), (root @ seen).astype(number)
-    gains, weights = gains.astype(number), root.astype(number)
+    size, channels = len(system), len(samples.values)
+    # Below the derivatives of the states are those of what each channel holds beside them: one product serves for both.
+    ahead = np.concatenate([system - gains @ seen, -gains], axis=2).astype(number)
+    white = -np.concatenate([root @ seen, root], axis=2).astype(number)
     width = sum(sum(mode.sizes) for mode in at.modes) + at.columns.size + at.initial.size
-    states = np.empty((TOGETHER + 1, len(system), width), number)
+    states = np.zeros((TOGETHER + 1, size + channels, width), number)
     for place, record in enumerate(samples.records):
-        states[0] = 0.0
-        first = width - at.initial.size + place * len(system)
-        states[0, :, first : first + len(system)] = np.eye(len(system))
+        states[0, :size] = 0.0
+        first = width - at.initial.size + place * size
+        states[0, :size, first : first + size] = np.eye(size)
         for begin in range(record.start, record.stop, TOGETHER):
             own = slice(begin, min(begin + TOGETHER, record.stop))
             count = own.stop - own.start
-            signals = list(_signals(samples, at, own, number))
-            _force(states[1 : count + 1], samples, at, gains[own], own, signals)
-            for before, after, transition in zip(states[:count], states[1 : count + 1], moved[own], strict=True):
-                after += transition @ before
-            found = white[own] @ states[:count]
-            np.negative(found, out=found)
-            for start, part in signals:
-                for channel in range(weights.shape[1]):
+            for start, part in _signals(samples, at, own):
+                for channel in range(channels):
                     where = slice(start + channel * len(part), start + (channel + 1) * len(part))
-                    for row in np.flatnonzero(weights[own, :, channel].any(axis=0)):
-                        found[:, row, where] -= weights[own, row, channel, None] * part.T
-            yield own, found
-            states[0] = states[count]
+                    states[:count, size + channel, where] = part.T
+            _force(states[1 : count + 1, :size], samples, at, own)
+            for before, after, transition in zip(states[:count], states[1 : count + 1, :size], ahead[own], strict=True):
+                after += transition @ before
+            yield own, white[own] @ states[:count]
+            states[0, :size] = states[count, :size]
 
 
-def _signals(samples: Samples, at: Predictor, own: slice, number: type) -> Iterator[tuple[int, NDArray]]:
+def _signals(samples: Samples, at: Predictor, own: slice) -> Iterator[tuple[int, NDArray[np.float64]]]:
     """Signals that each channel holds a share of, and the place of the shares, channels first (signals, samples)."""
     place = row = 0
     for mode in at.modes:
         state = at.states[own, row] + (0j if mode.real else 1j * at.states[own, row + mode.rows - 1])
         carried = turning(samples, mode.turns, own) * state
         place += mode.rows + 2 * mode.gains.size
-        yield place, carried.real.astype(number)
-        yield place + mode.shape.size, -carried.imag.astype(number)
+        yield place, carried.real
+        yield place + mode.shape.size, -carried.imag
         place += 2 * mode.shape.size
         row += mode.rows
-    yield place, samples.known[:, own].astype(number)
+    yield place, samples.known[:, own]
 
 
-def _force(
-    forcing: NDArray, samples: Samples, at: Predictor, gains: NDArray, own: slice, signals: list[tuple[int, NDArray]]
-) -> None:
-    """Put the derivatives of the next state, at a state that is held, into an array (samples, states, parameters)."""
+def _force(forcing: NDArray, samples: Samples, at: Predictor, own: slice) -> None:
+    """Put the derivatives of the next state by exponents and gains into an array (samples, states, parameters)."""
     forcing[:] = 0.0
-    for start, part in signals:
-        for channel in range(gains.shape[2]):
-            where = slice(start + channel * len(part), start + (channel + 1) * len(part))
-            forcing[:, :, where] = -gains[:, :, channel, None] * part.T[:, None, :]
     drives = np.concatenate([samples.inputs[:, own], at.innovations[:, own]])
     place = row = 0
     for mode in at.modes:
