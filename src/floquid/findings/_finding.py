@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
@@ -12,7 +12,18 @@ from typing import Any
 import numpy as np
 
 from floquid._checks import Rebuilt, input_error
-from floquid.findings._words import WORDS
+from floquid.findings._draws import DRAWS
+from floquid.findings._fit import FIT, ORDER
+from floquid.findings._inputs import AMBIENT, INPUTS
+from floquid.findings._model import MODEL, SYSTEM
+from floquid.findings._period import PERIOD
+from floquid.findings._records import RECORDS, SHAFT
+from floquid.findings._verdict import VERDICT
+
+WORDS: dict[str, str | Callable[..., str]] = {
+    **RECORDS, **SHAFT, **ORDER, **FIT, **INPUTS, **AMBIENT, **PERIOD, **MODEL, **SYSTEM, **VERDICT, **DRAWS,
+}  # fmt: skip
+"""The words of each finding by its code: a template that the numbers are put into, or a function of them."""
 
 
 class Severity(StrEnum):

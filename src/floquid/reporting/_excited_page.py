@@ -22,7 +22,7 @@ from floquid.reporting._excited_figures import (
     reach_figures,
     transfer_figures,
 )
-from floquid.reporting._modes_figures import mode_figures
+from floquid.reporting._modes_figures import mode_figures, mode_source
 from floquid.reporting._page import rendered
 from floquid.reporting._system_figures import Truth, system_figures
 from floquid.transfer import TransferFit
@@ -35,7 +35,7 @@ def excited_page(case: Case, *, title: str | None, truth: Truth | None) -> str:
     """The whole page as text."""
     analysis: ExcitedAnalysis = case.analysis
     record, held_out = left_out_figures(case)
-    figures = mode_figures(case) | {"transfer": [], "measured": [], "reach": [], "record": record}
+    figures = mode_figures(case, mode_source(case)) | {"transfer": [], "measured": [], "reach": [], "record": record}
     figures |= system_figures(analysis, truth)
     paths, matrix, harmonics, beside = [], [], [], []
     if analysis.inputs:
@@ -144,7 +144,7 @@ def lines_page(fit: TransferFit, *, title: str | None) -> str:
     return rendered(
         "excited.html.jinja",
         case,
-        mode_figures(case) | {"transfer": [], "measured": measured, "reach": [], "record": []},
+        mode_figures(case, mode_source(case)) | {"transfer": [], "measured": measured, "reach": [], "record": []},
         title or "Modes of measured transfer functions",
         mark=mark,
         sentence=sentence,

@@ -9,6 +9,7 @@ import numpy as np
 from floquid._arrays import Complexes, Floats
 from floquid.reporting._case import Case
 from floquid.reporting._chosen_figures import (
+    Chosen,
     coefficient_source,
     coefficients_figure,
     link_modes,
@@ -117,10 +118,13 @@ def multipliers_figure(case: Case, source: ColumnDataSource) -> Figure:
     return made
 
 
-def mode_figures(case: Case) -> dict[str, list[Figure]]:
-    """Shape and coefficients of the mode chosen, and the planes of all, by their places on the page, linked."""
-    modes, shape, coefficients = mode_source(case), shape_source(case), coefficient_source(case)
-    link_modes(modes, [shape, coefficients])
+def mode_figures(case: Case, modes: ColumnDataSource, *chosen: Chosen) -> dict[str, list[Figure]]:
+    """Shape and coefficients of the mode chosen, and the planes of all, by their places on the page, linked.
+
+    What else is drawn of the mode chosen is linked with them.
+    """
+    shape, coefficients = shape_source(case), coefficient_source(case)
+    link_modes(modes, [shape, coefficients, *chosen])
     return {
         "shape": shape_figures(case, shape),
         "coefficients": [coefficients_figure(case, coefficients)],

@@ -13,16 +13,11 @@ from floquid.pipeline import Analysis
 from floquid.reporting import _words as words
 from floquid.reporting._case import Case
 from floquid.reporting._chosen_figures import (
-    coefficient_source,
-    coefficients_figure,
     family_source,
-    link_modes,
     link_responses,
-    shape_figures,
-    shape_source,
 )
 from floquid.reporting._look import Figure
-from floquid.reporting._modes_figures import exponents_figure, mode_source, multipliers_figure
+from floquid.reporting._modes_figures import mode_figures, mode_source
 from floquid.reporting._record_figures import (
     composite_figure,
     record_figures,
@@ -149,13 +144,8 @@ def _modes(analysis: Analysis) -> dict[str, Any]:
 def _figures(case: Case, found: list[Synchronisation], truth: Truth | None) -> dict[str, list[Figure]]:
     """Every figure by its place on the page, linked."""
     analysis = case.analysis
-    modes, curves = mode_source(case), response_sources(case)
-    shape, coefficients, family = shape_source(case), coefficient_source(case), family_source(case)
-    link_modes(modes, [shape, coefficients, family])
-    figures = {
-        "shape": shape_figures(case, shape),
-        "coefficients": [coefficients_figure(case, coefficients)],
-        "plane": [exponents_figure(case, modes), multipliers_figure(case, modes)],
+    modes, curves, family = mode_source(case), response_sources(case), family_source(case)
+    figures = mode_figures(case, modes, family) | {
         "stabilisation": [],
         "unfolded": [],
         "indicators": [],
