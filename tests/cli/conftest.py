@@ -2,6 +2,7 @@
 
 import functools
 import itertools
+import pickle
 import re
 from pathlib import Path
 
@@ -65,6 +66,32 @@ DRAWN = ("test_commands", "test_paper_command", "test_report_command")
 def no_pictures_but_where_they_are_looked_at(request):
     if request.module.__name__.rpartition(".")[2] not in DRAWN:
         request.getfixturevalue("quick_pictures")
+
+
+FOUND = {}
+"""What was identified or fitted, by the function, what it was given and the options."""
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_identified_twice(monkeypatch):
+    """Commands are about what comes before and after: the same records with the same settings are identified once."""
+    from floquid.cli import _identify, _transfer
+
+    def remembered(name, real):
+        def found(given, *options, report=None, **named):
+            key = name, pickle.dumps(given), repr((options, named))
+            if key not in FOUND:
+                FOUND[key] = real(given, *options, **named, **({} if report is None else {"report": report}))
+            return FOUND[key]
+
+        return found
+
+    for module, names in (
+        (_identify, ["identify_records", "identify_driven", "identify_ambient"]),
+        (_transfer, ["fit_transfer"]),
+    ):
+        for name in names:
+            monkeypatch.setattr(module, name, remembered(name, getattr(module, name)))
 
 
 @functools.cache
