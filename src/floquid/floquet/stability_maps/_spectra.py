@@ -14,6 +14,7 @@ from floquid.floquet.matrices import line_weights
 from floquid.floquet.monodromy_matrix import MOST, divided, factorise, inverse, stages
 from floquid.floquet.stability_maps._family import PROBED, PROBES, Family
 
+ROUNDING = 4.0 * np.finfo(float).eps  # the share of an entry of A below which a harmonic of it is rounding
 _LAST = 512  # samples of a period, at least, that are tried until its harmonics have died away
 _INTERVALS = 20_000  # of the points that are integrated in one go
 _DEFECTIVE = 4  # multipliers that may coalesce into one block: how far rounding may carry them is capped by it
@@ -104,8 +105,13 @@ def _basis(fractions: Floats, n_lines: int) -> Floats:
 
 
 def _evaluator(series: Floats) -> Callable[..., Floats]:
-    n_lines = (series.shape[1] + 1) // 2
-    n = int(np.sqrt(series.shape[2]))
+    """A from its series, without the last harmonics where these are rounding in every entry."""
+    whole, n = (series.shape[1] + 1) // 2, int(np.sqrt(series.shape[2]))
+    size = np.abs(series)
+    seen = (size > ROUNDING * size.max(axis=1, keepdims=True)).any(axis=(0, 2))
+    seen[1:whole] |= seen[whole:]
+    n_lines = int(np.flatnonzero(seen[:whole])[-1]) + 1 if seen.any() else 1
+    series = np.concatenate([series[:, :n_lines], series[:, whole : whole + n_lines - 1]], axis=1)
 
     def evaluate(owner: Indices, fractions: Floats) -> Floats:
         return (_basis(fractions, n_lines) @ series[owner]).reshape(*fractions.shape, n, n)
