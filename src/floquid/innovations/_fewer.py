@@ -62,19 +62,20 @@ def needed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
 
 
 def _few(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
-    """All that is gone within a period as a few real multipliers, where these explain as much.
+    """All that is gone within a period beside one axis as a few real multipliers, where these explain as much.
 
     Copies of several such leave one by one only where each fit without one is good, and each of those takes long.
     """
-    omega = samples.fundamental
-    gone = [mode for mode in now.modes if -mode.exponent.real * 2.0 * np.pi > GONE * omega]
-    if sum(mode.rows for mode in gone) <= FEW:
+    omega, found = samples.fundamental, []
+    for half in (0.0, 0.5):
+        far = [_off_axis(mode, half, omega) for mode in now.modes]
+        near = [mode for mode, off in zip(now.modes, far, strict=True) if off < 1.0]
+        found.append((sum(mode.rows for mode in near), -max(own for own in [0.0, *far] if own < 1.0), half, near))
+    rows, _, half, gone = max(found, key=lambda own: own[:2])
+    if rows <= FEW:
         return now
-    half, far = min(
-        ((half, max(_off_axis(mode, half, omega) for mode in gone)) for half in (0.0, 0.5)), key=lambda own: own[1]
-    )
     rest = [mode for mode in now.modes if mode not in gone]
-    trial = None if far >= 1.0 else stable(samples, now, [*rest, *as_real(samples, now, gone, half, FEW)], limits)
+    trial = stable(samples, now, [*rest, *as_real(samples, now, gone, half, FEW)], limits)
     trial = None if trial is None else climbed(samples, trial)
     if trial is None or trial.log_likelihood < least(trial, now, limits):
         return now
@@ -83,9 +84,9 @@ def _few(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
 
 
 def _off_axis(mode: Mode, half: float, omega: float) -> float:
-    """The distance of a pair from an axis over its decay: of one that is two real multipliers below 1."""
+    """The distance of a mode from an axis over its decay, infinite of one that outlasts a period."""
     turns = mode.axis + mode.exponent.imag / omega - half
-    if mode.real and turns % 1.0:
+    if -mode.exponent.real * 2.0 * np.pi <= GONE * omega or (mode.real and turns % 1.0):
         return np.inf
     return float(abs(turns - round(turns)) * omega / -mode.exponent.real)
 

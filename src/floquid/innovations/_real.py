@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,22 +43,15 @@ def with_real_ones(
     undecided = list(before) or [0.0] * len(now.modes)
     normal, omega = normal_of(samples, now, rough=True), samples.fundamental
     spread = np.sqrt(np.maximum(np.diag(normal.inverse()), 0.0))
-    tried = [
-        (abs(mode.exponent.imag / omega - half) * omega, number, half)
-        for number, mode in enumerate(now.modes)
-        if not mode.real
-        for half in 0.5
-        * np.array([np.floor(2.0 * mode.exponent.imag / omega), np.ceil(2.0 * mode.exponent.imag / omega)])
-    ]
-    # Those that are nearest for their decay are the likeliest, and with them taken there are fewer others.
-    for away, number, half in sorted(tried, key=lambda one: one[0] / abs(now.modes[one[1]].exponent.real)):
-        mode, place = now.modes[number], places(now.modes)[number]
-        decay, std = abs(mode.exponent.real), spread[place.start + 1]
-        # Two that decay are never farther from their mean than it decays; inputs in a loop hold others, too.
-        if away > max(NEAR * decay, OFF_AXIS * std) or (away > decay and not len(samples.inputs)):
-            continue
-        rest = [own for k, own in enumerate(now.modes) if k != number]
-        for count in (1, 2):
+    for number, (mode, place) in enumerate(zip(now.modes, places(now.modes), strict=True)):
+        rest, turns = [own for k, own in enumerate(now.modes) if k != number], mode.exponent.imag / omega
+        for half, count in product((0.5 * np.floor(2.0 * turns), 0.5 * np.ceil(2.0 * turns)), (1, 2)):
+            away, std = abs(turns - half) * omega, spread[place.start + 1]
+            decay = abs(mode.exponent.real)
+            far = max(NEAR * decay, OFF_AXIS * std)
+            # Two that decay are never farther from their mean than it decays; inputs in a loop hold others, too.
+            if mode.real or away > (far if len(samples.inputs) else min(far, decay)):
+                continue
             # A real multiplier needs harmonics that the pair did without.
             some = [own.padded(1.0, limits.highest) for own in as_real(samples, now, [mode], half, count)]
             trial = stable(samples, now, [*rest, *some], limits)
