@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtri
 
 from floquid._checks import Rebuilt
 from floquid.innovations._autoregression import delayed
@@ -80,6 +79,8 @@ def repetition(samples: Samples) -> Repetition:
     per_turn = 2.0 * np.pi / (samples.fundamental * samples.step)
     highest = min(HARMONICS, int(0.5 * per_turn / (1.0 + WIDEST)))
     step = per_turn / (FINE * longest * highest)
+
+    from scipy.special import chdtri
 
     def at(turns: range, shifts: NDArray[np.float64]) -> NDArray[np.float64]:
         places = [np.rint(turn * padded / (per_turn * (1.0 + shifts))).astype(int) for turn in turns]

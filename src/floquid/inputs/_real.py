@@ -19,6 +19,9 @@ from floquid.inputs._start import bare_mode
 AS_REAL = 8
 """Steps of a fit with real multipliers for pairs."""
 
+ROUNDS = 6
+"""Such fits at most, one after another, while what each gains may make up for what is missing."""
+
 OFF_AXIS = 20.0
 """Deviations off the axis from which on a multiplier is not tried as a real one."""
 
@@ -103,7 +106,12 @@ def _as_real(samples: Samples, now: Linearisation, pairs: Sequence[int], limits:
         with suppress(np.linalg.LinAlgError):
             _, modes = fitted_together(samples, left, bare)
             found = solve(samples, [*rest, *modes], now.direct, iterations=AS_REAL, rough=True)
-            found = solve(samples, grown(samples, found, limits).modes, now.direct, iterations=AS_REAL, rough=True)
-            if noise_explains(now.log_likelihood - found.log_likelihood, now.n_parameters - found.n_parameters):
-                return found
+            found = grown(samples, found, limits)
+            for more in reversed(range(ROUNDS)):
+                before, found = found, solve(samples, found.modes, now.direct, iterations=AS_REAL, rough=True)
+                rise = now.log_likelihood - found.log_likelihood
+                if noise_explains(rise, now.n_parameters - found.n_parameters):
+                    return found
+                if rise > more * (found.log_likelihood - before.log_likelihood):
+                    break
     return None

@@ -67,10 +67,15 @@ class Samples(Rebuilt):
         return np.sqrt(np.mean(self.inputs**2, axis=1))
 
     @cached_property
+    def moving(self) -> NDArray[np.float64]:
+        """The values less the offset, and what repeats with the period, that fit them best (channels, samples)."""
+        steady = np.linalg.lstsq(self.known.T, self.values.T, rcond=None)[0]
+        return self.values - steady.T @ self.known
+
+    @cached_property
     def swing(self) -> NDArray[np.float64]:
         """The largest that each channel is beside an offset and what repeats with the period (channels,)."""
-        beside = np.linalg.lstsq(self.known.T, self.values.T, rcond=None)[0]
-        return np.abs(self.values - beside.T @ self.known).max(axis=1)
+        return np.abs(self.moving).max(axis=1)
 
     def turned(self, turns: float) -> NDArray[np.complex128]:
         """e^{i turns ωt} (samples,)."""

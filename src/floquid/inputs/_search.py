@@ -53,7 +53,7 @@ LOOSE = 0.02
 
 def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = lambda _: None) -> Linearisation:
     """The modes that rise above the noise, with the harmonics by which inputs reach them and outputs see them."""
-    poles, shares = candidates(samples, samples.values)
+    poles, shares = candidates(samples, samples.moving)
     turns = np.arange(-REACH, REACH + 1.0)
     bare = [bare_mode(samples, exponent, turns, turns) for exponent in poles[shares >= STABLE].tolist()]
     first = chosen_together(samples, bare, limits.modes)
@@ -66,7 +66,10 @@ def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = l
     if not now.modes:
         return now
     loose = replace(limits, harmonic_alarm=LOOSE)
-    now = narrowed(samples, grown(samples, now, loose, rounds=2), loose)
+    before: Linearisation | None = None
+    while now is not before:  # with all their harmonics some modes are others, or needless
+        before = narrowed(samples, grown(samples, now, loose, rounds=2), loose)
+        now = without_needless(samples, with_real_ones(samples, before, loose), loose)
     return solve(samples, [_padded(mode, limits) for mode in now.modes], now.direct)
 
 
@@ -102,7 +105,9 @@ def _found(
             break
         now = with_real_ones(samples, narrowed(samples, more, limits), limits, refused)
         report(f"searching for modes: {len(now.modes)} found")
-    return with_real_ones(samples, without_needless(samples, now, limits), limits, refused)
+    less = without_needless(samples, now, limits)
+    # Beside fewer modes a pair that was no real multiplier may be one.
+    return with_real_ones(samples, less, limits, refused if less is now else None)
 
 
 def _padded(mode: InputMode, limits: Limits) -> InputMode:

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import chdtrc
 
 from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid.core import PeriodicModel, Provenance
@@ -170,6 +169,8 @@ def fit_transfer(
     IdentificationError
         No mode rises above the deviations.
     """
+    from scipy.special import chdtrc
+
     of, own = "fit_transfer", measured if isinstance(measured, TransferFunctions) else measured.transfer
     if period is None and isinstance(measured, MeasuredTransfer):
         period = measured.period

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from floquid._checks import Rebuilt
 from floquid.inputs import Hold, InputMode, modal_transfer, terms_of
@@ -295,6 +294,8 @@ def fitted(lines: Lines, start: Modal, iterations: int = ITERATIONS) -> Fitted:
     Amplitudes are eliminated (variable projection of Golub and Pereyra 1973, with Kaufman's derivative of 1975), what
     is left goes to Levenberg's and Marquardt's steps.
     """
+    from scipy.optimize import least_squares
+
     base = start.scaled()
 
     @lru_cache(maxsize=2)

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid.core import Channel, ConstantPeriod, Record
@@ -171,6 +170,8 @@ def _spread(
     candidates: NDArray[np.int64], pairs: NDArray[np.int64], classes: NDArray[np.int64], generator: np.random.Generator
 ) -> NDArray[np.int64]:
     """One line of each class, ascending, each in a strip of the band of its own where there is such a choice."""
+    from scipy.optimize import linear_sum_assignment
+
     edges = np.linspace(candidates[0], candidates[-1] + 1, len(classes) + 1)
     strips = np.searchsorted(edges, candidates, side="right") - 1
     there = np.zeros((len(classes), len(classes)), bool)

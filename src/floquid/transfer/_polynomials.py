@@ -7,7 +7,6 @@ from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import fdtrc
 
 from floquid.core import Channel
 from floquid.errors import IdentificationError
@@ -147,6 +146,8 @@ def _flattened(
     half: int,
 ) -> list[Finding]:
     """Finding where polynomials of a higher degree leave less than noise, in windows in which G bends most."""
+    from scipy.special import fdtrc
+
     order, chosen = np.argsort(-bends, axis=None), []
     for line in middle.ravel()[order].tolist():
         if all(abs(line - other) > 2 * half for other in chosen):

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import helmert
-from scipy.special import chdtrc, fdtrc
 
 from floquid.core import Channel
 from floquid.errors import IdentificationError
@@ -195,6 +193,8 @@ def _without_ringing(own: NDArray) -> NDArray[np.float64]:
     What rings falls from repeat to repeat by one factor at all lines beside a resonance: it is one direction of the
     differences between repeats, and where the largest variance of any direction stands out, it is left out.
     """
+    from scipy.linalg import helmert
+
     parts = np.einsum("jr,crk->jck", helmert(own.shape[1]), own)
     products = parts[:, None] * parts.conj()
     sizes = np.linalg.eigvalsh(np.moveaxis(_beside(products), (0, 1), (-2, -1)))
@@ -243,6 +243,8 @@ def _nonlinear(
 
 def _transient(records: list[NDArray], drop: int) -> list[Finding]:
     """Finding on a first repeat that differs from the others of its record by more than they do, near some line."""
+    from scipy.special import fdtrc
+
     worst, found = 0.0, False
     for own in records:
         repeats, lines = own.shape[1], own.shape[2] // 2
@@ -259,6 +261,8 @@ def _transient(records: list[NDArray], drop: int) -> list[Finding]:
 
 def _above(ratio: float, lines: int) -> bool:
     """True where a mean of squares of complex numbers over their variances is above 1 beyond chance."""
+    from scipy.special import chdtrc
+
     return bool(lines and chdtrc(2 * lines, 2 * lines * ratio) < SURE and ratio > 1.0 + MARGIN)
 
 

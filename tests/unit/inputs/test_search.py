@@ -49,12 +49,13 @@ def test_a_record_without_noise_ends_and_is_right():
     assert pulls(mathieu(), found.model).max() < 1.0
 
 
-def test_an_offset_however_large_is_no_reason_for_more_noise():
+@pytest.mark.parametrize(("seed", "offset"), [(0, 1e6), (1, 1.1e6)])
+def test_an_offset_however_large_is_no_mode_and_no_reason_for_more_noise(seed, offset):
     system = mathieu()
-    values, inputs = record_of(system, 60, 20, 0.02, 0)
+    values, inputs = record_of(system, 60, 20, 0.02, seed)
     alone, beside = (
         identify_driven(record(system, values + by, inputs, 20), period=system.period, inputs=named(inputs))
-        for by in (0.0, 1e6 * values.std())
+        for by in (0.0, offset * values.std())
     )
     assert beside.passed
     assert beside.model.exponent_std == pytest.approx(alone.model.exponent_std, rel=0.05)
