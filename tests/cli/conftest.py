@@ -74,12 +74,15 @@ FOUND = {}
 
 @pytest.fixture(autouse=True)
 def nothing_is_identified_twice(monkeypatch):
-    """Commands are about what comes before and after: the same records with the same settings are identified once."""
+    """Commands are about what comes before and after: the same records with the same settings are identified once.
+
+    The stages of an identification are told that once alone: tests of them run a process of their own.
+    """
     from floquid.cli import _identify, _transfer
 
     def remembered(name, real):
         def found(given, *options, report=None, **named):
-            key = name, pickle.dumps(given), repr((options, named))
+            key = name, pickle.dumps((given, options, named))
             if key not in FOUND:
                 FOUND[key] = real(given, *options, **named, **({} if report is None else {"report": report}))
             return FOUND[key]

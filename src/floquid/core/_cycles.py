@@ -39,6 +39,7 @@ class Cycles(Rebuilt):
     def __post_init__(self) -> None:
         put = object.__setattr__
         put(self, "channels", as_channels(self.channels, "Cycles"))
+        put(self, "provenance", self.provenance or Provenance())
         self._freeze(missing=True, values=(len(self.channels), "phases", "cycles"))
         self._freeze(periods=(self.n_cycles,))
         if self.values.size == 0:

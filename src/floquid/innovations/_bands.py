@@ -78,9 +78,9 @@ def narrowed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
         ]
         trial = rebuilt(samples, start, less)
         if trial is not None:
-            least = now.log_likelihood - limit_of(now.n_parameters - trial.n_parameters, limits.mode_alarm)
+            enough = now.log_likelihood - limit_of(now.n_parameters - trial.n_parameters, limits.mode_alarm)
             trial = solve(samples, trial, rough=True)
-            if trial.log_likelihood >= least:
+            if trial.log_likelihood >= enough:
                 now, spread = trial, None
                 continue
         most = gone // 2

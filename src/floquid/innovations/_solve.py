@@ -33,7 +33,6 @@ ROUGH = (10, 0.5)
 PACED = 3
 """Steps after which a fit whose gains go down is given up where it will not gain what it must at their pace."""
 
-
 CLIMBS = 5
 """Rough fits at most by which a candidate goes on,"""
 

@@ -109,9 +109,9 @@ def _as_real(samples: Samples, now: Linearisation, pairs: Sequence[int], limits:
             found = grown(samples, found, limits)
             for more in reversed(range(ROUNDS)):
                 before, found = found, solve(samples, found.modes, now.direct, iterations=AS_REAL, rough=True)
-                rise = now.log_likelihood - found.log_likelihood
-                if noise_explains(rise, now.n_parameters - found.n_parameters):
+                rise, fewer = now.log_likelihood - found.log_likelihood, now.n_parameters - found.n_parameters
+                if noise_explains(rise, fewer):
                     return found
-                if rise > more * (found.log_likelihood - before.log_likelihood):
+                if not noise_explains(rise - more * (found.log_likelihood - before.log_likelihood), fewer):
                     break
     return None

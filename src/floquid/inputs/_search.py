@@ -67,6 +67,7 @@ def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = l
         return now
     loose = replace(limits, harmonic_alarm=LOOSE)
     before: Linearisation | None = None
+    report(f"searching for modes: harmonics of {len(now.modes)}")
     while now is not before:  # with all their harmonics some modes are others, or needless
         before = narrowed(samples, grown(samples, now, loose, rounds=2), loose)
         now = without_needless(samples, with_real_ones(samples, before, loose), loose)

@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 from floquid.core import Channel, Estimates, PeriodicModel, channels_named
 from floquid.errors import IdentificationError
 from floquid.pipeline._settings import ALL, Settings
-from floquid.reconstruction import AbstractStructure, Refinement, StateModel, reconstruct, refine, structure_of
+from floquid.reconstruction import (
+    AbstractStructure,
+    Refinement,
+    StateModel,
+    displacement_rows,
+    reconstruct,
+    refine,
+    structure_of,
+)
 
 OF = "identify"
 
@@ -22,9 +30,10 @@ def check_states(channels: Sequence[Channel], settings: Settings) -> None:
     names = states_of(channels, settings)
     if isinstance(names, str):
         return
-    known = {channel.name for channel in channels}
-    parts = [part for entry in names for part in _parts(entry, known, settings)]
-    channels_named(channels, parts, argument="states", of=OF)
+    if settings.form == "second-order":
+        displacement_rows(channels, names, of=OF)
+    else:
+        channels_named(channels, names, argument="states", of=OF)
     structure = structure_of(settings.structure) if settings.structure else None
     if isinstance(structure, AbstractStructure):
         structure.basis(len(names))
@@ -34,11 +43,6 @@ def states_of(channels: Sequence[Channel], settings: Settings) -> str | tuple[st
     """The states as `reconstruct` takes them: "all" is a channel where one is called so."""
     alone = settings.states == (ALL,) and ALL not in {channel.name for channel in channels}
     return ALL if alone else settings.states
-
-
-def _parts(entry: str, known: set[str], settings: Settings) -> list[str]:
-    """The channels of one state: x+vx is two of one motion, where no channel is called so."""
-    return [entry] if entry in known or settings.form != "second-order" else [name.strip() for name in entry.split("+")]
 
 
 def state_of(

@@ -8,6 +8,7 @@ from floquid.reconstruction._reconstruct import MOST_TIMES, Form, choices, recon
 from floquid.reconstruction._refine import refine
 from floquid.reconstruction._state_model import Refinement, StateModel
 from floquid.reconstruction._states import Names as Names
+from floquid.reconstruction._states import displacement_rows as displacement_rows
 from floquid.reconstruction._structure import AbstractStructure, Block, FirstOrder, SecondOrder
 from floquid.reconstruction._structure_text import structure_of, text_of
 

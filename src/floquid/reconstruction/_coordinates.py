@@ -105,13 +105,13 @@ class Coordinates:
         return np.stack([one for one, _ in both], axis=-2), np.stack([other for _, other in both], axis=-2)
 
 
-def derivative_of(channel: Channel) -> int:
+def derivative_of(channel: Channel, of: str = OF) -> int:
     """The derivative of a displacement that a channel measures."""
     if channel.quantity not in DERIVATIVES:
         must = "name channels of displacement, velocity or acceleration"
         got = f"channel {channel.name!r} measures {channel.quantity} [{channel.unit}]"
         remedy = "Choose motions, or give the channel its quantity."
-        raise input_error("states", OF, must, got, remedy)
+        raise input_error("states", of, must, got, remedy)
     return DERIVATIVES[str(channel.quantity)]
 
 

@@ -33,7 +33,7 @@ def second_order(model: PeriodicModel, states: Names) -> Coordinates:
         raise input_error("model", OF, must, got, remedy)
     if states == ALL and ALL not in {channel.name for channel in model.channels}:
         return combined(model, model.order // 2)
-    groups = groups_of(model.channels, states)
+    groups = displacement_rows(model.channels, states)
     needed = model.order // 2
     if len(groups) != needed:
         got = f"names {len(groups)}"
@@ -67,11 +67,11 @@ def first_order(model: PeriodicModel, states: Names) -> Coordinates:
     )
 
 
-def groups_of(channels: Sequence[Channel], states: Names) -> list[list[int]]:
+def displacement_rows(channels: Sequence[Channel], states: Names, *, of: str = OF) -> list[list[int]]:
     """The rows of the channels of each displacement: one name, several joined by +, or a list of names."""
     listing = "The channels are: " + ", ".join(channel.name for channel in channels) + "."
     if isinstance(states, str):
-        raise input_error("states", OF, "be a list of channel names", f"is {states!r}", listing)
+        raise input_error("states", of, "be a list of channel names", f"is {states!r}", listing)
     known = {channel.name for channel in channels}
     groups: list[list[str]] = []
     for entry in states:
@@ -80,13 +80,13 @@ def groups_of(channels: Sequence[Channel], states: Names) -> list[list[int]]:
         elif isinstance(entry, (list, tuple)):
             groups.append(list(entry))
         else:
-            raise input_error("states", OF, "be a list of channel names", f"is {states!r}", listing)
-    channels_named(channels, [name for group in groups for name in group], argument="states", of=OF)
+            raise input_error("states", of, "be a list of channel names", f"is {states!r}", listing)
+    channels_named(channels, [name for group in groups for name in group], argument="states", of=of)
     place = {channel.name: row for row, channel in enumerate(channels)}
     rows = [[place[name] for name in group] for group in groups]
     for group in rows:
         for row in group:
-            derivative_of(channels[row])
+            derivative_of(channels[row], of)
     return rows
 
 

@@ -124,11 +124,11 @@ class Run(Brief):
         kick = np.deg2rad(self.impulse_deg)
         states = np.empty((len(times), 5, 2))
         states[0, :, 0] = [0.0, 0.0, np.cos(kick), np.sin(kick), 0.0]
-        states[0, :, 1] = [*self._orbit(), 1.0]
+        states[0, :, 1] = [*self._orbit(), 1.0] if self.imbalance else 0.0
         for k, propagator in enumerate(self._propagators(times)):
             np.matmul(propagator, states[k], out=states[k + 1])
         free, forced = (outputs @ states[:, :4]).transpose(2, 1, 0)
-        return free, forced * self.imbalance * np.abs(free[0]).max() / np.abs(forced[0]).max()
+        return free, forced * self.imbalance * np.abs(free[0]).max() / (np.abs(forced[0]).max() or 1.0)
 
     def _pulses(self) -> Floats:
         """A pulse of five volts once a revolution, with edges of finite steepness."""

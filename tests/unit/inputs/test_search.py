@@ -191,6 +191,15 @@ def test_noise_alone_has_no_mode():
         identify_driven(record(system, values, inputs, 20), period=system.period, inputs=["F0"])
 
 
+def test_states_that_are_no_motions_are_refused_before_the_search(monkeypatch):
+    monkeypatch.setattr("floquid.pipeline.with_inputs._identify.searched", lambda *_, **__: pytest.fail("searched"))
+    values, inputs = record_of(mathieu(), 20, 20, 0.02, 0)
+    given = record(mathieu(), values, inputs, 20)
+    strains = replace(given, channels=[Channel(name="y0", quantity="strain"), given.channels[1]])
+    with pytest.raises(InputError, match="channels of displacement, velocity or acceleration"):
+        identify_driven(strains, period=np.pi, inputs=["F0"], states=["y0"])
+
+
 def test_an_input_that_repeats_with_the_period_is_refused():
     system = mathieu()
     repeated = np.tile(np.random.default_rng(1).standard_normal((1, 20)), 60)

@@ -135,6 +135,7 @@ def test_what_is_not_linear_is_seen(stiffness, seen):
         clock=played.clock,
     )
     found = measure_transfer(record, inputs=["F"], drop=1)
+    assert np.isfinite(found.nonlinear[0])
     assert (found.nonlinear[0] > 2.0) == seen
     assert any("not linear at this force" in words for words in found.warnings) == seen
 

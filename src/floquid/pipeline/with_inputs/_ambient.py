@@ -52,6 +52,9 @@ A response that is hardly periodic scores at many periods, by up to 1.6 times wh
 MOVED = 1.0
 """Deviations that lasting modes may move where a doubtful one is fitted as the other kind, which then is no matter."""
 
+NEAR_HALF = 0.25
+"""The distance of a frequency from half the fundamental, over the decay, up to which a multiplier may be negative."""
+
 AIM = 0.1
 """The relative deviation of the damping for which the length of a record is given."""
 
@@ -92,7 +95,7 @@ def identify_ambient(
     -------
     AmbientAnalysis
         The model with deviations, the verdict, and the length of record that a damping to 10 % needs; A(t), with
-        `inputs` B(t) too, where `states` are given.
+        `inputs` B(t) too, where `states` are given and fit the modes.
 
     Raises
     ------
@@ -271,7 +274,7 @@ def _own(fit: Fit) -> NDArray[np.bool_]:
         squares, degrees = fit.reached(number)
         halves = 2.0 * (mode.axis + mode.exponent.imag / omega)
         away, std = 0.5 * omega * abs(halves - round(halves)), fit.parameters[(place.start + mode.rows - 1,) * 2] ** 0.5
-        negative = round(halves) % 2 == 1 and away <= SIGNIFICANT * std
+        negative = round(halves) % 2 == 1 and away <= min(SIGNIFICANT * std, NEAR_HALF * abs(mode.exponent.real))
         found.append(negative or bool(degrees and chdtrc(degrees, squares) < SURE))
     return np.array(found)
 

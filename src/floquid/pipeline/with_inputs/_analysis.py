@@ -71,7 +71,8 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
     findings
         What was done, and what a reader must know.
     state
-        Φ, A(t) and B(t) with deviations, when states were asked for.
+        Φ, A(t) and B(t) with deviations, when states were asked for; None where they do not fit the modes, which a
+        finding says.
     """
 
     settings: Settings

@@ -70,7 +70,8 @@ def identify_driven(
     Returns
     -------
     DrivenAnalysis
-        The model with its inputs, deviations of all of it, and the verdict; A(t) and B(t) where `states` are given.
+        The model with its inputs, deviations of all of it, and the verdict; A(t) and B(t) where `states` are given
+        and fit the modes.
 
     Raises
     ------
