@@ -125,7 +125,14 @@ def test_a_kind_that_is_not_told_fails_but_of_a_mode_gone_in_a_period_that_moves
         (2.0, 0.0, 0.0, False),
         (6.0, 0.0, 1e3, False),
     ],
-    ids=["gone", "gone and swinging", "nearer to half, and badly known", "a negative multiplier", "lasting", "reached by a measured input"],
+    ids=[
+        "gone",
+        "gone and swinging",
+        "nearer to half, and badly known",
+        "a negative multiplier",
+        "lasting",
+        "reached by a measured input",
+    ],
 )
 def test_a_mode_gone_within_a_period_may_be_the_excitations(analysis, decay, turn, reached, told, monkeypatch):
     """Mathieu's mode loses 0.22 nepers a period."""
