@@ -77,7 +77,8 @@ def _expanded(samples: Samples, mode: Mode, gains: NDArray, highest: float) -> M
         harmonics = np.linalg.lstsq(basis, gains, rcond=None)[0]
     size = np.abs(harmonics).max(axis=1)
     large = wide[size > SMALL * size.max()]
-    first, last = min(large[0], mode.reach[0]), max(large[-1], mode.reach[-1])
+    # Of a pair taken for real multipliers the band may go on beyond what the samples tell.
+    first, last = max(min(large[0], mode.reach[0]), wide[0]), min(max(large[-1], mode.reach[-1]), wide[-1])
     mode = mode.widened(mode.turns, np.arange(first, last + 0.25))
     kept = (wide >= first) & (wide <= last)
     mode.gains[-harmonics.shape[1] :] = harmonics[kept].T

@@ -9,7 +9,7 @@ from tests.driven import ambient_of, imbalance_of, mathieu, pulls, record_of
 
 from floquid import Channel, ConstantPeriod, Record, Settings, TachometerSignal, identify_ambient, identify_driven
 from floquid.errors import IdentificationError, InputError
-from floquid.findings import Severity, texts
+from floquid.findings import Severity, texts, warning
 from floquid.pipeline.with_inputs import _analysis
 from floquid.pipeline.with_inputs._analysis import _lines_found
 from floquid.pipeline.with_inputs._lines import BESIDE, MOST_PERIODS, _above_beside
@@ -57,13 +57,14 @@ def test_lines_of_the_revolution_are_fitted_beside_the_modes(driven):
     assert "does not decay and is at a multiple of 1/2 of the period's frequency" in str(told)
 
 
-def told_of(turns, deviations, real):
+def told_of(turns, deviations, real, findings=()):
     """What is told of modes that do not decay, at these turns a period, known to these deviations."""
     exponents = 1e-6 + 2j * np.array(turns)
     model = SimpleNamespace(
         exponents=exponents, exponent_std=1e-3 + 2j * np.array(deviations), fundamental=2.0, real=np.array(real)
     )
-    analysis = SimpleNamespace(model=model, settings=Settings(), records=[SimpleNamespace(duration=400.0)])
+    records = [SimpleNamespace(duration=400.0)]
+    analysis = SimpleNamespace(model=model, settings=Settings(), records=records, findings=findings)
     return _lines_found(analysis, 1.0)
 
 
@@ -72,6 +73,9 @@ def test_a_real_multiplier_at_its_limit_may_be_one():
     (told,) = told_of([0.5], [0.0], [True])
     assert told.severity is Severity.WARNING
     assert "or a real negative multiplier at the limit of stability" in str(told)
+    apart = warning("unreached", frequency=abs(1e-6 + 1j) / (2.0 * np.pi))
+    (told,) = told_of([0.5], [0.0], [True], [apart])
+    assert told.severity is Severity.FAILURE
 
 
 def test_each_line_is_told_by_how_well_it_is_known():

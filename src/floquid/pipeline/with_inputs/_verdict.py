@@ -142,7 +142,9 @@ def _unreached(fit: Uncertainty) -> tuple[Finding, ...]:
         index = place.start + np.cumsum(free)[rows] - 1
         spread = fit.parameters[np.ix_(index, index)]
         if float(flat @ np.linalg.pinv(spread, hermitian=True) @ flat) < chdtri(len(index), REACHED):
-            found.append(warning("unreached", frequency=abs(mode.exponent) / (2.0 * np.pi)))
+            half = mode.turns[0] % 1.0 if mode.real else 0.0  # of a negative multiplier
+            exponent = mode.exponent + 1j * half * fit.samples.fundamental
+            found.append(warning("unreached", frequency=abs(exponent) / (2.0 * np.pi)))
     return tuple(found)
 
 
