@@ -43,7 +43,8 @@ AMBIENT: dict[str, str | Callable[..., str]] = {
         "the same beside either."
     ),
     "ambient_alike": lambda frequencies: (
-        f"Nearer to each other than they decay: {_at(frequencies)}. They may be one, or coloured excitation."
+        f"Nearer to each other than they decay, or than their deviations tell: {_at(frequencies)}. They may be one, or "
+        "coloured excitation."
     ),
     "ambient_held_out": "The last quarter of the record, left out of a fit, is predicted with {error:.3g} times the "
     "error of the rest: the system or its excitation is another one there.",

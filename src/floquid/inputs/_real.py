@@ -19,9 +19,6 @@ from floquid.inputs._start import bare_mode
 AS_REAL = 8
 """Steps of a fit with real multipliers for pairs."""
 
-ROUNDS = 6
-"""Such fits at most, one after another, while what each gains may make up for what is missing."""
-
 OFF_AXIS = 20.0
 """Deviations off the axis from which on a multiplier is not tried as a real one."""
 
@@ -33,14 +30,17 @@ REAL = 1e-3
 
 
 def with_real_ones(
-    samples: Samples, now: Linearisation, limits: Limits, refused: list[complex] | None = None
+    samples: Samples, now: Linearisation, limits: Limits, refused: list[complex] | None = None, rounds: int = 1
 ) -> Linearisation:
-    """With pairs whose multipliers may be one or two real ones taken for that, where noise explains the rest."""
+    """With pairs whose multipliers may be one or two real ones taken for that, where noise explains the rest.
+
+    Fits with these go on for some rounds while what each gains may make up for what is missing.
+    """
     refused = [] if refused is None else refused
     for pairs in near_real(now.modes, lambda: covariance(samples, now), samples.fundamental, refused):
-        best = _as_real(samples, now, pairs, limits)
+        best = _as_real(samples, now, pairs, limits, rounds)
         if best is not None:
-            return with_real_ones(samples, best, limits, refused)
+            return with_real_ones(samples, best, limits, refused, rounds)
     return now
 
 
@@ -96,7 +96,9 @@ def _half(mode: InputMode, omega: float) -> float:
     return 0.5 * round(2.0 * mode.exponent.imag / omega)
 
 
-def _as_real(samples: Samples, now: Linearisation, pairs: Sequence[int], limits: Limits) -> Linearisation | None:
+def _as_real(
+    samples: Samples, now: Linearisation, pairs: Sequence[int], limits: Limits, rounds: int
+) -> Linearisation | None:
     """The fit with one real multiplier, or two, for some pairs; None where that costs more than noise explains."""
     rest = [own for k, own in enumerate(now.modes) if k not in pairs]
     kinds, turns, reach = real_for([now.modes[number] for number in pairs], samples.fundamental)
@@ -107,7 +109,7 @@ def _as_real(samples: Samples, now: Linearisation, pairs: Sequence[int], limits:
             _, modes = fitted_together(samples, left, bare)
             found = solve(samples, [*rest, *modes], now.direct, iterations=AS_REAL, rough=True)
             found = grown(samples, found, limits)
-            for more in reversed(range(ROUNDS)):
+            for more in reversed(range(rounds)):
                 before, found = found, solve(samples, found.modes, now.direct, iterations=AS_REAL, rough=True)
                 rise, fewer = now.log_likelihood - found.log_likelihood, now.n_parameters - found.n_parameters
                 if noise_explains(rise, fewer):

@@ -47,6 +47,9 @@ WIDE = 15
 STABLE = 0.35
 """The share of the looks at which a candidate comes up from which on a search begins with it."""
 
+ROUNDS = 6
+"""Fits at most, one after another, with real multipliers for a pair of the modes that are found."""
+
 LOOSE = 0.02
 """The probability at which noise may pass for a harmonic that is fitted: one that is missing does more harm."""
 
@@ -70,7 +73,7 @@ def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = l
     report(f"searching for modes: harmonics of {len(now.modes)}")
     while now is not before:  # with all their harmonics some modes are others, or needless
         before = narrowed(samples, grown(samples, now, loose, rounds=2), loose)
-        now = without_needless(samples, with_real_ones(samples, before, loose), loose)
+        now = without_needless(samples, with_real_ones(samples, before, loose, rounds=ROUNDS), loose)
     return solve(samples, [_padded(mode, limits) for mode in now.modes], now.direct)
 
 

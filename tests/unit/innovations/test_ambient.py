@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -21,7 +22,7 @@ from floquid.exports import summary
 from floquid.findings import Severity
 from floquid.innovations import Fit, first_innovations, model_of, period_step, predicted, repetition
 from floquid.inputs import samples_of
-from floquid.pipeline.with_inputs._ambient import _told
+from floquid.pipeline.with_inputs._ambient import _not_apart, _told
 
 SYSTEM, PHASES = mathieu(), 16
 
@@ -273,3 +274,13 @@ def test_first_innovations_are_near_the_true_ones():
     samples = samples_of([values[None]], [np.zeros((0, 4000))], [0.0], step=1.0, fundamental=0.4)
     found = first_innovations(samples)[0]
     assert np.corrcoef(found[100:], drive[100:])[0, 1] > 0.995
+
+
+def test_lasting_modes_that_their_deviations_do_not_tell_apart_fail(analysis):
+    """Of excitation that is coloured a copy of a mode passed, at 0.8 of its decay from it."""
+    own = analysis.fit.at.modes[0]
+    other = replace(own, exponent=complex(1.8 * own.exponent.real, own.exponent.imag))
+    fit = SimpleNamespace(at=SimpleNamespace(modes=[own, other]), samples=analysis.fit.samples)
+    decay = abs(own.exponent.real)
+    for share, lasting, count in ((0.25, True, 1), (0.1, True, 0), (0.25, False, 0)):
+        assert len(_not_apart(fit, np.full(2, share * decay), np.array([True, lasting]))) == count

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from floquid.innovations import (
     alike,
     colour,
     first_innovations,
+    gap_of,
     model_of,
     period_step,
     predicted,
@@ -51,6 +53,9 @@ A response that is hardly periodic scores at many periods, by up to 1.6 times wh
 
 MOVED = 1.0
 """Deviations that lasting modes may move where a doubtful one is fitted as the other kind, which then is no matter."""
+
+TOGETHER = 3.0
+"""Deviations of the decays of two modes within which they may be one."""
 
 NEAR_HALF = 0.25
 """The distance of a frequency from half the fundamental, over the decay, up to which a multiplier may be negative."""
@@ -256,9 +261,10 @@ def _told(
             )
         )
     groups = [np.array(group) for group in alike(fit.at.modes, model.fundamental) if len(group) > 1]
-    if groups:
-        told = failure if any(_one(fit, model, group, shares) for group in groups) else warning
-        found.append(told("ambient_alike", frequencies=hertz[np.sort(np.concatenate(groups))].tolist()))
+    same = _not_apart(fit, shares * decays, decays * model.period < GONE)
+    if groups or same:
+        told = failure if same or any(_one(fit, model, group, shares) for group in groups) else warning
+        found.append(told("ambient_alike", frequencies=hertz[np.unique(np.concatenate([*groups, *same]))].tolist()))
     return tuple(found)
 
 
@@ -277,6 +283,16 @@ def _own(fit: Fit) -> NDArray[np.bool_]:
         negative = round(halves) % 2 == 1 and away <= min(SIGNIFICANT * std, NEAR_HALF * abs(mode.exponent.real))
         found.append(negative or bool(degrees and chdtrc(degrees, squares) < SURE))
     return np.array(found)
+
+
+def _not_apart(fit: Fit, std: NDArray[np.float64], lasting: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
+    """Twos of modes that outlast a period, and of which the deviations (modes,) do not tell that they are two."""
+    modes, omega = fit.at.modes, fit.samples.fundamental
+    return [
+        np.array([one, other])
+        for one, other in combinations(np.flatnonzero(lasting).tolist(), 2)
+        if gap_of(modes[one], modes[other], omega)[0] < TOGETHER * float(np.hypot(std[one], std[other]))
+    ]
 
 
 def _one(fit: Fit, model: PeriodicModel, group: NDArray[np.int64], shares: NDArray[np.float64]) -> bool:
