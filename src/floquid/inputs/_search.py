@@ -50,13 +50,17 @@ STABLE = 0.35
 ROUNDS = 6
 """Fits at most, one after another, with real multipliers for a pair of the modes that are found."""
 
+OFFSET = 1e4
+"""The size of a response over what moves in it from which on its offset goes first: squares of it round the rest."""
+
 LOOSE = 0.02
 """The probability at which noise may pass for a harmonic that is fitted: one that is missing does more harm."""
 
 
 def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = lambda _: None) -> Linearisation:
     """The modes that rise above the noise, with the harmonics by which inputs reach them and outputs see them."""
-    poles, shares = candidates(samples, samples.moving)
+    offset = np.abs(samples.values).max(axis=1) > OFFSET * samples.swing
+    poles, shares = candidates(samples, samples.moving if offset.any() else samples.values)
     turns = np.arange(-REACH, REACH + 1.0)
     bare = [bare_mode(samples, exponent, turns, turns) for exponent in poles[shares >= STABLE].tolist()]
     first = chosen_together(samples, bare, limits.modes)
