@@ -98,6 +98,13 @@ def yule_walker(correlation: Floats, order: int) -> Floats:
     return np.concatenate([[1.0], -np.asarray(solve_toeplitz(first, correlation[1 : order + 1]))])
 
 
+def filtered(values: Floats, taps: Floats) -> Floats:
+    """Values (channels, samples) after the filter of each channel, from where it has its past on; NaN goes through."""
+    if taps.shape[1] > values.shape[1]:
+        return values[:, :0]
+    return np.array([np.convolve(row, own, "valid") for row, own in zip(values, taps, strict=True)])
+
+
 def filter_gain(taps: Floats, delays: Floats, rates: Complexes, *, slope: bool = False) -> Complexes:
     """The gain of filters (channels, taps) at e^{st}, Σ_i a_i e^{-s τ_i}, or its derivative by s (channels, ...)."""
     weights = -delays * taps if slope else taps

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid._numerics import yule_walker
+from floquid._numerics import filtered, yule_walker
 from floquid.core import Cycles
 from floquid.lifting._lift import Lifted, largest_values, lift
 from floquid.lti import ModalModel
@@ -74,10 +74,8 @@ def whitened(lifted: Lifted, taps: Floats) -> Lifted:
         cycles = (int(length) * phases - order) // phases
         cut = np.empty((lifted.n_channels, phases, cycles))
         for channel in range(lifted.n_channels):
-            along = lifted.responses.values[channel * phases : (channel + 1) * phases, hit, :length].T.ravel()
-            out = np.zeros(cycles * phases)
-            for i, tap in enumerate(taps[channel]):
-                out += tap * along[order - i : order - i + len(out)]
+            along = lifted.responses.values[channel * phases : (channel + 1) * phases, hit, :length].T.reshape(1, -1)
+            out = filtered(along, taps[channel, None])[0, : cycles * phases]
             cut[channel] = out.reshape(cycles, phases).T
         cut.flags.writeable = False
         hits.append(

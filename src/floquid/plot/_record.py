@@ -14,7 +14,6 @@ from floquid.plot._style import (
     BLACK,
     BLUE,
     GREY,
-    INTERVAL,
     ORANGE,
     POINTS,
     VERMILION,
@@ -24,7 +23,7 @@ from floquid.plot._style import (
     label_values,
     plain,
 )
-from floquid.views import Synthesis, envelope, lifted_points
+from floquid.views import INTERVAL, Synthesis, envelope, lifted_points
 from floquid.views import synthesis as synthesis_of
 
 if TYPE_CHECKING:

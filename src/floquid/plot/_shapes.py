@@ -17,7 +17,6 @@ from floquid.plot._style import (
     BLUE,
     GREEN,
     GREY,
-    INTERVAL,
     ORANGE,
     PURPLE,
     VERMILION,
@@ -27,7 +26,7 @@ from floquid.plot._style import (
     plain,
     plain_decades,
 )
-from floquid.views import shape_curves, with_error
+from floquid.views import INTERVAL, shape_curves, with_error
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

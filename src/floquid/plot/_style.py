@@ -32,7 +32,6 @@ PLAIN_FROM, PLAIN_TO = 5e-3, 1e4  # values of this size are written out
 POINTS = 4000  # points that a curve is drawn with, at most: more look the same
 SIZE = 9.0  # of all text [pt]
 ACROSS, HANDLE = 100, 9  # characters that a row of a legend holds, and those that a handle and the gaps about it take
-INTERVAL = 1.96  # the standard deviations to each side within which 95 % of estimates lie
 
 _LOOK = {
     "figure.constrained_layout.h_pad": 0.06,

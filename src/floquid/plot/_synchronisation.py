@@ -15,7 +15,6 @@ from floquid.plot._style import (
     BLUE,
     GREEN,
     GREY,
-    INTERVAL,
     ORANGE,
     PURPLE,
     SKY,
@@ -26,7 +25,7 @@ from floquid.plot._style import (
     whole_numbers,
 )
 from floquid.sync import ShaftAngle
-from floquid.views import Synchronisation
+from floquid.views import INTERVAL, Synchronisation
 from floquid.views import synchronisation as synchronisation_of
 
 if TYPE_CHECKING:
@@ -39,7 +38,6 @@ SIGNIFICANT = 4.0  # standard deviations from which on a difference of periods i
 LOOKS = ((BLUE, "o"), (VERMILION, "s"), (GREEN, "^"), (ORANGE, "D"), (PURPLE, "v"), (SKY, "P"))
 """Told apart by form as well as by colour."""
 
-BAND = 2.0  # standard deviations on either side
 POINTS = 1000  # instants at which the speed is drawn
 ACROSS = 95  # characters of a row of the title
 
@@ -158,9 +156,9 @@ def _draw_speed(axes: Axes, shaft: ShaftAngle, begin: float, end: float, *, rpm:
     factor, unit = (60.0, "rpm") if rpm else (1.0, "Hz")
     factor /= 2.0 * np.pi
     times = np.linspace(begin, end, POINTS)
-    curve, width = factor * shaft.speed(times), BAND * factor * shaft.speed_std(times)
+    curve, width = factor * shaft.speed(times), INTERVAL * factor * shaft.speed_std(times)
     band = {"color": BLUE, "alpha": 0.25, "linewidth": 0.0}
-    axes.fill_between(times, curve - width, curve + width, **band, label=f"± {BAND:g} std")
+    axes.fill_between(times, curve - width, curve + width, **band, label="95 % interval")
     axes.plot(times, curve, color=BLUE, label="speed")
     axes.axhline(factor * shaft.mean_speed, color=BLACK, linestyle="--", linewidth=0.9, label="mean")
     label_values(axes, "speed", unit, float(curve.max()))
@@ -177,7 +175,7 @@ def _draw_residuals(axes: Axes, shaft: ShaftAngle) -> None:
         std = float(np.degrees(shaft.jitter))
     kept = shaft.kept
     limit = 1.15 * max(float(np.abs(values[kept]).max()), 3.0 * std)
-    axes.axhspan(-BAND * std, BAND * std, color=BLUE, alpha=0.12, linewidth=0.0)
+    axes.axhspan(-INTERVAL * std, INTERVAL * std, color=BLUE, alpha=0.12, linewidth=0.0)
     axes.plot(shaft.times[kept], values[kept], linestyle="none", marker="o", markersize=2.0, color=BLUE)
     out = np.clip(values[~kept], -limit, limit)
     if len(out):
@@ -193,7 +191,7 @@ def _draw_geometry(axes: Axes, shaft: ShaftAngle) -> None:
     assert shaft.geometry_std is not None
     values, deviations = np.degrees(shaft.geometry), np.degrees(shaft.geometry_std)
     numbers = np.arange(len(values))
-    axes.errorbar(numbers, values, BAND * deviations, linestyle="none", marker="o", markersize=3.0, color=ORANGE)
+    axes.errorbar(numbers, values, INTERVAL * deviations, linestyle="none", marker="o", markersize=3.0, color=ORANGE)
     axes.axhline(0.0, color=BLACK, linewidth=0.7)
     axes.set_xlabel("line of the encoder")
     whole_numbers(axes.xaxis)

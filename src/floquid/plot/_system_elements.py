@@ -12,7 +12,6 @@ from floquid._checks import input_error, positive, timed_matrices
 from floquid.core import Channel
 from floquid.plot._style import (
     BLACK,
-    INTERVAL,
     LOOKS,
     degrees_a_period,
     drawing,
@@ -23,7 +22,7 @@ from floquid.plot._style import (
     several,
 )
 from floquid.reconstruction import StateModel
-from floquid.views import closed_period, element_unit
+from floquid.views import INTERVAL, closed_period, element_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,7 +9,7 @@ import numpy as np
 
 from floquid.reporting._case import Case
 from floquid.reporting._look import BLACK, CURVES, DASHES, MARKERS, Figure, hover, legend_above, new_figure
-from floquid.views import families, shape_curves
+from floquid.views import INTERVAL, families, shape_curves
 
 if TYPE_CHECKING:
     from bokeh.models import ColumnDataSource
@@ -31,8 +31,6 @@ const row = response.get_column("row")[0];
 for (let k = 0; k < drawn.length; k++) drawn[k].data = columns[k][row];
 for (let k = 0; k < axes.length; k++) axes[k].axis_label = labels[k][row];
 """
-
-BAND = 1.959964  # deviations on either side of an interval of 95 %
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +69,7 @@ def _shape(case: Case, row: int) -> dict[str, Any]:
     for number, channel in enumerate(case.channels):
         for part in ("real", "imag"):
             own = getattr(curves.values[channel], part)
-            width = 0.0 if curves.std is None else BAND * getattr(curves.std[channel], part)
+            width = 0.0 if curves.std is None else INTERVAL * getattr(curves.std[channel], part)
             columns[f"{part}{number}"] = own.astype(np.float32)
             columns[f"{part}{number}_low"] = (own - width).astype(np.float32)
             columns[f"{part}{number}_high"] = (own + width).astype(np.float32)

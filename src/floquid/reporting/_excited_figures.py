@@ -11,10 +11,9 @@ from floquid.errors import IdentificationError, InputError
 from floquid.inputs import TransferFunctions
 from floquid.pipeline import ExcitedAnalysis, measure_transfer, predicted_rest
 from floquid.reporting._case import LONGEST, Case
-from floquid.reporting._chosen_figures import BAND
 from floquid.reporting._look import BLACK, BLUE, CURVES, DASHES, MARKERS, VERMILION, Figure, legend_above, new_figure
 from floquid.transfer import MeasuredTransfer
-from floquid.views import magnitude_bands, shortened
+from floquid.views import INTERVAL, magnitude_bands, shortened
 
 MOST_PATHS = 6  # paths from an input to an output that are drawn; transfer.csv holds all
 CLOSE = 5.0  # periods of the stretch left out
@@ -78,7 +77,7 @@ def transfer_figures(found: TransferFunctions, paths: list[Path]) -> list[Figure
                     legend_label=f"m = {m}",
                 )  # fmt: skip
             size.line(found.frequencies_hz, sizes[place], line_width=2, **look)
-            seen = (high[place] - sizes[place]) * SEEN < BAND * sizes[place]
+            seen = (high[place] - sizes[place]) * SEEN < INTERVAL * sizes[place]
             degrees = np.where(seen, np.degrees(np.angle(value)), np.nan)
             # A turn by 360° is none: the line is broken there.
             degrees[1:][np.abs(np.diff(degrees)) > 180.0] = np.nan
@@ -142,7 +141,7 @@ def measured_figures(
             there = np.isfinite(sizes[places])
             made.y_range.start = 0.5 * np.maximum(sizes, high - sizes)[places][there].min(initial=np.inf)
             for place in places.tolist():
-                there = (high[place] - sizes[place]) * SEEN < BAND * sizes[place]  # false of one that is missing
+                there = (high[place] - sizes[place]) * SEEN < INTERVAL * sizes[place]  # false of one that is missing
                 number, label = _curve(int(lines.harmonics[place])), f"m = {lines.harmonics[place]}"
                 colour = CURVES[number]
                 made.varea(drawn.frequencies_hz, under[place], over[place], fill_color=colour, fill_alpha=0.25)
@@ -185,7 +184,7 @@ def reach_figures(case: Case) -> list[Figure]:
             label, colour = shortened(channel.name, LONGEST), CURVES[source % len(CURVES)]
             made.vbar(x=places, top=size, width=0.9 * width, fill_color=colour, line_color=None, legend_label=label)
             if own.coefficient_std is not None:
-                std = BAND * np.abs(own.coefficient_std[mode, source, used]) / np.sqrt(2.0) * rms[source]
+                std = INTERVAL * np.abs(own.coefficient_std[mode, source, used]) / np.sqrt(2.0) * rms[source]
                 made.segment(places, np.maximum(size - std, 0.0), places, size + std, line_color=BLACK, line_width=1.5)
         made.xaxis.ticker = BasicTicker(min_interval=1, num_minor_ticks=0)
         made.x_range.min_interval = 2

@@ -8,9 +8,8 @@ from floquid._arrays import Floats
 from floquid.core import PeriodicModel
 from floquid.pipeline import Analysis, ExcitedAnalysis
 from floquid.reconstruction import StateModel
-from floquid.reporting._chosen_figures import BAND
 from floquid.reporting._look import BLUE, VERMILION, Figure, legend_above, new_figure
-from floquid.views import closed_period, element_unit, input_unit
+from floquid.views import INTERVAL, closed_period, element_unit, input_unit
 
 MOST = 12  # elements shown of each; `summary.json` holds all
 
@@ -84,7 +83,7 @@ def _over_period(
     turns = times / period
     values = values[order]
     if std is not None:
-        width = BAND * std[order]
+        width = INTERVAL * std[order]
         made.varea(
             turns, values - width, values + width, fill_color=BLUE, fill_alpha=0.25, legend_label="interval of 95 %"
         )

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from floquid._arrays import Floats, Integers
 from floquid._checks import frozen_array, input_error, noise_array
-from floquid._numerics import filter_gain
+from floquid._numerics import filter_gain, filtered
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.findings import Finding, failure, warning
 from floquid.periodic import instants
@@ -145,13 +145,6 @@ def _whitened(
         coefficients[:, :, hit] *= np.exp(model.exponents * passed)[:, None, None]
         after.append(later)
     return replace(model, coefficients=coefficients, coefficient_std=None), tuple(after)
-
-
-def filtered(values: Floats, taps: Floats) -> Floats:
-    """Values (channels, samples) after the filter of each channel, from where it has its past on; NaN goes through."""
-    if taps.shape[1] > values.shape[1]:
-        return values[:, :0]
-    return np.array([np.convolve(row, own, "valid") for row, own in zip(values, taps, strict=True)])
 
 
 def strongest(sizes: np.ndarray) -> list[tuple[int, ...]]:

@@ -75,7 +75,7 @@ def _edges(centres: Complexes, parts: list[Floats], level: float) -> Complexes:
     return edges
 
 
-_BAND = 1.96  # deviations of a 95 % band
+INTERVAL = 1.96  # deviations to each side within which 95 % of estimates lie
 
 
 def magnitude_bands(found: TransferFunctions, row: int, column: int) -> tuple[Floats, Floats, Floats, float]:
@@ -90,4 +90,4 @@ def magnitude_bands(found: TransferFunctions, row: int, column: int) -> tuple[Fl
     std = np.zeros(size.shape) if found.std is None else np.abs(found.std[:, row, column]) / np.sqrt(2.0)
     there = np.maximum(size, std)[np.isfinite(size) & (size > 0.0)]
     floor = 0.5 * float(there.min(initial=np.inf if there.size else 1.0))
-    return size, np.maximum(size - _BAND * std, floor), size + _BAND * std, floor
+    return size, np.maximum(size - INTERVAL * std, floor), size + INTERVAL * std, floor

@@ -9,7 +9,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Sealed
-from floquid._numerics import filter_gain
+from floquid._numerics import filter_gain, filtered
 from floquid.core import PeriodicModel
 from floquid.periodic import instants, unexplained
 from floquid.pipeline import Analysis
@@ -162,10 +162,10 @@ def _filtered(analysis: Analysis, own: Response, hit: int) -> tuple[Floats, Comp
     rates = model.exponents[:, None] + 1j * model.fundamental * model.harmonics
     if taps is None:
         return values, np.ones((len(values), *rates.shape), np.complex128), own.noise
-    after = np.array([np.convolve(row, own_taps)[: len(row)] for row, own_taps in zip(values, taps, strict=True)])
-    after[:, : taps.shape[1] - 1] = np.nan
+    after = np.full(values.shape, np.nan)
+    after[:, taps.shape[1] - 1 :] = filtered(values, taps)
     delays = np.arange(taps.shape[1]) / own.record.sample_rate
-    return np.asarray(after, np.float64), filter_gain(taps, delays, rates), analysis.noise[:, hit]
+    return after, filter_gain(taps, delays, rates), analysis.noise[:, hit]
 
 
 def _strongest(analysis: Analysis) -> list[tuple[int, int]]:

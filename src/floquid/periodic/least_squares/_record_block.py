@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
-from floquid._numerics import filter_gain
+from floquid._numerics import filter_gain, filtered
 from floquid.periodic.least_squares._sample_block import (
     SPEED,
     SPEED_RATE,
@@ -100,10 +100,7 @@ class RecordBlock(Block):
         order, interval = taps.shape[1] - 1, self.interval
         if len(self.times) <= 2 * order or np.ptp(np.diff(self.times)) > 1e-6 * interval:
             return None
-        n = len(self.times) - order
-        values = np.zeros((len(self.rows), n))
-        for i in range(order + 1):
-            values += taps[:, i, None] * self.values[:, order - i : order - i + n]
+        values = filtered(self.values, taps)
 
         def cut(part: slice) -> dict[str, Floats | None]:
             return {
