@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from floquid._arrays import Floats, Integers
+from floquid._arrays import Floats
 from floquid._checks import index, input_error, integer, positive
 from floquid.core import channels_named
-from floquid.innovations import harmonic_spectra as spectra_of
 from floquid.pipeline import AmbientAnalysis, Analysis
 from floquid.plot._style import (
     BLACK,
@@ -29,7 +28,7 @@ from floquid.plot._style import (
     frequency_unit,
     plain,
 )
-from floquid.views import Family, envelope, families, lifted_spectrum, record_spectrum
+from floquid.views import Family, envelope, families, lifted_spectrum, record_spectrum, spectra_of_modes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,7 +38,6 @@ COLORS = (BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY)
 DASHES = ("-", (0, (4, 1.5)), (0, (1, 1)), "-.")
 LINE_DASHES = ((0, (4, 2)), (0, (1, 1)), (0, (5, 1.5, 1, 1.5)))
 CURVES = 4  # singular values that are drawn: three of them are seldom modes at once
-SMALLEST = 1e-3  # the share of a mode's energy below which a line is not marked
 
 BESIDE = 88  # characters of a row of a legend that is as wide as the axes
 DEPTH = 0.1  # where the axis of magnitudes ends, as a share of the lowest level of noise
@@ -261,24 +259,17 @@ def harmonic_spectra(
     of = "harmonic_spectra"
     if not isinstance(analysis, AmbientAnalysis):
         raise input_error("analysis", of, "be a result of `identify_ambient`", f"is {type(analysis).__name__}")
-    model, samples = analysis.model, analysis.fit.samples
-    found = spectra_of(samples, harmonics, periods)
-    units = {channel.unit for channel in model.channels}
-    scale = np.ones(len(samples.values)) if len(units) == 1 else 1.0 / samples.values.std(axis=1)
-    scale = np.tile(scale, len(found.harmonics))
-    sizes: Floats = np.asarray(np.linalg.svd(found.values * scale[:, None] * scale, compute_uv=False), np.float64)
-    lines = [_lines_of(analysis, mode, found.harmonics) for mode in model.upper_modes]
-    highest = max((own.max() for own in lines), default=found.frequencies_hz[-1]) + 0.5 / model.period
-    end = min(float(found.frequencies_hz[-1]), highest if limit is None else positive(limit, "limit", of, unit="Hz"))
+    found = spectra_of_modes(analysis, harmonics, periods)
+    end = found.end if limit is None else min(float(found.frequencies_hz[-1]), positive(limit, "limit", of, unit="Hz"))
     inside = found.frequencies_hz <= end
     with drawing(4.2) as figure:
         axes = figure.add_subplot()
-        for number in range(min(CURVES, sizes.shape[1])):
-            x, y = envelope(found.frequencies_hz[inside], sizes[inside, number], POINTS)
+        for number in range(min(CURVES, found.values.shape[1])):
+            x, y = envelope(found.frequencies_hz[inside], found.values[inside, number], POINTS)
             width, alpha = (0.8, 0.75 - 0.15 * number) if number else (1.3, 1.0)
             label = None if number else "singular values, descending"
             axes.plot(x, y, color=BLACK, linewidth=width, alpha=alpha, label=label)
-        for number, own in enumerate(lines):
+        for number, own in enumerate(found.modes):
             look = {
                 "color": COLORS[number % len(COLORS)],
                 "linestyle": LINE_DASHES[number // len(COLORS) % len(LINE_DASHES)],
@@ -289,16 +280,5 @@ def harmonic_spectra(
         axes.set_yscale("log")
         axes.set_xlim(0.0, end)
         axes.set_xlabel("frequency [Hz]")
-        unit = "-" if len(units) > 1 else plain(units.copy().pop())
-        squared = "1" if unit == "-" else f"{unit}²" if unit.isalpha() else f"({unit})²"
-        axes.set_ylabel(f"harmonic power spectra, M = {harmonics} [{squared}/Hz]")
+        axes.set_ylabel(f"harmonic power spectra, M = {harmonics} [{plain(found.unit)}]")
     return figure
-
-
-def _lines_of(analysis: AmbientAnalysis, mode: int, moved: Integers) -> Floats:
-    """Frequencies of a mode's harmonics that are seen, the strongest first, and of those moved (lines,) [Hz]."""
-    model = analysis.model
-    energy = np.sum(np.abs(model.coefficients[mode, :, 0] / analysis.noise) ** 2, axis=0)
-    seen = model.harmonics[energy > SMALLEST * energy.sum()]
-    turns = [model.harmonics[np.argmax(energy)], *np.unique(np.add.outer(seen, moved))]
-    return np.abs(model.exponents[mode].imag + model.fundamental * np.array(turns)) / (2.0 * np.pi)

@@ -9,7 +9,7 @@ import numpy as np
 
 from floquid.reporting._case import Case
 from floquid.reporting._look import BLACK, CURVES, DASHES, MARKERS, Figure, hover, legend_above, new_figure
-from floquid.views import INTERVAL, families, shape_curves
+from floquid.views import INTERVAL, SpectraOfModes, families, shape_curves
 
 if TYPE_CHECKING:
     from bokeh.models import ColumnDataSource
@@ -55,6 +55,11 @@ def family_source(case: Case) -> Chosen:
     """The frequencies at which the mode shows in the record [Hz]."""
     by_mode = {family.mode: family for family in families(case.analysis)}
     return _chosen("family", [{"frequency": by_mode[mode].omega * case.turn} for mode in case.modes])
+
+
+def harmonic_source(found: SpectraOfModes) -> Chosen:
+    """The frequencies at which the mode shows in the harmonic power spectra [Hz]."""
+    return _chosen("harmonic", [{"frequency": own} for own in found.modes])
 
 
 def _chosen(name: str, rows: list[dict[str, Any]]) -> Chosen:

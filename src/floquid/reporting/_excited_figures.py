@@ -1,4 +1,4 @@
-"""Figures of records whose excitation goes on: transfer functions, the way of the inputs, samples left out."""
+"""Figures of records whose excitation goes on: spectra, transfer functions, the way of inputs, samples left out."""
 
 from __future__ import annotations
 
@@ -10,10 +10,24 @@ from floquid._arrays import Floats
 from floquid.errors import IdentificationError, InputError
 from floquid.inputs import TransferFunctions
 from floquid.pipeline import ExcitedAnalysis, measure_transfer, predicted_rest
-from floquid.reporting._case import LONGEST, Case
-from floquid.reporting._look import BLACK, BLUE, CURVES, DASHES, MARKERS, VERMILION, Figure, legend_above, new_figure
+from floquid.reporting._case import LONGEST, POINTS, Case
+from floquid.reporting._chosen_figures import Chosen
+from floquid.reporting._look import (
+    BLACK,
+    BLUE,
+    CURVES,
+    DASHES,
+    GREEN,
+    GREY,
+    MARKERS,
+    VERMILION,
+    Figure,
+    legend_above,
+    new_figure,
+)
+from floquid.reporting._modes_figures import mark_labels
 from floquid.transfer import MeasuredTransfer
-from floquid.views import INTERVAL, magnitude_bands, shortened
+from floquid.views import INTERVAL, SpectraOfModes, envelope, magnitude_bands, shortened
 
 MOST_PATHS = 6  # paths from an input to an output that are drawn; transfer.csv holds all
 CLOSE = 5.0  # periods of the stretch left out
@@ -163,6 +177,34 @@ def measured_figures(
             legend_above(made, columns=3)
             figures.append(made)
     return figures
+
+
+def harmonic_figure(found: SpectraOfModes, lines: Chosen) -> Figure:
+    """Singular values of the harmonic power spectra, with the lines of all modes, numbered at the strongest of each."""
+    from bokeh.models import Range1d
+
+    made = new_figure(
+        "frequency [Hz]", f"harmonic power spectra [{found.unit}]", name="harmonic", y_axis_type="log", height=380,
+        x_range=Range1d(start=0.0, end=found.end),
+    )  # fmt: skip
+    every = np.concatenate(found.modes) if found.modes else np.zeros(0)
+    made.vspan(x=every, line_color=GREY, line_alpha=0.35, line_width=1, legend_label="lines of all modes")
+    made.vspan(
+        x="frequency", source=lines.drawn, line_color=VERMILION, line_width=2, line_dash="dashed",
+        legend_label="of the mode chosen",
+    )  # fmt: skip
+    inside, drawn = found.frequencies_hz <= found.end, []
+    looks = (("first", BLACK, 2.0), ("second", BLUE, 1.5), ("third", GREEN, 1.0))
+    for (label, colour, width), values in zip(looks, found.values.T, strict=False):
+        x, y = envelope(found.frequencies_hz[inside], values[inside], POINTS)
+        drawn.append(made.line(x, y, line_color=colour, line_width=width, legend_label=f"{label} singular value"))
+    strongest = np.array([own[0] for own in found.modes])
+    height = np.interp(strongest, found.frequencies_hz, found.values[:, 0])
+    names = mark_labels(strongest, np.log10(height), found.end)
+    made.text(strongest, height, names, x_offset=6, y_offset=-4, text_font_size="13px", text_font_style="bold")
+    made.y_range.renderers = drawn  # spans reach from edge to edge of whatever is shown
+    legend_above(made)
+    return made
 
 
 def reach_figures(case: Case) -> list[Figure]:

@@ -13,7 +13,9 @@ from floquid.findings import Severity
 from floquid.pipeline import AmbientAnalysis, ExcitedAnalysis
 from floquid.reporting import _words as words
 from floquid.reporting._case import Case, case_of
+from floquid.reporting._chosen_figures import harmonic_source
 from floquid.reporting._excited_figures import (
+    harmonic_figure,
     left_out_figures,
     matrix_rows,
     measured_beside,
@@ -22,20 +24,30 @@ from floquid.reporting._excited_figures import (
     reach_figures,
     transfer_figures,
 )
+from floquid.reporting._look import Figure
 from floquid.reporting._modes_figures import mode_figures, mode_source
 from floquid.reporting._page import rendered
 from floquid.reporting._system_figures import Truth, system_figures
 from floquid.transfer import TransferFit
-from floquid.views import mode_table, note_meanings, outcome_lines
+from floquid.views import mode_table, note_meanings, outcome_lines, spectra_of_modes
 
 POINTS = 600  # frequencies of a curve, beside those measured
+NOTHING: dict[str, list[Figure]] = {place: [] for place in ("harmonic", "transfer", "measured", "reach", "record")}
+"""No figure at the places that not every page has."""
+MANY = 1e6  # periods from which on their number says no more
 
 
 def excited_page(case: Case, *, title: str | None, truth: Truth | None) -> str:
     """The whole page as text."""
     analysis: ExcitedAnalysis = case.analysis
     record, held_out = left_out_figures(case)
-    figures = mode_figures(case, mode_source(case)) | {"transfer": [], "measured": [], "reach": [], "record": record}
+    chosen, harmonic, lengths = [], [], []
+    if isinstance(analysis, AmbientAnalysis):
+        spectra, lengths = spectra_of_modes(analysis), _lengths(analysis)
+        chosen = [harmonic_source(spectra)]
+        harmonic = [harmonic_figure(spectra, *chosen)]
+    figures = mode_figures(case, mode_source(case), *chosen)
+    figures |= NOTHING | {"harmonic": harmonic, "record": record}
     figures |= system_figures(analysis, truth)
     paths, matrix, harmonics, beside = [], [], [], []
     if analysis.inputs:
@@ -71,6 +83,7 @@ def excited_page(case: Case, *, title: str | None, truth: Truth | None) -> str:
         fails=False,
         summary=_summary(case),
         ambient=isinstance(analysis, AmbientAnalysis),
+        lengths=lengths,
         inputs=analysis.inputs,
         state=analysis.state,
         delayed=False,
@@ -99,6 +112,12 @@ def _summary(case: Case) -> str:
         f"{model.period:.8g} s in all (ω/2π = {1.0 / model.period:.6g} Hz), "
         f"{analysis.records[0].sample_rate * model.period:.4g} samples a period."
     )
+
+
+def _lengths(analysis: AmbientAnalysis) -> list[str]:
+    """The periods of a record that gives the damping of each mode to 10 %, a mode of each pair."""
+    periods = analysis.lengths[list(analysis.model.upper_modes)] / analysis.model.period
+    return [f"{float(f'{own:.3g}'):.0f}" if own < MANY else f"more than {MANY:.0f}" for own in periods]
 
 
 def _checked(analysis: ExcitedAnalysis) -> list[tuple[str, str, str, str]]:
@@ -144,7 +163,7 @@ def lines_page(fit: TransferFit, *, title: str | None) -> str:
     return rendered(
         "excited.html.jinja",
         case,
-        mode_figures(case, mode_source(case)) | {"transfer": [], "measured": measured, "reach": [], "record": []},
+        mode_figures(case, mode_source(case)) | NOTHING | {"measured": measured},
         title or "Modes of measured transfer functions",
         mark=mark,
         sentence=sentence,
@@ -161,6 +180,7 @@ def lines_page(fit: TransferFit, *, title: str | None) -> str:
             f"{model.period:.8g} s (ω/2π = {1.0 / model.period:.6g} Hz)."
         ),
         ambient=False,
+        lengths=[],
         inputs=lines.inputs,
         matrix=matrix_rows(at, paths),
         harmonics=at.harmonics.tolist(),

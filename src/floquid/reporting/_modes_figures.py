@@ -39,14 +39,14 @@ def mode_source(case: Case) -> ColumnDataSource:
         "real": model.multipliers[at].real,
         "imag": np.abs(model.multipliers[at].imag),
     }
-    data["label_decay"] = _labels(data["decay"], data["frequency"])
+    data["label_decay"] = mark_labels(data["decay"], data["frequency"])
     for name in ("folded", "frequency"):  # of the stabilisation diagrams: all at one height
-        data[f"label_{name}"] = _labels(data[name], np.zeros(len(at)), 0.5 / model.period * case.turn, 1.0)
-    data["label_real"] = _labels(data["real"], data["imag"], 2.0, 1.0)
+        data[f"label_{name}"] = mark_labels(data[name], np.zeros(len(at)), 0.5 / model.period * case.turn, 1.0)
+    data["label_real"] = mark_labels(data["real"], data["imag"], 2.0, 1.0)
     return ColumnDataSource(data, name="modes", selected=Selection(indices=[0] if at else []))
 
 
-def _labels(x: Floats, y: Floats, wide: float = 0.0, high: float = 0.0) -> list[str]:
+def mark_labels(x: Floats, y: Floats, wide: float = 0.0, high: float = 0.0) -> list[str]:
     """The numbers of the modes for their marks; those of marks whose numbers would meet stand at the first of them."""
     across, up = (max(max(v, default=0.0) - min(v, default=0.0), least) for v, least in ((x, wide), (y, high)))
     held: dict[int, list[str]] = {}

@@ -6,6 +6,7 @@ Nothing here draws, and no plotting library is loaded.
 from floquid.views._ellipses import INTERVAL, ellipse, exponent_ellipses, magnitude_bands, multiplier_ellipses
 from floquid.views._expansion import Expansion, ShapeCurves, closed_period, expansion, identified_residue, shape_curves
 from floquid.views._families import Family, families, unfolded
+from floquid.views._harmonic_spectra import SpectraOfModes, spectra_of_modes
 from floquid.views._mode_table import MODE_NOTES, ModeRow, mode_notes, mode_table, note_meanings, with_error
 from floquid.views._modes import grows
 from floquid.views._names import SHORT, element_unit, for_command, input_unit, shortened
@@ -22,11 +23,11 @@ from floquid.views._synchronisation import Synchronisation, synchronisation
 from floquid.views._synthesis import Synthesis, lifted_points, raw_noise, synthesis
 
 __all__ = [
-    "INTERVAL", "MODE_NOTES", "SHORT", "Expansion", "Family", "ModeRow", "ShapeCurves", "Spectrum", "Synchronisation",
-    "Synthesis",
+    "INTERVAL", "MODE_NOTES", "SHORT", "Expansion", "Family", "ModeRow", "ShapeCurves", "SpectraOfModes", "Spectrum",
+    "Synchronisation", "Synthesis",
     "closed_period", "element_unit", "ellipse", "envelope", "expansion", "exponent_ellipses", "families", "for_command",
     "grows", "identified_residue", "input_unit", "lifted_points", "lifted_spectrum", "magnitude_bands", "mode_notes",
     "mode_table", "multiplier_ellipses", "note_meanings", "outcome_lines", "passed_words", "period_words", "raw_noise",
-    "record_spectrum", "remainder_words", "shape_curves", "shortened", "synchronisation", "synthesis", "unfolded",
-    "verdict_line", "whitening_words", "with_error",
+    "record_spectrum", "remainder_words", "shape_curves", "shortened", "spectra_of_modes", "synchronisation",
+    "synthesis", "unfolded", "verdict_line", "whitening_words", "with_error",
 ]  # fmt: skip

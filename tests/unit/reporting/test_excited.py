@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.driven import ambient_of, lag, mathieu, record_of
+from tests.driven import ambient_of, lag, mathieu, record_of, two_masses
 from tests.unit.transfer.test_fit import of_equations
 
 import floquid
@@ -13,8 +13,15 @@ from floquid import Channel, Record
 from floquid.findings import warning
 from floquid.inputs import TransferFunctions
 from floquid.pipeline import predicted_rest
-from floquid.reporting._excited_figures import matrix_rows, measured_beside, measured_figures, paths_of
-from floquid.views import magnitude_bands
+from floquid.reporting._chosen_figures import harmonic_source
+from floquid.reporting._excited_figures import (
+    harmonic_figure,
+    matrix_rows,
+    measured_beside,
+    measured_figures,
+    paths_of,
+)
+from floquid.views import magnitude_bands, spectra_of_modes
 
 PHASES = 20
 
@@ -76,6 +83,31 @@ def test_the_page_of_outputs_alone_has_no_inputs(tmp_path):
     assert "transfer functions" not in said
     assert "It was not asked for. floquid identify … --states a,b rebuilds it" in said
     assert "delayed" not in said
+
+
+def test_each_mode_of_outputs_alone_has_its_lines_in_the_spectra_and_what_its_decay_needs(tmp_path):
+    system, periods = two_masses(), 100
+    values = ambient_of(system, periods, PHASES, 0.02, 1) * [[1.0], [1e3]]
+    channels = [Channel(name="tower", unit="m"), Channel(name="blade", unit="με")]
+    record = Record(values=values, sample_rate=PHASES / system.period, channels=channels)
+    found = floquid.identify_ambient(record, period=system.period, validate=False)
+    page = floquid.report(found, tmp_path / "report.html").read_text(encoding="utf-8")
+    model, modes = found.model, list(found.model.upper_modes)
+    needed = periods * (model.exponent_std.real / 0.1 / model.exponents.real)[modes] ** 2
+    lengths = [int(one) for one in re.findall(r'<td>(\d+)</td><td class="words">', page)]
+    assert lengths == pytest.approx(needed, rel=0.01)
+    assert len(lengths) == 2
+    assert max(lengths) > 1.3 * min(lengths)
+    assert '"harmonic power spectra [1/Hz]"' in page
+    assert "Channels of different units are divided by their rms." in words_of(page)
+    spectra = spectra_of_modes(found)
+    lines = harmonic_source(spectra)
+    drawn = harmonic_figure(spectra, lines)
+    (numbers,) = (own.data_source.data for own in drawn.renderers if own.glyph.__class__.__name__ == "Text")
+    assert np.sort(numbers["x"]) == pytest.approx(np.sort(np.abs(model.exponents.imag[modes])) / (2.0 * np.pi))
+    for row, mode in zip(lines.modes, modes, strict=True):
+        moved = np.abs(model.exponents.imag[mode] + np.array([-1.0, 0.0, 1.0])) / (2.0 * np.pi)
+        assert all(np.abs(row["frequency"] - line).min() < 1e-9 for line in moved)
 
 
 def test_samples_left_out_are_predicted_by_the_first_three_quarters_alone(driven):
