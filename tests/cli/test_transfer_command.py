@@ -56,10 +56,21 @@ def test_from_a_design_to_transfer_functions(file, tmp_path, capsys):
     assert (tmp_path / "g.png").stat().st_size > 1000
 
 
-def test_polynomials_at_frequencies_that_are_named(file, capsys):
-    command = ["transfer", str(file), "--period", PERIOD, "--inputs", "F", "--method", "polynomials", "--at", "0.1,0.2"]
-    assert run([*command, "--format", "json"]) == 0
-    assert len(json.loads(capsys.readouterr().out)["frequencies_hz"]) == 2
+def shaken(path, periods):
+    """A record of a random force."""
+    values, inputs = record_of(mathieu(), periods, 20, 0.02, 0)
+    write(Record(values=np.concatenate([values, inputs]), sample_rate=20.0 / np.pi, channels=["x", "F"]), path)
+    return ["transfer", str(path), "--period", PERIOD, "--inputs", "F", "--method"]
+
+
+def test_polynomials_at_frequencies_that_are_named(file, tmp_path, capsys):
+    command = [*shaken(tmp_path / "shaken.csv", 60), "polynomials", "--at", "0.1,0.2"]
+    assert run([*command, "--harmonics", "-1,0", "--format", "json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert len(found["frequencies_hz"]) == 2
+    assert found["harmonics"] == [-1, 0]
+    assert run([command[0], str(file), *command[2:]]) == 1
+    assert "take G at its lines (`--method repeats`)" in capsys.readouterr().err
 
 
 def test_a_loop_with_its_command_as_reference(tmp_path, capsys):
@@ -93,6 +104,7 @@ def test_modes_fitted_to_the_lines(file, capsys):
         (["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--method", "repeats", "--at", "1"], "--at"),
         (["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--method", "repeats", "--drop", "-1"], "--drop"),
         (["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--method", "repeats", "--out", "g.html"], "--out"),
+        (["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--harmonics", "-1,half"], "be whole numbers"),
         (["multisine", "--rate", "20"], "--period"),
         (["multisine", "--period", "1"], "--rate"),
         (["multisine", "--period", "1", "--rate", "20", "--band", "low"], "--band"),
@@ -107,10 +119,7 @@ def test_slips_are_usage(file, words, message, capsys):
 
 
 def test_inputs_that_do_not_repeat_are_told(tmp_path, capsys):
-    values, inputs = record_of(mathieu(), 30, 20, 0.02, 0)
-    path = tmp_path / "shaken.csv"
-    write(Record(values=np.concatenate([values, inputs]), sample_rate=20.0 / np.pi, channels=["x", "F"]), path)
-    assert run(["transfer", str(path), "--period", PERIOD, "--inputs", "F", "--method", "repeats"]) == 1
+    assert run([*shaken(tmp_path / "shaken.csv", 30), "repeats"]) == 1
     assert "do not repeat" in capsys.readouterr().err
 
 

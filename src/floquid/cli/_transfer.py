@@ -77,7 +77,7 @@ def transfer(
     record: RecordOptions | None = None,
     method: Annotated[Method, Parameter(help=_METHOD)] = "model",
     at: Annotated[str, Parameter(help=_AT)] = "",
-    harmonics: Annotated[str, Parameter(help=_HARMONICS)] = "-1,0,1",
+    harmonics: Annotated[str, Parameter(help=_HARMONICS, allow_leading_hyphen=True)] = "-1,0,1",
     lines: Annotated[Path | None, Parameter(help=_LINES)] = None,
     drop: Annotated[Whole, Parameter(help=_DROP)] = 1,
     reference: Annotated[str, Parameter(help=_REFERENCE)] = "",

@@ -24,7 +24,7 @@ class MeasuredTransfer(Rebuilt):
     Parameters
     ----------
     transfer
-        G with its deviations; NaN where an input has no line.
+        G with its deviations; NaN where an input has no line, or no power.
     period
         That of the system [s].
     method

@@ -26,6 +26,9 @@ LEAKAGE = 0.02
 TOGETHER = 256
 """Windows that are solved at once."""
 
+POOR = 1e6
+"""The variance of G, over that from inputs of the same power at every line, from which on they have none to tell it."""
+
 BENT = 12
 """Windows in which G bends most, for which polynomials of one degree more are tried,"""
 
@@ -74,7 +77,8 @@ def by_polynomials(
     Raises
     ------
     IdentificationError
-        The records are too short, or no whole number of their periods is one of samples.
+        The records are too short, no whole number of their periods is one of samples, or the inputs have no power
+        between their lines.
     """
     asked = np.unique(np.asarray(harmonics, np.int64))
     periods, count = _whole(samples)
@@ -102,6 +106,7 @@ def by_polynomials(
     values, std = np.zeros(shape, complex), np.zeros(shape, complex)
     noise, explained = np.zeros((outputs.shape[1], len(lines))), np.zeros((outputs.shape[1], len(lines)))
     bends = np.zeros((len(asked), len(lines)))
+    even = 1.0 / (np.mean(np.abs(inputs) ** 2) * len(parts) * (2 * half + 1))
     for row, begin in product(range(len(asked)), range(0, len(lines), TOGETHER)):
         own = slice(begin, begin + TOGETHER)
         middle = lines[own] + asked[row] * periods
@@ -113,10 +118,14 @@ def by_polynomials(
         )
         place = (DEGREE + 1) * inputs.shape[1] * row + (DEGREE + 1) * np.arange(inputs.shape[1])
         values[row, :, :, own] = np.moveaxis(solved[:, place], 0, -1).swapaxes(0, 1)
-        spread = np.sqrt(0.5 * variance[:, place, None] * left[:, None, :])
+        # Between the lines of a multisine the equations are of rounding alone.
+        told = np.where(variance[:, place, None] < POOR * even, variance[:, place, None], np.nan)
+        values[row, :, :, own] += 0.0 * np.moveaxis(told, 0, -1).swapaxes(0, 1)
+        spread = np.sqrt(0.5 * told * left[:, None, :])
         std[row, :, :, own] = (1.0 + 1.0j) * np.moveaxis(spread, 0, -1).swapaxes(0, 1)
         if asked[row] == 0 or (row == 0 and 0 not in asked):
             noise[:, own], explained[:, own] = 2.0 / count * np.sqrt(left.T), share.T
+    _refuse_lines(values, lines / (count * samples.step))
     return measured_of(
         samples,
         channels,
@@ -134,6 +143,18 @@ def by_polynomials(
             *_flattened(outputs, (inputs, known), lines + asked[:, None] * periods, bends, asked, periods, half),
         ),
     )
+
+
+def _refuse_lines(values: NDArray[np.complex128], hertz: NDArray[np.float64]) -> None:
+    """Refuse inputs that tell G at fewer than half of the frequencies (harmonics, outputs, inputs, frequencies)."""
+    without = np.isnan(values).any(axis=(0, 1, 2))
+    if 2 * np.count_nonzero(without) > len(hertz):
+        raise IdentificationError(
+            f"The inputs have no power between their lines at {np.count_nonzero(without)} of {len(hertz)} "
+            f"frequencies, as at {hertz[without][0]:.4g} Hz: the equations of polynomials over neighbouring lines are "
+            'rank deficient there. Of a multisine that repeats take G at its lines (`method="repeats"`), or drive '
+            "the system with a broad-band input."
+        )
 
 
 def _flattened(
@@ -227,7 +248,9 @@ def _windows(
     held = matrix if inputs[1] is inputs[0] else columns(inputs[1])
     orthogonal = np.linalg.qr(held / size)[0]
     against = orthogonal.conj().swapaxes(1, 2)
-    inverse = np.linalg.inv(against @ (matrix / size))
+    normal = against @ (matrix / size)
+    normal[np.linalg.det(normal) == 0.0] = np.nan  # inputs with lines that are zero to the last bit
+    inverse = np.linalg.inv(normal)
     solved = inverse @ (against @ right) / size.swapaxes(1, 2)
     left = right - matrix @ solved
     free = records * used.sum(axis=1) - matrix.shape[2]

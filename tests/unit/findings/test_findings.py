@@ -51,6 +51,7 @@ def test_what_another_floquid_said_stays_as_it_was(other):
         ('pass `form="delayed"`', "pass `--form delayed`"),
         ("`period=3.25`", "`--period 3.25`"),
         ("`trust_period=True`", "`--trust-period`"),
+        ('`method="repeats"`', "`--method repeats`"),
         ("`constrained=False`", "`--no-constrained`"),
         ("`periods_per_revolution=2`", "`--periods-per-rev 2`"),
         ("the variable `rate` and `unknown=`", "the variable `rate` and `unknown=`"),

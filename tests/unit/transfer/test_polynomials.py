@@ -7,7 +7,7 @@ import pytest
 from tests.driven import mathieu, record_of, two_masses
 from tests.unit.transfer.test_repeats import squares
 
-from floquid import IdentificationError, InputError, Record, measure_transfer
+from floquid import IdentificationError, InputError, Record, measure_transfer, multisine
 
 
 def measured(system, phases, periods, noise, seed, **words):
@@ -106,3 +106,28 @@ def test_inputs_that_do_not_repeat_have_no_repeats():
 
 def test_the_method_may_be_named():
     assert measured(mathieu(), 20, 200, 0.05, 0, method="polynomials").method == "polynomials"
+
+
+@pytest.mark.parametrize("digits", [5, 10, 17])
+def test_between_the_lines_of_a_multisine_there_is_nothing_to_tell(digits):
+    design = multisine(np.pi, 20 / np.pi, turns=64, band=(0.05, 1.0))
+    inputs = np.tile(design.values, 4)
+    values = np.concatenate(record_of(mathieu(), None, 20, 0.01, 0, inputs))
+    values = np.array([float(f"{own:.{digits}g}") for own in values.ravel()]).reshape(values.shape)
+    record = Record(values=values, sample_rate=20.0 / np.pi, channels=["y", "F"])
+    words = {"period": np.pi, "inputs": ["F"], "harmonics": [-1, 0, 1], "method": "polynomials"}
+    with pytest.raises(IdentificationError, match=r"no power between their lines(.|\n)*rank deficient(.|\n)*repeats"):
+        measure_transfer(record, **words)
+
+
+def test_frequencies_beyond_the_inputs_have_no_value():
+    system, phases, periods = mathieu(damping=0.2), 20, 400
+    spectrum = np.fft.rfft(np.random.default_rng(0).standard_normal(periods * phases))
+    spectrum[int(1.5 * periods * np.pi) :] = 0.0
+    values, inputs = record_of(system, None, phases, 0.05, 0, np.fft.irfft(spectrum)[None])
+    record = Record(values=np.concatenate([values, inputs]), sample_rate=phases / np.pi, channels=["y", "F"])
+    words = {"period": np.pi, "inputs": ["F"], "harmonics": [-1, 0, 1], "method": "polynomials"}
+    found = measure_transfer(record, frequencies_hz=[0.2, 0.4, 2.5], **words)
+    assert np.isnan(found.transfer.values).tolist() == [[[[False, False, True]]]] * 3
+    assert np.isnan(found.transfer.std).tolist() == [[[[False, False, True]]]] * 3
+    assert squares(found, system, phases).mean() < 2.0
