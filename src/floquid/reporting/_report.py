@@ -67,18 +67,18 @@ def report(
         known = timed_matrices(truth, "truth", of, len(analysis.state.states))
     if title is not None and not isinstance(title, str):
         raise input_error("title", of, "be a text", f"is a {type(title).__name__}")
-    if isinstance(analysis, Analysis):
-        progress("scanning the order")
-        case = case_of(analysis, *_scan(analysis))
-        progress("drawing the report")
-        text = page(case, title=title, truth=known)
-    else:
-        progress("drawing the report")
-        if isinstance(analysis, TransferFit):
-            text = lines_page(analysis, title=title)
+    with atomic_path(place, of=of) as temporary:  # refused before the page is drawn
+        if isinstance(analysis, Analysis):
+            progress("scanning the order")
+            case = case_of(analysis, *_scan(analysis))
+            progress("drawing the report")
+            text = page(case, title=title, truth=known)
         else:
-            text = excited_page(case_of(analysis), title=title, truth=known)
-    with atomic_path(place, of=of) as temporary:
+            progress("drawing the report")
+            if isinstance(analysis, TransferFit):
+                text = lines_page(analysis, title=title)
+            else:
+                text = excited_page(case_of(analysis), title=title, truth=known)
         temporary.write_text(text, encoding="utf-8")
     return place
 

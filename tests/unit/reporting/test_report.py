@@ -221,9 +221,10 @@ def test_a_result_read_back_gives_the_same_page(analysis, text, tmp_path):
 )
 def test_mistakes_are_told(analysis, change, message, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    arguments = {"analysis": analysis, "path": "report.html"} | change
+    arguments, told = {"analysis": analysis, "path": "report.html"} | change, []
     with pytest.raises(InputError, match=re.escape(message)):
-        fq.report(arguments.pop("analysis"), arguments.pop("path"), **arguments)
+        fq.report(arguments.pop("analysis"), arguments.pop("path"), progress=told.append, **arguments)
+    assert told == [], "nothing is drawn that cannot be written"
     assert list(tmp_path.iterdir()) == []
 
 
