@@ -15,7 +15,7 @@ from floquid.order import Stability
 from floquid.order import scan as scan_orders
 from floquid.reporting._case import MOST_CHANNELS, POINTS, case_of
 from floquid.reporting._look import CURVES, DASHES, MARKERS
-from floquid.reporting._modes_figures import _labels, _upper
+from floquid.reporting._modes_figures import _upper, mark_labels
 from floquid.reporting._page import page
 from floquid.reporting._record_figures import response_sources
 from floquid.reporting._stabilisation_figures import _poles
@@ -64,9 +64,9 @@ def test_options_in_a_reason_are_code(analysis):
 
 def test_numbers_of_modes_that_would_meet_are_one_label():
     x, y = np.array([0.0, 0.01, 1.0, 2.0]), np.array([0.0, 0.0, 0.0, 5.0])
-    assert _labels(x, y) == ["1, 2", "", "3", "4"]
-    assert _labels(x, y, 100.0, 1.0) == ["1, 2, 3", "", "", "4"]
-    assert _labels(x[:0], y[:0]) == []
+    assert mark_labels(x, y) == ["1, 2", "", "3", "4"]
+    assert mark_labels(x, y, 100.0, 1.0) == ["1, 2, 3", "", "", "4"]
+    assert mark_labels(x[:0], y[:0]) == []
 
 
 def test_every_mark_can_be_filled_and_open():
