@@ -30,7 +30,7 @@ def driven():
         record(*record_of(system, periods, PHASES, 0.02, seed), system.period, first)
         for periods, seed in ((30, 1), (25, 2))
     ]
-    one = record(*record_of(blade, 50, PHASES, 0.01, 3), blade.period, "flap")
+    one = record(*record_of(blade, 30, PHASES, 0.01, 3), blade.period, "flap")
     return (
         floquid.identify_driven(both, period=system.period, inputs=["u0"], states=["y µ"], system_times=7),
         floquid.identify_driven(one, period=blade.period, inputs=["u0"], validate=False),
