@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
+from scipy.signal import lfilter
 
 from floquid import Record, multisine
 from floquid.systems import JeffcottRotor
@@ -249,6 +250,17 @@ def ambient_of(system, periods, phases, noise, seed, warm=20):
     return values + noise * values.std(axis=1, keepdims=True) * generator.standard_normal(values.shape)
 
 
+def coloured(system, periods, phases, noise, seed, corner=0.5, warm=40):
+    """The response to forces of a first-order low-pass, with lines of one and three a revolution (outputs, samples)."""
+    generator = np.random.default_rng(seed)
+    count, step = (periods + warm) * phases, system.period / phases
+    decay, times = np.exp(-corner * step), step * np.arange((periods + warm) * phases)
+    forces = lfilter([np.sqrt(1.0 - decay**2)], [1.0, -decay], generator.standard_normal((2, count)), axis=1)
+    forces += np.outer([0.5, 0.3], np.cos(times + 0.3)) + np.outer([0.4, 0.6], np.cos(3.0 * times + 1.0))
+    values = system.response(forces, phases)[:, warm * phases :]
+    return values + noise * values.std(axis=1, keepdims=True) * generator.standard_normal(values.shape)
+
+
 def imbalance_of(system, periods, phases, turn=2, warm=400):
     """The steady response to a force that turns once in some periods, its rms over all outputs 1."""
     angle = 2.0 * np.pi / (phases * turn) * np.arange((periods + warm * turn) * phases)
@@ -266,6 +278,12 @@ def pulls(system, model):
         off = gap[np.abs(gap).argmin()]
         rows.append([abs(off.real) / own.real, abs(off.imag) / max(own.imag, 1e-9)])
     return np.array(rows)
+
+
+def excitations(found):
+    """The frequencies of the modes that may be the excitation's, as findings say."""
+    told = [own for own in found.findings if own.code in ("ambient_single", "ambient_fast", "ambient_kind_apart")]
+    return {frequency for own in told for frequency in own.numbers["frequencies"]}
 
 
 def strayed(model, truth):

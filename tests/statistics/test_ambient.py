@@ -2,8 +2,17 @@
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
-from tests.driven import ambient_of, flapping, mathieu, paper_rotor, pendulum, pulls, two_masses
+from tests.driven import (
+    ambient_of,
+    coloured,
+    excitations,
+    flapping,
+    mathieu,
+    paper_rotor,
+    pendulum,
+    pulls,
+    two_masses,
+)
 
 from floquid import ConstantPeriod, Record, identify_ambient
 
@@ -80,23 +89,6 @@ def test_deviations_hold_where_other_forces_act_too(system, process, feedback, n
     assert missed <= most_missed
     assert 0.8 < np.sqrt(np.mean(np.concatenate(off) ** 2)) < 1.3
     assert 0.8 < np.sqrt(np.mean(np.array(errors) ** 2)) < 1.25
-
-
-def coloured(system, periods, phases, noise, seed, corner=0.5, warm=40):
-    """The response to forces of a first-order low-pass, with lines of one and three a revolution (outputs, samples)."""
-    generator = np.random.default_rng(seed)
-    count, step = (periods + warm) * phases, system.period / phases
-    decay, times = np.exp(-corner * step), step * np.arange((periods + warm) * phases)
-    forces = lfilter([np.sqrt(1.0 - decay**2)], [1.0, -decay], generator.standard_normal((2, count)), axis=1)
-    forces += np.outer([0.5, 0.3], np.cos(times + 0.3)) + np.outer([0.4, 0.6], np.cos(3.0 * times + 1.0))
-    values = system.response(forces, phases)[:, warm * phases :]
-    return values + noise * values.std(axis=1, keepdims=True) * generator.standard_normal(values.shape)
-
-
-def excitations(found):
-    """The frequencies of the modes that may be the excitation's, as findings say."""
-    told = [own for own in found.findings if own.code in ("ambient_single", "ambient_fast", "ambient_kind_apart")]
-    return {frequency for own in told for frequency in own.numbers["frequencies"]}
 
 
 def test_modes_beside_coloured_excitation_are_right_or_the_model_fails():
