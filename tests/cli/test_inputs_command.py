@@ -1,7 +1,7 @@
 """`floquid identify --inputs` and `floquid transfer`: files, tables, and what a newcomer mistypes."""
 
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -10,7 +10,10 @@ from tests.driven import imbalance_of, mathieu, record_of
 
 from floquid import Channel, Record, load, reconstruct
 from floquid.cli import run
+from floquid.cli._options import FREE
 from floquid.cli._terminal import print_analysis
+from floquid.pipeline import Settings
+from floquid.pipeline.with_inputs._prepare import TAKEN
 from floquid.readers import write
 
 PERIOD = f"{np.pi:.15g}"
@@ -176,6 +179,44 @@ def test_slips_are_usage(file, words, message, capsys):
     assert message in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("words", [["--inputs", "F"], ["--excitation", "ambient"]])
+def test_without_a_period_what_tells_it_is_named(file, words, capsys):
+    assert run(["identify", str(file), *words]) == 2
+    said = capsys.readouterr().err
+    assert "--estimate-period" not in said
+    assert "A tachometer (--tach), the angle of the shaft (--azimuth) or its speed" in said
+
+
+@pytest.mark.parametrize("words", [["--inputs", "F"], ["--excitation", "ambient"]])
+def test_options_of_free_responses_are_refused_in_the_words_of_the_command(file, words, capsys):
+    command = ["identify", str(file), "--period", PERIOD, *words]
+    free = ["--order 4", "--structure auto --states x", "--skip 1", "--no-repair", "--find-hits", "--trust-period"]
+    for own in free:
+        assert run([*command, *own.split()]) == 2
+        said = capsys.readouterr().err
+        assert f"`{own.split()[0].replace('--no-', '--')}` must be left as it is" in said
+        assert "--periods-per-rev, --pulses-per-rev, --states, --system-times" in said
+
+
+def test_the_help_says_which_options_are_of_free_responses(capsys):
+    assert set(FREE) == {own.name for own in fields(Settings)} - {*TAKEN, "excitation"}
+    assert run(["identify", "--help"]) == 0
+    said = " ".join(capsys.readouterr().out.replace("│", "").split())
+    for first in ("--estimate-period, --orbit", "--order, --identifier", "--delay, --structure"):
+        assert f"Not with --inputs or --excitation ambient, but of free responses alone: {first}" in said
+
+
+def test_a_scan_is_of_free_responses(file, capsys):
+    command = ["scan", str(file), "--period", PERIOD]
+    for words in (["--inputs", "F"], ["--excitation", "ambient"]):
+        assert run([*command, *words]) == 2
+        assert f"`floquid identify {' '.join(words)}` finds" in capsys.readouterr().err
+    assert run(["scan", "--help"]) == 0
+    said = capsys.readouterr().out
+    assert "--inputs" not in said
+    assert "--excitation" not in said
+
+
 def test_a_force_that_goes_on_names_the_way(file, capsys):
     assert run(["identify", str(file), "--period", PERIOD]) == 1
     assert "--inputs F" in capsys.readouterr().err
@@ -193,7 +234,7 @@ def test_info_names_what_seems_to_drive_the_system(file, capsys):
     assert run(["info", str(file)]) == 0
     said = capsys.readouterr().out
     assert "Input candidate: F: its quantity is force (--inputs F)" in said
-    assert f"floquid identify {file} --inputs F --period S" in said
+    assert f"floquid identify {file} --inputs F --period S\n  A tachometer (--tach)," in said
     assert run(["identify", str(file), "--period", PERIOD]) == 1
     assert "--inputs F" in capsys.readouterr().err
 

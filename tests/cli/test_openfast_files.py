@@ -60,7 +60,9 @@ NO_PERIOD = " --estimate-period\n  Nothing in this file tells the period: that l
 
 
 def test_info_of_a_record_without_a_clock_makes_no_period_up(here):
-    assert f"Next: floquid identify good.npz{NO_PERIOD}" in typed("info good.npz")
+    text = typed("info good.npz")
+    assert f"Next: floquid identify good.npz{NO_PERIOD}" in text
+    assert "give it, and --excitation ambient where nobody measured" in " ".join(text.split())
     text = typed("info good.npz --channels X --rate 5")
     assert "1 channel, 320 samples, 5 Hz" in text
     assert f"Next: floquid identify good.npz --channels X --rate 5{NO_PERIOD}" in text

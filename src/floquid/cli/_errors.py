@@ -22,6 +22,14 @@ class CriteriaNotMetError(Exception):
 _SUBJECT = re.compile(r"Argument `([^`]*)` of `([^`]*)` must ")
 
 
+_COUNTING = re.compile(r"(?<=What counts here: )[\w, ]+")
+"""Settings that a refusal lists."""
+
+
+def _flag(name: re.Match[str]) -> str:
+    return f"--{SHORT.get(name[0], name[0]).replace('_', '-')}"
+
+
 def _alike(*names: str) -> dict[str, str]:
     """Arguments whose options have the same names."""
     return {name: f"`--{name.replace('_', '-')}`" for name in names}
@@ -42,8 +50,14 @@ _OPTIONS = {
     "identify": _SETTINGS,
     "identify_driven": _SETTINGS,
     "identify_ambient": _SETTINGS,
-    "measure_transfer": {**_SETTINGS, **_alike("method", "harmonics", "drop", "reference"), "frequencies_hz": "`--at`"},
-    "multisine": {"sample_rate": "`--rate`", **_alike("period", "turns", "band", "inputs", "rms")},
+    "measure_transfer": {
+        **_SETTINGS,
+        **_alike("method", "harmonics", "repeat", "drop", "reference"),
+        "frequencies_hz": "`--at`",
+    },
+    "fit_transfer": {"period": "The period", "measured": "`--lines`"},
+    "save_figure": {"path": "`--out`"},
+    "multisine": {"sample_rate": "`--rate`", **_alike("period", "turns", "band", "inputs", "rms", "seed")},
     "Multisine.record": _alike("repeats"),
     "ConstantPeriod": {"period": "The period", "origin": "`--origin`"},
     "describe_file": {"path": "`FILE`", **_alike("rate", "channels")},
@@ -90,6 +104,7 @@ def explained(error: BaseException) -> tuple[str, int]:
 def in_options(message: str) -> str:
     """A message about an argument of a callable as one about an option: «`--rate` must be …»."""
     match = _SUBJECT.match(message)
+    message = _COUNTING.sub(lambda own: re.sub(r"\w+", _flag, own[0]), message)
     message = for_command(message.replace("pass period=", "pass --period "))
     if match is None:
         return message

@@ -110,6 +110,12 @@ READING = {  # what is said of records beside the settings
     "rate": (float, "The sampling rate [Hz], overriding what the files say."),
 }
 
+FREE = (
+    *("estimate_period", "orbit", "find_hits", "skip", "repair", "trust_period", "noise_floor"),
+    *("order", "identifier", "constrained", "delay", "structure", "output_error"),
+)
+"""Settings that count for free responses alone."""
+
 RECORD = "Record"
 ORDER = (RECORD, "Model", "State matrix A(t)", "Checks")  # the groups of options, in the order of the help
 
@@ -123,10 +129,10 @@ def _words() -> dict[str, str]:
     return {name: re.split(r"(?<=\.)\s(?=[A-Z\"\d])", text)[0] for name, text in texts.items()}
 
 
-def _option(name: str, kind: Any, words: str, default: Any, group: Group) -> tuple[str, Any, None]:
+def _option(name: str, kind: Any, words: str, default: Any, group: Group, shown: bool = True) -> tuple[str, Any, None]:
     """One option, None where it is not given."""
     words += " Comma-separated." if default == () else ""
-    more: dict[str, Any] = {"help": words, "group": group}
+    more: dict[str, Any] = {"help": words, "group": group, "show": shown}
     if kind is int:
         more["converter"] = whole_number
     if kind is bool and default is False:
@@ -136,17 +142,19 @@ def _option(name: str, kind: Any, words: str, default: Any, group: Group) -> tup
     return SHORT.get(name, name), Annotated[kind | None, Parameter(**more)], None
 
 
-def _options(title: str, *groups: tuple[str, tuple[str, ...]]) -> type:
-    """A class of options, those of each group together."""
+def _options(title: str, *groups: tuple[str, tuple[str, ...]], hidden: tuple[str, ...] = ()) -> type:
+    """A class of options, those of each group together; `hidden` are not in the help."""
     words, own = _words(), {f.name: f for f in fields(Settings)}
     found = []
     for label, names in groups:
-        group = Group(label, sort_key=ORDER.index(label))
+        free = ", ".join(f"--{SHORT.get(name, name).replace('_', '-')}" for name in names if name in FREE)
+        told = f"Not with --inputs or --excitation ambient, but of free responses alone: {free}." if free else ""
+        group = Group(label, sort_key=ORDER.index(label), help="" if hidden else told)
         for name in names:
             kind = KINDS.get(
                 name, {"int": int, "float": float, "bool": bool}.get(str(own[name].type).split(" |")[0], str)
             )
-            found.append(_option(name, kind, words.get(name, ""), own[name].default, group))
+            found.append(_option(name, kind, words.get(name, ""), own[name].default, group, name not in hidden))
         if label == RECORD:
             found += [_option(name, kind, text, None, group) for name, (kind, text) in READING.items()]
     made = make_dataclass(title, [(name, kind, default) for name, kind, default in found], frozen=True, kw_only=True)
@@ -170,9 +178,11 @@ def given(options: object, of: str) -> dict[str, Any]:
 
 if TYPE_CHECKING:
     RecordOptions: TypeAlias = Any
+    FreeOptions: TypeAlias = Any
     ModelOptions: TypeAlias = Any
 else:
     RecordOptions = _options("RecordOptions", (RECORD, RECORDS))
+    FreeOptions = _options("FreeOptions", (RECORD, RECORDS), hidden=("inputs", "hold", "excitation"))
     ModelOptions = _options("ModelOptions", ("Model", MODEL), ("State matrix A(t)", SYSTEM), ("Checks", CHECKS))
 
 

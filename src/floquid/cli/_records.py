@@ -36,6 +36,12 @@ _DRIVING = re.compile(
 )
 """Words in the names of channels that drive a system."""
 
+_TELLS = (
+    "A tachometer (--tach), the angle of the shaft (--azimuth) or its speed (60 over the revolutions a minute) tells "
+    "it: where the excitation goes on the response does not."
+)
+"""What gives the period where the response does not."""
+
 _BLOWS = 12.0  # the range of a force over its deviation from which on it is one of blows: of a random one it is 8 or 10
 
 
@@ -67,9 +73,11 @@ def read_records(
         record = read(file, period=chosen.period, rate=choices.rate, channels=named, origin=choices.origin)
         if record.clock is None and not signals and not chosen.estimate_period:
             got = f"neither it nor --frequency is, and {file} does not state one"
+            free = not chosen.inputs and chosen.excitation == "none"
             remedy = (
                 "Give the period of the system [s], as in --period 0.02, its frequency [Hz], as in --frequency 50, or "
-                "the channel of a tachometer, as in --tach tach; --estimate-period finds it from the response."
+                "the channel of a tachometer, as in --tach tach"
+                f"{'; --estimate-period finds it from the response.' if free else f'. {_TELLS}'}"
                 f"{_likely(file, choices.rate)}"
             )
             raise input_error("--period", of, "be given", got, remedy)
@@ -183,12 +191,13 @@ def _next_command(found: FileSummary, given: str) -> str:
     if lasting := _lasting(found):
         given += f" --inputs {shlex.quote(','.join(lasting))}"
     if best is None and lasting:
-        return f"Next, with the period of the system [s]: floquid identify {path}{given} --period S"
+        return f"Next, with the period of the system [s]: floquid identify {path}{given} --period S\n  {_TELLS}"
     if best is None:
         return (
             f"Next: floquid identify {path}{given} --estimate-period\n"
             "  Nothing in this file tells the period: that looks for it in the response. Where you know it, give it by "
-            "--period [s] or --frequency [Hz] instead."
+            "--period [s] or --frequency [Hz] instead. Where the response is not free it does not tell the period: "
+            "give it, and --excitation ambient where nobody measured what drives the system."
         )
     return f"Next: floquid identify {path}{given}{f' {best}' if best else ''}"
 

@@ -19,9 +19,9 @@ from floquid.cli._options import (
     RECORDS,
     Choices,
     Format,
+    FreeOptions,
     OutputFolder,
     RecordFiles,
-    RecordOptions,
     SettingsFile,
     choices_of,
     given,
@@ -72,7 +72,7 @@ class Scanned:
 
 def scan(
     *files: RecordFiles,
-    record: RecordOptions | None = None,
+    record: FreeOptions | None = None,
     identifier: IdentifierName | None = None,
     orders: str | None = None,
     out: OutputFolder = None,
@@ -103,6 +103,11 @@ def scan(
     check_files(files, OF)
     listed = _orders(orders)
     choices = choices_of(settings).with_given(**given(record, OF), identifier=identifier)
+    if choices.settings.inputs or choices.settings.excitation != "none":
+        name = "inputs" if choices.settings.inputs else "excitation"
+        value = ",".join(choices.settings.inputs) or choices.settings.excitation
+        remedy = f"`floquid identify --{name} {value}` finds how many modes there are, and says why."
+        raise input_error(f"--{name}", OF, "be left out: a scan is of free responses", f"is {value}", remedy)
     stages = STAGES + len(files) + (2 if out else 0)
     with maybe_folder(out, FILES) as folder, progress(stages) as report:
         scanned = _scanned(files, choices, listed, report)
