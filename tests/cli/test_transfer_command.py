@@ -23,6 +23,7 @@ def file(tmp_path, capsys):
     words = ["multisine", "--period", PERIOD, "--rate", RATE, "--turns", "32", "--band", "0.05,1", "--inputs", "F"]
     assert run([*words, "--repeats", "5", "--out", str(played)]) == 0
     assert "F: 13 lines from" in capsys.readouterr().out
+    assert [own.quantity for own in read(played).channels] == ["other"]
     inputs = read(played).values
     assert inputs.shape == (1, 5 * 32 * 20)
     assert inputs[:, : 32 * 20] == pytest.approx(inputs[:, 32 * 20 : 64 * 20], abs=1e-9)
@@ -35,8 +36,11 @@ def file(tmp_path, capsys):
 
 def test_from_a_design_to_transfer_functions(file, tmp_path, capsys):
     command = ["transfer", str(file), "--period", PERIOD, "--inputs", "F", "--method", "repeats", "--drop", "2"]
+    assert run([*command, "--repeat", "32"]) == 0
+    named = capsys.readouterr()
     assert run(command) == 0
     captured = capsys.readouterr()
+    assert named.out == captured.out
     assert "F to x [m/N]" in captured.out
     assert "3 repeats of 32 periods" in captured.out
     assert "G of samples every" in captured.out
@@ -105,17 +109,29 @@ def test_modes_fitted_to_the_lines(file, capsys):
         (["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--method", "repeats", "--drop", "-1"], "--drop"),
         (["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--method", "repeats", "--out", "g.html"], "--out"),
         (["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--harmonics", "-1,half"], "be whole numbers"),
+        (["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--method", "repeats", "--repeat", "1"], "--repeat"),
         (["multisine", "--rate", "20"], "--period"),
         (["multisine", "--period", "1"], "--rate"),
         (["multisine", "--period", "1", "--rate", "20", "--band", "low"], "--band"),
         (["multisine", "--period", "1", "--rate", "20", "--inputs", ","], "--inputs"),
         (["multisine", "--period", "1", "--rate", "20.01"], "--rate"),
         (["multisine", "--period", "1", "--rate", "20", "--repeats", "0"], "--repeats"),
+        (["multisine", "--period", "1", "--rate", "20", "--seed", "-1"], "`--seed` must"),
+        (["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--out", "g.xyz"], "`--out` must end in .csv"),
     ],
 )
 def test_slips_are_usage(file, words, message, capsys):
     assert run([str(file) if word == "FILE" else word for word in words]) == 2
     assert message in capsys.readouterr().err
+
+
+def test_a_design_tells_its_unit_and_where_the_band_ends(tmp_path, capsys):
+    words = ["multisine", "--period", "1", "--rate", "20", "--turns", "16", "--out", str(tmp_path / "u.csv")]
+    assert run([*words, "--band", "1,9", "--unit", "N"]) == 0
+    assert "half the rate" not in capsys.readouterr().out
+    assert [(own.quantity, own.unit) for own in read(tmp_path / "u.csv").channels] == [("force", "N")]
+    assert run([*words, "--band", "1,30"]) == 0
+    assert "no lines beyond half the rate, 10 Hz: the band ends there" in capsys.readouterr().out
 
 
 def test_inputs_that_do_not_repeat_are_told(tmp_path, capsys):
@@ -149,7 +165,7 @@ def test_lines_of_a_file_are_fitted(tmp_path, capsys):
         assert "The modes explain the lines." in (tmp_path / page).read_text(encoding="utf-8")
     capsys.readouterr()
     for words, said in (
-        (command, "period"),  # a table has none
+        (command, "The period must be given, but is not, and the lines have none.\n  Pass `--period`"),
         ([*command, "run.csv"], "--lines"),
         ([*command[:3], "--period", PERIOD], "--lines"),
         (["transfer", "--lines", str(tmp_path / "g.h5"), "--method", "fit"], "measured"),

@@ -60,10 +60,12 @@ _METHOD = (
     "multisine. polynomials: line by line from any broad-band inputs. fit: of "
     "modes fitted to lines so measured."
 )
+_ENDINGS = r"\.(csv|mat|s\d+p|png|pdf|svg|h5|html?)"
 _LINES = (
     "In the place of records, for --method fit: transfer functions that were measured before, or by another program, "
     "as .csv or .mat as --out writes them, or .h5. They need their deviations."
 )
+_REPEAT = "Periods of the system in a repeat of the inputs, by default found from them."
 _DROP = "Repeats at the begin of each record that are left out, for what rings there to die."
 _REFERENCE = (
     "Channels, with commas, one for each input, that drive the inputs and know nothing of the noise: for a closed loop "
@@ -79,6 +81,7 @@ def transfer(
     at: Annotated[str, Parameter(help=_AT)] = "",
     harmonics: Annotated[str, Parameter(help=_HARMONICS, allow_leading_hyphen=True)] = "-1,0,1",
     lines: Annotated[Path | None, Parameter(help=_LINES)] = None,
+    repeat: Annotated[OptionalWhole, Parameter(help=_REPEAT)] = None,
     drop: Annotated[Whole, Parameter(help=_DROP)] = 1,
     reference: Annotated[str, Parameter(help=_REFERENCE)] = "",
     out: Annotated[
@@ -134,6 +137,7 @@ def transfer(
                 method=way,
                 harmonics=turns,
                 frequencies_hz=wanted,
+                repeat=repeat,
                 drop=drop,
                 reference=references,
                 report=report,
@@ -198,6 +202,9 @@ def _check_given(
     files: tuple[Path, ...], inputs: tuple[str, ...] | None, lines: Path | None, method: str, out: Path | None
 ) -> None:
     """Refuse records without inputs, lines beside records or for another method than a fit, and pages without modes."""
+    if out is not None and not re.fullmatch(_ENDINGS, out.suffix.lower()):
+        must = "end in .csv, .mat, .s1p to .s99p, .png, .pdf, .svg, .h5 or .html"
+        raise input_error("--out", OF, must, f"is {out}", "The ending says what is written.")
     if method in ("repeats", "polynomials") and out is not None and out.suffix.lower() in ENDINGS:
         remedy = "Fit modes to the lines: --method fit."
         raise input_error("--out", OF, f"be no page with --method {method}", f"is {out}", remedy)
@@ -269,6 +276,7 @@ def multisine(
     turns: Whole = 128,
     band: Annotated[str, Parameter(help=_BAND)] = "",
     inputs: str = "u",
+    unit: str = "-",
     rms: float = 1.0,
     repeats: OptionalWhole = 5,
     seed: Whole = 0,
@@ -284,6 +292,8 @@ def multisine(
         Periods of the system in a repeat: half as many lines at most.
     inputs
         The names of the channels, with commas.
+    unit
+        Their unit, as N or V, by which a file of the answer tells them from responses.
     rms
         That of each input, in its unit.
     repeats
@@ -300,9 +310,13 @@ def multisine(
     names = split(inputs)
     if not names:
         raise input_error("--inputs", DESIGN, "name a channel", "names none", "As --inputs F1,F2.")
-    design = designed(own, rate, turns=turns, band=_band(band), inputs=len(names), rms=rms, seed=seed)
-    write(design.record(5 if repeats is None else repeats, [Channel(name=name) for name in names]), out)
+    asked = _band(band)
+    design = designed(own, rate, turns=turns, band=asked, inputs=len(names), rms=rms, seed=seed)
+    channels = names if unit == "-" else [Channel(name=name, unit=unit) for name in names]
+    write(design.record(5 if repeats is None else repeats, channels), out)
     _print_design(terminal(), design, names)
+    if asked is not None and asked[1] > 0.5 * rate:
+        terminal().print(f"There are no lines beyond half the rate, {0.5 * rate:.5g} Hz: the band ends there.")
     terminal().print(f"Written to {out}.", soft_wrap=True)
 
 

@@ -174,7 +174,9 @@ def fit_transfer(
     of, own = "fit_transfer", measured if isinstance(measured, TransferFunctions) else measured.transfer
     if period is None and isinstance(measured, MeasuredTransfer):
         period = measured.period
-    if period is None or not (np.isfinite(period) and period > 0.0):
+    if period is None:
+        raise input_error("period", of, "be given", "is not, and the lines have none", "Pass `period=` in s.")
+    if not (np.isfinite(period) and period > 0.0):
         raise input_error("period", of, "be above 0", f"is {period!r}", "Give it in s.")
     if own.std is None:
         remedy = "A constant one will do where nothing is known: only its ratios count then."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,6 +70,8 @@ class Multisine(Rebuilt):
     def record(self, repeats: int, channels: Sequence[Channel | str] | None = None) -> Record:
         """The inputs over some repeats as a record, to be played, or to be put beside the responses.
 
+        Channels given by name alone are of no motion: a force where the name says so, else "other".
+
         Raises InputError where `repeats` is not at least 1, or `channels` do not name the inputs.
         """
         if repeats < 1:
@@ -78,9 +80,15 @@ class Multisine(Rebuilt):
         return Record(
             values=np.tile(self.values, repeats),
             sample_rate=self.sample_rate,
-            channels=named,
+            channels=[_driving(own) if isinstance(own, str) else own for own in named],
             clock=ConstantPeriod(period=self.period),
         )
+
+
+def _driving(name: str) -> Channel:
+    """The channel of an input, which is no response."""
+    own = Channel(name=name)
+    return replace(own, quantity="other") if own.quantity == "displacement" else own
 
 
 def multisine(
@@ -106,7 +114,7 @@ def multisine(
     turns
         Periods in a repeat, J: lines are 1/(JT) apart and there are J/2 at most.
     band
-        The lowest and the highest line [Hz]; by default up to a fifth of the rate.
+        The lowest and the highest line [Hz]; by default up to a fifth of the rate. Beyond half of it there are none.
     inputs
         Inputs, each with lines of its own.
     rms
@@ -132,6 +140,8 @@ def multisine(
             raise input_error(name, of, "be above 0", f"is {value!r}", "Give it in s, in Hz, or in the input's unit.")
     if turns < 4:
         raise input_error("turns", of, "be at least 4", f"is {turns}", "As turns=128.")
+    if seed < 0:
+        raise input_error("seed", of, "be 0 or more", f"is {seed}", "As seed=0.")
     if inputs < 1:
         raise input_error("inputs", of, "be at least 1", f"is {inputs}", "As inputs=1.")
     if not 0.0 <= spare < 1.0:
