@@ -7,7 +7,8 @@ from benchmarks.methods.records import Case
 from numpy.typing import NDArray
 
 from floquid import Channel, Record, measure_transfer
-from floquid.inputs import TransferFunctions
+from floquid.inputs import TransferFunctions, samples_of
+from floquid.transfer import by_chirps
 
 HARMONICS = (-1, 0, 1)
 
@@ -37,38 +38,19 @@ def chirped(case: Case) -> NDArray[np.float64]:
 
 
 def chirps(case: Case) -> TransferFunctions:
-    r"""G of chirps begun at phases spread over the period, its curvature over frequency penalised (Siddiqi 2001).
-
-    .. math:: \min \sum_{p,k} \Big|Y_p(k) - \sum_m G_m(k - mM)\, U_p(k - mM)\Big|^2
-              + \alpha \sum_{m,k} |G_m(k - 1) - 2 G_m(k) + G_m(k + 1)|^2
-
-    of records of M periods, from rest and back to it, with U over its rms; of one input.
-    """
+    """G of chirps begun at phases spread over the period, its curvature over frequency penalised (Siddiqi 2001)."""
     inputs = chirped(case)
-    periods, count = case.periods // CHIRPS, inputs.shape[1] // CHIRPS
-    y, u = (np.fft.fft(own.reshape(-1, CHIRPS, count), axis=2) for own in (case.response(inputs, 2), inputs))
-    high = round(BAND[1] * count)
-    lines, seen = np.arange(-high, high + 1), np.arange(-high - periods, high + periods + 1)
-    scale = np.sqrt(np.mean(np.abs(u) ** 2))
-    matrix = np.zeros((CHIRPS, len(seen), len(HARMONICS), len(lines)), complex)
-    for number, harmonic in enumerate(HARMONICS):
-        place = np.arange(len(lines)) + (harmonic + 1) * periods
-        matrix[:, place, number, np.arange(len(lines))] = u[0][:, lines] / scale
-    columns = matrix.reshape(CHIRPS * len(seen), -1)
-    rough = np.kron(np.eye(len(HARMONICS)), np.diff(np.eye(len(lines)), 2, axis=0))
-    normal = columns.conj().T @ columns + CURVATURE * (rough.T @ rough)
-    right = columns.conj().T @ (y[:, :, seen] / scale).reshape(len(y), -1).T
-    found = np.linalg.solve(normal, right).reshape(len(HARMONICS), len(lines), 1, -1)
-    kept = lines >= BAND[0] * count
-    return TransferFunctions(
-        frequencies_hz=lines[kept] / (count * case.step),
-        harmonics=np.array(HARMONICS),
-        values=found[:, kept].transpose(0, 3, 2, 1),
-        std=None,
-        outputs=tuple(Channel(name=f"y{k}") for k in range(len(y))),
-        inputs=(Channel(name="u0"),),
+    values, count = case.response(inputs, 2), inputs.shape[1] // CHIRPS
+    samples = samples_of(
+        np.split(values, CHIRPS, axis=1),
+        np.split(inputs, CHIRPS, axis=1),
+        [number * count * case.step for number in range(CHIRPS)],
         step=case.step,
+        fundamental=2.0 * np.pi / case.system.period,
     )
+    channels = tuple(Channel(name=f"y{k}") for k in range(len(values))), (Channel(name="u0"),)
+    hertz = np.arange(round(BAND[0] * count), round(BAND[1] * count) + 1) / (count * case.step)
+    return by_chirps(samples, HARMONICS, channels, hertz, CURVATURE).transfer
 
 
 def chirps_by_polynomials(case: Case) -> TransferFunctions:

@@ -1,10 +1,11 @@
 """Harmonic transfer functions measured line by line, and multisines designed for it.
 
 `multisine` designs the excitation. `by_repeats` takes G from a response to one that repeats, `by_polynomials` from
-that to any broad-band input: `floquid.measure_transfer` is the chain. `fit_transfer` fits modes to such lines, or to
-those that others have measured.
+that to any broad-band input: `floquid.measure_transfer` is the chain. `by_chirps` takes it from chirps, one a record,
+its curvature penalised. `fit_transfer` fits modes to such lines, or to those that others have measured.
 """
 
+from floquid.transfer._chirps import by_chirps as by_chirps
 from floquid.transfer._fit import TransferFit as TransferFit
 from floquid.transfer._fit import fit_transfer as fit_transfer
 from floquid.transfer._measured import MeasuredTransfer as MeasuredTransfer

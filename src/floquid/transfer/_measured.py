@@ -28,7 +28,7 @@ class MeasuredTransfer(Rebuilt):
     period
         That of the system [s].
     method
-        "repeats" or "polynomials".
+        "repeats", "polynomials" or "chirps", which gives no deviations.
     noise
         The deviation of a line of the response, as an amplitude (outputs, frequencies) [units of the outputs].
     coherence
@@ -76,7 +76,7 @@ def measured_of(
     channels: tuple[tuple[Channel, ...], tuple[Channel, ...]],
     lines: tuple[NDArray[np.int64], int],
     harmonics: NDArray[np.int64],
-    g: tuple[NDArray[np.complex128], NDArray[np.complex128]],
+    g: tuple[NDArray[np.complex128], NDArray[np.complex128] | None],
     **rest: Any,
 ) -> MeasuredTransfer:
     """G of samples and its deviations at some lines of a spectrum of so many, with the rest of what was measured."""

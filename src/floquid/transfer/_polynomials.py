@@ -81,22 +81,12 @@ def by_polynomials(
         between their lines.
     """
     asked = np.unique(np.asarray(harmonics, np.int64))
-    periods, count = _whole(samples)
-    parts = [slice(own.start, own.start + count) for own in samples.records]
-    hertz = np.fft.fftfreq(count, samples.step)
-
-    def spectra(signals: NDArray[np.float64]) -> NDArray[np.complex128]:
-        turned = np.exp(-2j * np.pi * hertz * samples.first_times[:, None, None])
-        return np.array([np.fft.fft(signals[:, own], axis=1) for own in parts]) * turned
-
-    outputs, inputs = spectra(samples.values), spectra(samples.inputs)
-    known = inputs if reference is None else spectra(reference)
-    if not isinstance(frequencies_hz, int):
-        lines = np.unique(np.rint(frequencies_hz * count * samples.step).astype(int))
-    else:
-        lines = _excited(known, frequencies_hz)
-    unknowns = (DEGREE + 1) * (len(asked) * inputs.shape[1] + len(parts))
-    half = int(np.ceil(0.5 * (unknowns + max(FREE[0], FREE[1] * unknowns)) / len(parts)))
+    periods, count = whole_periods(samples)
+    outputs, inputs = (spectra_of(samples, own, count) for own in (samples.values, samples.inputs))
+    known = inputs if reference is None else spectra_of(samples, reference, count)
+    lines, records = chosen_lines(known, frequencies_hz, samples.step), len(outputs)
+    unknowns = (DEGREE + 1) * (len(asked) * inputs.shape[1] + records)
+    half = int(np.ceil(0.5 * (unknowns + max(FREE[0], FREE[1] * unknowns)) / records))
     if 4 * half > count // 2:
         raise IdentificationError(
             f"The records hold {periods} whole periods, {count // 2} lines: too few for {unknowns} unknowns in windows "
@@ -106,7 +96,7 @@ def by_polynomials(
     values, std = np.zeros(shape, complex), np.zeros(shape, complex)
     noise, explained = np.zeros((outputs.shape[1], len(lines))), np.zeros((outputs.shape[1], len(lines)))
     bends = np.zeros((len(asked), len(lines)))
-    even = 1.0 / (np.mean(np.abs(inputs) ** 2) * len(parts) * (2 * half + 1))
+    even = 1.0 / (np.mean(np.abs(inputs) ** 2) * records * (2 * half + 1))
     for row, begin in product(range(len(asked)), range(0, len(lines), TOGETHER)):
         own = slice(begin, begin + TOGETHER)
         middle = lines[own] + asked[row] * periods
@@ -185,7 +175,7 @@ def _flattened(
     return [warning("measured_flattened", ratio=float(gain.max()))] if (sure & (gain > WORSE)).any() else []
 
 
-def _whole(samples: Samples) -> tuple[int, int]:
+def whole_periods(samples: Samples) -> tuple[int, int]:
     """The most whole periods that each record holds, in a whole number of samples, and that number."""
     per_turn = 2.0 * np.pi / (samples.fundamental * samples.step)
     most = int(min(own.stop - own.start for own in samples.records) / per_turn + 1e-6)
@@ -196,6 +186,19 @@ def _whole(samples: Samples) -> tuple[int, int]:
         f"No whole number of periods between {most // 2 + 1} and {most} is one of samples ({per_turn:.8g} a period): "
         "lines of the response would leak. Resample the record to a whole number of samples a period."
     )
+
+
+def spectra_of(samples: Samples, signals: NDArray[np.float64], count: int) -> NDArray[np.complex128]:
+    """Spectra of the first samples of each record, their phases those at phase zero (records, signals, lines)."""
+    turned = np.exp(-2j * np.pi * np.fft.fftfreq(count, samples.step) * samples.first_times[:, None, None])
+    return np.array([np.fft.fft(signals[:, own.start : own.start + count]) for own in samples.records]) * turned
+
+
+def chosen_lines(inputs: NDArray, frequencies_hz: NDArray[np.float64] | int, step: float) -> NDArray[np.int64]:
+    """The lines nearest to frequencies [Hz], or so many over what inputs (records, inputs, lines) excite."""
+    if isinstance(frequencies_hz, int):
+        return _excited(inputs, frequencies_hz)
+    return np.unique(np.rint(frequencies_hz * inputs.shape[2] * step).astype(int))
 
 
 def _excited(inputs: NDArray, count: int) -> NDArray[np.int64]:
