@@ -82,9 +82,18 @@ def test_a_loop_with_its_command_as_reference(tmp_path, capsys):
     write(looped(mathieu(damping=0.2), 20, 200, 0.3, 0.1, 0.0, 0), path)
     command = ["transfer", str(path), "--period", PERIOD, "--inputs", "F", "--reference", "r", "--at", "0.1,0.2"]
     assert run([*command, "--method", "polynomials"]) == 0
-    assert "F to y" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "F to y" in said
+    assert "F to r" not in said
+    # The reference is no output that is asked for, and is read beside those.
+    assert run([*command, "--method", "polynomials", "--channels", "y"]) == 0
+    assert capsys.readouterr().out == said
     assert run(command) == 2
     assert "--reference" in capsys.readouterr().err
+    command = [word if word != "r" else "q" for word in command]
+    for more in ([], ["--channels", "y"]):
+        assert run([*command, "--method", "polynomials", *more]) == 2
+        assert "`--reference` must name channels of the record, but has 'q'.\n" in capsys.readouterr().err
 
 
 @pytest.mark.slow
@@ -136,7 +145,10 @@ def test_a_design_tells_its_unit_and_where_the_band_ends(tmp_path, capsys):
 
 def test_inputs_that_do_not_repeat_are_told(tmp_path, capsys):
     assert run([*shaken(tmp_path / "shaken.csv", 30), "repeats"]) == 1
-    assert "do not repeat" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert "do not repeat" in said
+    assert "(`--repeat`)" in said
+    assert "(`--method`)" in said
 
 
 def test_modes_whose_decay_lines_do_not_tell_end_with_one(tmp_path, capsys):

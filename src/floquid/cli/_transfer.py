@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
@@ -17,6 +17,7 @@ from rich.table import Table
 from floquid._checks import input_error
 from floquid.cli._identify import identified
 from floquid.cli._options import (
+    Choices,
     Format,
     Frequency,
     NewRecordFile,
@@ -32,8 +33,8 @@ from floquid.cli._options import (
 )
 from floquid.cli._records import check_files, read_records
 from floquid.cli._terminal import json_text, print_title, print_warnings, progress, terminal
-from floquid.core import Channel
-from floquid.errors import IdentificationError
+from floquid.core import Channel, Record, channels_named
+from floquid.errors import IdentificationError, InputError
 from floquid.exports import export_transfer, fit_entries, import_transfer, measured_entries, transfer_entries
 from floquid.findings import Finding, Severity, texts
 from floquid.inputs import TransferFunctions
@@ -57,7 +58,7 @@ _AT = "Frequencies [Hz]: one, several with commas, or first:last:number. By defa
 _HARMONICS = "Harmonics m, with commas: the response at the input's frequency plus m times the fundamental."
 _METHOD = (
     "model: that of the modes identified. repeats: line by line from inputs that repeat, as those of floquid "
-    "multisine. polynomials: line by line from any broad-band inputs. fit: of "
+    "multisine, or of a scan, one sine a record and a file for each. polynomials: line by line from any broad-band inputs. fit: of "
     "modes fitted to lines so measured."
 )
 _ENDINGS = r"\.(csv|mat|s\d+p|png|pdf|svg|h5|html?)"
@@ -119,7 +120,7 @@ def transfer(
     with progress(STAGES) as report:
         records = []
         if lines is None:
-            records, choices = read_records(files, choices, OF, report)
+            records, choices = _read(files, choices, references, report)
         chosen = choices.resolved()
         if lines is not None:
             result = fit_transfer(_measured_in(lines), period=chosen.period, hold=chosen.hold, report=report)
@@ -216,6 +217,23 @@ def _check_given(
     elif files or method != "fit":
         got = "comes with records" if files else f"comes with --method {method}"
         raise input_error("--lines", OF, "stand in the place of records, with --method fit", got, "Give one of them.")
+
+
+def _read(
+    files: Sequence[Path], choices: Choices, references: tuple[str, ...], report: Callable[[str], None]
+) -> tuple[list[Record], Choices]:
+    """The records, references among their channels."""
+    own = choices.settings.channels
+    beside = [name for name in references if own and name not in own]
+    try:
+        records, choices = read_records(files, choices.with_given(channels=(*own, *beside)), OF, report)
+    except InputError as error:
+        if not any(f"has {name!r}" in str(error) for name in beside):
+            raise
+        raise InputError(str(error).replace("`channels` of `read`", f"`--reference` of `{OF}`")) from None
+    for record in records:
+        channels_named(record.channels, references, argument="--reference", of=OF)
+    return records, choices
 
 
 def _measured_in(file: Path) -> MeasuredTransfer | TransferFunctions:

@@ -89,12 +89,12 @@ _KNOWN = {*(field.name for field in fields(Settings)), "rate", "origin", "method
 
 
 def for_command(text: str) -> str:
-    """The text with options as the command has them: `skip=` is `--skip`, `form="delayed"` is `--form delayed`."""
-    return re.sub(r"`(\w+)=([^`]*)`", _flag, text)
+    """The text with options as the command has them: `skip=` or (`skip`) is `--skip`, `order=4` is `--order 4`."""
+    return re.sub(r"`(\w+)=([^`]*)`|(?<=\()`(\w+)`(?=\))", _flag, text)
 
 
 def _flag(match: re.Match[str]) -> str:
-    name, value = match[1], match[2].strip("\"'")
+    name, value = match[1] or match[3], (match[2] or "").strip("\"'")
     if name not in _KNOWN:
         return match[0]
     flag = SHORT.get(name, name).replace("_", "-")

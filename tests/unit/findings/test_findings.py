@@ -52,6 +52,7 @@ def test_what_another_floquid_said_stays_as_it_was(other):
         ("`period=3.25`", "`--period 3.25`"),
         ("`trust_period=True`", "`--trust-period`"),
         ('`method="repeats"`', "`--method repeats`"),
+        ("name that number (`repeat`) of a record (`read`)", "name that number (`--repeat`) of a record (`read`)"),
         ("`constrained=False`", "`--no-constrained`"),
         ("`periods_per_revolution=2`", "`--periods-per-rev 2`"),
         ("the variable `rate` and `unknown=`", "the variable `rate` and `unknown=`"),
