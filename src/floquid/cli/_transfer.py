@@ -58,8 +58,8 @@ _AT = "Frequencies [Hz]: one, several with commas, or first:last:number. By defa
 _HARMONICS = "Harmonics m, with commas: the response at the input's frequency plus m times the fundamental."
 _METHOD = (
     "model: that of the modes identified. repeats: line by line from inputs that repeat, as those of floquid "
-    "multisine, or of a scan, one sine a record and a file for each. polynomials: line by line from any broad-band inputs. fit: of "
-    "modes fitted to lines so measured."
+    "multisine, or of a scan, one sine a record and a file for each. polynomials: line by line from any broad-band "
+    "inputs. fit: of modes fitted to lines so measured."
 )
 _ENDINGS = r"\.(csv|mat|s\d+p|png|pdf|svg|h5|html?)"
 _LINES = (
