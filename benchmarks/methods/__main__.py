@@ -53,11 +53,14 @@ def write(folder: Path, rows: list[dict[str, Any]], seeds: int) -> None:
 def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.methods", description=__doc__)
     parser.add_argument("--seeds", type=int, default=20, help="records of each case, fewer of methods that are slow")
+    parser.add_argument(
+        "--seconds", type=float, default=measure.SECONDS, help="of each case, after which a method ends"
+    )
     parser.add_argument("--only", default="", help="cases whose names hold these words, as free or driven, rotor")
     parser.add_argument("--out", type=Path, help="a folder for methods.json, the tables and the picture")
     options = parser.parse_args(arguments)
     with threadpool_limits(limits=1):
-        rows = measure.all_rows(options.seeds, options.only, say)
+        rows = measure.all_rows(options.seeds, options.only, say, options.seconds)
     for kind in tables.KINDS:
         if any(row["case"].startswith(kind) for row in rows):
             sys.stdout.write(tables.table(rows, kind, options.seeds) + "\n")

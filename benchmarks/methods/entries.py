@@ -290,7 +290,7 @@ METHODS: tuple[Method, ...] = (
         LTI + SURE,
         lambda c: of_model(fq.identify_ambient(c.record(), validate=False).model),
     ),
-    Method("Jhinaoui et al.", "jhinaoui2014", "ambient", GIVEN, DISCRETE, by_periods),
+    Method("Jhinaoui et al.", "jhinaoui2014", "ambient", GIVEN, "λ, Aₖ, Cₖ", by_periods),
     Method(
         "H-OMA, frequency domain",
         "allen2011",

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from floquid.testing import pair_exponents
 
 SECONDS, FEWEST = 75.0, 4
-"""Seconds of the processor after which no further record is taken, and records that are taken all the same."""
+"""Seconds of the processor after which no further record is taken by default, and records that always are."""
 
 
 def applies(method: Method, case: Case) -> bool:
@@ -41,8 +41,11 @@ def transfer_error(found: Found, case: Case) -> float | None:
     return float(np.sqrt(np.nanmean(np.abs(own.values - true) ** 2)) / np.abs(true).max())
 
 
-def measured(method: Method, cases: list[Case]) -> dict[str, Any]:
-    """Errors, deviations and times over records that differ in their noise; imports are done before."""
+def measured(method: Method, cases: list[Case], most: float = SECONDS) -> dict[str, Any]:
+    """Errors, deviations and times over records that differ in their noise; imports are done before.
+
+    No further record is taken after `most` seconds of the processor.
+    """
     case = cases[0]
     row: dict[str, Any] = {"method": method.name, "case": f"{case.kind}, {case.name}"}
     errors, given, transfers, seconds, failures, lost, order = [], [], [], [], set(), 0, []
@@ -65,7 +68,7 @@ def measured(method: Method, cases: list[Case]) -> dict[str, Any]:
             errors.append(both[0])
             given += [both[1]] if both[1] is not None else []
         transfers += [transfer] if transfer is not None else []
-        if sum(seconds) > SECONDS and len(seconds) >= FEWEST:
+        if sum(seconds) > most and len(seconds) >= FEWEST:
             break
     row |= {"lost": lost, "failures": sorted(failures)}
     row["seconds"] = float(np.median(seconds)) if seconds else None
@@ -100,7 +103,7 @@ def over_bounds(rows: list[dict[str, Any]]) -> Iterator[dict[str, Any]]:
         yield row
 
 
-def all_rows(seeds: int, only: str, say: Callable[[str], None]) -> list[dict[str, Any]]:
+def all_rows(seeds: int, only: str, say: Callable[[str], None], most: float = SECONDS) -> list[dict[str, Any]]:
     """A row a method and case."""
     rows, warm = [], set()
     for case in CASES.values():
@@ -111,7 +114,7 @@ def all_rows(seeds: int, only: str, say: Callable[[str], None]) -> list[dict[str
             if method.name not in warm:
                 warm.add(method.name)
                 measured(method, cases[:1])  # packages are loaded
-            rows.append(measured(method, cases))
+            rows.append(measured(method, cases, most))
             own = rows[-1]
             say(f"{own['case']}: {own['method']}: {own['runs']} runs, {own['lost']} lost, {own['seconds']} s")
     return list(over_bounds(rows))
