@@ -66,3 +66,18 @@ def test_deviations_hold(name):
     assert 0.85 < np.sqrt(np.mean(squares)) < 1.2
     before, after = np.mean(nearer, axis=0)
     assert before > 4.0 * after
+
+
+@pytest.mark.parametrize("noise", [0.05, 0.01])
+def test_the_fit_has_a_fifth_of_the_error_of_the_lines(noise):
+    """Of Mathieu's equation over repeats of 128 periods; and the variance of the lines is right to 5 %."""
+    errors = []
+    for seed in range(DRAWS):
+        _, record, names = shaken(mathieu(), 20, 128, 5, noise, seed, spare=0.0)
+        measured = measure_transfer(record, inputs=names, harmonics=HARMONICS)
+        exact = mathieu().sampled_transfer(measured.transfer.frequencies_hz, HARMONICS, 20)
+        both = measured.transfer.values, fit_transfer(measured).transfer(sampled=True).values
+        errors.append([np.nanmean(np.abs((own - exact) / np.abs(measured.transfer.std)) ** 2) for own in both])
+    lines, fit = np.mean(errors, axis=0)
+    assert lines == pytest.approx(1.0, abs=0.05)
+    assert fit < 0.2**2 * lines
