@@ -8,7 +8,7 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.inputs._bands import grown
+from floquid.inputs._bands import grown, narrowed
 from floquid.inputs._joint import fitted_together
 from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
@@ -111,6 +111,8 @@ def _as_real(
             found = grown(samples, found, limits)
             for more in reversed(range(rounds)):
                 before, found = found, solve(samples, found.modes, now.direct, iterations=AS_REAL, rough=True)
+                if found.n_parameters > now.n_parameters:
+                    found = narrowed(samples, found, limits)
                 rise, fewer = now.log_likelihood - found.log_likelihood, now.n_parameters - found.n_parameters
                 if noise_explains(rise, fewer):
                     return found
