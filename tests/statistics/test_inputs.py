@@ -61,9 +61,9 @@ def test_deviations_hold(system, periods, phases, noise, order):
     assert 0.9 < np.mean(np.abs(np.array(errors)) < 1.96) < 0.98
 
 
-@pytest.mark.parametrize("seed", [28, 54, 57, 70, 78, 98])
+@pytest.mark.parametrize("seed", [28, 43, 54, 57, 59, 70, 78, 98])
 def test_two_real_negative_multipliers_are_no_pair_beside_a_third(seed):
-    """Of a hundred draws those in which they were, or one that noise explains was a mode; most of these passed."""
+    """Of a hundred draws those in which they were, or one that noise explains was a mode, at some time of the code."""
     system = flapping()
     own = found(system, 150, 32, 0.01, seed).model
     assert own.real.tolist() == [True, True]
