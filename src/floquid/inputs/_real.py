@@ -87,8 +87,8 @@ def real_for(pairs: Sequence[InputMode], omega: float) -> tuple[list[tuple[float
 
 
 def noise_explains(rise: float, fewer: int) -> bool:
-    """True where a rise of χ² is what so many numbers less cost by noise alone, or a fall more than more gain by it."""
-    return rise < (np.sign(fewer) * limit_of(abs(fewer), REAL) if fewer else 0.0)
+    """True where a rise of χ² is what so many numbers less cost by noise alone."""
+    return rise < (limit_of(fewer, REAL) if fewer > 0 else 0.0)
 
 
 def _half(mode: InputMode, omega: float) -> float:
@@ -111,7 +111,7 @@ def _as_real(
             found = grown(samples, found, limits)
             for more in reversed(range(rounds)):
                 before, found = found, solve(samples, found.modes, now.direct, iterations=AS_REAL, rough=True)
-                if found.n_parameters > now.n_parameters:
+                if found.n_parameters > now.n_parameters:  # with the harmonics that it needs it may have fewer
                     found = narrowed(samples, found, limits)
                 rise, fewer = now.log_likelihood - found.log_likelihood, now.n_parameters - found.n_parameters
                 if noise_explains(rise, fewer):

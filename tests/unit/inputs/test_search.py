@@ -9,7 +9,6 @@ import pytest
 from tests.driven import flapping, mathieu, pulls, record_of, two_masses
 
 from floquid import Channel, IdentificationError, InputError, PeriodicModel, Record, identify_driven
-from floquid.inputs import noise_explains
 from floquid.pipeline.with_inputs._analysis import HELD_OUT
 from floquid.pipeline.with_inputs._verdict import undetermined
 
@@ -303,12 +302,3 @@ def test_modes_whose_decay_is_not_determined(exponents, spread, told):
         covariance=np.diag([spread**2] * count + [0.0] * count),
     )
     assert undetermined(model) == told
-
-
-def test_more_numbers_must_gain_what_noise_does_not_give():
-    assert noise_explains(20.0, 5)
-    assert not noise_explains(25.0, 5)
-    assert not noise_explains(-20.0, -5)
-    assert noise_explains(-25.0, -5)
-    assert noise_explains(-0.1, 0)
-    assert not noise_explains(0.1, 0)
