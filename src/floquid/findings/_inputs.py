@@ -48,6 +48,8 @@ AMBIENT: dict[str, str | Callable[..., str]] = {
     ),
     "ambient_held_out": "The last quarter of the record, left out of a fit, is predicted with {error:.3g} times the "
     "error of the rest: the system or its excitation is another one there.",
+    "ambient_unpredicted": "The last quarter of the record, left out of a fit, is not predicted by it: what it "
+    "predicts grows without bound. There may be fewer modes, or a disturbance that the record has once.",
     "ambient_colour": "What is left is not white: {share:.1%} of its variance is predictable. Modes or harmonics are "
     "missing, or the system does not repeat with that period.",
 }

@@ -24,6 +24,8 @@ TOGETHER = 512
 
 LARGEST = 1e3
 """Innovations over the response from which on the predictor diverges."""
+GROWTH = 3.0
+"""What the predictor of a fit may make of a state over a record: of one that hardly decays, more than 1 for a while."""
 STEEPEST = 1e4  # the most that a state may do to one at the next sample, lest rounding to single precision diverges
 
 
@@ -103,8 +105,13 @@ def predicted(
     columns: NDArray[np.float64],
     initial: NDArray[np.float64],
     whitening: NDArray[np.float64] | None = None,
+    *,
+    growing: bool = False,
 ) -> Predictor | None:
-    """The predictor with its innovations, of one covariance if not given; None where it diverges."""
+    """The predictor with its innovations, of one covariance if not given; None where it diverges.
+
+    With `growing` it may have grown over the records, as long as its innovations have not: nothing is fitted then.
+    """
     system, gains, seen, drive = matrices(samples, modes)
     beside = samples.values - columns @ samples.known
     moved = system - gains @ seen
@@ -121,8 +128,12 @@ def predicted(
         states = np.concatenate(parts)
         innovations = beside - np.einsum("kin,kn->ik", seen, states)
         # One that grows may leave innovations that are small: its derivatives would be none.
-        grown = np.abs(np.array(ends)).max(initial=0.0)
-    if not (np.abs(innovations).max() <= limit and grown <= 1.0 and np.abs(moved).max(initial=0.0) <= STEEPEST):
+        grown = float(np.linalg.norm(np.array(ends), axis=(1, 2)).max(initial=0.0))
+    if not (
+        np.abs(innovations).max() <= limit
+        and (growing or grown <= GROWTH)
+        and np.abs(moved).max(initial=0.0) <= STEEPEST
+    ):
         return None
     if whitening is None:
         whitening = np.broadcast_to(np.eye(len(samples.values)), (samples.n_samples, *[len(samples.values)] * 2))

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.innovations._bands import grown, narrowed
+from floquid.innovations._bands import centred, grown, narrowed
 from floquid.innovations._covariance import colour, reweighed, whitening_of
 from floquid.innovations._fewer import GONE, better, needed
 from floquid.innovations._gain import SMALL, stable_gains
@@ -126,7 +126,7 @@ def _searched(
         fewer = needed(samples, now, loose)
     report(f"fitting {len(now.modes)} modes")
     now = rebuilt(samples, now, [mode.padded(1.0, limits.highest) for mode in now.modes]) or now
-    return solve(samples, reweighed(samples, now)), undecided
+    return centred(samples, solve(samples, reweighed(samples, now))), undecided
 
 
 def _white(samples: Samples, now: Predictor, limits: Limits) -> bool:

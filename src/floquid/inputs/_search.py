@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from floquid.inputs._bands import ROUGH, grown, narrowed, with_reach
+from floquid.inputs._bands import ROUGH, centred, grown, narrowed, with_reach
 from floquid.inputs._joint import chosen_together, fitted_together
 from floquid.inputs._modes import InputMode
 from floquid.inputs._real import with_real_ones
@@ -78,7 +78,8 @@ def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = l
     while now is not before:  # with all their harmonics some modes are others, or needless
         before = narrowed(samples, grown(samples, now, loose, rounds=2), loose)
         now = without_needless(samples, with_real_ones(samples, before, loose, rounds=ROUNDS), loose)
-    return solve(samples, [_padded(mode, limits) for mode in now.modes], now.direct)
+    modes = [centred(samples, mode, now, number) for number, mode in enumerate(now.modes)]
+    return solve(samples, [_padded(mode, limits) for mode in modes], now.direct)
 
 
 def _crowded(samples: Samples, now: Linearisation) -> bool:

@@ -64,7 +64,7 @@ def excited_page(case: Case, *, title: str | None, truth: Truth | None) -> str:
                 analysis.transfer(hertz, lines.harmonics, sampled=True) for hertz in (lines.frequencies_hz, None)
             )
             figures["measured"] = measured_figures(lines, at, drawn, paths)
-    rows, checked = mode_table(analysis), bool(np.isfinite(analysis.held_out).all())
+    rows, checked = mode_table(analysis), not np.isnan(analysis.held_out).any()
     failed = not analysis.passed and (checked or any(own.severity.name == "FAILURE" for own in analysis.findings))
     sentence = "The model does not pass its checks." if failed else "The model passes its checks."
     lines = outcome_lines(analysis)
@@ -123,7 +123,7 @@ def _lengths(analysis: AmbientAnalysis) -> list[str]:
 def _checked(analysis: ExcitedAnalysis) -> list[tuple[str, str, str, str]]:
     """Of each output its name, its unit, the noise, and the error on samples left out."""
     return [
-        (channel.name, channel.unit, f"{noise:.3g}", f"{error:.3g}" if np.isfinite(error) else "not checked")
+        (channel.name, channel.unit, f"{noise:.3g}", "not checked" if np.isnan(error) else f"{error:.3g}")
         for channel, noise, error in zip(analysis.model.channels, analysis.noise[:, 0], analysis.held_out, strict=True)
     ]
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from floquid._arrays import Integers, Mask
+from floquid.core import PeriodicModel
 from floquid.periodic import CONFIDENT, participation
 from floquid.pipeline import Analysis, ExcitedAnalysis
 from floquid.views._modes import grows
@@ -21,6 +23,7 @@ MODE_NOTES = {
 """The words that a mode may deserve and what they mean; they are short, for a table has to fit 80 columns."""
 
 RIVAL = 0.5  # share of the energy of the strongest line from which on another makes the branch a choice
+CLEAR = 3.0  # deviations from which on a harmonic of a fit with one more at either end is shown
 MOST_DIGITS = 10  # after the point; beyond them a deviation says nothing that a reader could use
 
 
@@ -97,6 +100,8 @@ def mode_table(analysis: Analysis | ExcitedAnalysis, *, derived: bool = True) ->
     for number, mode in enumerate(model.upper_modes, start=1):
         value, ratio = model.exponents[mode], 100.0 * model.damping_ratios[mode]
         kept, _ = participation(model, mode, 1.0 / analysis.noise)
+        if isinstance(analysis, ExcitedAnalysis):
+            kept = kept[_clear(model, mode, kept)]
         own = model.frequencies_hz[mode]
         rows.append(
             ModeRow(
@@ -112,6 +117,15 @@ def mode_table(analysis: Analysis | ExcitedAnalysis, *, derived: bool = True) ->
             )
         )
     return tuple(rows)
+
+
+def _clear(model: PeriodicModel, mode: int, kept: Integers) -> Mask:
+    """True of harmonics of a mode that rise above their deviations in some channel: fits have one more at each end."""
+    own = np.isin(model.harmonics, kept)
+    size, std = np.abs(model.coefficients[mode][..., own]), np.zeros(1)
+    if model.coefficient_std is not None:
+        std = np.abs(model.coefficient_std[mode][..., own])
+    return np.asarray((size > CLEAR * std).any(axis=(0, 1)), bool)
 
 
 def note_meanings(rows: Sequence[ModeRow]) -> list[str]:

@@ -8,7 +8,7 @@ from floquid._checks import counted
 from floquid.core import ModelInputs
 from floquid.findings import Severity, texts
 from floquid.lifting import Lifted
-from floquid.pipeline import AmbientAnalysis, Analysis, ExcitedAnalysis
+from floquid.pipeline import HELD_OUT, AmbientAnalysis, Analysis, ExcitedAnalysis
 from floquid.validation import Validation
 from floquid.views._mode_table import mode_notes, with_error
 
@@ -137,8 +137,12 @@ def _reach(analysis: ExcitedAnalysis, own: ModelInputs) -> str:
     """The input and the harmonic that do most to each mode, by the rms of the input."""
     model = analysis.model
     size = analysis.fit.samples.input_size
+    none = [finding.numbers["frequency"] for finding in analysis.findings if finding.code == "unreached"]
     words = []
     for number, mode in enumerate(model.upper_modes, start=1):
+        if np.isclose(model.frequencies_hz[mode], none, rtol=1e-9).any():
+            words.append(f"mode {number} by none")
+            continue
         strength = np.abs(own.coefficients[mode]) * size[:, None]
         source, harmonic = np.unravel_index(int(np.argmax(strength)), strength.shape)
         turn = int(own.harmonics[harmonic])
@@ -148,12 +152,17 @@ def _reach(analysis: ExcitedAnalysis, own: ModelInputs) -> str:
 
 def _held_out(analysis: ExcitedAnalysis) -> str:
     """Whether samples that were left out are predicted."""
-    if not np.isfinite(analysis.held_out).all():
-        return "not checked"
-    error = f"{analysis.held_out.max():.3g}"
+    worst = float(analysis.held_out.max())
+    if np.isnan(worst):
+        return "the model does not pass: see the warnings" if analysis.failed else "not checked"
+    told = f"the last quarter, left out of a fit, is predicted to {worst:.3g} times the expected error at worst"
     if analysis.passed:
-        return f"passed: the last quarter, left out of a fit, is predicted to {error} times the expected error at worst"
-    return f"the model does not pass: the last quarter, left out of a fit, is {error} times further off than expected"
+        return f"passed: {told}"
+    if worst < HELD_OUT:
+        return f"the model does not pass, as a warning says; {told}"
+    return "the model does not pass: the last quarter, left out of a fit, is " + (
+        f"{worst:.3g} times further off than expected" if np.isfinite(worst) else "not predicted at all"
+    )
 
 
 def passed_words(validation: Validation) -> str:

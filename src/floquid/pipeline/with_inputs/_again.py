@@ -84,7 +84,7 @@ def predicted_rest(analysis: ExcitedAnalysis) -> tuple[NDArray[np.float64], NDAr
         start = None if mask.all() else predicted(part, own.modes, own.columns, own.initial, own.whitening[mask])
         if start is not None:
             own = solve(part, start, rough=True)
-            whole = predicted(samples, own.modes, own.columns, own.initial)
+            whole = predicted(samples, own.modes, own.columns, own.initial, growing=True)
         innovations = (analysis.fit.at if whole is None else whole).innovations
         return samples.values - innovations, mask if whole is not None else np.ones_like(mask)
 

@@ -209,7 +209,7 @@ def _held_out(samples: Samples, found: Predictor) -> NDArray[np.float64]:
     if start is None:
         return np.full(len(samples.values), np.inf)
     fitted = solve(part, start, rough=True)
-    whole = predicted(samples, fitted.modes, fitted.columns, fitted.initial)
+    whole = predicted(samples, fitted.modes, fitted.columns, fitted.initial, growing=True)
     if whole is None:
         return np.full(len(samples.values), np.inf)
     expected = np.sqrt(np.mean(fitted.innovations**2, axis=1))
@@ -309,7 +309,9 @@ def _one(fit: Fit, model: PeriodicModel, group: NDArray[np.int64], shares: NDArr
 def _against(samples: Samples, found: Predictor, held_out: NDArray[np.float64]) -> tuple[Finding, ...]:
     """Findings against the model: samples left out that it does not predict, and colour in the innovations."""
     against = []
-    if (held_out >= HELD_OUT).any():
+    if np.isinf(held_out).any():
+        against.append(failure("ambient_unpredicted"))
+    elif (held_out >= HELD_OUT).any():
         against.append(warning("ambient_held_out", error=float(np.nanmax(held_out))))
     share, chance = colour(samples, found)
     if chance < SURE:

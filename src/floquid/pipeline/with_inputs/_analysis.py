@@ -89,7 +89,7 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
         self._freeze(held_out=("outputs",), finite=False)
 
     def __repr__(self) -> str:
-        model, checked = self.model, np.isfinite(self.held_out).all()
+        model, checked = self.model, not np.isnan(self.held_out).any()
         verdict = ("passes" if self.passed else "does not pass") if checked else "not checked"
         size = f"order={model.order}, period={model.period:.4g} s, outputs={len(model.channels)}"
         return f"{type(self).__name__}({size}, inputs={len(self.inputs)}: {verdict})"
