@@ -48,6 +48,9 @@ AMBIENT: dict[str, str | Callable[..., str]] = {
     ),
     "ambient_held_out": "The last quarter of the record, left out of a fit, is predicted with {error:.3g} times the "
     "error of the rest: the system or its excitation is another one there.",
+    "ambient_period": "The response repeats at a frequency that is no multiple of that of the period given, "
+    "{given:.6g} s: with {own:.6g} s, or a fraction of it. Exponents and shapes would look right and be wrong: correct "
+    "`period`, or the rate of the record.",
     "ambient_unpredicted": "The last quarter of the record, left out of a fit, is not predicted by it: what it "
     "predicts grows without bound. There may be fewer modes, or a disturbance that the record has once.",
     "ambient_colour": "What is left is not white: {share:.1%} of its variance is predictable. Modes or harmonics are "

@@ -26,6 +26,12 @@ WIDEST = 0.03
 FINE = 4
 """Frequencies within the resolution of the records."""
 
+SLOWEST = 0.1
+"""The frequency over that given below which it is the excitation that changes, not the system that repeats."""
+
+CLEARLY = 2.0
+"""The score of a frequency over the largest of the harmonics of the period given, from which on it is another period's."""
+
 ALARM = 1e-6
 """The probability at which noise may pass for a period."""
 
@@ -44,6 +50,9 @@ class Repetition(Rebuilt):
         Those of the even harmonics of the period given alone, and of the odd ones.
     limit
         What noise alone exceeds with probability `ALARM`.
+    other
+        The frequency apart from the harmonics of the period given that scores clearly more than these [rad/s]; zero if
+        none does.
     """
 
     shift: float
@@ -53,6 +62,7 @@ class Repetition(Rebuilt):
     even: float
     odd: float
     limit: float
+    other: float
 
 
 def repetition(samples: Samples) -> Repetition:
@@ -72,12 +82,12 @@ def repetition(samples: Samples) -> Repetition:
     left = _white(values - values @ past.T @ past / samples.n_samples)
     longest = max(own.stop - own.start for own in samples.records)
     padded, scores = FINE * longest, np.zeros(FINE * longest // 2 + 1)
-    for own in samples.records:
-        for row in left[:, own]:
-            for other in past[:, own]:
-                scores += 2.0 / (own.stop - own.start) * np.abs(np.fft.rfft(row * other, padded)) ** 2
+    for place in samples.records:
+        for row in left[:, place]:
+            for other in past[:, place]:
+                scores += 2.0 / (place.stop - place.start) * np.abs(np.fft.rfft(row * other, padded)) ** 2
     per_turn = 2.0 * np.pi / (samples.fundamental * samples.step)
-    highest = min(HARMONICS, int(0.5 * per_turn / (1.0 + WIDEST)))
+    highest = max(min(HARMONICS, int(0.5 * per_turn / (1.0 + WIDEST))), 1)
     step = per_turn / (FINE * longest * highest)
 
     from scipy.special import chdtri
@@ -90,7 +100,14 @@ def repetition(samples: Samples) -> Repetition:
     shifts, turns = step * np.arange(-count, count + 1), range(1, highest + 1)
     both = at(turns, shifts)
     best, none = int(np.argmax(both)), np.zeros(1)
-    degrees = 2 * len(left) * len(past) * len(samples.records) * highest
+    one = 2 * len(left) * len(past) * len(samples.records)
+    degrees = one * highest
+    harmonics = np.arange(len(scores)) * per_turn / padded
+    beside = (np.abs(harmonics - np.rint(harmonics)) * padded / per_turn > 2 * FINE) & (harmonics > SLOWEST)
+    apart = int(np.argmax(np.where(beside, scores, 0.0)))
+    own = float(scores[~beside & (harmonics > 0.5)].max())
+    usual = float(np.median(scores))  # more than that of noise where its tails are long
+    enough = usual + max(float(chdtri(one, ALARM / len(scores))), CLEARLY * (own - usual))
     return Repetition(
         shift=float(shifts[best]),
         resolution=FINE * step,
@@ -99,6 +116,7 @@ def repetition(samples: Samples) -> Repetition:
         even=float(at(range(2, 2 * highest + 1, 2), none)[0]) if 4 * highest < per_turn else 0.0,
         odd=float(at(range(1, 2 * highest, 2), none)[0]) if 4 * highest < per_turn else np.inf,
         limit=float(chdtri(degrees, ALARM / len(shifts))),
+        other=2.0 * np.pi * apart / (padded * samples.step) if scores[apart] > enough else 0.0,
     )
 
 

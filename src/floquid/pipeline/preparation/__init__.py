@@ -12,9 +12,9 @@ from floquid.pipeline.preparation._prepare import (
     uneven_speed,
     without_clock,
 )
-from floquid.pipeline.preparation._refuse import NO_NEWS, name_of, refuse_few, refuse_unlike
+from floquid.pipeline.preparation._refuse import NO_NEWS, name_of, refuse_few, refuse_period, refuse_unlike
 
 __all__ = [
     "NO_NEWS", "NO_RESPONSE", "Prepared", "blas_threads", "clocked", "name_of", "prepare", "refuse_driven",
-    "refuse_few", "refuse_unlike", "settings_of", "uneven_speed", "without_clock",
+    "refuse_few", "refuse_period", "refuse_unlike", "settings_of", "uneven_speed", "without_clock",
 ]  # fmt: skip

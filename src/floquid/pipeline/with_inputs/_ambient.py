@@ -127,8 +127,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     own = parted(records, settings, OF)
     samples, acting = with_acting(own)
     phases = 2.0 * np.pi / (samples.fundamental * samples.step)
-    if not own.shafts:
-        _refuse_period(samples)
+    period = () if own.shafts else _period(samples)
     highest = max(min(HIGHEST, int(0.5 * phases) - 1), 0) if settings.harmonics is None else settings.harmonics
     limits = Limits(mode_alarm=settings.mode_false_alarm, harmonic_alarm=settings.harmonic_false_alarm, highest=highest)
     report("taking first innovations from an autoregression")
@@ -162,6 +161,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
         lengths=duration * (relative / AIM) ** 2,
         findings=(
             *done_beside(own),
+            *period,
             needed(model, limits, [fit.seen(number) for number in range(len(found.modes))]),
             *_told(fit, model, relative, duration, np.array(undecided)),
             *_against(samples, found, held_out),
@@ -183,8 +183,8 @@ def _refuse_copies(first: NDArray[np.float64], own: Parted) -> None:
         )
 
 
-def _refuse_period(samples: Samples) -> None:
-    """Refuse a period that is clearly not that of the response."""
+def _period(samples: Samples) -> tuple[Finding, ...]:
+    """Finding on a period of the response that is far from the one given; one that is near, or half of it, is refused."""
     found, given = repetition(samples), 2.0 * np.pi / samples.fundamental
     period = given * (1.0 + found.shift)
     if found.own > found.limit and found.own > CLEARLY * found.given and abs(found.shift) > found.resolution:
@@ -200,6 +200,7 @@ def _refuse_period(samples: Samples) -> None:
             f"would be found more than once. Give half of it: `period={0.5 * given:.10g}`; if a shaft that is out of "
             "balance turns once in two of these halves, give `periods_per_revolution=2` as well."
         )
+    return (failure("ambient_period", own=2.0 * np.pi / found.other, given=given),) if found.other else ()
 
 
 def _held_out(samples: Samples, found: Predictor) -> NDArray[np.float64]:

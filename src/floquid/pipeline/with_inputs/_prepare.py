@@ -15,7 +15,7 @@ from floquid.findings import Finding, note, warning
 from floquid.inputs import Hold, Samples, samples_of
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import check_states
-from floquid.pipeline.preparation import NO_RESPONSE, refuse_unlike
+from floquid.pipeline.preparation import NO_RESPONSE, refuse_period, refuse_unlike
 from floquid.pipeline.with_inputs._lines import Lines
 from floquid.pipeline.with_inputs._state_matrix import refuse_delayed
 from floquid.sync import ShaftAngle, shaft_angle
@@ -101,6 +101,7 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
     if len(rates) > 1:
         raise input_error("records", of, "have one rate", f"have {sorted(rates)}", "Resample them.")
     refuse_unlike(records, of)
+    refuse_period(records, of)
     for record in records:
         channels_named(record.channels, settings.inputs, argument="inputs", of=of)
         if np.isnan(record.values).any():
