@@ -30,7 +30,7 @@ SLOWEST = 0.1
 """The frequency over that given below which it is the excitation that changes, not the system that repeats."""
 
 CLEARLY = 2.0
-"""The score of a frequency over the largest of the harmonics of the period given, from which on it is another period's."""
+"""The score of a frequency over the largest at harmonics of the period given, from which on it is of another period."""
 
 ALARM = 1e-6
 """The probability at which noise may pass for a period."""

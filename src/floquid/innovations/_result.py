@@ -124,13 +124,15 @@ def period_step(fit: Fit) -> tuple[float, float]:
     ends = []
     for sign in (1.0, -1.0):
         own = replace(samples, fundamental=samples.fundamental * (1.0 + sign * SHIFT))
-        end = predicted(own, at.modes, at.columns, at.initial)
+        end = predicted(own, at.modes, at.columns, at.initial, growing=True)
         assert end is not None
         ends.append(end.innovations)
     slope = (ends[0] - ends[1]) / (2.0 * SHIFT)
     pulled = gradient(samples, at, slope)
     white = at.white(slope)
     information = float(np.sum(white**2) - pulled @ fit.parameters @ pulled)
+    if not information > 0.0:  # of one harmonic alone no period is told
+        return 0.0, float(np.inf)
     step = float(np.sum(white * at.white(at.innovations))) / information
     return step, information**-0.5
 

@@ -60,6 +60,9 @@ TOGETHER = 3.0
 NEAR_HALF = 0.25
 """The distance of a frequency from half the fundamental, over the decay, up to which a multiplier may be negative."""
 
+SLIP = 0.3
+"""Periods by which one may be off over a record, and its own be told to first order: no input has to meet its phase."""
+
 AIM = 0.1
 """The relative deviation of the damping for which the length of a record is given."""
 
@@ -165,7 +168,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
             needed(model, limits, [fit.seen(number) for number in range(len(found.modes))]),
             *_told(fit, model, relative, duration, np.array(undecided)),
             *_against(samples, found, held_out),
-            *(() if own.shafts else of_period(samples, *period_step(fit))),
+            *(() if own.shafts else of_period(samples, *period_step(fit), SLIP)),
             *([warning("inputs_modes", most=limits.modes)] if len(found.modes) >= limits.modes else []),
         ),
     )
@@ -184,7 +187,7 @@ def _refuse_copies(first: NDArray[np.float64], own: Parted) -> None:
 
 
 def _period(samples: Samples) -> tuple[Finding, ...]:
-    """Finding on a period of the response that is far from the one given; one that is near, or half of it, is refused."""
+    """Finding on a period of the response that is far from that given; one that is near, or half of it, is refused."""
     found, given = repetition(samples), 2.0 * np.pi / samples.fundamental
     period = given * (1.0 + found.shift)
     if found.own > found.limit and found.own > CLEARLY * found.given and abs(found.shift) > found.resolution:

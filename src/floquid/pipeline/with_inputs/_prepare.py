@@ -35,6 +35,9 @@ PERIODIC = 1e-3
 COPY = 1e-8
 """The smallest eigenvalue of the correlations of the inputs below which one is a sum of others."""
 
+LEAST = 2
+"""Samples that a period must last."""
+
 FEWEST = 8
 """Periods that records must hold in all."""
 
@@ -128,6 +131,9 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
                 f"Channel {name!r} never changes: nothing can be learned from it. Leave it out: `channels=`."
             )
     rate = records[0].sample_rate
+    if rate * period < LEAST:
+        must, got = f"be {LEAST} samples or more", f"is {rate * period:.4g}"
+        raise input_error("period", of, must, got, "Sample faster.")
     periods = sum(record.n_samples for record in records) / (rate * period)
     if periods < FEWEST:
         raise IdentificationError(

@@ -29,6 +29,9 @@ from floquid.pipeline.with_inputs._prepare import Parted
 SIGNIFICANT = 5.0
 """Deviations from which on the period is another one than that given."""
 
+SLIP = 0.05
+"""Periods by which one may be off over a record, and its own be told to first order: inputs then still meet its phase."""
+
 COLOURED, WRONG = 0.1, 0.3
 """The sum of squared correlations from which on what is left is no white noise, and the model is not what left it."""
 
@@ -148,11 +151,14 @@ def _unreached(fit: Uncertainty) -> tuple[Finding, ...]:
     return tuple(found)
 
 
-def of_period(samples: Samples, step: float, std: float) -> tuple[Finding, ...]:
+def of_period(samples: Samples, step: float, std: float, slip: float = SLIP) -> tuple[Finding, ...]:
     """Finding on a period that is not that of the response: (own - given)/given and its deviation, to first order."""
     if abs(step) <= SIGNIFICANT * std:
         return ()
     given = 2.0 * np.pi / samples.fundamental
+    longest = max(own.stop - own.start for own in samples.records) * samples.step / given
+    if abs(step) * longest > slip:
+        return (failure("inputs_period_far", given=given, deviations=abs(step) / std),)
     return (failure("inputs_period", own=given * (1.0 + step), std=given * std, given=given),)
 
 
