@@ -78,9 +78,12 @@ PERIOD: dict[str, str | Callable[..., str]] = {
     "own_period": _own_period,
     "inputs_period": "The response does not repeat with the period given: its own is {own:.10g} ± {std:.1g} s, not "
     "{given:.10g} s. Exponents and shapes would look right and be wrong. Correct the period, or the rate.",
-    "inputs_period_far": "The response does not repeat with the period given, {given:.10g} s: what is left goes with "
-    "a change of it ({deviations:.0f} deviations), too large a one to tell its own. Exponents and shapes would look right "
-    "and be wrong. Correct the period, or the rate, or measure the shaft.",
+    "records_phase": "Record {record} is not at the phase of the first: what is left goes with a shift of it along the "
+    "period ({deviations:.0f} deviations). Records must count from the same phase: give their begins on one time "
+    "axis, the origin of the clock, or a tachometer.",
+    "inputs_period_far": "The response does not repeat with the period given, {given:.10g} s: what is left goes "
+    "with a change of it ({deviations:.0f} deviations), too large a one to tell its own. Exponents and shapes "
+    "would look right and be wrong. Correct the period, or the rate, or measure the shaft.",
     "period_of_orbit": _of_orbit,
     "orbit_of_two_periods": "What does not decay repeats after two periods, with the opposite sign after one: a limit "
     "cycle or a forced orbit that is half-wave symmetric, or the imbalance of a shaft that turns once in two periods. "

@@ -120,10 +120,20 @@ def terms_of_mode(mode: Mode, samples: Samples) -> list[Term]:
 
 def period_step(fit: Fit) -> tuple[float, float]:
     """(Own period - period given)/period given, as the response has it, to first order, and its deviation."""
-    samples, at = fit.samples, fit.at
-    ends = []
-    for sign in (1.0, -1.0):
-        own = replace(samples, fundamental=samples.fundamental * (1.0 + sign * SHIFT))
+    omega = fit.samples.fundamental
+    return _step(fit, [replace(fit.samples, fundamental=omega * (1.0 + sign * SHIFT)) for sign in (1.0, -1.0)])
+
+
+def phase_step(fit: Fit, number: int) -> tuple[float, float]:
+    """The share of a period by which a record is later than its clock says, to first order, and its deviation."""
+    samples, period = fit.samples, 2.0 * np.pi / fit.samples.fundamental
+    return _step(fit, [samples.later(number, sign * SHIFT * period) for sign in (1.0, -1.0)])
+
+
+def _step(fit: Fit, moved: Sequence[Samples]) -> tuple[float, float]:
+    """The step of what was moved by `SHIFT` to either side, to first order, and its deviation."""
+    samples, at, ends = fit.samples, fit.at, []
+    for own in moved:
         end = predicted(own, at.modes, at.columns, at.initial, growing=True)
         assert end is not None
         ends.append(end.innovations)

@@ -29,6 +29,7 @@ from floquid.inputs._scores import Scores as Scores
 from floquid.inputs._scores import gain_of as gain_of
 from floquid.inputs._scores import limit_of as limit_of
 from floquid.inputs._scores import period_step as period_step
+from floquid.inputs._scores import phase_step as phase_step
 from floquid.inputs._search import nearly_one as nearly_one
 from floquid.inputs._search import searched as searched
 from floquid.inputs._solver import Linearisation as Linearisation

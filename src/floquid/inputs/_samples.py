@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from typing import Literal, TypeAlias
@@ -89,6 +89,12 @@ class Samples(Rebuilt):
     def _angles(self) -> dict[float, NDArray[np.complex128]]:
         """Those that were asked for."""
         return {}
+
+    def later(self, number: int, seconds: float) -> Samples:
+        """With one record later in the period, harmonics that are known beside the modes left as they are."""
+        times = self.times.copy()
+        times[self.records[number]] += seconds
+        return replace(self, times=times)
 
     def each(self, values: NDArray, of: Callable[[NDArray], NDArray]) -> NDArray:
         """A function of the samples of each record, put one after another (…, samples)."""

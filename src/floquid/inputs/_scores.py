@@ -231,13 +231,22 @@ class Scores:
 
 def period_step(scores: Scores) -> tuple[float, float]:
     """(Own period - period given)/period given, as the response has it, to first order, and its deviation."""
-    samples, now = scores.samples, scores.now
-    ends = []
-    for sign in (1.0, -1.0):
-        moved = replace(samples, fundamental=samples.fundamental * (1.0 + sign * NUDGE))
-        ends.append(now.coefficients.T @ linearise(moved, now.modes, now.direct).columns)
-    step, std = scores.step_along((ends[0] - ends[1]) / (2.0 * NUDGE))
+    omega = scores.samples.fundamental
+    step, std = _step(scores, [replace(scores.samples, fundamental=omega * (1.0 + by)) for by in (NUDGE, -NUDGE)])
     return -step, std
+
+
+def phase_step(scores: Scores, number: int) -> tuple[float, float]:
+    """The share of a period by which a record is later than its clock says, to first order, and its deviation."""
+    samples, period = scores.samples, 2.0 * np.pi / scores.samples.fundamental
+    return _step(scores, [samples.later(number, by * period) for by in (NUDGE, -NUDGE)])
+
+
+def _step(scores: Scores, moved: Sequence[Samples]) -> tuple[float, float]:
+    """The step of what was moved by `NUDGE` to either side, to first order, and its deviation."""
+    now = scores.now
+    one, other = (now.coefficients.T @ linearise(own, now.modes, now.direct).columns for own in moved)
+    return scores.step_along((one - other) / (2.0 * NUDGE))
 
 
 def gain_of(scores: Scores, samples: Samples, modes: Sequence[InputMode]) -> float:

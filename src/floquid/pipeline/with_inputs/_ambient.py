@@ -23,6 +23,7 @@ from floquid.innovations import (
     gap_of,
     model_of,
     period_step,
+    phase_step,
     predicted,
     repetition,
     searched,
@@ -35,7 +36,7 @@ from floquid.pipeline.with_inputs._again import first_part, with_acting
 from floquid.pipeline.with_inputs._analysis import HELD_OUT, AmbientAnalysis, finished
 from floquid.pipeline.with_inputs._identify import HIGHEST
 from floquid.pipeline.with_inputs._prepare import COPY, Parted, parted, refuse_others
-from floquid.pipeline.with_inputs._verdict import SIGNIFICANT, done_beside, needed, of_period
+from floquid.pipeline.with_inputs._verdict import SIGNIFICANT, done_beside, needed, of_period, of_phases
 
 OF = "identify_ambient"
 
@@ -169,6 +170,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
             *_told(fit, model, relative, duration, np.array(undecided)),
             *_against(samples, found, held_out),
             *(() if own.shafts else of_period(samples, *period_step(fit), SLIP)),
+            *of_phases([phase_step(fit, number) for number in range(1, len(own.records))]),
             *([warning("inputs_modes", most=limits.modes)] if len(found.modes) >= limits.modes else []),
         ),
     )

@@ -21,6 +21,7 @@ from floquid.inputs import (
     limit_of,
     nearly_one,
     period_step,
+    phase_step,
     solve,
 )
 from floquid.pipeline.with_inputs._analysis import HELD_OUT
@@ -30,7 +31,7 @@ SIGNIFICANT = 5.0
 """Deviations from which on the period is another one than that given."""
 
 SLIP = 0.05
-"""Periods by which one may be off over a record, and its own be told to first order: inputs then still meet its phase."""
+"""Periods by which one may be off over a record, and its own be told to first order: inputs then meet its phase yet."""
 
 COLOURED, WRONG = 0.1, 0.3
 """The sum of squared correlations from which on what is left is no white noise, and the model is not what left it."""
@@ -89,6 +90,7 @@ def verdict(
         *_against(fit.at, held_out),
         *_ended(samples, fit.at, model, limits, most),
         *(() if own.shafts else of_period(samples, *period_step(scores))),
+        *of_phases([phase_step(scores, number) for number in range(1, len(own.records))]),
     )
 
 
@@ -160,6 +162,15 @@ def of_period(samples: Samples, step: float, std: float, slip: float = SLIP) -> 
     if abs(step) * longest > slip:
         return (failure("inputs_period_far", given=given, deviations=abs(step) / std),)
     return (failure("inputs_period", own=given * (1.0 + step), std=given * std, given=given),)
+
+
+def of_phases(steps: Sequence[tuple[float, float]]) -> tuple[Finding, ...]:
+    """Findings on records after the first that are at another phase: steps in periods and their deviations, of each."""
+    return tuple(
+        failure("records_phase", record=number, deviations=abs(step) / std)
+        for number, (step, std) in enumerate(steps, start=2)
+        if abs(step) > SIGNIFICANT * std
+    )
 
 
 def _ended(
