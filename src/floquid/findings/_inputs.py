@@ -23,6 +23,10 @@ AMBIENT: dict[str, str | Callable[..., str]] = {
         f"One harmonic alone: {_at(frequencies)}. Likely the excitation's own, coloured there, or a part that the "
         "rotation does not reach."
     ),
+    "ambient_slow": lambda frequencies: (
+        f"Hardly changes within the record: {_at(frequencies)}. Likely a drift, a wandering offset or an amplitude of "
+        "the orbit that changes, no mode. Take it off before, record for longer, or leave the channel out."
+    ),
     "ambient_fast": lambda frequencies: (
         f"Too fast to be told from the excitation's own: {_at(frequencies)}. What is gone within a period may be "
         "the system's, or coloured excitation that reaches it; of outputs alone both look the same."
@@ -137,6 +141,16 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "all of them free. Between the samples the model says nothing.",
     "unreached": "The mode at {frequency:.4g} Hz is reached by no input as far as the record shows: it is seen by what "
     "it rings with from the begin alone.",
+    "inputs_poor": lambda channels: (
+        f"It is not determined how {both(list(channels))} reach{'es' * (len(channels) == 1)} the modes: a blow at one "
+        "phase of the period, or one frequency alone, does not tell the harmonics of b. Exponents and shapes stand; b, "
+        "B(t) and transfer functions from there do not. Excite at random, or with blows at many phases."
+    ),
+    "outliers": lambda channel, number, share, first: (
+        f"{number} sample{'s' * (number > 1)} of {channel} {'are' if number > 1 else 'is'} many deviations off (the "
+        f"first is sample {first + 1} of all), {share:.0%} of the power that is left: spikes, no response. Cut the record "
+        "there, into two records."
+    ),
     "inputs_held_out": "The last quarter of the record, left out of a fit, is predicted with an error of {error:.3g} "
     "times the noise: modes or harmonics are missing, the input is not what drives the system alone, or the system is "
     "not linear or not periodic with that period.",

@@ -36,7 +36,15 @@ from floquid.pipeline.with_inputs._again import first_part, with_acting
 from floquid.pipeline.with_inputs._analysis import HELD_OUT, AmbientAnalysis, finished
 from floquid.pipeline.with_inputs._identify import HIGHEST
 from floquid.pipeline.with_inputs._prepare import COPY, Parted, parted, refuse_others
-from floquid.pipeline.with_inputs._verdict import SIGNIFICANT, done_beside, needed, of_period, of_phases
+from floquid.pipeline.with_inputs._verdict import (
+    SIGNIFICANT,
+    done_beside,
+    needed,
+    of_outliers,
+    of_period,
+    of_phases,
+    undriven,
+)
 
 OF = "identify_ambient"
 
@@ -57,6 +65,9 @@ MOVED = 1.0
 
 TOGETHER = 3.0
 """Deviations of the decays of two modes within which they may be one."""
+
+STILL = 10.0
+"""Radians that a mode turns, and nepers that it decays, in a record, less than which it is likely a drift."""
 
 NEAR_HALF = 0.25
 """The distance of a frequency from half the fundamental, over the decay, up to which a multiplier may be negative."""
@@ -166,9 +177,11 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
         findings=(
             *done_beside(own),
             *period,
+            *undriven(model),
             needed(model, limits, [fit.seen(number) for number in range(len(found.modes))]),
             *_told(fit, model, relative, duration, np.array(undecided)),
             *_against(samples, found, held_out),
+            *of_outliers(found.innovations, own.outputs),
             *(() if own.shafts else of_period(samples, *period_step(fit), SLIP)),
             *of_phases([phase_step(fit, number) for number in range(1, len(own.records))]),
             *([warning("inputs_modes", most=limits.modes)] if len(found.modes) >= limits.modes else []),
@@ -248,14 +261,18 @@ def _told(
     for told, code, own in ((failure, "ambient_kind", ~apart), (warning, "ambient_kind_apart", apart)):
         if (own & (undecided > 0.0)).any():
             found.append(told(code, frequencies=hertz[own & (undecided > 0.0)].tolist()))
-    single = ~np.array(varying) & any(varying) & np.array([mode.axis == 0.0 for mode in fit.at.modes])
+    own, longest = _own(fit), max(np.diff(fit.samples.begins)) * fit.samples.step
+    still = ~own & (_away(fit) * longest < STILL)
+    if still.any():
+        found.append(failure("ambient_slow", frequencies=hertz[still].tolist()))
+    single = ~still & ~np.array(varying) & any(varying) & np.array([mode.axis == 0.0 for mode in fit.at.modes])
     if single.any():
         found.append(warning("ambient_single", frequencies=hertz[single].tolist()))
-    fast = (decays * model.period > GONE) & ~single & (undecided == 0.0) & ~_own(fit)
+    fast = (decays * model.period > GONE) & ~single & (undecided == 0.0) & ~own
     if fast.any():
         found.append(warning("ambient_fast", frequencies=hertz[fast].tolist()))
-    if (shares > AIM).any():
-        worst = int(np.argmax(shares))
+    if (shares[~still] > AIM).any():
+        worst = int(np.argmax(np.where(still, 0.0, shares)))
         told, periods = warning if shares[worst] > VAGUE else note, duration / model.period * (shares / AIM) ** 2
         found.append(
             told(
@@ -272,6 +289,13 @@ def _told(
         told = failure if same or any(_one(fit, model, group, shares) for group in groups) else warning
         found.append(told("ambient_alike", frequencies=hertz[np.unique(np.concatenate([*groups, *same]))].tolist()))
     return tuple(found)
+
+
+def _away(fit: Fit) -> NDArray[np.float64]:
+    """The distance of each exponent from the multiples of iω, where an offset and what repeats is (modes,) [1/s]."""
+    omega = fit.samples.fundamental
+    rates = np.array([complex(own.exponent.real, own.exponent.imag + own.axis * omega) for own in fit.at.modes])
+    return np.abs(rates - 1j * omega * np.rint(rates.imag / omega))
 
 
 def _own(fit: Fit) -> NDArray[np.bool_]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from floquid._checks import input_error
 from floquid.core import Channel, ConstantPeriod, Record, channels_named
 from floquid.errors import IdentificationError
-from floquid.findings import Finding, note, warning
+from floquid.findings import Finding, Severity, note, warning
 from floquid.inputs import Hold, Samples, samples_of
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import check_states
-from floquid.pipeline.preparation import NO_RESPONSE, refuse_period, refuse_unlike
+from floquid.pipeline.preparation import NO_RESPONSE, faults_of, refuse_period, refuse_unlike
 from floquid.pipeline.with_inputs._lines import Lines
 from floquid.pipeline.with_inputs._state_matrix import refuse_delayed
 from floquid.sync import ShaftAngle, shaft_angle
@@ -141,7 +141,7 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
             "excitation goes on."
         )
     if driven:
-        _refuse(inputs, rate, period)
+        _refuse(settings.inputs, inputs, rate, period)
     given = shafts[0].periods_per_revolution if shafts else settings.periods_per_revolution
     turns, findings = _beside(Lines(values, inputs, times, rate, period), given, settings)
     hold: Hold = settings.hold
@@ -156,8 +156,14 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
         turns=turns,
         shafts=shafts,
         periods_per_revolution=given,
-        findings=findings,
+        findings=(*_faults(records, outputs), *findings),
     )
+
+
+def _faults(records: Sequence[Record], outputs: Sequence[str]) -> tuple[Finding, ...]:
+    """Findings on samples that are none: of an output they fail, since what is left of it is not linear."""
+    found = faults_of(tuple(records), repair=True)
+    return tuple(replace(own, severity=Severity.FAILURE) if own.numbers["channel"] in outputs else own for own in found)
 
 
 def _turned(records: Sequence[Record], of: str) -> tuple[float, list[NDArray[np.float64]], tuple[ShaftAngle, ...]]:
@@ -183,7 +189,7 @@ def _turned(records: Sequence[Record], of: str) -> tuple[float, list[NDArray[np.
     return period, [own * period / (2.0 * np.pi) for own in angles], shafts
 
 
-def _refuse(inputs: Sequence[NDArray[np.float64]], rate: float, period: float) -> None:
+def _refuse(names: Sequence[str], inputs: Sequence[NDArray[np.float64]], rate: float, period: float) -> None:
     """Refuse inputs that say nothing: none, copies, periodic ones."""
     whole = np.concatenate(inputs, axis=1)
     centred = whole - whole.mean(axis=1, keepdims=True)
@@ -198,13 +204,13 @@ def _refuse(inputs: Sequence[NDArray[np.float64]], rate: float, period: float) -
             "The inputs are copies or sums of one another: what each does cannot be told. Leave one out of `inputs`, "
             "or drive them with signals that are independent."
         )
-    off = [_off_harmonics(own, rate, period) for own in inputs]
-    if max(off) < PERIODIC:
-        raise IdentificationError(
-            "The inputs repeat with the period of the system: all of their lines are multiples of its fundamental. The "
-            "response then repeats, too, and nothing but that can be learned: modes come from the transient alone. "
-            "Drive it with lines between the harmonics, at random, or with blows."
-        )
+    for name, rows in zip(names, zip(*inputs, strict=True), strict=True):
+        if max(_off_harmonics(row[None], rate, period) for row in rows) < PERIODIC:
+            raise IdentificationError(
+                f"Input {name!r} repeats with the period of the system: all of its lines are multiples of its "
+                "fundamental. The response to it then repeats, too, and nothing but that can be learned: leave it out of "
+                "`inputs`, or drive with lines between the harmonics, at random, or with blows."
+            )
 
 
 def _off_harmonics(values: NDArray[np.float64], rate: float, period: float) -> float:

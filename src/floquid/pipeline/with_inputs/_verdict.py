@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import PeriodicModel
+from floquid.core import Channel, PeriodicModel
 from floquid.findings import Finding, failure, note, warning
 from floquid.inputs import (
     Limits,
@@ -41,6 +41,13 @@ VAGUE = 0.5
 
 ROUGHLY = 0.1
 """where that is more than this over a period [nepers]."""
+
+SPIKE, SPOILT, QUARTILE = 12.0, 0.1, 0.6745
+"""Deviations from which on a sample is no noise, the share of the power in such that spoils a fit, and the median
+size of a normal number, from which the deviation is taken."""
+
+POOR = 3.0
+"""Deviations that some b of an input must be from zero, or it is not known how the input reaches the modes."""
 
 REACHED = 1e-6
 """The probability at which noise may pass for a way from the inputs to a mode."""
@@ -81,13 +88,16 @@ def verdict(
     phases = round(2.0 * np.pi / (samples.fundamental * samples.step))
     # Noise and squares leave what the other does, too: squares gain several times what noise does where they are there.
     by_noise, by_powers = _by_noise(scores), _by_powers(scores)
+    poor = undriven(model)
     noisy = MORE * by_noise > by_powers.max(initial=0.0)
     return (
         *done_beside(own),
-        note("inputs_free", phases=phases) if most is None else needed(model, limits, _seen(scores)),
+        *([note("inputs_free", phases=phases)] if most is None else []),
+        *(poor or ([needed(model, limits, _seen(scores))] if most is not None else [])),
         *_unreached(fit),
         *(_instants(fit, scores) or (_driven_by_noise(scores, by_noise) if noisy else _nonlinear(scores, by_powers))),
         *_against(fit.at, held_out),
+        *of_outliers(fit.at.left, own.outputs),
         *_ended(samples, fit.at, model, limits, most),
         *(() if own.shafts else of_period(samples, *period_step(scores))),
         *of_phases([phase_step(scores, number) for number in range(1, len(own.records))]),
@@ -153,6 +163,19 @@ def _unreached(fit: Uncertainty) -> tuple[Finding, ...]:
     return tuple(found)
 
 
+def undriven(model: PeriodicModel) -> tuple[Finding, ...]:
+    """Finding on inputs of which no b is told from none: they act at too few phases of the period, or frequencies."""
+    own = model.inputs
+    if own is None or own.coefficient_std is None:
+        return ()
+    size, std = (
+        np.abs(of).swapaxes(0, 1).reshape(len(own.channels), -1) for of in (own.coefficients, own.coefficient_std)
+    )
+    told = np.any((size > POOR * std) & (std > 0.0), axis=1)
+    names = [own.channels[row].name for row in np.flatnonzero(~told)]
+    return (warning("inputs_poor", channels=names),) if names else ()
+
+
 def of_period(samples: Samples, step: float, std: float, slip: float = SLIP) -> tuple[Finding, ...]:
     """Finding on a period that is not that of the response: (own - given)/given and its deviation, to first order."""
     if abs(step) <= SIGNIFICANT * std:
@@ -162,6 +185,19 @@ def of_period(samples: Samples, step: float, std: float, slip: float = SLIP) -> 
     if abs(step) * longest > slip:
         return (failure("inputs_period_far", given=given, deviations=abs(step) / std),)
     return (failure("inputs_period", own=given * (1.0 + step), std=given * std, given=given),)
+
+
+def of_outliers(left: NDArray[np.float64], channels: Sequence[Channel]) -> tuple[Finding, ...]:
+    """Findings on samples, in what is left of each channel (channels, samples), that are no noise: spikes."""
+    found = []
+    for own, channel in zip(left, channels, strict=True):
+        far = np.abs(own) > SPIKE * np.median(np.abs(own)) / QUARTILE
+        if far.any():
+            share = float(np.sum(own[far] ** 2) / np.sum(own**2))
+            told = failure if share > SPOILT else warning
+            numbers = {"number": int(far.sum()), "share": share, "first": int(np.argmax(far))}
+            found.append(told("outliers", channel=channel.name, **numbers))
+    return tuple(found)
 
 
 def of_phases(steps: Sequence[tuple[float, float]]) -> tuple[Finding, ...]:
