@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 from tests.driven import ambient_of, mathieu, pulls
 
 from floquid import (
+    Channel,
     ConstantPeriod,
     IdentificationError,
     InputError,
@@ -22,7 +23,10 @@ from floquid.exports import summary
 from floquid.findings import Severity
 from floquid.innovations import Fit, first_innovations, model_of, period_step, predicted, repetition
 from floquid.inputs import samples_of
+from floquid.pipeline import Settings
 from floquid.pipeline.with_inputs._ambient import _not_apart, _told
+from floquid.pipeline.with_inputs._prepare import parted
+from floquid.pipeline.with_inputs._verdict import of_outliers
 
 SYSTEM, PHASES = mathieu(), 16
 
@@ -284,3 +288,80 @@ def test_lasting_modes_that_their_deviations_do_not_tell_apart_fail(analysis):
     decay = abs(own.exponent.real)
     for share, lasting, count in ((0.25, True, 1), (0.1, True, 0), (0.25, False, 0)):
         assert len(_not_apart(fit, np.full(2, share * decay), np.array([True, lasting]))) == count
+
+
+def test_records_of_other_channels_or_units_are_refused(values):
+    one = record_from(values)
+    for other in (record_from(values, names=["y"]), replace(one, channels=[Channel(name="x", unit="mm")])):
+        with pytest.raises(InputError, match="must have the same"):
+            identify_ambient([one, other])
+
+
+def test_a_record_at_another_phase_than_the_first_fails(values):
+    """A shift of the clock has to come out, and one that is said to stay without a word."""
+    later = record_from(ambient_of(SYSTEM, 250, PHASES, 0.02, 1)[:, 3:])
+    found = identify_ambient([record_from(values), later], validate=False)
+    assert [own.numbers["record"] for own in found.findings if own.code == "records_phase"] == [2]
+    assert not found.passed
+    told = replace(later, start=3 * SYSTEM.period / PHASES)
+    found = identify_ambient([record_from(values), told], validate=False)
+    assert not [own for own in found.findings if own.code == "records_phase"]
+
+
+@pytest.mark.parametrize("share", [1.07, 0.5])
+def test_a_period_that_is_far_off_fails_with_its_own(values, share):
+    found = identify_ambient(record_from(values), period=share * SYSTEM.period, validate=False)
+    told = [own for own in found.findings if own.code == "ambient_period"]
+    assert told[0].numbers["own"] == pytest.approx(SYSTEM.period, rel=0.01)
+    assert not found.passed
+
+
+@pytest.mark.parametrize("samples", [0.02, 1.0, 1.9])
+def test_too_few_samples_a_period_are_refused(values, samples):
+    with pytest.raises(InputError, match=r"samples or more|sampling intervals or more"):
+        identify_ambient(record_from(values), period=samples * SYSTEM.period / PHASES)
+
+
+def test_a_drift_is_no_mode(values):
+    slow = np.cumsum(np.random.default_rng(3).standard_normal(values.shape[1]))
+    found = identify_ambient(record_from(values + 0.02 * slow), validate=False)
+    told = [own for own in found.findings if own.code == "ambient_slow"]
+    assert len(told) == 1
+    assert not found.passed
+    hertz = found.model.frequencies_hz
+    assert told[0].numbers["frequencies"] == pytest.approx([hertz.min()])
+
+
+def test_clipped_outputs_fail(values):
+    clipped = np.clip(values, -1.2 * values.std(), 1.2 * values.std())
+    told = parted([record_from(clipped)], Settings(), "identify_ambient").findings
+    assert [(own.code, own.severity) for own in told] == [("clipped", Severity.FAILURE)]
+
+
+@pytest.mark.parametrize(("size", "severity"), [(15.0, Severity.WARNING), (40.0, Severity.FAILURE)])
+def test_a_spike_is_told_and_fails_where_it_is_most_of_what_is_left(analysis, size, severity):
+    left = analysis.fit.at.innovations.copy()
+    assert not of_outliers(left, analysis.model.channels)
+    left[0, 1000] = size * left.std()
+    (told,) = of_outliers(left, analysis.model.channels)
+    assert told.severity == severity
+    assert told.numbers["first"] == 1000
+
+
+def test_a_prediction_that_grows_fails(values, monkeypatch):
+    monkeypatch.setattr("floquid.pipeline.with_inputs._ambient._held_out", lambda *_: np.array([np.inf]))
+    found = identify_ambient(record_from(values))
+    assert found.failed
+    assert "does not pass" in repr(found)
+    assert "not predicted at all" in " ".join(found.summary().split())
+
+
+def test_measured_inputs_without_other_forces_are_predicted():
+    """The gain of the innovations is next to none, and a period of the predictor not normal: it does not grow."""
+    forces = np.random.default_rng(0).standard_normal((1, 60 * PHASES))
+    response = SYSTEM.response(forces, PHASES)
+    response += 0.02 * response.std() * np.random.default_rng(1).standard_normal(response.shape)
+    found = identify_ambient(record_from(np.concatenate([response, forces]), names=["x", "F"]), inputs=["F"])
+    assert found.model.order == 2
+    assert np.isfinite(found.held_out).all()
+    assert found.passed

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from tests.driven import mathieu, record_of
+from tests.driven import mathieu, pulls, record_of
 
 from floquid import Record, identify_driven
 from floquid.inputs import Scores, bare_mode, chosen_together, limit_of, samples_of, solve
@@ -123,3 +123,16 @@ def test_what_rounding_leaves_is_no_noise_that_drives():
     found = identified(values, np.round(inputs, 6), system.period, validate=False)
     assert not found.fit.at.heard.any()
     assert not codes(found)
+
+
+def test_one_blow_does_not_tell_how_the_input_reaches_the_modes():
+    system = mathieu()
+    forces = np.zeros((1, PERIODS * PHASES))
+    forces[0, 7] = 1.0
+    response = system.response(forces, PHASES)
+    noise = np.random.default_rng(0).standard_normal(response.shape)
+    found = identified(response + 0.01 * response.std() * noise, forces, system.period)
+    assert codes(found) == {"inputs_poor"}
+    assert pulls(system, found.model).max() < 4.0
+    assert "F" not in found.warnings[0]
+    assert "u" in found.warnings[0]

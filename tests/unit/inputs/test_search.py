@@ -137,6 +137,7 @@ def test_a_mode_that_no_input_reaches_is_named():
     found = identify_driven(record(system, values + ringing, inputs, 20), period=system.period, inputs=["F0"])
     assert found.model.order == 4
     assert [own.code for own in found.findings if own.code == "unreached"] == ["unreached"]
+    assert " by none" in found.summary()
     assert "is reached by no input" in found.warnings[0]
 
 
@@ -203,7 +204,7 @@ def test_states_that_are_no_motions_are_refused_before_the_search(monkeypatch):
 def test_an_input_that_repeats_with_the_period_is_refused():
     system = mathieu()
     repeated = np.tile(np.random.default_rng(1).standard_normal((1, 20)), 60)
-    with pytest.raises(IdentificationError, match="repeat with the period of the system"):
+    with pytest.raises(IdentificationError, match="repeats with the period of the system"):
         identified(system, 60, 20, 0.01, inputs=repeated)
 
 
@@ -302,3 +303,11 @@ def test_modes_whose_decay_is_not_determined(exponents, spread, told):
         covariance=np.diag([spread**2] * count + [0.0] * count),
     )
     assert undetermined(model) == told
+
+
+def test_one_input_of_two_that_repeats_is_refused_by_its_name():
+    system = two_masses()
+    values, inputs = record_of(system, 60, 24, 0.02, 0)
+    inputs[1] = np.cos(2.0 * np.pi * np.arange(inputs.shape[1]) / 24)
+    with pytest.raises(IdentificationError, match="Input 'F1' repeats"):
+        identify_driven(record(system, values, inputs, 24), period=system.period, inputs=["F0", "F1"])

@@ -208,8 +208,8 @@ def _refuse(names: Sequence[str], inputs: Sequence[NDArray[np.float64]], rate: f
         if max(_off_harmonics(row[None], rate, period) for row in rows) < PERIODIC:
             raise IdentificationError(
                 f"Input {name!r} repeats with the period of the system: all of its lines are multiples of its "
-                "fundamental. The response to it then repeats, too, and nothing but that can be learned: leave it out of "
-                "`inputs`, or drive with lines between the harmonics, at random, or with blows."
+                "fundamental. The response to it then repeats, too, and nothing but that can be learned: leave it "
+                "out of `inputs`, or drive with lines between the harmonics, at random, or with blows."
             )
 
 

@@ -46,7 +46,7 @@ SPIKE, SPOILT, QUARTILE = 12.0, 0.1, 0.6745
 """Deviations from which on a sample is no noise, the share of the power in such that spoils a fit, and the median
 size of a normal number, from which the deviation is taken."""
 
-POOR = 3.0
+POOR = 2.0
 """Deviations that some b of an input must be from zero, or it is not known how the input reaches the modes."""
 
 REACHED = 1e-6
