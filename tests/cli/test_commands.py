@@ -322,7 +322,7 @@ def test_help_names_every_option_with_its_unit(command, monkeypatch):
     units = {"period": "[s]", "origin": "[s]", "frequency": "[Hz]", "rate": "[Hz]", "impulse_deg": "[deg]"}
     for name, typed_by_name in words_of(function):
         word = f"--{name.replace('_', '-')}" if typed_by_name else name.upper()
-        said = re.search(rf"{word}\b(.*?)(?=│\n│ +(?:\* +)?--|╰)", text, flags=re.DOTALL)
+        said = re.search(rf"{word}\b(?![,.])(.*?)(?=│\n│ +(?:\* +)?--|╰)", text, flags=re.DOTALL)
         assert said, word
         assert re.search(r"[a-z]{3}", said[1]), f"{word} is not explained"
         if name in units:
