@@ -19,7 +19,7 @@ from tests.cli.conftest import EARLIER, ROTOR, ROTOR_PERIOD, after_stages, conte
 import floquid
 from floquid.cli import _terminal, run
 from floquid.cli._app import app
-from floquid.cli._options import ModelOptions, RecordOptions
+from floquid.cli._options import FreeOptions, ModelOptions, RecordOptions
 from floquid.plot import FIGURES
 from floquid.systems import JeffcottRotor
 from floquid.views import MODE_NOTES
@@ -306,9 +306,11 @@ def test_demo(here, quick_pictures):
 def words_of(function):
     """The name of each argument and option of a command, and whether it is an option; those that commands share too."""
     for name, parameter in inspect.signature(function).parameters.items():
-        shared = [own for own in (RecordOptions, ModelOptions) if own.__name__ in str(parameter.annotation)]
+        shared = [own for own in (RecordOptions, FreeOptions, ModelOptions) if own.__name__ in str(parameter.annotation)]
         if shared:
-            yield from ((field.name, True) for field in fields(shared[0]))
+            # `scan` takes the options of inputs to refuse them in words of its own, and does not offer them.
+            hidden = ("inputs", "hold", "excitation") if shared[0] is FreeOptions else ()
+            yield from ((field.name, True) for field in fields(shared[0]) if field.name not in hidden)
         else:
             yield name, parameter.kind is parameter.KEYWORD_ONLY
 
