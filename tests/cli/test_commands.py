@@ -306,7 +306,9 @@ def test_demo(here, quick_pictures):
 def words_of(function):
     """The name of each argument and option of a command, and whether it is an option; those that commands share too."""
     for name, parameter in inspect.signature(function).parameters.items():
-        shared = [own for own in (RecordOptions, FreeOptions, ModelOptions) if own.__name__ in str(parameter.annotation)]
+        shared = [
+            own for own in (RecordOptions, FreeOptions, ModelOptions) if own.__name__ in str(parameter.annotation)
+        ]
         if shared:
             # `scan` takes the options of inputs to refuse them in words of its own, and does not offer them.
             hidden = ("inputs", "hold", "excitation") if shared[0] is FreeOptions else ()

@@ -115,6 +115,7 @@ def _broken(call: Callable[[Path], object], path: Path, watch: Watch | None) -> 
     before, began = resident(), time.perf_counter()
     if watch is not None:
         watch.deeds.clear()
+        kept, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # what a module compiles to is no deed of a file
         watch.on = True
     try:
         with warnings.catch_warnings():
@@ -126,7 +127,7 @@ def _broken(call: Callable[[Path], object], path: Path, watch: Watch | None) -> 
     except Exception as error:  # noqa: BLE001  # whatever it is, it is a finding
         found.append(Finding(key=f"{type(error).__name__} {_place(error)}", words=traceback.format_exc(limit=-8)))
     if watch is not None:
-        watch.on = False
+        watch.on, sys.dont_write_bytecode = False, kept
         found += [Finding(key=f"deed {deed.split()[0]}", words=deed) for deed in watch.deeds]
     seconds, used = time.perf_counter() - began, resident("VmHWM") - before
     name = getattr(call, "__name__", "call")

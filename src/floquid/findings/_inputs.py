@@ -141,6 +141,8 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "all of them free. Between the samples the model says nothing.",
     "unreached": "The mode at {frequency:.4g} Hz is reached by no input as far as the record shows: it is seen by what "
     "it rings with from the begin alone.",
+    "inputs_late": "Nothing drives in the first {seconds:.4g} s of record {record}, yet the response goes on and does "
+    "not ring down: were the inputs measured from later on alone? Cut the record there, or leave it out.",
     "inputs_poor": lambda channels: (
         f"It is not determined how {both(list(channels))} reach{'es' * (len(channels) == 1)} the modes: a blow at one "
         "phase of the period, or one frequency alone, does not tell the harmonics of b. Exponents and shapes stand; b, "

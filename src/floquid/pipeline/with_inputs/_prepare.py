@@ -38,6 +38,12 @@ COPY = 1e-8
 LEAST = 2
 """Samples that a period must last."""
 
+STILL = 5
+"""Periods at the begin of a record in which nothing drives: from so many on a response must ring down."""
+
+FADED, FAINT = 0.5, 0.05
+"""Shares of the energy before, and of that when driven, that a response has left then which does not ring down."""
+
 FEWEST = 8
 """Periods that records must hold in all."""
 
@@ -156,8 +162,27 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
         turns=turns,
         shafts=shafts,
         periods_per_revolution=given,
-        findings=(*_faults(records, outputs), *findings),
+        findings=(*_faults(records, outputs), *_late(values, inputs, rate, period), *findings),
     )
+
+
+def _late(
+    values: Sequence[NDArray[np.float64]], inputs: Sequence[NDArray[np.float64]], rate: float, period: float
+) -> tuple[Finding, ...]:
+    """Findings on records in which nothing drives at first while the response goes on: channels that came late."""
+    found = []
+    for number, (seen, driven) in enumerate(zip(values, inputs, strict=True), start=1):
+        moves = np.flatnonzero((driven != driven[:, :1]).any(axis=0)) if len(driven) else np.zeros(0, np.int64)
+        quiet = int(moves[0]) if len(moves) else 0
+        if quiet < STILL * rate * period:
+            continue
+        # What repeats with the period is not driven by what was measured; the rest would have to ring down.
+        swing = np.abs(seen[:, int(rate * period) :] - seen[:, : -int(rate * period)])
+        early, middle, later = (np.square(own).sum() for own in np.array_split(swing[:, :quiet], 3, axis=1))
+        usual = float(np.mean(swing[:, quiet:] ** 2)) * swing[:, :quiet].size / 3.0 if swing.shape[1] > quiet else 0.0
+        if later > FADED * max(early, middle) and later > FAINT * usual:
+            found.append(warning("inputs_late", record=number, seconds=quiet / rate))
+    return tuple(found)
 
 
 def _faults(records: Sequence[Record], outputs: Sequence[str]) -> tuple[Finding, ...]:
