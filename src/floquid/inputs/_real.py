@@ -87,8 +87,8 @@ def real_for(pairs: Sequence[InputMode], omega: float) -> tuple[list[tuple[float
 
 
 def noise_explains(rise: float, fewer: int) -> bool:
-    """True where a rise of χ² is what so many numbers less cost by noise alone."""
-    return rise < (limit_of(fewer, REAL) if fewer > 0 else 0.0)
+    """True where a rise of χ² is what so many numbers less cost by noise alone, or a fall more than more gain by it."""
+    return rise < (np.sign(fewer) * limit_of(abs(fewer), REAL) if fewer else 0.0)
 
 
 def _half(mode: InputMode, omega: float) -> float:
