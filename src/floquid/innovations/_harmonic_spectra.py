@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid._checks import Rebuilt, input_error, integer
+from floquid._checks import Rebuilt, describe, input_error, integer
 from floquid.errors import IdentificationError
 from floquid.inputs import Samples
 from floquid.lti import ERA, AbstractIdentifier, ModalModel, TimeResponses
@@ -80,6 +80,7 @@ def harmonic_spectra(samples: Samples, harmonics: int = 1, periods: int | None =
         Periods a segment; by default the shortest record holds `SEGMENTS` of them.
     """
     of = "harmonic_spectra"
+    _check(samples, of)
     turns = _turns(harmonics, of)
     shortest = min(own.stop - own.start for own in samples.records)
     per_turn = 2.0 * np.pi / (samples.fundamental * samples.step)
@@ -93,6 +94,13 @@ def harmonic_spectra(samples: Samples, harmonics: int = 1, periods: int | None =
     frequencies, values, segments = _averaged(samples, turns, np.hanning(length + 1)[:-1])
     kept = frequencies >= 0.0
     return HarmonicSpectra(frequencies_hz=frequencies[kept], harmonics=turns, values=values[kept], segments=segments)
+
+
+def _check(samples: object, of: str) -> None:
+    """Refuse what is no `Samples`, as a record is."""
+    if not isinstance(samples, Samples):
+        remedy = f"Those of a record are in what is found of it: `{of}(identify_ambient(record).fit.samples)`."
+        raise input_error("samples", of, "be the samples of a result", f"are {describe(samples)}", remedy)
 
 
 def _turns(harmonics: int, of: str) -> NDArray[np.int64]:
@@ -162,6 +170,7 @@ def h_oma(
         What is applied to the correlations; ERA where none is given.
     """
     of = "h_oma"
+    _check(samples, of)
     if form not in get_args(HomaForm):
         raise input_error("form", of, 'be "frequency" or "time"', f"is {form!r}")
     phases = _whole_period(samples)

@@ -57,6 +57,10 @@ def test_both_forms_find_the_exponents_of_two_records_that_start_anywhere(values
 
 def test_what_cannot_be_is_refused(values):
     own = samples([values])
+    record = Record(values=values, sample_rate=PHASES / SYSTEM.period, channels=["y"])
+    for what, words in ((h_oma, (2,)), (harmonic_spectra, ())):
+        with pytest.raises(InputError, match=rf"samples of a result, but are .*\n.*`{what.__name__}\(identify_ambient"):
+            what(record, *words)
     with pytest.raises(InputError, match="form"):
         h_oma(own, 2, form="both")
     with pytest.raises(InputError, match="be at most 750"):
