@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from tests.driven import lag, mathieu, record_of
+from tests.unit.transfer.test_chirps import QUARTERS, chirped, records_of
 from tests.unit.transfer.test_fit import of_equations
 from tests.unit.transfer.test_polynomials import looped
 
@@ -94,6 +95,25 @@ def test_a_loop_with_its_command_as_reference(tmp_path, capsys):
     for more in ([], ["--channels", "y"]):
         assert run([*command, "--method", "polynomials", *more]) == 2
         assert "`--reference` must name channels of the record, but has 'q'.\n" in capsys.readouterr().err
+
+
+def test_chirps_in_a_file_each(tmp_path, capsys):
+    samples = chirped(mathieu(damping=0.2), 16, 60, QUARTERS)
+    files = [str(tmp_path / f"chirp{number}.csv") for number in range(4)]
+    for own, path in zip(records_of(samples), files, strict=True):
+        write(own, path)
+    command = ["transfer", *files, "--period", PERIOD, "--inputs", "F", "--method", "chirps", "--at", "0.2,0.5"]
+    assert run([*command, "--out", str(tmp_path / "g.h5")]) == 0
+    assert "F to y" in capsys.readouterr().out
+    truth = mathieu(damping=0.2).sampled_transfer(load(tmp_path / "g.h5").transfer.frequencies_hz, [-1, 0, 1], 16)
+    assert load(tmp_path / "g.h5").transfer.values == pytest.approx(truth, abs=0.02 * np.abs(truth).max())
+    assert run([*command, "--curvature", "1e6", "--format", "json"]) == 0
+    flat = np.array(json.loads(capsys.readouterr().out)["values"]) @ [1.0, 1j]
+    assert np.abs(flat - truth).max() > 0.1 * np.abs(truth).max()
+    assert run([*command, "--curvature", "0"]) == 2
+    assert "`--curvature` must" in capsys.readouterr().err
+    assert run([command[0], *files[:2], *command[5:]]) == 1
+    assert "do not part the harmonics" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -52,7 +52,7 @@ _OPTIONS = {
     "identify_ambient": _SETTINGS,
     "measure_transfer": {
         **_SETTINGS,
-        **_alike("method", "harmonics", "repeat", "drop", "reference"),
+        **_alike("method", "harmonics", "repeat", "drop", "reference", "curvature"),
         "frequencies_hz": "`--at`",
     },
     "fit_transfer": {"period": "The period", "measured": "`--lines`"},

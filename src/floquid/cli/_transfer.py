@@ -43,7 +43,7 @@ from floquid.readers import write
 from floquid.reporting import ENDINGS
 from floquid.reporting import report as write_report
 from floquid.store import load, save
-from floquid.transfer import MeasuredTransfer, Multisine, TransferFit, fit_transfer
+from floquid.transfer import CURVATURE, MeasuredTransfer, Multisine, TransferFit, fit_transfer
 from floquid.transfer import multisine as designed
 from floquid.views import with_error
 
@@ -52,14 +52,15 @@ DESIGN = "floquid multisine"
 STAGES = 6
 SHOWN = 12  # frequencies that are printed
 
-Method: TypeAlias = Literal["model", "repeats", "polynomials", "fit"]
+Method: TypeAlias = Literal["model", "repeats", "polynomials", "chirps", "fit"]
 
 _AT = "Frequencies [Hz]: one, several with commas, or first:last:number. By default all that the method has."
 _HARMONICS = "Harmonics m, with commas: the response at the input's frequency plus m times the fundamental."
 _METHOD = (
     "model: that of the modes identified. repeats: line by line from inputs that repeat, as those of floquid "
     "multisine, or of a scan, one sine a record and a file for each. polynomials: line by line from any broad-band "
-    "inputs. fit: of modes fitted to lines so measured."
+    "inputs. chirps: of chirps at different phases of the period, a file for each, from rest and back to rest, the "
+    "curvature over frequency penalised; without deviations. fit: of modes fitted to lines so measured."
 )
 _ENDINGS = r"\.(csv|mat|s\d+p|png|pdf|svg|h5|html?)"
 _LINES = (
@@ -67,6 +68,7 @@ _LINES = (
     "as .csv or .mat as --out writes them, or .h5. They need their deviations."
 )
 _REPEAT = "Periods of the system in a repeat of the inputs, by default found from them."
+_CURVATURE = "The weight of the curvature, with --method chirps: more of it averages more noise, and flattens more."
 _DROP = "Repeats at the begin of each record that are left out, for what rings there to die."
 _REFERENCE = (
     "Channels, with commas, one for each input, that drive the inputs and know nothing of the noise: for a closed loop "
@@ -85,6 +87,7 @@ def transfer(
     repeat: Annotated[OptionalWhole, Parameter(help=_REPEAT)] = None,
     drop: Annotated[Whole, Parameter(help=_DROP)] = 1,
     reference: Annotated[str, Parameter(help=_REFERENCE)] = "",
+    curvature: Annotated[float, Parameter(help=_CURVATURE)] = CURVATURE,
     out: Annotated[
         Path | None,
         Parameter(
@@ -141,6 +144,7 @@ def transfer(
                 repeat=repeat,
                 drop=drop,
                 reference=references,
+                curvature=curvature,
                 report=report,
             )
             found, findings, more = measured.transfer, measured.findings, measured_entries(measured)
@@ -206,7 +210,7 @@ def _check_given(
     if out is not None and not re.fullmatch(_ENDINGS, out.suffix.lower()):
         must = "end in .csv, .mat, .s1p to .s99p, .png, .pdf, .svg, .h5 or .html"
         raise input_error("--out", OF, must, f"is {out}", "The ending says what is written.")
-    if method in ("repeats", "polynomials") and out is not None and out.suffix.lower() in ENDINGS:
+    if method in ("repeats", "polynomials", "chirps") and out is not None and out.suffix.lower() in ENDINGS:
         remedy = "Fit modes to the lines: --method fit."
         raise input_error("--out", OF, f"be no page with --method {method}", f"is {out}", remedy)
     if lines is None:

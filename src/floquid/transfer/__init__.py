@@ -5,6 +5,7 @@ that to any broad-band input: `floquid.measure_transfer` is the chain. `by_chirp
 its curvature penalised. `fit_transfer` fits modes to such lines, or to those that others have measured.
 """
 
+from floquid.transfer._chirps import CURVATURE as CURVATURE
 from floquid.transfer._chirps import by_chirps as by_chirps
 from floquid.transfer._fit import TransferFit as TransferFit
 from floquid.transfer._fit import fit_transfer as fit_transfer

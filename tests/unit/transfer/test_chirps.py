@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.driven import mathieu, two_masses
 
-from floquid import Channel, IdentificationError
+from floquid import Channel, IdentificationError, InputError, Record, measure_transfer
 from floquid.inputs import samples_of
 from floquid.transfer import by_chirps
 
@@ -90,3 +90,24 @@ def test_the_weight_trades_noise_for_curvature():
 def test_chirps_that_do_not_part_the_harmonics_are_refused(shares):
     with pytest.raises(IdentificationError, match="3 of them or more must hold a chirp each"):
         measured(chirped(mathieu(damping=0.2), 16, 120, shares))
+
+
+def records_of(samples):
+    """The same as records."""
+    both = np.concatenate([samples.values, samples.inputs])
+    starts = [float(samples.times[own.start]) for own in samples.records]
+    return [
+        Record(values=both[:, own], sample_rate=1.0 / samples.step, start=start, channels=["y", "F"])
+        for own, start in zip(samples.records, starts, strict=True)
+    ]
+
+
+def test_it_is_a_method_by_name():
+    samples = chirped(mathieu(damping=0.2), 16, 120, QUARTERS)
+    own = measured(samples, curvature=0.5).transfer
+    words = {"period": np.pi, "inputs": ["F"], "harmonics": [-1, 0, 1], "method": "chirps"}
+    found = measure_transfer(records_of(samples), frequencies_hz=own.frequencies_hz, curvature=0.5, **words)
+    assert found.transfer.values == pytest.approx(own.values, abs=1e-9)
+    for slip in ({"curvature": 0.0}, {"reference": ["y"]}):
+        with pytest.raises(InputError, match=r"`(curvature|method)` of `measure_transfer` must"):
+            measure_transfer(records_of(samples), **words, **slip)

@@ -79,6 +79,16 @@ def test_references_that_cannot_stand_for_the_inputs():
             measure_transfer(record, period=np.pi, inputs=["F"], **words)
 
 
+def test_a_reference_is_looked_for_beside_the_channels_and_named():
+    record = looped(mathieu(damping=0.2), 20, 200, 0.1, 0.01, 0.0, 0)
+    words = {"period": np.pi, "inputs": ["F"], "frequencies_hz": [0.1, 0.2]}
+    found, same = (measure_transfer(record, reference=["r"], **words, **more) for more in ({}, {"channels": ["y"]}))
+    assert np.array_equal(found.transfer.values, same.transfer.values)
+    for more in ({}, {"channels": ["y"]}):
+        with pytest.raises(InputError, match=r"`reference` of `measure_transfer` must name channels.*has 'q'"):
+            measure_transfer(record, reference=["q"], **words, **more)
+
+
 def test_two_inputs_and_frequencies_that_are_named():
     system = two_masses()
     found = measured(system, 24, 1500, 0.01, 0, frequencies_hz=[0.1, 0.25])

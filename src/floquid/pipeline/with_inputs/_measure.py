@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._checks import frozen_array, input_error
-from floquid.core import Record
+from floquid.core import Record, channels_named
 from floquid.errors import IdentificationError
 from floquid.pipeline._settings import Settings
 from floquid.pipeline.preparation import blas_threads, clocked, own_names, settings_of
 from floquid.pipeline.with_inputs._prepare import parted, refuse_others
-from floquid.transfer import MeasuredTransfer, by_polynomials, by_repeats, repeat_of
+from floquid.transfer import CURVATURE, MeasuredTransfer, by_chirps, by_polynomials, by_repeats, repeat_of
 
 OF = "measure_transfer"
 
-Method: TypeAlias = Literal["repeats", "polynomials"]
+Method: TypeAlias = Literal["repeats", "polynomials", "chirps"]
 """How G is measured."""
 
 POINTS = 400
@@ -36,6 +36,7 @@ def measure_transfer(
     repeat: int | None = None,
     drop: int = 1,
     reference: Sequence[str] = (),
+    curvature: float = CURVATURE,
     report: Callable[[str], None] = lambda _: None,
     **options: object,
 ) -> MeasuredTransfer:
@@ -45,7 +46,10 @@ def measure_transfer(
 
     of samples: what the input does between them, and what is folded, are in G. Where the inputs repeat after a whole
     number of periods, as those of `multisine`, G is that of the lines they excite, its variance that of the repeats;
-    otherwise it is found by polynomials over neighbouring lines (local polynomial method).
+    otherwise it is found by polynomials over neighbouring lines (local polynomial method). Of chirps, one a record,
+    from rest and back to it and begun at different phases of the period, it may be found at all lines at once, its
+    curvature penalised (Siddiqi 2001, `transfer.by_chirps`). A scan, one sine after another, is several records of
+    repeats.
 
     Parameters
     ----------
@@ -54,7 +58,7 @@ def measure_transfer(
     settings
         The options, with `inputs`; or give them by name.
     method
-        "repeats" or "polynomials"; by default repeats where the inputs repeat.
+        "repeats", "polynomials" or "chirps"; by default repeats where the inputs repeat, polynomials where not.
     harmonics
         The integers m (harmonics,).
     frequencies_hz
@@ -67,6 +71,8 @@ def measure_transfer(
     reference
         Names of channels, as many as inputs, that drive the inputs and know nothing of the noise, as the command of a
         loop: G is then free of bias where there is a feedback or noise on the inputs. By polynomials alone.
+    curvature
+        The weight α of the curvature, of chirps alone: more of it averages more noise, and flattens more.
     report
         Is told what is being done, a phrase a stage.
     **options
@@ -75,7 +81,7 @@ def measure_transfer(
     Returns
     -------
     MeasuredTransfer
-        G with deviations, coherence, noise, and the level of what is not linear.
+        G with deviations, coherence, noise, and the level of what is not linear; of chirps G alone.
 
     Raises
     ------
@@ -95,13 +101,18 @@ def measure_transfer(
         raise input_error("repeat", OF, "be 2 periods or more", f"is {repeat}", "Leave it out: it is found.")
     if drop < 0:
         raise input_error("drop", OF, "be 0 or more", f"is {drop}", "As drop=1.")
+    if not (np.isfinite(curvature) and curvature > 0.0):
+        raise input_error("curvature", OF, "be above 0", f"is {curvature!r}", f"As curvature={CURVATURE}.")
     _refuse_references(reference, chosen, method)
     turns = frozen_array(np.atleast_1d(harmonics), "harmonics", OF, axes=("harmonics",), dtype=np.int64).tolist()
     with own_names(OF):
-        used = clocked(records, chosen, OF)
+        beside = replace(chosen, inputs=(*chosen.inputs, *reference), forced="none")
+        for record in clocked(records, replace(beside, channels=()), OF):
+            channels_named(record.channels, reference, argument="reference", of=OF)
+        used = clocked(records, beside, OF)
         report("parting inputs and outputs")
         # What repeats with the period stands at lines of its own, which are left out.
-        own = parted(used, replace(chosen, inputs=(*chosen.inputs, *reference), forced="none"), OF)
+        own = parted(used, beside, OF)
         if own.shafts:
             must, got = "have a constant period", "have a measured clock"
             remedy = "Lines are sharp at constant speed alone: use `identify_driven`, which follows the angle."
@@ -110,6 +121,10 @@ def measure_transfer(
         held = own.samples.inputs[count:] if reference else None
         samples, channels = replace(own.samples, inputs=own.samples.inputs[:count]), (own.outputs, own.inputs[:count])
         with blas_threads(used):
+            hertz = POINTS if frequencies_hz is None else np.atleast_1d(np.asarray(frequencies_hz, float))
+            if method == "chirps":
+                report("fitting chirps")
+                return by_chirps(samples, turns, channels, hertz, curvature)
             periods = None if method == "polynomials" or reference else repeat or repeat_of(samples)
             if method == "repeats" and periods is None:
                 raise IdentificationError(
@@ -120,7 +135,6 @@ def measure_transfer(
                 report("averaging repeats")
                 return by_repeats(samples, periods, turns, channels, drop)
             report("fitting polynomials over lines")
-            hertz = POINTS if frequencies_hz is None else np.atleast_1d(np.asarray(frequencies_hz, float))
             return by_polynomials(samples, turns, channels, hertz, held)
 
 
@@ -131,5 +145,5 @@ def _refuse_references(reference: Sequence[str], settings: Settings, method: Met
     if isinstance(reference, str) or len(reference) != len(settings.inputs) or {*reference} & {*settings.inputs}:
         must = f"name {len(settings.inputs)} channels other than the inputs, one for each"
         raise input_error("reference", OF, must, f"is {reference!r}", 'As reference=["command"].')
-    if method == "repeats":
-        raise input_error("method", OF, "be left out with `reference`", "is 'repeats'", "It is by polynomials.")
+    if method not in (None, "polynomials"):
+        raise input_error("method", OF, "be left out with `reference`", f"is {method!r}", "It is by polynomials.")
