@@ -120,6 +120,9 @@ def transfer(
     if method == "repeats" and hertz is not None:
         must, remedy = "not be given with --method repeats", "Leave it out: the lines are those of the inputs."
         raise input_error("--at", OF, must, f"is {at!r}", remedy)
+    if method == "model" and repeat is not None:
+        must, remedy = "not be given with a model of the record", "It counts for --method repeats or fit."
+        raise input_error("--repeat", OF, must, f"is {repeat}", remedy)
     with progress(STAGES) as report:
         records = []
         if lines is None:

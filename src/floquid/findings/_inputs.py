@@ -145,8 +145,9 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "not ring down: were the inputs measured from later on alone? Cut the record there, or leave it out.",
     "inputs_poor": lambda channels: (
         f"It is not determined how {both(list(channels))} reach{'es' * (len(channels) == 1)} the modes: a blow at one "
-        "phase of the period, or one frequency alone, does not tell the harmonics of b. Exponents and shapes stand; b, "
-        "B(t) and transfer functions from there do not. Excite at random, or with blows at many phases."
+        "phase of the period, one frequency alone, or one that does next to nothing does not tell the harmonics of b. "
+        "Exponents and shapes stand; b, B(t) and transfer functions from there do not. Excite at random, or with blows "
+        "at many phases."
     ),
     "outliers": lambda channel, number, share, first: (
         f"{number} sample{'s' * (number > 1)} of {channel} {'are' if number > 1 else 'is'} many deviations off (the "

@@ -81,6 +81,8 @@ PERIOD: dict[str, str | Callable[..., str]] = {
     "records_phase": "Record {record} is not at the phase of the first: what is left goes with a shift of it along the "
     "period ({deviations:.0f} deviations). Records must count from the same phase: give their begins on one time "
     "axis, the origin of the clock, or a tachometer.",
+    "records_turned": "Record {record} is about half a period off the phase of the first. Records must count from the "
+    "same phase: give their begins on one time axis, the origin of the clock, or a tachometer.",
     "inputs_period_far": "The response does not repeat with the period given, {given:.10g} s: what is left goes "
     "with a change of it ({deviations:.0f} deviations), too large a one to tell its own. Exponents and shapes "
     "would look right and be wrong. Correct the period, or the rate, or measure the shaft.",

@@ -11,6 +11,7 @@ from floquid.innovations._covariance import colour as colour
 from floquid.innovations._covariance import reweighed as reweighed
 from floquid.innovations._cyclic import Repetition as Repetition
 from floquid.innovations._cyclic import repetition as repetition
+from floquid.innovations._cyclic import turned_records as turned_records
 from floquid.innovations._fewer import ALIKE as ALIKE
 from floquid.innovations._fewer import GONE as GONE
 from floquid.innovations._fewer import alike as alike

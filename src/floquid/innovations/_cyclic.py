@@ -32,6 +32,9 @@ SLOWEST = 0.1
 CLEARLY = 2.0
 """The score of a frequency over the largest at harmonics of the period given, from which on it is of another period."""
 
+OPPOSITE = -0.1
+"""The correlation of the products of two records below which they are about half a period apart: noise leaves none."""
+
 ALARM = 1e-6
 """The probability at which noise may pass for a period."""
 
@@ -74,12 +77,7 @@ def repetition(samples: Samples) -> Repetition:
     time-invariant system χ², and large at the harmonics of ω of a periodic one (Hurd and Gerr 1991, of correlation
     in place of residuals). Records of one rate at a constant speed; their phases need not be known.
     """
-    values = samples.values - np.linalg.lstsq(samples.known.T, samples.values.T, rcond=None)[0].T @ samples.known
-    signals = np.concatenate([values, samples.inputs])
-    lags = max(min(LAGS, PRODUCTS // (len(values) * len(signals))), 2)
-    past = np.concatenate([samples.each(signals, lambda own, lag=lag: delayed(own, lag)) for lag in range(1, lags + 1)])
-    past = _white(past)
-    left = _white(values - values @ past.T @ past / samples.n_samples)
+    left, past = _products(samples)
     longest = max(own.stop - own.start for own in samples.records)
     padded, scores = FINE * longest, np.zeros(FINE * longest // 2 + 1)
     for place in samples.records:
@@ -94,7 +92,7 @@ def repetition(samples: Samples) -> Repetition:
 
     def at(turns: range, shifts: NDArray[np.float64]) -> NDArray[np.float64]:
         places = [np.rint(turn * padded / (per_turn * (1.0 + shifts))).astype(int) for turn in turns]
-        return np.sum([scores[place] for place in places], axis=0)
+        return np.sum([scores[np.minimum(place, len(scores) - 1)] for place in places], axis=0)
 
     count = int(WIDEST / step)
     shifts, turns = step * np.arange(-count, count + 1), range(1, highest + 1)
@@ -118,6 +116,39 @@ def repetition(samples: Samples) -> Repetition:
         limit=float(chdtri(degrees, ALARM / len(shifts))),
         other=2.0 * np.pi * apart / (padded * samples.step) if scores[apart] > enough else 0.0,
     )
+
+
+def _products(samples: Samples) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Residuals of an autoregression of constant coefficients, and its regressors, each white (signals, samples)."""
+    values = samples.values - np.linalg.lstsq(samples.known.T, samples.values.T, rcond=None)[0].T @ samples.known
+    signals = np.concatenate([values, samples.inputs])
+    lags = max(min(LAGS, PRODUCTS // (len(values) * len(signals))), 2)
+    past = np.concatenate([samples.each(signals, lambda own, lag=lag: delayed(own, lag)) for lag in range(1, lags + 1)])
+    past = _white(past)
+    return _white(values - values @ past.T @ past / samples.n_samples), past
+
+
+def turned_records(samples: Samples) -> list[int]:
+    """Records that are about half a period off the first, by their numbers from 0.
+
+    The products of residuals and the past turn with ω at one phase in all records (as in `repetition`): where those of
+    two are above noise and have opposite signs, they are not.
+    """
+    left, past = _products(samples)
+    line = np.exp(-1j * samples.fundamental * samples.times)
+    found, each = [], []
+    for place in samples.records:
+        both = (left[:, place] * line[place]) @ past[:, place].T * np.sqrt(2.0 / (place.stop - place.start))
+        each.append(both.ravel())
+    from scipy.special import chdtri
+
+    limit = float(chdtri(2 * each[0].size, ALARM))
+    strong = [float(np.sum(np.abs(own) ** 2)) > limit for own in each]
+    for number in range(1, len(each)):
+        alike = np.vdot(each[0], each[number]).real / (np.linalg.norm(each[0]) * np.linalg.norm(each[number]))
+        if strong[0] and strong[number] and alike < OPPOSITE:
+            found.append(number)
+    return found
 
 
 def _white(signals: NDArray[np.float64]) -> NDArray[np.float64]:

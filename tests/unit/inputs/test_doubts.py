@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from tests.driven import mathieu, pulls, record_of
 
 from floquid import Record, identify_driven
@@ -154,3 +155,27 @@ def test_inputs_measured_from_later_on_alone_are_told(late):
     settings = Settings(period=system.period, inputs=("u",))
     told = [own for own in parted(clocked(record, settings, "test"), settings).findings if own.code == "inputs_late"]
     assert [own.numbers["record"] for own in told] == [1] * late
+
+
+def test_a_blow_after_a_rest_came_in_time():
+    system, first = mathieu(), 8 * PHASES
+    forces = np.zeros((1, PERIODS * PHASES))
+    forces[0, first] = 1.0
+    values = system.response(forces, PHASES)
+    values += 0.02 * values.std() * np.random.default_rng(2).standard_normal(values.shape)
+    record = Record(values=np.vstack([values, forces]), sample_rate=PHASES / system.period, channels=["y", "u"])
+    settings = Settings(period=system.period, inputs=("u",))
+    assert not [
+        own for own in parted(clocked(record, settings, "test"), settings).findings if own.code == "inputs_late"
+    ]
+
+
+def test_an_input_of_a_constant_system_is_told():
+    """Its one b is the scale of the mode, and has no deviation."""
+    system = mathieu()
+    generator = np.random.default_rng(3)
+    forces, decay = generator.standard_normal((1, PERIODS * PHASES)), np.exp((-0.1 + 1.4j) * system.period / PHASES)
+    values = lfilter([0.0, 1.0], [1.0, -2.0 * decay.real, abs(decay) ** 2], forces)
+    values += 0.02 * values.std() * generator.standard_normal(values.shape)
+    assert "inputs_poor" not in codes(identified(values, forces, system.period))
+    assert "inputs_poor" not in codes(identified(values, forces, system.period, harmonics=0))

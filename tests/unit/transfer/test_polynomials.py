@@ -98,6 +98,24 @@ def test_two_inputs_and_frequencies_that_are_named():
     assert (found.coherence > 0.9).any()
 
 
+def test_units_of_two_inputs_may_be_far_apart():
+    """The power that an input has between the lines of others is its own."""
+    system = two_masses()
+    values, inputs = record_of(system, 400, 24, 0.01, 0)
+    names = ["y0", "y1", "F0", "F1"]
+    found = [
+        measure_transfer(
+            Record(values=np.vstack([values, own]), sample_rate=24 / system.period, channels=names),
+            period=system.period,
+            inputs=names[2:],
+            method="polynomials",
+        ).transfer.values
+        for own in (inputs, inputs * [[1.0], [1e4]])
+    ]
+    assert np.isfinite(found[0]).all()
+    assert found[1][:, :, 1] * 1e4 == pytest.approx(found[0][:, :, 1], rel=1e-6)
+
+
 def test_a_resonance_that_is_too_narrow_is_told():
     found = measured(mathieu(damping=0.02), 20, 400, 0.05, 0)
     assert any("flattened" in words for words in found.warnings)

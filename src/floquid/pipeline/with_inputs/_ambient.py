@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from floquid._checks import input_error
 from floquid.core import PeriodicModel, Provenance, Record
 from floquid.errors import IdentificationError
-from floquid.findings import Finding, failure, note, warning
+from floquid.findings import Finding, Severity, failure, note, warning
 from floquid.innovations import (
     ALIKE,
     GONE,
@@ -28,6 +29,7 @@ from floquid.innovations import (
     repetition,
     searched,
     solve,
+    turned_records,
 )
 from floquid.inputs import Limits, Samples
 from floquid.pipeline._settings import Settings
@@ -176,13 +178,18 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
         lengths=duration * (relative / AIM) ** 2,
         findings=(
             *done_beside(own),
-            *period,
             *undriven(model),
             needed(model, limits, [fit.seen(number) for number in range(len(found.modes))]),
             *_told(fit, model, relative, duration, np.array(undecided)),
             *_against(samples, found, held_out),
-            *of_outliers(found.innovations, own.outputs),
+            *(
+                period
+                if colour(samples, found)[1] < SURE
+                else [replace(told, severity=Severity.WARNING) for told in period]
+            ),
+            *(replace(told, severity=Severity.WARNING) for told in of_outliers(found.innovations, own.outputs)),
             *(() if own.shafts else of_period(samples, *period_step(fit), SLIP)),
+            *(failure("records_turned", record=number + 1) for number in turned_records(samples)),
             *of_phases([phase_step(fit, number) for number in range(1, len(own.records))]),
             *([warning("inputs_modes", most=limits.modes)] if len(found.modes) >= limits.modes else []),
         ),
@@ -262,9 +269,10 @@ def _told(
         if (own & (undecided > 0.0)).any():
             found.append(told(code, frequencies=hertz[own & (undecided > 0.0)].tolist()))
     own, longest = _own(fit), max(np.diff(fit.samples.begins)) * fit.samples.step
-    still = ~own & (_away(fit) * longest < STILL)
-    if still.any():
-        found.append(failure("ambient_slow", frequencies=hertz[still].tolist()))
+    still, low = ~own & (_away(fit) * longest < STILL), hertz * 2.0 * np.pi * longest < STILL
+    for told, which in ((failure, still & low), (warning, still & ~low)):  # a line of the period may be a mode's
+        if which.any():
+            found.append(told("ambient_slow", frequencies=hertz[which].tolist()))
     single = ~still & ~np.array(varying) & any(varying) & np.array([mode.axis == 0.0 for mode in fit.at.modes])
     if single.any():
         found.append(warning("ambient_single", frequencies=hertz[single].tolist()))

@@ -99,6 +99,9 @@ def measure_transfer(
         raise input_error("method", OF, f"be one of {get_args(Method)}", f"is {method!r}", "Or leave it out.")
     if repeat is not None and repeat < 2:
         raise input_error("repeat", OF, "be 2 periods or more", f"is {repeat}", "Leave it out: it is found.")
+    if repeat is not None and method not in (None, "repeats"):
+        must, got = f"be left out with method={method!r}", f"is {repeat}"
+        raise input_error("repeat", OF, must, got, 'It counts for method="repeats" alone.')
     if drop < 0:
         raise input_error("drop", OF, "be 0 or more", f"is {drop}", "As drop=1.")
     if not (np.isfinite(curvature) and curvature > 0.0):
@@ -124,7 +127,8 @@ def measure_transfer(
             hertz = POINTS if frequencies_hz is None else np.atleast_1d(np.asarray(frequencies_hz, float))
             if method == "chirps":
                 report("fitting chirps")
-                return by_chirps(samples, turns, channels, hertz, curvature)
+                found = by_chirps(samples, turns, channels, hertz, curvature)
+                return replace(found, findings=(*own.findings, *found.findings))
             periods = None if method == "polynomials" or reference else repeat or repeat_of(samples)
             if method == "repeats" and periods is None:
                 raise IdentificationError(
@@ -133,9 +137,11 @@ def measure_transfer(
                 )
             if periods is not None:
                 report("averaging repeats")
-                return by_repeats(samples, periods, turns, channels, drop)
-            report("fitting polynomials over lines")
-            return by_polynomials(samples, turns, channels, hertz, held)
+                found = by_repeats(samples, periods, turns, channels, drop)
+            else:
+                report("fitting polynomials over lines")
+                found = by_polynomials(samples, turns, channels, hertz, held)
+        return replace(found, findings=(*own.findings, *found.findings))
 
 
 def _refuse_references(reference: Sequence[str], settings: Settings, method: Method | None) -> None:

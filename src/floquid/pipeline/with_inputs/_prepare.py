@@ -35,7 +35,7 @@ PERIODIC = 1e-3
 COPY = 1e-8
 """The smallest eigenvalue of the correlations of the inputs below which one is a sum of others."""
 
-LEAST = 2
+LEAST = 2.1
 """Samples that a period must last."""
 
 STILL = 5
@@ -150,6 +150,7 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
         _refuse(settings.inputs, inputs, rate, period)
     given = shafts[0].periods_per_revolution if shafts else settings.periods_per_revolution
     turns, findings = _beside(Lines(values, inputs, times, rate, period), given, settings)
+    late = _late(values, inputs, rate, period)
     hold: Hold = settings.hold
     samples = samples_of(
         values, inputs, times, step=1.0 / rate, fundamental=2.0 * np.pi / period, hold=hold, turns=turns
@@ -162,7 +163,7 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
         turns=turns,
         shafts=shafts,
         periods_per_revolution=given,
-        findings=(*_faults(records, outputs), *_late(values, inputs, rate, period), *findings),
+        findings=(*_faults(records, outputs), *(() if settings.excitation == "ambient" else late), *findings),
     )
 
 
@@ -177,18 +178,23 @@ def _late(
         if quiet < STILL * rate * period:
             continue
         # What repeats with the period is not driven by what was measured; the rest would have to ring down.
-        swing = np.abs(seen[:, int(rate * period) :] - seen[:, : -int(rate * period)])
-        early, middle, later = (np.square(own).sum() for own in np.array_split(swing[:, :quiet], 3, axis=1))
-        usual = float(np.mean(swing[:, quiet:] ** 2)) * swing[:, :quiet].size / 3.0 if swing.shape[1] > quiet else 0.0
+        one = rate * period
+        lag = min((round(one), round(2.0 * one)), key=lambda own: abs(own - round(own / one) * one))
+        swing = np.abs(seen[:, lag:] - seen[:, :-lag])
+        still = swing[:, : quiet - lag]
+        early, middle, later = (np.square(own).sum() for own in np.array_split(still, 3, axis=1))
+        usual = float(np.mean(swing[:, quiet:] ** 2)) * still.size / 3.0 if swing.shape[1] > quiet else 0.0
         if later > FADED * max(early, middle) and later > FAINT * usual:
             found.append(warning("inputs_late", record=number, seconds=quiet / rate))
     return tuple(found)
 
 
 def _faults(records: Sequence[Record], outputs: Sequence[str]) -> tuple[Finding, ...]:
-    """Findings on samples that are none: of an output they fail, since what is left of it is not linear."""
-    found = faults_of(tuple(records), repair=True)
-    return tuple(replace(own, severity=Severity.FAILURE) if own.numbers["channel"] in outputs else own for own in found)
+    """Findings on samples that are none: an output that is clipped fails, since what is left of it is not linear."""
+    return tuple(
+        replace(own, severity=Severity.FAILURE) if own.code == "clipped" and own.numbers["channel"] in outputs else own
+        for own in faults_of(tuple(records), repair=True)
+    )
 
 
 def _turned(records: Sequence[Record], of: str) -> tuple[float, list[NDArray[np.float64]], tuple[ShaftAngle, ...]]:

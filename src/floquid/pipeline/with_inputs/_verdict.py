@@ -171,7 +171,9 @@ def undriven(model: PeriodicModel) -> tuple[Finding, ...]:
     size, std = (
         np.abs(of).swapaxes(0, 1).reshape(len(own.channels), -1) for of in (own.coefficients, own.coefficient_std)
     )
-    told = np.any((size > POOR * std) & (std > 0.0), axis=1)
+    # The b that is the scale of a mode has no deviation: it is told if others are known by it.
+    fixed = np.where(std == 0.0, size, 0.0).max(axis=1)
+    told = np.any((size > POOR * std) & (std > 0.0), axis=1) | (fixed > POOR * std.max(axis=1))
     names = [own.channels[row].name for row in np.flatnonzero(~told)]
     return (warning("inputs_poor", channels=names),) if names else ()
 
