@@ -84,6 +84,8 @@ def by_polynomials(
     periods, count = whole_periods(samples)
     outputs, inputs = (spectra_of(samples, own, count) for own in (samples.values, samples.inputs))
     known = inputs if reference is None else spectra_of(samples, reference, count)
+    size, also = (np.sqrt(np.mean(np.abs(own) ** 2, axis=(0, 2))) for own in (inputs, known))
+    inputs, known = inputs / size[:, None], known / also[:, None]  # units do not matter
     lines, records = chosen_lines(known, frequencies_hz, samples.step), len(outputs)
     unknowns = (DEGREE + 1) * (len(asked) * inputs.shape[1] + records)
     half = int(np.ceil(0.5 * (unknowns + max(FREE[0], FREE[1] * unknowns)) / records))
@@ -96,7 +98,7 @@ def by_polynomials(
     values, std = np.zeros(shape, complex), np.zeros(shape, complex)
     noise, explained = np.zeros((outputs.shape[1], len(lines))), np.zeros((outputs.shape[1], len(lines)))
     bends = np.zeros((len(asked), len(lines)))
-    even = 1.0 / (np.mean(np.abs(inputs) ** 2, axis=(0, 2)) * records * (2 * half + 1))
+    even = 1.0 / (records * (2 * half + 1))
     for row, begin in product(range(len(asked)), range(0, len(lines), TOGETHER)):
         own = slice(begin, begin + TOGETHER)
         middle = lines[own] + asked[row] * periods
@@ -109,12 +111,13 @@ def by_polynomials(
         place = (DEGREE + 1) * inputs.shape[1] * row + (DEGREE + 1) * np.arange(inputs.shape[1])
         values[row, :, :, own] = np.moveaxis(solved[:, place], 0, -1).swapaxes(0, 1)
         # Between the lines of a multisine the equations are of rounding alone.
-        told = np.where(variance[:, place, None] < POOR * even[:, None], variance[:, place, None], np.nan)
+        told = np.where(variance[:, place, None] < POOR * even, variance[:, place, None], np.nan)
         values[row, :, :, own] += 0.0 * np.moveaxis(told, 0, -1).swapaxes(0, 1)
         spread = np.sqrt(0.5 * told * left[:, None, :])
         std[row, :, :, own] = (1.0 + 1.0j) * np.moveaxis(spread, 0, -1).swapaxes(0, 1)
         if asked[row] == 0 or (row == 0 and 0 not in asked):
             noise[:, own], explained[:, own] = 2.0 / count * np.sqrt(left.T), share.T
+    values, std = values / size[:, None], std / size[:, None]
     _refuse_lines(values, lines / (count * samples.step))
     return measured_of(
         samples,
