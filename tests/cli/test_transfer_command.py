@@ -139,6 +139,16 @@ def test_modes_fitted_to_the_lines(file, capsys):
         (["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--method", "repeats", "--out", "g.html"], "--out"),
         (["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--harmonics", "-1,half"], "be whole numbers"),
         (["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--method", "repeats", "--repeat", "1"], "--repeat"),
+        (
+            ["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--method", "polynomials", "--repeat", "8"],
+            "--repeat",
+        ),
+        (["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--repeat", "8"], "--repeat"),
+        (["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--curvature", "1e-3"], "--curvature"),
+        (
+            ["transfer", "FILE", "--period", PERIOD, "--inputs", "F", "--method", "fit", "--curvature", "1"],
+            "--curvature",
+        ),
         (["multisine", "--rate", "20"], "--period"),
         (["multisine", "--period", "1"], "--rate"),
         (["multisine", "--period", "1", "--rate", "20", "--band", "low"], "--band"),

@@ -114,15 +114,11 @@ def transfer(
     choices = choices_of(settings).with_given(**given(record, OF))
     _check_given(files, choices.settings.inputs, lines, method, out)
     turns, hertz, references = _whole(harmonics), _frequencies(at), split(reference)
-    if references and method == "model":
-        remedy = "Leave it out: `--excitation ambient` with --inputs takes account of a loop."
-        raise input_error("--reference", OF, "not be given with --method model", f"is {reference!r}", remedy)
+    if method == "model":
+        _refuse_with_a_model(reference, repeat, curvature)
     if method == "repeats" and hertz is not None:
         must, remedy = "not be given with --method repeats", "Leave it out: the lines are those of the inputs."
         raise input_error("--at", OF, must, f"is {at!r}", remedy)
-    if method == "model" and repeat is not None:
-        must, remedy = "not be given with a model of the record", "It counts for --method repeats or fit."
-        raise input_error("--repeat", OF, must, f"is {repeat}", remedy)
     with progress(STAGES) as report:
         records = []
         if lines is None:
@@ -163,6 +159,17 @@ def transfer(
     failed = texts(findings, Severity.FAILURE)
     if failed:
         raise IdentificationError(failed[0])
+
+
+def _refuse_with_a_model(reference: str, repeat: int | None, curvature: float) -> None:
+    """Refuse what the other methods take and a model of the record does not."""
+    for option, value, usual, remedy in (
+        ("--reference", reference, "", "Leave it out: `--excitation ambient` with --inputs takes account of a loop."),
+        ("--repeat", repeat, None, "It counts for --method repeats or fit."),
+        ("--curvature", curvature, CURVATURE, "It counts for --method chirps."),
+    ):
+        if value != usual:
+            raise input_error(option, OF, "not be given with --method model", f"is {value!r}", remedy)
 
 
 def _print(found: TransferFunctions, findings: Sequence[Finding], more: dict[str, Any], out: Path | None) -> None:

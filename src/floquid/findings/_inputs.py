@@ -149,10 +149,10 @@ INPUTS: dict[str, str | Callable[..., str]] = {
         "Exponents and shapes stand; b, B(t) and transfer functions from there do not. Excite at random, or with blows "
         "at many phases."
     ),
-    "outliers": lambda channel, number, share, first: (
+    "outliers": lambda channel, number, share, record, sample: (
         f"{number} sample{'s' * (number > 1)} of {channel} {'are' if number > 1 else 'is'} many deviations off (the "
-        f"first is sample {first + 1} of all), {share:.0%} of the power that is left: spikes, no response. Cut the "
-        "record there, into two records."
+        f"first is sample {sample} of record {record}), {share:.0%} of the power that is left: spikes, no response? "
+        "Cut the record there, into two records."
     ),
     "inputs_held_out": "The last quarter of the record, left out of a fit, is predicted with an error of {error:.3g} "
     "times the noise: modes or harmonics are missing, the input is not what drives the system alone, or the system is "

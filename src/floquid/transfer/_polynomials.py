@@ -109,10 +109,10 @@ def by_polynomials(
             bend[:, driven].reshape(len(middle), -1, DEGREE + 1, outputs.shape[1])[:, :, 2].max(axis=(1, 2))
         )
         place = (DEGREE + 1) * inputs.shape[1] * row + (DEGREE + 1) * np.arange(inputs.shape[1])
-        values[row, :, :, own] = np.moveaxis(solved[:, place], 0, -1).swapaxes(0, 1)
         # Between the lines of a multisine the equations are of rounding alone.
         told = np.where(variance[:, place, None] < POOR * even, variance[:, place, None], np.nan)
-        values[row, :, :, own] += 0.0 * np.moveaxis(told, 0, -1).swapaxes(0, 1)
+        g = np.where(np.isfinite(told), solved[:, place], np.nan)
+        values[row, :, :, own] = np.moveaxis(g, 0, -1).swapaxes(0, 1)
         spread = np.sqrt(0.5 * told * left[:, None, :])
         std[row, :, :, own] = (1.0 + 1.0j) * np.moveaxis(spread, 0, -1).swapaxes(0, 1)
         if asked[row] == 0 or (row == 0 and 0 not in asked):

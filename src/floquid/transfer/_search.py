@@ -178,6 +178,7 @@ def _with_real_ones(lines: Lines, now: Fitted, limits: Limits, refused: list[com
             best = fitted(lines, min(trials, key=lambda one: one.chi_square).modal)
             best = _grown(lines, best, limits)
             rise = (best.chi_square - now.chi_square) / _level(lines, now)
+            # These fits are not narrowed: numbers more are no argument against one that is better.
             if noise_explains(rise, max(now.n_parameters - best.n_parameters, 0)):
                 return _with_real_ones(lines, best, limits, refused)
     return now

@@ -101,7 +101,8 @@ def mode_table(analysis: Analysis | ExcitedAnalysis, *, derived: bool = True) ->
         value, ratio = model.exponents[mode], 100.0 * model.damping_ratios[mode]
         kept, _ = participation(model, mode, 1.0 / analysis.noise)
         if isinstance(analysis, ExcitedAnalysis):
-            kept = kept[_clear(model, mode, kept)]
+            clear = _clear(model, mode, kept)
+            kept = kept[clear] if clear.any() else kept
         own = model.frequencies_hz[mode]
         rows.append(
             ModeRow(

@@ -346,11 +346,12 @@ def test_clipped_outputs_fail(values):
 @pytest.mark.parametrize(("size", "severity"), [(15.0, Severity.WARNING), (40.0, Severity.FAILURE)])
 def test_a_spike_is_told_and_fails_where_it_is_most_of_what_is_left(analysis, size, severity):
     left = analysis.fit.at.innovations.copy()
-    assert not of_outliers(left, analysis.model.channels)
+    own = parted(analysis.records, analysis.settings, "identify_ambient")
+    assert not of_outliers(left, own)
     left[0, 1000] = size * left.std()
-    (told,) = of_outliers(left, analysis.model.channels)
+    (told,) = of_outliers(left, own)
     assert told.severity == severity
-    assert told.numbers["first"] == 1000
+    assert (told.numbers["record"], told.numbers["sample"]) == (1, 1001)
 
 
 def test_a_prediction_that_grows_fails(values, monkeypatch):

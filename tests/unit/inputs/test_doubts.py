@@ -179,3 +179,17 @@ def test_an_input_of_a_constant_system_is_told():
     values += 0.02 * values.std() * generator.standard_normal(values.shape)
     assert "inputs_poor" not in codes(identified(values, forces, system.period))
     assert "inputs_poor" not in codes(identified(values, forces, system.period, harmonics=0))
+
+
+@pytest.mark.parametrize(("shift", "code"), [(2, "records_phase"), (PHASES // 2, "records_turned"), (0, None)])
+def test_a_driven_record_at_another_phase_than_the_first_is_named(shift, code):
+    system = mathieu()
+    both = [record_of(system, 60, PHASES, 0.05, seed) for seed in (0, 1)]
+    records = [
+        Record(values=np.vstack(own)[:, first:], sample_rate=PHASES / system.period, channels=["y", "u"])
+        for own, first in zip(both, (0, shift), strict=True)
+    ]
+    found = identify_driven(records, period=system.period, inputs=["u"], validate=False)
+    told = [own.numbers["record"] for own in found.findings if own.code == code]
+    assert told == ([2] if code else [])
+    assert found.failed == bool(code)

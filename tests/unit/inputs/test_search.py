@@ -139,6 +139,7 @@ def test_a_mode_that_no_input_reaches_is_named():
     assert found.model.order == 4
     assert [own.code for own in found.findings if own.code == "unreached"] == ["unreached"]
     assert " by none" in found.summary()
+    assert "inputs_poor" not in [own.code for own in found.findings]
     assert "is reached by no input" in found.warnings[0]
 
 

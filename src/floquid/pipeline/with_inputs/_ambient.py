@@ -29,7 +29,6 @@ from floquid.innovations import (
     repetition,
     searched,
     solve,
-    turned_records,
 )
 from floquid.inputs import Limits, Samples
 from floquid.pipeline._settings import Settings
@@ -181,16 +180,11 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
             *undriven(model),
             needed(model, limits, [fit.seen(number) for number in range(len(found.modes))]),
             *_told(fit, model, relative, duration, np.array(undecided)),
-            *_against(samples, found, held_out),
-            *(
-                period
-                if colour(samples, found)[1] < SURE
-                else [replace(told, severity=Severity.WARNING) for told in period]
-            ),
-            *(replace(told, severity=Severity.WARNING) for told in of_outliers(found.innovations, own.outputs)),
+            *_against(samples, found, held_out, period),
+            # Blows that nobody measured are excitation, not faults.
+            *(replace(told, severity=Severity.WARNING) for told in of_outliers(found.innovations, own)),
             *(() if own.shafts else of_period(samples, *period_step(fit), SLIP)),
-            *(failure("records_turned", record=number + 1) for number in turned_records(samples)),
-            *of_phases([phase_step(fit, number) for number in range(1, len(own.records))]),
+            *of_phases(samples, [phase_step(fit, number) for number in range(1, len(own.records))]),
             *([warning("inputs_modes", most=limits.modes)] if len(found.modes) >= limits.modes else []),
         ),
     )
@@ -344,8 +338,13 @@ def _one(fit: Fit, model: PeriodicModel, group: NDArray[np.int64], shares: NDArr
     return lasting and len(alike(modes, model.fundamental, near)) < len(modes)
 
 
-def _against(samples: Samples, found: Predictor, held_out: NDArray[np.float64]) -> tuple[Finding, ...]:
-    """Findings against the model: samples left out that it does not predict, and colour in the innovations."""
+def _against(
+    samples: Samples, found: Predictor, held_out: NDArray[np.float64], period: Sequence[Finding]
+) -> tuple[Finding, ...]:
+    """Findings against the model: samples left out that it does not predict, and colour in the innovations.
+
+    Those on another `period` warn alone where the innovations are white: lines of a narrow band pass for one.
+    """
     against = []
     if np.isinf(held_out).any():
         against.append(failure("ambient_unpredicted"))
@@ -354,5 +353,7 @@ def _against(samples: Samples, found: Predictor, held_out: NDArray[np.float64]) 
     share, chance = colour(samples, found)
     if chance < SURE:
         told = failure if share > PREDICTABLE else warning
-        against.append(told("ambient_colour", share=share))
+        against += [told("ambient_colour", share=share), *period]
+    else:
+        against += [replace(own, severity=Severity.WARNING) for own in period]
     return tuple(against)

@@ -95,17 +95,7 @@ def measure_transfer(
         remedy = 'Name the channels that drive the system: `inputs=["force"]`.'
         raise input_error("inputs", OF, "name a channel", "is empty", remedy)
     refuse_others(chosen, OF)
-    if method not in (None, *get_args(Method)):
-        raise input_error("method", OF, f"be one of {get_args(Method)}", f"is {method!r}", "Or leave it out.")
-    if repeat is not None and repeat < 2:
-        raise input_error("repeat", OF, "be 2 periods or more", f"is {repeat}", "Leave it out: it is found.")
-    if repeat is not None and method not in (None, "repeats"):
-        must, got = f"be left out with method={method!r}", f"is {repeat}"
-        raise input_error("repeat", OF, must, got, 'It counts for method="repeats" alone.')
-    if drop < 0:
-        raise input_error("drop", OF, "be 0 or more", f"is {drop}", "As drop=1.")
-    if not (np.isfinite(curvature) and curvature > 0.0):
-        raise input_error("curvature", OF, "be above 0", f"is {curvature!r}", f"As curvature={CURVATURE}.")
+    _refuse_options(method, repeat, drop, curvature)
     _refuse_references(reference, chosen, method)
     turns = frozen_array(np.atleast_1d(harmonics), "harmonics", OF, axes=("harmonics",), dtype=np.int64).tolist()
     with own_names(OF):
@@ -125,23 +115,41 @@ def measure_transfer(
         samples, channels = replace(own.samples, inputs=own.samples.inputs[:count]), (own.outputs, own.inputs[:count])
         with blas_threads(used):
             hertz = POINTS if frequencies_hz is None else np.atleast_1d(np.asarray(frequencies_hz, float))
-            if method == "chirps":
-                report("fitting chirps")
-                found = by_chirps(samples, turns, channels, hertz, curvature)
-                return replace(found, findings=(*own.findings, *found.findings))
-            periods = None if method == "polynomials" or reference else repeat or repeat_of(samples)
+            by_lines = method in ("polynomials", "chirps") or reference
+            periods = None if by_lines else repeat or repeat_of(samples)
             if method == "repeats" and periods is None:
                 raise IdentificationError(
                     "The inputs do not repeat after a whole number of periods, three times at least. Name that number "
                     "(`repeat`), correct the period, or let polynomials over lines part them (`method`)."
                 )
-            if periods is not None:
+            if method == "chirps":
+                report("fitting chirps")
+                found = by_chirps(samples, turns, channels, hertz, curvature)
+            elif periods is not None:
                 report("averaging repeats")
                 found = by_repeats(samples, periods, turns, channels, drop)
             else:
                 report("fitting polynomials over lines")
                 found = by_polynomials(samples, turns, channels, hertz, held)
         return replace(found, findings=(*own.findings, *found.findings))
+
+
+def _refuse_options(method: Method | None, repeat: int | None, drop: int, curvature: float) -> None:
+    """Refuse options that are not possible, or of another method."""
+    if method not in (None, *get_args(Method)):
+        raise input_error("method", OF, f"be one of {get_args(Method)}", f"is {method!r}", "Or leave it out.")
+    if repeat is not None and repeat < 2:
+        raise input_error("repeat", OF, "be 2 periods or more", f"is {repeat}", "Leave it out: it is found.")
+    if repeat is not None and method not in (None, "repeats"):
+        must, got = f"be left out with method={method!r}", f"is {repeat}"
+        raise input_error("repeat", OF, must, got, 'It counts for method="repeats" alone.')
+    if drop < 0:
+        raise input_error("drop", OF, "be 0 or more", f"is {drop}", "As drop=1.")
+    if not (np.isfinite(curvature) and curvature > 0.0):
+        raise input_error("curvature", OF, "be above 0", f"is {curvature!r}", f"As curvature={CURVATURE}.")
+    if curvature != CURVATURE and method != "chirps":
+        must, got = "be left out but of chirps", f"is {curvature!r} with method={method!r}"
+        raise input_error("curvature", OF, must, got, 'It counts for method="chirps" alone.')
 
 
 def _refuse_references(reference: Sequence[str], settings: Settings, method: Method | None) -> None:

@@ -150,7 +150,8 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
         _refuse(settings.inputs, inputs, rate, period)
     given = shafts[0].periods_per_revolution if shafts else settings.periods_per_revolution
     turns, findings = _beside(Lines(values, inputs, times, rate, period), given, settings)
-    late = _late(values, inputs, rate, period)
+    # Beside forces that nobody measured a response need not ring down.
+    late = () if settings.excitation == "ambient" else _late(values, inputs, rate, period)
     hold: Hold = settings.hold
     samples = samples_of(
         values, inputs, times, step=1.0 / rate, fundamental=2.0 * np.pi / period, hold=hold, turns=turns
@@ -163,7 +164,7 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
         turns=turns,
         shafts=shafts,
         periods_per_revolution=given,
-        findings=(*_faults(records, outputs), *(() if settings.excitation == "ambient" else late), *findings),
+        findings=(*_faults(records, outputs), *late, *findings),
     )
 
 

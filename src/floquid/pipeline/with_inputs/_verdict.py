@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import Channel, PeriodicModel
+from floquid.core import PeriodicModel
 from floquid.findings import Finding, failure, note, warning
+from floquid.innovations import turned_records
 from floquid.inputs import (
     Limits,
     Linearisation,
@@ -97,10 +98,10 @@ def verdict(
         *_unreached(fit),
         *(_instants(fit, scores) or (_driven_by_noise(scores, by_noise) if noisy else _nonlinear(scores, by_powers))),
         *_against(fit.at, held_out),
-        *of_outliers(fit.at.left, own.outputs),
+        *of_outliers(fit.at.left, own),
         *_ended(samples, fit.at, model, limits, most),
         *(() if own.shafts else of_period(samples, *period_step(scores))),
-        *of_phases([phase_step(scores, number) for number in range(1, len(own.records))]),
+        *of_phases(samples, [phase_step(scores, number) for number in range(1, len(own.records))]),
     )
 
 
@@ -168,12 +169,10 @@ def undriven(model: PeriodicModel) -> tuple[Finding, ...]:
     own = model.inputs
     if own is None or own.coefficient_std is None:
         return ()
-    size, std = (
-        np.abs(of).swapaxes(0, 1).reshape(len(own.channels), -1) for of in (own.coefficients, own.coefficient_std)
-    )
-    # The b that is the scale of a mode has no deviation: it is told if others are known by it.
-    fixed = np.where(std == 0.0, size, 0.0).max(axis=1)
-    told = np.any((size > POOR * std) & (std > 0.0), axis=1) | (fixed > POOR * std.max(axis=1))
+    size, std = np.abs(own.coefficients), np.abs(own.coefficient_std)
+    # The b that is the scale of a mode has no deviation: it is told if the others of that mode are known by it.
+    fixed = np.where(std == 0.0, size, 0.0).max(axis=-1) > POOR * std.max(axis=-1)
+    told = np.any(((size > POOR * std) & (std > 0.0)).any(axis=-1) | fixed, axis=0)
     names = [own.channels[row].name for row in np.flatnonzero(~told)]
     return (warning("inputs_poor", channels=names),) if names else ()
 
@@ -189,25 +188,34 @@ def of_period(samples: Samples, step: float, std: float, slip: float = SLIP) -> 
     return (failure("inputs_period", own=given * (1.0 + step), std=given * std, given=given),)
 
 
-def of_outliers(left: NDArray[np.float64], channels: Sequence[Channel]) -> tuple[Finding, ...]:
-    """Findings on samples, in what is left of each channel (channels, samples), that are no noise: spikes."""
+def of_outliers(left: NDArray[np.float64], own: Parted) -> tuple[Finding, ...]:
+    """Findings on samples, in what is left of each output (outputs, samples), that are no noise: spikes."""
     found = []
-    for own, channel in zip(left, channels, strict=True):
-        far = np.abs(own) > SPIKE * np.median(np.abs(own)) / QUARTILE
+    for values, channel in zip(left, own.outputs, strict=True):
+        far = np.abs(values) > SPIKE * np.median(np.abs(values)) / QUARTILE
         if far.any():
-            share = float(np.sum(own[far] ** 2) / np.sum(own**2))
-            told = failure if share > SPOILT else warning
-            numbers = {"number": int(far.sum()), "share": share, "first": int(np.argmax(far))}
+            share, first = float(np.sum(values[far] ** 2) / np.sum(values**2)), int(np.argmax(far))
+            record = int(np.searchsorted(own.samples.begins, first, side="right"))
+            sample = first - own.samples.begins[record - 1] + 1
+            told, number = failure if share > SPOILT else warning, int(far.sum())
+            numbers = {"number": number, "share": share, "record": record, "sample": sample}
             found.append(told("outliers", channel=channel.name, **numbers))
     return tuple(found)
 
 
-def of_phases(steps: Sequence[tuple[float, float]]) -> tuple[Finding, ...]:
-    """Findings on records after the first that are at another phase: steps in periods and their deviations, of each."""
-    return tuple(
-        failure("records_phase", record=number, deviations=abs(step) / std)
-        for number, (step, std) in enumerate(steps, start=2)
-        if abs(step) > SIGNIFICANT * std
+def of_phases(samples: Samples, steps: Sequence[tuple[float, float]]) -> tuple[Finding, ...]:
+    """Findings on records after the first that are at another phase: steps in periods and their deviations, of each.
+
+    By half a period the slope along the phase is none: that is told by how their products turn.
+    """
+    turned = turned_records(samples) if steps else []
+    return (
+        *(failure("records_turned", record=number + 1) for number in turned),
+        *(
+            failure("records_phase", record=number + 1, deviations=abs(step) / std)
+            for number, (step, std) in enumerate(steps, start=1)
+            if number not in turned and abs(step) > SIGNIFICANT * std
+        ),
     )
 
 
