@@ -10,6 +10,7 @@ from floquid.innovations._autoregression import first_innovations as first_innov
 from floquid.innovations._covariance import colour as colour
 from floquid.innovations._covariance import reweighed as reweighed
 from floquid.innovations._cyclic import Repetition as Repetition
+from floquid.innovations._cyclic import left_over as left_over
 from floquid.innovations._cyclic import repetition as repetition
 from floquid.innovations._cyclic import turned_records as turned_records
 from floquid.innovations._fewer import ALIKE as ALIKE

@@ -128,6 +128,19 @@ def _products(samples: Samples) -> tuple[NDArray[np.float64], NDArray[np.float64
     return _white(values - values @ past.T @ past / samples.n_samples), past
 
 
+def left_over(samples: Samples, innovations: NDArray[np.float64], frequency: float) -> bool:
+    """Whether innovations of a model (outputs, samples) still turn with the past at a frequency [rad/s].
+
+    The score of `repetition` at one frequency, of a model that takes account of all that is narrow: a response whose
+    lines alone are narrow leaves nothing.
+    """
+    from scipy.special import chdtrc
+
+    left, past = _white(innovations), _products(samples)[1]
+    score = 2.0 / samples.n_samples * np.sum(np.abs((left * np.exp(-1j * frequency * samples.times)) @ past.T) ** 2)
+    return float(chdtrc(2 * len(left) * len(past), score)) < ALARM
+
+
 def turned_records(samples: Samples) -> list[int]:
     """Records that are about half a period off the first, by their numbers from 0.
 

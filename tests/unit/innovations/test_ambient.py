@@ -321,6 +321,29 @@ def test_a_period_that_is_far_off_fails_with_its_own(values, share):
     assert not found.passed
 
 
+def test_a_period_that_is_off_fails_where_more_modes_make_the_innovations_white():
+    values = ambient_of(SYSTEM, 1000, PHASES, 0.05, 1)
+    found = identify_ambient(record_from(values), period=0.95 * SYSTEM.period)
+    codes = {own.code for own in found.findings}
+    assert "ambient_colour" not in codes
+    assert "ambient_period" in codes
+    assert not found.passed
+
+
+def test_narrow_lines_are_no_period():
+    """Of a structure that does not change, in noise as large as its response, 60 samples a period."""
+    drive = np.random.default_rng(1).standard_normal((4, 9000))
+    modes = [
+        np.exp(2.0 * np.pi * own / 60.0 * (1j - share)) for own, share in ((1.37, 0.01), (3.3, 0.01), (4.1, 0.008))
+    ]
+    lines = [lfilter([1.0], [1.0, -2.0 * own.real, abs(own) ** 2], row) for own, row in zip(modes, drive, strict=False)]
+    values = sum(row / row.std() for row in lines)
+    record = record_from((values / values.std() + drive[3])[None], 1.0, 60)
+    samples = samples_of([record.values], [np.zeros((0, 9000))], [0.0], step=1.0 / 60.0, fundamental=2.0 * np.pi)
+    assert repetition(samples).other > 0.0
+    assert "ambient_period" not in {own.code for own in identify_ambient(record, validate=False).findings}
+
+
 @pytest.mark.parametrize("samples", [0.02, 1.0, 1.9, 2.0])
 def test_too_few_samples_a_period_are_refused(values, samples):
     with pytest.raises(InputError, match=r"samples or more|sampling intervals or more"):

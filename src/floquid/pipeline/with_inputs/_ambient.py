@@ -22,6 +22,7 @@ from floquid.innovations import (
     colour,
     first_innovations,
     gap_of,
+    left_over,
     model_of,
     period_step,
     phase_step,
@@ -143,7 +144,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     own = parted(records, settings, OF)
     samples, acting = with_acting(own)
     phases = 2.0 * np.pi / (samples.fundamental * samples.step)
-    period = () if own.shafts else _period(samples)
+    other = 0.0 if own.shafts else _other_period(samples)
     highest = max(min(HIGHEST, int(0.5 * phases) - 1), 0) if settings.harmonics is None else settings.harmonics
     limits = Limits(mode_alarm=settings.mode_false_alarm, harmonic_alarm=settings.harmonic_false_alarm, highest=highest)
     report("taking first innovations from an autoregression")
@@ -180,7 +181,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
             *undriven(model),
             needed(model, limits, [fit.seen(number) for number in range(len(found.modes))]),
             *_told(fit, model, relative, duration, np.array(undecided)),
-            *_against(samples, found, held_out, period),
+            *_against(samples, found, held_out, other),
             # Blows that nobody measured are excitation, not faults.
             *(replace(told, severity=Severity.WARNING) for told in of_outliers(found.innovations, own)),
             *(() if own.shafts else of_period(samples, *period_step(fit), SLIP)),
@@ -202,8 +203,11 @@ def _refuse_copies(first: NDArray[np.float64], own: Parted) -> None:
         )
 
 
-def _period(samples: Samples) -> tuple[Finding, ...]:
-    """Finding on a period of the response that is far from that given; one that is near, or half of it, is refused."""
+def _other_period(samples: Samples) -> float:
+    """The frequency far from that given with which the response seems to repeat [rad/s], zero where none.
+
+    One that is near, or half the period, is refused.
+    """
     found, given = repetition(samples), 2.0 * np.pi / samples.fundamental
     period = given * (1.0 + found.shift)
     if found.own > found.limit and found.own > CLEARLY * found.given and abs(found.shift) > found.resolution:
@@ -219,7 +223,7 @@ def _period(samples: Samples) -> tuple[Finding, ...]:
             f"would be found more than once. Give half of it: `period={0.5 * given:.10g}`; if a shaft that is out of "
             "balance turns once in two of these halves, give `periods_per_revolution=2` as well."
         )
-    return (failure("ambient_period", own=2.0 * np.pi / found.other, given=given),) if found.other else ()
+    return found.other
 
 
 def _held_out(samples: Samples, found: Predictor) -> NDArray[np.float64]:
@@ -338,12 +342,10 @@ def _one(fit: Fit, model: PeriodicModel, group: NDArray[np.int64], shares: NDArr
     return lasting and len(alike(modes, model.fundamental, near)) < len(modes)
 
 
-def _against(
-    samples: Samples, found: Predictor, held_out: NDArray[np.float64], period: Sequence[Finding]
-) -> tuple[Finding, ...]:
-    """Findings against the model: samples left out that it does not predict, and colour in the innovations.
+def _against(samples: Samples, found: Predictor, held_out: NDArray[np.float64], other: float) -> tuple[Finding, ...]:
+    """Findings against the model: samples left out that it does not predict, colour, and what repeats otherwise.
 
-    Those on another `period` warn alone where the innovations are white: lines of a narrow band pass for one.
+    Lines of a narrow band alone pass for a period of the response, and are none where the model takes account of them.
     """
     against = []
     if np.isinf(held_out).any():
@@ -353,7 +355,7 @@ def _against(
     share, chance = colour(samples, found)
     if chance < SURE:
         told = failure if share > PREDICTABLE else warning
-        against += [told("ambient_colour", share=share), *period]
-    else:
-        against += [replace(own, severity=Severity.WARNING) for own in period]
+        against.append(told("ambient_colour", share=share))
+    if other and left_over(samples, found.innovations, other):
+        against.append(failure("ambient_period", own=2.0 * np.pi / other, given=2.0 * np.pi / samples.fundamental))
     return tuple(against)
