@@ -90,8 +90,8 @@ def nothing_is_identified_twice(monkeypatch):
         return found
 
     for module, names in (
-        (_identify, ["identify_records", "identify_driven", "identify_ambient"]),
-        (_transfer, ["fit_transfer"]),
+        (_identify, ["identify_records"]),
+        (_transfer, ["identify_records", "fit_transfer"]),
     ):
         for name in names:
             monkeypatch.setattr(module, name, remembered(name, getattr(module, name)))

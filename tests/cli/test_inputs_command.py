@@ -53,7 +53,7 @@ def test_a_result_is_printed_and_written(file, tmp_path, capsys, monkeypatch):
     assert run(again) == 0
     assert json.loads(capsys.readouterr().out)["modes"] == found["modes"]
     kept = load(out / "result.h5")
-    monkeypatch.setattr("floquid.cli._identify.identify_driven", lambda *_, **__: kept)
+    monkeypatch.setattr("floquid.cli._identify.identify_records", lambda *_, **__: kept)
     assert run([*again, "--enforce"]) == 0
     monkeypatch.setattr(type(kept), "passed", False)
     assert run(again) == 0

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -26,10 +25,9 @@ from floquid.cli._options import (
 )
 from floquid.cli._records import check_files, read_records
 from floquid.cli._terminal import json_text, print_analysis, print_folder, progress, terminal
-from floquid.core import Record
 from floquid.errors import IdentificationError
 from floquid.exports import summary
-from floquid.pipeline import Analysis, ExcitedAnalysis, Settings, identify_ambient, identify_driven
+from floquid.pipeline import Analysis, ExcitedAnalysis
 from floquid.pipeline import identify as identify_records
 from floquid.reporting import report as write_report
 from floquid.store import load
@@ -79,7 +77,7 @@ def identify(
     stages = STAGES + (5 if out else 0) + (3 if choices.settings.structure else 0)
     with maybe_folder(out, NAMES) as folder, progress(stages) as report:
         records, choices = read_records(files, choices, OF, report)
-        analysis = identified(records, choices.resolved(), report)
+        analysis: Analysis | ExcitedAnalysis = identify_records(records, choices.resolved(), report=report)
         if folder is not None:
             write_result(folder, analysis, choices.text(), report)
     if format == "json":
@@ -96,17 +94,6 @@ def identify(
         passed, reasons = (True, ()) if found is None else (found.passed, found.reasons or found.unmet)
     if enforce and not passed:
         raise CriteriaNotMetError("\n  ".join(["The model does not pass its checks.", *reasons]))
-
-
-def identified(
-    records: Sequence[Record], settings: Settings, report: Callable[[str], None]
-) -> Analysis | ExcitedAnalysis:
-    """The result of the chain that the settings ask for."""
-    if settings.excitation == "ambient":
-        return identify_ambient(records, settings, report=report)
-    if settings.inputs or settings.excitation != "none":
-        return identify_driven(records, settings, report=report)
-    return identify_records(records, settings, report=report)
 
 
 def report(result: Saved, *, out: OutputFolder = None, title: str | None = None) -> None:

@@ -15,7 +15,6 @@ from rich.console import Console
 from rich.table import Table
 
 from floquid._checks import input_error
-from floquid.cli._identify import identified
 from floquid.cli._options import (
     Choices,
     Format,
@@ -39,6 +38,7 @@ from floquid.exports import export_transfer, fit_entries, import_transfer, measu
 from floquid.findings import Finding, Severity, texts
 from floquid.inputs import TransferFunctions
 from floquid.pipeline import ExcitedAnalysis, measure_transfer
+from floquid.pipeline import identify as identify_records
 from floquid.readers import write
 from floquid.reporting import ENDINGS
 from floquid.reporting import report as write_report
@@ -128,7 +128,7 @@ def transfer(
             result = fit_transfer(_measured_in(lines), period=chosen.period, hold=chosen.hold, report=report)
             found, findings, more = result.transfer(hertz, turns), result.findings, fit_entries(result)
         elif method == "model":
-            result = identified(records, chosen, report)
+            result: Any = identify_records(records, chosen, report=report)
             assert isinstance(result, ExcitedAnalysis)
             found, findings, more = result.transfer(hertz, turns), result.findings, {}
         else:

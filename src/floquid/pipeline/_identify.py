@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Literal, overload
 
 from floquid.core import PeriodicModel, Record
 from floquid.errors import IdentificationError
@@ -19,16 +20,43 @@ from floquid.pipeline._settings import Settings
 from floquid.pipeline._start import Lifting, Start, cut, start_of
 from floquid.pipeline._validated import validated
 from floquid.pipeline.preparation import Prepared, blas_threads, own_names, prepare, settings_of
+from floquid.pipeline.with_inputs import AmbientAnalysis, DrivenAnalysis, identify_ambient, identify_driven
 
 
+@overload
+def identify(
+    records: Record | Sequence[Record],
+    settings: Settings | None = None,
+    *,
+    excitation: Literal["ambient"],
+    report: Callable[[str], None] = ...,
+    **options: object,
+) -> AmbientAnalysis: ...
+@overload
+def identify(
+    records: Record | Sequence[Record],
+    settings: Settings | None = None,
+    *,
+    inputs: Sequence[str],
+    report: Callable[[str], None] = ...,
+    **options: object,
+) -> DrivenAnalysis: ...
+@overload
+def identify(
+    records: Record | Sequence[Record],
+    settings: Settings | None = None,
+    *,
+    report: Callable[[str], None] = ...,
+    **options: object,
+) -> Analysis: ...
 def identify(
     records: Record | Sequence[Record],
     settings: Settings | None = None,
     *,
     report: Callable[[str], None] = lambda _: None,
     **options: object,
-) -> Analysis:
-    """Identify a linear time-periodic system from its free response.
+) -> Analysis | DrivenAnalysis | AmbientAnalysis:
+    """Identify a linear time-periodic system from its free response, or from the excitation that the options name.
 
     Cut into periods, lift (eqs. 7-10), find the poles by maximum likelihood with the order tested, take off the delay,
     expand in harmonics (eqs. 4-12), and, when `states` are named, rebuild A(t) (eqs. 13-21 of Allen 2009, as
@@ -48,9 +76,14 @@ def identify(
     report
         Is told what is being done, a phrase a stage.
     **options
-        Fields of `Settings`.
+        Fields of `Settings`. With `inputs` this is `identify_driven`, with `excitation="ambient"` `identify_ambient`:
+        other chains, with results of their own, also where `settings` has them.
     """
     chosen = settings_of(settings, options, "identify")
+    if chosen.excitation == "ambient":
+        return identify_ambient(records, chosen, report=report)
+    if chosen.inputs:
+        return identify_driven(records, chosen, report=report)
     prepared = prepare(records, chosen, report=report)
     faults = prepared.faults
     with own_names("identify"), blas_threads(prepared.records):

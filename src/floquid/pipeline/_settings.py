@@ -63,7 +63,7 @@ class Settings(Brief):
         Names of the channels that drive the system: their way to each mode is identified, too.
     hold
         Inputs between their samples: zero where they are held, first where they are linear, none where they act at the
-        samples alone.
+        samples alone (no record tells that from zero: b and G differ by what a sample stands for).
     excitation
         Excitation that goes on and that nobody measured: none, or ambient, which is random.
     order

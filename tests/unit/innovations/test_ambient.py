@@ -52,6 +52,15 @@ def test_exponents_of_outputs_alone_are_within_their_deviations(analysis):
     assert np.array_equal(analysis.model.coefficient_std[0].max(axis=-1) > 0.0, [[True]])
 
 
+def test_identify_hands_over(values, analysis):
+    for found in (
+        identify(record_from(values), excitation="ambient"),
+        identify(record_from(values), Settings(excitation="ambient")),
+    ):
+        assert np.array_equal(found.model.exponents, analysis.model.exponents)
+        assert found.lengths == pytest.approx(analysis.lengths)
+
+
 def test_its_damping_tells_how_long_a_record_would_do(analysis):
     relative = analysis.model.exponent_std.real / np.abs(analysis.model.exponents.real)
     duration = analysis.records[0].n_samples / analysis.records[0].sample_rate
@@ -197,8 +206,6 @@ def test_what_cannot_be_is_refused(values):
         identify_ambient(record_from(values), order=2)
     with pytest.raises(InputError, match="be 'zero' or 'none'"):
         identify_ambient(record_from(np.concatenate([values] * 2), names=("x", "f")), inputs=["f"], hold="first")
-    with pytest.raises(InputError, match="identify_ambient"):
-        identify(record_from(values), excitation="ambient")
     with pytest.raises(IdentificationError, match="periods, fewer than"):
         identify_ambient(record_from(values[:, : 5 * PHASES]))
 
