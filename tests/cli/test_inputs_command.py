@@ -13,7 +13,7 @@ from floquid.cli import run
 from floquid.cli._options import FREE
 from floquid.cli._terminal import print_analysis
 from floquid.pipeline import Settings
-from floquid.pipeline.with_inputs._prepare import TAKEN
+from floquid.pipeline.excited._prepare import TAKEN
 from floquid.readers import write
 
 PERIOD = f"{np.pi:.15g}"

@@ -1,7 +1,4 @@
-"""Options: kinds of words stricter than the parser's own, those that are fields of `Settings`, and `settings.toml`.
-
-The names, words and kinds of the settings are written in `Settings`.
-"""
+"""Options: the fields of `Settings`, whose names and help are written there, stricter words, and `settings.toml`."""
 
 from __future__ import annotations
 

@@ -20,9 +20,7 @@ from floquid.pipeline._settings import Settings
 from floquid.pipeline._start import lifted
 from floquid.pipeline._validated import validated
 from floquid.pipeline.draws import Bootstrap, Draw, DrawFile, Spread, bootstrap
-from floquid.pipeline.preparation import Prepared, prepare
-from floquid.pipeline.preparation import blas_threads as blas_threads
-from floquid.pipeline.with_inputs import (
+from floquid.pipeline.excited import (
     HELD_OUT,
     AmbientAnalysis,
     DrivenAnalysis,
@@ -31,9 +29,11 @@ from floquid.pipeline.with_inputs import (
     identify_driven,
     measure_transfer,
 )
-from floquid.pipeline.with_inputs import ambient_fit as ambient_fit
-from floquid.pipeline.with_inputs import driven_fit as driven_fit
-from floquid.pipeline.with_inputs import predicted_rest as predicted_rest
+from floquid.pipeline.excited import ambient_fit as ambient_fit
+from floquid.pipeline.excited import driven_fit as driven_fit
+from floquid.pipeline.excited import predicted_rest as predicted_rest
+from floquid.pipeline.preparation import Prepared, prepare
+from floquid.pipeline.preparation import blas_threads as blas_threads
 
 __all__ = [
     "CONFIDENT", "HELD_OUT", "AmbientAnalysis", "Analysis", "Bootstrap", "Draw", "DrawFile", "DrivenAnalysis",

@@ -17,9 +17,9 @@ from floquid.lti import fit_residues
 from floquid.order import Choice
 from floquid.periodic import Fit, combinations_of, estimate_at, periodicity
 from floquid.pipeline._analysis import Analysis, clocks_of
-from floquid.pipeline._colour import ALL_PEAKED
 from floquid.pipeline._deviations import model_failure, poles_alone, widened, widening, with_misfit
 from floquid.pipeline._doubts import STILL, ambiguity, doubts_of, misfit, vague_angle
+from floquid.pipeline._noise_colour import ALL_PEAKED
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._start import BRIDGED, Lifting, Start, filled, out_of_step, steady_clock
 from floquid.pipeline._state import Again, state_of

@@ -19,8 +19,8 @@ from floquid.pipeline._doubts import order_too_low, wrong_period_fitted, wrong_p
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._start import Lifting, Start, cut, start_of
 from floquid.pipeline._validated import validated
+from floquid.pipeline.excited import AmbientAnalysis, DrivenAnalysis, identify_ambient, identify_driven
 from floquid.pipeline.preparation import Prepared, blas_threads, own_names, prepare, settings_of
-from floquid.pipeline.with_inputs import AmbientAnalysis, DrivenAnalysis, identify_ambient, identify_driven
 
 
 @overload

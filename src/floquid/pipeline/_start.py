@@ -16,9 +16,9 @@ from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import ModalModel
 from floquid.order import Choice
 from floquid.periodic import Known, without_known
-from floquid.pipeline._colour import first_filter
 from floquid.pipeline._doubts import quiet
 from floquid.pipeline._find_poles import UnsettledError, find_poles
+from floquid.pipeline._noise_colour import first_filter
 from floquid.pipeline._settings import Settings
 from floquid.pipeline.preparation import Prepared, blas_threads, prepare, refuse_few, settings_of
 from floquid.sync import ShaftAngle, resample, segment

@@ -24,9 +24,9 @@ from floquid.findings import Severity
 from floquid.innovations import Fit, first_innovations, model_of, period_step, predicted, repetition
 from floquid.inputs import samples_of
 from floquid.pipeline import Settings
-from floquid.pipeline.with_inputs._ambient import _not_apart, _told
-from floquid.pipeline.with_inputs._prepare import parted
-from floquid.pipeline.with_inputs._verdict import of_outliers
+from floquid.pipeline.excited._ambient import _not_apart, _told
+from floquid.pipeline.excited._prepare import parted
+from floquid.pipeline.excited._verdict import of_outliers
 
 SYSTEM, PHASES = mathieu(), 16
 
@@ -385,7 +385,7 @@ def test_a_spike_is_told_and_fails_where_it_is_most_of_what_is_left(analysis, si
 
 
 def test_a_prediction_that_grows_fails(values, monkeypatch):
-    monkeypatch.setattr("floquid.pipeline.with_inputs._ambient._held_out", lambda *_: np.array([np.inf]))
+    monkeypatch.setattr("floquid.pipeline.excited._ambient._held_out", lambda *_: np.array([np.inf]))
     found = identify_ambient(record_from(values))
     assert found.failed
     assert "does not pass" in repr(found)

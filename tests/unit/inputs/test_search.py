@@ -10,8 +10,8 @@ from tests.driven import flapping, mathieu, pulls, record_of, two_masses
 
 from floquid import Channel, IdentificationError, InputError, PeriodicModel, Record, identify_driven
 from floquid.inputs import noise_explains
-from floquid.pipeline.with_inputs._analysis import HELD_OUT
-from floquid.pipeline.with_inputs._verdict import undetermined
+from floquid.pipeline.excited._analysis import HELD_OUT
+from floquid.pipeline.excited._verdict import undetermined
 
 NAMES = {"unit": "m"}, {"unit": "N"}
 
@@ -180,7 +180,7 @@ def test_a_copy_of_a_mode_that_makes_up_for_harmonics_not_looked_for_does_not_pa
 
 
 def test_limits_at_which_a_search_ends_are_told(monkeypatch):
-    monkeypatch.setattr("floquid.pipeline.with_inputs._identify.HIGHEST", 2)
+    monkeypatch.setattr("floquid.pipeline.excited._identify.HIGHEST", 2)
     found = identified(mathieu(), 60, 20, 0.01, seed=3)
     assert found.model.order == 2
     assert any("as many harmonics as are looked for (2)" in text for text in found.warnings)
@@ -195,7 +195,7 @@ def test_noise_alone_has_no_mode():
 
 
 def test_states_that_are_no_motions_are_refused_before_the_search(monkeypatch):
-    monkeypatch.setattr("floquid.pipeline.with_inputs._identify.searched", lambda *_, **__: pytest.fail("searched"))
+    monkeypatch.setattr("floquid.pipeline.excited._identify.searched", lambda *_, **__: pytest.fail("searched"))
     values, inputs = record_of(mathieu(), 20, 20, 0.02, 0)
     given = record(mathieu(), values, inputs, 20)
     strains = replace(given, channels=[Channel(name="y0", quantity="strain"), given.channels[1]])

@@ -17,7 +17,7 @@ from floquid.periodic import Known, assemble, synchrony
 from floquid.periodic.significance._period_mismatch import drift
 from floquid.pipeline import Settings, _find_poles, _start
 from floquid.pipeline import lifted as lifted_of
-from floquid.pipeline._colour import first_filter
+from floquid.pipeline._noise_colour import first_filter
 from floquid.store import load, save
 from floquid.sync import segment
 from floquid.testing import pair_exponents

@@ -10,10 +10,10 @@ from tests.driven import ambient_of, imbalance_of, mathieu, pulls, record_of
 from floquid import Channel, ConstantPeriod, Record, Settings, TachometerSignal, identify_ambient, identify_driven
 from floquid.errors import IdentificationError, InputError
 from floquid.findings import Severity, texts, warning
-from floquid.pipeline.with_inputs import _analysis
-from floquid.pipeline.with_inputs._analysis import _lines_found
-from floquid.pipeline.with_inputs._lines import BESIDE, MOST_PERIODS, _above_beside
-from floquid.pipeline.with_inputs._prepare import parted
+from floquid.pipeline.excited import _analysis
+from floquid.pipeline.excited._analysis import _lines_found
+from floquid.pipeline.excited._lines import BESIDE, MOST_PERIODS, _above_beside
+from floquid.pipeline.excited._prepare import parted
 from floquid.views import for_command
 
 SYSTEM, PHASES = mathieu(), 20

@@ -1,4 +1,7 @@
-"""MATLAB files: which version one is of, and records as files of version 7."""
+"""MATLAB files: which version one is of, and records as files of version 7.
+
+Which variable is a channel, a time or a unit is told by their names, of any format: `_by_name`.
+"""
 
 from __future__ import annotations
 

@@ -33,12 +33,11 @@ from floquid.innovations import (
 )
 from floquid.inputs import Limits, Samples
 from floquid.pipeline._settings import Settings
-from floquid.pipeline.preparation import blas_threads, clocked, own_names, settings_of
-from floquid.pipeline.with_inputs._again import first_part, with_acting
-from floquid.pipeline.with_inputs._analysis import HELD_OUT, AmbientAnalysis, finished
-from floquid.pipeline.with_inputs._identify import HIGHEST
-from floquid.pipeline.with_inputs._prepare import COPY, Parted, parted, refuse_others
-from floquid.pipeline.with_inputs._verdict import (
+from floquid.pipeline.excited._again import first_part, with_acting
+from floquid.pipeline.excited._analysis import HELD_OUT, AmbientAnalysis, finished
+from floquid.pipeline.excited._identify import HIGHEST
+from floquid.pipeline.excited._prepare import COPY, Parted, parted, refuse_others
+from floquid.pipeline.excited._verdict import (
     SIGNIFICANT,
     done_beside,
     needed,
@@ -47,6 +46,7 @@ from floquid.pipeline.with_inputs._verdict import (
     of_phases,
     undriven,
 )
+from floquid.pipeline.preparation import blas_threads, clocked, own_names, settings_of
 
 OF = "identify_ambient"
 

@@ -15,9 +15,9 @@ from floquid.findings import Finding, Severity, note, warning
 from floquid.inputs import Hold, Samples, samples_of
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import check_states
+from floquid.pipeline.excited._lines import Lines
+from floquid.pipeline.excited._state_matrix import refuse_delayed
 from floquid.pipeline.preparation import NO_RESPONSE, faults_of, refuse_period, refuse_unlike
-from floquid.pipeline.with_inputs._lines import Lines
-from floquid.pipeline.with_inputs._state_matrix import refuse_delayed
 from floquid.sync import ShaftAngle, shaft_angle
 
 OF = "identify_driven"

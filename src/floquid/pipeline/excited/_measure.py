@@ -13,8 +13,8 @@ from floquid._checks import frozen_array, input_error
 from floquid.core import Record, channels_named
 from floquid.errors import IdentificationError
 from floquid.pipeline._settings import Settings
+from floquid.pipeline.excited._prepare import parted, refuse_others
 from floquid.pipeline.preparation import blas_threads, clocked, own_names, settings_of
-from floquid.pipeline.with_inputs._prepare import parted, refuse_others
 from floquid.transfer import CURVATURE, MeasuredTransfer, by_chirps, by_polynomials, by_repeats, repeat_of
 
 OF = "measure_transfer"

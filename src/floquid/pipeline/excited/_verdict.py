@@ -25,8 +25,8 @@ from floquid.inputs import (
     phase_step,
     solve,
 )
-from floquid.pipeline.with_inputs._analysis import HELD_OUT
-from floquid.pipeline.with_inputs._prepare import Parted
+from floquid.pipeline.excited._analysis import HELD_OUT
+from floquid.pipeline.excited._prepare import Parted
 
 SIGNIFICANT = 5.0
 """Deviations from which on the period is another one than that given."""

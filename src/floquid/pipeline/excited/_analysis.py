@@ -20,8 +20,8 @@ from floquid.inputs import TransferFunctions, Uncertainty
 from floquid.inputs import transfer_of as transfer_with_inputs
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import states_of
-from floquid.pipeline.with_inputs._lines import MOST_PERIODS
-from floquid.pipeline.with_inputs._state_matrix import refuse_delayed, state_matrix_of
+from floquid.pipeline.excited._lines import MOST_PERIODS
+from floquid.pipeline.excited._state_matrix import refuse_delayed, state_matrix_of
 from floquid.reconstruction import Names, StateModel, reconstruct
 
 HELD_OUT = 1.4

@@ -14,9 +14,9 @@ from floquid.innovations import Fit, Mode, predicted, reweighed, solve
 from floquid.inputs import InputMode, Samples, Uncertainty, linearise
 from floquid.inputs import solve as solve_driven
 from floquid.pipeline._settings import Settings
+from floquid.pipeline.excited._analysis import ExcitedAnalysis
+from floquid.pipeline.excited._prepare import Parted, parted
 from floquid.pipeline.preparation import blas_threads
-from floquid.pipeline.with_inputs._analysis import ExcitedAnalysis
-from floquid.pipeline.with_inputs._prepare import Parted, parted
 
 KEPT = 0.75
 """The share of each record that a model is fitted to for the check on the rest."""

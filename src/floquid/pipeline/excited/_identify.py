@@ -25,11 +25,11 @@ from floquid.inputs import (
     state_slopes,
 )
 from floquid.pipeline._settings import Settings
+from floquid.pipeline.excited._again import KEPT
+from floquid.pipeline.excited._analysis import DrivenAnalysis, finished
+from floquid.pipeline.excited._prepare import OF, Parted, parted, refuse_others
+from floquid.pipeline.excited._verdict import at_limit, verdict
 from floquid.pipeline.preparation import blas_threads, clocked, own_names, refuse_driven, settings_of
-from floquid.pipeline.with_inputs._again import KEPT
-from floquid.pipeline.with_inputs._analysis import DrivenAnalysis, finished
-from floquid.pipeline.with_inputs._prepare import OF, Parted, parted, refuse_others
-from floquid.pipeline.with_inputs._verdict import at_limit, verdict
 
 HIGHEST = 24
 """Harmonics of inputs and outputs at most."""
