@@ -31,6 +31,10 @@ AMBIENT: dict[str, str | Callable[..., str]] = {
         f"Too fast to be told from the excitation's own: {_at(frequencies)}. What is gone within a period may be "
         "the system's, or coloured excitation that reaches it; of outputs alone both look the same."
     ),
+    "ambient_real": lambda frequencies: (
+        f"Decays without turning, for longer than a period: {_at(frequencies)}. It may be the system's, a slow part of "
+        "the excitation, or a mode too many that takes up what the others leave; of outputs alone all look the same."
+    ),
     "ambient_length": "Random excitation tells little of damping: that at {frequency:.4g} Hz is known to {share:.0%}, "
     "and to 10 % it needs {seconds:.3g} s, {periods:.3g} periods.",
     "ambient_undetermined": lambda frequencies: (

@@ -180,6 +180,21 @@ def test_a_mode_of_one_harmonic_is_named_but_for_a_negative_multiplier(analysis,
     assert ("ambient_single" in [own.code for own in found]) == (axis == 0.0)
 
 
+@pytest.mark.parametrize(("axis", "decay", "told"), [(0.0, 0.3, True), (0.5, 0.3, False), (0.0, 2.0, False)])
+def test_a_real_mode_that_lasts_may_be_slow_excitation(analysis, axis, decay, told, monkeypatch):
+    """Two of 87 models of a turbine that passed had one too many, and nothing said so."""
+    fit, own = analysis.fit, analysis.fit.at.modes[0]
+    turns = np.array([axis, axis + 1.0])
+    one = replace(own, turns=turns, shape=own.shape[:, :2], reach=turns, gains=0.1 * own.gains[:, :2])
+    one = replace(one, exponent=complex(-decay / analysis.model.period), real=True)
+    at = predicted(fit.samples, [replace(own, gains=0.5 * own.gains), one], fit.at.columns, np.zeros((1, 3)))
+    monkeypatch.setattr(Fit, "varying", lambda *_: (1e3, 4))
+    both = Fit(fit.samples, at, fit.acting)
+    model = model_of(both, analysis.model.channels, (), analysis.model.provenance)
+    found = _told(both, model, np.full(3, 0.05), 1.0, np.zeros(2))
+    assert ("ambient_real" in [own.code for own in found]) == told
+
+
 def test_a_line_at_the_speed_is_taken_off(values):
     angle = 2.0 * np.pi * np.arange(values.shape[1]) / PHASES
     found = identify_ambient(record_from(values + 3.0 * np.cos(angle + 0.3)), validate=False)

@@ -277,6 +277,9 @@ def _told(
     fast = (decays * model.period > GONE) & ~single & (undecided == 0.0) & ~own
     if fast.any():
         found.append(warning("ambient_fast", frequencies=hertz[fast].tolist()))
+    real = np.array([mode.real for mode in fit.at.modes]) & (decays * model.period <= GONE) & ~(single | still | own)
+    if real.any():
+        found.append(warning("ambient_real", frequencies=hertz[real].tolist()))
     if (shares[~still] > AIM).any():
         worst = int(np.argmax(np.where(still, 0.0, shares)))
         told, periods = warning if shares[worst] > VAGUE else note, duration / model.period * (shares / AIM) ** 2
