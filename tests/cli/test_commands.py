@@ -19,7 +19,7 @@ from tests.cli.conftest import EARLIER, ROTOR, ROTOR_PERIOD, after_stages, conte
 import floquid
 from floquid.cli import _terminal, run
 from floquid.cli._app import app
-from floquid.cli._options import FreeOptions, ModelOptions, RecordOptions
+from floquid.cli._options import Choices, FreeOptions, ModelOptions, RecordOptions, choices_of
 from floquid.plot import FIGURES
 from floquid.systems import JeffcottRotor
 from floquid.views import MODE_NOTES
@@ -198,6 +198,12 @@ def test_a_new_result_takes_the_place_of_the_old_one_and_of_its_figures(here, qu
         assert now.pop(name) == EARLIER[name]
     assert not [name for name in now if now[name] == EARLIER.get(name)]
     assert floquid.load("out/result.h5").model.order == 4
+
+
+def test_settings_are_read_back_as_they_were_written(tmp_path):
+    written = Choices().with_given(period=2.0, rate=100.0, origin=0.25, identifier="ami", order=4, states=("X", "Y"))
+    (tmp_path / "settings.toml").write_text(written.text(), encoding="utf-8")
+    assert choices_of(tmp_path / "settings.toml") == written
 
 
 @pytest.mark.slow
