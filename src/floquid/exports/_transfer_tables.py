@@ -7,6 +7,7 @@ from os import PathLike
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from floquid._checks import describe, input_error
 from floquid._json import for_json
@@ -81,7 +82,7 @@ def _touchstone(found: TransferFunctions, ports: int, of: str) -> str:
     there = np.isfinite(found.values[0]).all(axis=(0, 1)) & (found.frequencies_hz >= 0.0)
     order = np.flatnonzero(there)[np.argsort(found.frequencies_hz[there], kind="stable")]
     if not len(order):
-        got, remedy = "have none", "Write .csv or .mat, which leave empty what is missing."
+        got, remedy = "have none", "Write .csv or .mat, which have NaN where one is missing."
         raise input_error("found", of, "have a frequency at which all paths were found", got, remedy)
     kinds = [{channel.unit for channel in channels} for channels in (found.inputs, found.outputs)]
     kind = "Y" if kinds == [{"V"}, {"A"}] else "Z"
@@ -114,16 +115,19 @@ def transfer_rows(found: TransferFunctions) -> str:
         for row, output in enumerate(found.outputs):
             for column, source in enumerate(found.inputs):
                 name, unit = f"G({harmonic:+d}) {source.name} to {output.name}", found.unit(row, column)
-                value = found.values[place, row, column]
                 heads += [f"{name} real [{unit}]", f"{name} imag [{unit}]"]
-                columns += [value.real, value.imag]
+                columns += _parts(found.values[place, row, column])
                 if found.std is not None:
-                    std = found.std[place, row, column]
                     heads += [f"{name} real std [{unit}]", f"{name} imag std [{unit}]"]
-                    columns += [std.real, std.imag]
+                    columns += _parts(found.std[place, row, column])
     lines = [",".join(f'"{head}"' for head in heads)]
     lines += [",".join(f"{value:.9g}" for value in row) for row in np.transpose(columns)]
     return "\n".join(lines) + "\n"
+
+
+def _parts(values: NDArray[np.complex128]) -> list[NDArray[np.float64]]:
+    """Real and imaginary part, both NaN of what is missing: its imaginary part may be 0."""
+    return [np.where(np.isfinite(values), part, np.nan) for part in (values.real, values.imag)]
 
 
 def transfer_entries(found: TransferFunctions) -> dict[str, Any]:

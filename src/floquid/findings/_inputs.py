@@ -145,6 +145,9 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "all of them free. Between the samples the model says nothing.",
     "unreached": "The mode at {frequency:.4g} Hz is reached by no input as far as the record shows: it is seen by what "
     "it rings with from the begin alone.",
+    "unreached_line": "What is at {frequency:.4g} Hz is reached by no input and does not decay within the record: a "
+    "line that something else drives, as the mains or another machine, no mode. Take it off before, or measure what "
+    "drives it.",
     "inputs_late": "Nothing drives in the first {seconds:.4g} s of record {record}, yet the response goes on and does "
     "not ring down: were the inputs measured from later on alone? Cut the record there, or leave it out.",
     "inputs_poor": lambda channels: (

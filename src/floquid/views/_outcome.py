@@ -137,7 +137,7 @@ def _reach(analysis: ExcitedAnalysis, own: ModelInputs) -> str:
     """The input and the harmonic that do most to each mode, by the rms of the input."""
     model = analysis.model
     size = analysis.fit.samples.input_size
-    none = [finding.numbers["frequency"] for finding in analysis.findings if finding.code == "unreached"]
+    none = [finding.numbers["frequency"] for finding in analysis.findings if finding.code.startswith("unreached")]
     words = []
     for number, mode in enumerate(model.upper_modes, start=1):
         if np.isclose(model.frequencies_hz[mode], none, rtol=1e-9).any():

@@ -8,6 +8,7 @@ from scipy.io import loadmat
 
 from floquid import Channel, InputError
 from floquid.exports import export_transfer, import_transfer
+from floquid.exports._transfer_tables import transfer_rows
 from floquid.inputs import TransferFunctions
 
 PORTS = {1: "s1p", 2: "s2p", 3: "s3p", 5: "s5p"}
@@ -123,3 +124,12 @@ def test_a_table_of_something_else_is_refused(tmp_path):
     ):
         with pytest.raises(InputError, match=words):
             import_transfer(tmp_path / name)
+
+
+def test_what_is_missing_is_no_number_at_all():
+    """The imaginary part of what was not measured was 0, and so was its deviation."""
+    values = np.full((1, 1, 1, 2), np.nan, complex)
+    values.imag, std = 0.0, values.copy()
+    values[..., 0], std[..., 0] = 1.0 + 2.0j, 0.1 + 0.1j
+    found = replace(functions(1, 1), frequencies_hz=[1.0, 2.0], values=values, std=std)
+    assert transfer_rows(found).splitlines()[1:] == ["1,1,2,0.1,0.1", "2,nan,nan,nan,nan"]

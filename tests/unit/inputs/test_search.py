@@ -130,6 +130,19 @@ def test_an_orbit_beside_the_inputs_is_no_mode():
     assert "steady_beside_inputs" in [own.code for own in found.findings]
 
 
+def test_a_line_of_the_mains_fails():
+    """It came out as a mode that hardly decays, and passed."""
+    system = mathieu()
+    values, inputs = record_of(system, 60, 20, 0.01, 4)
+    times = np.arange(values.shape[1]) * system.period / 20
+    line = 0.5 * values.std() * np.cos(0.35 * times + 1.0)
+    found = identify_driven(record(system, values + line, inputs, 20), period=system.period, inputs=["F0"])
+    assert [own.numbers["frequency"] for own in found.findings if own.code == "unreached_line"] == [
+        pytest.approx(0.35 / (2.0 * np.pi), rel=1e-3)
+    ]
+    assert not found.passed
+
+
 def test_a_mode_that_no_input_reaches_is_named():
     system = mathieu()
     values, inputs = record_of(system, 60, 20, 0.01, 4)

@@ -283,7 +283,7 @@ def _lines_found(analysis: ExcitedAnalysis, periods_of_turn: float) -> tuple[Fin
     still &= np.abs(model.exponents.real) * max(record.duration for record in analysis.records) < 1.0
     sharp = std.imag < SHARP * model.fundamental
     # The frequency of a real multiplier is none measured; no input reaches what drives the system itself.
-    unreached = [own.numbers["frequency"] for own in analysis.findings if own.code == "unreached"]
+    unreached = [own.numbers["frequency"] for own in analysis.findings if own.code.startswith("unreached")]
     apart = np.isclose(np.abs(model.exponents)[:, None], 2.0 * np.pi * np.array(unreached), rtol=1e-9).any(axis=1)
     known = (std.imag < SURE * model.fundamental) & (~model.real | apart)
     turns, found = model.exponents.imag / model.fundamental, []

@@ -140,10 +140,10 @@ def needed(model: PeriodicModel, limits: Limits, seen: Sequence[tuple[float, int
 
 
 def _unreached(fit: Uncertainty) -> tuple[Finding, ...]:
-    """Findings on modes that ring from the begin alone: no input reaches them as far as the record shows."""
+    """Findings on modes that no input reaches as far as the record shows: what does not decay there is a line."""
     from scipy.special import chdtri
 
-    found = []
+    found, longest = [], max(own.stop - own.start for own in fit.samples.records) * fit.samples.step
     for number, mode in enumerate(fit.at.modes):
         place, free = fit.places[number]
         size, starts = mode.gains.size, len(mode.initial)
@@ -160,7 +160,9 @@ def _unreached(fit: Uncertainty) -> tuple[Finding, ...]:
         if float(flat @ np.linalg.pinv(spread, hermitian=True) @ flat) < chdtri(len(index), REACHED):
             half = mode.turns[0] % 1.0 if mode.real else 0.0  # of a negative multiplier
             exponent = mode.exponent + 1j * half * fit.samples.fundamental
-            found.append(warning("unreached", frequency=abs(exponent) / (2.0 * np.pi)))
+            line = abs(exponent.real) * longest < 1.0
+            told, code = (failure, "unreached_line") if line else (warning, "unreached")
+            found.append(told(code, frequency=abs(exponent) / (2.0 * np.pi)))
     return tuple(found)
 
 
