@@ -111,12 +111,23 @@ def _instants(delay: int, hold: str, given: str) -> str:
     )
 
 
-def _untold(delay: int, share: float) -> str:
-    when = "later" if delay > 0 else "earlier"
+def _untold(delay: int, hold: str, given: str, share: float) -> str:
+    if delay:
+        when = "later" if delay > 0 else "earlier"
+        return (
+            f"The record does not tell the inputs as they are from the same one sample {when}: exponents and shapes "
+            f"would be the same, but b would differ by {share:.0%}, and the direct term would be another, or none. "
+            "Make sure of the instants of the inputs, or drive harder, or for longer."
+        )
+    between = {
+        "zero": "are held from sample to sample",
+        "first": "run straight from sample to sample",
+        "none": "act at the samples alone",
+    }
     return (
-        f"The record does not tell the inputs as they are from the same one sample {when}: exponents and shapes would "
-        f"be the same, but b would differ by {share:.0%}, and the direct term would be another, or none. Make sure of "
-        "the instants of the inputs, or drive harder, or for longer."
+        f"The record does not tell inputs that {between[given]} from those that {between[hold]}: exponents and shapes "
+        f"would be the same, but b and the direct term would be others, and G by some {share:.0%} at the highest mode. "
+        'A converter holds its inputs (`hold="zero"`), a force that was measured runs on (`hold="first"`).'
     )
 
 

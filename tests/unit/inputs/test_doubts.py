@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import butter, lfilter, sosfiltfilt
 from tests.driven import mathieu, pulls, record_of
 
 from floquid import Record, identify_driven
@@ -55,6 +55,20 @@ def test_outputs_too_noisy_to_show_the_first_samples_of_an_answer_do_not_tell_th
     found = identified(values, inputs, system.period)
     assert codes(found) == {"inputs_untold"}
     assert "b would differ by" in found.warnings[0]
+
+
+@pytest.mark.parametrize("hold", ["zero", "first"])
+def test_a_smooth_force_does_not_tell_what_it_is_between_the_samples(hold):
+    """A direct term takes up half a sample: G was a tenth off, and nothing said so."""
+    system, fine = mathieu(), 16
+    force = np.random.default_rng(1).standard_normal((1, PERIODS * PHASES * fine))
+    force = sosfiltfilt(butter(6, 0.5 / fine, output="sos"), force)
+    values, _ = record_of(system, PERIODS, PHASES * fine, 0.01, 1, force)
+    found = identified(values[:, ::fine], force[:, ::fine], system.period, hold=hold)
+    told = [own.numbers for own in found.findings if own.code == "inputs_untold"]
+    assert [(own["delay"], own["given"]) for own in told] == [(0, hold)]
+    assert told[0]["share"] == pytest.approx(0.107, rel=0.01)  # half a sample at 1.36 rad/s
+    assert any("run straight from sample to sample" in text for text in found.warnings)
 
 
 @pytest.mark.parametrize(("direct", "seed"), [(0.0, 1), (1.0, 1), (0.0, 10)])

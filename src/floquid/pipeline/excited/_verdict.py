@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import PeriodicModel
-from floquid.findings import Finding, failure, note, warning
+from floquid.findings import Finding, Severity, failure, note, warning
 from floquid.innovations import turned_records
 from floquid.inputs import (
     Limits,
@@ -68,6 +68,9 @@ MORE = 2.0
 UNTOLD = 15.0
 """The criterion of a fit of one size over another below which the record does not tell them: Φ(-√15) is 10⁻⁴/2."""
 
+SMOOTH = 0.15
+"""The correlation of an input from sample to sample above which it may run on between them: 0.25 behind a filter."""
+
 HOPELESS = -50.0
 """The gain to first order below which other instants are not fitted."""
 
@@ -89,14 +92,17 @@ def verdict(
     phases = round(2.0 * np.pi / (samples.fundamental * samples.step))
     # Noise and squares leave what the other does, too: squares gain several times what noise does where they are there.
     by_noise, by_powers = _by_noise(scores), _by_powers(scores)
-    poor = undriven(model)
+    poor, instants = undriven(model), _instants(fit, scores)
+    wrong = any(told.severity == Severity.FAILURE for told in instants)
     noisy = MORE * by_noise > by_powers.max(initial=0.0)
     return (
         *done_beside(own),
         *([note("inputs_free", phases=phases)] if most is None else []),
         *(poor or ([needed(model, limits, _seen(scores))] if most is not None else [])),
         *_unreached(fit),
-        *(_instants(fit, scores) or (_driven_by_noise(scores, by_noise) if noisy else _nonlinear(scores, by_powers))),
+        *instants,
+        # Inputs at other instants leave what noise and squares do.
+        *(() if wrong else _driven_by_noise(scores, by_noise) if noisy else _nonlinear(scores, by_powers)),
         *_against(fit.at, held_out),
         *of_outliers(fit.at.left, own),
         *_ended(samples, fit.at, model, limits, most),
@@ -298,12 +304,28 @@ def _instants(fit: Uncertainty, scores: Scores) -> tuple[Finding, ...]:
     delay, hold = max(others, key=lambda key: others[key])
     if others[delay, hold] > max(plain + UNTOLD, now.criterion):
         return (failure("inputs_instants", delay=delay, hold=hold, given=samples.hold),)
-    delays = {own: other for (own, _), other in others.items() if own}
-    delay = max(delays, key=lambda own: delays[own], default=0)
-    if not delay or delays[delay] < max(plain, now.criterion) - UNTOLD:
+    least, smooth = max(plain, now.criterion) - UNTOLD, _smooth(samples)
+    near = [(own, other) for (own, other), criterion in others.items() if criterion >= least and (own or smooth)]
+    if samples.hold != "first":  # inputs that are held and those that act at the samples alone are one fit
+        near = [(own, other) for own, other in near if own or other == "first"]
+    if now.direct and smooth and samples.hold != "none":
+        # A direct term at the harmonics of C(t) makes inputs that are held and those that run straight one model.
+        other = "first" if samples.hold == "zero" else "zero"
+        moved = replace(samples, hold=other)
+        answers = [answering(samples, mode, moved, 0) for mode in now.modes]
+        if solve(moved, answers, now.direct, iterations=STEPS).criterion >= now.criterion - UNTOLD:
+            near.append((0, other))
+    if not near:
         return ()
-    share = max(abs(np.expm1(mode.exponent * delay * samples.step)) for mode in modes)
-    return (warning("inputs_untold", delay=delay, share=share),)
+    shares = {key: max(abs(np.expm1(mode.exponent * (key[0] or 0.5) * samples.step)) for mode in modes) for key in near}
+    delay, hold = max(shares, key=lambda key: shares[key])
+    return (warning("inputs_untold", delay=delay, hold=hold, given=samples.hold, share=shares[delay, hold]),)
+
+
+def _smooth(samples: Samples) -> bool:
+    """Whether an input goes on from sample to sample, as what was measured does: white ones are held."""
+    inputs = samples.inputs - samples.inputs.mean(axis=1, keepdims=True)
+    return bool(np.any(np.sum(inputs[:, 1:] * inputs[:, :-1], axis=1) > SMOOTH * np.sum(inputs**2, axis=1)))
 
 
 def _others(samples: Samples) -> Iterator[tuple[tuple[int, str], Samples]]:
