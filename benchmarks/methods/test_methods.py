@@ -14,8 +14,10 @@ SMALL = {
     "driven": CASES["driven, Mathieu, 60 periods"],
     "ambient": replace(CASES["ambient, Mathieu"], periods=300),
 }
+LONG = {"modes fitted to these lines": CASES["driven, Mathieu"]}
+"""Records of methods that want more: 60 periods have fewer lines than the harmonics of one mode have numbers."""
+
 WITHIN = {
-    "modes fitted to these lines": 16.0,  # 8.0 or 14.1: rounding decides the harmonics that so few lines show
     "Peters and Wang": 20.0,
     "restoring force": 100.0,
     "Hilbert": 1000.0,
@@ -41,7 +43,7 @@ def bound_of(case):
 
 @pytest.mark.parametrize("method", entries.METHODS, ids=lambda method: f"{method.kind}: {method.name}")
 def test_a_method_is_as_far_off_as_it_is_said_to_be(method):
-    case = SMALL[method.kind]
+    case = LONG.get(method.name, SMALL[method.kind])
     found = method.run(case)
     if found.exponents is None:
         assert measure.transfer_error(found, case) < 0.1

@@ -41,7 +41,7 @@ def searched(lines: Lines, limits: Limits, report: Callable[[str], None] = lambd
             break
         trial = _with_real_ones(lines, _grown(lines, trial, limits), limits)
         more = trial.n_parameters - (0 if now is None else now.n_parameters)
-        if chi_square - trial.chi_square < limit_of(max(more, 1), limits.mode_alarm) * _level(lines, trial):
+        if chi_square - trial.chi_square < _by_noise(lines, trial, more, limits.mode_alarm):
             break
         now, chi_square = trial, trial.chi_square
         report(f"searching for modes: {len(now.modal.modes)} found")
@@ -56,8 +56,8 @@ def _without_needless(lines: Lines, now: Fitted, limits: Limits) -> Fitted:
     for number in reversed(range(len(now.modal.modes) if len(now.modal.modes) > 1 else 0)):
         less = _less(now.modal, [number])
         trial = _grown(lines, fitted(lines, less, ROUGH), limits)
-        fewer = max(now.n_parameters - trial.n_parameters, 1)
-        if trial.chi_square - now.chi_square < limit_of(fewer, limits.mode_alarm) * _level(lines, now):
+        fewer = now.n_parameters - trial.n_parameters
+        if trial.chi_square - now.chi_square < _by_noise(lines, now, fewer, limits.mode_alarm):
             return _without_needless(lines, trial, limits)
     return now
 
@@ -75,14 +75,29 @@ def _with_echoes(lines: Lines, now: Fitted) -> Fitted:
         return now
     modes = tuple(replace(mode, initial=np.zeros(len(begins), complex)) for mode in now.modal.modes)
     trial = fitted(lines, replace(now.modal, modes=modes))
-    limit = limit_of(trial.n_parameters - now.n_parameters, LOOSE) * _level(lines, trial)
+    limit = _by_noise(lines, trial, trial.n_parameters - now.n_parameters, LOOSE)
     return trial if now.chi_square - trial.chi_square > limit else now
 
 
 def _level(lines: Lines, fit: Fitted, chi_square: float | None = None) -> float:
     """χ² of a degree of freedom, at least 1: deviations that are too small make no modes of noise."""
     left = fit.chi_square if chi_square is None else chi_square
-    return max(left / max(2 * np.count_nonzero(lines.there) - fit.n_parameters, 1), 1.0)
+    return max(left / max(_degrees(lines, fit), 1), 1.0)
+
+
+def _by_noise(lines: Lines, fit: Fitted, more: int, alarm: float) -> float:
+    """What noise lets χ² fall by for so many numbers more, by Fisher's distribution: its level is an estimate."""
+    from scipy.special import fdtri
+
+    more, degrees = max(more, 1), _degrees(lines, fit)
+    if degrees <= 0:
+        return np.inf
+    return float(more * fdtri(more, degrees, 1.0 - alarm)) * _level(lines, fit)
+
+
+def _degrees(lines: Lines, fit: Fitted) -> int:
+    """Numbers that were measured over those fitted: a fit of as many explains anything."""
+    return 2 * int(np.count_nonzero(lines.there)) - fit.n_parameters
 
 
 def _padded(lines: Lines, modal: Modal, limits: Limits) -> Modal:
@@ -133,7 +148,7 @@ def _with_one_more(lines: Lines, now: Fitted | None) -> Fitted | None:
     for exponent in _candidates(lines, lines.values - modal.values(lines)):
         for main in (0, 1, -1):
             start = eliminated(lines, _joined(modal, [_bare(lines, exponent, main)]))
-            if 2 * np.count_nonzero(lines.there) > start.n_parameters:
+            if _degrees(lines, start) > 0:
                 trials.append(fitted(lines, start.modal, ROUGH))
     trials = [one for one in trials if np.isfinite(one.chi_square)]
     return fitted(lines, min(trials, key=lambda one: one.chi_square).modal) if trials else None
@@ -174,7 +189,11 @@ def _with_real_ones(lines: Lines, now: Fitted, limits: Limits, refused: list[com
             for mains in product(range(min(2, len(reach))), repeat=len(starts)):
                 both = zip(starts, mains, strict=True)
                 bare = [_bare(lines, complex(own), main, (turns, reach)) for own, main in both]
-                trials.append(fitted(lines, _joined(rest, bare), ROUGH))
+                start = eliminated(lines, _joined(rest, bare))
+                if _degrees(lines, start) > 0:
+                    trials.append(fitted(lines, start.modal, ROUGH))
+            if not trials:
+                continue
             best = fitted(lines, min(trials, key=lambda one: one.chi_square).modal)
             best = _grown(lines, best, limits)
             rise = (best.chi_square - now.chi_square) / _level(lines, now)
@@ -236,6 +255,9 @@ def _grown(lines: Lines, now: Fitted, limits: Limits) -> Fitted:
             if wider is None:
                 continue
             start = eliminated(lines, wider)
+            if _degrees(lines, start) <= 0:
+                continue
+            # What is left holds what other bands lack: no measure of noise, and χ² decides.
             limit = limit_of(max(start.n_parameters - now.n_parameters, 1), limits.harmonic_alarm)
             promise = promised(start)
             if now.chi_square - promise < limit * _level(lines, start, promise):
