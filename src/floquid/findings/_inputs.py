@@ -27,6 +27,10 @@ AMBIENT: dict[str, str | Callable[..., str]] = {
         f"Hardly changes within the record: {_at(frequencies)}. Likely a drift, a wandering offset or an amplitude of "
         "the orbit that changes, no mode. Take it off before, record for longer, or leave the channel out."
     ),
+    "ambient_line": lambda frequencies: (
+        f"Neither decays nor grows within the record: {_at(frequencies)}. Likely a line of the mains or of another "
+        "machine, no mode. Take it off before; if it is a mode, its decay needs a longer record."
+    ),
     "ambient_fast": lambda frequencies: (
         f"Too fast to be told from the excitation's own: {_at(frequencies)}. What is gone within a period may be "
         "the system's, or coloured excitation that reaches it; of outputs alone both look the same."

@@ -383,6 +383,18 @@ def test_a_drift_is_no_mode(values):
     assert told[0].numbers["frequencies"] == pytest.approx([hertz.min()])
 
 
+def test_a_line_of_the_mains_is_no_mode(values):
+    """It came out as a mode of one harmonic, likely the excitation's own, and passed."""
+    time = np.arange(values.shape[1]) * SYSTEM.period / PHASES
+    hertz = 2.37 / SYSTEM.period
+    line = values.std() * np.sin(2.0 * np.pi * hertz * time)
+    found = identify_ambient(record_from(values + line), validate=False)
+    (told,) = [own for own in found.findings if own.code == "ambient_line"]
+    assert told.numbers["frequencies"] == pytest.approx([hertz], rel=1e-3)
+    assert not found.passed
+    assert "ambient_single" not in {own.code for own in found.findings}
+
+
 def test_clipped_outputs_fail(values):
     clipped = np.clip(values, -1.2 * values.std(), 1.2 * values.std())
     told = parted([record_from(clipped)], Settings(), "identify_ambient").findings

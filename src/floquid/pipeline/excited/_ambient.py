@@ -271,7 +271,10 @@ def _told(
     for told, which in ((failure, still & low), (warning, still & ~low)):  # a line of the period may be a mode's
         if which.any():
             found.append(told("ambient_slow", frequencies=hertz[which].tolist()))
-    single = ~still & ~np.array(varying) & any(varying) & np.array([mode.axis == 0.0 for mode in fit.at.modes])
+    line = ~(own | still) & (decays * longest < 1.0)
+    if line.any():
+        found.append(failure("ambient_line", frequencies=hertz[line].tolist()))
+    single = ~(still | line) & ~np.array(varying) & any(varying) & np.array([mode.axis == 0.0 for mode in fit.at.modes])
     if single.any():
         found.append(warning("ambient_single", frequencies=hertz[single].tolist()))
     fast = (decays * model.period > GONE) & ~single & (undecided == 0.0) & ~own
