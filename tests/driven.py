@@ -159,6 +159,19 @@ def two_masses():
 
 
 @cache
+def parted():
+    """Two masses whose higher pair split into two real multipliers, one that grows and one that decays fast."""
+    low, high = 2.0 * np.pi * 14.0, 2.0 * np.pi * 31.0
+    still, own = np.diag([low**2, high**2]), 0.8 * np.array([[low**2, 0.5 * low * high], [0.5 * low * high, high**2]])
+
+    def a(t):
+        stiffness, damping = still + own * np.cos(100.0 * np.pi * t), np.diag([0.06 * low, 0.06 * high])
+        return np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness, -damping]])
+
+    return Driven(A=a, B=lambda _: np.eye(4)[:, 2:], C=lambda _: np.eye(4)[:2], period=0.02)
+
+
+@cache
 def paper_rotor():
     """The rotor of Allen's paper, a force on the mass along each axis that stands still."""
     rotor = JeffcottRotor()

@@ -9,6 +9,7 @@ from tests.driven import (
     flapping,
     mathieu,
     paper_rotor,
+    parted,
     pendulum,
     pulls,
     two_masses,
@@ -108,6 +109,19 @@ def test_modes_beside_coloured_excitation_are_right_or_the_model_fails():
             orders.append(found.model.order)
     assert orders.count(6) >= 7
     assert max(orders) <= 7
+    assert np.max(off) < 4.0
+
+
+def test_a_mode_that_grows_is_found_with_its_partner():
+    """Alone it left what looked white in 26 of 50 records, and deviations of its growth were half of what they are."""
+    system, off = parted(), []
+    for seed in range(DRAWS):
+        values = ambient_of(system, 300, 16, 0.02, seed, warm=40)
+        found = identify_ambient(record_from(values, system, 16, ["x", "z"]), validate=False)
+        if found.model.order == 4:
+            off.append(pulls(system, found.model))
+    assert len(off) >= 16
+    assert np.sqrt(np.mean(np.concatenate(off)[:, 0] ** 2)) < 1.2
     assert np.max(off) < 4.0
 
 

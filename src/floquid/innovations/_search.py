@@ -48,6 +48,9 @@ SHRUNK = (1.0, 0.5, 0.2, 0.05)
 REAL = 1e-9
 """The share of ω within which the frequency of a candidate is that of a real multiplier."""
 
+PARTNERS = (0.1, 0.3, 1.0)
+"""Decays over a period, beyond that of a real multiplier that lasts, at which a second one is looked for."""
+
 LOOSE = 1e-2
 """The probability at which noise may pass for a harmonic at the end: one that is missing does more harm."""
 
@@ -124,6 +127,8 @@ def _searched(
         most = max(undecided)
         now, undecided = with_real_ones(samples, fewer, loose, [most if mode.real else 0.0 for mode in fewer.modes])
         fewer = needed(samples, now, loose)
+    now = _with_partners(samples, driven, now, loose)
+    undecided += [0.0] * (len(now.modes) - len(undecided))
     report(f"fitting {len(now.modes)} modes")
     now = rebuilt(samples, now, [mode.padded(1.0, limits.highest) for mode in now.modes]) or now
     return centred(samples, solve(samples, reweighed(samples, now))), undecided
@@ -157,6 +162,28 @@ def _with_one_more(
         if trial is not None and better(trial, now, limits):
             return trial
     return None
+
+
+def _with_partners(samples: Samples, driven: Samples, now: Predictor, limits: Limits) -> Predictor:
+    """With a real multiplier more beside one that lasts alone on its axis, where noise does not explain it.
+
+    Real multipliers come in twos where a pair split. The one that decays faster is weak beside one that grows, and
+    what is left may look white without it; but the deviation of the other is too small then.
+    """
+    omega, period = samples.fundamental, 2.0 * np.pi / samples.fundamental
+    real = [mode for mode in now.modes if mode.real]
+    for half in (0.0, 0.5):
+        near = [mode for mode in real if mode.axis == half]
+        if len(near) != 1 or -near[0].exponent.real * period > GONE:
+            continue
+        own = replace(driven, inputs=np.concatenate([samples.inputs, now.innovations]), values=now.innovations)
+        poles = [complex(near[0].exponent.real - share / period, half * omega) for share in PARTNERS]
+        trials = [fitted_together(own, now.innovations, [_bare(own, pole)], acting=0) for pole in poles]
+        trial = _with(samples, own, now, max(trials, key=lambda one: one[0])[1], limits)
+        trial = None if trial is None else narrowed(samples, climbed(samples, trial), limits)
+        if trial is not None and better(trial, now, limits):
+            now = trial
+    return now
 
 
 def _none(samples: Samples) -> Predictor:

@@ -62,7 +62,8 @@ class Normal(Rebuilt):
     @cached_property
     def scaled(self) -> NDArray[np.float64]:
         """The matrix of parameters over their scale (parameters, parameters)."""
-        return self.matrix / np.outer(self.scale, self.scale)
+        with np.errstate(invalid="ignore"):
+            return self.matrix / np.outer(self.scale, self.scale)
 
     def directions(self, share: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Eigenvalues above a share of the largest and eigenvectors of the scaled matrix."""
@@ -80,6 +81,7 @@ class Normal(Rebuilt):
         return found / np.outer(self.scale, self.scale)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # of a start that all but diverges: no step is found then
 def normal_of(samples: Samples, at: Predictor, *, rough: bool = False) -> Normal:
     """The linearisation of a predictor by all of its parameters, zero ones as well; rough in single precision."""
     found = gradient(samples, at, at.innovations)

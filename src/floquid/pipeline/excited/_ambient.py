@@ -275,14 +275,11 @@ def _told(
     if line.any():
         found.append(failure("ambient_line", frequencies=hertz[line].tolist()))
     single = ~(still | line) & ~np.array(varying) & any(varying) & np.array([mode.axis == 0.0 for mode in fit.at.modes])
-    if single.any():
-        found.append(warning("ambient_single", frequencies=hertz[single].tolist()))
-    fast = (decays * model.period > GONE) & ~single & (undecided == 0.0) & ~own
-    if fast.any():
-        found.append(warning("ambient_fast", frequencies=hertz[fast].tolist()))
-    real = np.array([mode.real for mode in fit.at.modes]) & (decays * model.period <= GONE) & ~(single | still | own)
-    if real.any():
-        found.append(warning("ambient_real", frequencies=hertz[real].tolist()))
+    gone, real = decays * model.period > GONE, np.array([mode.real for mode in fit.at.modes])
+    fast, lasts = gone & ~single & (undecided == 0.0) & ~own, real & ~(gone | single | still | line | own)
+    for code, which in (("ambient_single", single), ("ambient_fast", fast), ("ambient_real", lasts)):
+        if which.any():
+            found.append(warning(code, frequencies=hertz[which].tolist()))
     if (shares[~still] > AIM).any():
         worst = int(np.argmax(np.where(still, 0.0, shares)))
         told, periods = warning if shares[worst] > VAGUE else note, duration / model.period * (shares / AIM) ** 2
