@@ -189,7 +189,12 @@ def test_modes_whose_decay_lines_do_not_tell_end_with_one(tmp_path, capsys):
     command = ["transfer", "--lines", str(tmp_path / "g.csv"), "--method", "fit", "--period", PERIOD]
     for more in ([], ["--format", "json"], ["--out", str(tmp_path / "g.html")]):
         assert run([*command, *more]) == 1
-        assert "The decay is not determined: mode" in capsys.readouterr().err
+        said = capsys.readouterr()
+        assert "The decay is not determined: mode" in said.err
+        if "json" in more:
+            found = json.loads(said.out)
+            assert "The decay is not determined: mode" in found["warnings"][0]
+            assert {"failure"} <= {own["severity"] for own in found["findings"]}
     assert "The modes explain the lines." not in (tmp_path / "g.html").read_text(encoding="utf-8")
 
 

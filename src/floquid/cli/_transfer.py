@@ -15,6 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from floquid._checks import input_error
+from floquid._json import for_json
 from floquid.cli._options import (
     Choices,
     Format,
@@ -35,7 +36,7 @@ from floquid.cli._terminal import json_text, print_title, print_warnings, progre
 from floquid.core import Channel, Record, channels_named
 from floquid.errors import IdentificationError, InputError
 from floquid.exports import export_transfer, fit_entries, import_transfer, measured_entries, transfer_entries
-from floquid.findings import Finding, Severity, texts
+from floquid.findings import Finding, Severity, as_mapping, texts
 from floquid.inputs import TransferFunctions
 from floquid.pipeline import ExcitedAnalysis, measure_transfer
 from floquid.pipeline import identify as identify_records
@@ -153,12 +154,18 @@ def transfer(
         if out is not None:
             _write(found, result, out)
     if format == "json":
-        sys.stdout.write(json_text(transfer_entries(found) | more))
+        sys.stdout.write(json_text(transfer_entries(found) | {"method": method} | more | _told(findings)))
     else:
         _print(found, findings, more, out)
     failed = texts(findings, Severity.FAILURE)
     if failed:
         raise IdentificationError(failed[0])
+
+
+def _told(findings: Sequence[Finding]) -> dict[str, Any]:
+    """Findings for JSON: those that matter in words, and all with their numbers."""
+    warnings = texts(findings, Severity.FAILURE, Severity.WARNING)
+    return for_json({"warnings": list(warnings), "findings": [as_mapping(own) for own in findings]})
 
 
 def _refuse_with_a_model(reference: str, repeat: int | None, curvature: float) -> None:

@@ -153,7 +153,6 @@ def measured_entries(found: MeasuredTransfer) -> dict[str, Any]:
             "noise": found.noise,
             "coherence": found.coherence,
             "nonlinear": found.nonlinear,
-            "warnings": list(found.warnings),
         }
     )
 
