@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.driven import flapping, mathieu, pulls, record_of, two_masses
+from tests.driven import Driven, flapping, mathieu, pulls, record_of, two_masses
 
-from floquid import Channel, IdentificationError, InputError, PeriodicModel, Record, identify_driven
+from floquid import Channel, ConstantPeriod, IdentificationError, InputError, PeriodicModel, Record, identify_driven
 from floquid.inputs import noise_explains
 from floquid.pipeline.excited._analysis import HELD_OUT
 from floquid.pipeline.excited._verdict import undetermined
@@ -117,6 +117,31 @@ def test_several_records_of_one_system():
     assert found.model.order == 2
     assert found.model.inputs.initial.shape == (2, 2)
     assert pulls(system, found.model).max() < 4.0
+
+
+def test_first_states_of_negative_multipliers_are_those_at_the_phase_where_a_record_begins():
+    system = Driven(
+        A=lambda t: np.array([[0.0, 1.0], [-(1.0 - 0.96 * np.cos(2.0 * t)), -0.48]]),
+        B=lambda _: np.array([[0.0], [1.0]]),
+        C=lambda _: np.array([[1.0, 0.0]]),
+        period=np.pi,
+    )
+    values, inputs = record_of(system, 60, 20, 0.0, 0, start=[3.0, -2.0])
+    noisy = values + 0.01 * values.std() * np.random.default_rng(1).standard_normal(values.shape)
+    begin, step = 27, np.pi / 20
+    late = Record(
+        values=np.concatenate([noisy, inputs])[:, begin:],
+        sample_rate=1.0 / step,
+        start=begin * step,
+        channels=record(system, values, inputs, 20).channels,
+        clock=ConstantPeriod(period=np.pi),
+    )
+    model = identify_driven(late, inputs=["F0"]).model
+    assert model.real.all()
+    assert (model.multipliers.real < 0.0).all()
+    assert model.inputs is not None
+    first = model.shapes([begin * step])[:, 0, 0, 0] @ model.inputs.initial[:, 0]
+    assert first == pytest.approx(values[0, begin], abs=0.1 * values.std())
 
 
 def test_an_orbit_beside_the_inputs_is_no_mode():
