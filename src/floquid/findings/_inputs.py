@@ -106,9 +106,9 @@ def _needed(modes: int, frequency: float, rise: float) -> str:
 def _instants(delay: int, hold: str, given: str) -> str:
     if delay:
         when = "came one sample later" if delay > 0 else "came one sample earlier"
-        remedy = "Move them against the outputs"
+        remedy = "If so, move them against the outputs"
     else:
-        when, remedy = f"were {HOLDS[hold]}, not {HOLDS[given]}", f'Use hold="{hold}"'
+        when, remedy = f"were {HOLDS[hold]}, not {HOLDS[given]}", f'If so, use hold="{hold}"'
     return (
         f"The response is explained better, and with fewer parameters, if the inputs {when}: the way that they reach "
         f"the modes would look right and be wrong. {remedy}."
@@ -186,9 +186,8 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "level. Drive it less.",
     "inputs_noise": "What is left follows, through the modes, from what was left before (squared scores of "
     "{squares:.3g}; noise of sensors alone stays below {limit:.3g}): something drives the system beside the inputs, "
-    "as a force that nobody measured, noise on the measured inputs (of less than {share:.2g} of them, were it that "
-    "alone) or a feedback. Deviations are too small. Measure the inputs better, or let `identify_ambient` with these "
-    "inputs, `--excitation ambient`, take account of it.",
+    "as a force that nobody measured, noise on the measured inputs or a feedback. Deviations are too small. Measure "
+    "the inputs better, or let `identify_ambient` with these inputs, `--excitation ambient`, take account of it.",
     "inputs_colour": "What is left is not white (squared correlations sum to {squares:.2g}): the noise is coloured or "
     "drives the system itself, the inputs were measured with noise, or what they are between their samples is not what "
     "`hold` says. Deviations are too small or too large. Of forces beside those measured `identify_ambient`, or "

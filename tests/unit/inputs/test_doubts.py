@@ -29,7 +29,7 @@ def codes(found):
     [
         (1, "zero", "came one sample earlier"),
         (-1, "zero", "came one sample later"),
-        (0, "first", 'Use hold="zero"'),
+        (0, "first", 'use hold="zero"'),
     ],
 )
 def test_inputs_at_other_instants_are_named(moved, hold, words):
@@ -132,6 +132,15 @@ def test_what_drives_the_system_beside_the_inputs_is_named(on_input, beside):
     assert not found.passed
     assert "inputs_noise" in codes(found)
     assert any("noise on the measured inputs" in text for text in found.warnings)
+
+
+def test_noise_on_inputs_is_named_where_other_instants_explain_more_too():
+    system = mathieu()
+    values, inputs = record_of(system, 2 * PERIODS, PHASES, 0.02, 1)
+    noise = np.random.default_rng(101).standard_normal(inputs.shape)
+    found = identified(values, inputs + 0.1 * np.std(inputs) * noise, system.period)
+    told = [own.code for own in found.findings if own.severity.name == "FAILURE"]
+    assert told[:2] == ["inputs_noise", "inputs_instants"]
 
 
 def test_what_rounding_leaves_is_no_noise_that_drives():

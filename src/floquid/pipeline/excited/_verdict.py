@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import PeriodicModel
-from floquid.findings import Finding, Severity, failure, note, warning
+from floquid.findings import Finding, failure, note, warning
 from floquid.innovations import turned_records
 from floquid.inputs import (
     Limits,
@@ -92,17 +92,16 @@ def verdict(
     phases = round(2.0 * np.pi / (samples.fundamental * samples.step))
     # Noise and squares leave what the other does, too: squares gain several times what noise does where they are there.
     by_noise, by_powers = _by_noise(scores), _by_powers(scores)
-    poor, instants = undriven(model), _instants(fit, scores)
-    wrong = any(told.severity == Severity.FAILURE for told in instants)
+    poor, (instants, other) = undriven(model), _instants(fit, scores)
     noisy = MORE * by_noise > by_powers.max(initial=0.0)
     return (
         *done_beside(own),
         *([note("inputs_free", phases=phases)] if most is None else []),
         *(poor or ([needed(model, limits, _seen(scores))] if most is not None else [])),
         *_unreached(fit),
+        # Inputs at other instants leave what noise and squares do, and noise on them what others explain, too.
+        *(_driven(_by_noise(other) if other else by_noise) if other or noisy else _nonlinear(scores, by_powers)),
         *instants,
-        # Inputs at other instants leave what noise and squares do.
-        *(() if wrong else _driven_by_noise(scores, by_noise) if noisy else _nonlinear(scores, by_powers)),
         *_against(fit.at, held_out),
         *of_outliers(fit.at.left, own),
         *_ended(samples, fit.at, model, limits, most),
@@ -276,8 +275,10 @@ def _moved(samples: Samples, lag: int) -> NDArray[np.float64]:
     return samples.each(samples.inputs, of)
 
 
-def _instants(fit: Uncertainty, scores: Scores) -> tuple[Finding, ...]:
+def _instants(fit: Uncertainty, scores: Scores) -> tuple[tuple[Finding, ...], Scores | None]:
     """Finding on inputs that come late or early, or between the samples in another way than `hold` says.
+
+    With it, where that is so, the scores of the fit with inputs as they were then.
 
     Gains take up a delay but for the first samples of each response. For those a direct term stands, or modes that die
     at once: with the right instants none of that is needed. Else a fit to first order tells what no other needs to be.
@@ -290,22 +291,23 @@ def _instants(fit: Uncertainty, scores: Scores) -> tuple[Finding, ...]:
         and -mode.exponent.real * samples.step < AT_ONCE
     ]
     if not modes:
-        return ()
+        return (), None
     plainly, others = not now.direct and len(modes) == len(now.modes), {}
     for (delay, hold), other in _others(samples):
         alike = [answering(samples, mode, other, delay) for mode in modes]
         if not (plainly and gain_of(scores, other, alike) < HOPELESS):
-            others[delay, hold] = solve(other, alike, iterations=STEPS).criterion
+            others[delay, hold] = other, solve(other, alike, iterations=STEPS)
     if not others:
-        return ()
+        return (), None
 
     # A direct term comes in by noise, too: as it was said, but without it, is one of those compared.
     plain = now.criterion if plainly else solve(samples, modes, iterations=STEPS).criterion
-    delay, hold = max(others, key=lambda key: others[key])
-    if others[delay, hold] > max(plain + UNTOLD, now.criterion):
-        return (failure("inputs_instants", delay=delay, hold=hold, given=samples.hold),)
+    delay, hold = max(others, key=lambda key: others[key][1].criterion)
+    if others[delay, hold][1].criterion > max(plain + UNTOLD, now.criterion):
+        told = failure("inputs_instants", delay=delay, hold=hold, given=samples.hold)
+        return (told,), Scores(*others[delay, hold], rough=False)
     least, smooth = max(plain, now.criterion) - UNTOLD, _smooth(samples)
-    near = [(own, other) for (own, other), criterion in others.items() if criterion >= least and (own or smooth)]
+    near = [(own, other) for (own, other), (_, found) in others.items() if found.criterion >= least and (own or smooth)]
     if samples.hold != "first":  # inputs that are held and those that act at the samples alone are one fit
         near = [(own, other) for own, other in near if own or other == "first"]
     if now.direct and smooth and samples.hold != "none":
@@ -316,10 +318,10 @@ def _instants(fit: Uncertainty, scores: Scores) -> tuple[Finding, ...]:
         if solve(moved, answers, now.direct, iterations=STEPS).criterion >= now.criterion - UNTOLD:
             near.append((0, other))
     if not near:
-        return ()
+        return (), None
     shares = {key: max(abs(np.expm1(mode.exponent * (key[0] or 0.5) * samples.step)) for mode in modes) for key in near}
     delay, hold = max(shares, key=lambda key: shares[key])
-    return (warning("inputs_untold", delay=delay, hold=hold, given=samples.hold, share=shares[delay, hold]),)
+    return (warning("inputs_untold", delay=delay, hold=hold, given=samples.hold, share=shares[delay, hold]),), None
 
 
 def _smooth(samples: Samples) -> bool:
@@ -343,17 +345,13 @@ def _by_noise(scores: Scores) -> float:
     return scores.by_noise(MANY) if limit / NEAR < gain < NEAR * limit else gain
 
 
-def _driven_by_noise(scores: Scores, gain: float) -> tuple[Finding, ...]:
+def _driven(gain: float) -> tuple[Finding, ...]:
     """Finding on what drives the system beside the inputs: what is left follows through the modes from what was left.
 
     Noise w on an input u acts as a force -w that nobody measured (Söderström 2007).
     """
     limit = limit_of(1, NOISE)
-    if gain < limit:
-        return ()
-    left = scores.now.left
-    share = np.linalg.norm(left, axis=1) / np.linalg.norm(scores.samples.values - left, axis=1)
-    return (failure("inputs_noise", squares=gain, limit=limit, share=float(share.min())),)
+    return (failure("inputs_noise", squares=gain, limit=limit),) if gain >= limit else ()
 
 
 def _by_powers(scores: Scores) -> NDArray[np.float64]:
