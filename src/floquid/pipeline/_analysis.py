@@ -129,6 +129,16 @@ class Analysis(Told, Drawn, Brief):
         return fails(self.fit)
 
     @property
+    def passed(self) -> bool:
+        """True where the model was validated and can be believed."""
+        return self.validation is not None and self.validation.passed and not self.failed
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """What validation has against the model, a sentence each; empty where nothing is left."""
+        return () if self.validation is None else self.validation.reasons
+
+    @property
     def period_std(self) -> float | None:
         """The deviation of the period [s]; None where it was given, and of a model that fails."""
         if self.failed or (self.fit.period_std is None and not self.shafts):

@@ -139,6 +139,8 @@ def test_noise_on_inputs_is_named_where_other_instants_explain_more_too():
     values, inputs = record_of(system, 2 * PERIODS, PHASES, 0.02, 1)
     noise = np.random.default_rng(101).standard_normal(inputs.shape)
     found = identified(values, inputs + 0.1 * np.std(inputs) * noise, system.period)
+    assert found.reasons[:2] == found.warnings[:2]
+    assert "noise on the measured inputs" in found.reasons[0]
     told = [own.code for own in found.findings if own.severity.name == "FAILURE"]
     assert told[:2] == ["inputs_noise", "inputs_instants"]
 

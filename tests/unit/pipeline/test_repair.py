@@ -55,7 +55,7 @@ def test_what_comes_before_the_blow_is_cut_off(samples):
     assert f"{prepared.responses[0].start:.6g}" in str(prepared.findings[0])
     found = identify(quiet)
     assert right(found)
-    assert found.validation.passed
+    assert found.passed
     assert codes(prepare(quiet, repair=False)) == []
 
 
@@ -106,7 +106,7 @@ def test_clipped_samples_and_a_channel_that_stands_still_are_left_out():
     assert np.isnan(prepared.records[0].values[3, :80]).all()
     found = identify(with_values(record, values))
     assert right(found)
-    assert found.validation.passed
+    assert found.passed
 
 
 def test_a_good_record_stays_as_it_is():

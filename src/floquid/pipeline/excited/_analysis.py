@@ -27,6 +27,9 @@ from floquid.reconstruction import Names, StateModel, reconstruct
 HELD_OUT = 1.4
 """The error of prediction on samples left out, over the noise, from which on a model does not pass."""
 
+UNPREDICTED = ("inputs_held_out", "ambient_held_out")
+"""Findings on that error: the model does not pass, but has deviations."""
+
 STILL = 3.0
 """Deviations within which a mode does not decay, and within which it is at a line."""
 
@@ -121,6 +124,11 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
     def failed(self) -> bool:
         """True where something was found against the model, samples left out aside."""
         return any(own.severity is Severity.FAILURE for own in self.findings)
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """Why the model does not pass, a sentence each; they are among the warnings."""
+        return texts([own for own in self.findings if own.severity is Severity.FAILURE or own.code in UNPREDICTED])
 
     @property
     def warnings(self) -> tuple[str, ...]:
