@@ -188,6 +188,10 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "{squares:.3g}; noise of sensors alone stays below {limit:.3g}): something drives the system beside the inputs, "
     "as a force that nobody measured, noise on the measured inputs or a feedback. Deviations are too small. Measure "
     "the inputs better, or let `identify_ambient` with these inputs, `--excitation ambient`, take account of it.",
+    "inputs_some_noise": "What is left follows a little, through the modes, from what was left before (squared scores "
+    "of {squares:.3g}; noise of sensors alone stays below {limit:.3g} in 99 of 100 records): likely a little noise on "
+    "the measured inputs, or a weak force that nobody measured. Deviations are then too small. A longer record tells; "
+    "`identify_ambient` with these inputs takes account of such a force.",
     "inputs_colour": "What is left is not white (squared correlations sum to {squares:.2g}): the noise is coloured or "
     "drives the system itself, the inputs were measured with noise, or what they are between their samples is not what "
     "`hold` says. Deviations are too small or too large. Of forces beside those measured `identify_ambient`, or "

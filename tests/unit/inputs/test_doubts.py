@@ -134,6 +134,16 @@ def test_what_drives_the_system_beside_the_inputs_is_named(on_input, beside):
     assert any("noise on the measured inputs" in text for text in found.warnings)
 
 
+@pytest.mark.parametrize(("share", "told"), [(0.003, {"inputs_some_noise"}), (0.0, set())])
+def test_a_little_noise_on_inputs_is_a_warning(share, told):
+    system = mathieu()
+    values, inputs = record_of(system, 2 * PERIODS, PHASES, 0.02, 0)
+    noise = np.random.default_rng(100).standard_normal(inputs.shape)
+    found = identified(values, inputs + share * np.std(inputs) * noise, system.period)
+    assert found.passed
+    assert codes(found) == told
+
+
 def test_noise_on_inputs_is_named_where_other_instants_explain_more_too():
     system = mathieu()
     values, inputs = record_of(system, 2 * PERIODS, PHASES, 0.02, 1)
