@@ -7,7 +7,7 @@ import logging
 import warnings
 from collections.abc import Callable
 from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from benchmarks.methods import lines, single, subspace
@@ -15,6 +15,8 @@ from benchmarks.methods.records import Case
 from numpy.typing import NDArray
 
 import floquid as fq
+from floquid.errors import IdentificationError
+from floquid.findings import Finding, Severity, texts
 from floquid.innovations import h_oma
 from floquid.inputs import TransferFunctions
 from floquid.lifting import lift
@@ -118,12 +120,25 @@ def delayed_states(case: Case) -> Found:
     return of_multipliers(single.delayed(case.data[0], case.phases, case.order), case)
 
 
+def believed(model: fq.PeriodicModel, findings: tuple[Finding, ...]) -> Found:
+    """Exponents and deviations of a model; one that its own method says is wrong counts as lost."""
+    for told in texts(findings, Severity.FAILURE):
+        raise IdentificationError(told)
+    return of_model(model)
+
+
 def driven(case: Case) -> Found:
     """floquid's chain for measured inputs, with G of samples."""
     names = [f"u{k}" for k in range(len(case.data[1]))]
     analysis = fq.identify_driven(case.record(), inputs=names, validate=False)
-    transfer = analysis.transfer(None, (-1, 0, 1), sampled=True)
-    return Found(analysis.model.exponents, analysis.model.exponent_std, transfer)
+    found = believed(analysis.model, analysis.findings)
+    return replace(found, transfer=analysis.transfer(None, (-1, 0, 1), sampled=True))
+
+
+def ambient(case: Case) -> Found:
+    """floquid's chain for outputs alone."""
+    analysis = fq.identify_ambient(case.record(), validate=False)
+    return believed(analysis.model, analysis.findings)
 
 
 def polynomials(case: Case) -> Found:
@@ -147,9 +162,9 @@ def by_multisine(case: Case) -> fq.transfer.MeasuredTransfer:
 def fit_of_lines(case: Case) -> Found:
     """Modes fitted to the lines of a multisine."""
     measured = by_multisine(case)
-    found = fq.fit_transfer(measured)
-    own = found.transfer(measured.transfer.frequencies_hz, sampled=True)
-    return Found(found.model.exponents, found.model.exponent_std, own)
+    fit = fq.fit_transfer(measured)
+    found = believed(fit.model, fit.findings)
+    return replace(found, transfer=fit.transfer(measured.transfer.frequencies_hz, sampled=True))
 
 
 def ssi(values: NDArray, inputs: NDArray | None, depth: int, order: int) -> Complexes:
@@ -288,7 +303,7 @@ METHODS: tuple[Method, ...] = (
         "ambient",
         FOUND,
         LTI + SURE,
-        lambda c: of_model(fq.identify_ambient(c.record(), validate=False).model),
+        ambient,
     ),
     Method("Jhinaoui et al.", "jhinaoui2014", "ambient", GIVEN, "λ, Aₖ, Cₖ", by_periods),
     Method(

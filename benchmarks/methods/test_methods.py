@@ -7,6 +7,8 @@ import pytest
 from benchmarks.methods import entries, measure, single, tables
 from benchmarks.methods.records import CASES, driven_bound, free_bound, sampled_transfer, truth
 
+from floquid.errors import IdentificationError
+from floquid.findings import failure
 from floquid.testing import pair_exponents
 
 SMALL = {
@@ -110,3 +112,8 @@ def test_a_shift_by_bounds_is_that_error_and_a_run_that_fails_is_lost():
     (row,) = measure.over_bounds([measure.measured(replace(known, run=fails), [case])])
     assert (row["lost"], row["error"], row["failures"]) == (1, None, ["ZeroDivisionError: as written"])
     assert "(1 of 1 lost)" in tables.table([row], "free", 1)
+
+
+def test_a_model_that_fails_by_its_own_word_is_lost():
+    with pytest.raises(IdentificationError, match="Neither decays nor grows"):
+        entries.believed(None, (failure("ambient_line", frequencies=[50.0]),))
