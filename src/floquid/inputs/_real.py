@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,12 @@ AS_REAL = 8
 
 OFF_AXIS = 20.0
 """Deviations off the axis from which on a multiplier is not tried as a real one."""
+
+NARROWEST = 1e-3
+"""The distance off the axis, over the fundamental, within which one is tried however little it decays."""
+
+OFF = (0.1, 0.5, 1.0)
+"""Distances off the axis, in decays, at which a pair is tried for two real multipliers."""
 
 SAME = 0.05
 """The distance of two exponents over their decay below which they are one."""
@@ -44,6 +51,38 @@ def with_real_ones(
     return now
 
 
+def with_pairs(samples: Samples, now: Linearisation, limits: Limits) -> Linearisation:
+    """With a pair of conjugates for two real multipliers of one sign, where it explains more than they do."""
+    real = [number for number, mode in enumerate(now.modes) if mode.real]
+    for numbers in combinations(real, 2):
+        one, other = (now.modes[number] for number in numbers)
+        if one.lowest != other.lowest:
+            continue
+        rest = [own for k, own in enumerate(now.modes) if k not in numbers]
+        left = linearise(samples, rest, now.direct).left
+        trials = [fitted_together(samples, left, [_pair_for(samples, one, other, share)]) for share in OFF]
+        with suppress(np.linalg.LinAlgError):
+            _, modes = max(trials, key=lambda trial: trial[0])
+            found = solve(samples, [*rest, *modes], now.direct, iterations=AS_REAL, rough=True)
+            found = narrowed(samples, grown(samples, found, limits), limits)
+            if found.criterion > now.criterion:
+                return with_pairs(samples, found, limits)
+    return now
+
+
+def _pair_for(samples: Samples, one: InputMode, other: InputMode, share: float) -> InputMode:
+    """The pair at the mean decay of two real multipliers, so many decays off the axis, with harmonics as wide."""
+    half, decay = one.lowest, 0.5 * (one.exponent.real + other.exponent.real)
+    exponent = complex(decay, half * samples.fundamental + share * abs(decay))
+    turns, reach = (max(getattr(mode, name)[-1] for mode in (one, other)) for name in ("turns", "reach"))
+    return bare_mode(
+        samples,
+        exponent,
+        np.arange(half - reach, half + reach + 0.5),
+        np.arange(-half - turns, turns - half + 0.5),
+    )
+
+
 def near_real(
     modes: Sequence[InputMode],
     parameters: Callable[[], NDArray[np.float64]],
@@ -62,7 +101,7 @@ def near_real(
         imag, place = place + int(mode.free.sum()) // 2, place + int(mode.free.sum())
         half = _half(mode, omega)
         away = abs(mode.exponent.imag - half * omega)
-        if mode.real or away > abs(mode.exponent.real):
+        if mode.real or away > max(abs(mode.exponent.real), NARROWEST * omega):
             continue
         if any(abs(mode.exponent - other) < SAME * abs(other.real) for other in refused):
             continue

@@ -11,7 +11,7 @@ import numpy as np
 from floquid.inputs._bands import ROUGH, centred, grown, narrowed, with_reach
 from floquid.inputs._joint import chosen_together, fitted_together
 from floquid.inputs._modes import InputMode
-from floquid.inputs._real import with_real_ones
+from floquid.inputs._real import with_pairs, with_real_ones
 from floquid.inputs._samples import Samples
 from floquid.inputs._scores import Limits, Scores, driven_by_noise, limit_of
 from floquid.inputs._solver import LAGS, Linearisation, solve
@@ -44,6 +44,9 @@ TOO_NEAR = 0.5
 WIDE = 15
 """Harmonics of the inputs of one mode from which on a mode may be missing beside it."""
 
+NARROW = 4
+"""The highest harmonic of modes that are looked for first, then."""
+
 STABLE = 0.35
 """The share of the looks at which a candidate comes up from which on a search begins with it."""
 
@@ -70,6 +73,11 @@ def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = l
         # Two poles may stand for one mode of strong harmonics: begin with one, too.
         other = _found(samples, first[:1], replace(limits, modes=min(limits.modes, FEW)), report)
         now = max(now, other, key=lambda own: own.criterion)
+    if max((len(mode.reach) for mode in now.modes), default=0) > WIDE:
+        # Very many harmonics may stand for a mode: let modes in before them.
+        few = replace(limits, highest=min(limits.highest, NARROW))
+        other = _found(samples, first, few, report)
+        now = max(now, other, key=lambda own: own.criterion)
     if not now.modes:
         return now
     loose = replace(limits, harmonic_alarm=LOOSE)
@@ -78,6 +86,8 @@ def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = l
     while now is not before:  # with all their harmonics some modes are others, or needless
         before = narrowed(samples, grown(samples, now, loose, rounds=2), loose)
         now = without_needless(samples, with_real_ones(samples, before, loose, rounds=ROUNDS), loose)
+    paired = with_pairs(samples, now, loose)
+    now = now if paired is now else without_needless(samples, paired, loose)
     modes = [centred(samples, mode, now, number) for number, mode in enumerate(now.modes)]
     return solve(samples, [_padded(mode, limits) for mode in modes], now.direct)
 

@@ -99,14 +99,17 @@ def _poles(samples: Samples, response: NDArray[np.float64], thinned: int) -> lis
     taps = _low_pass(thinned)
     count = len(response)
     lengths = [(own.stop - own.start - len(taps) + thinned) // thinned for own in samples.records]
+    looks = []
     for sidebands in SIDEBANDS:
         signals = len(samples.inputs) * (1 + 2 * sidebands) + count
         depth = min(int(np.ceil(DEEPEST / count)) + 2, 40)
         while depth >= 6 and 2 * depth * signals > MOST_ROWS * sum(max(n - 2 * depth + 1, 0) for n in lengths):
             depth -= 2
-        if depth >= 6:
+        looks.append((sidebands, depth))
+        if (depth - 1) * count >= ORDERS[1]:
             break
-    else:
+    sidebands, depth = max(looks, key=lambda own: min(own[1] - 1, -(-ORDERS[1] // count)))
+    if depth < 6:
         return []
     turned = [samples.turned(turn) * samples.inputs for turn in range(1, sidebands + 1)]
     signals = np.concatenate([samples.inputs, *(part for own in turned for part in (own.real, own.imag)), response])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,6 +69,9 @@ NEAR, MANY = 2.0, 300
 MORE = 2.0
 """What squares and cubes must gain, over what noise that drives the system does: it lets them gain by chance."""
 
+OPEN = 2.0
+"""Deviations within which a pair is on the axis, and two real multipliers are one."""
+
 UNTOLD = 15.0
 """The criterion of a fit of one size over another below which the record does not tell them: Φ(-√15) is 10⁻⁴/2."""
 
@@ -105,6 +109,7 @@ def verdict(
         # Inputs at other instants leave what noise and squares do, and noise on them what others explain, too.
         *(_driven(_by_noise(other) if other else by_noise) if other or noisy else _nonlinear(scores, by_powers)),
         *instants,
+        *_kinds(model),
         *_against(fit.at, held_out),
         *of_outliers(fit.at.left, own),
         *_ended(samples, fit.at, model, limits, most),
@@ -253,6 +258,22 @@ def undetermined(model: PeriodicModel) -> bool:
     spread = model.exponent_std.real
     vague = (spread > VAGUE * np.abs(model.exponents.real)) & (model.period * spread > ROUGHLY)
     return bool((model.period * spread > 1.0).any() or (model.real & vague).any())
+
+
+def _kinds(model: PeriodicModel) -> tuple[Finding, ...]:
+    """Finding on pairs that may be two real multipliers, and on two of these that may be a pair."""
+    assert model.exponent_std is not None
+    spread, omega = model.exponent_std, model.fundamental
+    halves = 0.5 * np.rint(2.0 * model.exponents.imag / omega)
+    open_ = ~model.real & (np.abs(model.exponents.imag - halves * omega) < OPEN * spread.imag)
+    for one, other in combinations(np.flatnonzero(model.real), 2):
+        gap = abs(model.exponents[one].real - model.exponents[other].real)
+        if (halves[one] - halves[other]) % 1.0 == 0.0 and gap < OPEN * np.hypot(spread.real[one], spread.real[other]):
+            open_[[one, other]] = True
+    if not open_.any():
+        return ()
+    hertz = np.unique(np.abs(model.exponents[open_])) / (2.0 * np.pi)
+    return (warning("inputs_kind", frequencies=hertz.tolist()),)
 
 
 def _against(found: Linearisation, held_out: NDArray[np.float64]) -> tuple[Finding, ...]:
