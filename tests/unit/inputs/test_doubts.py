@@ -8,8 +8,8 @@ from tests.driven import mathieu, pulls, record_of
 from floquid import Record, identify_driven
 from floquid.inputs import Scores, bare_mode, chosen_together, limit_of, samples_of, solve
 from floquid.pipeline import Settings
+from floquid.pipeline.excited._driving import SURE, _by_powers
 from floquid.pipeline.excited._prepare import parted
-from floquid.pipeline.excited._verdict import SURE, _by_powers
 from floquid.pipeline.preparation import clocked
 
 PHASES, PERIODS, WARM = 20, 40, 20

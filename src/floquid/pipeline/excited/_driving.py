@@ -1,0 +1,177 @@
+"""Tests of what drives the modes: when the inputs act, and what does beside them: noise, powers of the response."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.findings import Finding, failure, warning
+from floquid.inputs import Samples, Scores, Uncertainty, answering, gain_of, limit_of, solve
+
+SURE = 1e-9
+"""The probability at which noise may pass for something that is told."""
+
+NOISE = 1e-6
+"""The probability at which noise of sensors may pass for noise that drives the system."""
+
+HINT = 1e-3
+"""The probability, were scores normal, at which it may pass for a little of such noise: six of 700 records do."""
+
+NEAR, MANY = 2.0, 300
+"""The factor within which a gain is near a limit, and the draws that tell it then."""
+
+MORE = 2.0
+"""What squares and cubes must gain, over what noise that drives the system does: it lets them gain by chance."""
+
+UNTOLD = 15.0
+"""The criterion of a fit of one size over another below which the record does not tell them: Φ(-√15) is 10⁻⁴/2."""
+
+SMOOTH = 0.15
+"""The correlation of an input from sample to sample above which it may run on between them: 0.25 behind a filter."""
+
+HOPELESS = -50.0
+"""The gain to first order below which other instants are not fitted."""
+
+STEPS = 10
+"""Steps of the fit with other instants."""
+
+TAKING_UP = 0.3
+"""The deviation of a decay over it, from which on a mode may stand for inputs at other instants."""
+
+AT_ONCE = 1.0
+"""The decay from sample to sample from which on it may, too [nepers]."""
+
+
+def of_driving(fit: Uncertainty, scores: Scores) -> tuple[Finding, ...]:
+    """Findings on inputs at other instants, and on what drives the modes beside the inputs.
+
+    Each leaves some of what the others leave: squares gain several times what noise does where they are there; inputs
+    at other instants leave what noise and squares do, and noise on them leaves what other instants explain.
+    """
+    by_noise, by_powers = _by_noise(scores), _by_powers(scores)
+    instants, other = _instants(fit, scores)
+    if other is not None:
+        return (*_driven(_by_noise(other)), *instants)
+    noisy = MORE * by_noise > by_powers.max(initial=0.0)
+    return (*(_driven(by_noise) if noisy else _nonlinear(scores, by_powers)), *instants)
+
+
+def _moved(samples: Samples, lag: int) -> NDArray[np.float64]:
+    """The inputs some samples ago, zero where there were none (inputs, samples)."""
+
+    def of(own: NDArray) -> NDArray:
+        found, count = np.zeros_like(own), own.shape[1]
+        if abs(lag) < count:
+            found[:, max(lag, 0) : count + min(lag, 0)] = own[:, max(-lag, 0) : count - max(lag, 0)]
+        return found
+
+    return samples.each(samples.inputs, of)
+
+
+def _instants(fit: Uncertainty, scores: Scores) -> tuple[tuple[Finding, ...], Scores | None]:
+    """Finding on inputs that come late or early, or between the samples in another way than `hold` says.
+
+    With it, where that is so, the scores of the fit with inputs as they were then.
+
+    Gains take up a delay but for the first samples of each response. For those a direct term stands, or modes that die
+    at once: with the right instants none of that is needed. Else a fit to first order tells what no other needs to be.
+    """
+    samples, now = scores.samples, scores.now
+    modes = [
+        mode
+        for mode, (place, _) in zip(now.modes, fit.places, strict=True)
+        if fit.parameters[place.start, place.start] ** 0.5 < TAKING_UP * abs(mode.exponent.real)
+        and -mode.exponent.real * samples.step < AT_ONCE
+    ]
+    if not modes:
+        return (), None
+    plainly, others = not now.direct and len(modes) == len(now.modes), {}
+    for (delay, hold), other in _others(samples):
+        alike = [answering(samples, mode, other, delay) for mode in modes]
+        if not (plainly and gain_of(scores, other, alike) < HOPELESS):
+            others[delay, hold] = other, solve(other, alike, iterations=STEPS)
+    if not others:
+        return (), None
+
+    # A direct term comes in by noise, too: as it was said, but without it, is one of those compared.
+    plain = now.criterion if plainly else solve(samples, modes, iterations=STEPS).criterion
+    delay, hold = max(others, key=lambda key: others[key][1].criterion)
+    if others[delay, hold][1].criterion > max(plain + UNTOLD, now.criterion):
+        told = failure("inputs_instants", delay=delay, hold=hold, given=samples.hold)
+        return (told,), Scores(*others[delay, hold], rough=False)
+    least, smooth = max(plain, now.criterion) - UNTOLD, _smooth(samples)
+    near = [(own, other) for (own, other), (_, found) in others.items() if found.criterion >= least and (own or smooth)]
+    if samples.hold != "first":  # inputs that are held and those that act at the samples alone are one fit
+        near = [(own, other) for own, other in near if own or other == "first"]
+    if now.direct and smooth and samples.hold != "none":
+        # A direct term at the harmonics of C(t) makes inputs that are held and those that run straight one model.
+        other = "first" if samples.hold == "zero" else "zero"
+        moved = replace(samples, hold=other)
+        answers = [answering(samples, mode, moved, 0) for mode in now.modes]
+        if solve(moved, answers, now.direct, iterations=STEPS).criterion >= now.criterion - UNTOLD:
+            near.append((0, other))
+    if not near:
+        return (), None
+    shares = {key: max(abs(np.expm1(mode.exponent * (key[0] or 0.5) * samples.step)) for mode in modes) for key in near}
+    delay, hold = max(shares, key=lambda key: shares[key])
+    return (warning("inputs_untold", delay=delay, hold=hold, given=samples.hold, share=shares[delay, hold]),), None
+
+
+def _smooth(samples: Samples) -> bool:
+    """Whether an input goes on from sample to sample, as what was measured does: white ones are held."""
+    inputs = samples.inputs - samples.inputs.mean(axis=1, keepdims=True)
+    return bool(np.any(np.sum(inputs[:, 1:] * inputs[:, :-1], axis=1) > SMOOTH * np.sum(inputs**2, axis=1)))
+
+
+def _others(samples: Samples) -> Iterator[tuple[tuple[int, str], Samples]]:
+    """Samples of which the inputs act at other instants, with the delay in samples and the hold."""
+    for delay in (1, -1):
+        yield (delay, samples.hold), replace(samples, inputs=_moved(samples, delay))
+    for hold in ("zero", "first", "none"):
+        if hold != samples.hold:
+            yield (0, hold), replace(samples, hold=hold)
+
+
+def _by_noise(scores: Scores) -> float:
+    """The gain by noise that drives the modes: near its limits by so many draws that these do not decide."""
+    gain = scores.by_noise()
+    return scores.by_noise(MANY) if limit_of(1, HINT) / NEAR < gain < limit_of(1, NOISE) * NEAR else gain
+
+
+def _driven(gain: float) -> tuple[Finding, ...]:
+    """Finding on what drives the system beside the inputs: what is left follows through the modes from what was left.
+
+    Noise w on an input u acts as a force -w that nobody measured (Söderström 2007).
+    """
+    limits = limit_of(1, HINT), limit_of(1, NOISE)
+    if gain >= limits[1]:
+        return (failure("inputs_noise", squares=gain, limit=limits[1]),)
+    return (warning("inputs_some_noise", squares=gain, limit=limits[0]),) if gain >= limits[0] else ()
+
+
+def _by_powers(scores: Scores) -> NDArray[np.float64]:
+    """Gains by squares and cubes of the response as inputs of each mode (Billings and Voon 1983) (modes,).
+
+    Less what is linear beside the response that repeats with the period: that is of harmonics of a linear system, and
+    those that were too weak to be kept would pass for squares.
+    """
+    samples, now = scores.samples, scores.now
+    known = len(now.columns) - len(samples.known)
+    repeated, beside = (now.coefficients[own].T @ now.columns[own] for own in (slice(known, None), slice(known)))
+    size = beside.std(axis=1, keepdims=True)
+    size = np.where(size > 0.0, size, 1.0)
+    repeated, beside = ((own - own.mean(axis=1, keepdims=True)) / size for own in (repeated, beside))
+    powers = np.concatenate([beside**2, beside**2 * (beside + 3.0 * repeated)])
+    powers -= powers.mean(axis=1, keepdims=True)
+    return scores.by_inputs([(number, mode.lowest) for number, mode in enumerate(now.modes)], powers)
+
+
+def _nonlinear(scores: Scores, gains: NDArray[np.float64]) -> tuple[Finding, ...]:
+    """Finding on squares and cubes of the response that drive the modes as inputs would."""
+    limit = limit_of(4 * len(scores.now.left), SURE / max(len(gains), 1))
+    if gains.max(initial=0.0) < limit:
+        return ()
+    return (failure("inputs_nonlinear", squares=float(gains.max()), limit=limit),)
