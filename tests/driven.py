@@ -132,6 +132,17 @@ def mathieu(direct=0.0, damping=0.05):
 
 
 @cache
+def creeping(stiffness):
+    """A mass on a weak spring with much damping: near 0.0145 its pair becomes two real multipliers."""
+    return Driven(
+        A=lambda t: np.array([[0.0, 1.0], [-(stiffness + 0.007 * np.cos(2.0 * t)), -0.24]]),
+        B=lambda _: np.array([[0.0], [1.0]]),
+        C=lambda _: np.array([[1.0, 0.0]]),
+        period=np.pi,
+    )
+
+
+@cache
 def pendulum():
     """A pendulum on its head, the pivot moved up and down too little to hold it: one multiplier is above 1."""
     return Driven(

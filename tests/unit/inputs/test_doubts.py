@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy.signal import butter, lfilter, sosfiltfilt
-from tests.driven import mathieu, pulls, record_of
+from tests.driven import creeping, mathieu, pulls, record_of
 
 from floquid import Record, identify_driven
 from floquid.inputs import Scores, bare_mode, chosen_together, limit_of, samples_of, solve
@@ -47,6 +47,18 @@ def test_short_and_noisy_records_do_not_take_up_a_delay_without_a_word(moved, se
     found = identified(values, np.roll(inputs, moved, axis=1), system.period)
     assert codes(found) == {"inputs_instants"}
     assert not found.passed
+
+
+def test_two_real_multipliers_that_may_be_a_pair_are_told():
+    system = creeping(0.0142)
+    assert np.isreal(system.exponents()).all()
+    open_, clear = (
+        identified(*record_of(creeping(own), 60, PHASES, 0.05, 0), system.period) for own in (0.0142, 0.0155)
+    )
+    assert codes(open_) == {"inputs_kind"}
+    assert "which, and the deviations" in " ".join(open_.warnings)
+    assert "inputs_kind" not in codes(clear)
+    assert pulls(creeping(0.0155), clear.model).max() < 4.0
 
 
 def test_outputs_too_noisy_to_show_the_first_samples_of_an_answer_do_not_tell_the_instants():
