@@ -24,7 +24,7 @@ export PYTHONDONTWRITEBYTECODE :=
 export PYTHONPYCACHEPREFIX := $(CURDIR)/$(VENV)/bytecode
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test slow kill pages bench peers order adversary turbine structure methods fuzz platform lint format docs requirements upgrade clean
+.PHONY: help install demo test slow kill pages bench peers order adversary turbine drawn structure methods fuzz platform lint format docs requirements upgrade clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 22
@@ -57,6 +57,10 @@ adversary: $(INSTALLED) ## 750 records that try to make the chain wrong (into bu
 
 turbine: $(INSTALLED) ## a turbine-like system from its outputs alone, 100 draws (into build/turbine.json; twenty minutes on two cores)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.turbine --draws 100 --jobs 2 --out build/turbine.json
+
+drawn: $(INSTALLED) ## systems drawn at random, 100 with measured inputs and 50 of outputs alone (into build/; forty minutes on two cores)
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.drawn inputs --draws 100 --jobs 2 --out build/drawn_inputs.json
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.drawn ambient --draws 50 --jobs 2 --out build/drawn_ambient.json
 
 structure: $(INSTALLED) ## A(t) with the structure that is found, over random mechanisms (three minutes on two cores)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.structure --jobs 2
