@@ -222,6 +222,11 @@ def test_limits_at_which_a_search_ends_are_told(monkeypatch):
     found = identified(mathieu(), 60, 20, 0.01, seed=3)
     assert found.model.order == 2
     assert any("as many harmonics as are looked for (2)" in text for text in found.warnings)
+    # Those of one order more are fitted for what they do to the deviations, and are noise.
+    monkeypatch.setattr("floquid.pipeline.excited._identify.HIGHEST", 3)
+    found = identified(mathieu(), 60, 20, 0.01, seed=3)
+    assert found.model.harmonics.max() == 3
+    assert not found.warnings
 
 
 def test_noise_alone_has_no_mode():

@@ -26,6 +26,9 @@ from floquid.pipeline.excited._analysis import HELD_OUT
 from floquid.pipeline.excited._driving import of_driving
 from floquid.pipeline.excited._prepare import Parted
 
+CLEAR = 4.0
+"""Deviations from zero from which on a harmonic is clear of noise."""
+
 SIGNIFICANT = 5.0
 """Deviations from which on the period is another one than that given."""
 
@@ -200,12 +203,27 @@ def _ended(
     ended = [warning("inputs_modes", most=limits.modes)] if len(found.modes) >= limits.modes else []
     if undetermined(model):
         ended.append(failure("inputs_undetermined"))
-    if most is not None and at_limit(found, limits):
+    if most is not None and _clear(model, limits.highest):
         if nearly_one(samples, found):  # harmonics beyond the limit are made up for by a copy of the mode
             ended.append(failure("inputs_copies", most=limits.highest))
         elif limits.highest == most:
             ended.append(warning("inputs_harmonics", most=most))
     return tuple(ended)
+
+
+def _clear(model: PeriodicModel, highest: int) -> bool:
+    """True where one of the highest harmonics that are looked for is clear of noise."""
+    assert model.coefficient_std is not None
+    assert model.inputs is not None
+    assert model.inputs.coefficient_std is not None
+    for values, std, turns in (
+        (model.coefficients, model.coefficient_std, model.harmonics),
+        (model.inputs.coefficients, model.inputs.coefficient_std, model.inputs.harmonics),
+    ):
+        ends = np.abs(turns) >= highest
+        if (np.abs(values[..., ends]) > CLEAR * np.abs(std[..., ends])).any():
+            return True
+    return False
 
 
 def undetermined(model: PeriodicModel) -> bool:
