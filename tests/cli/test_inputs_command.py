@@ -33,7 +33,7 @@ def test_a_result_is_printed_and_written(file, tmp_path, capsys, monkeypatch):
     assert run(["identify", str(file), "--period", PERIOD, "--inputs", "F", "--out", str(out)]) == 0
     said = capsys.readouterr().out
     assert "Modes: order 2" in said
-    assert "Input F, held between its samples." in said
+    assert "Input F, held between samples." in said
     assert "passed" in said
     assert sorted(p.name for p in out.iterdir() if not p.name.startswith(".")) == [
         "figures",

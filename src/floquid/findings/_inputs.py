@@ -72,18 +72,15 @@ AMBIENT: dict[str, str | Callable[..., str]] = {
 
 
 HOLDS = {
-    "zero": "held between its samples",
-    "first": "linear between its samples",
-    "none": "acting at its samples alone",
+    "zero": "held between samples",
+    "first": "linear between samples",
+    "none": "acting at samples alone",
 }
-"""Words for an input between its samples."""
+"""Words for inputs between their samples."""
 
 
 def _inputs(channels: Sequence[str], hold: str) -> str:
-    many = len(channels) > 1
-    return (
-        f"Input{'s' if many else ''} {both(list(channels))}, {HOLDS[hold].replace('its', 'their' if many else 'its')}."
-    )
+    return f"Input{'s' * (len(channels) > 1)} {both(list(channels))}, {HOLDS[hold]}."
 
 
 def _steady(harmonics: Sequence[float]) -> str:
@@ -123,14 +120,9 @@ def _untold(delay: int, hold: str, given: str, share: float) -> str:
             f"would be the same, but b would differ by {share:.0%}, and the direct term would be another, or none. "
             "Make sure of the instants of the inputs, or drive harder, or for longer."
         )
-    between = {
-        "zero": "are held from sample to sample",
-        "first": "run straight from sample to sample",
-        "none": "act at the samples alone",
-    }
     return (
-        f"The record does not tell inputs that {between[given]} from those that {between[hold]}: exponents and shapes "
-        f"would be the same, but b and the direct term would be others, and G by some {share:.0%} at the highest mode. "
+        f"The record does not tell inputs {HOLDS[given]} from inputs {HOLDS[hold]}: exponents and shapes would be the "
+        f"same, but b and the direct term would be others, and G by at most some {share:.0%} at the modes. "
         'A converter holds its inputs (`hold="zero"`), a force that was measured runs on (`hold="first"`).'
     )
 
@@ -165,6 +157,11 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "drives it.",
     "inputs_late": "Nothing drives in the first {seconds:.4g} s of record {record}, yet the response goes on and does "
     "not ring down: were the inputs measured from later on alone? Cut the record there, or leave it out.",
+    "inputs_began": lambda channels, record, seconds: (
+        f"{both(list(channels))} {'stand' if len(channels) > 1 else 'stands'} still in the first {seconds:.4g} s of "
+        f"record {record}, where the response does not ring down as modes that the inputs reach do: measured from "
+        "later on alone? Cut the record there."
+    ),
     "inputs_poor": lambda channels: (
         f"It is not determined how {both(list(channels))} reach{'es' * (len(channels) == 1)} the modes: a blow at one "
         "phase of the period, one frequency alone, or one that does next to nothing does not tell the harmonics of b. "

@@ -59,9 +59,9 @@ def with_pairs(samples: Samples, now: Linearisation, limits: Limits) -> Linearis
         if one.lowest != other.lowest:
             continue
         rest = [own for k, own in enumerate(now.modes) if k not in numbers]
-        left = linearise(samples, rest, now.direct).left
-        trials = [fitted_together(samples, left, [_pair_for(samples, one, other, share)]) for share in OFF]
         with suppress(np.linalg.LinAlgError):
+            left = linearise(samples, rest, now.direct).left
+            trials = [fitted_together(samples, left, [_pair_for(samples, one, other, share)]) for share in OFF]
             _, modes = max(trials, key=lambda trial: trial[0])
             found = solve(samples, [*rest, *modes], now.direct, iterations=AS_REAL, rough=True)
             found = narrowed(samples, grown(samples, found, limits), limits)

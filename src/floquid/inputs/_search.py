@@ -73,7 +73,7 @@ def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = l
         # Two poles may stand for one mode of strong harmonics: begin with one, too.
         other = _found(samples, first[:1], replace(limits, modes=min(limits.modes, FEW)), report)
         now = max(now, other, key=lambda own: own.criterion)
-    if max((len(mode.reach) for mode in now.modes), default=0) > WIDE:
+    if _wide(now):
         # Very many harmonics may stand for a mode: let modes in before them.
         few = replace(limits, highest=min(limits.highest, NARROW))
         other = _found(samples, first, few, report)
@@ -94,7 +94,12 @@ def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = l
 
 def _crowded(samples: Samples, now: Linearisation) -> bool:
     """True where modes of a fit are nearly one, or inputs reach one by very many harmonics."""
-    return nearly_one(samples, now) or max((len(mode.reach) for mode in now.modes), default=0) > WIDE
+    return nearly_one(samples, now) or _wide(now)
+
+
+def _wide(now: Linearisation) -> bool:
+    """True where inputs reach a mode by very many harmonics."""
+    return any(len(mode.reach) > WIDE for mode in now.modes)
 
 
 def nearly_one(samples: Samples, now: Linearisation) -> bool:

@@ -105,12 +105,14 @@ def _poles(samples: Samples, response: NDArray[np.float64], thinned: int) -> lis
         depth = min(int(np.ceil(DEEPEST / count)) + 2, 40)
         while depth >= 6 and 2 * depth * signals > MOST_ROWS * sum(max(n - 2 * depth + 1, 0) for n in lengths):
             depth -= 2
+        if depth < 6:
+            continue
         looks.append((sidebands, depth))
         if (depth - 1) * count >= ORDERS[1]:
             break
-    sidebands, depth = max(looks, key=lambda own: min(own[1] - 1, -(-ORDERS[1] // count)))
-    if depth < 6:
+    if not looks:
         return []
+    sidebands, depth = max(looks, key=lambda own: min(own[1] - 1, -(-ORDERS[1] // count)))
     turned = [samples.turned(turn) * samples.inputs for turn in range(1, sidebands + 1)]
     signals = np.concatenate([samples.inputs, *(part for own in turned for part in (own.real, own.imag)), response])
     size = signals.std(axis=1, keepdims=True)
@@ -152,7 +154,9 @@ def _lower(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     for more in (1e-12, 1e-9, 1e-6):
         with suppress(np.linalg.LinAlgError):
             return np.asarray(np.linalg.cholesky(matrix + more * np.eye(len(matrix))), np.float64)
-    return np.asarray(np.linalg.cholesky(matrix + 1e-3 * np.eye(len(matrix))), np.float64)
+    # Of inputs that are zero at most lags, as of blows, some products are rounding of those of others.
+    values, vectors = np.linalg.eigh(matrix)
+    return np.asarray(np.linalg.qr((vectors * np.sqrt(np.maximum(values, 1e-6))).T)[1].T, np.float64)
 
 
 def _products_of_lags(signals: NDArray[np.float64], lags: int) -> NDArray[np.float64]:

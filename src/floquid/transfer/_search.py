@@ -86,13 +86,8 @@ def _level(lines: Lines, fit: Fitted, chi_square: float | None = None) -> float:
 
 
 def _by_noise(lines: Lines, fit: Fitted, more: int, alarm: float) -> float:
-    """What noise lets χ² fall by for so many numbers more, by Fisher's distribution: its level is an estimate."""
-    from scipy.special import fdtri
-
-    more, degrees = max(more, 1), _degrees(lines, fit)
-    if degrees <= 0:
-        return np.inf
-    return float(more * fdtri(more, degrees, 1.0 - alarm)) * _level(lines, fit)
+    """What noise lets χ² fall by for so many numbers more; infinite where a fit has as many as were measured."""
+    return limit_of(max(more, 1), alarm) * _level(lines, fit) if _degrees(lines, fit) > 0 else np.inf
 
 
 def _degrees(lines: Lines, fit: Fitted) -> int:

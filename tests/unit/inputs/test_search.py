@@ -43,6 +43,28 @@ def test_a_pair_of_conjugates():
     assert found.passed
 
 
+@pytest.mark.parametrize("outputs", [4, 6])
+def test_a_short_record_of_many_outputs(outputs):
+    seen, system = np.random.default_rng(1).standard_normal((outputs, 4)), two_masses()
+    system = replace(system, B=lambda t, b=system.B: b(t)[:, :1], C=lambda _: seen)
+    found = identified(system, 15, 20, 0.02, seed=1)
+    assert found.model.order == 4
+    assert pulls(system, found.model).max() < 4.0
+
+
+def test_two_records_of_one_blow_each():
+    """The inputs are zero at most lags: what is left of their products is rounding."""
+    system, records = two_masses(), []
+    for number in range(2):
+        inputs = np.zeros((2, 60 * 40))
+        inputs[number, 45:51] = 50.0 * np.sin(np.pi * (np.arange(6) + 0.5) / 6)
+        values, _ = record_of(system, 60, 40, 0.01, number, inputs)
+        records.append(record(system, values, inputs, 40))
+    found = identify_driven(records, period=system.period, inputs=named(inputs))
+    assert found.model.order == 4
+    assert pulls(system, found.model).max() < 4.0
+
+
 def test_a_record_without_noise_ends_and_is_right():
     found = identified(mathieu(), 60, 20, 0.0)
     assert found.model.order == 2

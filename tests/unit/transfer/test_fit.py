@@ -76,6 +76,16 @@ def test_deviations_hold_and_the_fit_is_five_times_as_near_as_the_lines():
     assert before > 5.0 * after
 
 
+@pytest.mark.parametrize("seed", [0, 3])
+def test_six_lines_have_their_mode_and_its_harmonics(seed):
+    system = mathieu()
+    lines = of_equations(system, np.linspace(0.08, 0.42, 6), harmonics=np.arange(-1, 2), seed=seed)
+    fit = fit_transfer(lines, period=system.period)
+    assert fit.model.order == 2
+    assert fit.chi_square < 2.0 * fit.degrees
+    assert pulls(system, fit.model).max() < 4.0
+
+
 @pytest.mark.slow
 def test_two_modes_two_inputs_of_lines_measured_by_others():
     system = two_masses()

@@ -23,6 +23,9 @@ HINT = 1e-3
 NEAR, MANY = 2.0, 300
 """The factor within which a gain is near a limit, and the draws that tell it then."""
 
+POWERS = 4
+"""Numbers by which squares and cubes of one channel drive a mode."""
+
 MORE = 2.0
 """What squares and cubes must gain, over what noise that drives the system does: it lets them gain by chance."""
 
@@ -48,15 +51,20 @@ AT_ONCE = 1.0
 def of_driving(fit: Uncertainty, scores: Scores) -> tuple[Finding, ...]:
     """Findings on inputs at other instants, and on what drives the modes beside the inputs.
 
-    Each leaves some of what the others leave: squares gain several times what noise does where they are there; inputs
-    at other instants leave what noise and squares do, and noise on them leaves what other instants explain.
+    Inputs at other instants leave what noise and squares do, so that these are looked for with the right instants.
+    """
+    instants, other = _instants(fit, scores)
+    return (*_beside(other or scores), *instants)
+
+
+def _beside(scores: Scores) -> tuple[Finding, ...]:
+    """Finding on noise, or powers of the response, that drives the modes: each leaves some of what the other leaves.
+
+    Where squares are there they gain several times what noise does, more than they do by chance.
     """
     by_noise, by_powers = _by_noise(scores), _by_powers(scores)
-    instants, other = _instants(fit, scores)
-    if other is not None:
-        return (*_driven(_by_noise(other)), *instants)
-    noisy = MORE * by_noise > by_powers.max(initial=0.0)
-    return (*(_driven(by_noise) if noisy else _nonlinear(scores, by_powers)), *instants)
+    noisy = MORE * by_noise > by_powers.max(initial=0.0) - POWERS * len(scores.now.left)
+    return (() if noisy else _nonlinear(scores, by_powers)) or _driven(by_noise)
 
 
 def _moved(samples: Samples, lag: int) -> NDArray[np.float64]:
@@ -106,24 +114,27 @@ def _instants(fit: Uncertainty, scores: Scores) -> tuple[tuple[Finding, ...], Sc
     near = [(own, other) for (own, other), (_, found) in others.items() if found.criterion >= least and (own or smooth)]
     if samples.hold != "first":  # inputs that are held and those that act at the samples alone are one fit
         near = [(own, other) for own, other in near if own or other == "first"]
-    if now.direct and smooth and samples.hold != "none":
+    if now.direct and smooth:
         # A direct term at the harmonics of C(t) makes inputs that are held and those that run straight one model.
-        other = "first" if samples.hold == "zero" else "zero"
+        other = "zero" if samples.hold == "first" else "first"
         moved = replace(samples, hold=other)
         answers = [answering(samples, mode, moved, 0) for mode in now.modes]
         if solve(moved, answers, now.direct, iterations=STEPS).criterion >= now.criterion - UNTOLD:
             near.append((0, other))
-    if not near:
-        return (), None
-    shares = {key: max(abs(np.expm1(mode.exponent * (key[0] or 0.5) * samples.step)) for mode in modes) for key in near}
-    delay, hold = max(shares, key=lambda key: shares[key])
-    return (warning("inputs_untold", delay=delay, hold=hold, given=samples.hold, share=shares[delay, hold]),), None
+    told = {}
+    for own, other in near:
+        share = max(abs(np.expm1(mode.exponent * (own or 0.5) * samples.step)) for mode in modes)
+        kind = "instants" if own else "hold"
+        if kind not in told or share > told[kind].numbers["share"]:
+            told[kind] = warning("inputs_untold", delay=own, hold=other, given=samples.hold, share=share)
+    return tuple(told.values()), None
 
 
 def _smooth(samples: Samples) -> bool:
     """Whether an input goes on from sample to sample, as what was measured does: white ones are held."""
-    inputs = samples.inputs - samples.inputs.mean(axis=1, keepdims=True)
-    return bool(np.any(np.sum(inputs[:, 1:] * inputs[:, :-1], axis=1) > SMOOTH * np.sum(inputs**2, axis=1)))
+    inputs = samples.each(samples.inputs, lambda own: own - own.mean(axis=1, keepdims=True))
+    products = samples.each(inputs, lambda own: np.append(own[:, 1:] * own[:, :-1], np.zeros_like(own[:, :1]), axis=1))
+    return bool(np.any(products.sum(axis=1) > SMOOTH * np.sum(inputs**2, axis=1)))
 
 
 def _others(samples: Samples) -> Iterator[tuple[tuple[int, str], Samples]]:
@@ -171,7 +182,7 @@ def _by_powers(scores: Scores) -> NDArray[np.float64]:
 
 def _nonlinear(scores: Scores, gains: NDArray[np.float64]) -> tuple[Finding, ...]:
     """Finding on squares and cubes of the response that drive the modes as inputs would."""
-    limit = limit_of(4 * len(scores.now.left), SURE / max(len(gains), 1))
+    limit = limit_of(POWERS * len(scores.now.left), SURE / max(len(gains), 1))
     if gains.max(initial=0.0) < limit:
         return ()
     return (failure("inputs_nonlinear", squares=float(gains.max()), limit=limit),)

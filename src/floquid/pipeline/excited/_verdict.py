@@ -54,6 +54,9 @@ POOR = 2.0
 REACHED = 1e-6
 """The probability at which noise may pass for a way from the inputs to a mode."""
 
+BUSY = 0.5
+"""The share of samples at which an input that began late moves from then on: one that is silent often is blows."""
+
 OPEN = 2.0
 """Deviations within which a pair is on the axis, and two real multipliers are one."""
 
@@ -69,7 +72,8 @@ def verdict(
         *done_beside(own),
         *([note("inputs_free", phases=phases)] if most is None else []),
         *(poor or ([needed(model, limits, _seen(scores))] if most is not None else [])),
-        *_unreached(fit),
+        *(unreached := _unreached(fit)),
+        *(_began(own) if fit.at.colour > COLOURED or any(one.code == "unreached" for one in unreached) else ()),
         *of_driving(fit, scores),
         *_kinds(model),
         *_against(fit.at, held_out),
@@ -138,6 +142,23 @@ def _unreached(fit: Uncertainty) -> tuple[Finding, ...]:
             line = abs(exponent.real) * longest < 1.0
             told, code = (failure, "unreached_line") if line else (warning, "unreached")
             found.append(told(code, frequency=abs(exponent) / (2.0 * np.pi)))
+    return tuple(found)
+
+
+def _began(own: Parted) -> tuple[Finding, ...]:
+    """Findings on inputs that begin later than a record, as where they were measured from then on alone.
+
+    What drove the system before is taken for modes that ring from the begin, which no input reaches.
+    """
+    samples, found = own.samples, []
+    for number, part in enumerate(samples.records, start=1):
+        moves = samples.inputs[:, part] != samples.inputs[:, part.start, None]
+        quiet = moves.argmax(axis=1)
+        busy = [bool(row[first:].mean() > BUSY) for row, first in zip(moves, quiet, strict=True)]
+        late = np.flatnonzero(busy & (quiet * samples.step * samples.fundamental > 2.0 * np.pi))
+        if len(late):
+            names, seconds = [own.inputs[row].name for row in late], float(quiet[late].max()) * samples.step
+            found.append(failure("inputs_began", channels=names, record=number, seconds=seconds))
     return tuple(found)
 
 
@@ -239,13 +260,15 @@ def undetermined(model: PeriodicModel) -> bool:
 
 def _kinds(model: PeriodicModel) -> tuple[Finding, ...]:
     """Finding on pairs that may be two real multipliers, and on two of these that may be a pair."""
+    assert model.covariance is not None
     assert model.exponent_std is not None
-    spread, omega = model.exponent_std, model.fundamental
+    spread, omega, joint = model.exponent_std, model.fundamental, model.covariance
     halves = 0.5 * np.rint(2.0 * model.exponents.imag / omega)
     open_ = ~model.real & (np.abs(model.exponents.imag - halves * omega) < OPEN * spread.imag)
     for one, other in combinations(np.flatnonzero(model.real), 2):
         gap = abs(model.exponents[one].real - model.exponents[other].real)
-        if (halves[one] - halves[other]) % 1.0 == 0.0 and gap < OPEN * np.hypot(spread.real[one], spread.real[other]):
+        variance = joint[one, one] + joint[other, other] - 2.0 * joint[one, other]
+        if (halves[one] - halves[other]) % 1.0 == 0.0 and gap**2 < OPEN**2 * variance:
             open_[[one, other]] = True
     if not open_.any():
         return ()
