@@ -52,6 +52,7 @@ def test_a_short_record_of_many_outputs(outputs):
     assert pulls(system, found.model).max() < 4.0
 
 
+@pytest.mark.slow
 def test_two_records_of_one_blow_each():
     """The inputs are zero at most lags: what is left of their products is rounding."""
     system, records = two_masses(), []

@@ -7,7 +7,7 @@ from tests.driven import creeping, mathieu, record_of, two_masses
 from floquid.inputs import Limits, samples_of, solve
 from floquid.inputs._joint import chosen_together
 from floquid.inputs._real import with_pairs
-from floquid.inputs._start import _products_of_lags, bare_mode, candidates
+from floquid.inputs._start import _lower, _products_of_lags, bare_mode, candidates
 
 
 def samples_from(system, periods, phases, noise, seed=0):
@@ -77,3 +77,11 @@ def test_products_of_lags_are_those_of_the_table():
     signals = np.random.default_rng(0).standard_normal((3, 50))
     table = np.concatenate([signals[:, lag : lag + 45] for lag in range(6)])
     assert np.abs(_products_of_lags(signals, 6) - table @ table.T).max() < 1e-12
+
+
+def test_the_factor_of_products_that_are_rounding():
+    root = np.random.default_rng(0).standard_normal((6, 3))
+    products = root @ root.T - 5e-3 * np.eye(6)
+    factor = _lower(products)
+    assert np.abs(np.triu(factor, 1)).max() == 0.0
+    assert np.abs(factor @ factor.T - products).max() < 6e-3

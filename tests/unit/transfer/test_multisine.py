@@ -76,6 +76,12 @@ def test_slips_are_named(words, message):
         multisine(**{"period": 1.0, "sample_rate": 20.0, **words})
 
 
+def test_a_rate_as_it_is_written_is_that_of_whole_samples():
+    found = multisine(6.2831853, 7.9577472, turns=128)
+    assert found.values.shape[1] == 6400
+    assert found.sample_rate * 128 * found.period == pytest.approx(6400, abs=1e-9)
+
+
 def test_a_repeat_is_at_least_one():
     with pytest.raises(InputError, match="repeats"):
         multisine(1.0, 20.0).record(0)
