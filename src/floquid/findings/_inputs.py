@@ -223,6 +223,11 @@ INPUTS: dict[str, str | Callable[..., str]] = {
         "one another: exponents may be wrong, and how many there are. Record for longer, so that lines are closer, or "
         "use `identify_driven` on the record itself."
     ),
+    "modes_of_lines_flattened": lambda frequencies, window: (
+        f"Narrower than the {window:.3g} Hz over which the lines were smoothed: {_at(frequencies)}. That flattens a "
+        "resonance: decays are too large, and two modes may stand for one. "
+        "Record for longer, or use `identify_driven` on the record itself."
+    ),
     "modes_of_lines_misfit": "The modes leave {ratio:.3g} times the variance of the lines: modes are missing, the "
     "system is not linear, or the deviations of the lines are too small. All deviations are widened by its root.",
     "inputs_copies": "Two modes are nearly one, and have as many harmonics as are looked for ({most}): one is likely a "

@@ -225,8 +225,20 @@ def fit_transfer(
             *([warning("modes_of_lines_misfit", ratio=ratio)] if misfit else []),
             *([failure("modes_of_lines_real")] if on_axis else []),
             *([failure("modes_of_lines_undetermined", frequencies=hertz.tolist())] if hertz.size else []),
+            *_flattened(measured, model),
         ),
     )
+
+
+def _flattened(measured: MeasuredTransfer | TransferFunctions, model: PeriodicModel) -> list[Finding]:
+    """Finding on modes whose resonance is no wider than the window of polynomials that flatten it."""
+    told = {} if isinstance(measured, TransferFunctions) else {one.code: one.numbers for one in measured.findings}
+    if "measured_flattened" not in told:
+        return []
+    window = float(told["measured_polynomials"]["width"])
+    narrow = np.abs(model.exponents.real) < np.pi * window  # half-power width, 2|Re λ|/2π
+    hertz = np.unique(np.abs(model.exponents.imag[narrow])) / (2.0 * np.pi)
+    return [failure("modes_of_lines_flattened", frequencies=hertz.tolist(), window=window)] if hertz.size else []
 
 
 def _model(

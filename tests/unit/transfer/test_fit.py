@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.driven import flapping, lag, mathieu, pulls, shaken, two_masses
+from tests.driven import flapping, lag, mathieu, pulls, record_of, shaken, two_masses
 
-from floquid import Channel, IdentificationError, InputError, fit_transfer, identify_driven, measure_transfer
+from floquid import Channel, IdentificationError, InputError, Record, fit_transfer, identify_driven, measure_transfer
 from floquid.findings import Severity
 from floquid.inputs import InputMode, Limits, TransferFunctions
 from floquid.transfer import MeasuredTransfer, Modal
@@ -225,3 +225,14 @@ def test_slips_are_named():
         fit_transfer(given, period=0.0)
     with pytest.raises(InputError, match="deviations"):
         fit_transfer(replace(given, std=None), period=np.pi)
+
+
+def test_modes_of_lines_that_are_flattened_fail():
+    """Polynomials over more than a resonance is wide: one mode came out as two, χ² as it should be."""
+    system = mathieu()
+    values, inputs = record_of(system, 300, 16, 0.02, 0)
+    record = Record(values=np.vstack([values, inputs]), sample_rate=16 / system.period, channels=["y", "F"])
+    lines = measure_transfer(record, period=system.period, inputs=["F"], method="polynomials", harmonics=[-1, 0, 1])
+    fit = fit_transfer(lines, limits=Limits(modes=1))
+    assert "modes_of_lines_flattened" in {one.code for one in fit.findings if one.severity is Severity.FAILURE}
+    assert "Narrower than the 0.0" in fit.warnings[0]
