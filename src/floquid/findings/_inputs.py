@@ -157,6 +157,9 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "drives it.",
     "inputs_late": "Nothing drives in the first {seconds:.4g} s of record {record}, yet the response goes on and does "
     "not ring down: were the inputs measured from later on alone? Cut the record there, or leave it out.",
+    "excited_angle": "The angle of the shaft is known to {degrees:.2g}° only: what that makes of the response has "
+    "{share:.2g} times the variance of what is left. Modes near a harmonic of the revolution may be that, and others "
+    "are off. Sample the tachometer faster, take a wider pulse, or more of them a revolution.",
     "inputs_began": lambda channels, record, seconds: (
         f"{both(list(channels))} {'stand' if len(channels) > 1 else 'stands'} still in the first {seconds:.4g} s of "
         f"record {record}, where the response does not ring down as modes that the inputs reach do: measured from "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import islice
 
 import numpy as np
 
@@ -26,6 +27,12 @@ GONE = 1.0
 FEW = 2
 """The states of which all that is gone within a period is tried to be."""
 
+TOGETHER = 3
+"""Fits with a mode less that are compared, those first whose mode is needed least to first order: each takes long."""
+
+SEVERAL = 3
+"""Real multipliers on one axis of which each is tried to be left out: a pair that splits has two."""
+
 ALIKE = 0.5
 """The distance of two modes over their decay below which they may be one."""
 
@@ -46,19 +53,25 @@ def needed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     """Without modes that noise explains once all others are fitted again."""
     now = _few(samples, now, limits)
     while len(now.modes) > 1:
-        trials = [
-            solve(samples, trial, rough=True, least=least(trial, now, limits)) for trial in _fewer(samples, now, limits)
-        ]
+        less = _one_less(samples, now, limits)
+        if less is None:
+            return now
+        now = less
+    return now
+
+
+def _one_less(samples: Samples, now: Predictor, limits: Limits) -> Predictor | None:
+    """The fit with a mode less that explains as much with the harmonics that it then needs; None where none does."""
+    starts = _fewer(samples, now, limits)
+    while some := list(islice(starts, TOGETHER)):
+        trials = [solve(samples, start, rough=True, least=least(start, now, limits)) for start in some]
         for trial in sorted(trials, key=lambda own: -own.log_likelihood):
             if trial.log_likelihood < least(trial, now, limits):
-                return now
+                continue
             best = grown(samples, solve(samples, trial, rough=True), limits)
             if not better(now, best, limits):
-                now = best
-                break
-        else:
-            return now
-    return now
+                return best
+    return None
 
 
 def _few(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
@@ -92,22 +105,27 @@ def _off_axis(mode: Mode, half: float, omega: float) -> float:
 
 
 def _fewer(samples: Samples, now: Predictor, limits: Limits) -> Iterator[Predictor]:
-    """Starts with a mode less: without one that the linearisation does not need, or fewer for some that are alike.
+    """Starts with a mode less: fewer for some that are alike, then without one that is not needed to first order.
 
-    Of modes that are nearly one the linearisation does not hold: shapes are large and cancel.
+    Of modes that are nearly one the linearisation does not hold: shapes are large and cancel. Nor does it where one of
+    several real multipliers on an axis makes up for what others lack.
     """
     inverse = normal_of(samples, now, rough=True).inverse(anchored(now))
+    starts: list[tuple[float, list[Mode]]] = []
+    axes = [mode.axis for mode in now.modes if mode.real]
     for group in alike(now.modes, samples.fundamental):
         rest = [mode for k, mode in enumerate(now.modes) if k not in group]
-        trial = None
         if len(group) > 1:
-            trial = stable(samples, now, [*rest, *merged(samples, now, [now.modes[k] for k in group])], limits)
-        else:
-            mode, place = now.modes[group[0]], places(now.modes)[group[0]]
-            count = 2 * mode.shape.size
-            weight = squares(mode.parameters[-count:], inverse[place, place][-count:, -count:])
-            if weight <= DOUBTFUL * limit_of(count, limits.mode_alarm):
-                trial = stable(samples, now, rest, limits)
+            starts.append((0.0, [*rest, *merged(samples, now, [now.modes[k] for k in group])]))
+            continue
+        mode, place = now.modes[group[0]], places(now.modes)[group[0]]
+        count = 2 * mode.shape.size
+        weight = squares(mode.parameters[-count:], inverse[place, place][-count:, -count:])
+        doubt = weight / limit_of(count, limits.mode_alarm)
+        if doubt <= DOUBTFUL or (mode.real and axes.count(mode.axis) >= SEVERAL):
+            starts.append((doubt, rest))
+    for _, modes in sorted(starts, key=lambda own: own[0]):
+        trial = stable(samples, now, modes, limits)
         if trial is not None:
             yield trial
 

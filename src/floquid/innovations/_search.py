@@ -174,7 +174,7 @@ def _with_partners(samples: Samples, driven: Samples, now: Predictor, limits: Li
     real = [mode for mode in now.modes if mode.real]
     for half in (0.0, 0.5):
         near = [mode for mode in real if mode.axis == half]
-        if len(near) != 1 or -near[0].exponent.real * period > GONE:
+        if len(near) != 1 or -near[0].exponent.real * period > GONE or len(now.modes) >= limits.modes:
             continue
         own = replace(driven, inputs=np.concatenate([samples.inputs, now.innovations]), values=now.innovations)
         poles = [complex(near[0].exponent.real - share / period, half * omega) for share in PARTNERS]

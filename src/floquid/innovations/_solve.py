@@ -66,14 +66,18 @@ class Normal(Rebuilt):
             return self.matrix / np.outer(self.scale, self.scale)
 
     def directions(self, share: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Eigenvalues above a share of the largest and eigenvectors of the scaled matrix."""
+        """Eigenvalues above a share of the largest, and eigenvectors, of the scaled matrix; none if it overflowed."""
+        if not np.isfinite(self.scaled).all():
+            return np.zeros(0), np.zeros((len(self.scale), 0))
         values, vectors = np.linalg.eigh(self.scaled)
         good = values > share * values[-1]
         return values[good], vectors[:, good]
 
     def inverse(self, free: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
-        """Pseudo-inverse over the free parameters, zero elsewhere (parameters, parameters)."""
+        """Pseudo-inverse over the free parameters, zero elsewhere (parameters, parameters); NaN where it overflowed."""
         own = np.flatnonzero(np.ones(len(self.scale), bool) if free is None else free)
+        if not np.isfinite(self.scaled).all():
+            return np.full_like(self.matrix, np.nan)
         values, vectors = np.linalg.eigh(self.scaled[np.ix_(own, own)])
         good = values > ROUNDING * values[-1]
         found = np.zeros_like(self.matrix)
@@ -99,7 +103,9 @@ def inverted(spread: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def squares(own: NDArray[np.float64], spread: NDArray[np.float64]) -> float:
-    """How far some parameters are from zero, in squared deviations."""
+    """How far some parameters are from zero, in squared deviations; zero where these overflowed."""
+    if not np.isfinite(spread).all():
+        return 0.0
     return float(own @ inverted(spread) @ own)
 
 

@@ -38,9 +38,11 @@ from floquid.pipeline.excited._analysis import HELD_OUT, AmbientAnalysis, finish
 from floquid.pipeline.excited._identify import HIGHEST
 from floquid.pipeline.excited._prepare import COPY, Parted, parted, refuse_others
 from floquid.pipeline.excited._verdict import (
+    CLEAR,
     SIGNIFICANT,
     done_beside,
     needed,
+    of_angle,
     of_outliers,
     of_period,
     of_phases,
@@ -185,6 +187,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
             # Blows that nobody measured are excitation, not faults.
             *(replace(told, severity=Severity.WARNING) for told in of_outliers(found.innovations, own)),
             *(() if own.shafts else of_period(samples, *period_step(fit), SLIP)),
+            *of_angle(own, found.columns, np.sqrt(np.mean(found.innovations**2, axis=1))),
             *of_phases(samples, [phase_step(fit, number) for number in range(1, len(own.records))]),
             *([warning("inputs_modes", most=limits.modes)] if len(found.modes) >= limits.modes else []),
         ),
@@ -271,7 +274,8 @@ def _told(
     for told, which in ((failure, still & low), (warning, still & ~low)):  # a line of the period may be a mode's
         if which.any():
             found.append(told("ambient_slow", frequencies=hertz[which].tolist()))
-    line = ~(own | still) & (decays * longest < 1.0)
+    several = len(fit.samples.records) > 1  # many short ones may tell a decay
+    line = ~(own | still) & (decays * longest < 1.0) & ~(several & (shares < 1.0 / CLEAR))
     if line.any():
         found.append(failure("ambient_line", frequencies=hertz[line].tolist()))
     single = ~(still | line) & ~np.array(varying) & any(varying) & np.array([mode.axis == 0.0 for mode in fit.at.modes])
@@ -280,8 +284,8 @@ def _told(
     for code, which in (("ambient_single", single), ("ambient_fast", fast), ("ambient_real", lasts)):
         if which.any():
             found.append(warning(code, frequencies=hertz[which].tolist()))
-    if (shares[~still] > AIM).any():
-        worst = int(np.argmax(np.where(still, 0.0, shares)))
+    if (shares[~(still | line)] > AIM).any():
+        worst = int(np.argmax(np.where(still | line, 0.0, shares)))
         told, periods = warning if shares[worst] > VAGUE else note, duration / model.period * (shares / AIM) ** 2
         found.append(
             told(

@@ -127,8 +127,13 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why the model does not pass, a sentence each; they are among the warnings."""
+        """Why the model does not pass, a sentence each; they are among the warnings. None where it was not checked."""
         return texts([own for own in self.findings if own.severity is Severity.FAILURE or own.code in UNPREDICTED])
+
+    @property
+    def synchronisation(self) -> tuple[str, ...]:
+        """Notes on the clock of the records, and on what was done to them and found, a sentence each."""
+        return texts(self.findings, Severity.NOTE)
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -54,6 +54,9 @@ POOR = 2.0
 REACHED = 1e-6
 """The probability at which noise may pass for a way from the inputs to a mode."""
 
+SHAKEN, BLURRED = 0.5, 2.0
+"""Shares of the variance of what is left that errors of the shaft's angle may make, and up to which a model stands."""
+
 BUSY = 0.5
 """The share of samples at which an input that began late moves from then on: one that is silent often is blows."""
 
@@ -80,6 +83,7 @@ def verdict(
         *of_outliers(fit.at.left, own),
         *_ended(samples, fit.at, model, limits, most),
         *(() if own.shafts else of_period(samples, *period_step(scores))),
+        *of_angle(own, fit.at.coefficients[-len(samples.known) :].T, fit.at.noise),
         *of_phases(samples, [phase_step(scores, number) for number in range(1, len(own.records))]),
     )
 
@@ -97,7 +101,33 @@ def done_beside(own: Parted) -> tuple[Finding, ...]:
     used = {own_channel.name for own_channel in (*own.outputs, *own.inputs)}
     forces = {c.name for record in own.records for c in record.channels if c.quantity == "force"}
     done += [note("no_response", channel=name, quantity="force") for name in sorted(forces - used)]
-    return (*done, *own.findings, *(finding for shaft in own.shafts for finding in shaft.findings))
+    said = (finding for shaft in own.shafts for finding in shaft.findings if finding.code != "angle_alike")
+    return (*done, *own.findings, *said)
+
+
+def of_angle(own: Parted, columns: NDArray[np.float64], noise: NDArray[np.float64]) -> tuple[Finding, ...]:
+    r"""Findings on what the error of the shaft's angle makes of the response, over the variance of what is left.
+
+    .. math:: \max_c \frac{\sigma_\theta^2}{s_c^2} \Big(\frac12 \sum_j (j\, a_{c,j})^2 + \sigma_c^2\Big)
+
+    with a the amplitudes of the harmonics j of the steady response, of `columns` (channels, known), σ the deviations of
+    the angle of the system and of the rest of the response, and s the `noise` (channels,).
+    """
+    if not own.shafts:
+        return ()
+    samples, several = own.samples, own.periods_per_revolution
+    parts = columns[:, len(samples.records) :].reshape(len(columns), len(own.turns), 2)
+    steady = 0.5 * np.sum((np.array(own.turns)[:, None] * parts) ** 2, axis=(1, 2))
+    power = float(np.max((steady + np.var(samples.values - columns @ samples.known, axis=1)) / noise**2))
+    found = []
+    for shaft, record in zip(own.shafts, own.records, strict=True):
+        std = several * float(np.sqrt(np.mean(shaft.angle_std(np.clip(record.times, shaft.first, shaft.last)) ** 2)))
+        if (share := std**2 * power) > SHAKEN:
+            told = failure if share > BLURRED else warning
+            found.append(told("excited_angle", degrees=float(np.degrees(std / several)), share=share))
+        left = several**2 * float(np.mean(shaft.residuals[shaft.kept] ** 2))
+        found += [finding for finding in shaft.findings if finding.code == "angle_alike" and left * power > SHAKEN]
+    return tuple(found)
 
 
 def _seen(scores: Scores) -> list[tuple[float, int]]:
