@@ -127,14 +127,18 @@ def _untold(delay: int, hold: str, given: str, share: float) -> str:
     )
 
 
-def _line(frequencies: Sequence[float], periods: int, real: bool) -> str:
+def _line(frequencies: Sequence[float], periods: int, real: bool, forced: Sequence[int] = ()) -> str:
     many = len(frequencies) > 1
     what = "do not decay and are at multiples" if many else "does not decay and is at a multiple"
     other = ", or a real negative multiplier at the limit of stability" if real else ""
+    remedy = (
+        f'Name it by its harmonics of the revolution, and it is fitted beside: `forced="{",".join(map(str, forced))}"`.'
+        if forced
+        else f"If a revolution holds {periods} periods, say so: `periods_per_revolution={periods}`."
+    )
     return (
         f"The {_at(frequencies)} {what} of 1/{periods} of the period's frequency: likely no mode{'s' * many}, but what "
-        f"drives the system once in {periods} periods, as an imbalance does{other}. If a revolution holds "
-        f"{periods} periods, say so: `periods_per_revolution={periods}`."
+        f"drives the system once in {periods} periods, as an imbalance does{other}. {remedy}"
     )
 
 

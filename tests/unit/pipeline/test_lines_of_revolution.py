@@ -50,7 +50,8 @@ def test_lines_of_the_revolution_are_fitted_beside_the_modes(driven):
     assert left.model.order > 2
     assert _lines_found(left, 1.0) == ()
     left = replace(left, settings=Settings(inputs=("F",)))
-    assert _lines_found(left, 2.0) == ()
+    (said,) = _lines_found(left, 2.0)
+    assert '`forced="1"`' in str(said)
     (told,) = _lines_found(left, 1.0)
     assert told.severity is Severity.FAILURE
     assert told.numbers["periods"] == 2

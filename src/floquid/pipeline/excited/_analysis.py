@@ -290,7 +290,7 @@ def _lines_found(analysis: ExcitedAnalysis, periods_of_turn: float) -> tuple[Fin
     """Findings on modes that do not decay at a fraction of the fundamental, as lines of a revolution are."""
     model = analysis.model
     std = model.exponent_std
-    if std is None or analysis.settings.forced != "auto" or periods_of_turn != 1.0:
+    if std is None or analysis.settings.forced != "auto":
         return ()
     still = np.abs(model.exponents.real) < STILL * std.real
     still &= np.abs(model.exponents.real) * max(record.duration for record in analysis.records) < 1.0
@@ -308,7 +308,10 @@ def _lines_found(analysis: ExcitedAnalysis, periods_of_turn: float) -> tuple[Fin
             hertz = np.unique(np.abs(model.exponents.imag[at])) / (2.0 * np.pi)
             told = failure if known[at].any() else warning
             real = bool(model.real[at].any())
-            found.append(told("line_as_mode", frequencies=hertz.tolist(), periods=count, real=real))
+            # Where the revolution was said they are weak, and were left out: their numbers in it.
+            lines = np.unique(np.rint(np.abs(turns[at]) * periods_of_turn)).astype(int).tolist()
+            forced = lines if periods_of_turn % count == 0.0 else []
+            found.append(told("line_as_mode", frequencies=hertz.tolist(), periods=count, real=real, forced=forced))
     return tuple(found)
 
 
