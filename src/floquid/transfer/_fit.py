@@ -231,14 +231,14 @@ def fit_transfer(
 
 
 def _flattened(measured: MeasuredTransfer | TransferFunctions, model: PeriodicModel) -> list[Finding]:
-    """Finding on modes whose resonance is no wider than the window of polynomials that flatten it."""
-    told = {} if isinstance(measured, TransferFunctions) else {one.code: one.numbers for one in measured.findings}
-    if "measured_flattened" not in told:
+    """Finding on modes whose resonance is narrower than the window of polynomials: a failure where that is seen."""
+    said = {} if isinstance(measured, TransferFunctions) else {one.code: one.numbers for one in measured.findings}
+    if "measured_polynomials" not in said:
         return []
-    window = float(told["measured_polynomials"]["width"])
+    window, told = float(said["measured_polynomials"]["width"]), failure if "measured_flattened" in said else warning
     narrow = np.abs(model.exponents.real) < np.pi * window  # half-power width, 2|Re λ|/2π
     hertz = np.unique(np.abs(model.exponents.imag[narrow])) / (2.0 * np.pi)
-    return [failure("modes_of_lines_flattened", frequencies=hertz.tolist(), window=window)] if hertz.size else []
+    return [told("modes_of_lines_flattened", frequencies=hertz.tolist(), window=window)] if hertz.size else []
 
 
 def _model(
