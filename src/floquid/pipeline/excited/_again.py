@@ -15,11 +15,11 @@ from floquid.inputs import InputMode, Samples, Uncertainty, linearise
 from floquid.inputs import solve as solve_driven
 from floquid.pipeline._settings import Settings
 from floquid.pipeline.excited._analysis import ExcitedAnalysis
-from floquid.pipeline.excited._prepare import Parted, parted
+from floquid.pipeline.excited._prepare import Parted, parted, quiet_for
 from floquid.pipeline.preparation import blas_threads
 
 KEPT = 0.75
-"""The share of each record that a model is fitted to for the check on the rest."""
+"""The share of each record, from when its inputs move on, that a model is fitted to for the check on the rest."""
 
 
 def driven_fit(
@@ -51,8 +51,14 @@ def ambient_fit(
 
 
 def first_part(samples: Samples) -> tuple[Samples, NDArray[np.bool_]]:
-    """The first three quarters of each record, and their mask over the samples of all (samples,)."""
-    kept = [slice(one.start, one.start + int(KEPT * (one.stop - one.start))) for one in samples.records]
+    """The first three quarters of each record, and their mask over the samples of all (samples,).
+
+    What is at its begin before any input moves is none of the four: a model needs inputs.
+    """
+    kept = []
+    for one in samples.records:
+        quiet = quiet_for(samples.inputs[:, one])
+        kept.append(slice(one.start, one.start + quiet + int(KEPT * (one.stop - one.start - quiet))))
     mask = np.zeros(samples.n_samples, bool)
     for one in kept:
         mask[one] = True

@@ -18,14 +18,13 @@ from floquid.inputs import (
     fitted_freely,
     linearise,
     model_of,
-    samples_of,
     searched,
     slopes_of,
     solve,
     state_slopes,
 )
 from floquid.pipeline._settings import Settings
-from floquid.pipeline.excited._again import KEPT
+from floquid.pipeline.excited._again import first_part
 from floquid.pipeline.excited._analysis import DrivenAnalysis, finished
 from floquid.pipeline.excited._prepare import OF, Parted, parted, refuse_others
 from floquid.pipeline.excited._verdict import at_limit, verdict
@@ -151,22 +150,11 @@ def _held_out(own: Parted, found: Linearisation) -> NDArray[np.float64]:
     Expected are the noise, and what the deviations of that fit make of the prediction.
     """
     whole = own.samples
-    kept = [slice(one.start, one.start + int(KEPT * (one.stop - one.start))) for one in whole.records]
-    first = samples_of(
-        [whole.values[:, one] for one in kept],
-        [whole.inputs[:, one] for one in kept],
-        [whole.times[one] for one in kept],
-        step=whole.step,
-        fundamental=whole.fundamental,
-        hold=whole.hold,
-        turns=own.turns,
-    )
+    first, fitted = first_part(whole)
     part = Uncertainty(first, solve(first, found.modes, found.direct))
     whole_at = linearise(whole, part.at.modes, part.at.direct)
     states = state_slopes(whole, whole_at)
-    beyond = np.ones(whole.n_samples, bool)
-    for one in kept:
-        beyond[one] = False
+    beyond = ~fitted
     columns, errors = whole_at.columns[:, beyond], []
     for channel, noise in enumerate(part.at.noise):
         left = whole.values[channel, beyond] - part.at.coefficients[:, channel] @ columns

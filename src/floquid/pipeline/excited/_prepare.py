@@ -168,14 +168,18 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
     )
 
 
+def quiet_for(inputs: NDArray[np.float64]) -> int:
+    """Samples at the begin of a record in which no input moves; none where none ever does."""
+    return int((inputs != inputs[:, :1]).any(axis=0).argmax())
+
+
 def _late(
     values: Sequence[NDArray[np.float64]], inputs: Sequence[NDArray[np.float64]], rate: float, period: float
 ) -> tuple[Finding, ...]:
     """Findings on records in which nothing drives at first while the response goes on: channels that came late."""
     found = []
     for number, (seen, driven) in enumerate(zip(values, inputs, strict=True), start=1):
-        moves = np.flatnonzero((driven != driven[:, :1]).any(axis=0)) if len(driven) else np.zeros(0, np.int64)
-        quiet = int(moves[0]) if len(moves) else 0
+        quiet = quiet_for(driven)
         if quiet < STILL * rate * period:
             continue
         # What repeats with the period is not driven by what was measured; the rest would have to ring down.
