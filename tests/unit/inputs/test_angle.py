@@ -56,7 +56,7 @@ def told(found):
     return {own.code: own.severity.name for own in found.findings if own.severity.name != "NOTE"}
 
 
-@pytest.mark.parametrize("measured", [True, False])
+@pytest.mark.parametrize("measured", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_pulses_that_are_sampled_coarsely_beside_an_orbit_fail(wandering, measured):
     """What the error of the angle made of the orbit came out as a mode, and passed."""
     assert told(identified(wandering, 20.0, "pulses", measured))["excited_angle"] == "FAILURE"

@@ -130,7 +130,7 @@ def test_a_spring_that_hardens_is_named(steady, seed, late):
     assert ("inputs_instants" in codes(found)) == late
 
 
-@pytest.mark.parametrize("seed", [6, 7])
+@pytest.mark.parametrize("seed", [6, pytest.param(7, marks=pytest.mark.slow)])
 def test_noise_on_an_input_is_told_of_many_outputs_too(seed):
     """Squares gain by chance the more the more outputs there are, and kept that noise from being told."""
     system = mathieu()
@@ -265,7 +265,7 @@ def test_a_driven_record_at_another_phase_than_the_first_is_named(shift, code):
     assert found.failed == bool(code)
 
 
-@pytest.mark.parametrize(("share", "seed"), [(0.05, 1), (0.15, 0)])
+@pytest.mark.parametrize(("share", "seed"), [(0.05, 1), pytest.param(0.15, 0, marks=pytest.mark.slow)])
 def test_inputs_that_were_measured_from_later_on_alone_fail(share, seed):
     """What drove the system before came out as modes that no input reaches, and passed."""
     system = mathieu()

@@ -227,6 +227,7 @@ def test_slips_are_named():
         fit_transfer(replace(given, std=None), period=np.pi)
 
 
+@pytest.mark.slow
 def test_modes_of_lines_that_are_flattened_fail():
     """Polynomials over more than a resonance is wide: one mode came out as two, χ² as it should be."""
     system = mathieu()
