@@ -68,3 +68,14 @@ def test_an_azimuth_beside_an_orbit_is_as_good_as_it_needs_to_be(wandering, meas
     found = identified(wandering, 20.0, "azimuth", measured)
     assert found.model.order == 2
     assert not {"excited_angle", "angle_alike"} & set(told(found))
+
+
+def test_inputs_that_act_at_once_are_no_steady_response(wandering):
+    values, inputs, angle = wandering
+    channels = [Channel(name="y", unit="m/s^2", quantity="acceleration"), Channel(name="F", unit="N"), "shaft"]
+    shaft = (np.degrees(angle) % 360.0)[None]
+    sampled = PHASES / mathieu().period
+    record = Record(values=np.concatenate([values, inputs, shaft]), sample_rate=sampled, channels=channels)
+    found = identify_ambient(record, inputs=["F"], azimuth="shaft", validate=False)
+    assert found.fit.acting == 1
+    assert "excited_angle" not in told(found)

@@ -116,6 +116,7 @@ def of_angle(own: Parted, columns: NDArray[np.float64], noise: NDArray[np.float6
     if not own.shafts:
         return ()
     samples, several = own.samples, own.periods_per_revolution
+    columns = columns[:, : len(samples.known)]  # inputs that act at once may follow
     parts = columns[:, len(samples.records) :].reshape(len(columns), len(own.turns), 2)
     steady = 0.5 * np.sum((np.array(own.turns)[:, None] * parts) ** 2, axis=(1, 2))
     power = float(np.max((steady + np.var(samples.values - columns @ samples.known, axis=1)) / noise**2))
