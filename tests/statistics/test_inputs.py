@@ -61,20 +61,13 @@ def test_deviations_hold(system, periods, phases, noise, order):
     assert 0.9 < np.mean(np.abs(np.array(errors)) < 1.96) < 0.98
 
 
-def test_two_real_negative_multipliers_are_no_pair_beside_a_third():
-    """Of a hundred draws those in which they were, or one that noise explains was a mode, at some time of the code.
-
-    Rounding decides the way of a search: one of these (59) ends in four undetermined modes on some machines, and fails.
-    """
-    system, right = flapping(), 0
-    for seed in (28, 43, 54, 57, 59, 70, 78, 98):
-        own = found(system, 150, 32, 0.01, seed)
-        if own.model.real.tolist() == [True, True]:
-            assert pulls(system, own.model)[:, 0].max() < 4.0
-            right += 1
-        else:
-            assert own.failed
-    assert right >= 7
+@pytest.mark.parametrize("seed", [28, 43, 54, 57, 59, 70, 78, 98])
+def test_two_real_negative_multipliers_are_no_pair_beside_a_third(seed):
+    """Of a hundred draws those in which they were, or one that noise explains was a mode, at some time of the code."""
+    system = flapping()
+    own = found(system, 150, 32, 0.01, seed).model
+    assert own.real.tolist() == [True, True]
+    assert pulls(system, own)[:, 0].max() < 4.0
 
 
 @pytest.mark.parametrize(

@@ -392,9 +392,7 @@ def test_a_line_of_the_mains_is_no_mode(values):
     (told,) = [own for own in found.findings if own.code == "ambient_line"]
     assert told.numbers["frequencies"] == pytest.approx([hertz], rel=1e-3)
     assert not found.passed
-    # Beside it rounding decides what else is found in a model that fails.
-    singles = [own.numbers["frequencies"] for own in found.findings if own.code == "ambient_single"]
-    assert all(abs(own - hertz) > 1e-3 for own in np.concatenate([[0.0], *singles]))
+    assert "ambient_single" not in {own.code for own in found.findings}
 
 
 def test_clipped_outputs_fail(values):

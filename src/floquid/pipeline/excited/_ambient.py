@@ -278,7 +278,8 @@ def _told(
     line = ~(own | still) & (decays * longest < 1.0) & ~(several & (shares < 1.0 / CLEAR))
     if line.any():
         found.append(failure("ambient_line", frequencies=hertz[line].tolist()))
-    single = ~(still | line) & ~np.array(varying) & any(varying) & np.array([mode.axis == 0.0 for mode in fit.at.modes])
+    no_axis = np.array([mode.axis == 0.0 for mode in fit.at.modes])
+    single = ~(still | line.any()) & ~np.array(varying) & any(varying) & no_axis  # a line spoils what is said of others
     gone, real = decays * model.period > GONE, np.array([mode.real for mode in fit.at.modes])
     fast, lasts = gone & ~single & (undecided == 0.0) & ~own, real & ~(gone | single | still | line | own)
     for code, which in (("ambient_single", single), ("ambient_fast", fast), ("ambient_real", lasts)):
