@@ -26,6 +26,8 @@ LARGEST = 1e3
 """Innovations over the response from which on the predictor diverges."""
 GROWTH = 3.0
 """What the predictor of a fit may make of a state over a record: of one that hardly decays, more than 1 for a while."""
+FORGOTTEN = 1e-12
+"""What is left of a state at the first sample that counts as nothing: products of smaller numbers underflow, slowly."""
 STEEPEST = 1e4  # the most that a state may do to one at the next sample, lest rounding to single precision diverges
 
 
@@ -238,6 +240,8 @@ def slopes(
             for before, after, transition in zip(states[:count], states[1 : count + 1, :size], ahead[own], strict=True):
                 after += transition @ before
             yield own, white[own] @ states[:count]
+            begun = states[count, :size, width - at.initial.size :]
+            begun[np.abs(begun) < FORGOTTEN] = 0.0
             states[0, :size] = states[count, :size]
 
 
