@@ -51,6 +51,9 @@ REAL = 1e-9
 PARTNERS = (0.1, 0.3, 1.0)
 """Decays over a period, beyond that of a real multiplier that lasts, at which a second one is looked for."""
 
+LAST = 3
+"""Fits to the end at most, one after another."""
+
 LOOSE = 1e-2
 """The probability at which noise may pass for a harmonic at the end: one that is missing does more harm."""
 
@@ -129,9 +132,17 @@ def _searched(
         fewer = needed(samples, now, loose)
     now = _with_partners(samples, driven, now, loose)
     undecided += [0.0] * (len(now.modes) - len(undecided))
-    report(f"fitting {len(now.modes)} modes")
-    now = rebuilt(samples, now, [mode.padded(1.0, limits.highest) for mode in now.modes]) or now
-    return centred(samples, solve(samples, reweighed(samples, now))), undecided
+    for _ in range(LAST):
+        report(f"fitting {len(now.modes)} modes")
+        wide = rebuilt(samples, now, [mode.padded(1.0, limits.highest) for mode in now.modes]) or now
+        start = reweighed(samples, wide)
+        wide = solve(samples, start)
+        more = max(wide.n_parameters - now.n_parameters, 1)
+        if wide.log_likelihood - start.log_likelihood < limit_of(more, limits.mode_alarm):
+            break
+        # Rough fits had stopped short of it: harmonics are to be looked for again.
+        now = narrowed(samples, grown(samples, wide, loose, rounds=2), loose)
+    return centred(samples, wide), undecided
 
 
 def _white(samples: Samples, now: Predictor, limits: Limits) -> bool:

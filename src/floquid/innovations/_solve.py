@@ -24,7 +24,7 @@ ROUNDING = 1e-11
 SERVES = 0.7
 """The share of the gain expected above which the matrix of a step serves for the next."""
 
-FINE = (20, 1e-3)
+FINE = (100, 1e-3)
 """Steps at most, and the gain in twice the logarithm of the likelihood that ends them."""
 
 ROUGH = (10, 0.5)
@@ -123,7 +123,9 @@ def solve(samples: Samples, start: Predictor, *, rough: bool = False, least: flo
         aim = vectors.T @ (pull / normal.scale)
         while True:
             along = aim / (values + damping)
-            trial = moved(samples, now, vectors @ along / normal.scale, period)
+            whole = vectors @ along / normal.scale
+            step = held(now, whole, vectors / ((values + damping) ** 0.5 * normal.scale[:, None]), period)
+            trial = moved(samples, now, step, period)
             gained = -np.inf if trial is None else trial.log_likelihood - now.log_likelihood
             if kept or gained >= -1e-9:
                 break
@@ -137,12 +139,31 @@ def solve(samples: Samples, start: Predictor, *, rough: bool = False, least: flo
             slows, pace, before = gained < before, max(gained, before), gained
             if taken >= PACED and slows and now.log_likelihood + (iterations - taken) * pace < least:
                 return now
-        kept = gained > SERVES * float(np.sum((2.0 * aim - along * values) * along))
+        kept = step is whole and gained > SERVES * float(np.sum((2.0 * aim - along * values) * along))
         if kept:
             pull = gradient(samples, now, now.innovations)
         else:
             normal = normal_of(samples, now, rough=rough)
             pull, (values, vectors) = normal.gradient, normal.directions(1e-6 if rough else ROUNDING)
+
+
+def held(at: Predictor, whole: NDArray[np.float64], root: NDArray[np.float64], period: float) -> NDArray[np.float64]:
+    """The best step that moves no exponent further than `LONGEST_STEP`: all else goes with those that are held.
+
+    The whole step is W W' times the gradient, by a root W (parameters, directions).
+    """
+    own = [slice(place.start, place.start + mode.rows) for mode, place in zip(at.modes, places(at.modes), strict=True)]
+    step, fixed = whole, np.zeros(len(whole), bool)
+    while True:
+        longest = max(own, key=lambda rows: float(np.linalg.norm(step[rows])), default=slice(0))
+        size = float(np.linalg.norm(step[longest])) * period
+        if size <= 1.001 * LONGEST_STEP:
+            return step
+        to = np.where(fixed, step, whole)
+        to[longest], fixed[longest] = step[longest] * LONGEST_STEP / size, True
+        mixed = root @ root[fixed].T
+        step = whole - mixed @ np.linalg.lstsq(mixed[fixed], (whole - to)[fixed], rcond=None)[0]
+        step[fixed] = to[fixed]
 
 
 def climbed(samples: Samples, now: Predictor) -> Predictor:

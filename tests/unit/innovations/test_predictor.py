@@ -10,10 +10,10 @@ from floquid.innovations._covariance import colour, whitening_of
 from floquid.innovations._fewer import alike, needed
 from floquid.innovations._gain import stable_gains
 from floquid.innovations._mode import Mode
-from floquid.innovations._predictor import gradient, matrices, predicted, slopes
+from floquid.innovations._predictor import FORGOTTEN, TOGETHER, gradient, matrices, predicted, slopes
 from floquid.innovations._products import as_real, merged
 from floquid.innovations._result import Fit, sized
-from floquid.innovations._solve import moved, normal_of, solve
+from floquid.innovations._solve import LONGEST_STEP, held, moved, normal_of, places, solve
 from floquid.inputs import Limits, samples_of
 
 OMEGA, STEP, COUNT = 1.3, 0.2, 400
@@ -99,6 +99,42 @@ def test_single_precision_gives_the_same_matrix(case):
     samples, at, _ = case
     fine, rough = normal_of(samples, at), normal_of(samples, at, rough=True)
     assert np.abs(fine.scaled - rough.scaled).max() < 1e-4
+
+
+def test_what_is_left_of_a_first_state_does_not_underflow(case):
+    _, at, _ = case
+    generator = np.random.default_rng(8)
+    long = samples_of(
+        [generator.standard_normal((2, 9 * TOGETHER))], [generator.standard_normal((1, 9 * TOGETHER))], [0.4],
+        step=STEP, fundamental=OMEGA, hold="none",
+    )  # fmt: skip
+    start = predicted(long, at.modes, at.columns, at.initial)
+    parts = [np.abs(part[:, :, -at.initial.size :]) for _, part in slopes(long, start, start.root, rough=True)]
+    assert parts[0].max() > 0.01
+    assert not any(((part > 0.0) & (part < 1e-6 * FORGOTTEN)).any() for part in parts)
+    assert parts[-1].max() == 0.0
+
+
+def test_a_step_that_is_held_is_the_best_that_moves_no_exponent_too_far(case):
+    samples, at, _ = case
+    normal, period = normal_of(samples, at), 2.0 * np.pi / OMEGA
+    values, vectors = np.linalg.eigh(normal.matrix + 1e-3 * np.diag(normal.scale**2))
+    root = vectors / np.sqrt(values)
+    pull = normal.gradient.copy()
+    for place in places(at.modes):
+        pull[place.start] += 3.0 * normal.matrix[place.start, place.start] * LONGEST_STEP / period
+    whole = root @ (root.T @ pull)
+    step = held(at, whole, root, period)
+    sizes = [
+        np.linalg.norm(step[place.start : place.start + mode.rows]) * period
+        for mode, place in zip(at.modes, places(at.modes), strict=True)
+    ]
+    assert np.allclose(sizes, LONGEST_STEP)
+    slope = pull - (vectors * values) @ vectors.T @ step
+    exponents = np.zeros(len(slope), bool)
+    exponents[[0, 1, places(at.modes)[1].start]] = True
+    assert np.abs(slope[~exponents] / normal.scale[~exponents]).max() < 1e-8 * np.abs(slope / normal.scale).max()
+    assert np.array_equal(held(at, 0.01 * step, root, period), 0.01 * step)
 
 
 def test_the_scale_of_a_state_and_its_branch_change_nothing(case):
