@@ -62,16 +62,33 @@ def needed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
 
 def _one_less(samples: Samples, now: Predictor, limits: Limits) -> Predictor | None:
     """The fit with a mode less that explains as much with the harmonics that it then needs; None where none does."""
+    groups = [[now.modes[k] for k in group] for group in alike(now.modes, samples.fundamental)]
+    if sum(len(group) > 1 for group in groups) > 1:
+        both = [merged(samples, now, group) if len(group) > 1 else group for group in groups]
+        start = stable(samples, now, [mode for group in both for mode in group], limits)
+        fit = (
+            None
+            if start is None
+            else _as_good(samples, now, solve(samples, start, rough=True, least=least(start, now, limits)), limits)
+        )
+        if fit is not None:
+            return fit
     starts = _fewer(samples, now, limits)
     while some := list(islice(starts, TOGETHER)):
         trials = [solve(samples, start, rough=True, least=least(start, now, limits)) for start in some]
         for trial in sorted(trials, key=lambda own: -own.log_likelihood):
-            if trial.log_likelihood < least(trial, now, limits):
-                continue
-            best = grown(samples, solve(samples, trial, rough=True), limits)
-            if not better(now, best, limits):
+            best = _as_good(samples, now, trial, limits)
+            if best is not None:
                 return best
     return None
+
+
+def _as_good(samples: Samples, now: Predictor, trial: Predictor, limits: Limits) -> Predictor | None:
+    """A fit with less, with the harmonics that it then needs; None where noise does not explain what it lacks."""
+    if trial.log_likelihood < least(trial, now, limits):
+        return None
+    best = grown(samples, solve(samples, trial, rough=True), limits)
+    return None if better(now, best, limits) else best
 
 
 def _few(samples: Samples, now: Predictor, limits: Limits) -> Predictor:

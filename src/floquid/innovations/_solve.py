@@ -24,6 +24,12 @@ ROUNDING = 1e-11
 SERVES = 0.7
 """The share of the gain expected above which the matrix of a step serves for the next."""
 
+LEAST = -1e-9
+"""The gain in twice the logarithm of the likelihood below which a step is taken back: less is rounding."""
+
+NEARBY, BENT = 0.1, 0.75
+"""The share of a step at which the curve of the residual is looked at, and the most that it bends the step by."""
+
 FINE = (100, 1e-3)
 """Steps at most, and the gain in twice the logarithm of the likelihood that ends them."""
 
@@ -112,8 +118,9 @@ def squares(own: NDArray[np.float64], spread: NDArray[np.float64]) -> float:
 def solve(samples: Samples, start: Predictor, *, rough: bool = False, least: float = -np.inf) -> Predictor:
     """The maximum of the likelihood near a start (Levenberg-Marquardt); a rough one in single precision.
 
-    The matrix is kept while steps gain what it lets expect: the gradient alone costs next to nothing. A fit that is of
-    no use below a least logarithm of the likelihood (twice that) is given up where it will not come as far.
+    The matrix is kept while steps gain what it lets expect: the gradient alone costs next to nothing. A step that gains
+    nothing is tried along the curve of the residual before it is shortened. A fit that is of no use below a least
+    logarithm of the likelihood (twice that) is given up where it will not come as far.
     """
     (iterations, at_rest), now, damping = ROUGH if rough else FINE, start, 1e-6
     period, taken, kept, before = 2.0 * np.pi / samples.fundamental, 0, False, np.inf
@@ -122,29 +129,60 @@ def solve(samples: Samples, start: Predictor, *, rough: bool = False, least: flo
     while True:
         aim = vectors.T @ (pull / normal.scale)
         while True:
-            along = aim / (values + damping)
-            whole = vectors @ along / normal.scale
-            step = held(now, whole, vectors / ((values + damping) ** 0.5 * normal.scale[:, None]), period)
-            trial = moved(samples, now, step, period)
-            gained = -np.inf if trial is None else trial.log_likelihood - now.log_likelihood
-            if kept or gained >= -1e-9:
+            along, root = aim / (values + damping), vectors / ((values + damping) ** 0.5 * normal.scale[:, None])
+            whole, expected = vectors @ along / normal.scale, float(np.sum((2.0 * aim - along * values) * along))
+            step = held(now, whole, root, period)
+            trial, gained = _tried(samples, now, step, period)
+            if kept or gained >= LEAST:
+                break
+            step = held(now, step + bend(samples, now, step, root, normal), root, period)
+            trial, gained = _tried(samples, now, step, period)
+            if gained >= LEAST:
                 break
             damping = max(10.0 * damping, 1e-4)
             if damping >= 1e6:
                 return now
-        if trial is not None and gained >= -1e-9:
+        if trial is not None and gained >= LEAST:
             now, damping, taken = trial, max(0.1 * damping, 1e-9), taken + 1
-            if gained < at_rest or taken == iterations:
+            # From a start that is far off a first step may be cut short.
+            if (gained < at_rest and (taken > 1 or gained > SERVES * expected)) or taken == iterations:
                 return now
             slows, pace, before = gained < before, max(gained, before), gained
             if taken >= PACED and slows and now.log_likelihood + (iterations - taken) * pace < least:
                 return now
-        kept = step is whole and gained > SERVES * float(np.sum((2.0 * aim - along * values) * along))
+        kept = step is whole and gained > SERVES * expected
         if kept:
             pull = gradient(samples, now, now.innovations)
         else:
             normal = normal_of(samples, now, rough=rough)
             pull, (values, vectors) = normal.gradient, normal.directions(1e-6 if rough else ROUNDING)
+
+
+def _tried(
+    samples: Samples, now: Predictor, step: NDArray[np.float64], period: float
+) -> tuple[Predictor | None, float]:
+    """The predictor a step away, and what it gains in twice the logarithm of the likelihood; None where it diverges."""
+    trial = moved(samples, now, step, period)
+    return trial, -np.inf if trial is None else trial.log_likelihood - now.log_likelihood
+
+
+def bend(
+    samples: Samples, now: Predictor, step: NDArray[np.float64], root: NDArray[np.float64], normal: Normal
+) -> NDArray[np.float64]:
+    r"""What a step bends by along the curve of the residual (Transtrum and Sethna 2012), by a root W of the inverse.
+
+    .. math:: \tfrac12 a = -\tfrac12 W W^T J^T R^{-1} \frac{\partial^2 e}{\partial\delta^2}
+
+    Zero where the predictor diverges beside.
+    """
+    period = 2.0 * np.pi / samples.fundamental
+    ahead, behind = (moved(samples, now, sign * NEARBY * step, period) for sign in (1.0, -1.0))
+    if ahead is None or behind is None:
+        return np.zeros_like(step)
+    curve = (ahead.innovations - 2.0 * now.innovations + behind.innovations) / NEARBY**2
+    bend = root @ (root.T @ gradient(samples, now, curve))
+    size, most = np.linalg.norm(normal.scale * bend), BENT * np.linalg.norm(normal.scale * step)
+    return np.asarray(0.5 * min(1.0, most / max(size, 1e-300)) * bend)
 
 
 def held(at: Predictor, whole: NDArray[np.float64], root: NDArray[np.float64], period: float) -> NDArray[np.float64]:

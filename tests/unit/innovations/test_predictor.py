@@ -13,7 +13,7 @@ from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import FORGOTTEN, TOGETHER, gradient, matrices, predicted, slopes
 from floquid.innovations._products import as_real, merged
 from floquid.innovations._result import Fit, sized
-from floquid.innovations._solve import LONGEST_STEP, held, moved, normal_of, places, solve
+from floquid.innovations._solve import LONGEST_STEP, bend, held, moved, normal_of, places, solve
 from floquid.inputs import Limits, samples_of
 
 OMEGA, STEP, COUNT = 1.3, 0.2, 400
@@ -137,6 +137,20 @@ def test_a_step_that_is_held_is_the_best_that_moves_no_exponent_too_far(case):
     assert np.array_equal(held(at, 0.01 * step, root, period), 0.01 * step)
 
 
+def test_a_step_that_is_bent_leaves_no_curve_that_a_step_would_take_up(case):
+    samples, at, _ = case
+    normal, step = normal_of(samples, at), np.random.default_rng(9).standard_normal(normal_of(samples, at).scale.size)
+    step *= 1e-3 / normal.scale / np.linalg.norm(step)
+    values, vectors = normal.directions(1e-9)
+    bent = bend(samples, at, step, vectors / (values**0.5 * normal.scale[:, None]), normal)
+    ends = [moved(samples, at, sign * step, 1e-9).innovations for sign in (1.0, -1.0)]
+    curve = ends[0] - 2.0 * at.innovations + ends[1]
+    whole = np.concatenate([part for _, part in slopes(samples, at, at.whitening)])
+    left = gradient(samples, at, curve + 2.0 * (whole @ bent).T) / normal.scale
+    assert np.abs(bent).max() > 0.0
+    assert np.linalg.norm(left) < 0.02 * np.linalg.norm(gradient(samples, at, curve) / normal.scale)
+
+
 def test_the_scale_of_a_state_and_its_branch_change_nothing(case):
     samples, at, noise = case
     assert np.abs(sized(Fit(samples, at)).at.modes[0].gains - at.modes[0].gains).max() > 1e-3
@@ -164,7 +178,7 @@ def test_a_fit_from_beside_comes_back_within_its_deviations(case):
 
 def test_a_fit_that_will_not_come_as_far_as_it_must_is_given_up(case):
     samples, at, _ = case
-    aside = [replace(mode, exponent=mode.exponent - 0.2, shape=0.3 * mode.shape) for mode in at.modes]
+    aside = [replace(mode, exponent=mode.exponent - 0.2, shape=0.1 * mode.shape) for mode in at.modes]
     start = predicted(samples, aside, at.columns, at.initial)
     whole = solve(samples, start, rough=True).log_likelihood
     assert start.log_likelihood < solve(samples, start, rough=True, least=whole + 1e4).log_likelihood < whole - 0.3

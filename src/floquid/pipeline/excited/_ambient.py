@@ -261,7 +261,10 @@ def _told(
     places = np.cumsum([0, *(mode.rows for mode in fit.at.modes)])[:-1]
     shares, hertz = relative[places], np.abs(model.exponents[places]) / (2.0 * np.pi)
     decays = np.abs(model.exponents[places].real)
-    dead = shares * decays * model.period > 1.0
+    groups = [np.array(group) for group in alike(fit.at.modes, model.fundamental) if len(group) > 1]
+    # Of several that are nearly one, and gone within a period, no decay is claimed: those are told below.
+    told_below = np.isin(np.arange(len(decays)), np.concatenate([*groups, []])) & (decays * model.period > GONE)
+    dead = (shares * decays * model.period > 1.0) & ~told_below
     if dead.any():
         found.append(failure("ambient_undetermined", frequencies=hertz[dead].tolist()))
     undecided = np.where(varying, undecided, 0.0)
@@ -297,7 +300,6 @@ def _told(
                 seconds=float(periods[worst] * model.period),
             )
         )
-    groups = [np.array(group) for group in alike(fit.at.modes, model.fundamental) if len(group) > 1]
     same = _not_apart(fit, shares * decays, decays * model.period < GONE)
     if groups or same:
         told = failure if same or any(_one(fit, model, group, shares) for group in groups) else warning
