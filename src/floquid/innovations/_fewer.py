@@ -53,34 +53,35 @@ def needed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     """Without modes that noise explains once all others are fitted again."""
     now = _few(samples, now, limits)
     while len(now.modes) > 1:
-        less = _one_less(samples, now, limits)
+        less = without_one(samples, now, limits)
         if less is None:
             return now
         now = less
     return now
 
 
-def _one_less(samples: Samples, now: Predictor, limits: Limits) -> Predictor | None:
-    """The fit with a mode less that explains as much with the harmonics that it then needs; None where none does."""
-    groups = [[now.modes[k] for k in group] for group in alike(now.modes, samples.fundamental)]
-    if sum(len(group) > 1 for group in groups) > 1:
-        both = [merged(samples, now, group) if len(group) > 1 else group for group in groups]
-        start = stable(samples, now, [mode for group in both for mode in group], limits)
-        fit = (
-            None
-            if start is None
-            else _as_good(samples, now, solve(samples, start, rough=True, least=least(start, now, limits)), limits)
-        )
-        if fit is not None:
-            return fit
+def without_one(samples: Samples, now: Predictor, limits: Limits) -> Predictor | None:
+    """The fit with fewer modes that explains as much with the harmonics that it then needs; None where none does."""
     starts = _fewer(samples, now, limits)
-    while some := list(islice(starts, TOGETHER)):
+    some = _all_merged(samples, now, limits) or list(islice(starts, TOGETHER))
+    while some:
         trials = [solve(samples, start, rough=True, least=least(start, now, limits)) for start in some]
         for trial in sorted(trials, key=lambda own: -own.log_likelihood):
             best = _as_good(samples, now, trial, limits)
             if best is not None:
                 return best
+        some = list(islice(starts, TOGETHER))
     return None
+
+
+def _all_merged(samples: Samples, now: Predictor, limits: Limits) -> list[Predictor]:
+    """The start with a mode less in each of several groups of modes that are alike: one fit does for one of each."""
+    groups = [[now.modes[k] for k in group] for group in alike(now.modes, samples.fundamental)]
+    if sum(len(group) > 1 for group in groups) < 2:
+        return []
+    fewer = [mode for group in groups for mode in (merged(samples, now, group) if len(group) > 1 else group)]
+    start = stable(samples, now, fewer, limits)
+    return [] if start is None else [start]
 
 
 def _as_good(samples: Samples, now: Predictor, trial: Predictor, limits: Limits) -> Predictor | None:

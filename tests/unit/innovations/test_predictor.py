@@ -7,7 +7,7 @@ import pytest
 
 from floquid.innovations import _bands, _products, _real
 from floquid.innovations._covariance import colour, whitening_of
-from floquid.innovations._fewer import alike, needed
+from floquid.innovations._fewer import alike, needed, without_one
 from floquid.innovations._gain import stable_gains
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import FORGOTTEN, TOGETHER, gradient, matrices, predicted, slopes
@@ -244,6 +244,31 @@ def test_pairs_that_are_gone_within_a_period_are_two_real_multipliers_where_thes
     found = predicted(samples, copies, np.zeros((2, 1)), np.zeros((1, 4)))
     left = needed(samples, found, Limits(highest=3))
     assert [mode.real for mode in left.modes] == [True, True]
+    assert left.log_likelihood > whole.log_likelihood - 1.0
+
+
+def test_copies_of_several_modes_leave_together():
+    generator, times, none = np.random.default_rng(6), 0.4 + STEP * np.arange(3000), np.zeros(1)
+    modes = []
+    for exponent in (-0.1 + 0.5j, -0.15 + 0.2j):
+        shape, gains = (0.2 * (generator.standard_normal((2, 1, 2)) @ [1.0, 1j]) for _ in range(2))
+        modes.append(Mode(exponent=exponent, real=False, turns=none, shape=shape, reach=none, gains=gains))
+    noise, inputs = generator.standard_normal((2, 3000)), np.zeros((0, 3000))
+    values = np.zeros((2, 3000))
+    for mode in modes:
+        values += response_of([mode], noise, inputs, times, np.zeros(3)) - noise
+    samples = samples_of([values + noise], [inputs], [0.4], step=STEP, fundamental=OMEGA, hold="none")
+    copies = [
+        replace(mode, exponent=mode.exponent + off, shape=share * mode.shape)
+        for mode in modes
+        for off, share in ((0.02j, 0.6), (-0.01 + 0j, 0.4))
+    ]
+    whole, found = (
+        predicted(samples, stable_gains(samples, own, np.eye(2), 3.0), np.zeros((2, 1)), np.zeros((1, 2 * len(own))))
+        for own in (modes, copies)
+    )
+    left = without_one(samples, found, Limits(highest=3))
+    assert len(left.modes) == 2
     assert left.log_likelihood > whole.log_likelihood - 1.0
 
 
