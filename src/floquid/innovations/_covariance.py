@@ -101,3 +101,8 @@ def colour(samples: Samples, found: Predictor) -> tuple[float, float]:
         squares += count * float(np.sum(both**2))
     degrees = LAGS * len(angles) * len(white) ** 2
     return (squares - degrees) / (count * len(white)), float(chdtrc(degrees, squares))
+
+
+def white(samples: Samples, found: Predictor, alarm: float) -> bool:
+    """True where the innovations hold nothing that noise does not explain with some probability: no mode is missing."""
+    return colour(samples, found)[1] > alarm

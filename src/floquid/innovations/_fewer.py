@@ -8,6 +8,7 @@ from itertools import islice
 import numpy as np
 
 from floquid.innovations._bands import anchored, grown, narrowed
+from floquid.innovations._covariance import white
 from floquid.innovations._gain import stable_gains
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted
@@ -89,7 +90,9 @@ def _as_good(samples: Samples, now: Predictor, trial: Predictor, limits: Limits)
     if trial.log_likelihood < least(trial, now, limits):
         return None
     best = grown(samples, solve(samples, trial, rough=True), limits)
-    return None if better(now, best, limits) else best
+    # Beside harmonics that are too many the criterion may do without a mode that the innovations show.
+    missing = not white(samples, best, limits.mode_alarm) and white(samples, now, limits.mode_alarm)
+    return None if missing or better(now, best, limits) else best
 
 
 def _few(samples: Samples, now: Predictor, limits: Limits) -> Predictor:

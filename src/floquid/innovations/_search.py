@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.innovations._bands import centred, grown, narrowed
-from floquid.innovations._covariance import colour, reweighed, whitening_of
+from floquid.innovations._covariance import reweighed, white, whitening_of
 from floquid.innovations._fewer import GONE, better, needed
 from floquid.innovations._gain import SMALL, stable_gains
 from floquid.innovations._mode import Mode
@@ -30,8 +30,8 @@ from floquid.inputs import (
 )
 from floquid.inputs import solve as solve_driven
 
-STABLE = (0.5, 0.2)
-"""Shares of the looks at which a candidate comes up from which on a search begins with it: the better of both."""
+STABLE = (0.5, 0.3, 0.2)
+"""Shares of the looks at which a candidate comes up from which on a search begins with it: the best of all."""
 
 TRIED = 4
 """Candidates that are fitted beside the modes in vain before the search ends."""
@@ -101,16 +101,16 @@ def _searched(
         trial = None if trial is None else grown(samples, trial, limits, rounds=1)
         if trial is not None and better(trial, now, limits):
             now = trial
-        if now.modes and _white(samples, now, limits):
+        if now.modes and white(samples, now, limits.mode_alarm):
             break
     # Of modes that are gone within a period free matrices at each phase are a start, too.
-    if all(-mode.exponent.real * period > GONE for mode in now.modes) and not _white(samples, now, limits):
+    if all(-mode.exponent.real * period > GONE for mode in now.modes) and not white(samples, now, limits.mode_alarm):
         trial = _with(samples, of_known, none, _of_phases(driven, limits.highest), limits)
         trial = None if trial is None else narrowed(samples, trial, limits)
         if trial is not None and trial.criterion < now.criterion:
             now = trial
     report(f"searching for modes: {len(now.modes)} found")
-    while len(now.modes) < limits.modes and not _white(samples, now, limits):
+    while len(now.modes) < limits.modes and not white(samples, now, limits.mode_alarm):
         more = _with_one_more(samples, driven, now, poles, limits)
         if more is None:
             break
@@ -143,11 +143,6 @@ def _searched(
         # Rough fits had stopped short of it: harmonics are to be looked for again.
         now = narrowed(samples, grown(samples, wide, loose, rounds=2), loose)
     return centred(samples, wide), undecided
-
-
-def _white(samples: Samples, now: Predictor, limits: Limits) -> bool:
-    """True where the innovations hold nothing that noise does not explain: no mode is missing."""
-    return colour(samples, now)[1] > limits.mode_alarm
 
 
 def _with_one_more(
