@@ -9,7 +9,14 @@ from benchmarks.drawn import __main__ as drawn
 RIGHT = drawn.Row(seed=0, states=4, outcome="passed", order=4, worst=2.0, seconds=1.0)
 
 
-@pytest.mark.parametrize(("excitation", "seed"), [("inputs", 0), pytest.param("ambient", 2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    ("excitation", "seed"),
+    [
+        ("inputs", 0),
+        pytest.param("ambient", 2, marks=pytest.mark.slow),
+        pytest.param("ambient", 117, marks=pytest.mark.slow),
+    ],
+)
 def test_the_command_writes_a_row_a_draw_and_finds_fault_with_exponents_that_are_off(
     excitation, seed, monkeypatch, tmp_path, capsys
 ):

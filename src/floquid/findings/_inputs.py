@@ -56,7 +56,11 @@ AMBIENT: dict[str, str | Callable[..., str]] = {
     ),
     "ambient_alike": lambda frequencies: (
         f"Nearer to each other than they decay, or than their deviations tell: {_at(frequencies)}. They may be one, or "
-        "coloured excitation."
+        "coloured excitation; what is gone within a period is no claim then."
+    ),
+    "ambient_short": lambda frequencies: (
+        f"The fit ended short of its maximum: {_at(frequencies)}. Its exponent and deviation are no estimate: too many "
+        "modes for the record, or one that hardly shows. Take a longer record."
     ),
     "ambient_held_out": "The last quarter of the record, left out of a fit, is predicted with {error:.3g} times the "
     "error of the rest: the system or its excitation is another one there.",

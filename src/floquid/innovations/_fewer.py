@@ -54,35 +54,23 @@ def needed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     """Without modes that noise explains once all others are fitted again."""
     now = _few(samples, now, limits)
     while len(now.modes) > 1:
-        less = without_one(samples, now, limits)
+        less = _one_less(samples, now, limits)
         if less is None:
             return now
         now = less
     return now
 
 
-def without_one(samples: Samples, now: Predictor, limits: Limits) -> Predictor | None:
-    """The fit with fewer modes that explains as much with the harmonics that it then needs; None where none does."""
+def _one_less(samples: Samples, now: Predictor, limits: Limits) -> Predictor | None:
+    """The fit with a mode less that explains as much with the harmonics that it then needs; None where none does."""
     starts = _fewer(samples, now, limits)
-    some = _all_merged(samples, now, limits) or list(islice(starts, TOGETHER))
-    while some:
+    while some := list(islice(starts, TOGETHER)):
         trials = [solve(samples, start, rough=True, least=least(start, now, limits)) for start in some]
         for trial in sorted(trials, key=lambda own: -own.log_likelihood):
             best = _as_good(samples, now, trial, limits)
             if best is not None:
                 return best
-        some = list(islice(starts, TOGETHER))
     return None
-
-
-def _all_merged(samples: Samples, now: Predictor, limits: Limits) -> list[Predictor]:
-    """The start with a mode less in each of several groups of modes that are alike: one fit does for one of each."""
-    groups = [[now.modes[k] for k in group] for group in alike(now.modes, samples.fundamental)]
-    if sum(len(group) > 1 for group in groups) < 2:
-        return []
-    fewer = [mode for group in groups for mode in (merged(samples, now, group) if len(group) > 1 else group)]
-    start = stable(samples, now, fewer, limits)
-    return [] if start is None else [start]
 
 
 def _as_good(samples: Samples, now: Predictor, trial: Predictor, limits: Limits) -> Predictor | None:
@@ -90,9 +78,16 @@ def _as_good(samples: Samples, now: Predictor, trial: Predictor, limits: Limits)
     if trial.log_likelihood < least(trial, now, limits):
         return None
     best = grown(samples, solve(samples, trial, rough=True), limits)
-    # Beside harmonics that are too many the criterion may do without a mode that the innovations show.
-    missing = not white(samples, best, limits.mode_alarm) and white(samples, now, limits.mode_alarm)
-    return None if missing or better(now, best, limits) else best
+    return best if _explains(samples, best, now, limits) else None
+
+
+def _explains(samples: Samples, fewer: Predictor, now: Predictor, limits: Limits) -> bool:
+    """True where a fit with less explains as much, and leaves innovations white that were.
+
+    Beside harmonics that are too many the criterion may do without a mode that the innovations show.
+    """
+    missing = not white(samples, fewer, limits.mode_alarm) and white(samples, now, limits.mode_alarm)
+    return not missing and not better(now, fewer, limits)
 
 
 def _few(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
@@ -114,7 +109,7 @@ def _few(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     if trial is None or trial.log_likelihood < least(trial, now, limits):
         return now
     trial = narrowed(samples, grown(samples, trial, limits), limits)
-    return now if better(now, trial, limits) else trial
+    return trial if _explains(samples, trial, now, limits) else now
 
 
 def _off_axis(mode: Mode, half: float, omega: float) -> float:

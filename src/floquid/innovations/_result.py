@@ -13,7 +13,7 @@ from floquid._checks import Rebuilt
 from floquid.core import Channel, PeriodicModel, Provenance
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, gradient, predicted
-from floquid.innovations._solve import normal_of, places, squares
+from floquid.innovations._solve import Normal, normal_of, places, squares
 from floquid.inputs import (
     InputMode,
     Samples,
@@ -57,9 +57,21 @@ class Fit(Rebuilt):
             sealed(one)
 
     @cached_property
+    def normal(self) -> Normal:
+        """The linearisation at the maximum."""
+        return normal_of(self.samples, self.at)
+
+    @cached_property
     def parameters(self) -> NDArray[np.float64]:
         """Covariance of all parameters, zero along the scales of the states (parameters, parameters)."""
-        return normal_of(self.samples, self.at).inverse()
+        return self.normal.inverse()
+
+    def short(self, number: int) -> float:
+        """How far the exponent of a mode is from the maximum of the likelihood to first order, in deviations."""
+        rows = np.arange(self.places[number].start, self.places[number].start + self.at.modes[number].rows)
+        std = np.sqrt(np.diag(self.parameters)[rows])
+        step = self.parameters[rows] @ self.normal.gradient
+        return float(np.max(np.abs(step) / np.maximum(std, np.finfo(float).tiny)))
 
     @cached_property
     def places(self) -> list[slice]:

@@ -31,7 +31,7 @@ from floquid.inputs import (
 from floquid.inputs import solve as solve_driven
 
 STABLE = (0.5, 0.3, 0.2)
-"""Shares of the looks at which a candidate comes up from which on a search begins with it: the best of all."""
+"""Shares of the looks at which a candidate comes up, from which on a search begins with it, while none is white."""
 
 TRIED = 4
 """Candidates that are fitted beside the modes in vain before the search ends."""
@@ -94,8 +94,8 @@ def _searched(
     of_known, period = replace(driven, values=none.innovations), 2.0 * np.pi / samples.fundamental
     poles, shares = candidates(driven, none.innovations, held=len(samples.inputs) > 0)
     bare = [_bare(driven, pole) for pole in poles.tolist()]
-    for share in STABLE:
-        begun = bare[: int(np.count_nonzero(shares >= share))]
+    counts = sorted({int(np.count_nonzero(shares >= share)) for share in STABLE})
+    for begun in (bare[:count] for count in counts if count):
         chosen = chosen_together(of_known, begun, limits.modes, acting=0)
         trial = _with(samples, of_known, none, chosen, limits)
         trial = None if trial is None else grown(samples, trial, limits, rounds=1)
@@ -132,13 +132,13 @@ def _searched(
         fewer = needed(samples, now, loose)
     now = _with_partners(samples, driven, now, loose)
     undecided += [0.0] * (len(now.modes) - len(undecided))
-    for _ in range(LAST):
+    for more_left in reversed(range(LAST)):
         report(f"fitting {len(now.modes)} modes")
         wide = rebuilt(samples, now, [mode.padded(1.0, limits.highest) for mode in now.modes]) or now
         start = reweighed(samples, wide)
         wide = solve(samples, start)
         more = max(wide.n_parameters - now.n_parameters, 1)
-        if wide.log_likelihood - start.log_likelihood < limit_of(more, limits.mode_alarm):
+        if wide.log_likelihood - start.log_likelihood < limit_of(more, limits.mode_alarm) or not more_left:
             break
         # Rough fits had stopped short of it: harmonics are to be looked for again.
         now = narrowed(samples, grown(samples, wide, loose, rounds=2), loose)

@@ -24,11 +24,15 @@ ROUNDING = 1e-11
 SERVES = 0.7
 """The share of the gain expected above which the matrix of a step serves for the next."""
 
+UNDAMPED, OFTEN = 1e-6, 3
+"""The damping at which a step is a whole one, and steps cut short that gain little, after which a fit ends."""
+
 LEAST = -1e-9
 """The gain in twice the logarithm of the likelihood below which a step is taken back: less is rounding."""
 
 NEARBY, BENT = 0.1, 0.75
-"""The share of a step at which the curve of the residual is looked at, and the most that it bends the step by."""
+"""The share of a step at which the curve of the residual is looked at, and the size of the second derivative over the
+step beyond which it is shortened."""
 
 FINE = (100, 1e-3)
 """Steps at most, and the gain in twice the logarithm of the likelihood that ends them."""
@@ -123,7 +127,7 @@ def solve(samples: Samples, start: Predictor, *, rough: bool = False, least: flo
     logarithm of the likelihood (twice that) is given up where it will not come as far.
     """
     (iterations, at_rest), now, damping = ROUGH if rough else FINE, start, 1e-6
-    period, taken, kept, before = 2.0 * np.pi / samples.fundamental, 0, False, np.inf
+    period, taken, small, kept, before = 2.0 * np.pi / samples.fundamental, 0, 0, False, np.inf
     normal = normal_of(samples, now, rough=rough)
     pull, (values, vectors) = normal.gradient, normal.directions(1e-6 if rough else ROUNDING)
     while True:
@@ -144,8 +148,10 @@ def solve(samples: Samples, start: Predictor, *, rough: bool = False, least: flo
                 return now
         if trial is not None and gained >= LEAST:
             now, damping, taken = trial, max(0.1 * damping, 1e-9), taken + 1
-            # From a start that is far off a first step may be cut short.
-            if (gained < at_rest and (taken > 1 or gained > SERVES * expected)) or taken == iterations:
+            # A step that was cut short may gain little far from the maximum, too: at the start, or in a narrow valley.
+            short = float(np.sum(aim**2 / (values + UNDAMPED))) > 2.0 * at_rest and (taken == 1 or not rough)
+            small += gained < at_rest
+            if (gained < at_rest and (small == OFTEN or not short)) or taken == iterations:
                 return now
             slows, pace, before = gained < before, max(gained, before), gained
             if taken >= PACED and slows and now.log_likelihood + (iterations - taken) * pace < least:
@@ -173,7 +179,7 @@ def bend(
 
     .. math:: \tfrac12 a = -\tfrac12 W W^T J^T R^{-1} \frac{\partial^2 e}{\partial\delta^2}
 
-    Zero where the predictor diverges beside.
+    Too large a bend is shortened. Zero where the predictor diverges beside.
     """
     period = 2.0 * np.pi / samples.fundamental
     ahead, behind = (moved(samples, now, sign * NEARBY * step, period) for sign in (1.0, -1.0))
@@ -186,9 +192,9 @@ def bend(
 
 
 def held(at: Predictor, whole: NDArray[np.float64], root: NDArray[np.float64], period: float) -> NDArray[np.float64]:
-    """The best step that moves no exponent further than `LONGEST_STEP`: all else goes with those that are held.
+    """A step on which no exponent moves further than `LONGEST_STEP`, all else the best for those that are held there.
 
-    The whole step is W W' times the gradient, by a root W (parameters, directions).
+    One that is held keeps its direction. W W' is the inverse of the matrix (parameters, directions).
     """
     own = [slice(place.start, place.start + mode.rows) for mode, place in zip(at.modes, places(at.modes), strict=True)]
     step, fixed = whole, np.zeros(len(whole), bool)

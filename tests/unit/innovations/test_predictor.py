@@ -7,7 +7,7 @@ import pytest
 
 from floquid.innovations import _bands, _products, _real
 from floquid.innovations._covariance import colour, whitening_of
-from floquid.innovations._fewer import alike, needed, without_one
+from floquid.innovations._fewer import alike, needed
 from floquid.innovations._gain import stable_gains
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import FORGOTTEN, TOGETHER, gradient, matrices, predicted, slopes
@@ -176,6 +176,24 @@ def test_a_fit_from_beside_comes_back_within_its_deviations(case):
     assert (np.abs([gap.real, gap.imag]) < 4.0 * spread).all()
 
 
+@pytest.mark.parametrize("seed", [5, 6, 7])
+def test_a_fit_that_has_ended_gains_nothing_more_and_one_that_has_not_is_told(seed):
+    generator, times = np.random.default_rng(seed), 0.4 + STEP * np.arange(3000)
+    modes = [replace(mode, gains=15.0 * mode.gains) for mode in modes_of(np.random.default_rng(5))]
+    noise, inputs = generator.standard_normal((2, 3000)), generator.standard_normal((1, 3000))
+    values = response_of(modes, noise, inputs, times, np.zeros(3))
+    samples = samples_of([values], [inputs], [0.4], step=STEP, fundamental=OMEGA, hold="none")
+    aside = [replace(mode, exponent=1.3 * mode.exponent) for mode in modes]
+    found = solve(samples, predicted(samples, aside, np.zeros((2, 1)), np.zeros((1, 3))))
+    assert solve(samples, found).log_likelihood < found.log_likelihood + 0.01
+    fit = Fit(samples, found)
+    assert max(fit.short(number) for number in range(2)) < 0.05
+    std = fit.parameters[fit.places[0].start, fit.places[0].start] ** 0.5
+    beside = [replace(found.modes[0], exponent=found.modes[0].exponent + std), found.modes[1]]
+    off = Fit(samples, predicted(samples, beside, found.columns, found.initial, found.whitening))
+    assert off.short(0) > 0.5
+
+
 def test_a_fit_that_will_not_come_as_far_as_it_must_is_given_up(case):
     samples, at, _ = case
     aside = [replace(mode, exponent=mode.exponent - 0.2, shape=0.1 * mode.shape) for mode in at.modes]
@@ -244,31 +262,6 @@ def test_pairs_that_are_gone_within_a_period_are_two_real_multipliers_where_thes
     found = predicted(samples, copies, np.zeros((2, 1)), np.zeros((1, 4)))
     left = needed(samples, found, Limits(highest=3))
     assert [mode.real for mode in left.modes] == [True, True]
-    assert left.log_likelihood > whole.log_likelihood - 1.0
-
-
-def test_copies_of_several_modes_leave_together():
-    generator, times, none = np.random.default_rng(6), 0.4 + STEP * np.arange(3000), np.zeros(1)
-    modes = []
-    for exponent in (-0.1 + 0.5j, -0.15 + 0.2j):
-        shape, gains = (0.2 * (generator.standard_normal((2, 1, 2)) @ [1.0, 1j]) for _ in range(2))
-        modes.append(Mode(exponent=exponent, real=False, turns=none, shape=shape, reach=none, gains=gains))
-    noise, inputs = generator.standard_normal((2, 3000)), np.zeros((0, 3000))
-    values = np.zeros((2, 3000))
-    for mode in modes:
-        values += response_of([mode], noise, inputs, times, np.zeros(3)) - noise
-    samples = samples_of([values + noise], [inputs], [0.4], step=STEP, fundamental=OMEGA, hold="none")
-    copies = [
-        replace(mode, exponent=mode.exponent + off, shape=share * mode.shape)
-        for mode in modes
-        for off, share in ((0.02j, 0.6), (-0.01 + 0j, 0.4))
-    ]
-    whole, found = (
-        predicted(samples, stable_gains(samples, own, np.eye(2), 3.0), np.zeros((2, 1)), np.zeros((1, 2 * len(own))))
-        for own in (modes, copies)
-    )
-    left = without_one(samples, found, Limits(highest=3))
-    assert len(left.modes) == 2
     assert left.log_likelihood > whole.log_likelihood - 1.0
 
 

@@ -67,6 +67,9 @@ A response that is hardly periodic scores at many periods, by up to 1.6 times wh
 MOVED = 1.0
 """Deviations that lasting modes may move where a doubtful one is fitted as the other kind, which then is no matter."""
 
+SHORT = 0.5
+"""Deviations of an exponent from the maximum of the likelihood, from which on it is no estimate."""
+
 TOGETHER = 3.0
 """Deviations of the decays of two modes within which they may be one."""
 
@@ -260,19 +263,15 @@ def _told(
         found.append(note("ambient_constant"))
     places = np.cumsum([0, *(mode.rows for mode in fit.at.modes)])[:-1]
     shares, hertz = relative[places], np.abs(model.exponents[places]) / (2.0 * np.pi)
-    decays = np.abs(model.exponents[places].real)
+    decays, own = np.abs(model.exponents[places].real), _own(fit)
     groups = [np.array(group) for group in alike(fit.at.modes, model.fundamental) if len(group) > 1]
-    # Of several that are nearly one, and gone within a period, no decay is claimed: those are told below.
-    told_below = np.isin(np.arange(len(decays)), np.concatenate([*groups, []])) & (decays * model.period > GONE)
-    dead = (shares * decays * model.period > 1.0) & ~told_below
-    if dead.any():
-        found.append(failure("ambient_undetermined", frequencies=hertz[dead].tolist()))
+    found += _no_estimates(fit, model, shares, own, groups)
     undecided = np.where(varying, undecided, 0.0)
     apart = (undecided < MOVED) & (decays * model.period > GONE)
-    for told, code, own in ((failure, "ambient_kind", ~apart), (warning, "ambient_kind_apart", apart)):
-        if (own & (undecided > 0.0)).any():
-            found.append(told(code, frequencies=hertz[own & (undecided > 0.0)].tolist()))
-    own, longest = _own(fit), max(np.diff(fit.samples.begins)) * fit.samples.step
+    for told, code, which in ((failure, "ambient_kind", ~apart), (warning, "ambient_kind_apart", apart)):
+        if (which & (undecided > 0.0)).any():
+            found.append(told(code, frequencies=hertz[which & (undecided > 0.0)].tolist()))
+    longest = max(np.diff(fit.samples.begins)) * fit.samples.step
     still, low = ~own & (_away(fit) * longest < STILL), hertz * 2.0 * np.pi * longest < STILL
     for told, which in ((failure, still & low), (warning, still & ~low)):  # a line of the period may be a mode's
         if which.any():
@@ -305,6 +304,26 @@ def _told(
         told = failure if same or any(_one(fit, model, group, shares) for group in groups) else warning
         found.append(told("ambient_alike", frequencies=hertz[np.unique(np.concatenate([*groups, *same]))].tolist()))
     return tuple(found)
+
+
+def _no_estimates(
+    fit: Fit,
+    model: PeriodicModel,
+    shares: NDArray[np.float64],
+    own: NDArray[np.bool_],
+    groups: Sequence[NDArray[np.int64]],
+) -> list[Finding]:
+    """Findings on modes of which the fit is no maximum, or the decay not determined.
+
+    Of poles of the excitation that are nearly one no decay is claimed, which another finding says.
+    """
+    places = np.cumsum([0, *(mode.rows for mode in fit.at.modes)])[:-1]
+    nepers, hertz = np.abs(model.exponents[places].real) * model.period, np.abs(model.exponents[places]) / (2.0 * np.pi)
+    grouped = np.isin(np.arange(len(nepers)), np.concatenate([*groups, []]))
+    claimed = ~(grouped & (nepers > GONE) & ~own)
+    short = np.array([fit.short(number) for number in range(len(nepers))], dtype=float) > SHORT
+    told = (("ambient_short", short & claimed), ("ambient_undetermined", (shares * nepers > 1.0) & claimed))
+    return [failure(code, frequencies=hertz[which].tolist()) for code, which in told if which.any()]
 
 
 def _away(fit: Fit) -> NDArray[np.float64]:
