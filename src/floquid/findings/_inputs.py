@@ -58,9 +58,10 @@ AMBIENT: dict[str, str | Callable[..., str]] = {
         f"Nearer to each other than they decay, or than their deviations tell: {_at(frequencies)}. They may be one, or "
         "coloured excitation; what is gone within a period is no claim then."
     ),
-    "ambient_short": lambda frequencies: (
-        f"The fit ended short of its maximum: {_at(frequencies)}. Its exponent and deviation are no estimate: too many "
-        "modes for the record, or one that hardly shows. Take a longer record."
+    "ambient_short": lambda frequencies, deviations: (
+        f"The fit ended {deviations:.2g} deviations short of its maximum, where the predictor would grow: "
+        f"{_at(frequencies)}. Exponents may be off by as much more than their deviations say. Where no other "
+        "force acts beside measured inputs leave `excitation` out, else take a longer record."
     ),
     "ambient_held_out": "The last quarter of the record, left out of a fit, is predicted with {error:.3g} times the "
     "error of the rest: the system or its excitation is another one there.",

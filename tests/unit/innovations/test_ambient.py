@@ -420,6 +420,13 @@ def test_a_prediction_that_grows_fails(values, monkeypatch):
     assert "not predicted at all" in " ".join(found.summary().split())
 
 
+@pytest.mark.parametrize(("short", "told"), [(0.4, None), (0.9, Severity.WARNING), (2.5, Severity.FAILURE)])
+def test_a_fit_that_is_not_at_its_maximum_is_told(short, told, values, monkeypatch):
+    monkeypatch.setattr(Fit, "short", lambda self, number: short)
+    found = identify_ambient(record_from(values), validate=False)
+    assert [one.severity for one in found.findings if one.code == "ambient_short"] == [told] * (told is not None)
+
+
 def test_measured_inputs_without_other_forces_are_predicted():
     """The gain of the innovations is next to none, and a period of the predictor not normal: it does not grow."""
     forces = np.random.default_rng(0).standard_normal((1, 60 * PHASES))

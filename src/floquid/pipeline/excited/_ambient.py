@@ -67,8 +67,8 @@ A response that is hardly periodic scores at many periods, by up to 1.6 times wh
 MOVED = 1.0
 """Deviations that lasting modes may move where a doubtful one is fitted as the other kind, which then is no matter."""
 
-SHORT = 0.5
-"""Deviations of an exponent from the maximum of the likelihood, from which on it is no estimate."""
+SHORT = (0.5, 2.0)
+"""Deviations of an exponent from the maximum of the likelihood, from which on that is told, and it is no estimate."""
 
 TOGETHER = 3.0
 """Deviations of the decays of two modes within which they may be one."""
@@ -321,9 +321,13 @@ def _no_estimates(
     nepers, hertz = np.abs(model.exponents[places].real) * model.period, np.abs(model.exponents[places]) / (2.0 * np.pi)
     grouped = np.isin(np.arange(len(nepers)), np.concatenate([*groups, []]))
     claimed = ~(grouped & (nepers > GONE) & ~own)
-    short = np.array([fit.short(number) for number in range(len(nepers))], dtype=float) > SHORT
-    told = (("ambient_short", short & claimed), ("ambient_undetermined", (shares * nepers > 1.0) & claimed))
-    return [failure(code, frequencies=hertz[which].tolist()) for code, which in told if which.any()]
+    short, dead = np.array([fit.short(number) for number in range(len(nepers))]), (shares * nepers > 1.0) & claimed
+    found = [failure("ambient_undetermined", frequencies=hertz[dead].tolist())] if dead.any() else []
+    which = claimed & (short > SHORT[0])
+    if which.any():
+        told, most = failure if short[which].max() > SHORT[1] else warning, float(short[which].max())
+        found.append(told("ambient_short", frequencies=hertz[which].tolist(), deviations=most))
+    return found
 
 
 def _away(fit: Fit) -> NDArray[np.float64]:
