@@ -27,6 +27,9 @@ ROUGH = 8
 LOOSE = 0.02
 """The probability at which noise may pass for what rings at the begin: one that is missing does more harm."""
 
+FAR = 1e3
+"""The size of an exponent over the highest frequency of the lines from which on a fit ran away from them."""
+
 HELD = 1e6
 """What a gain counts over what rings at the begin, where the scale of a mode is fixed."""
 
@@ -175,7 +178,8 @@ def _with_real_ones(lines: Lines, now: Fitted, limits: Limits, refused: list[com
     """With pairs whose multipliers may be one or two real ones taken for that, where noise explains the rest."""
     refused = [] if refused is None else refused
     modes, omega = now.modal.modes, lines.fundamental
-
+    if any(abs(mode.exponent) > FAR * np.abs(lines.omega).max() for mode in modes):
+        return now  # a fit that ran away from the lines is wrong whatever stands for its pairs
     for pairs in near_real(modes, lambda: now.parameters, omega, refused):
         rest = _less(now.modal, pairs)
         kinds, turns, reach = real_for([modes[k] for k in pairs], omega)

@@ -13,6 +13,7 @@ from floquid.findings import Severity
 from floquid.inputs import InputMode, Limits, TransferFunctions
 from floquid.transfer import MeasuredTransfer, Modal
 from floquid.transfer._modal import Lines, eliminated
+from floquid.transfer._search import _with_real_ones
 
 HARMONICS = np.arange(-3, 4)
 
@@ -141,6 +142,14 @@ def test_an_exponent_that_overflows_explains_nothing():
         off = eliminated(*a_lag(1e6, held=(0.1, "zero")))
     assert np.isfinite(off.chi_square)
     assert off.chi_square > eliminated(*a_lag(-0.5, held=(0.1, "zero"))).chi_square
+
+
+def test_nothing_is_tried_for_a_pair_that_ran_away_from_the_lines():
+    """It has as many harmonics up to its axis as it is away: five thousand million took all memory."""
+    some, modal = a_lag(-0.5)
+    pair = replace(modal.modes[0], exponent=-2e10 + 1e10j, real=False)
+    now = eliminated(some, replace(modal, modes=(pair,)))
+    assert _with_real_ones(some, now, Limits()) is now
 
 
 def test_the_joint_covariance_is_the_inverse_of_all_products_of_slopes():
