@@ -59,7 +59,7 @@ AMBIENT: dict[str, str | Callable[..., str]] = {
         "coloured excitation; what is gone within a period is no claim then."
     ),
     "ambient_short": lambda frequencies, deviations: (
-        f"The fit ended {deviations:.2g} deviations short of its maximum, where the predictor would grow: "
+        f"The fit ended {deviations:.2g} deviations short of its maximum, in a narrow valley or next to growing: "
         f"{_at(frequencies)}. Exponents may be off by as much more than their deviations say. Where no other "
         "force acts beside measured inputs leave `excitation` out, else take a longer record."
     ),
