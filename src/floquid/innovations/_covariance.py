@@ -104,5 +104,5 @@ def colour(samples: Samples, found: Predictor) -> tuple[float, float]:
 
 
 def white(samples: Samples, found: Predictor, alarm: float) -> bool:
-    """True where the innovations hold nothing that noise does not explain with some probability: no mode is missing."""
+    """True unless white innovations had so much colour with a probability of `alarm` at most: a mode is missing."""
     return colour(samples, found)[1] > alarm

@@ -31,7 +31,7 @@ from floquid.inputs import (
 from floquid.inputs import solve as solve_driven
 
 STABLE = (0.5, 0.3, 0.2)
-"""Shares of the looks at which a candidate comes up, from which on a search begins with it, while none is white."""
+"""Shares of the looks at which a candidate comes up, from which on a search begins with it: until all is white."""
 
 TRIED = 4
 """Candidates that are fitted beside the modes in vain before the search ends."""
