@@ -72,8 +72,8 @@ def finished(state: State, limits: Limits, *, search: bool, free_period: bool) -
     state, clusters = _with_clusters(state)
     noise = noise_of(state.blocks, state.solution, limits.floor)
     state = state.with_noise(limits.floor)
-    further = state.solution.further
-    state = state.with_fit(replace(solve(state.blocks, state.solution, hold=True), further=further))
+    last = solve(state.blocks, state.solution, hold=True)
+    state = state.with_fit(replace(last, further=_kept(state.solution, last.entries)))
     residuals = residuals_of(state.blocks, state.solution, limits.floor)
     peak = state.peak or strongest(state.blocks, residuals, 2.0 * np.pi / state.solution.entries.fundamental, EXPECTED)
     return SearchResult(
@@ -245,8 +245,9 @@ def on_steady_branches(state: State, bands: Integers) -> tuple[State, Integers]:
     spread: dict[int, complex] = {}
     for entry in np.flatnonzero(~state.solution.entries.fixed & ~state.solution.entries.real):
         entries = state.solution.entries
-        place, omega = int(np.sum(~entries.fixed[:entry])), entries.fundamental
-        tried = []
+        if entries.fixed[entry]:  # the fit on another branch of a mode before it held this one
+            continue
+        tried, omega = [], entries.fundamental
         for m in range(*np.clip([entries.bands[entry, 0], entries.bands[entry, 1] + 1], -FARTHEST, FARTHEST + 1)):
             exponents, fitted, kept = entries.exponents.copy(), entries.bands.copy(), bands.copy()
             parts = _branch(m, exponents[entry], fitted[entry], kept[entry], omega)
@@ -267,19 +268,31 @@ def on_steady_branches(state: State, bands: Integers) -> tuple[State, Integers]:
             values.imag - omega * np.rint(values.imag / omega) for values in (likely - own, likely - own.conjugate())
         ]
         apart = np.minimum(*np.abs(gaps))
-        spread[place] = complex(np.abs(likely.real - own.real).max(), apart.max())
+        spread[int(entry)] = complex(np.abs(likely.real - own.real).max(), apart.max())
     return _with_spread(state, spread), bands
 
 
 def _with_spread(state: State, spread: dict[int, complex]) -> State:
-    """With how far the exponents of some modes, by their number among the free ones, may be off in their variances."""
+    """With the errors that the exponents of some modes, by their entries, may have in the variances of those free."""
     entries = state.solution.entries
-    real = entries.real[~entries.fixed]
+    free = np.flatnonzero(~entries.fixed)
+    turning = free[~entries.real[free]]
     further = np.zeros(len(state.solution.gradient))
-    for place, off in spread.items():
-        further[place] = off.real**2
-        further[len(real) + int(np.sum(~real[:place]))] = off.imag**2
+    for entry, off in spread.items():
+        if not entries.fixed[entry]:
+            further[np.searchsorted(free, entry)] = off.real**2
+            further[len(free) + np.searchsorted(turning, entry)] = off.imag**2
     return state.with_fit(replace(state.solution, further=further))
+
+
+def _kept(before: Solution, after: ModeParameters) -> Floats | None:
+    """The additions to variances of a fit, as far as their modes are not held after it (parameters,)."""
+    if before.further is None:
+        return None
+    free = np.flatnonzero(~before.entries.fixed)
+    modes = np.concatenate([free, free[~before.entries.real[free]]])
+    period = np.ones(len(before.further) - len(modes), bool)
+    return before.further[np.concatenate([~after.fixed[modes], period])]
 
 
 def _padded(entries: ModeParameters, bands: Integers, most: int) -> ModeParameters:

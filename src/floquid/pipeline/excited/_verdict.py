@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import PeriodicModel
+from floquid.errors import IdentificationError
 from floquid.findings import Finding, failure, note, warning
-from floquid.innovations import turned_records
+from floquid.innovations import Predictor, colour, turned_records
 from floquid.inputs import (
     Limits,
     Linearisation,
@@ -92,6 +93,20 @@ def at_limit(found: Linearisation, limits: Limits) -> bool:
     """True where a search found no mode, or one with as many harmonics as are looked for."""
     widest = max((max(abs(mode.turns).max(), abs(mode.reach).max()) for mode in found.modes), default=np.inf)
     return bool(widest >= limits.highest)
+
+
+def no_mode(samples: Samples, found: Predictor, alarm: float) -> IdentificationError:
+    """The refusal of outputs alone without a mode: they are white, or no mode could be fitted to their colour."""
+    begin, (share, chance) = "Identification ended without a result:", colour(samples, found)
+    if chance > alarm:
+        return IdentificationError(
+            f"{begin} no mode rises above the noise. The response is white, or the record is too short: damping that "
+            "is random excitation's alone needs hundreds of periods."
+        )
+    return IdentificationError(
+        f"{begin} the {len(samples.values)} outputs are not white (squared correlations sum to {share:.2g}), and no "
+        "mode could be fitted to them. Name fewer outputs (`channels=`), or measure for longer."
+    )
 
 
 def done_beside(own: Parted) -> tuple[Finding, ...]:
