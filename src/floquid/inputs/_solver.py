@@ -54,6 +54,8 @@ class Linearisation(Rebuilt):
         The residual (channels, samples).
     noise
         Its deviation (channels,).
+    rank
+        Directions that the columns span: one that is a sum of others, or nothing, takes no noise.
     """
 
     modes: tuple[InputMode, ...]
@@ -64,12 +66,13 @@ class Linearisation(Rebuilt):
     coefficients: NDArray[np.float64]
     left: NDArray[np.float64]
     noise: NDArray[np.float64]
+    rank: int
 
     @property
     def log_likelihood(self) -> float:
         """Twice the logarithm of the likelihood at its own noise, up to a constant."""
         count, squares = self.left.shape[1], np.mean(self.left**2, axis=1)
-        held = self.noise**2 * max(count - len(self.columns), 1) / count
+        held = self.noise**2 * max(count - self.rank, 1) / count
         return -float(count * np.sum(np.log(held) + squares / held - 1.0))
 
     @property
@@ -131,11 +134,11 @@ def linearise(samples: Samples, modes: Sequence[InputMode], direct: Sequence[flo
     # A second pass takes what rounding left.
     again = inverse @ (columns @ left.T)
     coefficients, left = coefficients + again, left - again.T @ columns
-    noise = np.sqrt(np.sum(left**2, axis=1) / max(left.shape[1] - len(columns), 1))
+    rank = int(good.sum())
+    noise = np.sqrt(np.sum(left**2, axis=1) / max(left.shape[1] - rank, 1))
     floor = np.maximum(EXACT * samples.swing, ROUNDING * np.abs(samples.values).max(axis=1)) + np.finfo(float).tiny
-    return Linearisation(
-        tuple(modes), tuple(direct), states, columns, inverse, coefficients, left, np.maximum(noise, floor)
-    )
+    noise = np.maximum(noise, floor)
+    return Linearisation(tuple(modes), tuple(direct), states, columns, inverse, coefficients, left, noise, rank)
 
 
 def columns_of(samples: Samples, mode: InputMode, state: NDArray) -> NDArray[np.float64]:
