@@ -193,7 +193,8 @@ def normal_equations(
     scale = np.concatenate(
         [(own if mode.real else np.tile(own, 2))[mode.free] for mode, own in zip(at.modes, sizes, strict=True)]
     )
-    of_columns = np.sqrt(np.einsum("kk->k", at.inverse)) + 1e-300
+    of_columns = np.sqrt(np.einsum("kk->k", at.inverse))
+    of_columns = np.where(of_columns > 0.0, of_columns, 1.0)  # of an input that is silent there is nothing
     number = np.float32 if rough else np.float64
     states = [
         (own / size[:, None]).astype(np.result_type(number, 1j) if np.iscomplexobj(own) else number)
@@ -201,12 +202,15 @@ def normal_equations(
     ]
     columns = (columns * of_columns[:, None]).astype(number)
     inverse = at.inverse / np.outer(of_columns, of_columns)
-    matrix, gradient = np.zeros((len(scale), len(scale))), np.zeros(len(scale))
+    matrix, gradient, whole = np.zeros((len(scale), len(scale))), np.zeros(len(scale)), np.zeros(len(scale))
     for channel in range(len(samples.values)):
         slopes = slopes_of(samples, at, channel, states, 1.0 / at.noise[channel])
         along = (slopes @ columns.T).astype(float)
         matrix += slopes @ slopes.T - along @ inverse @ along.T
         gradient += slopes @ left[channel].astype(number)
+        whole += np.einsum("kn,kn->k", slopes, slopes)
+    # What the columns leave of a slope is rounding below a share of the slope itself: parameters have units of their own.
+    np.fill_diagonal(matrix, np.maximum(np.diag(matrix), ROUNDING * whole))
     return matrix * np.outer(scale, scale), gradient * scale
 
 
@@ -249,9 +253,9 @@ def solve(
 
 
 def _scale(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The root of the diagonal of a matrix of products; of what is rounding, that of rounding (parameters,)."""
+    """The root of the diagonal of a matrix of products; 1 of what does nothing (parameters,)."""
     own = np.diag(matrix)
-    return np.sqrt(np.maximum(own, ROUNDING * own.max(initial=0.0) + 1e-300))
+    return np.sqrt(np.where(own > 0.0, own, 1.0))
 
 
 def _stepped(samples: Samples, at: Linearisation, step: NDArray[np.float64], period: float) -> Linearisation | None:

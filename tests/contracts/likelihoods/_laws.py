@@ -9,8 +9,12 @@ import numpy as np
 from tests.contracts.likelihoods._point import Data, Mode, Point
 from tests.contracts.likelihoods._records import OMEGA, PHASES, STEP, Case
 
-DRAWS = 4
+DRAWS = 3
 """Draws of the noise over which a curvature that is one on average alone is averaged."""
+
+SLACK = {"decays": 0.02, "lines": 0.02, "driven": 0.1, "innovations": 0.2}
+"""Share to which a prediction to first order holds: noise that is profiled makes a logarithm of χ², and of innovations a
+harmonic bends the predictor."""
 
 
 def gradient(case: Case) -> None:
@@ -22,7 +26,7 @@ def gradient(case: Case) -> None:
         step = np.zeros(len(normal.gradient))
         step[row] = 1e-3 / size
         up, down = (point.moved(sign * step).log_likelihood for sign in (1.0, -1.0))
-        assert abs((up - down) / 4e-3 - normal.gradient[row] / size) < 2e-4, normal.names[row]
+        assert abs((up - down) / 4e-3 - normal.gradient[row] / size) < 1e-6, normal.names[row]
 
 
 def curvature(case: Case) -> None:
@@ -61,11 +65,11 @@ def score(case: Case) -> None:
         less = changed(case.fit, number, lambda mode, own=(side, harmonic): mode.without(*own)).refit()
         expected, gained = less.score((number, side, harmonic)), case.fit.log_likelihood - less.log_likelihood
         assert gained > 5.0
-        assert abs(expected - gained) < 0.15 * gained, (side, harmonic, expected, gained)
+        assert abs(expected - gained) < SLACK[case.likelihood] * gained, (side, harmonic, expected, gained)
     for number, side, harmonic in case.absent:
         more = changed(case.fit, number, lambda mode, own=(side, harmonic): mode.having(*own)).refit()
         expected, gained = case.fit.score((number, side, harmonic)), more.log_likelihood - case.fit.log_likelihood
-        assert abs(expected - gained) < 0.15 * gained + 0.3, (side, harmonic, expected, gained)
+        assert abs(expected - gained) < SLACK[case.likelihood] * gained, (side, harmonic, expected, gained)
 
 
 def wald(case: Case) -> None:
@@ -73,21 +77,22 @@ def wald(case: Case) -> None:
     for number, side, harmonic in case.weak:
         less = changed(case.fit, number, lambda mode, own=(side, harmonic): mode.without(*own)).refit()
         expected, lost = case.fit.wald((number, side, harmonic)), case.fit.log_likelihood - less.log_likelihood
-        assert abs(expected - lost) < 0.15 * lost, (side, harmonic, expected, lost)
+        assert abs(expected - lost) < SLACK[case.likelihood] * lost, (side, harmonic, expected, lost)
 
 
 def conditioning(case: Case) -> None:
     """A parameter held a deviation off, all others fitted again, costs one."""
     names, covariance = case.fit.normal().names, case.fit.covariance
-    rows = [row for row, name in enumerate(names) if name[1] in ("decay", "frequency")]
-    rows += [[row for row, name in enumerate(names) if name[1] == kind][-1] for kind in {name[1] for name in names}]
-    for row in rows:
+    # Of innovations each row takes long: those of the exponents, and the first one of each kind.
+    kinds = [name[1] for name in names]
+    few = {row for row, kind in enumerate(kinds) if kind in ("decay", "frequency") or kinds.index(kind) == row}
+    for row in sorted(few) if case.likelihood == "innovations" else range(len(names)):
         lost = []
         for sign in (1.0, -1.0):
             point = case.fit.moved(sign * covariance[row] / np.sqrt(covariance[row, row]))
             point = point.moved(point.normal().step(fixed=[row]))
             lost.append(case.fit.log_likelihood - point.log_likelihood)
-        assert abs(np.mean(lost) - 1.0) < 0.1, (names[row], lost)
+        assert abs(np.mean(lost) - 1.0) < SLACK[case.likelihood], (names[row], lost)
 
 
 def branch(case: Case) -> None:
@@ -100,13 +105,16 @@ def branch(case: Case) -> None:
 
 def units(case: Case) -> None:
     """Other units of channels and inputs change L by their logarithm alone, and nothing else but scales."""
-    outputs = np.array([1e6, 1e-6])
+    outputs = np.array([1e6, 1e-5])
     inputs = np.array([1e-6, 1e6, 1e3])[: n_inputs(case)]
     drives = np.concatenate([inputs, outputs]) if case.likelihood == "innovations" else inputs
     other = case.at(case.data.scaled(outputs, inputs), [mode.scaled(outputs, drives) for mode in case.modes])
     count = case.truth.residual.shape[1] if case.likelihood in ("driven", "innovations") else 0
     constant = -2.0 * count * float(np.sum(np.log(outputs)))
     assert_same(case, other, constant=constant)
+    deviations = exponent_deviations(case.fit)[:, 0]
+    for mode, before, deviation in zip(other.refit().modes, case.fit.modes, deviations, strict=True):
+        assert abs(mode.exponent - before.exponent) < (0.02 if case.likelihood == "innovations" else 1e-3) * deviation
 
 
 def order(case: Case) -> None:
@@ -135,8 +143,7 @@ def split(case: Case) -> None:
     """A record in two gains what the states that are free then say, and an input that is silent nothing."""
     if case.likelihood != "decays":
         modes = [replace(mode, gains=silent(mode.gains, n_inputs(case))) for mode in case.modes]
-        quiet = case.at(case.data.with_silence(), modes)
-        assert_same(case, quiet)
+        assert_same(case, case.at(case.data.with_silence(), modes), numbers=None)
         starts = len(case.data.starts) and case.likelihood != "lines"
         cut = [with_state(case, mode, CUT) if starts else mode for mode in case.modes]
         parts = case.at(case.data.split(CUT), cut)
@@ -213,11 +220,18 @@ def gained_by_parts(data: Data, modes: Sequence[Mode]) -> float:
 
 
 def assert_same(
-    case: Case, other: Point, *, constant: float = 0.0, channels: Sequence[int] = (0, 1), modes: slice = slice(None)
+    case: Case,
+    other: Point,
+    *,
+    constant: float = 0.0,
+    channels: Sequence[int] = (0, 1),
+    modes: slice = slice(None),
+    numbers: int | None = 0,
 ) -> None:
-    """Twice the logarithm but for a constant, the residual, and the deviations of the exponents are what they were."""
+    """L but for a constant, the residual, the deviations of the exponents and the count of numbers are what they were."""
     point = case.truth
     assert abs(other.log_likelihood - point.log_likelihood - constant) < 1e-6 * abs(point.log_likelihood)
+    assert numbers is None or other.n_parameters == point.n_parameters + numbers
     before, after = (sizes(case, own.residual) for own in (point, other))
     before = before if len(before) == 1 else before[list(channels)]
     assert after.shape == before.shape

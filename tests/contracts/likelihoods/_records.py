@@ -167,9 +167,10 @@ DRIVEN_TWICE = tuple(
 
 def observed(mode: Mode, inputs: int) -> Mode:
     """With gains of the innovations along the shape, as Kalman's are: so the predictor is stable."""
-    shape = mode.shape / np.abs(mode.shape) * (1.0 if mode.real else np.array([0.12, 1.0, 0.6]))
-    gains = 0.25 * (shape[:, :1] if mode.real else shape[:, :0:-1].conj() * [0.25, 1.0])
-    return replace(mode, shape=shape, gains=np.vstack([0.3 * mode.gains[:inputs], gains]))
+    shape = mode.shape / np.abs(mode.shape) * (1.0 if mode.real else np.array([0.07, 1.0, 0.6]))
+    # One gain is the largest, and stays so a step away: it is the scale of the state.
+    gains = np.array([[0.3], [0.2]]) * (shape[:, :1] if mode.real else shape[:, :0:-1].conj() * [0.15, 1.0])
+    return replace(mode, shape=shape, gains=np.vstack([0.1 * mode.gains[:inputs], gains]))
 
 
 AMBIENT = tuple(observed(mode, 0) for mode in (pair(-0.06 + 0.47j, 1, channels=2, inputs=1), negative(-0.2, 2, channels=2, inputs=1)))
