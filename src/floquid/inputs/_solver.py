@@ -202,15 +202,12 @@ def normal_equations(
     ]
     columns = (columns * of_columns[:, None]).astype(number)
     inverse = at.inverse / np.outer(of_columns, of_columns)
-    matrix, gradient, whole = np.zeros((len(scale), len(scale))), np.zeros(len(scale)), np.zeros(len(scale))
+    matrix, gradient = np.zeros((len(scale), len(scale))), np.zeros(len(scale))
     for channel in range(len(samples.values)):
         slopes = slopes_of(samples, at, channel, states, 1.0 / at.noise[channel])
         along = (slopes @ columns.T).astype(float)
         matrix += slopes @ slopes.T - along @ inverse @ along.T
         gradient += slopes @ left[channel].astype(number)
-        whole += np.einsum("kn,kn->k", slopes, slopes)
-    # What the columns leave of a slope is rounding below a share of the slope itself: parameters have units of their own.
-    np.fill_diagonal(matrix, np.maximum(np.diag(matrix), ROUNDING * whole))
     return matrix * np.outer(scale, scale), gradient * scale
 
 
@@ -233,7 +230,7 @@ def solve(
     period = 2.0 * np.pi / samples.fundamental
     for _ in range(iterations):
         matrix, gradient = normal_equations(samples, now, rough=rough)
-        scale = _scale(matrix)
+        scale = _scale(samples, now, matrix)
         system, aim = matrix / np.outer(scale, scale), gradient / scale
         before, gained = now, 0.0
         while damping < 1e6:
@@ -252,10 +249,21 @@ def solve(
     return now
 
 
-def _scale(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The root of the diagonal of a matrix of products; 1 of what does nothing (parameters,)."""
-    own = np.diag(matrix)
-    return np.sqrt(np.where(own > 0.0, own, 1.0))
+def _scale(samples: Samples, at: Linearisation, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The root of the diagonal of a matrix of products; of what is rounding, that of rounding (parameters,).
+
+    Parameters are compared by what they do to the state over its own size: inputs have units of their own.
+    """
+    units = []
+    for mode, state in zip(at.modes, at.states, strict=True):
+        own, gains = mode.strengths / np.sqrt(np.mean(np.abs(state) ** 2) + 1e-300), mode.gains.size
+        own = np.concatenate([[2.0 * np.pi / samples.fundamental], own])
+        both = np.concatenate([own[: 1 + gains], own[1:]]) if mode.real else np.tile(own, 2)
+        units.append(both[mode.free])
+    weights = np.concatenate(units)
+    weights[weights == 0.0] = 1.0  # of an input that is silent
+    own = np.diag(matrix) / weights**2
+    return np.sqrt(np.maximum(own, ROUNDING * own.max(initial=0.0) + 1e-300)) * weights
 
 
 def _stepped(samples: Samples, at: Linearisation, step: NDArray[np.float64], period: float) -> Linearisation | None:
@@ -282,7 +290,7 @@ def _stepped(samples: Samples, at: Linearisation, step: NDArray[np.float64], per
 def covariance(samples: Samples, at: Linearisation) -> NDArray[np.float64]:
     """Covariance of the free parameters (parameters, parameters); what the record says nothing of is infinite."""
     matrix, _ = normal_equations(samples, at)
-    scale = _scale(matrix)
+    scale = _scale(samples, at, matrix)
     values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
     inverse = (vectors / np.maximum(values, 1e-14 * values[-1])) @ vectors.T
     return np.asarray(inverse / np.outer(scale, scale), np.float64)

@@ -87,7 +87,9 @@ class Decays:
 
     def normal(self) -> Normal:
         pairs = np.flatnonzero(~self.now.entries.real).tolist()
-        names = [(mode, "decay", 0) for mode in range(len(self.now.entries.real))] + [(m, "frequency", 0) for m in pairs]
+        names = [(mode, "decay", 0) for mode in range(len(self.now.entries.real))] + [
+            (m, "frequency", 0) for m in pairs
+        ]
         return Normal(tuple(names), self.now.gradient, self.now.gauss_newton)
 
     def moved(self, step: np.ndarray) -> Decays:
@@ -110,7 +112,9 @@ class Decays:
         turns = own.harmonics + self.now.entries.offsets[own.modes]
         row = np.flatnonzero((own.modes == group[0]) & (turns == group[2]))
         places = [(channel, hit) for channel, hit in np.ndindex(*own.blocks.shape)]
-        values = np.concatenate([[own.coefficients[row[0], c, h].real, own.coefficients[row[0], c, h].imag] for c, h in places])
+        values = np.concatenate(
+            [[own.coefficients[row[0], c, h].real, own.coefficients[row[0], c, h].imag] for c, h in places]
+        )
         slopes = np.concatenate([[own.slopes[row[0], c, h].real, own.slopes[row[0], c, h].imag] for c, h in places])
         whole, both = slopes @ own.covariance @ slopes.T, np.append(row, row + len(own.modes))
         for k, place in enumerate(places):

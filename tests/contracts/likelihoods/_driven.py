@@ -27,7 +27,7 @@ class Driven:
     @classmethod
     def at(cls, data: Data, modes: Sequence[Mode]) -> Driven:
         samples = samples_in(data, "zero")
-        return cls(data, samples, linearise(samples, [input_mode(mode) for mode in modes], DIRECT))
+        return cls(data, samples, linearise(samples, [input_mode(mode, samples.input_size) for mode in modes], DIRECT))
 
     @property
     def modes(self) -> tuple[Mode, ...]:
@@ -60,7 +60,7 @@ class Driven:
         return replace(self, now=linearise(self.samples, moved_modes(self.now.modes, step), DIRECT))
 
     def with_modes(self, modes: Sequence[Mode]) -> Driven:
-        return replace(self, now=linearise(self.samples, [input_mode(mode) for mode in modes], DIRECT))
+        return Driven.at(self.data, modes)
 
     def refit(self) -> Driven:
         return replace(self, now=solve(self.samples, self.now.modes, DIRECT, iterations=60, at_rest=1e-7))

@@ -12,7 +12,6 @@ from tests.contracts.likelihoods._point import Data, Group, Mode, Normal
 from floquid.innovations import Mode as OwnMode
 from floquid.innovations import Predictor, predicted, solve
 from floquid.innovations._bands import _mask, _score, anchored
-from floquid.innovations._predictor import gradient, slopes
 from floquid.innovations._solve import moved, normal_of, places, squares
 from floquid.inputs import Samples
 

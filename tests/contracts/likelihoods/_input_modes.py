@@ -10,7 +10,8 @@ from tests.contracts.likelihoods._point import Mode, Name
 from floquid.inputs import InputMode
 
 
-def input_mode(mode: Mode) -> InputMode:
+def input_mode(mode: Mode, size: np.ndarray) -> InputMode:
+    """With the rms of each input (inputs,), by which a gain counts beside a first state."""
     return InputMode(
         exponent=mode.exponent,
         real=mode.real,
@@ -18,7 +19,7 @@ def input_mode(mode: Mode) -> InputMode:
         gains=mode.gains,
         turns=mode.seen,
         initial=mode.initial,
-        sizes=np.full(len(mode.gains), 1e3),  # a gain, and no first state, is the scale of the mode
+        sizes=2.0 * size,
     )
 
 

@@ -205,7 +205,11 @@ def gained_by_parts(data: Data, modes: Sequence[Mode]) -> float:
     """The fall of χ² where the first record has amplitudes of its own from `CUT` on, by dense least squares."""
     found = 0.0
     times = data.starts[0] + data.step * np.arange(data.values[0].shape[1])
-    rows = [np.exp((mode.exponent + 1j * data.omega * turn) * (times - times[-1] * (mode.exponent.real > 0))) for mode in modes for turn in mode.seen]
+    rows = [
+        np.exp((mode.exponent + 1j * data.omega * turn) * (times - times[-1] * (mode.exponent.real > 0)))
+        for mode in modes
+        for turn in mode.seen
+    ]
     columns = np.concatenate([np.real(rows), np.imag(rows)])
     for values, noise in zip(data.values[0], data.noise, strict=True):
         left = []

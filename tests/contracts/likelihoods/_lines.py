@@ -11,6 +11,7 @@ from tests.contracts.likelihoods._point import Group, Mode, Normal
 
 from floquid.transfer import Modal
 from floquid.transfer._modal import Fitted, Lines, eliminated, fitted, promised, turning
+from floquid.transfer._search import HELD
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,9 @@ class LinePoint:
         if side == "driven":
             names = names_of(modal.modes)
             which = int(np.flatnonzero(mode.reach == harmonic)[0])
-            rows = [k for k, own in enumerate(names) if own[:2] == (number, "gain") and own[2] % len(mode.reach) == which]
+            rows = [
+                k for k, own in enumerate(names) if own[:2] == (number, "gain") and own[2] % len(mode.reach) == which
+            ]
             values = np.concatenate([mode.gains[:, which].real, mode.gains[:, which].imag])
         else:
             place = free + sum(len(own.turns) + int(turning(own).sum()) for own in modal.modes[:number])
@@ -137,4 +140,5 @@ class LinePoint:
 
 def modal_of(lines: Lines, modes: Sequence[Mode]) -> Modal:
     direct = (np.zeros(lines.values.shape[1:3], complex),)
-    return Modal(tuple(input_mode(mode) for mode in modes), tuple(mode.shape for mode in modes), direct)
+    sizes = np.full(lines.values.shape[2], HELD)
+    return Modal(tuple(input_mode(mode, sizes) for mode in modes), tuple(mode.shape for mode in modes), direct)

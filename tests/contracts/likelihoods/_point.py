@@ -180,7 +180,10 @@ class Data:
 
     def split(self, sample: int) -> Data:
         """The first record as two, the second beginning at a sample."""
-        cut = [tuple(own[0][:, part] for part in (slice(sample), slice(sample, None))) for own in (self.values, self.inputs)]
+        cut = [
+            tuple(own[0][:, part] for part in (slice(sample), slice(sample, None)))
+            for own in (self.values, self.inputs)
+        ]
         starts = (self.starts[0], self.starts[0] + sample * self.step, *self.starts[1:])
         return replace(self, values=cut[0] + self.values[1:], inputs=cut[1] + self.inputs[1:], starts=starts)
 

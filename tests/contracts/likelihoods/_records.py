@@ -72,7 +72,9 @@ def response(modes: Sequence[Mode], drives: np.ndarray, start: float, record: in
 def pair(exponent: complex, seed: int, *, channels: int, inputs: int = 0, records: int = 1, weak: float = 0.0) -> Mode:
     """A pair seen in harmonics from -1 to 1, driven by -1 and 0; the first ones of both are weak."""
     some = np.random.default_rng(seed)
-    shape, gains = (some.standard_normal((n, k)) + 1j * some.standard_normal((n, k)) for n, k in ((channels, 3), (inputs, 2)))
+    shape, gains = (
+        some.standard_normal((n, k)) + 1j * some.standard_normal((n, k)) for n, k in ((channels, 3), (inputs, 2))
+    )
     sizes = np.array([weak or 0.5, 1.0, 0.4])
     return Mode(
         exponent=exponent,
@@ -87,7 +89,9 @@ def pair(exponent: complex, seed: int, *, channels: int, inputs: int = 0, record
 def negative(decay: float, seed: int, *, channels: int, inputs: int = 0, records: int = 1) -> Mode:
     """A real negative multiplier of two harmonics, driven by one."""
     some = np.random.default_rng(seed)
-    shape, gains = (some.standard_normal((n, k)) + 1j * some.standard_normal((n, k)) for n, k in ((channels, 2), (inputs, 1)))
+    shape, gains = (
+        some.standard_normal((n, k)) + 1j * some.standard_normal((n, k)) for n, k in ((channels, 2), (inputs, 1))
+    )
     driven = np.array([0.5]) if inputs else np.zeros(0)
     gains = gains if inputs else np.zeros((0, 0), complex)
     initial = 0.8 * np.ones(records, complex)
@@ -118,7 +122,9 @@ def forced(modes: Sequence[Mode], lengths: Sequence[int], noise: float, seed: in
     for record, (start, signal) in enumerate(zip(starts, signals, strict=True)):
         own = response(modes, signal, start, record, held=True) + direct @ signal + 0.7
         values.append(own + (0.0 if seed is None else noise) * some.standard_normal(own.shape))
-    return Data(values=tuple(values), inputs=signals, starts=starts, step=STEP, omega=OMEGA, noise=np.full(channels, noise))
+    return Data(
+        values=tuple(values), inputs=signals, starts=starts, step=STEP, omega=OMEGA, noise=np.full(channels, noise)
+    )
 
 
 def ambient(modes: Sequence[Mode], lengths: Sequence[int], seed: int | None) -> Data:
@@ -173,10 +179,16 @@ def observed(mode: Mode, inputs: int) -> Mode:
     return replace(mode, shape=shape, gains=np.vstack([0.1 * mode.gains[:inputs], gains]))
 
 
-AMBIENT = tuple(observed(mode, 0) for mode in (pair(-0.06 + 0.47j, 1, channels=2, inputs=1), negative(-0.2, 2, channels=2, inputs=1)))
+AMBIENT = tuple(
+    observed(mode, 0)
+    for mode in (pair(-0.06 + 0.47j, 1, channels=2, inputs=1), negative(-0.2, 2, channels=2, inputs=1))
+)
 BESIDE = tuple(
     observed(mode, 1)
-    for mode in (pair(-0.06 + 0.47j, 1, channels=2, inputs=1, records=2), negative(-0.2, 2, channels=2, inputs=1, records=2))
+    for mode in (
+        pair(-0.06 + 0.47j, 1, channels=2, inputs=1, records=2),
+        negative(-0.2, 2, channels=2, inputs=1, records=2),
+    )
 )
 
 SEEN, REACHED = (0, "seen", WEAK), (0, "driven", WEAK)

@@ -14,8 +14,8 @@ from tests.contracts.likelihoods._lines import LinePoint
 from tests.contracts.likelihoods._point import Mode, Normal, Point
 from tests.contracts.likelihoods._records import CASES, Case
 
-from floquid.inputs import _modes, input_gain
 from floquid.innovations import _predictor
+from floquid.inputs import _modes, input_gain
 from floquid.periodic.least_squares import GappyBlock, RecordBlock, _solver
 from floquid.transfer import _modal
 
