@@ -86,10 +86,8 @@ class Decays:
         return self.now.covariance()
 
     def normal(self) -> Normal:
-        pairs = np.flatnonzero(~self.now.entries.real).tolist()
-        names = [(mode, "decay", 0) for mode in range(len(self.now.entries.real))] + [
-            (m, "frequency", 0) for m in pairs
-        ]
+        names = [(mode, "decay", 0) for mode in range(len(self.now.entries.real))]
+        names += [(mode, "frequency", 0) for mode in np.flatnonzero(~self.now.entries.real).tolist()]
         return Normal(tuple(names), self.now.gradient, self.now.gauss_newton)
 
     def moved(self, step: np.ndarray) -> Decays:
@@ -111,11 +109,10 @@ class Decays:
         own = estimates_of(self.blocks, self.now)
         turns = own.harmonics + self.now.entries.offsets[own.modes]
         row = np.flatnonzero((own.modes == group[0]) & (turns == group[2]))
-        places = [(channel, hit) for channel, hit in np.ndindex(*own.blocks.shape)]
-        values = np.concatenate(
-            [[own.coefficients[row[0], c, h].real, own.coefficients[row[0], c, h].imag] for c, h in places]
-        )
-        slopes = np.concatenate([[own.slopes[row[0], c, h].real, own.slopes[row[0], c, h].imag] for c, h in places])
+        places = list(np.ndindex(*own.blocks.shape))
+        values = own.coefficients[row[0]].ravel().view(float)
+        slopes = own.slopes[row[0]].reshape(len(places), -1)
+        slopes = np.stack([slopes.real, slopes.imag], axis=1).reshape(len(values), -1)
         whole, both = slopes @ own.covariance @ slopes.T, np.append(row, row + len(own.modes))
         for k, place in enumerate(places):
             whole[2 * k : 2 * k + 2, 2 * k : 2 * k + 2] += own.noise_covariance(*place)[np.ix_(both, both)]

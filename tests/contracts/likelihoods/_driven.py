@@ -66,7 +66,9 @@ class Driven:
         return replace(self, now=solve(self.samples, self.now.modes, DIRECT, iterations=60, at_rest=1e-7))
 
     def score(self, group: Group) -> float:
-        scores, (number, side, harmonic) = Scores(self.samples, self.now, rough=False), group
+        """Of one record in single precision, as the search has it; of two in double."""
+        scores = Scores(self.samples, self.now, rough=len(self.data.starts) == 1)
+        number, side, harmonic = group
         if side == "driven":
             return float(scores.by_inputs([(number, harmonic)])[0])
         alone = replace(self.now.modes[number], turns=np.array([harmonic]))

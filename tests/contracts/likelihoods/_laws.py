@@ -1,4 +1,4 @@
-"""Ten laws that every likelihood obeys, each with what it is true of: `LAWS` names them, `EXEMPT` says where and why not."""
+"""Ten laws that every likelihood obeys: `LAWS` names them, `EXEMPT` says where one does not apply, and why."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ DRAWS = 3
 """Draws of the noise over which a curvature that is one on average alone is averaged."""
 
 SLACK = {"decays": 0.02, "lines": 0.02, "driven": 0.1, "innovations": 0.2}
-"""Share to which a prediction to first order holds: noise that is profiled makes a logarithm of χ², and of innovations a
-harmonic bends the predictor."""
+"""Share to which a prediction to first order holds: of noise that is profiled χ² is a logarithm, and innovations are no
+linear function of shapes."""
 
 
 def gradient(case: Case) -> None:
@@ -205,11 +205,9 @@ def gained_by_parts(data: Data, modes: Sequence[Mode]) -> float:
     """The fall of χ² where the first record has amplitudes of its own from `CUT` on, by dense least squares."""
     found = 0.0
     times = data.starts[0] + data.step * np.arange(data.values[0].shape[1])
-    rows = [
-        np.exp((mode.exponent + 1j * data.omega * turn) * (times - times[-1] * (mode.exponent.real > 0)))
-        for mode in modes
-        for turn in mode.seen
-    ]
+    since = [times - (times[-1] if mode.exponent.real > 0.0 else 0.0) for mode in modes]
+    rates = [mode.exponent + 1j * data.omega * mode.seen for mode in modes]
+    rows = np.exp(np.concatenate([np.outer(*own) for own in zip(rates, since, strict=True)]))
     columns = np.concatenate([np.real(rows), np.imag(rows)])
     for values, noise in zip(data.values[0], data.noise, strict=True):
         left = []
@@ -232,7 +230,7 @@ def assert_same(
     modes: slice = slice(None),
     numbers: int | None = 0,
 ) -> None:
-    """L but for a constant, the residual, the deviations of the exponents and the count of numbers are what they were."""
+    """L but for a constant, the residual, the exponents' deviations and the count of numbers are what they were."""
     point = case.truth
     assert abs(other.log_likelihood - point.log_likelihood - constant) < 1e-6 * abs(point.log_likelihood)
     assert numbers is None or other.n_parameters == point.n_parameters + numbers

@@ -69,12 +69,15 @@ def response(modes: Sequence[Mode], drives: np.ndarray, start: float, record: in
     return values
 
 
+def drawn(seed: int, *sizes: tuple[int, int]) -> list[np.ndarray]:
+    """Random complex numbers."""
+    some = np.random.default_rng(seed)
+    return [some.standard_normal(size) + 1j * some.standard_normal(size) for size in sizes]
+
+
 def pair(exponent: complex, seed: int, *, channels: int, inputs: int = 0, records: int = 1, weak: float = 0.0) -> Mode:
     """A pair seen in harmonics from -1 to 1, driven by -1 and 0; the first ones of both are weak."""
-    some = np.random.default_rng(seed)
-    shape, gains = (
-        some.standard_normal((n, k)) + 1j * some.standard_normal((n, k)) for n, k in ((channels, 3), (inputs, 2))
-    )
+    shape, gains = drawn(seed, (channels, 3), (inputs, 2))
     sizes = np.array([weak or 0.5, 1.0, 0.4])
     return Mode(
         exponent=exponent,
@@ -88,15 +91,19 @@ def pair(exponent: complex, seed: int, *, channels: int, inputs: int = 0, record
 
 def negative(decay: float, seed: int, *, channels: int, inputs: int = 0, records: int = 1) -> Mode:
     """A real negative multiplier of two harmonics, driven by one."""
-    some = np.random.default_rng(seed)
-    shape, gains = (
-        some.standard_normal((n, k)) + 1j * some.standard_normal((n, k)) for n, k in ((channels, 2), (inputs, 1))
-    )
+    shape, gains = drawn(seed, (channels, 2), (inputs, 1))
     driven = np.array([0.5]) if inputs else np.zeros(0)
     gains = gains if inputs else np.zeros((0, 0), complex)
     initial = 0.8 * np.ones(records, complex)
     return Mode(exponent=decay + 0j, seen=np.array([0.5, 1.5]), shape=shape, driven=driven, gains=gains,
                 initial=initial, real=True)  # fmt: skip
+
+
+def positive(decay: float, seed: int, *, weak: float) -> Mode:
+    """A real positive multiplier of two harmonics in two channels, the second one weak."""
+    (shape,) = drawn(seed, (2, 2))
+    shape = np.stack([shape[:, 0].real, weak * shape[:, 1]], axis=1)
+    return Mode(exponent=decay + 0j, seen=np.arange(2.0), shape=shape, initial=np.ones(1, complex), real=True)
 
 
 def free(modes: Sequence[Mode], lengths: Sequence[int], gaps: bool, noise: float, seed: int | None) -> Data:
@@ -165,6 +172,7 @@ WEAK, WIDE = -1.0, 2.0
 
 FREE = (pair(-0.03 + 0.47j, 1, channels=2, weak=0.012), negative(-0.05, 2, channels=2))
 TWICE = (pair(-0.03 + 0.47j, 1, channels=2, records=2, weak=0.006), pair(0.004 + 0.2j, 3, channels=2, records=2))
+REAL = (positive(-0.04, 4, weak=0.01), negative(-0.06, 5, channels=2))
 DRIVEN = (pair(-0.06 + 0.47j, 1, channels=2, inputs=2, weak=0.02), negative(-0.2, 2, channels=2, inputs=2))
 DRIVEN_TWICE = tuple(
     replace(mode, initial=np.array([0.5, -0.3]) * (1.0 if mode.real else 1.0 + 0.4j)) for mode in DRIVEN
@@ -179,17 +187,13 @@ def observed(mode: Mode, inputs: int) -> Mode:
     return replace(mode, shape=shape, gains=np.vstack([0.1 * mode.gains[:inputs], gains]))
 
 
-AMBIENT = tuple(
-    observed(mode, 0)
-    for mode in (pair(-0.06 + 0.47j, 1, channels=2, inputs=1), negative(-0.2, 2, channels=2, inputs=1))
-)
-BESIDE = tuple(
-    observed(mode, 1)
-    for mode in (
-        pair(-0.06 + 0.47j, 1, channels=2, inputs=1, records=2),
-        negative(-0.2, 2, channels=2, inputs=1, records=2),
-    )
-)
+def both(inputs: int, records: int) -> tuple[Mode, ...]:
+    """A pair and a negative multiplier that innovations drive beside inputs."""
+    sizes = {"channels": 2, "inputs": 1, "records": records}
+    return tuple(observed(mode, inputs) for mode in (pair(-0.06 + 0.47j, 1, **sizes), negative(-0.2, 2, **sizes)))
+
+
+AMBIENT, BESIDE = both(0, 1), both(1, 2)
 
 SEEN, REACHED = (0, "seen", WEAK), (0, "driven", WEAK)
 MORE_SEEN, MORE_REACHED = (0, "seen", WIDE), (0, "driven", 1.0)
@@ -201,6 +205,8 @@ CASES = (
          at=lambda data, modes: Decays.at(data, modes, partial(lifted, taps=TAPS)), weak=(SEEN,), absent=(MORE_SEEN,)),
     Case(name="decays: as sampled, two hits", modes=TWICE, data_of=partial(free, TWICE, (477, 301), False, 0.01),
          at=lambda data, modes: Decays.at(data, modes, sampled), weak=(SEEN,), absent=(MORE_SEEN,)),
+    Case(name="decays: real multipliers", modes=REAL, data_of=partial(free, REAL, (480,), False, 0.01),
+         at=lambda data, modes: Decays.at(data, modes, lifted), weak=((0, "seen", 1.0),), absent=(MORE_SEEN,)),
     Case(name="decays: with gaps", modes=FREE, data_of=partial(free, FREE, (1200,), True, 0.01),
          at=lambda data, modes: Decays.at(data, modes, sampled), weak=(SEEN,), absent=(MORE_SEEN,)),
     Case(name="decays: with gaps, after a filter", modes=FREE, data_of=partial(free, FREE, (1200,), True, 0.01),

@@ -112,8 +112,10 @@ def by(value, factor: float):
     return lambda *args, **words: factor * value(*args, **words)
 
 
+TURNED = by(_solver.turned, -1.0)
+
 PLANTED = {
-    "the slope by a frequency has the wrong sign": ("gradient", "decays: as", _solver, "turned", by(_solver.turned, -1.0)),
+    "the slope by a frequency has the wrong sign": ("gradient", "decays: as", _solver, "turned", TURNED),
     "the matrix is halved": ("curvature", "decays: lifted", _solver, "_folded", by(_solver._folded, 0.5)),
     "missing samples are not taken off": ("split", "decays: with gaps", GappyBlock, "sums", RecordBlock.sums),
     "inputs drive without their harmonic": (
@@ -121,7 +123,8 @@ PLANTED = {
     "first states fade too slowly": (
         "split", "driven", _modes, "_begun", lambda samples, mode: np.abs(BEGUN(samples, mode)) ** 0.5),
     "harmonics of either sign are one": (
-        "conjugate", "innovations", _predictor, "turning", lambda samples, turns, *rest: TURNING(samples, abs(turns), *rest)),
+        "conjugate", "innovations", _predictor, "turning",
+        lambda samples, turns, *rest: TURNING(samples, abs(turns), *rest)),
     "a derivative by differences that are too wide": ("gradient", "lines", _modal, "NUDGE", 0.1),
     "the conjugate is left out": ("conjugate", "lines", _modal, "terms_of", lambda *args: TERMS(*args)[:1]),
 }  # fmt: skip
