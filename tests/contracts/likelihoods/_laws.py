@@ -18,8 +18,9 @@ linear function of shapes."""
 
 
 def gradient(case: Case) -> None:
-    """The gradient is the central difference of L, for every parameter."""
-    point = case.truth
+    """The gradient is the central difference of L, for every parameter, some deviations off the truth."""
+    sizes = np.sqrt(np.diag(case.truth.normal().matrix))
+    point = case.truth.moved(3.0 * np.random.default_rng(0).choice([-1.0, 1.0], len(sizes)) / sizes)
     normal = point.normal()
     assert len(normal.names) == len(normal.gradient) == len(normal.matrix)
     for row, size in enumerate(np.sqrt(np.diag(normal.matrix))):
@@ -208,7 +209,7 @@ def gained_by_parts(data: Data, modes: Sequence[Mode]) -> float:
     since = [times - (times[-1] if mode.exponent.real > 0.0 else 0.0) for mode in modes]
     rates = [mode.exponent + 1j * data.omega * mode.seen for mode in modes]
     rows = np.exp(np.concatenate([np.outer(*own) for own in zip(rates, since, strict=True)]))
-    columns = np.concatenate([np.real(rows), np.imag(rows)])
+    columns = np.concatenate([rows.real, rows.imag[rows.imag.any(axis=1)]])
     for values, noise in zip(data.values[0], data.noise, strict=True):
         left = []
         for part in (slice(None), slice(CUT), slice(CUT, None)):

@@ -172,7 +172,7 @@ WEAK, WIDE = -1.0, 2.0
 
 FREE = (pair(-0.03 + 0.47j, 1, channels=2, weak=0.012), negative(-0.05, 2, channels=2))
 TWICE = (pair(-0.03 + 0.47j, 1, channels=2, records=2, weak=0.006), pair(0.004 + 0.2j, 3, channels=2, records=2))
-REAL = (positive(-0.04, 4, weak=0.01), negative(-0.06, 5, channels=2))
+REAL = (positive(-0.04, 4, weak=0.02), negative(-0.06, 5, channels=2))
 DRIVEN = (pair(-0.06 + 0.47j, 1, channels=2, inputs=2, weak=0.02), negative(-0.2, 2, channels=2, inputs=2))
 DRIVEN_TWICE = tuple(
     replace(mode, initial=np.array([0.5, -0.3]) * (1.0 if mode.real else 1.0 + 0.4j)) for mode in DRIVEN
