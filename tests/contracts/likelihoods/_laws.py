@@ -9,7 +9,7 @@ import numpy as np
 from tests.contracts.likelihoods._point import Data, Mode, Point
 from tests.contracts.likelihoods._records import OMEGA, PHASES, STEP, Case
 
-DRAWS = 3
+DRAWS = 2
 """Draws of the noise over which a curvature that is one on average alone is averaged."""
 
 SLACK = {"decays": 0.02, "lines": 0.02, "driven": 0.1, "innovations": 0.2}
