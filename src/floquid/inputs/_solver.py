@@ -54,6 +54,8 @@ class Linearisation(Rebuilt):
         The residual (channels, samples).
     noise
         Its deviation (channels,).
+    rank
+        Directions that the columns span: one that is a sum of others, or nothing, takes no noise.
     """
 
     modes: tuple[InputMode, ...]
@@ -64,12 +66,13 @@ class Linearisation(Rebuilt):
     coefficients: NDArray[np.float64]
     left: NDArray[np.float64]
     noise: NDArray[np.float64]
+    rank: int
 
     @property
     def log_likelihood(self) -> float:
         """Twice the logarithm of the likelihood at its own noise, up to a constant."""
         count, squares = self.left.shape[1], np.mean(self.left**2, axis=1)
-        held = self.noise**2 * max(count - len(self.columns), 1) / count
+        held = self.noise**2 * max(count - self.rank, 1) / count
         return -float(count * np.sum(np.log(held) + squares / held - 1.0))
 
     @property
@@ -131,11 +134,11 @@ def linearise(samples: Samples, modes: Sequence[InputMode], direct: Sequence[flo
     # A second pass takes what rounding left.
     again = inverse @ (columns @ left.T)
     coefficients, left = coefficients + again, left - again.T @ columns
-    noise = np.sqrt(np.sum(left**2, axis=1) / max(left.shape[1] - len(columns), 1))
+    rank = int(good.sum())
+    noise = np.sqrt(np.sum(left**2, axis=1) / max(left.shape[1] - rank, 1))
     floor = np.maximum(EXACT * samples.swing, ROUNDING * np.abs(samples.values).max(axis=1)) + np.finfo(float).tiny
-    return Linearisation(
-        tuple(modes), tuple(direct), states, columns, inverse, coefficients, left, np.maximum(noise, floor)
-    )
+    noise = np.maximum(noise, floor)
+    return Linearisation(tuple(modes), tuple(direct), states, columns, inverse, coefficients, left, noise, rank)
 
 
 def columns_of(samples: Samples, mode: InputMode, state: NDArray) -> NDArray[np.float64]:
@@ -190,7 +193,8 @@ def normal_equations(
     scale = np.concatenate(
         [(own if mode.real else np.tile(own, 2))[mode.free] for mode, own in zip(at.modes, sizes, strict=True)]
     )
-    of_columns = np.sqrt(np.einsum("kk->k", at.inverse)) + 1e-300
+    of_columns = np.sqrt(np.einsum("kk->k", at.inverse))
+    of_columns = np.where(of_columns > 0.0, of_columns, 1.0)  # of an input that is silent there is nothing
     number = np.float32 if rough else np.float64
     states = [
         (own / size[:, None]).astype(np.result_type(number, 1j) if np.iscomplexobj(own) else number)
@@ -226,7 +230,7 @@ def solve(
     period = 2.0 * np.pi / samples.fundamental
     for _ in range(iterations):
         matrix, gradient = normal_equations(samples, now, rough=rough)
-        scale = _scale(matrix)
+        scale = _scale(samples, now, matrix)
         system, aim = matrix / np.outer(scale, scale), gradient / scale
         before, gained = now, 0.0
         while damping < 1e6:
@@ -245,10 +249,21 @@ def solve(
     return now
 
 
-def _scale(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The root of the diagonal of a matrix of products; of what is rounding, that of rounding (parameters,)."""
-    own = np.diag(matrix)
-    return np.sqrt(np.maximum(own, ROUNDING * own.max(initial=0.0) + 1e-300))
+def _scale(samples: Samples, at: Linearisation, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The root of the diagonal of a matrix of products; of what is rounding, that of rounding (parameters,).
+
+    Parameters are compared by what they do to the state over its own size: inputs have units of their own.
+    """
+    units = []
+    for mode, state in zip(at.modes, at.states, strict=True):
+        own, gains = mode.strengths / np.sqrt(np.mean(np.abs(state) ** 2) + 1e-300), mode.gains.size
+        own = np.concatenate([[2.0 * np.pi / samples.fundamental], own])
+        both = np.concatenate([own[: 1 + gains], own[1:]]) if mode.real else np.tile(own, 2)
+        units.append(both[mode.free])
+    weights = np.concatenate(units)
+    weights[weights == 0.0] = 1.0  # of an input that is silent
+    own = np.diag(matrix) / weights**2
+    return np.sqrt(np.maximum(own, ROUNDING * own.max(initial=0.0) + 1e-300)) * weights
 
 
 def _stepped(samples: Samples, at: Linearisation, step: NDArray[np.float64], period: float) -> Linearisation | None:
@@ -275,7 +290,7 @@ def _stepped(samples: Samples, at: Linearisation, step: NDArray[np.float64], per
 def covariance(samples: Samples, at: Linearisation) -> NDArray[np.float64]:
     """Covariance of the free parameters (parameters, parameters); what the record says nothing of is infinite."""
     matrix, _ = normal_equations(samples, at)
-    scale = _scale(matrix)
+    scale = _scale(samples, at, matrix)
     values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
     inverse = (vectors / np.maximum(values, 1e-14 * values[-1])) @ vectors.T
     return np.asarray(inverse / np.outer(scale, scale), np.float64)
