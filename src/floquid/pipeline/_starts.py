@@ -10,7 +10,7 @@ import numpy as np
 
 from floquid.core import PeriodicModel
 from floquid.lifting import Lifted, unlift
-from floquid.lti import ERA, Ensemble, TimeResponses, pooled_noise
+from floquid.lti import ERA, Ensemble, TimeResponses, brief, pooled_noise
 from floquid.periodic import Fit, ModeParameters
 from floquid.pipeline._doubts import MISFIT
 from floquid.pipeline._find_poles import ENOUGH_CYCLES, find_poles
@@ -48,9 +48,9 @@ class Ensembles:
 
     def starts(self, prepared: Prepared, cutting: Lifting, report: Callable[[str], None]) -> Iterator[Start]:
         """The one start, of brief records alone. Raises IdentificationError where there is no mode."""
-        if not brief(prepared, cutting, self.per_pole):
-            return
         whole = with_pooled_noise(cutting.lifted)
+        if not (by_default(prepared, cutting) and brief(whole.responses, self.per_pole)):
+            return
         raw, known, _ = without_forced(whole, prepared, cutting)
         identifier = Ensemble(false_alarm=prepared.settings.mode_false_alarm)
         chosen = replace(prepared.settings, identifier=identifier)
@@ -67,9 +67,9 @@ class Averaged:
 
     def starts(self, prepared: Prepared, cutting: Lifting, report: Callable[[str], None]) -> Iterator[Start]:
         """The starts by rising order, of brief records alone."""
-        if not brief(prepared, cutting, self.per_pole):
-            return
         whole = with_pooled_noise(cutting.lifted)
+        if not (by_default(prepared, cutting) and brief(whole.responses, self.per_pole)):
+            return
         lifted, known, _ = without_forced(whole, prepared, cutting)
         records = [rejoin(hit) for hit in unlift(lifted)]
         lengths = [record.n_samples for record in records]
@@ -94,14 +94,11 @@ POLES = LiftedPoles()
 OPENINGS: tuple[AbstractOpening, ...] = (Ensembles(HALF), POLES, Ensembles(), Averaged())
 
 
-def brief(prepared: Prepared, cutting: Lifting, per_pole: int) -> bool:
-    """True where the responses are over after fewer than `per_pole` periods for each mode that they hold."""
+def by_default(prepared: Prepared, cutting: Lifting) -> bool:
+    """True where neither order, harmonics nor algorithm are chosen, and samples are whole a period."""
     settings = prepared.settings
     chosen = settings.order is not None or settings.identifier is not None or settings.harmonics is not None
-    if chosen or not settings.constrained or not cutting.synchronous:
-        return False
-    state = Ensemble().prepare(with_pooled_noise(cutting.lifted).responses)
-    return state.alive < per_pole * state.rank
+    return settings.constrained and not chosen and cutting.synchronous
 
 
 def with_pooled_noise(lifted: Lifted) -> Lifted:

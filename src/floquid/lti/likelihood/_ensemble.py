@@ -17,7 +17,7 @@ from typing import ClassVar, final
 
 import numpy as np
 
-from floquid._arrays import Floats
+from floquid._arrays import Floats, Integers
 from floquid.lti._identifier import AbstractIdentifier, Report, checked_order, reached, silent
 from floquid.lti._noise import rise_limit
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
@@ -36,46 +36,59 @@ from floquid.lti.likelihood._rank_one import (
 EDGE = 2.0  # above the largest singular value that noise has in the mean: one in some thousand is beyond
 RESOLVED = 0.1  # the share of a direction's squares that must be signal for the noise to be taken off
 DEAD = 1e-6  # a multiplier below which a mode is gone at the next sample
+LOUD = 6.0  # deviations of its energy by which noise is not exceeded
 MOST = 24  # poles that are looked for at most
 
 
 @dataclass(frozen=True, slots=True)
 class States:
-    """Responses over their noise side by side, and their singular vectors and values."""
+    """Responses over their noise side by side, as long as they are above it, and their singular vectors and values."""
 
     stacked: Stacked
+    loud: Floats  # outputs, with delayed ones where they are few, and samples of all inputs
+    first: Integers  # the first sample of each input
     left: Floats
     values: Floats
+
+    @staticmethod
+    def of(data: TimeResponses) -> States:
+        """The states of responses."""
+        stacked, ends = Stacked.of(data), np.minimum(data.lengths, max(samples_above(data), 1))
+        starts = np.cumsum(data.lengths) - data.lengths
+        delays = max(1, min(-(-MOST // data.n_outputs), int(ends.min()) // 2))
+        counts = ends - delays + 1
+        kept = np.concatenate([start + np.arange(count) for start, count in zip(starts, counts, strict=True)])
+        loud = np.concatenate([stacked.values[:, kept + delay] for delay in range(delays)])
+        left, values, _ = np.linalg.svd(loud, full_matrices=False)
+        return States(stacked, loud, np.cumsum(counts) - counts, left, values)
 
     @property
     def rank(self) -> int:
         """Number of singular values above those of noise (Davidson and Szarek 2001)."""
-        return int((self.values > sum(np.sqrt(self.stacked.values.shape)) + EDGE).sum())
-
-    @property
-    def alive(self) -> int:
-        """Number of samples of a response before its energy is that of noise, over all outputs and inputs."""
-        ends = np.cumsum(self.stacked.data.lengths)
-        energy, count = np.zeros((2, int(self.stacked.data.lengths.max())))
-        for part in np.split(self.stacked.values, ends[:-1], axis=1):
-            energy[: part.shape[1]] += np.sum(part**2, axis=0)
-            count[: part.shape[1]] += len(part)
-        loud = np.flatnonzero(energy > count + 6.0 * np.sqrt(2.0 * count))
-        return int(loud[-1]) + 1 if len(loud) else 0
+        return int((self.values > sum(np.sqrt(self.loud.shape)) + EDGE).sum())
 
     def start(self, order: int) -> Products:
         """Multipliers of the step matrix, and the participation of each in each input."""
-        x = self.left[:, :order].T @ self.stacked.values
-        first = np.cumsum(self.stacked.data.lengths) - self.stacked.data.lengths
-        later = np.setdiff1d(np.arange(x.shape[1]), first)
+        x = self.left[:, :order].T @ self.loud
+        later = np.setdiff1d(np.arange(x.shape[1]), self.first)
         squares = x[:, later - 1] @ x[:, later - 1].T
         less = squares - len(later) * np.eye(order)
         if np.linalg.eigvalsh(less)[0] > RESOLVED * np.linalg.eigvalsh(squares)[0]:
             squares = less
         multipliers, vectors = np.linalg.eig(np.linalg.solve(squares, x[:, later - 1] @ x[:, later].T).T)
-        shares = np.linalg.solve(vectors, x[:, first])
+        shares = np.linalg.solve(vectors, x[:, self.first])
         upper = (multipliers.imag >= 0) & (np.abs(multipliers) > DEAD)
         return Products.of(PoleSet.from_multipliers(multipliers[upper].astype(complex)), shares[upper].astype(complex))
+
+
+def samples_above(data: TimeResponses) -> int:
+    """The samples of a response before its energy is that of noise, over all outputs and inputs."""
+    energy, count = np.zeros((2, data.values.shape[2]))
+    for hit, length in enumerate(data.lengths.tolist()):
+        energy[:length] += np.sum((data.values[:, hit, :length] / data.noise[:, hit, None]) ** 2, axis=0)
+        count[:length] += data.n_outputs
+    loud = np.flatnonzero(energy > count + LOUD * np.sqrt(2.0 * count))
+    return int(loud[-1]) + 1 if len(loud) else 0
 
 
 @final
@@ -100,14 +113,13 @@ class Ensemble(AbstractIdentifier):
 
     def prepare(self, data: TimeResponses) -> States:
         """The singular vectors and values of the responses in `data` over their noise."""
-        stacked = Stacked.of(data)
-        left, values, _ = np.linalg.svd(stacked.values, full_matrices=False)
-        return States(stacked, left, values)
+        return States.of(data)
 
     def extract(self, state: States, order: int | None = None, *, report: Report = silent) -> ModalModel:
         """The model in `state`, of this `order` or the one found; `report` is told of each stage."""
         data = state.stacked.data
-        rank = min(checked_order(order, self, data) or state.rank, MOST, len(state.values))
+        checked_order(order, self, data)
+        rank = min(state.rank, MOST)
         if not rank:
             return _empty(data)
         report(f"states of many short responses: rank {rank}")
@@ -115,6 +127,8 @@ class Ensemble(AbstractIdentifier):
             found = _straightened(polish_products(state.start(rank), state.stacked), state.stacked)
             if order is None:
                 found = pruned(found, state.stacked, lambda products: self._limits(products, state.stacked), least=1)
+            else:
+                found = _lowered(found, state.stacked, order)
         except np.linalg.LinAlgError:
             return _empty(data)
         number = found.products.poles.order
@@ -129,6 +143,18 @@ class Ensemble(AbstractIdentifier):
         rows, outputs = stacked.values.shape[1], stacked.data.n_outputs
         numbers = products.poles.sizes * (outputs + stacked.data.n_inputs)
         return [rise_limit(self.false_alarm, float(number), float(rows * outputs)) for number in numbers]
+
+
+def _lowered(found: ProductFit, stacked: Stacked, order: int) -> ProductFit:
+    """The fit with no more than `order` poles where that can be had: the entries that are missed least are removed."""
+    while found.products.poles.order > order:
+        sizes = found.products.poles.sizes
+        fitting = np.flatnonzero(sizes <= found.products.poles.order - order)
+        if not len(fitting) or len(sizes) == 1:
+            break
+        trials = [polish_products(found.products.without(int(entry)), stacked) for entry in fitting]
+        found = min(trials, key=lambda trial: trial.cost)
+    return found
 
 
 def _straightened(found: ProductFit, stacked: Stacked) -> ProductFit:
@@ -160,6 +186,12 @@ def _empty(data: TimeResponses) -> ModalModel:
         dt=data.dt,
         outcome=Outcome.NO_MODE,
     )
+
+
+def brief(data: TimeResponses, per_pole: int) -> bool:
+    """True where `data` are above their noise for fewer than `per_pole` samples for each pole that they hold."""
+    above = samples_above(data)
+    return 0 < above < per_pole * MOST and above < per_pole * min(States.of(data).rank, MOST)
 
 
 def pooled_noise(blocks: Iterable[Floats]) -> Floats:
