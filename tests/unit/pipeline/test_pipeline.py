@@ -223,13 +223,13 @@ def test_fewer_than_four_periods_are_refused():
 
 
 @pytest.mark.first(1)
-def test_fewer_periods_than_the_modes_need_are_refused():
+def test_fewer_periods_than_modes_are_refused():
     many = pairs(-0.02 + 1j * np.linspace(0.05, 0.5, 5), channels=6)
-    with pytest.raises(IdentificationError, match="too short for the modes"):
-        identify(ringing(many, n_cycles=20, noise=1e-3))
+    with pytest.raises(IdentificationError, match="ended without a result"):
+        identify(ringing(many, n_cycles=8, noise=1e-3))
 
 
-@pytest.mark.parametrize(("n_pairs", "n_cycles"), [(2, 5), (2, 6), (3, 8)])
+@pytest.mark.parametrize(("n_pairs", "n_cycles"), [(2, 5), (2, 6), (3, 8), (5, 20)])
 def test_fewer_periods_than_free_residues_need_are_enough_for_shapes(n_pairs, n_cycles):
     exponents = -0.02 + 1j * np.linspace(0.05, 0.5, n_pairs)
     model = identify(ringing(pairs(exponents, channels=6), n_cycles=n_cycles, noise=1e-3), validate=False).model

@@ -122,6 +122,8 @@ class Ensemble(AbstractIdentifier):
         rank = min(state.rank, MOST)
         if not rank:
             return _empty(data)
+        if rank > int((data.lengths - 1).sum()):
+            return _empty(data, Outcome.TOO_FEW_SAMPLES)  # any matrix takes so few steps
         report(f"states of many short responses: rank {rank}")
         try:
             found = _straightened(polish_products(state.start(rank), state.stacked), state.stacked)
@@ -178,13 +180,13 @@ def _straightened(found: ProductFit, stacked: Stacked) -> ProductFit:
     return found
 
 
-def _empty(data: TimeResponses) -> ModalModel:
+def _empty(data: TimeResponses, outcome: Outcome = Outcome.NO_MODE) -> ModalModel:
     """The model without a mode."""
     return ModalModel(
         multipliers=np.zeros(0, complex),
         residues=np.zeros((0, data.n_outputs, data.n_inputs), complex),
         dt=data.dt,
-        outcome=Outcome.NO_MODE,
+        outcome=outcome,
     )
 
 
