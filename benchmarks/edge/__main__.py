@@ -86,7 +86,7 @@ def judged(family: Family, step: float, seed: int) -> Row:
         order=model.order,
         pulls=tuple(float(min(pull, 1e6)) for pull in pulls),
         seconds=time.process_time() - begin,
-        message=" ".join(map(str, [*analysis.reasons][:1] if not analysis.passed else []))[:150] ,
+        message=" ".join(map(str, [*analysis.reasons][:1] if not analysis.passed else []))[:150],
         **common,
     )
 
@@ -100,7 +100,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=None)
     asked = parser.parse_args(arguments)
     families = [family for family in FAMILIES if family.name.startswith(asked.only)]
-    cases = [(f, sign * step, seed) for f in families for step in STEPS for sign in (-1, 1) for seed in range(asked.draws)]
+    cases = [
+        (f, sign * step, seed) for f in families for step in STEPS for sign in (-1, 1) for seed in range(asked.draws)
+    ]
     rows: list[Row] = []
     with ProcessPoolExecutor(asked.jobs) as pool:
         for row in pool.map(judged, *zip(*cases, strict=True)):

@@ -28,7 +28,7 @@ from floquid.periodic.least_squares import (
     shapes,
     solve,
 )
-from floquid.periodic.search import SearchResult
+from floquid.periodic.search import SearchResult, read_apart
 from floquid.periodic.start import Known
 from floquid.sync import ShaftAngle
 
@@ -152,7 +152,8 @@ def without_noise(found: SearchResult) -> SearchResult:
     from scipy.special import chdtri
 
     found = _without_twins(found)
-    both, entries = shapes(found.blocks, found.solution), found.solution.entries
+    apart, entries = read_apart(found), found.solution.entries
+    both = shapes(apart.blocks, apart.solution)  # fixed entries have the same places in both
     place = int(np.flatnonzero(both.harmonics == 0)[0])
     kept = ~entries.fixed
     for entry in np.flatnonzero(entries.fixed):

@@ -142,5 +142,3 @@ def entry_function(columns: Columns, entry: int, kind: int, times: Floats, *, gr
 def own_function(columns: Columns, entry: int, times: Floats, *, growth: float = 0.0) -> Floats:
     """The function that an entry near an axis has by its factor at `times`, scaled as above."""
     return entry_function(columns, entry, KIND[int(columns.factors[entry])], times, growth=growth)
-
-

@@ -51,6 +51,16 @@ class Rows:
         return place, signs * self.factors[:, None]
 
 
+@dataclass(frozen=True, slots=True)
+class AxisPair:
+    """Mean and squared half-difference of two exponents near an axis, with their covariance (2, 2)."""
+
+    mean: float
+    square: float
+    covariance: Floats
+    half_turns: int
+
+
 def turned(coefficients: Floats) -> Floats:
     """The coefficients of a slope by frequency from those of the slope by decay: β, -α for α, β (2 columns, …)."""
     n = len(coefficients) // 2
@@ -209,9 +219,7 @@ class ModeParameters:
             squares[even] += near
             squares[1:][even[:-1]] = squares[:-1][even[:-1]]
         turned = float(rest[0]) if self.free_period else 0.0
-        return replace(
-            self, exponents=self.exponents + moved, fundamental=self.fundamental + turned, squares=squares
-        )
+        return replace(self, exponents=self.exponents + moved, fundamental=self.fundamental + turned, squares=squares)
 
     def longest(self, step: Floats) -> float:
         """The most that a step moves an exponent, or half a difference of two, over one period."""

@@ -21,7 +21,7 @@ import numpy as np
 from floquid._arrays import Floats, Integers, Mask
 from floquid._numerics import positive_part, sandwich
 from floquid.errors import IdentificationError
-from floquid.periodic.least_squares._parameters import ModeParameters, turned
+from floquid.periodic.least_squares._parameters import ModeParameters
 from floquid.periodic.least_squares._sample_block import Block, Columns, Sums, complex_of
 
 ITERATIONS = 40  # steps at most
@@ -192,7 +192,10 @@ def _linear(block: Block, columns: Columns, sines: Mask, start: Floats | None) -
     n, whole, size = len(sines), len(columns.modes), 2 * len(sines)
     # Columns beyond those of the fit are derivatives: they stand beside the columns times t.
     own = np.concatenate([np.arange(n), whole + np.arange(n)])
-    coefficients, full = np.zeros((size, len(block.rows))) if start is None else start, np.zeros((2 * whole, len(block.rows)))
+    coefficients, full = (
+        np.zeros((size, len(block.rows))) if start is None else start,
+        np.zeros((2 * whole, len(block.rows))),
+    )
     passes, round_ = (1 if start is not None else 2), 0
     while True:
         round_ += 1

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 
@@ -23,6 +22,7 @@ from floquid.periodic.least_squares import (
     solve,
 )
 from floquid.periodic.search._moves import joined
+from floquid.periodic.search._near_axis import with_axis_pairs
 from floquid.periodic.search._new_lines import EXPECTED
 from floquid.periodic.search._peaks import strongest
 from floquid.periodic.search._scores import differences, equality, spread_of_harmonics, sure_columns
@@ -69,6 +69,7 @@ def finished(state: State, limits: Limits, *, search: bool, free_period: bool) -
     if search:
         state = _without_steady(state, bands) if limits.steady else state
         state, bands = _without_untold(state, bands)
+        state, bands = with_axis_pairs(state, bands)
     state, clusters = _with_clusters(state)
     noise = noise_of(state.blocks, state.solution, limits.floor)
     state = state.with_noise(limits.floor)
@@ -77,7 +78,13 @@ def finished(state: State, limits: Limits, *, search: bool, free_period: bool) -
     residuals = residuals_of(state.blocks, state.solution, limits.floor)
     peak = state.peak or strongest(state.blocks, residuals, 2.0 * np.pi / state.solution.entries.fundamental, EXPECTED)
     return SearchResult(
-        state.blocks, state.solution, bands, peak, tuple(residuals), _misfit(state, residuals, noise), clusters
+        state.blocks,
+        state.solution,
+        bands,
+        peak,
+        tuple(residuals),
+        _misfit(state, residuals, noise),
+        clusters,
     )
 
 
@@ -161,13 +168,9 @@ def _apart(entries: ModeParameters, one: int, other: int) -> float:
 
 
 def _with_clusters(state: State) -> tuple[State, tuple[int, ...]]:
-    """With the spread of the harmonics' own exponents in the variances of clusters, and which modes these are.
-
-    Modes that fold next to their own conjugate have the variances that they would have with its harmonics fitted, too.
-    Those are not fitted: the cost is even about the point between both, and the fit would end there.
-    """
+    """With the spread of the harmonics' own exponents in the variances of clusters, and which modes these are."""
     sure, solution = _sure(state), state.solution
-    entries, free = solution.entries, np.flatnonzero(~solution.entries.fixed)
+    entries, free = solution.entries, np.flatnonzero(solution.entries.leading)
     clusters = _doubtful(solution, sure, CLUSTER)
     further = np.zeros(len(solution.gradient)) if solution.further is None else np.array(solution.further)
 
@@ -175,28 +178,9 @@ def _with_clusters(state: State) -> tuple[State, tuple[int, ...]]:
         turns = free[~entries.real[free]]
         return [int(np.searchsorted(free, entry)), len(free) + int(np.searchsorted(turns, entry))]
 
-    for entry, off, wide in _mirrored(entries):
-        more = np.diag(state.linearise(wide).covariance()) - np.diag(solution.covariance())
-        further[own(entry)] = np.clip(more[own(entry)], 0.0, (2.0 * off) ** 2)
     for entry in clusters:
         further[own(entry)] += spread_of_harmonics(solution, entry, sure)
     return (state.with_fit(replace(solution, further=further)) if further.any() else state), tuple(clusters)
-
-
-def _mirrored(entries: ModeParameters) -> Iterator[tuple[int, float, ModeParameters]]:
-    """Each mode that folds next to its own conjugate, how far it is from the point between both, and wider entries.
-
-    Those have the conjugate's harmonics in its band: each line then holds both. Left out of the one, they move the
-    other, but hardly beyond it.
-    """
-    for entry in np.flatnonzero(~entries.fixed & ~entries.real):
-        value, (low, high) = entries.exponents[entry], entries.bands[entry]
-        half = round(2.0 * value.imag / entries.fundamental)
-        off = abs(value.imag - 0.5 * half * entries.fundamental)
-        if off < BESIDE * abs(value.real) and low + high != -half:
-            bands = entries.bands.copy()
-            bands[entry] = min(low, -half - high), max(high, -half - low)
-            yield int(entry), off, replace(entries, bands=bands)
 
 
 def centred(state: State, bands: Integers) -> tuple[State, Integers]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from floquid.errors import IdentificationError
 from floquid.periodic.expansion import GAP
 from floquid.periodic.least_squares import (
     PLAIN,
+    AxisPair,
     Block,
     ModeParameters,
     Residual,
@@ -231,3 +232,4 @@ class SearchResult:
     residuals: tuple[Residual, ...]  # residual of each block
     misfit: float = 1.0  # the rms of what is left over the level of its noise, the largest of all responses
     clusters: tuple[int, ...] = ()  # the entries whose harmonics do not have one exponent
+    near_axis: dict[int, AxisPair] = field(default_factory=dict)  # pairs near an axis, by the place of their first mode
