@@ -19,8 +19,8 @@ def readings(
     .. math:: \lambda = \sigma \pm \sqrt q + \tfrac{i \kappa \omega}{2}
 
     They are two real multipliers where q > 0 and a pair of conjugates about the axis where q < 0. A square root has no
-    slope at zero, so its deviation is that of the interval: the largest change of it that k deviations of q make, over
-    k, for k between 1.96 and 4. Where such an interval of q holds zero, both parts have a deviation, and each reading
+    slope at zero, so its deviation is that of the interval: the largest change of it that k deviations of q make either
+    way, over k, for k between 1.96 and 4. Where such an interval of q holds zero, both parts have a deviation, and each reading
     is as far off as the other one is. `covariance` is that of σ and q (2, 2), `half_turns` κ, `fundamental` ω [rad/s].
     """
     sigma, s = (float(np.sqrt(max(variance, 0.0))) for variance in np.diag(covariance))
@@ -35,10 +35,13 @@ def readings(
 
 
 def _deviation(square: float, s: float) -> float:
-    """The largest of (√(q + k s) - √q)/k, roots of what is negative being zero, for k from `NARROW` to `WIDE`."""
+    """The largest of |√(q ± k s) - √q|/k, roots of what is negative being zero, for k from `NARROW` to `WIDE`."""
     if s == 0.0:
         return 0.0
-    own = max(square, 0.0)
-    # Of positive q it falls with k; of negative q it is largest where q + k s = -q.
-    k = NARROW if square >= 0.0 else min(max(-2.0 * square / s, NARROW), WIDE)
-    return float((np.sqrt(max(square + k * s, 0.0)) - np.sqrt(own)) / k)
+
+    def change(by: float) -> float:
+        return abs(float(np.sqrt(max(square + by * s, 0.0)) - np.sqrt(max(square, 0.0)))) / abs(by)
+
+    # Upwards it is largest where q + k s = -q, if q is negative, and downwards where q - k s = 0.
+    up, down = (min(max(k, NARROW), WIDE) for k in (-2.0 * square / s, square / s))
+    return max(change(up), change(-down))

@@ -48,8 +48,9 @@ ROUNDED = 4.0  # deviations within which a period is a whole number of sampling 
 
 
 def wrong_period_lifted(model: PeriodicModel, lifted: Lifted, prepared: Prepared) -> Finding | None:
-    """Finding on a period other than that of the lifted response; None where it is that."""
-    if prepared.shafts or prepared.settings.estimate_period:
+    """Finding on a period other than that of the lifted response; None where it is that, or the fit must tell."""
+    # A second multiplier hidden beside a real one turns in the residual as harmonics of a wrong period do.
+    if prepared.shafts or prepared.settings.estimate_period or model.real.any():
         return None
     found = synchrony(model, lifted)
     if found is None or not found.broken:

@@ -138,32 +138,47 @@ class ModeParameters:
         return Columns(self.exponents, self.offsets, self.factors, *self._members, self.fundamental, squares)
 
     def with_slopes(self) -> Columns:
-        """The columns of the fit, and behind them the derivatives by q of odd ones, which are no columns of it."""
+        """The columns of the fit, and behind them those that derivatives by q need beside, which are none of the fit.
+
+        Those are the derivatives of the odd columns, and odd columns of harmonics that the even entry alone has.
+        """
         own = self.columns()
-        odd = np.flatnonzero(self.factors == ODD)
-        if not len(odd):
+        if not self.even.any():
             return own
-        which = np.isin(own.modes, odd)
-        place = np.searchsorted(odd, own.modes[which]) + len(self.exponents)
+        entries, harmonics, factors = own.modes, own.harmonics, self.factors[own.modes]
+        odd, beside = np.flatnonzero(factors == ODD), self._even_alone
+        count = len(self.exponents)
+        both = np.concatenate([entries[odd], entries[beside] + 1])
         return Columns(
-            *(np.concatenate([each, each[odd]]) for each in (own.exponents, own.offsets)),
-            np.concatenate([own.factors, np.full(len(odd), ODD_SLOPE)]),
-            np.concatenate([own.modes, place]),
-            np.concatenate([own.harmonics, own.harmonics[which]]),
+            *(np.concatenate([each, each]) for each in (own.exponents, own.offsets)),
+            np.concatenate([own.factors, np.where(own.factors == ODD, ODD_SLOPE, own.factors)]),
+            np.concatenate([entries, both[: len(odd)] + count, both[len(odd) :]]),
+            np.concatenate([harmonics, harmonics[odd], harmonics[beside]]),
             own.fundamental,
-            np.concatenate([own.squares, own.squares[odd]]),
+            np.concatenate([own.squares, own.squares]),
+        )
+
+    @cached_property
+    def _even_alone(self) -> Integers:
+        """Even columns of which the odd entry does not have the harmonic (columns,)."""
+        modes, harmonics = self._members
+        odd = set(zip(modes.tolist(), harmonics.tolist(), strict=True))
+        return np.array(
+            [k for k in np.flatnonzero(self.even[modes]) if (int(modes[k]) + 1, int(harmonics[k])) not in odd], np.int64
         )
 
     @cached_property
     def rows(self) -> Rows:
         """What the fit is linearised by: the decay of each column, the frequency of each, and q of those near an axis."""
-        own = self.columns()
-        n = len(own.modes)
-        factors = own.factors[own.modes]
-        even, odd = np.flatnonzero(factors == EVEN), np.flatnonzero(factors == ODD)
-        # ∂C/∂q is half of tS: the function of the odd column of the same harmonic.
+        modes, harmonics = self._members
+        n, factors = len(modes), self.factors[modes]
+        even, odd, beside = np.flatnonzero(factors == EVEN), np.flatnonzero(factors == ODD), self._even_alone
+        # ∂C/∂q is half of tS: the odd column of the same harmonic, one of the fit or one beside.
+        place = {(int(modes[k]), int(harmonics[k])): int(k) for k in odd}
+        place |= {(int(modes[k]) + 1, int(harmonics[k])): n + len(odd) + b for b, k in enumerate(beside)}
+        half = np.array([place[int(modes[k]) + 1, int(harmonics[k])] for k in even], np.int64)
         return Rows(
-            functions=np.concatenate([np.arange(n), np.arange(n), odd, n + np.arange(len(odd))]),
+            functions=np.concatenate([np.arange(n), np.arange(n), half, n + np.arange(len(odd))]),
             columns=np.concatenate([np.arange(n), np.arange(n), even, odd]),
             factors=np.concatenate([np.ones(2 * n), np.full(len(even), 0.5), np.ones(len(odd))]),
             turned=np.repeat([False, True, False], [n, n, len(even) + len(odd)]),

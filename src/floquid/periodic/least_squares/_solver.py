@@ -22,7 +22,7 @@ from floquid._arrays import Floats, Integers, Mask
 from floquid._numerics import positive_part, sandwich
 from floquid.errors import IdentificationError
 from floquid.periodic.least_squares._parameters import ModeParameters
-from floquid.periodic.least_squares._sample_block import Block, Columns, Sums, complex_of
+from floquid.periodic.least_squares._sample_block import ODD_SLOPE, Block, Columns, Sums, complex_of
 
 ITERATIONS = 40  # steps at most
 LONGEST_STEP = 0.2  # the most that an exponent may move in a step, over one period
@@ -201,7 +201,7 @@ def _linear(block: Block, columns: Columns, sines: Mask, start: Floats | None) -
         round_ += 1
         full[own] = coefficients
         found = block.sums(columns, complex_of(full))
-        gram, mixed, slopes, late = _by_functions(found, own, n, whole)
+        gram, mixed, slopes, late = _by_functions(found, columns, own)
         inverse = np.zeros((size, size))
         inverse[np.ix_(kept, kept)], safe = _inverse(gram[np.ix_(kept, kept)])
         step = inverse @ found.seen[own]
@@ -220,23 +220,18 @@ def _linear(block: Block, columns: Columns, sines: Mask, start: Floats | None) -
     )
 
 
-def _by_functions(found: Sums, own: Integers, n: int, whole: int) -> tuple[Floats, Floats, Floats, Floats]:
+def _by_functions(found: Sums, columns: Columns, own: Integers) -> tuple[Floats, Floats, Floats, Floats]:
     """Products of the columns, with the functions of their derivatives, of those, and of those with the residual."""
-    if n == whole:
+    whole = len(columns.modes)
+    if len(own) == 2 * whole:
         return found.gram, found.mixed, found.slopes, found.late
-    beyond = np.arange(n, whole)
-    # Of each half, first the columns times t, then the derivatives.
-    late = np.concatenate([np.arange(n), np.full(whole - n, -1), np.arange(whole, whole + n), np.full(whole - n, -1)])
-    plain = np.concatenate([np.full(n, -1), beyond, np.full(n, -1), whole + beyond])
-    timed, first = late >= 0, plain >= 0
-    mixed, slopes = np.zeros((len(own), 2 * whole)), np.zeros((2 * whole, 2 * whole))
-    mixed[:, timed] = found.mixed[np.ix_(own, late[timed])]
-    mixed[:, first] = found.gram[np.ix_(own, plain[first])]
-    slopes[np.ix_(timed, timed)] = found.slopes[np.ix_(late[timed], late[timed])]
-    slopes[np.ix_(first, timed)] = found.mixed[np.ix_(plain[first], late[timed])]
-    slopes[np.ix_(timed, first)] = slopes[np.ix_(first, timed)].T
-    slopes[np.ix_(first, first)] = found.gram[np.ix_(plain[first], plain[first])]
-    residual = np.where(timed[:, None], found.late[late], found.seen[plain])
+    # Of each half, the columns times t, and of derivatives by q the columns themselves.
+    beyond = columns.factors[columns.modes] == ODD_SLOPE
+    timed = np.tile(~beyond, 2)
+    mixed = np.where(timed, found.mixed[own], found.gram[own])
+    once = np.where(timed, found.mixed, found.gram)  # products of the columns with the functions
+    slopes = np.where(timed[:, None], np.where(timed, found.slopes, found.mixed.T), once)
+    residual = np.where(timed[:, None], found.late, found.seen)
     return found.gram[np.ix_(own, own)], mixed, slopes, residual
 
 

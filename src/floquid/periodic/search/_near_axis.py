@@ -16,14 +16,14 @@ import numpy as np
 
 from floquid._arrays import Floats, Integers, Mask
 from floquid.errors import IdentificationError
-from floquid.periodic.least_squares import EVEN, ODD, AxisPair, ModeParameters, solve
+from floquid.periodic.least_squares import EVEN, ODD, PLAIN, AxisPair, ModeParameters, Solution, solve
 from floquid.periodic.search._state import SearchResult, State, coefficients_of
 
 BESIDE = 1.0
 """Distance from an axis, over the decay, within which a pair and its conjugate share their lines."""
 
-REAL = 1e-3
-"""The probability at which noise may make a second multiplier of a real one."""
+REAL = 0.02
+"""The probability at which noise may make a second multiplier of a real one: one that is missing does more harm."""
 
 OFF = 0.1
 """Deviations of q that the reported exponents have at least between them: where both are one, shapes have no limit."""
@@ -32,24 +32,69 @@ OFF = 0.1
 def with_axis_pairs(state: State, bands: Integers) -> tuple[State, Integers]:
     """The fit with each pair near an axis, and each two real multipliers of one sign, by their mean and difference.
 
-    Where noise explains what a single real multiplier leaves, it is that. With the bands to report (entries, 2).
+    A single real multiplier is given a second one where noise does not explain what that takes out of the cost. Where
+    it may, but that is more than noise takes on average, the shift that it makes counts in the deviation. With the
+    bands to report (entries, 2).
     """
-    done: set[complex] = set()
+    done: dict[complex, float] = {}
     while True:
         entries = state.solution.entries
         for places, trial, kept in _candidates(entries, bands):
             own = complex(entries.exponents[places[0]] + 1j * entries.offsets[places[0]])
             if own in done:
                 continue
-            done.add(own)
-            with suppress(IdentificationError, np.linalg.LinAlgError):
-                found = solve(state.blocks, state.linearise(trial), at_rest=1e-2, iterations=20, hold=True)
-                if (found.entries.fixed != trial.fixed).any():
-                    continue
-                state, bands = _single(state.with_fit(found), kept)
-                break
+            done[own] = 0.0
+            found = _solved(state, trial)
+            if found is None:
+                continue
+            single = len(places) == 1 and bool(entries.real[places[0]])
+            wide = _solved(state, _as_wide(found.entries)) if single else None
+            if single and not _needed(state, found.entries, found.cost, state.solution):
+                if state.solution.cost - found.cost > _more(state, found.entries, state.solution):
+                    done[own] = _shift(found.entries, own.real)
+                continue
+            wider = state.with_fit(found if wide is None else wide)
+            fewer = None if single else _single(wider)
+            state, bands = (wider, kept) if fewer is None else (fewer, kept[:-1])
+            break
         else:
-            return state, bands
+            return _with_shifts(state, done), bands
+
+
+def _shift(entries: ModeParameters, decay: float) -> float:
+    """The distance of a decay from the nearer one of the last pair near an axis, its mean if that is a pair."""
+    root = np.sqrt(max(float(entries.squares[-1]), 0.0))
+    return float(min(abs(entries.exponents[-1].real + sign * root - decay) for sign in (1.0, -1.0)))
+
+
+def _with_shifts(state: State, shifts: dict[complex, float]) -> State:
+    """The fit with shifts of real multipliers, by what they are, in their variances."""
+    entries = state.solution.entries
+    own = np.where(entries.real, entries.exponents + 1j * entries.offsets, np.nan)[entries.leading]
+    further = np.zeros(len(state.solution.gradient))
+    further[: len(own)] = [shifts.get(complex(value), 0.0) ** 2 for value in own]
+    return state.with_fit(replace(state.solution, further=further)) if further.any() else state
+
+
+def _solved(state: State, trial: ModeParameters) -> Solution | None:
+    """The fit near other entries; None where one of them runs away."""
+    with suppress(IdentificationError, np.linalg.LinAlgError):
+        found = solve(state.blocks, state.linearise(trial), at_rest=1e-2, iterations=20, hold=True)
+        return found if (found.entries.fixed == trial.fixed).all() else None
+    return None
+
+
+def _needed(state: State, wider: ModeParameters, cost: float, fewer: Solution) -> bool:
+    """True where noise does not explain what a fit with more numbers takes out of the cost of one with fewer."""
+    from scipy.special import chdtri
+
+    return fewer.cost - cost > float(chdtri(_more(state, wider, fewer), REAL))
+
+
+def _more(state: State, wider: ModeParameters, fewer: Solution) -> int:
+    """The numbers that one fit has more than another, at least one."""
+    numbers = len(wider.ties()) - len(fewer.gradient)
+    return max(numbers + state.rows * (coefficients_of(wider) - coefficients_of(fewer.entries)), 1)
 
 
 def _candidates(entries: ModeParameters, bands: Integers) -> Iterator[tuple[list[int], ModeParameters, Integers]]:
@@ -66,7 +111,11 @@ def _candidates(entries: ModeParameters, bands: Integers) -> Iterator[tuple[list
         if abs(off) < BESIDE * abs(value.real):
             yield [int(entry)], *_coupled(entries, bands, [int(entry)], half, float(value.real), -(off**2))
     for both in reals.values():
-        if len(both) == 2:
+        if len(both) == 1:
+            half, mean = int(entries.half_turns[both[0]]), float(entries.exponents[both[0]].real)
+            wider, kept = _coupled(entries, bands, both, half, mean, 0.0)
+            yield both, _narrow(wider), kept
+        elif len(both) == 2:
             one, other = entries.exponents[both].real
             half = int(entries.half_turns[both[0]])
             yield both, *_coupled(entries, bands, both, half, 0.5 * (one + other), 0.25 * (one - other) ** 2)
@@ -93,26 +142,39 @@ def _turns(entries: ModeParameters, bands: Integers, places: list[int]) -> float
     return float(max(np.abs(bands[place] + 0.5 * halves[place]).max() for place in places))
 
 
-def _single(state: State, bands: Integers) -> tuple[State, Integers]:
-    """The fit with one real multiplier for the last pair near an axis, where noise explains what that leaves."""
-    from scipy.special import chdtri
+def _single(state: State) -> State | None:
+    """The fit with one real multiplier for the last pair near an axis; None where noise does not explain the rest.
 
+    Asked of the harmonics that are strongest, too: many weak ones would hide what a second multiplier does to the first.
+    """
     entries = state.solution.entries
     fewer = entries.picked(range(len(entries.exponents) - 1))
     last = np.arange(len(fewer.exponents)) == len(fewer.exponents) - 1
-    factors, squares = np.where(last, 0, fewer.factors), np.where(last, 0.0, fewer.squares)
-    for sign in (0.0, 1.0, -1.0):
-        moved = fewer.exponents + last * sign * np.sqrt(max(float(entries.squares[-1]), 0.0))
-        trial = replace(fewer, factors=factors, squares=squares, exponents=moved)
-        with suppress(IdentificationError, np.linalg.LinAlgError):
-            found = solve(state.blocks, state.linearise(trial), at_rest=1e-2, iterations=20, hold=True)
-            numbers = len(state.solution.gradient) - len(found.gradient)
-            numbers += state.rows * (coefficients_of(entries) - coefficients_of(found.entries))
-            if found.cost - state.solution.cost < float(chdtri(numbers, REAL)):
-                return state.with_fit(found), bands[:-1]
-        if entries.squares[-1] <= 0.0:
-            break
-    return state, bands
+    factors, squares = np.where(last, PLAIN, fewer.factors), np.where(last, 0.0, fewer.squares)
+    root = np.sqrt(max(float(entries.squares[-1]), 0.0))
+    for move in (0.0,) if root == 0.0 else (root, -root):
+        trial = replace(fewer, factors=factors, squares=squares, exponents=fewer.exponents + last * move)
+        found = _solved(state, trial)
+        if found is None or _needed(state, entries, state.solution.cost, found):
+            continue
+        narrow = _solved(state, _narrow(entries))
+        if narrow is None or not _needed(state, narrow.entries, narrow.cost, found):
+            return state.with_fit(found)
+    return None
+
+
+def _as_wide(entries: ModeParameters) -> ModeParameters:
+    """The entries with the last, odd one as wide as the even one before it."""
+    bands = entries.bands.copy()
+    bands[-1] = bands[-2]
+    return replace(entries, bands=bands)
+
+
+def _narrow(entries: ModeParameters) -> ModeParameters:
+    """The entries with the lowest turn alone in the last, odd one."""
+    bands = entries.bands.copy()
+    bands[-1, 1] = -(int(entries.half_turns[-1]) // 2) if entries.half_turns[-1] % 2 == 0 else bands[-1, 0] + 1
+    return replace(entries, bands=bands)
 
 
 def read_apart(result: SearchResult) -> SearchResult:
