@@ -56,7 +56,7 @@ def judged(family: Family, step: float, seed: int) -> Row:
     parameter = family.edge() * (1.0 + step)
     matrix, _ = family.system(parameter)
     truth = floquet.exponents(matrix)
-    generator = np.random.default_rng([seed, FAMILIES.index(family)])
+    generator = np.random.default_rng([seed, FAMILIES.index(family), int(1e4 * (1.0 + step))])
     clean = family.response(parameter, generator.standard_normal(matrix.shape[0]))
     noise = NOISE * np.abs(clean).max(axis=1, keepdims=True)
     record = Record(

@@ -11,6 +11,7 @@ from floquid._arrays import Complexes, Floats, Integers
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, note, warning
 from floquid.periodic.least_squares import shapes
+from floquid.periodic.search._near_axis import WITHIN
 from floquid.periodic.search._state import SearchResult
 
 LOUD = 2.0  # times what noise has from which on a peak that is left is a doubt
@@ -39,6 +40,7 @@ def evidence(found: SearchResult) -> tuple[Finding, ...]:
         left,
         *clusters(found),
         *doubles(found),
+        *near_axis(found),
         *combinations(found),
     )
 
@@ -84,14 +86,29 @@ def clusters(found: SearchResult) -> tuple[Finding, ...]:
     return tuple(warning("cluster", frequency=_hertz(exponents[entry])) for entry in found.clusters)
 
 
+def near_axis(found: SearchResult) -> tuple[Finding, ...]:
+    """Pairs near an axis of either kind, and real multipliers beside which noise may hide a second one."""
+    entries, open_ = found.solution.entries, []
+    for place, pair in found.near_axis.items():
+        spread = WITHIN * float(np.sqrt(pair.covariance[1, 1]))
+        if abs(pair.square) < spread:
+            value = complex(entries.exponents[place] + 1j * entries.fundamental * entries.offsets[place])
+            open_.append(note("kind_open", frequency=_hertz(value), apart=float(np.sqrt(abs(pair.square) + spread))))
+    for own, apart in found.hidden.items():
+        frequency = own.imag * entries.fundamental / (2.0 * np.pi)
+        open_.append(note("hidden_partner", decay=-own.real, frequency=frequency, apart=apart))
+    return tuple(open_)
+
+
 def doubles(found: SearchResult) -> tuple[Finding, ...]:
     """Modes that fold onto one another nearer than they decay: they may be one."""
     entries = found.solution.entries
     free = np.flatnonzero(~entries.fixed)
     omega, near = entries.fundamental, []
     values = entries.exponents[free] + 1j * omega * entries.offsets[free]
+    both = {place for place in found.near_axis if entries.real[place]}  # two real multipliers that were told apart
     for k, value in enumerate(values):
-        for other in values[k + 1 :]:
+        for other in values[k + 1 + (free[k] in both) :]:
             gaps = [value - other, value - other.conjugate()]
             gaps = [complex(gap.real, gap.imag - omega * round(gap.imag / omega)) for gap in gaps]
             if min(abs(gap) for gap in gaps) < DOUBLE * min(abs(value.real), abs(other.real)):

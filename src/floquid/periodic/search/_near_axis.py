@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,54 +25,68 @@ BESIDE = 1.0
 REAL = 0.02
 """The probability at which noise may make a second multiplier of a real one: one that is missing does more harm."""
 
+WITHIN = 1.96
+"""Deviations of q within which a second multiplier may be hidden: its 95 % interval."""
+
 OFF = 0.1
 """Deviations of q that the reported exponents have at least between them: where both are one, shapes have no limit."""
 
 
-def with_axis_pairs(state: State, bands: Integers) -> tuple[State, Integers]:
+@dataclass(frozen=True, slots=True)
+class Hidden:
+    """A second multiplier that noise may hide beside a real one: the shift that it would make, and how far it may be."""
+
+    shift: float = 0.0
+    apart: float = 0.0
+
+
+def with_axis_pairs(state: State, bands: Integers) -> tuple[State, Integers, dict[complex, Hidden]]:
     """The fit with each pair near an axis, and each two real multipliers of one sign, by their mean and difference.
 
     A single real multiplier is given a second one where noise does not explain what that takes out of the cost. Where
     it may, but that is more than noise takes on average, the shift that it makes counts in the deviation. With the
-    bands to report (entries, 2).
+    bands to report (entries, 2), and what noise may hide, by the exponent beside which it is.
     """
-    done: dict[complex, float] = {}
+    done: dict[complex, Hidden] = {}
     while True:
         entries = state.solution.entries
         for places, trial, kept in _candidates(entries, bands):
             own = complex(entries.exponents[places[0]] + 1j * entries.offsets[places[0]])
             if own in done:
                 continue
-            done[own] = 0.0
+            done[own] = Hidden()
             found = _solved(state, trial)
             if found is None:
                 continue
             single = len(places) == 1 and bool(entries.real[places[0]])
-            wide = _solved(state, _as_wide(found.entries)) if single else None
             if single and not _needed(state, found.entries, found.cost, state.solution):
-                if state.solution.cost - found.cost > _more(state, found.entries, state.solution):
-                    done[own] = _shift(found.entries, own.real)
+                done[own] = _hidden(state, found, own.real)
                 continue
-            wider = state.with_fit(found if wide is None else wide)
+            found = (_solved(state, _as_wide(found.entries)) if single else None) or found
+            wider = state.with_fit(found)
             fewer = None if single else _single(wider)
             state, bands = (wider, kept) if fewer is None else (fewer, kept[:-1])
             break
         else:
-            return _with_shifts(state, done), bands
+            return _with_shifts(state, done), bands, {own: hidden for own, hidden in done.items() if hidden.apart}
 
 
-def _shift(entries: ModeParameters, decay: float) -> float:
-    """The distance of a decay from the nearer one of the last pair near an axis, its mean if that is a pair."""
-    root = np.sqrt(max(float(entries.squares[-1]), 0.0))
-    return float(min(abs(entries.exponents[-1].real + sign * root - decay) for sign in (1.0, -1.0)))
+def _hidden(state: State, found: Solution, decay: float) -> Hidden:
+    """What a second multiplier that noise explains makes of the decay of a single one, and how far it may be away."""
+    entries, square = found.entries, float(found.entries.squares[-1])
+    apart = float(np.sqrt(max(square + WITHIN * np.sqrt(max(found.covariance()[-1, -1], 0.0)), 0.0)))
+    if state.solution.cost - found.cost <= _more(state, entries, state.solution):
+        return Hidden(apart=apart)
+    root, mean = np.sqrt(max(square, 0.0)), float(entries.exponents[-1].real)
+    return Hidden(shift=min(abs(mean + root - decay), abs(mean - root - decay)), apart=apart)
 
 
-def _with_shifts(state: State, shifts: dict[complex, float]) -> State:
+def _with_shifts(state: State, hidden: dict[complex, Hidden]) -> State:
     """The fit with shifts of real multipliers, by what they are, in their variances."""
     entries = state.solution.entries
     own = np.where(entries.real, entries.exponents + 1j * entries.offsets, np.nan)[entries.leading]
     further = np.zeros(len(state.solution.gradient))
-    further[: len(own)] = [shifts.get(complex(value), 0.0) ** 2 for value in own]
+    further[: len(own)] = [hidden.get(complex(value), Hidden()).shift ** 2 for value in own]
     return state.with_fit(replace(state.solution, further=further)) if further.any() else state
 
 

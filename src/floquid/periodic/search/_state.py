@@ -233,3 +233,5 @@ class SearchResult:
     misfit: float = 1.0  # the rms of what is left over the level of its noise, the largest of all responses
     clusters: tuple[int, ...] = ()  # the entries whose harmonics do not have one exponent
     near_axis: dict[int, AxisPair] = field(default_factory=dict)  # pairs near an axis, by the place of their first mode
+    hidden: dict[complex, float] = field(default_factory=dict)
+    """How far from a real exponent, decay and turns, a second one may be that noise hides [1/s]."""

@@ -16,6 +16,7 @@ SIGNIFICANT = 6.0
 NEGLIGIBLE_SLIP = 0.01
 """Samples of slip over the record below which a difference of periods does no harm, however significant."""
 
+TURNED = 1.0  # the phase [rad] that the fundamental may slip while modes last, for one step of a fit to tell the period
 LARGEST_DIFFERENCE = 0.1  # relative difference of periods up to which two modes are looked at as one mode torn apart
 EVIDENT = 0.1  # equal decays say something where the deviation of their difference is below this share of the decay
 WITNESSES = 3  # pairs of modes that must agree on a difference of periods
