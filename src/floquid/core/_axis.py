@@ -20,18 +20,33 @@ def readings(
 
     They are two real multipliers where q > 0 and a pair of conjugates about the axis where q < 0. A square root has no
     slope at zero, so its deviation is that of the interval: the largest change of it that k deviations of q make either
-    way, over k, for k between 1.96 and 4. Where such an interval of q holds zero, both parts have a deviation, and each reading
-    is as far off as the other one is. `covariance` is that of σ and q (2, 2), `half_turns` κ, `fundamental` ω [rad/s].
+    way, over k, for k between 1.96 and 4. Where such an interval of q holds zero, both parts have a deviation, which
+    covers both kinds. Two real multipliers that are correlated less than σ and q have deviations of their own.
+    `covariance` is that of σ and q (2, 2), `half_turns` κ, `fundamental` ω [rad/s].
     """
-    sigma, s = (float(np.sqrt(max(variance, 0.0))) for variance in np.diag(covariance))
-    apart, turned = _deviation(square, s), _deviation(-square, s)
-    shared = 0.0
-    if square > WIDE * s > 0.0:  # far from zero σ and √q move together as they are correlated
-        shared = 2.0 * float(covariance[0, 1]) / s * apart
     root = np.sqrt(complex(square))
-    exponents = mean + np.array([root, -root]) + 0.5j * half_turns * fundamental
-    real = np.sqrt(np.maximum(sigma**2 + apart**2 + np.array([shared, -shared]), 0.0))
-    return exponents, real + 1j * turned
+    exponents = np.asarray(mean + np.array([root, -root]) + 0.5j * half_turns * fundamental, np.complex128)
+    apart = _apart(square, covariance)
+    if apart is not None:
+        return exponents, np.asarray(apart, np.complex128)
+    sigma, s = (float(np.sqrt(max(variance, 0.0))) for variance in np.diag(covariance))
+    real = np.hypot(sigma, _deviation(square, s))
+    return exponents, np.full(2, complex(real, _deviation(-square, s)), np.complex128)
+
+
+def _apart(square: float, covariance: Floats) -> Floats | None:
+    """Deviations of two real multipliers each for itself (2,); None where mean and difference are told better.
+
+    One that is seen well beside one that is hardly seen is hardly correlated with it; its mean with that other one is
+    correlated with their difference.
+    """
+    if not square > 0.0:
+        return None
+    slope = 0.5 / np.sqrt(square)
+    turn = np.array([[1.0, slope], [1.0, -slope]])
+    own = turn @ covariance @ turn.T
+    both = [abs(float(each[0, 1])) / max(float(np.sqrt(each[0, 0] * each[1, 1])), 1e-300) for each in (covariance, own)]
+    return np.sqrt(np.maximum(np.diag(own), 0.0)) if both[0] > both[1] else None
 
 
 def _deviation(square: float, s: float) -> float:

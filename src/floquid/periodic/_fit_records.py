@@ -301,7 +301,7 @@ def _result(
             channels=names,
             provenance=Provenance.merge(tuple(record.provenance for record in records)),
             most=samples.most,
-            near_axis=found.near_axis,
+            as_read=found.as_read,
         )
     except IdentificationError as error:
         raise IdentificationError(" ".join([str(error), *texts(colour)])) from None

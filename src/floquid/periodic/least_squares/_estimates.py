@@ -9,10 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid.core import Channel, Estimates, PeriodicModel, Provenance, readings
+from floquid.core import Channel, Estimates, PeriodicModel, Provenance
 from floquid.errors import IdentificationError
 from floquid.periodic.expansion import GAP, bands_at, select_bands
-from floquid.periodic.least_squares._parameters import AxisPair, ModeParameters
+from floquid.periodic.least_squares._parameters import ModeParameters
 from floquid.periodic.least_squares._sample_block import Block
 from floquid.periodic.least_squares._solver import Solution, linearise, solve
 
@@ -141,12 +141,12 @@ def model_of(
     channels: tuple[Channel, ...],
     provenance: Provenance,
     most: int | None,
-    near_axis: Mapping[int, AxisPair] | None = None,
+    as_read: Mapping[int, complex] | None = None,
 ) -> PeriodicModel:
     """The periodic model of the entries that are not fixed, each with its conjugate, harmonics within the bands.
 
-    Up to `most` fundamentals of the axis can be seen; None where no wider bands are to be fitted. Exponents of pairs
-    near an axis, by the place of the first of each, have the deviations that their mean and difference give.
+    Up to `most` fundamentals of the axis can be seen; None where no wider bands are to be fitted. Deviations of
+    exponents near an axis are those `as_read`, by their entries, where they are given.
     """
     own, whole_bands = np.flatnonzero(~found.entries.fixed), bands
     estimates = estimates_of(blocks, found)
@@ -183,7 +183,7 @@ def model_of(
     covariance = of_parts @ found.covariance() @ of_parts.T
     if not (np.isfinite(covariance).all() and (np.diag(covariance) >= 0.0).all()):
         raise IdentificationError("A mode is not determined at all: with its residues held, it has no deviation.")
-    covariance = _as_read(covariance, found.entries, [int(own[entry]) for entry, _ in rows], near_axis or {})
+    covariance = _as_read(covariance, [int(own[entry]) for entry, _ in rows], as_read or {})
     return PeriodicModel(
         exponents=exponents,
         coefficients=out[..., used],
@@ -198,17 +198,13 @@ def model_of(
     )
 
 
-def _as_read(
-    covariance: Floats, entries: ModeParameters, modes: Sequence[int], near_axis: Mapping[int, AxisPair]
-) -> Floats:
-    """The covariance of exponents (2 modes, 2 modes), those of pairs near an axis with the deviations as read."""
+def _as_read(covariance: Floats, modes: Sequence[int], as_read: Mapping[int, complex]) -> Floats:
+    """The covariance of exponents (2 modes, 2 modes), some entries with other deviations."""
     std, count = np.sqrt(np.diag(covariance)), len(modes)
     read = std.copy()
-    for place, pair in near_axis.items():
-        _, own = readings(pair.mean, pair.square, pair.covariance, pair.half_turns, entries.fundamental)
-        for row, entry in enumerate(modes):
-            if entry == place or (entries.real[place] and entry == place + 1):
-                read[row], read[count + row] = own[entry - place].real, own[entry - place].imag
+    for row, entry in enumerate(modes):
+        own = as_read.get(entry, complex(std[row], std[count + row]))
+        read[row], read[count + row] = own.real, own.imag
     share = np.where(std > 0.0, read / np.where(std > 0.0, std, 1.0), 0.0)
     found = covariance * np.outer(share, share)
     found[np.diag_indices(2 * count)] = read**2

@@ -163,7 +163,7 @@ def _parts(cycles: Complexes) -> Floats:
 
 
 def _shapes(coefficients: Complexes, phases: Complexes, outer: Integers, count: int) -> Floats:
-    """2 Re B z over the phases, then 2 Im, summed over the terms of each function of the cycle (rows, phases, 2 count)."""
+    """2 Re B z over the phases, then 2 Im, in sum for each function of the cycle (rows, phases, 2 functions)."""
     member = np.equal.outer(outer, np.arange(count)).astype(float)
     terms = 2.0 * coefficients.T[:, None, :] * phases
     return np.concatenate([terms.real @ member, terms.imag @ member], axis=2)
@@ -245,5 +245,5 @@ class KeptCycles(LiftedBlock):
 
     def _factors(self, columns: Columns) -> tuple[NDArray, NDArray, NDArray, Terms, Integers]:
         """Those of the cycles that are there."""
-        starts, cycles, *rest = LiftedBlock._factors(self, columns)  # noqa: SLF001  # super() is not to be had with slots
-        return starts[self.kept], cycles[self.kept], *rest
+        starts, cycles, phases, terms, outer = LiftedBlock._factors(self, columns)  # noqa: SLF001  # super() is not to be had with slots
+        return starts[self.kept], cycles[self.kept], phases, terms, outer

@@ -51,16 +51,6 @@ class Rows:
         return place, signs * self.factors[:, None]
 
 
-@dataclass(frozen=True, slots=True)
-class AxisPair:
-    """Mean and squared half-difference of two exponents near an axis, with their covariance (2, 2)."""
-
-    mean: float
-    square: float
-    covariance: Floats
-    half_turns: int
-
-
 def turned(coefficients: Floats) -> Floats:
     """The coefficients of a slope by frequency from those of the slope by decay: β, -α for α, β (2 columns, …)."""
     n = len(coefficients) // 2
@@ -109,6 +99,11 @@ class ModeParameters:
     squares: Floats | None = None
 
     @property
+    def all_squares(self) -> Floats:
+        """Values of q of all entries, zero of those that are no part of a pair near an axis (entries,)."""
+        return np.zeros(len(self.exponents)) if self.squares is None else self.squares
+
+    @property
     def even(self) -> Mask:
         """Mask of the even entries of pairs near an axis (entries,)."""
         return self.factors == EVEN
@@ -134,8 +129,7 @@ class ModeParameters:
 
     def columns(self) -> Columns:
         """The columns of the fit."""
-        squares = np.zeros(len(self.exponents)) if self.squares is None else self.squares
-        return Columns(self.exponents, self.offsets, self.factors, *self._members, self.fundamental, squares)
+        return Columns(self.exponents, self.offsets, self.factors, *self._members, self.fundamental, self.all_squares)
 
     def with_slopes(self) -> Columns:
         """The columns of the fit, and behind them those that derivatives by q need beside, which are none of the fit.
@@ -150,7 +144,8 @@ class ModeParameters:
         count = len(self.exponents)
         both = np.concatenate([entries[odd], entries[beside] + 1])
         return Columns(
-            *(np.concatenate([each, each]) for each in (own.exponents, own.offsets)),
+            np.concatenate([own.exponents, own.exponents]),
+            np.concatenate([own.offsets, own.offsets]),
             np.concatenate([own.factors, np.where(own.factors == ODD, ODD_SLOPE, own.factors)]),
             np.concatenate([entries, both[: len(odd)] + count, both[len(odd) :]]),
             np.concatenate([harmonics, harmonics[odd], harmonics[beside]]),
@@ -169,7 +164,7 @@ class ModeParameters:
 
     @cached_property
     def rows(self) -> Rows:
-        """What the fit is linearised by: the decay of each column, the frequency of each, and q of those near an axis."""
+        """Rows of the linearisation: the decay of each column, the frequency of each, and q of those near an axis."""
         modes, harmonics = self._members
         n, factors = len(modes), self.factors[modes]
         even, odd, beside = np.flatnonzero(factors == EVEN), np.flatnonzero(factors == ODD), self._even_alone
@@ -262,8 +257,7 @@ class ModeParameters:
         """These and then the `other` ones."""
         both = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in BY_ENTRY}
         if self.squares is not None or other.squares is not None:
-            none = [np.zeros(len(own.exponents)) if own.squares is None else own.squares for own in (self, other)]
-            both["squares"] = np.concatenate(none)
+            both["squares"] = np.concatenate([self.all_squares, other.all_squares])
         return replace(self, **both)
 
     @staticmethod

@@ -11,7 +11,6 @@ from floquid._arrays import Complexes, Floats, Integers
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, note, warning
 from floquid.periodic.least_squares import shapes
-from floquid.periodic.search._near_axis import WITHIN
 from floquid.periodic.search._state import SearchResult
 
 LOUD = 2.0  # times what noise has from which on a peak that is left is a doubt
@@ -88,16 +87,16 @@ def clusters(found: SearchResult) -> tuple[Finding, ...]:
 
 def near_axis(found: SearchResult) -> tuple[Finding, ...]:
     """Pairs near an axis of either kind, and real multipliers beside which noise may hide a second one."""
-    entries, open_ = found.solution.entries, []
-    for place, pair in found.near_axis.items():
-        spread = WITHIN * float(np.sqrt(pair.covariance[1, 1]))
-        if abs(pair.square) < spread:
-            value = complex(entries.exponents[place] + 1j * entries.fundamental * entries.offsets[place])
-            open_.append(note("kind_open", frequency=_hertz(value), apart=float(np.sqrt(abs(pair.square) + spread))))
-    for own, apart in found.hidden.items():
-        frequency = own.imag * entries.fundamental / (2.0 * np.pi)
-        open_.append(note("hidden_partner", decay=-own.real, frequency=frequency, apart=apart))
-    return tuple(open_)
+    entries, told = found.solution.entries, []
+    for place, apart in found.apart.items():
+        value = complex(entries.exponents[place] + 1j * entries.fundamental * entries.offsets[place])
+        told.append(note("kind_open", frequency=_hertz(value), apart=apart))
+    for entry in np.flatnonzero(~entries.fixed & entries.real):
+        turn = float(entries.offsets[entry])
+        if turn in found.hidden and entry not in found.apart:
+            frequency, decay = turn * entries.fundamental / (2.0 * np.pi), -float(entries.exponents[entry].real)
+            told.append(note("hidden_partner", decay=decay, frequency=frequency, apart=found.hidden[turn]))
+    return tuple(told)
 
 
 def doubles(found: SearchResult) -> tuple[Finding, ...]:
@@ -106,7 +105,7 @@ def doubles(found: SearchResult) -> tuple[Finding, ...]:
     free = np.flatnonzero(~entries.fixed)
     omega, near = entries.fundamental, []
     values = entries.exponents[free] + 1j * omega * entries.offsets[free]
-    both = {place for place in found.near_axis if entries.real[place]}  # two real multipliers that were told apart
+    both = {place for place in found.as_read if entries.real[place] and place + 1 in found.as_read}
     for k, value in enumerate(values):
         for other in values[k + 1 + (free[k] in both) :]:
             gaps = [value - other, value - other.conjugate()]

@@ -22,7 +22,7 @@ from floquid.periodic.least_squares import (
     solve,
 )
 from floquid.periodic.search._moves import joined
-from floquid.periodic.search._near_axis import Hidden, with_axis_pairs
+from floquid.periodic.search._near_axis import with_axis_pairs
 from floquid.periodic.search._new_lines import EXPECTED
 from floquid.periodic.search._peaks import strongest
 from floquid.periodic.search._scores import differences, equality, spread_of_harmonics, sure_columns
@@ -66,7 +66,7 @@ def finished(state: State, limits: Limits, *, search: bool, free_period: bool) -
     if free_period:
         # Not before: with modes still missing, the period would go to where it takes what is theirs.
         state = state.with_fit(solve(state.blocks, replace(state.solution.entries, free_period=True), hold=True))
-    hidden: dict[complex, Hidden] = {}
+    hidden: dict[float, float] = {}
     if search:
         state = _without_steady(state, bands) if limits.steady else state
         state, bands = _without_untold(state, bands)
@@ -86,7 +86,7 @@ def finished(state: State, limits: Limits, *, search: bool, free_period: bool) -
         tuple(residuals),
         _misfit(state, residuals, noise),
         clusters,
-        hidden={own: found.apart for own, found in hidden.items()},
+        hidden=hidden,
     )
 
 

@@ -10,13 +10,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from floquid._arrays import Floats, Integers, Mask
+from floquid.core import readings
 from floquid.errors import IdentificationError
-from floquid.periodic.least_squares import EVEN, ODD, PLAIN, AxisPair, ModeParameters, Solution, solve
+from floquid.periodic.least_squares import EVEN, ODD, PLAIN, ModeParameters, Solution, solve
 from floquid.periodic.search._state import SearchResult, State, coefficients_of
 
 BESIDE = 1.0
@@ -32,35 +33,27 @@ OFF = 0.1
 """Deviations of q that the reported exponents have at least between them: where both are one, shapes have no limit."""
 
 
-@dataclass(frozen=True, slots=True)
-class Hidden:
-    """A second multiplier that noise may hide beside a real one: the shift that it would make, and how far it may be."""
-
-    shift: float = 0.0
-    apart: float = 0.0
-
-
-def with_axis_pairs(state: State, bands: Integers) -> tuple[State, Integers, dict[complex, Hidden]]:
+def with_axis_pairs(state: State, bands: Integers) -> tuple[State, Integers, dict[float, float]]:
     """The fit with each pair near an axis, and each two real multipliers of one sign, by their mean and difference.
 
-    A single real multiplier is given a second one where noise does not explain what that takes out of the cost. Where
-    it may, but that is more than noise takes on average, the shift that it makes counts in the deviation. With the
-    bands to report (entries, 2), and what noise may hide, by the exponent beside which it is.
+    A single real multiplier is given a second one where noise does not explain what that takes out of the cost. With
+    the bands to report (entries, 2), and how far from a single one a second may be that noise hides [1/s], by the turns
+    a period of the single one.
     """
-    done: dict[complex, Hidden] = {}
+    done: dict[complex, float] = {}
     while True:
         entries = state.solution.entries
         for places, trial, kept in _candidates(entries, bands):
             own = complex(entries.exponents[places[0]] + 1j * entries.offsets[places[0]])
             if own in done:
                 continue
-            done[own] = Hidden()
+            done[own] = 0.0
             found = _solved(state, trial)
             if found is None:
                 continue
             single = len(places) == 1 and bool(entries.real[places[0]])
             if single and not _needed(state, found.entries, found.cost, state.solution):
-                done[own] = _hidden(state, found, own.real)
+                done[own] = _hidden(found)
                 continue
             found = (_solved(state, _as_wide(found.entries)) if single else None) or found
             wider = state.with_fit(found)
@@ -68,26 +61,14 @@ def with_axis_pairs(state: State, bands: Integers) -> tuple[State, Integers, dic
             state, bands = (wider, kept) if fewer is None else (fewer, kept[:-1])
             break
         else:
-            return _with_shifts(state, done), bands, {own: hidden for own, hidden in done.items() if hidden.apart}
+            return state, bands, {own.imag: apart for own, apart in done.items() if apart}
 
 
-def _hidden(state: State, found: Solution, decay: float) -> Hidden:
-    """What a second multiplier that noise explains makes of the decay of a single one, and how far it may be away."""
-    entries, square = found.entries, float(found.entries.squares[-1])
-    apart = float(np.sqrt(max(square + WITHIN * np.sqrt(max(found.covariance()[-1, -1], 0.0)), 0.0)))
-    if state.solution.cost - found.cost <= _more(state, entries, state.solution):
-        return Hidden(apart=apart)
-    root, mean = np.sqrt(max(square, 0.0)), float(entries.exponents[-1].real)
-    return Hidden(shift=min(abs(mean + root - decay), abs(mean - root - decay)), apart=apart)
-
-
-def _with_shifts(state: State, hidden: dict[complex, Hidden]) -> State:
-    """The fit with shifts of real multipliers, by what they are, in their variances."""
-    entries = state.solution.entries
-    own = np.where(entries.real, entries.exponents + 1j * entries.offsets, np.nan)[entries.leading]
-    further = np.zeros(len(state.solution.gradient))
-    further[: len(own)] = [hidden.get(complex(value), Hidden()).shift ** 2 for value in own]
-    return state.with_fit(replace(state.solution, further=further)) if further.any() else state
+def _hidden(found: Solution) -> float:
+    """How far from a single real multiplier a second one may be that noise explains [1/s]: to the end of q's interval."""
+    place = len(found.gradient) - 1 - int(found.entries.free_period)
+    std = float(np.sqrt(max(found.covariance()[place, place], 0.0)))
+    return float(np.sqrt(max(float(found.entries.all_squares[-1]) + WITHIN * std, 0.0)))
 
 
 def _solved(state: State, trial: ModeParameters) -> Solution | None:
@@ -159,13 +140,13 @@ def _turns(entries: ModeParameters, bands: Integers, places: list[int]) -> float
 def _single(state: State) -> State | None:
     """The fit with one real multiplier for the last pair near an axis; None where noise does not explain the rest.
 
-    Asked of the harmonics that are strongest, too: many weak ones would hide what a second multiplier does to the first.
+    Asked of the strongest harmonics, too: many weak ones would hide what a second multiplier does to the first.
     """
     entries = state.solution.entries
     fewer = entries.picked(range(len(entries.exponents) - 1))
     last = np.arange(len(fewer.exponents)) == len(fewer.exponents) - 1
-    factors, squares = np.where(last, PLAIN, fewer.factors), np.where(last, 0.0, fewer.squares)
-    root = np.sqrt(max(float(entries.squares[-1]), 0.0))
+    factors, squares = np.where(last, PLAIN, fewer.factors), np.where(last, 0.0, fewer.all_squares)
+    root = np.sqrt(max(float(entries.all_squares[-1]), 0.0))
     for move in (0.0,) if root == 0.0 else (root, -root):
         trial = replace(fewer, factors=factors, squares=squares, exponents=fewer.exponents + last * move)
         found = _solved(state, trial)
@@ -195,39 +176,44 @@ def read_apart(result: SearchResult) -> SearchResult:
     """The result with ordinary modes at the exponents of its pairs near an axis, behind all other entries."""
     state, bands = State(result.blocks, result.solution), result.bands
     entries = state.solution.entries
-    even = np.flatnonzero(entries.even)
-    if not len(even):
+    if not entries.even.any():
         return result
     covariance, omega = state.solution.covariance(), entries.fundamental
-    leading = np.flatnonzero(entries.leading)
+    leading, even = np.flatnonzero(entries.leading), np.flatnonzero(entries.even)
     first = len(leading) + int((~entries.fixed & ~entries.real).sum())
     rest = np.flatnonzero(~np.isin(entries.factors, (EVEN, ODD)))
-    found, kept, pairs = replace(entries.picked(rest), squares=None), [*bands[rest]], {}
+    found, kept = replace(entries.picked(rest), squares=None), [*bands[rest]]
+    as_read, apart = {}, {}
     for number, place in enumerate(even):
         own = [int(np.searchsorted(leading, place)), first + number]
-        pair = AxisPair(
-            mean=float(entries.exponents[place].real),
-            square=float(entries.squares[place]),
-            covariance=covariance[np.ix_(own, own)],
-            half_turns=int(entries.half_turns[place]),
-        )
-        pairs[len(found.exponents)] = pair
-        half = pair.half_turns
-        least = OFF * float(np.sqrt(pair.covariance[1, 1]))
-        square = pair.square if abs(pair.square) > least else float(np.copysign(least, pair.square))
-        root = np.sqrt(abs(square))
+        pair, half = covariance[np.ix_(own, own)], int(entries.half_turns[place])
+        mean, square = float(entries.exponents[place].real), float(entries.all_squares[place])
+        std = float(np.sqrt(pair[1, 1]))
+        _, deviations = readings(mean, square, pair, half, omega)
+        if abs(square) < WITHIN * std:
+            apart[len(found.exponents)] = float(np.sqrt(abs(square) + WITHIN * std))
+        square = square if abs(square) > OFF * std else float(np.copysign(OFF * std, square))
+        as_read |= {len(found.exponents) + k: complex(own) for k, own in enumerate(deviations[: 1 + (square > 0.0)])}
         ends = np.stack([entries.bands[place], bands[place]])
-        if square > 0.0:
-            values = [pair.mean + root, pair.mean - root]
-            one = ModeParameters.made(values, [ends[0]] * 2, omega, real=True, offsets=0.5 * half)
-            kept += [ends[1]] * 2
-        else:
-            ends[:, 0] = -half - ends[:, 1]
-            one = ModeParameters.made([pair.mean + 1j * (root + 0.5 * half * omega)], [ends[0]], omega)
-            kept += [ends[1]]
-        found = found.joined(one)
-    solution = replace(state.linearise(found), further=_moved(state.solution.further, entries, found, rest))
-    return replace(result, solution=solution, bands=np.array(kept, np.int64).reshape(-1, 2), near_axis=pairs)
+        modes, ends = _ordinary(mean, square, half, omega, ends)
+        kept += [ends] * len(modes.exponents)
+        found = found.joined(modes)
+    solution = replace(state.linearise(found), further=_moved(result.solution.further, entries, found, rest))
+    kept = np.array(kept, np.int64).reshape(-1, 2)
+    return replace(result, solution=solution, bands=kept, as_read=as_read, apart=apart)
+
+
+def _ordinary(mean: float, square: float, half: int, omega: float, bands: Integers) -> tuple[ModeParameters, Integers]:
+    """Two real multipliers, or a pair, of a mean and squared half-difference, and the band to report.
+
+    `bands` are that of the fit and that to report (2, 2).
+    """
+    root = np.sqrt(abs(square))
+    if square > 0.0:
+        values = [mean + root, mean - root]
+        return ModeParameters.made(values, [bands[0]] * 2, omega, real=True, offsets=0.5 * half), bands[1]
+    whole = np.stack([-half - bands[:, 1], bands[:, 1]], axis=1)
+    return ModeParameters.made([mean + 1j * (root + 0.5 * half * omega)], [whole[0]], omega), whole[1]
 
 
 def _moved(further: Floats | None, old: ModeParameters, new: ModeParameters, rest: Integers) -> Floats | None:

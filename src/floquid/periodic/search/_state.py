@@ -12,7 +12,6 @@ from floquid.errors import IdentificationError
 from floquid.periodic.expansion import GAP
 from floquid.periodic.least_squares import (
     PLAIN,
-    AxisPair,
     Block,
     ModeParameters,
     Residual,
@@ -232,6 +231,7 @@ class SearchResult:
     residuals: tuple[Residual, ...]  # residual of each block
     misfit: float = 1.0  # the rms of what is left over the level of its noise, the largest of all responses
     clusters: tuple[int, ...] = ()  # the entries whose harmonics do not have one exponent
-    near_axis: dict[int, AxisPair] = field(default_factory=dict)  # pairs near an axis, by the place of their first mode
-    hidden: dict[complex, float] = field(default_factory=dict)
-    """How far from a real exponent, decay and turns, a second one may be that noise hides [1/s]."""
+    as_read: dict[int, complex] = field(default_factory=dict)  # deviations of exponents near an axis, by entry
+    apart: dict[int, float] = field(default_factory=dict)  # of pairs of open kind how far apart both exponents may be
+    hidden: dict[float, float] = field(default_factory=dict)
+    """How far from a real multiplier a second one may be that noise hides [1/s], by the turns a period of that one."""
