@@ -65,7 +65,7 @@ def with_axis_pairs(state: State, bands: Integers) -> tuple[State, Integers, dic
 
 
 def _hidden(found: Solution) -> float:
-    """How far from a single real multiplier a second one may be that noise explains [1/s]: to the end of q's interval."""
+    """How far from a single real multiplier a second one may be that noise explains, by the interval of q [1/s]."""
     place = len(found.gradient) - 1 - int(found.entries.free_period)
     std = float(np.sqrt(max(found.covariance()[place, place], 0.0)))
     return float(np.sqrt(max(float(found.entries.all_squares[-1]) + WITHIN * std, 0.0)))
