@@ -87,6 +87,14 @@ def test_derivatives_are_those_of_differences(case):
         assert np.abs((up - down) / 2.0 - (whole @ step).T).max() < 1e-4 * np.abs(up - down).max()
 
 
+def test_the_adjoint_gives_the_gradient(case):
+    samples, at, _ = case
+    signals = np.random.default_rng(3).standard_normal(at.innovations.shape)
+    whole = np.concatenate([part for _, part in slopes(samples, at, at.root)])
+    expected = -np.einsum("kcp,ck->p", whole, at.white(signals))
+    assert np.abs(gradient(samples, at, signals) - expected).max() < 1e-12 * np.abs(expected).max()
+
+
 def test_single_precision_gives_the_same_matrix(case):
     samples, at, _ = case
     fine, rough = normal_of(samples, at), normal_of(samples, at, rough=True)
