@@ -106,19 +106,6 @@ def normal_of(samples: Samples, at: Predictor, *, rough: bool = False) -> Normal
     return Normal(matrix, found)
 
 
-def inverted(spread: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The inverse of a covariance, but for directions that are rounding of its scale."""
-    size = np.sqrt(np.maximum(np.diag(spread), np.finfo(float).tiny))
-    return np.asarray(np.linalg.pinv(spread / np.outer(size, size), hermitian=True) / np.outer(size, size), np.float64)
-
-
-def squares(own: NDArray[np.float64], spread: NDArray[np.float64]) -> float:
-    """How far some parameters are from zero, in squared deviations; zero where these overflowed."""
-    if not np.isfinite(spread).all():
-        return 0.0
-    return float(own @ inverted(spread) @ own)
-
-
 def solve(samples: Samples, start: Predictor, *, rough: bool = False, least: float = -np.inf) -> Predictor:
     """The maximum of the likelihood near a start (Levenberg-Marquardt); a rough one in single precision.
 

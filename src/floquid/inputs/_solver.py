@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
+from floquid.fit import scaled_inverse
 from floquid.inputs._modes import InputMode, runs_away, slopes_of_state, state_of
 from floquid.inputs._samples import Samples
 
@@ -119,13 +120,7 @@ def linearise(samples: Samples, modes: Sequence[InputMode], direct: Sequence[flo
     parts = [columns_of(samples, mode, own) for mode, own in zip(modes, states, strict=True)]
     parts += [_modulated(samples.turned(turn), samples.inputs, turn > 0.0) for turn in direct]
     columns = np.concatenate([*parts, samples.known])
-    size = np.sqrt(np.einsum("kn,kn->k", columns, columns))
-    size = np.where(size > 0.0, size, 1.0)
-    gram = columns @ columns.T / np.outer(size, size)
-    values, vectors = np.linalg.eigh(gram)
-    good = values > ROUNDING * values[-1]
-    root = vectors[:, good] / np.sqrt(values[good]) / size[:, None]
-    inverse = root @ root.T
+    inverse = scaled_inverse(columns @ columns.T, ROUNDING)
     coefficients = inverse @ (columns @ samples.values.T)
     left = samples.values - coefficients.T @ columns
     # A second pass takes what rounding left.
@@ -226,7 +221,7 @@ def solve(
     period = 2.0 * np.pi / samples.fundamental
     for _ in range(iterations):
         matrix, gradient = normal_equations(samples, now, rough=rough)
-        scale = _scale(matrix)
+        scale = scale_of(matrix)
         system, aim = matrix / np.outer(scale, scale), gradient / scale
         before, gained = now, 0.0
         while damping < 1e6:
@@ -245,7 +240,7 @@ def solve(
     return now
 
 
-def _scale(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def scale_of(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     """The root of the diagonal of a matrix of products; of what is rounding, that of rounding (parameters,)."""
     own = np.diag(matrix)
     return np.sqrt(np.maximum(own, ROUNDING * own.max(initial=0.0) + 1e-300))
@@ -275,7 +270,4 @@ def _stepped(samples: Samples, at: Linearisation, step: NDArray[np.float64], per
 def covariance(samples: Samples, at: Linearisation) -> NDArray[np.float64]:
     """Covariance of the free parameters (parameters, parameters); what the record says nothing of is infinite."""
     matrix, _ = normal_equations(samples, at)
-    scale = _scale(matrix)
-    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    inverse = (vectors / np.maximum(values, 1e-14 * values[-1])) @ vectors.T
-    return np.asarray(inverse / np.outer(scale, scale), np.float64)
+    return scaled_inverse(matrix, floor=True, scale=scale_of(matrix))

@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import frozen_array, input_error
-from floquid._numerics import levenberg_marquardt, positive_part, sandwich
+from floquid.fit import levenberg_marquardt, positive_part, sandwich
 from floquid.lti._factor import BLOCK, Factor
 from floquid.lti._poles import PAIR, PoleSet
 from floquid.lti._types import ModalModel, Outcome, TimeResponses

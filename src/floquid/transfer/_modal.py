@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
+from floquid.fit import scaled_inverse, score_gain
 from floquid.inputs import Hold, InputMode, modal_transfer, terms_of
 
 NUDGE = 1e-5
@@ -259,12 +260,7 @@ class Fitted(Rebuilt):
 
 def _inverse(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     """The inverse of the products of some rows, directions that are rounding left out of none."""
-    size = np.sqrt(np.sum(rows**2, axis=1))
-    size = np.where(size > 0.0, size, 1.0)
-    scaled = rows / size[:, None]
-    values, vectors = np.linalg.eigh(scaled @ scaled.T)
-    root = vectors / np.sqrt(np.maximum(values, ROUNDING * values.max(initial=1.0))) / size[:, None]
-    return root @ root.T
+    return scaled_inverse(rows @ rows.T, ROUNDING, floor=True)
 
 
 def eliminated(lines: Lines, modal: Modal) -> Fitted:
@@ -318,9 +314,4 @@ def fitted(lines: Lines, start: Modal, iterations: int = ITERATIONS) -> Fitted:
 
 def promised(now: Fitted) -> float:
     """χ² after one step of Gauss and Newton."""
-    size = np.linalg.norm(now.apart, axis=1, keepdims=True)
-    columns = now.apart / np.where(size > 0.0, size, 1.0)
-    values, vectors = np.linalg.eigh(columns @ columns.T)
-    along = vectors.T @ (columns @ np.concatenate(now.left))
-    good = values > 1e3 * ROUNDING * values[-1]
-    return now.chi_square - float(np.sum(along[good] ** 2 / values[good]))
+    return now.chi_square - score_gain(now.apart @ np.concatenate(now.left), now.apart @ now.apart.T, 1e3 * ROUNDING)

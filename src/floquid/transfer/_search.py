@@ -9,7 +9,8 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.inputs import InputMode, Limits, limit_of, near_real, noise_explains, real_for
+from floquid.fit import chi2_limit
+from floquid.inputs import InputMode, Limits, near_real, noise_explains, real_for
 from floquid.transfer._modal import Fitted, Lines, Modal, eliminated, fitted, promised
 
 DECAYS = 10
@@ -90,7 +91,7 @@ def _level(lines: Lines, fit: Fitted, chi_square: float | None = None) -> float:
 
 def _by_noise(lines: Lines, fit: Fitted, more: int, alarm: float) -> float:
     """What noise lets χ² fall by for so many numbers more; infinite where a fit has as many as were measured."""
-    return limit_of(max(more, 1), alarm) * _level(lines, fit) if _degrees(lines, fit) > 0 else np.inf
+    return chi2_limit(max(more, 1), alarm) * _level(lines, fit) if _degrees(lines, fit) > 0 else np.inf
 
 
 def _degrees(lines: Lines, fit: Fitted) -> int:
@@ -257,7 +258,7 @@ def _grown(lines: Lines, now: Fitted, limits: Limits) -> Fitted:
             if _degrees(lines, start) <= 0:
                 continue
             # What is left holds what other bands lack: no measure of noise, and χ² decides.
-            limit = limit_of(max(start.n_parameters - now.n_parameters, 1), limits.harmonic_alarm)
+            limit = chi2_limit(max(start.n_parameters - now.n_parameters, 1), limits.harmonic_alarm)
             promise = promised(start)
             if now.chi_square - promise < limit * _level(lines, start, promise):
                 continue

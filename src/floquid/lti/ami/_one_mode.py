@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid._arrays import Complexes, Floats
-from floquid._numerics import levenberg_marquardt
+from floquid.fit import levenberg_marquardt, scaled_inverse
 from floquid.lti._poles import PAIR, moved_pole
 from floquid.lti._spectrum import Block, mode_columns
 
@@ -125,7 +125,7 @@ def fit_pole(
 
     start = evaluate(s, kind, bands)
     now = levenberg_marquardt(start, moved, steps=iterations, tolerance=tolerance, rounding=1e-13)
-    spread = np.linalg.pinv(now.information, rcond=1e-14, hermitian=True)
+    spread = scaled_inverse(now.information)
     # Of a pole without residues the lines say nothing: it may be anywhere.
     return now.s, now.cost, float(np.sqrt(np.diag(spread).max())) or np.pi
 

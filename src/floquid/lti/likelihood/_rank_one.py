@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid._numerics import levenberg_marquardt, positive_part, sandwich
+from floquid.fit import levenberg_marquardt, positive_part, sandwich
 from floquid.lti._exponentials import complex_residues, from_sample_zero, powers
 from floquid.lti._factor import Factor, factors, product_noise
 from floquid.lti._noise import rise_limit
@@ -357,7 +357,7 @@ def model_of_products(found: ProductFit, stacked: Stacked, outcome: Outcome, col
 
 def _covariance(found: ProductFit, stacked: Stacked, colour: Floats) -> Floats:
     """Of the logarithms of the multipliers (2 order, 2 order), real parts, then imaginary parts."""
-    unit = sandwich(found.information, _scatter(found.products, stacked), smallest=1e-12)
+    unit = sandwich(found.information, _scatter(found.products, stacked), 1e-12)
     own = _pole_parameters(found.products)
     map_ = found.products.poles.parameter_map()
     stack = np.concatenate([map_.real, map_.imag]) * np.sqrt(colour)[found.products.poles.columns()[0]]

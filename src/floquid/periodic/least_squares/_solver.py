@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import Floats, Mask
-from floquid._numerics import positive_part, sandwich
 from floquid.errors import IdentificationError
+from floquid.fit import positive_part, sandwich, scaled_inverse
 from floquid.periodic.least_squares._parameters import ModeParameters, turned
 from floquid.periodic.least_squares._sample_block import Block, Columns, complex_of
 
@@ -224,6 +224,4 @@ def _inverse(matrix: Floats) -> tuple[Floats, bool]:
             return root.T @ root / np.outer(scale, scale), True
     except np.linalg.LinAlgError:
         pass
-    values, vectors = np.linalg.eigh(scaled)
-    good = values > ROUNDING * values[-1]
-    return (vectors[:, good] / values[good]) @ vectors[:, good].T / np.outer(scale, scale), False
+    return scaled_inverse(matrix, ROUNDING, scale=scale), False
