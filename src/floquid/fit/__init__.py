@@ -10,6 +10,9 @@ from floquid.fit._algebra import unit_scale as unit_scale
 from floquid.fit._filters import filter_gain as filter_gain
 from floquid.fit._filters import filtered as filtered
 from floquid.fit._filters import yule_walker as yule_walker
+from floquid.fit._solver import Ends as Ends
+from floquid.fit._solver import Normal as Normal
+from floquid.fit._solver import Steps as Steps
 from floquid.fit._solver import levenberg_marquardt as levenberg_marquardt
 from floquid.fit._tests import chi2_limit as chi2_limit
 from floquid.fit._tests import schwarz as schwarz

@@ -7,17 +7,14 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.fit import chi2_limit, scaled_inverse, score_gain, wald_rise
+from floquid.fit import Normal, chi2_limit, scaled_inverse, score_gain, wald_rise
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted, rebuilt
-from floquid.innovations._solve import Normal, moved, normal_of, places, solve
+from floquid.innovations._solve import SINGLE, inverse_of, moved, normal_of, places, solve
 from floquid.inputs import Limits, Samples
 
 ROUNDS = 10
 """Rounds in which bands may grow."""
-
-SINGLE = 1e-6
-"""The share of the information below which a direction is rounding in single precision."""
 
 STRIDE = 2
 """Harmonics beyond the end of a band that are looked at."""
@@ -40,7 +37,7 @@ def grown(samples: Samples, now: Predictor, limits: Limits, rounds: int = ROUNDS
             [_mask(mode, *(~own for own in band)) for mode, band in zip(padded.modes, bands, strict=True)]
         )
         fitted = np.concatenate([fitted, np.ones(len(normal.gradient) - len(fitted), bool)])
-        inverse = normal.inverse(fitted)
+        inverse = inverse_of(normal, fitted)
         modes, grew = [], False
         for mode, band, place in zip(padded.modes, bands, places(padded.modes), strict=True):
             kept = [own.copy() for own in band]
@@ -70,7 +67,7 @@ def narrowed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     period, most = 2.0 * np.pi / samples.fundamental, sum(len(mode.turns) + len(mode.reach) for mode in now.modes)
     spread: NDArray[np.float64] | None = None
     while most:
-        spread = normal_of(samples, now, rough=True).inverse(anchored(now)) if spread is None else spread
+        spread = inverse_of(normal_of(samples, now, rough=True), anchored(now)) if spread is None else spread
         bands, step = _narrower(now, spread, limits, most)
         gone = sum(int(np.sum(~kept)) for band in bands for kept in band)
         if not gone:

@@ -14,7 +14,7 @@ from floquid.innovations._gain import stable_gains
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted
 from floquid.innovations._products import as_real, gap_of, merged
-from floquid.innovations._solve import climbed, normal_of, places, solve
+from floquid.innovations._solve import climbed, inverse_of, normal_of, places, solve
 from floquid.inputs import Limits, Samples
 
 DOUBTFUL = 5.0
@@ -43,7 +43,7 @@ def better(trial: Predictor, now: Predictor, limits: Limits) -> bool:
     """True where noise does not explain what a fit with more gains, by its probability and by the criterion."""
     more = max(trial.n_parameters - now.n_parameters, 1)
     sure = trial.log_likelihood - now.log_likelihood > chi2_limit(more, limits.mode_alarm)
-    return sure and trial.criterion < now.criterion
+    return sure and trial.criterion > now.criterion
 
 
 def least(trial: Predictor, now: Predictor, limits: Limits) -> float:
@@ -127,7 +127,7 @@ def _fewer(samples: Samples, now: Predictor, limits: Limits) -> Iterator[Predict
     Of modes that are nearly one the linearisation does not hold: shapes are large and cancel. Nor does it where one of
     several real multipliers on an axis makes up for what others lack.
     """
-    inverse = normal_of(samples, now, rough=True).inverse(anchored(now))
+    inverse = inverse_of(normal_of(samples, now, rough=True), anchored(now))
     starts: list[tuple[float, list[Mode]]] = []
     axes = [mode.axis for mode in now.modes if mode.real]
     for group in alike(now.modes, samples.fundamental):

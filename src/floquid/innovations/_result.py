@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
 from floquid.core import Channel, PeriodicModel, Provenance
-from floquid.fit import wald_rise
+from floquid.fit import Normal, wald_rise
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, gradient, predicted
-from floquid.innovations._solve import Normal, normal_of, places
+from floquid.innovations._solve import inverse_of, normal_of, places
 from floquid.inputs import (
     InputMode,
     Samples,
@@ -65,7 +65,7 @@ class Fit(Rebuilt):
     @cached_property
     def parameters(self) -> NDArray[np.float64]:
         """Covariance of all parameters, zero along the scales of the states (parameters, parameters)."""
-        return self.normal.inverse()
+        return inverse_of(self.normal)
 
     def short(self, number: int) -> float:
         """How far the exponent of a mode is from the maximum of the likelihood to first order, in deviations."""

@@ -107,7 +107,7 @@ def _searched(
     if all(-mode.exponent.real * period > GONE for mode in now.modes) and not white(samples, now, limits.mode_alarm):
         trial = _with(samples, of_known, none, _of_phases(driven, limits.highest), limits)
         trial = None if trial is None else narrowed(samples, trial, limits)
-        if trial is not None and trial.criterion < now.criterion:
+        if trial is not None and trial.criterion > now.criterion:
             now = trial
     report(f"searching for modes: {len(now.modes)} found")
     while len(now.modes) < limits.modes and not white(samples, now, limits.mode_alarm):

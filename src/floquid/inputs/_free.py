@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.fit import scaled_inverse
+from floquid.fit import scaled_inverse, schwarz
 from floquid.inputs._modes import InputMode, input_gain
 from floquid.inputs._phases import ROUNDING, Phases, likelihood, normal_equations, phases_of, polished, response_of
 from floquid.inputs._samples import Samples
@@ -60,7 +60,7 @@ def fitted_freely(samples: Samples) -> Linearisation | None:
 
 
 def _criterion(samples: Samples, own: Phases, gain: float) -> float:
-    return own.n_parameters * float(np.log(samples.n_samples)) - gain
+    return -schwarz(gain, own.n_parameters, samples.n_samples)
 
 
 def _observability(samples: Samples, at: NDArray[np.int64]) -> list[NDArray[np.float64]]:

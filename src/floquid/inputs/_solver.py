@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
-from floquid.fit import scaled_inverse
+from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, scaled_inverse, schwarz
 from floquid.inputs._modes import InputMode, runs_away, slopes_of_state, state_of
 from floquid.inputs._samples import Samples
 
@@ -91,9 +91,14 @@ class Linearisation(Rebuilt):
         return float(np.max(np.sum((lags[:, 1:] / lags[:, :1]) ** 2, axis=1)[self.heard], initial=0.0))
 
     @property
+    def cost(self) -> float:
+        """Minus twice the logarithm of the likelihood, which steps make least."""
+        return -self.log_likelihood
+
+    @property
     def criterion(self) -> float:
-        """The criterion of Schwarz (1978): the more the better."""
-        return self.log_likelihood - self.n_parameters * float(np.log(self.left.shape[1]))
+        """The criterion of Schwarz (1978): more is better."""
+        return schwarz(self.log_likelihood, self.n_parameters, self.left.shape[1])
 
     def slices(self) -> list[tuple[slice, NDArray[np.bool_]]]:
         """Of each mode, the place of its columns, and which of its turns have an imaginary part (turns,)."""
@@ -215,29 +220,20 @@ def solve(
 
     Rough steps are made in single precision.
     """
-    now, damping = linearise(samples, [mode.scaled() for mode in modes], direct), 1e-6
+    now, period = linearise(samples, [mode.scaled() for mode in modes], direct), 2.0 * np.pi / samples.fundamental
     if not modes:
         return now
-    period = 2.0 * np.pi / samples.fundamental
-    for _ in range(iterations):
-        matrix, gradient = normal_equations(samples, now, rough=rough)
-        scale = scale_of(matrix)
-        system, aim = matrix / np.outer(scale, scale), gradient / scale
-        before, gained = now, 0.0
-        while damping < 1e6:
-            step = np.linalg.solve(system + damping * np.eye(len(scale)), aim) / scale
-            trial = _stepped(samples, now, step, period)
-            gained = -np.inf if trial is None else trial.log_likelihood - now.log_likelihood
-            if gained >= -1e-9:
-                break
-            damping = max(10.0 * damping, 1e-4)
-        else:
-            return before
-        assert trial is not None
-        now, damping = trial, max(0.1 * damping, 1e-12)
-        if gained < at_rest:
-            break
-    return now
+
+    def normal(at: Linearisation) -> Normal:
+        matrix, gradient = normal_equations(samples, at, rough=rough)
+        return Normal(matrix=matrix, gradient=gradient, given=scale_of(matrix))
+
+    steps = Steps(
+        normal=normal,
+        moved=lambda at, step: _moved(samples, at, step),
+        limited=lambda at, step, _normal, _damping: _limited(at, step, period),
+    )
+    return levenberg_marquardt(now, steps, Ends(steps=iterations, gain=at_rest))
 
 
 def scale_of(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -246,21 +242,29 @@ def scale_of(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.sqrt(np.maximum(own, ROUNDING * own.max(initial=0.0) + 1e-300))
 
 
-def _stepped(samples: Samples, at: Linearisation, step: NDArray[np.float64], period: float) -> Linearisation | None:
-    """The linearisation a step away, no exponent moving further than `LONGEST_STEP`; None where a mode runs away."""
+def _parts(at: Linearisation, step: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """A step of the free parameters as one of all parameters of each mode."""
     steps, place = [], 0
     for mode in at.modes:
-        free = mode.free
-        own = np.zeros(len(free))
-        own[free] = step[place : place + int(free.sum())]
-        place += int(free.sum())
+        own = np.zeros(len(mode.free))
+        own[mode.free] = step[place : place + int(mode.free.sum())]
+        place += int(mode.free.sum())
         steps.append(own)
+    return steps
+
+
+def _limited(at: Linearisation, step: NDArray[np.float64], period: float) -> NDArray[np.float64]:
+    """A step on which no exponent moves further than `LONGEST_STEP`."""
     longest = max(
         abs(own[0] + (0j if mode.real else 1j * own[len(own) // 2])) * period
-        for mode, own in zip(at.modes, steps, strict=True)
+        for mode, own in zip(at.modes, _parts(at, step), strict=True)
     )
-    share = min(1.0, LONGEST_STEP / max(longest, 1e-300))
-    moved = [mode.moved(share * own) for mode, own in zip(at.modes, steps, strict=True)]
+    return step * min(1.0, LONGEST_STEP / max(longest, 1e-300))
+
+
+def _moved(samples: Samples, at: Linearisation, step: NDArray[np.float64]) -> Linearisation | None:
+    """The linearisation a step away; None where a mode runs away."""
+    moved = [mode.moved(own) for mode, own in zip(at.modes, _parts(at, step), strict=True)]
     pairs = zip(at.modes, moved, strict=True)
     if any(runs_away(samples, one.exponent) != runs_away(samples, other.exponent) for one, other in pairs):
         return None

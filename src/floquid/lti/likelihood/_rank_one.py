@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid.fit import levenberg_marquardt, positive_part, sandwich
-from floquid.lti._exponentials import complex_residues, from_sample_zero, powers
+from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, positive_part, sandwich
+from floquid.lti._exponentials import complex_residues, from_sample_zero, no_longer, powers
 from floquid.lti._factor import Factor, factors, product_noise
 from floquid.lti._noise import rise_limit
 from floquid.lti._poles import PAIR, PoleSet
@@ -256,10 +256,12 @@ def polish_products(now: Products, stacked: Stacked, *, steps: int = 60, toleran
     block, lengths = stacked.block, stacked.data.lengths
     return levenberg_marquardt(
         fit_products(now, block, lengths),
-        lambda found, step: fit_products(_moved(found.products, step), block, lengths),
-        steps=steps,
-        tolerance=tolerance,
-        damping=1e-4,
+        Steps(
+            normal=lambda at: Normal(matrix=at.information, gradient=at.gradient),
+            moved=lambda at, step: fit_products(_moved(at.products, step), block, lengths),
+            limited=no_longer,
+        ),
+        Ends(steps=steps, deviations=tolerance),
     )
 
 
