@@ -325,7 +325,7 @@ def _sizes_and_limits(whole: Estimates, orders: Integers, tested: Indices, least
         both = np.concatenate([terms, terms + len(whole.modes)])
         spread = whole.spread[:, both][:, :, both] * np.outer(np.tile(stretch, 2), np.tile(stretch, 2))
         moved = (whole.slopes[terms] / unit[:, :, None]).reshape(-1, len(factor)) @ factor
-        variance = np.linalg.eigvalsh(spread).max() + np.linalg.eigvalsh((moved.conj().T @ moved).real).max()
+        variance = np.linalg.eigvalsh(spread).max() + np.linalg.eigvalsh((moved.conj().T @ moved).real).max(initial=0.0)
         limits[mode, k] = np.sqrt(least * variance / reference)
     return sizes, limits
 
