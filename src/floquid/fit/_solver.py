@@ -159,9 +159,10 @@ def levenberg_marquardt(start: Point, of: Steps[Point], ends: Ends) -> Point:
             pull = normal.gradient
             continue
         if trial is None:
-            damping, growth = max(growth * damping, WHOLE), 2.0 * growth
-            if damping >= MOST:
+            # Had it been accepted it would have been the last: shorter ones gain no more.
+            if normal.size(step) < ends.deviations or normal.promised(pull) < ends.gain or damping >= MOST:
                 break
+            damping, growth = max(growth * damping, WHOLE), 2.0 * growth
             continue
         expected = normal.gain(step, pull)
         now, growth = trial, 2.0
