@@ -54,12 +54,13 @@ def test_short_and_noisy_records_do_not_take_up_a_delay_without_a_word(moved, se
 
 
 def test_two_real_multipliers_that_may_be_a_pair_are_told():
-    system = creeping(0.0142)
+    # From 0.0142 on both come so near each other that rounding decides whether their decays are determined.
+    system = creeping(0.01415)
     assert np.isreal(system.exponents()).all()
     open_, clear = (
-        identified(*record_of(creeping(own), 60, PHASES, 0.05, 0), system.period) for own in (0.0142, 0.0155)
+        identified(*record_of(creeping(own), 60, PHASES, 0.05, 0), system.period) for own in (0.01415, 0.0155)
     )
-    assert codes(open_) == {"inputs_kind"}
+    assert codes(open_) == {"inputs_kind", "inputs_untold"}
     assert "which, and the deviations" in " ".join(open_.warnings)
     assert "inputs_kind" not in codes(clear)
     assert pulls(creeping(0.0155), clear.model).max() < 4.0
