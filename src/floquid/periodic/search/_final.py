@@ -10,6 +10,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid.errors import IdentificationError
+from floquid.fit import chi2_limit
 from floquid.periodic.expansion import GAP
 from floquid.periodic.least_squares import (
     ModeParameters,
@@ -116,9 +117,7 @@ def with_final_bands(state: State, limits: Limits) -> tuple[State, Integers]:
 
 def _sure(state: State) -> Mask:
     """Mask of columns that are surely no noise: the demands of others say nothing (columns,)."""
-    from scipy.special import chdtri
-
-    return sure_columns(state.blocks, state.solution, float(chdtri(2 * state.rows, STRICT)))
+    return sure_columns(state.blocks, state.solution, chi2_limit(2 * state.rows, STRICT))
 
 
 def _doubtful(solution: Solution, sure: Mask, alarm: float) -> list[int]:
@@ -321,11 +320,9 @@ def _padded(entries: ModeParameters, bands: Integers, most: int) -> ModeParamete
 
 def _simpler(state: State, found: Solution) -> bool:
     """True where a fit with fewer numbers does: noise explains the rise of its cost."""
-    from scipy.special import chdtri
-
     fewer = len(state.solution.gradient) - len(found.gradient)
     fewer += state.rows * (coefficients_of(state.solution.entries) - coefficients_of(found.entries))
-    return fewer > 0 and found.cost - state.solution.cost < float(chdtri(fewer, REAL))
+    return fewer > 0 and found.cost - state.solution.cost < chi2_limit(fewer, REAL)
 
 
 def _with_real_ones(state: State, bands: Integers) -> tuple[State, Integers]:
