@@ -251,7 +251,7 @@ def scale_of(samples: Samples, at: Linearisation, matrix: NDArray[np.float64]) -
         own = np.concatenate([[2.0 * np.pi / samples.fundamental], own])
         both = np.concatenate([own[: 1 + gains], own[1:]]) if mode.real else np.tile(own, 2)
         units.append(both[mode.free])
-    weights = np.concatenate(units)
+    weights = np.concatenate([np.zeros(0), *units])
     weights[weights == 0.0] = 1.0  # of an input that is silent
     own = np.diag(matrix) / weights**2
     return np.sqrt(np.maximum(own, ROUNDING * own.max(initial=0.0) + 1e-300)) * weights
