@@ -48,7 +48,9 @@ class Row:
 
     def __str__(self) -> str:
         pulls = " ".join(f"{pull:.1f}" for pull in self.pulls)
-        return f"{self.family} {self.step:+.3f} {self.seed}: {self.outcome}, order {self.order} ({self.true}), {pulls}, {self.seconds:.1f} s {self.message}"
+        order = f"order {self.order} ({self.true})"
+        name = f"{self.family} {self.step:+.3f} {self.seed}"
+        return f"{name}: {self.outcome}, {order}, {pulls}, {self.seconds:.1f} s {self.message}"
 
 
 def judged(family: Family, step: float, seed: int) -> Row:
@@ -108,11 +110,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for row in pool.map(judged, *zip(*cases, strict=True)):
             rows.append(row)
             if row.wrong or row.outcome != "passed":
-                print(row, flush=True)
+                sys.stdout.write(f"{row}\n")
     for name in [family.name for family in families]:
         own = [row for row in rows if row.family == name]
-        print(name, _summary(own))
-    print("all", _summary(rows))
+        sys.stdout.write(f"{name}: {_summary(own)}\n")
+    sys.stdout.write(f"all: {_summary(rows)}\n")
     if asked.out:
         asked.out.write_text(json.dumps([asdict(row) for row in rows]))
     return 0

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
-from floquid._numerics import filter_gain, filtered
+from floquid.fit import filter_gain, filtered
 from floquid.periodic.least_squares._near_axis import own_function
 from floquid.periodic.least_squares._sample_block import (
     SPEED,

@@ -19,8 +19,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import Floats, Integers, Mask
-from floquid._numerics import positive_part, sandwich
 from floquid.errors import IdentificationError
+from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, positive_part, sandwich, scaled_inverse
 from floquid.periodic.least_squares._parameters import ModeParameters
 from floquid.periodic.least_squares._sample_block import ODD_SLOPE, Block, Columns, Sums, complex_of
 
@@ -151,39 +151,39 @@ def solve(
     Raises IdentificationError where, without `hold`, an exponent moves by more than `FARTHEST`.
     """
     now = start if isinstance(start, Solution) else linearise(blocks, start)
-    begin, damping, period = now.entries, 1e-6, 2.0 * np.pi / now.entries.fundamental
-    for _ in range(iterations):
-        if not len(now.gradient):
-            break
-        scale = np.sqrt(np.diag(now.information))
-        scale[scale**2 <= NOTHING * scale.max() ** 2] = np.inf
-        system = now.information / np.outer(scale, scale)
-        while damping < 1e8:
-            step = np.linalg.solve(system + damping * np.eye(len(scale)), now.gradient / scale) / scale
-            step *= min(1.0, LONGEST_STEP / (now.entries.longest(step) + np.finfo(float).tiny))
-            trial = linearise(blocks, now.entries.moved(step), tuple(own.coefficients for own in now.linear))
-            if trial.cost <= now.cost * (1.0 + 1e-12):
-                break
-            damping = max(10.0 * damping, 1e-4)
-        else:
+    begin, period = now.entries, 2.0 * np.pi / now.entries.fundamental
+
+    def moved(at: Solution, step: Floats) -> Solution:
+        return linearise(blocks, at.entries.moved(step), tuple(own.coefficients for own in at.linear))
+
+    def limited(at: Solution, step: Floats, _normal: Normal, _damping: float) -> Floats:
+        return step * min(1.0, LONGEST_STEP / (at.entries.longest(step) + np.finfo(float).tiny))
+
+    def away(at: Solution) -> Floats:
+        return np.abs(at.entries.exponents - begin.exponents) * period
+
+    steps = Steps(normal=_normal, moved=moved, limited=limited, enough=lambda at, _: bool((away(at) > FARTHEST).any()))
+    while True:
+        now = levenberg_marquardt(now, steps, Ends(steps=iterations, deviations=at_rest))
+        gone = away(now) > FARTHEST
+        if not gone.any():
             return now
-        done = np.abs(step * np.where(np.isfinite(scale), scale, 0.0)).max() < at_rest
-        now, damping = trial, max(0.1 * damping, 1e-12)
-        moved = np.abs(now.entries.exponents - begin.exponents) * period
-        if moved.max() > FARTHEST:
-            if not hold:
-                raise IdentificationError(
-                    "Holding the residues to their harmonics moves an exponent away from where lifting found it, by "
-                    f"{moved.max():.2g} a period: a mode hardly rises above the noise. Leave it out (`order=`), or "
-                    "finish without (`constrained=False`)."
-                )
-            away = moved > FARTHEST
-            exponents = np.where(away, begin.exponents, now.entries.exponents)
-            put_back = replace(now.entries, exponents=exponents, fixed=now.entries.fixed | away)
-            now, done = linearise(blocks, put_back, tuple(own.coefficients for own in now.linear)), False
-        if done:
-            break
-    return now
+        if not hold:
+            raise IdentificationError(
+                "Holding the residues to their harmonics moves an exponent away from where lifting found it, by "
+                f"{away(now).max():.2g} a period: a mode hardly rises above the noise. Leave it out (`order=`), or "
+                "finish without (`constrained=False`)."
+            )
+        exponents = np.where(gone, begin.exponents, now.entries.exponents)
+        put_back = replace(now.entries, exponents=exponents, fixed=now.entries.fixed | gone)
+        now = linearise(blocks, put_back, tuple(own.coefficients for own in now.linear))
+
+
+def _normal(at: Solution) -> Normal:
+    """The normal equations; a parameter of which all but nothing is known stays."""
+    size = np.diag(at.information)
+    there = size > NOTHING * size.max(initial=0.0)
+    return Normal(matrix=at.information, gradient=at.gradient, given=np.sqrt(np.where(there, size, np.inf)))
 
 
 def _linear(block: Block, columns: Columns, sines: Mask, start: Floats | None) -> Linear:
@@ -249,6 +249,4 @@ def _inverse(matrix: Floats) -> tuple[Floats, bool]:
             return root.T @ root / np.outer(scale, scale), True
     except np.linalg.LinAlgError:
         pass
-    values, vectors = np.linalg.eigh(scaled)
-    good = values > ROUNDING * values[-1]
-    return (vectors[:, good] / values[good]) @ vectors[:, good].T / np.outer(scale, scale), False
+    return scaled_inverse(matrix, ROUNDING, scale=scale), False

@@ -17,6 +17,7 @@ import numpy as np
 from floquid._arrays import Floats, Integers, Mask
 from floquid.core import readings
 from floquid.errors import IdentificationError
+from floquid.fit import chi2_limit
 from floquid.periodic.least_squares import EVEN, ODD, PLAIN, ModeParameters, Solution, solve
 from floquid.periodic.search._state import SearchResult, State, coefficients_of
 
@@ -81,15 +82,9 @@ def _solved(state: State, trial: ModeParameters) -> Solution | None:
 
 def _needed(state: State, wider: ModeParameters, cost: float, fewer: Solution) -> bool:
     """True where noise does not explain what a fit with more numbers takes out of the cost of one with fewer."""
-    from scipy.special import chdtri
-
-    return fewer.cost - cost > float(chdtri(_more(state, wider, fewer), REAL))
-
-
-def _more(state: State, wider: ModeParameters, fewer: Solution) -> int:
-    """The numbers that one fit has more than another, at least one."""
-    numbers = len(wider.ties()) - len(fewer.gradient)
-    return max(numbers + state.rows * (coefficients_of(wider) - coefficients_of(fewer.entries)), 1)
+    more = len(wider.ties()) - len(fewer.gradient)
+    more += state.rows * (coefficients_of(wider) - coefficients_of(fewer.entries))
+    return fewer.cost - cost > chi2_limit(max(more, 1), REAL)
 
 
 def _candidates(entries: ModeParameters, bands: Integers) -> Iterator[tuple[list[int], ModeParameters, Integers]]:

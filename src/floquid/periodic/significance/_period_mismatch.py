@@ -8,6 +8,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats
 from floquid.core import PeriodicModel
+from floquid.fit import scaled_inverse
 from floquid.lifting import Lifted
 
 SIGNIFICANT = 6.0
@@ -145,10 +146,8 @@ def drift(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
         _accumulate(information, score, curvature, seen, whole)
     if information[-1, -1] <= 0:
         return None
-    kept = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    inverse = np.linalg.pinv(information / np.outer(kept, kept), rcond=1e-12, hermitian=True)
-    estimate = (inverse @ (score / kept))[-1] / kept[-1]
-    std = float(np.sqrt(inverse[-1, -1]) / kept[-1])
+    inverse = scaled_inverse(information, 1e-12)
+    estimate, std = inverse[-1] @ score, float(np.sqrt(inverse[-1, -1]))
     return _difference(float(estimate), std, lifted)
 
 
