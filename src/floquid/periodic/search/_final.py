@@ -39,7 +39,7 @@ BESIDE = 1.0  # the same within which what one mode lacks bends the other
 DOUBTFUL = 1e-3  # the probability of harmonics of one exponent at which a mode gets more room
 CLUSTER = 1e-3  # the same at which a mode is taken for several that are not told apart
 ROOM = 2  # harmonics more on each side then
-AXIS = 4.0  # deviations from the axis up to which it is tried to take a multiplier for a real one
+AXIS = 4.0  # deviations of a decay from zero up to which a tone is steady as far as can be told
 
 UNTOLD = 0.5
 """The deviation of an exponent, over its decay, from which on it is a column that is there and no mode to report."""
@@ -66,9 +66,9 @@ def finished(state: State, limits: Limits, *, search: bool, free_period: bool) -
         state = state.with_fit(solve(state.blocks, replace(state.solution.entries, free_period=True), hold=True))
     hidden: dict[float, float] = {}
     if search:
+        state, bands, hidden = with_axis_pairs(state, bands)
         state = _without_steady(state, bands) if limits.steady else state
         state, bands = _without_untold(state, bands)
-        state, bands, hidden = with_axis_pairs(state, bands)
     state, clusters = _with_clusters(state)
     noise = noise_of(state.blocks, state.solution, limits.floor)
     state = state.with_noise(limits.floor)
@@ -304,7 +304,7 @@ def _padded(entries: ModeParameters, bands: Integers, most: int) -> ModeParamete
 def _without_untold(state: State, bands: Integers) -> tuple[State, Integers]:
     """With the modes whose own information is next to none held: they would ruin the deviations of all others."""
     entries = state.solution.entries
-    free = np.flatnonzero(~entries.fixed)
+    free = np.flatnonzero(entries.leading)
     if len(free) < 2:
         return state, bands
     std = np.sqrt(np.maximum(np.diag(state.solution.covariance()), 0.0))[: len(free)]
@@ -321,7 +321,7 @@ def _without_untold(state: State, bands: Integers) -> tuple[State, Integers]:
 def _without_steady(state: State, bands: Integers) -> State:
     """With the pairs of one harmonic that do not decay held as steady tones: interference, and no modes."""
     entries = state.solution.entries
-    free = np.flatnonzero(~entries.fixed)
+    free = np.flatnonzero(entries.leading)
     std = np.sqrt(np.maximum(np.diag(state.solution.covariance()), 0.0))[: len(free)]
     decay, duration = np.abs(entries.exponents[free].real), max(block.last for block in state.blocks)
     steady = (decay < AXIS * std) & (duration * (decay + 2.0 * std) < LASTING)

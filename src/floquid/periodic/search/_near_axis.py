@@ -22,10 +22,10 @@ from floquid.periodic.least_squares import EVEN, ODD, PLAIN, ModeParameters, Sol
 from floquid.periodic.search._state import SearchResult, State, coefficients_of
 
 BESIDE = 1.0
-"""Distance from an axis, over the decay, within which a pair and its conjugate share their lines."""
+"""Distance from an axis, over the decay or its deviation, within which a pair and its conjugate share their lines."""
 
-REAL = 0.02
-"""The probability at which noise may make a second multiplier of a real one: one that is missing does more harm."""
+REAL = 5e-3
+"""The probability at which noise may make a second multiplier of a real one, which moves it by its own deviation."""
 
 WITHIN = 1.96
 """Deviations of q within which a second multiplier may be hidden: its 95 % interval."""
@@ -44,7 +44,7 @@ def with_axis_pairs(state: State, bands: Integers) -> tuple[State, Integers, dic
     done: dict[complex, float] = {}
     while True:
         entries = state.solution.entries
-        for places, trial, kept in _candidates(entries, bands):
+        for places, trial, kept in _candidates(state.solution, bands):
             own = complex(entries.exponents[places[0]] + 1j * entries.offsets[places[0]])
             if own in done:
                 continue
@@ -87,9 +87,11 @@ def _needed(state: State, wider: ModeParameters, cost: float, fewer: Solution) -
     return fewer.cost - cost > chi2_limit(max(more, 1), REAL)
 
 
-def _candidates(entries: ModeParameters, bands: Integers) -> Iterator[tuple[list[int], ModeParameters, Integers]]:
+def _candidates(solution: Solution, bands: Integers) -> Iterator[tuple[list[int], ModeParameters, Integers]]:
     """The places of modes near an axis, the entries with an even and an odd one for them, and the bands to report."""
-    omega = entries.fundamental
+    entries, omega = solution.entries, solution.entries.fundamental
+    std, first = np.sqrt(np.maximum(np.diag(solution.covariance()), 0.0)), int(entries.leading.sum())
+    turns = np.flatnonzero(~entries.fixed & ~entries.real)
     reals: dict[int, list[int]] = {}
     for entry in np.flatnonzero(~entries.fixed & (entries.factors == 0)):
         value = entries.exponents[entry]
@@ -98,7 +100,8 @@ def _candidates(entries: ModeParameters, bands: Integers) -> Iterator[tuple[list
             continue
         half = round(2.0 * value.imag / omega)
         off = value.imag - 0.5 * half * omega
-        if abs(off) < BESIDE * abs(value.real):
+        own = std[first + int(np.searchsorted(turns, entry))]
+        if abs(off) < BESIDE * max(abs(value.real), own):
             yield [int(entry)], *_coupled(entries, bands, [int(entry)], half, float(value.real), -(off**2))
     for both in reals.values():
         if len(both) == 1:
