@@ -6,9 +6,8 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats
 
-NARROW, WIDE = 1.96, 4.0
-"""Deviations of q within which a reading must hold the truth by as many of its own: a 95 % interval, and all that is
-ever called near."""
+NARROW, WIDE = 1.0, 4.0
+"""Deviations of q within which a reading must hold the truth by as many of its own: up to all that is called near."""
 
 
 def readings(
@@ -20,18 +19,17 @@ def readings(
 
     They are two real multipliers where q > 0 and a pair of conjugates about the axis where q < 0. A square root has no
     slope at zero, so its deviation is that of the interval: the largest change of it that k deviations of q make either
-    way, over k, for k between 1.96 and 4. Where such an interval of q holds zero, both parts have a deviation, which
+    way, over k, for k between 1 and 4. Where such an interval of q holds zero, both parts have a deviation, which
     covers both kinds. Two real multipliers that are correlated less than σ and q have deviations of their own.
     `covariance` is that of σ and q (2, 2), `half_turns` κ, `fundamental` ω [rad/s].
     """
     root = np.sqrt(complex(square))
     exponents = np.asarray(mean + np.array([root, -root]) + 0.5j * half_turns * fundamental, np.complex128)
-    apart = _apart(square, covariance)
-    if apart is not None:
-        return exponents, np.asarray(apart, np.complex128)
     sigma, s = (float(np.sqrt(max(variance, 0.0))) for variance in np.diag(covariance))
-    real = np.hypot(sigma, _deviation(square, s))
-    return exponents, np.full(2, complex(real, _deviation(-square, s)), np.complex128)
+    real = _apart(square, covariance)
+    if real is None:
+        real = np.full(2, np.hypot(sigma, _deviation(square, s)))
+    return exponents, np.asarray(real + 1j * _deviation(-square, s), np.complex128)
 
 
 def _apart(square: float, covariance: Floats) -> Floats | None:

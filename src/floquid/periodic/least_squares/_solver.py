@@ -27,6 +27,7 @@ from floquid.periodic.least_squares._sample_block import ODD_SLOPE, Block, Colum
 ITERATIONS = 40  # steps at most
 LONGEST_STEP = 0.2  # the most that an exponent may move in a step, over one period
 FARTHEST = 0.5  # the most that an exponent may move in all, over one period: the multiplier then is another one
+ASUNDER = np.pi  # the most that half the difference of a pair near an axis may be, over one period: halfway to the next
 AT_REST = 1e-4  # standard deviations that the last step may have
 PASSES = 3  # corrections of the coefficients of one set of exponents, at most
 GAINED = 100.0  # gain of a step of the coefficients, over the residual, up to which no digits that matter are lost
@@ -153,8 +154,11 @@ def solve(
     now = start if isinstance(start, Solution) else linearise(blocks, start)
     begin, period = now.entries, 2.0 * np.pi / now.entries.fundamental
 
-    def moved(at: Solution, step: Floats) -> Solution:
-        return linearise(blocks, at.entries.moved(step), tuple(own.coefficients for own in at.linear))
+    def moved(at: Solution, step: Floats) -> Solution | None:
+        trial = at.entries.moved(step)
+        if np.sqrt(np.abs(trial.all_squares).max(initial=0.0)) * period > ASUNDER:
+            return None
+        return linearise(blocks, trial, tuple(own.coefficients for own in at.linear))
 
     def limited(at: Solution, step: Floats, _normal: Normal, _damping: float) -> Floats:
         return step * min(1.0, LONGEST_STEP / (at.entries.longest(step) + np.finfo(float).tiny))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -34,35 +34,51 @@ OFF = 0.1
 """Deviations of q that the reported exponents have at least between them: where both are one, shapes have no limit."""
 
 
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """The fit with one pair near an axis in place of some modes."""
+
+    places: tuple[int, ...]  # those modes among the entries
+    entries: ModeParameters
+    bands: Integers  # bands to report (entries, 2)
+
+
 def with_axis_pairs(state: State, bands: Integers) -> tuple[State, Integers, dict[float, float]]:
     """The fit with each pair near an axis, and each two real multipliers of one sign, by their mean and difference.
 
-    A single real multiplier is given a second one where noise does not explain what that takes out of the cost. With
-    the bands to report (entries, 2), and how far from a single one a second may be that noise hides [1/s], by the turns
-    a period of the single one.
+    Three and more states on one axis become one such pair where noise explains what they do beyond. A single real
+    multiplier is given a second one where noise does not explain what that takes out of the cost. With the bands to
+    report (entries, 2), and how far from a single one a second may be that noise hides [1/s], by its turns a period.
     """
-    done: dict[complex, float] = {}
-    while True:
-        entries = state.solution.entries
-        for places, trial, kept in _candidates(state.solution, bands):
-            own = complex(entries.exponents[places[0]] + 1j * entries.offsets[places[0]])
-            if own in done:
-                continue
-            done[own] = 0.0
-            found = _solved(state, trial)
+    hidden: dict[float, float] = {}
+    for axis in (0, 1):
+        tried: set[tuple[complex, ...]] = set()
+        while True:
+            for trial in _trials(state.solution, bands, axis):
+                key = tuple(state.solution.entries.exponents[list(trial.places)].tolist())
+                if key not in tried:
+                    break
+            else:
+                break
+            tried.add(key)
+            entries, found = state.solution.entries, _solved(state, trial.entries)
             if found is None:
                 continue
-            single = len(places) == 1 and bool(entries.real[places[0]])
-            if single and not _needed(state, found.entries, found.cost, state.solution):
-                done[own] = _hidden(found)
+            states = sum(1 if entries.real[place] else 2 for place in trial.places)
+            if states == 1:
+                place = trial.places[0]
+                if not _needed(state, found.entries, found.cost, state.solution):
+                    hidden[float(entries.offsets[place])] = _hidden(found)
+                    continue
+                wide = _solved(state, _as_wide(found.entries))
+                state, bands = state.with_fit(found if wide is None else wide), trial.bands
                 continue
-            found = (_solved(state, _as_wide(found.entries)) if single else None) or found
+            if states > 2 and _needed(state, entries, state.solution.cost, found):
+                continue
             wider = state.with_fit(found)
-            fewer = None if single else _single(wider)
-            state, bands = (wider, kept) if fewer is None else (fewer, kept[:-1])
-            break
-        else:
-            return state, bands, {own.imag: apart for own, apart in done.items() if apart}
+            fewer = _single(wider)
+            state, bands = (wider, trial.bands) if fewer is None else (fewer, trial.bands[:-1])
+    return state, bands, hidden
 
 
 def _hidden(found: Solution) -> float:
@@ -87,31 +103,41 @@ def _needed(state: State, wider: ModeParameters, cost: float, fewer: Solution) -
     return fewer.cost - cost > chi2_limit(max(more, 1), REAL)
 
 
-def _candidates(solution: Solution, bands: Integers) -> Iterator[tuple[list[int], ModeParameters, Integers]]:
-    """The places of modes near an axis, the entries with an even and an odd one for them, and the bands to report."""
+def _trials(solution: Solution, bands: Integers, axis: int) -> Iterator[Trial]:
+    """What may be one pair near an axis: all modes there together, each pair of conjugates, the two real multipliers.
+
+    Of a single real multiplier, it and a second one.
+    """
+    entries, omega = solution.entries, solution.entries.fundamental
+    halves = np.rint(2.0 * entries.exponents.imag / omega + 2.0 * entries.offsets).astype(np.int64)
+    members = [place for place in _near(solution) if halves[place] % 2 == axis]
+    reals = [place for place in members if entries.real[place]]
+    groups = [members] if 2 * len(members) - len(reals) > 2 else []
+    groups += [[place] for place in members if place not in reals]
+    if len(reals) <= 2 and not (entries.even & (halves % 2 == axis)).any():
+        groups += [reals] if reals else []
+    for places in groups:
+        decays = entries.exponents[places].real
+        half, mean, square = int(halves[places[0]]), float(decays.mean()), 0.25 * float(np.ptp(decays)) ** 2
+        if len(places) == 1 and not entries.real[places[0]]:
+            square = -((float(entries.exponents[places[0]].imag) - 0.5 * half * omega) ** 2)
+        wider, kept = _coupled(entries, bands, places, half, mean, square)
+        single = len(places) == 1 and bool(entries.real[places[0]])
+        yield Trial(tuple(places), _narrow(wider) if single else wider, kept)
+
+
+def _near(solution: Solution) -> list[int]:
+    """The places of real multipliers, and of pairs of conjugates that share their lines."""
     entries, omega = solution.entries, solution.entries.fundamental
     std, first = np.sqrt(np.maximum(np.diag(solution.covariance()), 0.0)), int(entries.leading.sum())
-    turns = np.flatnonzero(~entries.fixed & ~entries.real)
-    reals: dict[int, list[int]] = {}
-    for entry in np.flatnonzero(~entries.fixed & (entries.factors == 0)):
+    turns, found = np.flatnonzero(~entries.fixed & ~entries.real), []
+    for entry in np.flatnonzero(~entries.fixed & (entries.factors == PLAIN)):
         value = entries.exponents[entry]
-        if entries.real[entry]:
-            reals.setdefault(int(entries.half_turns[entry]) % 2, []).append(int(entry))
-            continue
-        half = round(2.0 * value.imag / omega)
-        off = value.imag - 0.5 * half * omega
-        own = std[first + int(np.searchsorted(turns, entry))]
-        if abs(off) < BESIDE * max(abs(value.real), own):
-            yield [int(entry)], *_coupled(entries, bands, [int(entry)], half, float(value.real), -(off**2))
-    for both in reals.values():
-        if len(both) == 1:
-            half, mean = int(entries.half_turns[both[0]]), float(entries.exponents[both[0]].real)
-            wider, kept = _coupled(entries, bands, both, half, mean, 0.0)
-            yield both, _narrow(wider), kept
-        elif len(both) == 2:
-            one, other = entries.exponents[both].real
-            half = int(entries.half_turns[both[0]])
-            yield both, *_coupled(entries, bands, both, half, 0.5 * (one + other), 0.25 * (one - other) ** 2)
+        off = value.imag - 0.5 * omega * round(2.0 * value.imag / omega)
+        own = 0.0 if entries.real[entry] else std[first + int(np.searchsorted(turns, entry))]
+        if entries.real[entry] or abs(off) < BESIDE * max(abs(value.real), own):
+            found.append(int(entry))
+    return found
 
 
 def _coupled(
