@@ -36,9 +36,9 @@ def _apart(square: float, covariance: Floats) -> Floats | None:
     """Deviations of two real multipliers each for itself (2,); None where mean and difference are told better.
 
     One that is seen well beside one that is hardly seen is hardly correlated with it; its mean with that other one is
-    correlated with their difference.
+    correlated with their difference. Nearer to the edge neither is Gaussian.
     """
-    if not square > 0.0:
+    if not square > WIDE * float(np.sqrt(max(covariance[1, 1], 0.0))):
         return None
     slope = 0.5 / np.sqrt(square)
     turn = np.array([[1.0, slope], [1.0, -slope]])
