@@ -9,10 +9,11 @@ import numpy as np
 from tests.contracts.likelihoods._driven import samples_in
 from tests.contracts.likelihoods._point import Data, Group, Mode, Normal
 
+from floquid.fit import wald_rise
 from floquid.innovations import Mode as OwnMode
 from floquid.innovations import Predictor, predicted, solve
 from floquid.innovations._bands import _mask, _score, anchored
-from floquid.innovations._solve import moved, normal_of, places, squares
+from floquid.innovations._solve import inverse_of, moved, normal_of, places
 from floquid.inputs import Samples
 
 
@@ -59,7 +60,7 @@ class Innovations:
     @property
     def covariance(self) -> np.ndarray:
         free = self.free
-        return normal_of(self.samples, self.now).inverse(free)[np.ix_(free, free)]
+        return inverse_of(normal_of(self.samples, self.now), free)[np.ix_(free, free)]
 
     def normal(self) -> Normal:
         found, names = normal_of(self.samples, self.now), []
@@ -91,12 +92,12 @@ class Innovations:
         normal, rows = normal_of(wider.samples, wider.now), wider.rows(group)
         free = wider.free
         free[rows] = False
-        return _score(normal, normal.inverse(free), rows)
+        return _score(normal, inverse_of(normal, free), rows)
 
     def wald(self, group: Group) -> float:
         values = np.concatenate([mode.parameters for mode in self.now.modes])
-        rows, spread = self.rows(group), normal_of(self.samples, self.now).inverse(self.free)
-        return squares(values[rows], spread[np.ix_(rows, rows)])
+        rows, spread = self.rows(group), inverse_of(normal_of(self.samples, self.now), self.free)
+        return wald_rise(values[rows], spread[np.ix_(rows, rows)])
 
     def rows(self, group: Group) -> np.ndarray:
         """The parameters of a harmonic."""

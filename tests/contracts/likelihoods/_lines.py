@@ -84,7 +84,7 @@ class LinePoint:
 
     @property
     def log_likelihood(self) -> float:
-        return -self.now.chi_square
+        return -self.now.cost
 
     @property
     def n_parameters(self) -> int:
@@ -115,7 +115,7 @@ class LinePoint:
     def score(self, group: Group) -> float:
         modes = list(self.modes)
         modes[group[0]] = modes[group[0]].having(*group[1:])
-        return self.now.chi_square - promised(self.with_modes(modes).now)
+        return self.now.cost - promised(self.with_modes(modes).now)
 
     def wald(self, group: Group) -> float:
         number, side, harmonic = group

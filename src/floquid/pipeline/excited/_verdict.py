@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from floquid.core import PeriodicModel
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, failure, note, warning
+from floquid.fit import chi2_limit, wald_rise
 from floquid.innovations import Predictor, colour, turned_records
 from floquid.inputs import (
     Limits,
@@ -18,7 +19,6 @@ from floquid.inputs import (
     Samples,
     Scores,
     Uncertainty,
-    limit_of,
     nearly_one,
     period_step,
     phase_step,
@@ -158,7 +158,7 @@ def needed(model: PeriodicModel, limits: Limits, seen: Sequence[tuple[float, int
 
     The modes are those of the model in their order, of each conjugate pair one.
     """
-    rises = [squares / limit_of(degrees, limits.mode_alarm) for squares, degrees in seen]
+    rises = [squares / chi2_limit(degrees, limits.mode_alarm) for squares, degrees in seen]
     least = int(np.argmin(rises))
     hertz = abs(model.exponents[model.upper_modes[least]]) / (2.0 * np.pi)
     return note("excited_order", modes=len(rises), frequency=hertz, rise=rises[least])
@@ -166,8 +166,6 @@ def needed(model: PeriodicModel, limits: Limits, seen: Sequence[tuple[float, int
 
 def _unreached(fit: Uncertainty) -> tuple[Finding, ...]:
     """Findings on modes that no input reaches as far as the record shows: what does not decay there is a line."""
-    from scipy.special import chdtri
-
     found, longest = [], max(own.stop - own.start for own in fit.samples.records) * fit.samples.step
     for number, mode in enumerate(fit.at.modes):
         place, free = fit.places[number]
@@ -182,7 +180,7 @@ def _unreached(fit: Uncertainty) -> tuple[Finding, ...]:
             continue  # its scale is that of an input: that one reaches it
         index = place.start + np.cumsum(free)[rows] - 1
         spread = fit.parameters[np.ix_(index, index)]
-        if float(flat @ np.linalg.pinv(spread, hermitian=True) @ flat) < chdtri(len(index), REACHED):
+        if wald_rise(flat, spread) < chi2_limit(len(index), REACHED):
             half = mode.turns[0] % 1.0 if mode.real else 0.0  # of a negative multiplier
             exponent = mode.exponent + 1j * half * fit.samples.fundamental
             line = abs(exponent.real) * longest < 1.0
