@@ -150,7 +150,9 @@ def _brief_fits(
         lifted = start.lifted
         costly = lifted.n_channels * (lifted.n_hits * (2 * width + 1) - lifted.n_phases) > lifted.n_hits
     if not costly or not determined(model):
-        yield Candidate(start, model, _fitted(prepared, cutting, start, model, settings, True, report), settings, ())
+        fitted = _fitted(prepared, cutting, start, model, settings, True, report)
+        doubt = _refused(prepared, wrong_period_fitted(fitted, start.lifted, prepared, report))
+        yield Candidate(start, model, fitted, settings, () if doubt is None else (doubt,))
 
 
 def _fits(prepared: Prepared, cutting: Lifting, start: Start, report: Callable[[str], None]) -> Iterator[Candidate]:
