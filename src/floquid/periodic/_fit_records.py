@@ -26,7 +26,6 @@ from floquid.periodic.least_squares import (
     Block,
     LiftedBlock,
     ModeParameters,
-    RecordBlock,
     forced_entries,
     model_of,
     noise_of,
@@ -244,7 +243,7 @@ class _Samples:
     @property
     def wanders(self) -> bool:
         """True where the speed wanders."""
-        return any(isinstance(block, RecordBlock) and block.speeds is not None for block in self.final)
+        return any(block.wanders for block in self.final)
 
     @staticmethod
     def of(

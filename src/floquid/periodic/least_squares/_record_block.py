@@ -92,6 +92,11 @@ class RecordBlock(Block):
         return filter_gain(self.taps, np.arange(self.taps.shape[1]) * self.interval, rates, slope=slope)
 
     @property
+    def wanders(self) -> bool:
+        """True where the speed of the shaft wanders."""
+        return self.speeds is not None
+
+    @property
     def interval(self) -> float:
         """The sampling interval [s]."""
         return float(np.median(np.diff(self.times)))

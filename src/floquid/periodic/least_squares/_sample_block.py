@@ -115,6 +115,11 @@ class Block(ABC):
     def with_noise(self, noise: Floats) -> Block:
         """The same samples with other noise (rows,)."""
 
+    @property
+    def wanders(self) -> bool:
+        """True where the speed of the shaft wanders."""
+        return False
+
     def gain(self, rates: Complexes, *, slope: bool = False) -> Complexes:
         """Gain at e^{st} of the filter that the samples went through, or its slope (rows, rates)."""
         return np.full((len(self.rows), len(rates)), 0j if slope else 1.0 + 0j)

@@ -37,7 +37,7 @@ def residual_filter(blocks: Sequence[Block], solution: Solution, *, least: float
     if numbers.min() < FEWEST:
         return None
     correlations = sums / np.maximum(pairs, 1.0)
-    if any(isinstance(block, RecordBlock) and block.speeds is not None for block in blocks):
+    if any(block.wanders for block in blocks):
         correlations = np.broadcast_to(correlations.mean(axis=0), correlations.shape)
         numbers = np.full(len(numbers), numbers.sum())
     level = correlations[:, :1]

@@ -13,7 +13,6 @@ from floquid.fit import chi2_limit
 from floquid.periodic.expansion import GAP
 from floquid.periodic.least_squares import (
     ModeParameters,
-    RecordBlock,
     Residual,
     Solution,
     chosen_bands,
@@ -221,7 +220,7 @@ def on_steady_branches(state: State, bands: Integers) -> tuple[State, Integers]:
     At a constant speed all k are one mode; else the cost tells them apart. Where it does not, the deviations cover the
     other branches, too.
     """
-    if not any(isinstance(block, RecordBlock) and block.speeds is not None for block in state.blocks):
+    if not any(block.wanders for block in state.blocks):
         return state, bands
     state = state.with_fit(solve(state.blocks, state.solution, at_rest=1e-2, iterations=10, hold=True))
     spread: dict[int, complex] = {}

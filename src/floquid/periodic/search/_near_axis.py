@@ -30,6 +30,9 @@ REAL = 5e-3
 WITHIN = 1.96
 """Deviations of q within which a second multiplier may be hidden: its 95 % interval."""
 
+AWAY = 4.0
+"""Deviations of q below zero from which on a pair is surely one of conjugates."""
+
 OFF = 0.1
 """Deviations of q that the reported exponents have at least between them: where both are one, shapes have no limit."""
 
@@ -51,7 +54,8 @@ def with_axis_pairs(state: State, bands: Integers) -> tuple[State, Integers, dic
     report (entries, 2), and how far from a single one a second may be that noise hides [1/s], by its turns a period.
     """
     hidden: dict[float, float] = {}
-    for axis in (0, 1):
+    # Where the speed wanders, frequencies run in time and harmonics in angle: a pair and its conjugate share no lines.
+    for axis in () if any(block.wanders for block in state.blocks) else (0, 1):
         tried: set[tuple[complex, ...]] = set()
         while True:
             for trial in _trials(state.solution, bands, axis):
@@ -83,9 +87,13 @@ def with_axis_pairs(state: State, bands: Integers) -> tuple[State, Integers, dic
 
 def _hidden(found: Solution) -> float:
     """How far from a single real multiplier a second one may be that noise explains, by the interval of q [1/s]."""
+    return float(np.sqrt(max(float(found.entries.all_squares[-1]) + WITHIN * _square_std(found), 0.0)))
+
+
+def _square_std(found: Solution) -> float:
+    """The deviation of q of the last pair near an axis [1/s²]."""
     place = len(found.gradient) - 1 - int(found.entries.free_period)
-    std = float(np.sqrt(max(found.covariance()[place, place], 0.0)))
-    return float(np.sqrt(max(float(found.entries.all_squares[-1]) + WITHIN * std, 0.0)))
+    return float(np.sqrt(max(found.covariance()[place, place], 0.0)))
 
 
 def _solved(state: State, trial: ModeParameters) -> Solution | None:
@@ -113,9 +121,9 @@ def _trials(solution: Solution, bands: Integers, axis: int) -> Iterator[Trial]:
     members = [place for place in _near(solution) if halves[place] % 2 == axis]
     reals = [place for place in members if entries.real[place]]
     groups = [members] if 2 * len(members) - len(reals) > 2 else []
-    groups += [[place] for place in members if place not in reals]
-    if len(reals) <= 2 and not (entries.even & (halves % 2 == axis)).any():
-        groups += [reals] if reals else []
+    if not (entries.even & (halves % 2 == axis)).any():  # two such pairs on one axis would share all their lines
+        groups += [[place] for place in members if place not in reals]
+        groups += [reals] if 0 < len(reals) <= 2 else []
     for places in groups:
         decays = entries.exponents[places].real
         half, mean, square = int(halves[places[0]]), float(decays.mean()), 0.25 * float(np.ptp(decays)) ** 2
@@ -168,6 +176,8 @@ def _single(state: State) -> State | None:
     Asked of the strongest harmonics, too: many weak ones would hide what a second multiplier does to the first.
     """
     entries = state.solution.entries
+    if float(entries.all_squares[-1]) < -AWAY * _square_std(state.solution):
+        return None  # surely a pair of conjugates
     fewer = entries.picked(range(len(entries.exponents) - 1))
     last = np.arange(len(fewer.exponents)) == len(fewer.exponents) - 1
     factors, squares = np.where(last, PLAIN, fewer.factors), np.where(last, 0.0, fewer.all_squares)
