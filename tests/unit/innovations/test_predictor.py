@@ -198,7 +198,7 @@ def test_a_fit_that_has_ended_gains_nothing_more_and_one_that_has_not_is_told(se
 
 def test_a_fit_that_will_not_come_as_far_as_it_must_is_given_up(case):
     samples, at, _ = case
-    aside = [replace(mode, exponent=mode.exponent - 0.2, shape=0.3 * mode.shape) for mode in at.modes]
+    aside = [replace(mode, exponent=mode.exponent - 0.3, shape=0.3 * mode.shape) for mode in at.modes]
     start = predicted(samples, aside, at.columns, at.initial)
     whole = solve(samples, start, rough=True).log_likelihood
     assert start.log_likelihood < solve(samples, start, rough=True, least=whole + 1e4).log_likelihood < whole - 0.3

@@ -457,7 +457,7 @@ def test_noise_that_does_not_settle_says_which_order_may_be_to_blame(monkeypatch
 def test_the_noise_is_judged_again_by_what_the_poles_leave(monkeypatch, first, searches):
     model = system(channels=3)
     taps, count, settled = None if first is None else np.tile([1.0, first], (3, 1)), [], _find_poles._settled
-    monkeypatch.setattr(_start, "_without_forced", lambda lifted, *_: (lifted, Known(), taps))
+    monkeypatch.setattr(_start, "without_forced", lambda lifted, *_: (lifted, Known(), taps))
     monkeypatch.setattr(_find_poles, "_settled", lambda *given: count.append(1) or settled(*given))
     found = identify(records(model, noise=0.05, colour=(-0.9,), n_cycles=300))
     assert len(count) == searches
