@@ -17,6 +17,7 @@ from floquid.periodic.least_squares import (
     RecordBlock,
     linearise,
 )
+from floquid.periodic.search._scores import equality
 
 PERIOD, PHASES, CYCLES = 1.3, 12, 110
 OMEGA = 2.0 * np.pi / PERIOD
@@ -95,6 +96,18 @@ def test_the_cost_is_smooth_through_the_edge():
     (own,) = blocks("lifted")
     costs = [linearise([own], entries(1e-6 * k, 0, -0.03)).cost for k in range(-3, 4)]
     assert np.abs(np.diff(costs, 4)).max() < 1e-3 * np.abs(np.diff(costs)).max()
+
+
+def test_harmonics_of_a_mode_beside_it_are_compared_as_beside_an_ordinary_pair():
+    (own,) = blocks("lifted")
+    near = entries(-1e-2, 1, -0.03)
+    pair = ModeParameters.made([-0.03 + 1j * (0.1 + 0.5 * OMEGA)], [(-3, 2)], OMEGA)
+    found = []
+    for at in (near, near.picked([0]).joined(pair)):
+        solution = linearise([own], replace(at, squares=at.squares if at is near else None))
+        found.append(equality(solution, 0, np.ones(len(at.columns().modes), bool)))
+    assert found[0][1] == found[1][1] == 4
+    assert found[0][0] == pytest.approx(found[1][0], rel=1e-6)
 
 
 @pytest.mark.parametrize("true", [-4.0, -1.0, -0.1, 0.0, 0.1, 1.0, 4.0, 30.0, -30.0])

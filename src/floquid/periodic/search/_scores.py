@@ -81,10 +81,10 @@ def sure_columns(blocks: Sequence[Block], solution: Solution, limit: float) -> M
 
 def equality(solution: Solution, entry: int, sure: Mask) -> tuple[float, int]:
     """The chi-square of the sure harmonics of a mode having one exponent, and its degrees of freedom (Rao's test)."""
-    columns, ties = np.flatnonzero((solution.entries.columns().modes == entry) & sure), solution.entries.ties()
+    columns = np.flatnonzero((solution.entries.columns().modes == entry) & sure)
     if len(columns) < 2:
         return 0.0, 0
-    gain = score_gain(solution, _parted(ties, columns)) - score_gain(solution, ties)
+    gain = score_gain(solution, _parted(solution.entries, columns)) - score_gain(solution, solution.entries.ties())
     return max(gain, 0.0), 2 * (len(columns) - 1)
 
 
@@ -93,8 +93,8 @@ def spread_of_harmonics(solution: Solution, entry: int, sure: Mask) -> tuple[flo
 
     .. math:: s^2 = \sum_m w_m (\lambda_m - \bar\lambda)^2 \Big/ \sum_m w_m, \qquad w_m = 1/\operatorname{var} \lambda_m
     """
-    columns, ties = np.flatnonzero((solution.entries.columns().modes == entry) & sure), solution.entries.ties()
-    gradient, _, information = solution.by_column.tied(_parted(ties, columns))
+    columns = np.flatnonzero((solution.entries.columns().modes == entry) & sure)
+    gradient, _, information = solution.by_column.tied(_parted(solution.entries, columns))
     inverse, count = _solved(information, np.eye(len(information))), len(columns)
     step, variance = inverse @ gradient, np.maximum(np.diag(inverse), 1e-300)
     found = []
@@ -105,9 +105,10 @@ def spread_of_harmonics(solution: Solution, entry: int, sure: Mask) -> tuple[flo
     return found[0], found[1]
 
 
-def _parted(ties: Floats, columns: Indices) -> Floats:
+def _parted(entries: ModeParameters, columns: Indices) -> Floats:
     """The ties of the other modes, then a decay of its own for each of these columns, then a frequency."""
-    count, rows = ties.shape[1] // 2, np.eye(ties.shape[1])
+    ties, count = entries.ties(), len(entries.columns().modes)
+    rows = np.eye(ties.shape[1])
     others = ties[~ties[:, np.concatenate([columns, count + columns])].any(axis=1)]
     return np.concatenate([others, rows[columns], rows[count + columns]])
 
