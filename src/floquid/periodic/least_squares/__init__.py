@@ -16,5 +16,5 @@ from floquid.periodic.least_squares._sample_block import (
     complex_of,
     reals_of,
 )
-from floquid.periodic.least_squares._solver import AT_REST, Solution, linearise, solve, weighted
+from floquid.periodic.least_squares._solver import AT_REST, Linear, Solution, eliminated, linearise, solve, weighted
 from floquid.periodic.least_squares._whitening import filtered_blocks, residual_filter, through

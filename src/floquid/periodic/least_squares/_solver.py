@@ -44,6 +44,7 @@ class Linear:
     """Linear part of one block: coefficients α Re z + β Im z (2 columns, rows), and matrices."""
 
     coefficients: Floats
+    gram: Floats  # products of the columns (2 columns, 2 columns)
     inverse: Floats  # inverse of the Gram matrix (2 columns, 2 columns); zero where a column has no sine
     mixed: Floats  # products of the slopes with the columns (2 columns, 2 columns)
     curvature: Floats  # products of the slopes, less what the columns take of them (2 columns, 2 columns)
@@ -99,9 +100,16 @@ class Solution:
 
 def linearise(blocks: Sequence[Block], entries: ModeParameters, start: tuple[Floats, ...] | None = None) -> Solution:
     """Cost, gradient and matrices of the fit at these exponents, the coefficients eliminated."""
+    return weighted(blocks, entries, eliminated(blocks, entries, start))
+
+
+def eliminated(
+    blocks: Sequence[Block], entries: ModeParameters, start: tuple[Floats, ...] | None = None
+) -> list[Linear]:
+    """Linear part of each block at these exponents."""
     columns, sines = entries.columns(), entries.sines()
     first = [None] * len(blocks) if start is None else start
-    return weighted(blocks, entries, [_linear(b, columns, sines, own) for b, own in zip(blocks, first, strict=True)])
+    return [_linear(block, columns, sines, own) for block, own in zip(blocks, first, strict=True)]
 
 
 def weighted(blocks: Sequence[Block], entries: ModeParameters, linear: Sequence[Linear]) -> Solution:
@@ -202,6 +210,7 @@ def _linear(block: Block, columns: Columns, sines: Mask, start: Floats | None) -
             break
     return Linear(
         coefficients=coefficients,
+        gram=found.gram,
         inverse=inverse,
         mixed=found.mixed,
         curvature=found.slopes - found.mixed @ inverse @ found.mixed.T,

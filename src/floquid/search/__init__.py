@@ -1,0 +1,1 @@
+"""Search for modes and their harmonics: one objective, one list of moves."""

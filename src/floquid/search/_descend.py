@@ -1,0 +1,63 @@
+"""Descent of J over structures: each tried once, the best predicted move first, accepted where J falls."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
+
+import numpy as np
+
+from floquid.periodic.least_squares import ModeParameters
+from floquid.search._moves import Move, unfolded
+from floquid.search._objective import Point
+
+TRIES = 12  # moves of one round that are fitted, the best predicted first: what comes later hardly ever helps
+FALL = 1e-3  # the least fall of J: below, two structures are one but for rounding
+SAME = 0.06  # the difference of two exponents times the period [1] within which structures count as one
+
+Stages = Callable[[Point], Iterator[Iterable[Move]]]
+Log = Callable[[str], None]
+
+
+def descended(begin: Point, stages: Stages, until: float, log: Log = lambda _: None) -> Point:
+    """The point from which no move lowers J; or the last one when the processor time `until` is over."""
+    now = begin
+    seen = {key(now.entries)}
+    while time.process_time() < until:
+        better = _improved(now, stages, seen, until, log)
+        if better is None:
+            break
+        now = better
+    return now
+
+
+def _improved(now: Point, stages: Stages, seen: set, until: float, log: Log) -> Point | None:
+    for stage in stages(now):
+        for move in sorted(stage, key=lambda move: move.change)[:TRIES]:
+            name = key(move.entries)
+            if name in seen:
+                continue
+            if time.process_time() > until:
+                return None
+            seen.add(name)
+            with suppress(np.linalg.LinAlgError):
+                trial = now.with_entries(move.entries).settled(below=now.value)
+                if trial.value < now.value - FALL:
+                    n = int((~trial.entries.fixed).sum())
+                    log(f"{move.name}: predicted {move.change:.0f}, J {now.value:.0f} -> {trial.value:.0f}, {n} modes")
+                    return trial
+                log(f"    not {move.name}: predicted {move.change:.0f}, came to {trial.value - now.value:.0f}")
+    return None
+
+
+def key(entries: ModeParameters) -> tuple:
+    """A name of a structure, alike for all branches of a mode."""
+    period, low = 2.0 * np.pi / entries.fundamental, unfolded(entries)
+    widths = entries.bands[:, 1] - entries.bands[:, 0]
+    parts = [
+        (bool(entries.real[k]), round(low[k].real * period / SAME), round(low[k].imag * period / SAME), int(widths[k]))
+        for k in np.flatnonzero(~entries.fixed)
+    ]
+    steady = [(round(value, 6), int(factor)) for value, factor in zip(low.imag, entries.factors, strict=True)]
+    return tuple(sorted(parts)), tuple(sorted(s for s, held in zip(steady, entries.fixed, strict=True) if held))

@@ -1,0 +1,261 @@
+"""Moves from one structure to another, each with the change of J that one linearisation predicts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+
+from floquid._arrays import Complexes, Floats, Integers
+from floquid.periodic.least_squares import ModeParameters
+from floquid.search._objective import Point
+from floquid.search._units import Units, wide_of
+
+REACH = 4.0  # times its price up to which it is tried whether the other modes can do without one
+FARTHEST = 0.7  # decays that the halves of a mode start apart at most: scores mislead beyond the width of a line
+SPLIT = (0.05, 0.3)  # shares of the decay that two real multipliers start apart from their middle
+SINGULAR = 1e-11  # the share of the largest eigenvalue of a scaled matrix below which a direction says nothing
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """Another structure, and the change of J that is predicted."""
+
+    change: float
+    name: str
+    entries: ModeParameters
+
+
+def bands(point: Point, most: int) -> Iterator[Move]:
+    """Bands of all modes at once: both ways, growth alone, shrinkage alone."""
+    wide = wide_of(point, most)
+    for grow, shrink, name in ((True, True, "bands"), (True, False, "grow"), (False, True, "shrink")):
+        change, found = Units(point, wide).stepwise(grow=grow, shrink=shrink)
+        if (found != point.entries.bands).any():
+            yield Move(change, name, replace(point.entries, bands=found))
+
+
+def removals(point: Point) -> Iterator[Move]:
+    """Without one mode, or without the weaker half of those that cost more than they take off."""
+    entries, weak = point.entries, []
+    for entry in np.flatnonzero(~entries.fixed | (entries.exponents != 0.0)):
+        price = point.price.of(entries.picked([entry]))
+        change = _loss(point, int(entry)) - price
+        if change < 0.0:
+            weak.append((change, int(entry)))
+        if change < (REACH - 1.0) * price:
+            yield Move(min(change, 0.05 * change), "remove", without(entries, [int(entry)]))
+    if len(weak) > 2:  # noqa: PLR2004  # of two, half is one
+        half = sorted(weak)[: (len(weak) + 1) // 2]
+        yield Move(sum(change for change, _ in half), "remove half", without(entries, [entry for _, entry in half]))
+
+
+def without(entries: ModeParameters, gone: list[int]) -> ModeParameters:
+    """The entries without some."""
+    return entries.picked([k for k in range(len(entries.exponents)) if k not in gone])
+
+
+def _loss(point: Point, entry: int) -> float:
+    """Rise of the misfit where a mode is taken away, the other exponents as they are."""
+    columns = np.flatnonzero(np.tile(point.entries.columns().modes == entry, 2))
+    total = 0.0
+    for block, linear, low in zip(point.blocks, point.solution.linear, point.floors, strict=True):
+        coefficients, spread = linear.coefficients[columns], linear.inverse[np.ix_(columns, columns)]
+        rise = np.sum(coefficients * solved(spread, coefficients), axis=0)
+        level = linear.left + block.n_samples * low**2
+        total += block.n_samples * float(np.log1p(np.maximum(rise, 0.0) / level).sum())
+    return total
+
+
+def splits(point: Point) -> Iterator[Move]:
+    """A mode in two along its harmonics, by the exponents that these ask for."""
+    entries, by_column = point.entries, point.solution.by_column
+    columns, ties, n = entries.columns(), entries.ties(), len(entries.sines())
+    matrix, gradient = ties @ by_column.gauss_newton, by_column.gradient
+    left = _gain(matrix @ ties.T, ties @ gradient)[1] if len(ties) else 0.0  # what the fit itself may still gain
+    for entry in np.flatnonzero(~entries.fixed & ~entries.real):
+        own = np.flatnonzero(columns.modes == entry)
+        both = np.concatenate([own, n + own])
+        others = np.flatnonzero(~ties[:, both].any(axis=1))
+        inner = by_column.gauss_newton[np.ix_(both, both)]
+        price = point.price.mode(real=False)
+        for place in range(1, len(own)):
+            parts = np.zeros((4, len(both)))
+            for k, part in enumerate((slice(0, place), slice(place, len(own)))):
+                parts[2 * k, : len(own)][part] = 1.0
+                parts[2 * k + 1, len(own) :][part] = 1.0
+            mixed = matrix[others][:, both] @ parts.T
+            outer = matrix[others] @ ties[others].T
+            whole = np.block([[outer, mixed], [mixed.T, parts @ inner @ parts.T]])
+            step, gain = _gain(whole, np.concatenate([ties[others] @ gradient, parts @ gradient[both]]))
+            if gain - left > price:
+                moved = (complex(step[-4], step[-3]), complex(step[-2], step[-1]))
+                harmonic = int(columns.harmonics[own[place]])
+                yield Move(price - gain + left, "split", _cut(entries, int(entry), harmonic, moved))
+
+
+def _gain(matrix: Floats, gradient: Floats) -> tuple[Floats, float]:
+    """A Gauss-Newton step, and what it takes off the misfit."""
+    step = solved(matrix, gradient[:, None])[:, 0]
+    return step, float(step @ gradient)
+
+
+def _cut(entries: ModeParameters, entry: int, harmonic: int, moved: tuple[complex, complex]) -> ModeParameters:
+    """The entries with one in two parts, below a harmonic and from it on, each about its middle."""
+    omega, (low, high) = entries.fundamental, entries.bands[entry]
+    limit = FARTHEST * abs(entries.exponents[entry].real) + 1e-3 * omega / (2.0 * np.pi)
+    rest, parts = without(entries, [entry]), []
+    for (first, last), step in zip(((low, harmonic - 1), (harmonic, high)), moved, strict=True):
+        middle = int(np.clip(0, first, last))
+        value = entries.exponents[entry] + step * min(1.0, limit / max(abs(step), 1e-300)) + 1j * middle * omega
+        parts.append((value, (first - middle, last - middle)))
+    return rest.joined(ModeParameters.made([value for value, _ in parts], [ends for _, ends in parts], omega))
+
+
+def merges(point: Point, most: int) -> Iterator[Move]:
+    """Two modes as one where their exponents agree modulo the fundamental (Wald 1943); all disjoint ones at once."""
+    entries, found = point.entries, []
+    free = np.flatnonzero(~entries.fixed)
+    if len(free) < 2:  # noqa: PLR2004  # a pair
+        return
+    covariance = _covariance(point)
+    place = _places(entries)
+    for one, two in combinations(free.tolist(), 2):
+        if entries.real[one] != entries.real[two] or entries.offsets[one] != entries.offsets[two]:
+            continue
+        for sign in (1, -1) if not entries.real[one] else (1,):
+            turns, gap = difference(entries, one, two, sign)
+            rows = place[one] + place[two]
+            ties = np.zeros((len(place[one]), len(covariance)))
+            for k, (a, b) in enumerate(zip(place[one], place[two], strict=True)):
+                ties[k, a], ties[k, b] = -1.0, (1.0, float(sign))[k]
+            parts = np.array([gap.real, gap.imag])[: len(ties)]
+            score = float(parts @ solved(ties @ covariance @ ties.T, parts[:, None])[:, 0]) if rows else np.inf
+            merged = _merged(entries, one, two, sign, turns)
+            if np.ptp(merged.bands[one]) > 2 * most:
+                continue
+            change = score + point.price.of(merged) - point.price.of(entries)
+            if change < 0.0:
+                found.append((change, one, two, sign, turns))
+                yield Move(change, "merge", merged)
+    used: set[int] = set()
+    every, total, steps = entries, 0.0, []
+    for change, one, two, sign, turns in sorted(found, key=lambda pair: pair[0]):
+        if not {one, two} & used:
+            used |= {one, two}
+            steps.append((one, two, sign, turns))
+            total += change
+    if len(steps) > 1:
+        for one, two, sign, turns in steps:
+            every = _widened(every, one, two, sign, turns)
+        yield Move(total, "merge several", without(every, [two for _, two, *_ in steps]))
+
+
+def _widened(entries: ModeParameters, one: int, two: int, sign: int, turns: int) -> ModeParameters:
+    """The entries with the band of one mode wide enough for the harmonics of another."""
+    found = entries.bands.copy()
+    ends = sign * entries.bands[two] + turns if not entries.real[one] else entries.bands[two]
+    found[one] = min(found[one, 0], ends.min()), max(found[one, 1], ends.max())
+    return replace(entries, bands=found)
+
+
+def _merged(entries: ModeParameters, one: int, two: int, sign: int, turns: int) -> ModeParameters:
+    return without(_widened(entries, one, two, sign, turns), [two])
+
+
+def difference(entries: ModeParameters, one: int, two: int, sign: int) -> tuple[int, complex]:
+    """Whole fundamentals m and what is left of λ_two = λ_one + imω, λ_two conjugated for sign -1."""
+    value = entries.exponents[two] if sign > 0 else entries.exponents[two].conjugate()
+    gap = complex(value - entries.exponents[one])
+    turns = round(gap.imag / entries.fundamental)
+    return turns, gap - 1j * turns * entries.fundamental
+
+
+def _places(entries: ModeParameters) -> dict[int, list[int]]:
+    """The parameters of each free mode: its decay, and its frequency where it has one."""
+    free, pairs = np.flatnonzero(~entries.fixed), np.flatnonzero(~entries.fixed & ~entries.real)
+    place = {int(entry): [k] for k, entry in enumerate(free)}
+    for k, entry in enumerate(pairs):
+        place[int(entry)].append(len(free) + k)
+    return place
+
+
+def _covariance(point: Point) -> Floats:
+    """Of the real parameters, by the curvature of J."""
+    matrix = point.solution.information
+    return solved(matrix, np.eye(len(matrix)))
+
+
+def kinds(point: Point) -> Iterator[Move]:
+    """A pair near an axis as one real multiplier or two; two real ones as a pair."""
+    entries, omega = point.entries, point.entries.fundamental
+    free = np.flatnonzero(~entries.fixed)
+    if not len(free):
+        return
+    covariance, place = _covariance(point), _places(entries)
+    for entry in free[~entries.real[free]]:
+        value = entries.exponents[entry]
+        half = round(2.0 * value.imag / omega)
+        off = value.imag - 0.5 * half * omega
+        variance = max(covariance[place[int(entry)][1], place[int(entry)][1]], 1e-300)
+        score = off**2 / variance
+        if score > point.price.mode(real=False) and abs(off) > 0.5 * abs(value.real):
+            continue
+        rest = without(entries, [int(entry)])
+        top = int(np.floor(np.abs(entries.bands[entry] + 0.5 * half).max() - 0.5 * (half % 2)))
+        one = rest.joined(_real(value.real, top, half % 2, omega))
+        if score < point.price.mode(real=False):
+            change = score + point.price.of(one) - point.price.of(entries)
+            yield Move(min(change, -0.1), "real", one)
+        for share in SPLIT:
+            decays = [value.real * (1.0 + sign * share) for sign in (-1, 1)]
+            two = rest.joined(_real(decays[0], top, half % 2, omega)).joined(_real(decays[1], top, half % 2, omega))
+            yield Move(-0.05, "two real", two)
+    for one, two in combinations(free[entries.real[free]].tolist(), 2):
+        if entries.offsets[one] != entries.offsets[two]:
+            continue
+        a, b = place[one][0], place[two][0]
+        gap = abs((entries.exponents[one] - entries.exponents[two]).real)
+        if gap**2 > point.price.mode(real=False) * (covariance[a, a] + covariance[b, b] - 2.0 * covariance[a, b]):
+            continue
+        odd = round(2.0 * entries.offsets[one]) % 2
+        middle = 0.5 * (entries.exponents[one] + entries.exponents[two]).real
+        turn = 0.5 * odd * omega + max(0.3 * gap, 1e-3 * omega)
+        top = int(max(entries.bands[k, 1] + entries.offsets[k] for k in (one, two)) - 0.5 * odd)
+        pair = ModeParameters.made([complex(middle, turn)], [(-top - odd, top)], omega)
+        yield Move(-0.05, "pair of real", without(entries, [one, two]).joined(pair))
+
+
+def _real(decay: float, top: int, odd: int, omega: float) -> ModeParameters:
+    """A real multiplier, negative where `odd`, up to a harmonic."""
+    return ModeParameters.made([decay], [(-odd, top)], omega, real=True, offsets=0.5 * odd)
+
+
+def branches(point: Point) -> Iterator[Move]:
+    """Each mode with its frequency counted from another harmonic: at a speed that wanders, another response."""
+    entries = point.entries
+    for entry in np.flatnonzero(~entries.fixed & ~entries.real):
+        for turns in (-1, 1):
+            exponents, found = entries.exponents.copy(), entries.bands.copy()
+            exponents[entry] += 1j * turns * entries.fundamental
+            found[entry] -= turns
+            yield Move(0.0, "branch", replace(entries, exponents=exponents, bands=found))
+
+
+def solved(matrix: Floats, target: Floats) -> Floats:
+    """The least-squares solution of a symmetric system, scaled; directions that say nothing are left out."""
+    size = np.diag(matrix)
+    scale = np.sqrt(np.where(size > 0.0, size, np.inf))
+    if not np.isfinite(scale).any():
+        return np.zeros_like(target)
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    good = values > SINGULAR * max(values[-1], 1e-300)
+    return ((vectors[:, good] / values[good]) @ (vectors[:, good].T @ (target / scale[:, None]))) / scale[:, None]
+
+
+def unfolded(entries: ModeParameters) -> Complexes:
+    """The lowest column of each mode (entries,)."""
+    low: Integers = entries.bands[:, 0]
+    return np.asarray(entries.exponents + 1j * entries.fundamental * (low + entries.offsets), np.complex128)

@@ -1,0 +1,140 @@
+r"""The objective of every decision of a search, and the fit of one structure by it.
+
+.. math:: J = \sum_{c,h} N_h \ln\big(R_{c,h}/N_h + \epsilon_{c,h}^2\big) + \text{price}
+
+with R what the modes leave of a channel and hit. The noise is profiled out: no estimate of it has to settle, and fits
+with other modes can be compared. Weights N/R inside Gauss-Newton are a majorisation, so that J falls at every step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from floquid._arrays import Floats
+from floquid.periodic.least_squares import Block, Linear, ModeParameters, Solution, eliminated, weighted
+
+LONGEST_STEP = 0.3  # the most that an exponent moves in a step [1/period]: beyond, one linearisation says nothing
+STEPS = 12  # steps of one fit: what is far from rest after so many is not near a minimum
+REST = 0.1  # the fall of J below which a fit that is only compared is at rest: a deviation of a third
+FASTEST = 12.0  # the decay or growth over a period, in nepers, beyond which a column is a glitch and no mode
+
+
+@dataclass(frozen=True, slots=True)
+class Price:
+    """Price of the units of a structure: the gain that noise exceeds in the best of those looked at."""
+
+    false_alarm: float  # the number of false units that may be taken for true by chance
+    rows: int  # channels of all hits
+    samples: int  # of all hits: the modes that may be looked at
+    phases: int  # harmonics that may be looked at
+
+    def mode(self, *, real: bool) -> float:
+        """Price of an exponent."""
+        return quantile(1 if real else 2, self.false_alarm / self.samples)
+
+    def harmonics(self, sines: Floats) -> Floats:
+        """Price of each column, one with a sine or one without (columns,)."""
+        both = [quantile(self.rows * parts, self.false_alarm / self.phases) for parts in (1, 2)]
+        return np.where(sines, both[1], both[0])
+
+    def of(self, entries: ModeParameters) -> float:
+        """Price of a structure; of steady columns those of harmonics."""
+        free = ~entries.fixed
+        exponents = sum(self.mode(real=bool(real)) for real in entries.real[free])
+        return float(exponents + self.harmonics(entries.sines()).sum())
+
+
+def quantile(degrees: int, probability: float) -> float:
+    """Gain that noise exceeds with a probability, of so many numbers."""
+    from scipy.special import chdtri
+
+    return float(chdtri(degrees, probability))
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A structure fitted to blocks: its linearisation by the weights that it leaves, and J."""
+
+    blocks: tuple[Block, ...]
+    floors: tuple[Floats, ...]  # the least noise of each block (rows,)
+    price: Price
+    solution: Solution
+    misfit: float  # J without the price
+
+    @property
+    def entries(self) -> ModeParameters:
+        """The structure."""
+        return self.solution.entries
+
+    @property
+    def value(self) -> float:
+        """J."""
+        return self.misfit + self.price.of(self.entries)
+
+    @staticmethod
+    def at(blocks: Sequence[Block], floors: Sequence[Floats], price: Price, entries: ModeParameters) -> Point:
+        """The point of blocks at these exponents."""
+        return _weighted(tuple(blocks), tuple(floors), price, entries, eliminated(blocks, entries))
+
+    def moved(self, step: Floats) -> Point | None:
+        """After a step in the parameters; None where a column has no samples to be seen in."""
+        entries = self.entries.moved(step)
+        if np.abs(entries.exponents.real).max(initial=0.0) * self.period > FASTEST:
+            return None
+        start = tuple(own.coefficients for own in self.solution.linear)
+        return _weighted(self.blocks, self.floors, self.price, entries, eliminated(self.blocks, entries, start))
+
+    def with_entries(self, entries: ModeParameters) -> Point:
+        """The same samples with other modes."""
+        return Point.at(self.blocks, self.floors, self.price, entries)
+
+    @property
+    def period(self) -> float:
+        """The period [s]."""
+        return 2.0 * np.pi / self.entries.fundamental
+
+    def settled(self, *, below: float = np.inf, steps: int = STEPS, rest: float = REST) -> Point:
+        """The least J near this point: Levenberg-Marquardt; given up where J will not come below a value."""
+        now, damping = self, 1e-6
+        for done in range(steps):
+            if not len(now.solution.gradient):
+                break
+            trial, damping = _descended(now, damping)
+            if trial is None:
+                break
+            gain, now = now.misfit - trial.misfit, trial
+            if gain < rest or (done >= 2 and now.value - (steps - done) * gain > below):  # noqa: PLR2004  # the first steps may gain little
+                break
+        return now
+
+
+def _descended(now: Point, damping: float) -> tuple[Point | None, float]:
+    """One step that lowers J, and the damping for the next; None where there is none."""
+    size = np.diag(now.solution.information)
+    scale = np.sqrt(np.where(size > 1e-18 * size.max(), size, np.inf))
+    system, gradient = now.solution.information / np.outer(scale, scale), now.solution.gradient / scale
+    for _ in range(6):
+        step = np.linalg.solve(system + damping * np.eye(len(scale)), gradient) / scale
+        step = step * min(1.0, LONGEST_STEP / (np.abs(step).max() * now.period + 1e-300))
+        trial = now.moved(step)
+        if trial is not None and trial.misfit <= now.misfit + 1e-7:
+            return trial, max(0.1 * damping, 1e-12)
+        damping = max(10.0 * damping, 1e-3)
+    return None, damping
+
+
+def _weighted(
+    blocks: tuple[Block, ...],
+    floors: tuple[Floats, ...],
+    price: Price,
+    entries: ModeParameters,
+    linear: Sequence[Linear],
+) -> Point:
+    """The point of coefficients, weighted by the residual."""
+    level = [part.left / b.n_samples + low**2 for b, part, low in zip(blocks, linear, floors, strict=True)]
+    blocks = tuple(block.with_noise(np.sqrt(variance)) for block, variance in zip(blocks, level, strict=True))
+    misfit = sum(b.n_samples * float(np.log(variance).sum()) for b, variance in zip(blocks, level, strict=True))
+    return Point(blocks, floors, price, weighted(blocks, entries, linear), misfit)
