@@ -34,13 +34,14 @@ from floquid.periodic.least_squares import (
     shapes,
 )
 from floquid.periodic.search import (
-    Limits,
+    Bounds,
+    Point,
     SearchResult,
-    begun,
     coloured,
     evidence,
     finished,
     period_step,
+    priced,
     searched,
     searched_white,
 )
@@ -185,35 +186,39 @@ def fit(
         raise input_error("harmonics", "fit", must, f"is {harmonics}", "Ask for fewer, or sample faster.")
     nu, omega = samples.nu, samples.fundamental
     base = forced_base(forced_turns(forced, known, most, nu), omega, wanders=samples.wanders)
-    limits = Limits(
+    bounds = Bounds(
         most=most,
         modes=MOST_ENTRIES if order is None else (order + 1) // 2,
-        mode_alarm=mode_false_alarm,
-        harmonic_alarm=harmonic_false_alarm,
         forced=np.arange(1, int(min(HIGHEST, most * nu)) + 1) / nu if auto else np.zeros(0),
-        choose=harmonics is None,
-        width=harmonics or 0,
-        floor=noise_floor,
-        steady=order is None,
+        width=harmonics,
+        search=search,
         angle_std=angle_std(clocks, records),
     )
     begin = forced_entries([], omega) if start is None else replace(start, fundamental=omega)
     if harmonics is not None:
         begin = replace(begin, bands=np.tile([-harmonics, harmonics], (len(begin.exponents), 1)))
-    # What poles with free residues left of lifted responses is their noise: groups that start narrow leave far more.
-    noisy = search and lifted is not None and all((own.noise > QUIET * own.largest).all() for own in samples.search)
-    state = begun(samples.search, begin if samples.projected else base.joined(begin), limits, noisy=noisy)
     report("fitting the samples")
     taps = None if lifted is None else lifted.whitening
     if search and not isinstance(samples.final[0], LiftedBlock):
-        state, taps = searched_white(state, limits, report)
-        samples = replace(samples, search=state.blocks, final=state.blocks)
+        point, taps = searched_white(samples.search, base.joined(begin), base, noise_floor, bounds, report)
+        samples = replace(samples, search=point.blocks, final=point.blocks)
     else:
-        state = searched(state, limits, search, report)
+        beside = base.picked([]) if samples.projected else base
+        floors, price = priced(samples.search, beside, noise_floor, most)
+        point = searched(Point.at(samples.search, floors, price, beside.joined(begin)), bounds, report)
     if samples.projected:
         # The forced response was at every phase for itself: now it has the harmonics that are there.
-        state = begun(samples.final, base.joined(state.solution.entries), limits)
-    found = finished(state, limits, search=search, free_period=free_period)
+        floors, price = priced(samples.final, base, noise_floor, most)
+        point = Point.at(samples.final, floors, price, base.joined(point.entries))
+    found = finished(
+        point,
+        noise_floor,
+        most=most,
+        choose=harmonics is None,
+        search=search,
+        steady=order is None,
+        free_period=free_period,
+    )
     if not (~found.solution.entries.fixed).any():
         raise IdentificationError(_no_mode(found))
     if auto:

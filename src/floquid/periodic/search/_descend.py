@@ -9,8 +9,8 @@ from contextlib import suppress
 import numpy as np
 
 from floquid.periodic.least_squares import ModeParameters
-from floquid.search._moves import Move, unfolded
-from floquid.search._objective import Point
+from floquid.periodic.search._moves import Move, unfolded
+from floquid.periodic.search._objective import Point
 
 TRIES = 12  # moves of one round that are fitted, the best predicted first: what comes later hardly ever helps
 FALL = 1e-3  # the least fall of J: below, two structures are one but for rounding

@@ -7,7 +7,7 @@ import numpy as np
 from floquid._arrays import Floats, Integers, Mask
 from floquid.periodic.expansion import GAP
 from floquid.periodic.least_squares import ModeParameters
-from floquid.search._objective import Point
+from floquid.periodic.search._objective import Point
 
 ALIKE = 1e-7  # the share of a scaled column beyond the others below which it is not told from them
 
@@ -68,7 +68,7 @@ class Units:
             mode, harmonic = int(modes[best]), int(harmonics[best])
             if self.inside[best]:
                 total += change[best]
-                bands[mode] += (harmonic == bands[mode, 0] and not self._real[mode], -(harmonic == bands[mode, 1]))
+                bands[mode] += (1, 0) if harmonic == bands[mode, 0] and not self._real[mode] else (0, -1)
                 self._sweep(best)
                 continue
             bands[mode] = min(bands[mode, 0], harmonic), max(bands[mode, 1], harmonic)

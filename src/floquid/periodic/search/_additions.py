@@ -18,8 +18,8 @@ from floquid.periodic.least_squares import (
     forced_entries,
 )
 from floquid.periodic.search._peaks import Peak, peaks
-from floquid.search._moves import Move
-from floquid.search._objective import Point
+from floquid.periodic.search._moves import Move
+from floquid.periodic.search._objective import Point
 
 AT_ONCE = 3  # peaks that are tried together
 PEAKS = 6  # peaks that are looked at
@@ -37,7 +37,9 @@ def residuals(point: Point) -> list[Residual]:
     ]
 
 
-def additions(point: Point, forced: Floats, most: int, *, loud: float = 1.0, room: bool = True) -> Iterator[Move]:
+def additions(
+    point: Point, forced: Floats, most: int, *, loud: float = 1.0, room: bool = True, width: int | None = None
+) -> Iterator[Move]:
     """Structures with what peaks of the residual may be: three together, the harmonics among them, one by one."""
     left = residuals(point)
     price = point.price
@@ -46,11 +48,18 @@ def additions(point: Point, forced: Floats, most: int, *, loud: float = 1.0, roo
         # Far from a loud mode its skirts are above the noise there: by one level for all bands the loudest is first.
         _, found = peaks(point.blocks, several, point.period, EXPECTED, most=PEAKS)
         found = [peak for peak in found if peak.gain > loud * max(peak.limit, PROMISED * least)]
-        yield from _moves(point, left, found, forced, most, room=room)
+        yield from _moves(point, left, found, forced, most, room=room, width=width)
 
 
 def _moves(
-    point: Point, left: Sequence[Residual], found: Sequence[Peak], forced: Floats, most: int, *, room: bool
+    point: Point,
+    left: Sequence[Residual],
+    found: Sequence[Peak],
+    forced: Floats,
+    most: int,
+    *,
+    room: bool,
+    width: int | None,
 ) -> Iterator[Move]:
     entries, price = point.entries, point.price.of(point.entries)
     line = 4.0 * np.pi / max(residual.span for residual in left)
@@ -60,14 +69,16 @@ def _moves(
 
     several, total = entries, 0.0
     for number, peak in enumerate(found):
-        known = _known(entries, peak, forced, line, most)
+        known = _known(entries, peak, forced, line, most, bands=width is None)
         if known is not None:
             yield move("harmonic", known, peak.gain)
         if not room or number > AT_ONCE:
             continue
         alone = _alone(point, left, peak)
+        if width:
+            alone = replace(alone, bands=np.array([[-width, width]]))
         if number < AT_ONCE:
-            wider = _known(several, peak, forced, line, most)
+            wider = _known(several, peak, forced, line, most, bands=width is None)
             several = several.joined(alone) if wider is None else wider
             total += peak.gain
         yield move("new mode", entries.joined(alone), peak.gain)
@@ -93,7 +104,9 @@ def _alone(point: Point, left: Sequence[Residual], peak: Peak) -> ModeParameters
     return alone
 
 
-def _known(entries: ModeParameters, peak: Peak, forced: Floats, line: float, most: int) -> ModeParameters | None:
+def _known(
+    entries: ModeParameters, peak: Peak, forced: Floats, line: float, most: int, *, bands: bool
+) -> ModeParameters | None:
     """The entries with the harmonic, forced or of a mode, that a peak may be; None where it is of none."""
     omega, frequency = entries.fundamental, peak.exponent.imag
     if len(forced) and abs(peak.exponent.real) < line:
@@ -102,7 +115,7 @@ def _known(entries: ModeParameters, peak: Peak, forced: Floats, line: float, mos
         if abs(turn * omega - frequency) < line and not (np.abs(there - turn) < 1e-9).any():
             return entries.joined(forced_entries([turn], omega))
     best, least = None, np.inf
-    for entry in np.flatnonzero(~entries.fixed):
+    for entry in np.flatnonzero(~entries.fixed) if bands else ():
         low, high = entries.bands[entry]
         value = entries.exponents[entry] + 1j * omega * entries.offsets[entry]
         for sign in (1.0, -1.0) if not entries.real[entry] else (1.0,):
@@ -111,7 +124,7 @@ def _known(entries: ModeParameters, peak: Peak, forced: Floats, line: float, mos
             if off > line + abs(value.real) or low <= m <= high or not low - BEYOND <= m <= high + BEYOND:
                 continue
             if abs(m + (0 if entries.real[entry] else round(value.imag / omega))) <= most and off < least:
-                bands = entries.bands.copy()
-                bands[entry] = min(low, m), max(high, m)
-                best, least = replace(entries, bands=bands), off
+                wider = entries.bands.copy()
+                wider[entry] = min(low, m), max(high, m)
+                best, least = replace(entries, bands=wider), off
     return best

@@ -30,10 +30,11 @@ class Price:
     rows: int  # channels of all hits
     samples: int  # of all hits: the modes that may be looked at
     phases: int  # harmonics that may be looked at
+    blur: float = 0.0  # what errors of the shaft's angle leave on one line, over the noise
 
     def mode(self, *, real: bool) -> float:
         """Price of an exponent."""
-        return quantile(1 if real else 2, self.false_alarm / self.samples)
+        return quantile(1 if real else 2, self.false_alarm / self.samples) + self.blur
 
     def harmonics(self, sines: Floats) -> Floats:
         """Price of each column, one with a sine or one without (columns,)."""

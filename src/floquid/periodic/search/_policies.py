@@ -1,0 +1,152 @@
+"""The order of moves for free responses: modes and bands of records, lines of one LTI system, coloured noise."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from floquid._arrays import Floats
+from floquid.periodic.least_squares import (
+    PLAIN,
+    Block,
+    ModeParameters,
+    RecordBlock,
+    filtered_blocks,
+    least_noise,
+    linearise,
+    residual_filter,
+)
+from floquid.periodic.search._additions import additions
+from floquid.periodic.search._descend import descended
+from floquid.periodic.search._moves import Move, bands, branches, kinds, merges, removals, splits
+from floquid.periodic.search._objective import Point, Price
+
+SECONDS = 120.0  # processor time of a search [s] after which the least J is reported as it is
+FALSE_ALARM = 1e-3  # false modes, and false harmonics of each mode, expected of a search in noise alone
+LOUD = 100.0  # times the price from which on a line cannot be a peak of noise that is coloured
+STRONG = 0.1  # the sum of squared correlations from which on the residual is coloured noise and no weak mode
+WORSE = 1.1  # the growth of the price by errors of the angle at which a search goes on with it
+
+Log = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """What a search is held to."""
+
+    most: int  # the highest harmonic of the axis that the sampling shows
+    modes: int  # modes at most, a pair counted once
+    forced: Floats  # turns a period that a forced response may have; empty when none is looked for (harmonics,)
+    width: int | None = None  # harmonics on each side of every mode; None where they are chosen
+    search: bool = True  # whether modes may be added, removed, split, merged and change their kind
+    angle_std: tuple[float, ...] = ()  # of the system's angle in each hit [rad]; empty by a constant period (hits,)
+    seconds: float = SECONDS
+
+
+def priced(blocks: Sequence[Block], base: ModeParameters, floor: float, most: int) -> tuple[tuple[Floats, ...], Price]:
+    """The least noise of each block beside what is fitted in any case, and the price of units."""
+    floors = tuple(least_noise(blocks, linearise(blocks, base), floor))
+    rows = sum(len(block.rows) for block in blocks)
+    samples = max(sum(block.n_samples for block in blocks if block.hit == hit) for hit in {b.hit for b in blocks})
+    return floors, Price(FALSE_ALARM, rows, samples, 2 * most + 1)
+
+
+def searched(first: Point, bounds: Bounds, report: Log = lambda _: None) -> Point:
+    """The descent of J from a structure, errors of the shaft's angle being no modes."""
+    until = time.process_time() + bounds.seconds
+    now = first.settled()
+    while True:
+        now = descended(now, lambda point: _stages(point, bounds), until, report)
+        blur = _blurred(now, bounds.angle_std)
+        if blur <= WORSE * now.price.blur or blur < 1.0:
+            return now
+        now = replace(now, price=replace(now.price, blur=blur))
+
+
+def _stages(point: Point, bounds: Bounds) -> Iterator[Iterable[Move]]:
+    """Moves in groups: a group is made only where none of those before lowers J."""
+    yield _structural(point, bounds)
+    if not bounds.search:
+        return
+    if any(isinstance(block, RecordBlock) and block.speeds is not None for block in point.blocks):
+        yield branches(point)
+    yield additions(point, bounds.forced, bounds.most, room=_room(point, bounds), width=bounds.width)
+
+
+def _structural(point: Point, bounds: Bounds) -> Iterator[Move]:
+    if (~point.entries.fixed).any() and bounds.width is None:
+        yield from bands(point, bounds.most)
+    if bounds.search:
+        yield from removals(point)
+    if bounds.search and bounds.width is None:  # bands that are given stay: modes are not split or merged then
+        yield from splits(point) if _room(point, bounds) else ()
+        yield from merges(point, bounds.most)
+        yield from kinds(point)
+
+
+def _room(point: Point, bounds: Bounds) -> bool:
+    return int((~point.entries.fixed).sum()) < bounds.modes
+
+
+def lines(blocks: Sequence[Block], base: ModeParameters, most: int, report: Log = lambda _: None) -> Point:
+    """The lines of one LTI system, each exponential alone, beside what is fitted in any case."""
+    nothing = np.zeros(0)
+    floors, price = priced(blocks, base, 1e-12, 0)
+
+    def stages(point: Point) -> Iterator[Iterable[Move]]:
+        yield removals(point)
+        room = int((~point.entries.fixed).sum()) < most
+        yield additions(point, nothing, 0, room=room, width=0)
+
+    return descended(Point.at(blocks, floors, price, base), stages, time.process_time() + SECONDS, report)
+
+
+def searched_white(
+    blocks: tuple[Block, ...], entries: ModeParameters, base: ModeParameters, floor: float, bounds: Bounds, report: Log
+) -> tuple[Point, Floats | None]:
+    """The search of samples after the filter that whitens the residual, and that filter (channels, taps).
+
+    The filter is None where the residual is white. The colour is judged twice: by the residual of loud modes, none of
+    which is noise, and by that of all.
+    """
+    taps, after = None, blocks
+
+    def loud(point: Point) -> Iterator[Iterable[Move]]:
+        if _room(point, bounds):
+            yield additions(point, bounds.forced, bounds.most, loud=LOUD, width=bounds.width)
+
+    def at(samples: tuple[Block, ...], start: ModeParameters) -> Point:
+        floors, price = priced(samples, base, floor, bounds.most)
+        return Point.at(samples, floors, price, start).settled()
+
+    now = descended(at(blocks, entries), loud, time.process_time() + bounds.seconds, report)
+    for look in range(2):
+        before = taps
+        taps = residual_filter(blocks, at(blocks, now.entries).solution if before is not None else now.solution, least=STRONG)
+        through = None if taps is None else filtered_blocks(blocks, taps)
+        taps, after = (None, blocks) if through is None else (taps, through)
+        if look and taps is None and before is None:
+            break
+        if taps is not None:
+            report(f"the noise is coloured along the record: whitened by {taps.shape[1] - 1} taps")
+        now = searched(at(after, now.entries), bounds, report)
+    return now, taps
+
+
+def _blurred(point: Point, angle_std: tuple[float, ...]) -> float:
+    r"""Residual of the forced response from errors of the angle: the most that one line may hold.
+
+    .. math:: \frac 12 \sum_{c,h} N_h \sum_j (j\, a_{c,h,j}\, \sigma_{\theta,h} / s_{c,h})^2
+    """
+    if not angle_std:
+        return 0.0
+    columns, total = point.entries.columns(), 0.0
+    forced = point.entries.fixed[columns.modes] & (columns.factors[columns.modes] == PLAIN)
+    for block, linear in zip(point.blocks, point.solution.linear, strict=True):
+        squares = np.sum([part**2 for part in np.split(linear.coefficients, 2)], axis=0)[forced]
+        share = (columns.turns[forced] * angle_std[block.hit]) ** 2 @ squares
+        total += 0.5 * block.n_samples * float(share @ (1.0 / block.noise**2))
+    return total

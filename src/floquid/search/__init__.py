@@ -1,1 +1,0 @@
-"""Search for modes and their harmonics: one objective, one list of moves."""
