@@ -39,16 +39,17 @@ def residuals(point: Point) -> list[Residual]:
 
 def additions(
     point: Point, forced: Floats, most: int, *, loud: float = 1.0, room: bool = True, width: int | None = None
-) -> Iterator[Move]:
+) -> Iterator[Iterator[Move]]:
     """Structures with what peaks of the residual may be: three together, the harmonics among them, one by one."""
-    left = residuals(point)
-    price = point.price
+    rest, price = residuals(point), point.price
     least = price.mode(real=False) + float(price.harmonics(np.array([True]))[0])
-    for several in (left, [residual.level() for residual in left]):
-        # Far from a loud mode its skirts are above the noise there: by one level for all bands the loudest is first.
-        _, found = peaks(point.blocks, several, point.period, EXPECTED, most=PEAKS)
+    # Far from a loud mode its skirts are above the noise there: by one level for all bands the loudest is first.
+    for levels in (rest, [residual.level() for residual in rest]):
+        _, found = peaks(point.blocks, levels, point.period, EXPECTED, most=PEAKS)
         found = [peak for peak in found if peak.gain > loud * max(peak.limit, PROMISED * least)]
-        yield from _moves(point, left, found, forced, most, room=room, width=width)
+        if not found:
+            return
+        yield _moves(point, rest, found, forced, most, room=room, width=width)
 
 
 def _moves(

@@ -28,6 +28,7 @@ from floquid.periodic.search._peaks import Peak, strongest
 from floquid.periodic.search._tests import equality, spread_of_harmonics
 from floquid.periodic.search._units import Units, wide_of
 
+AT_REST = 1e-5  # the fall of J below which a fit that is reported is at rest: 0.003 deviations
 LOOSE = 0.02  # probability at which noise may pass for a harmonic that is fitted: one that is missing does more harm
 PADDING = 1  # harmonics fitted beyond each end of a band: weak ones that are left out bend the exponents
 FARTHEST = 0.5  # the most that a wider band may move an exponent [1/period]: beyond, the multiplier is another one
@@ -65,14 +66,12 @@ def finished(
     point: Point, floor: float, *, most: int, choose: bool = True, search: bool, steady: bool, free_period: bool
 ) -> SearchResult:
     """The final fit of a structure with its deviations and its residual."""
-    point = point.settled(rest=1e-5, steps=30)
+    point = named(point)
     bands = point.entries.bands
-    if choose:
-        point = _padded(point, most)
-    point, bands = named(point, bands)
+    point = _padded(point, most) if choose else point.settled(rest=AT_REST, steps=30)
     if free_period:
         # Not before: with modes still missing, the period would go to where it takes what is theirs.
-        point = point.with_entries(replace(point.entries, free_period=True)).settled(rest=1e-5, steps=30)
+        point = point.with_entries(replace(point.entries, free_period=True)).settled(rest=AT_REST, steps=30)
     if search:
         point = _without_steady(point, bands) if steady else point
         point = _without_undetermined(point)
@@ -102,7 +101,7 @@ def _padded(point: Point, most: int) -> Point:
     wide = replace(wide, bands=_uncrowded(wide, wide.padded(PADDING, most).bands))
     for _ in range(2):
         with suppress(np.linalg.LinAlgError):
-            trial = point.with_entries(wide).settled(rest=1e-5, steps=30)
+            trial = point.with_entries(wide).settled(rest=AT_REST, steps=30)
             away = np.abs(trial.entries.exponents - entries.exponents) * point.period > FARTHEST
             if not away.any() and trial.misfit <= point.misfit:
                 return trial
@@ -137,7 +136,7 @@ def nearest(entries: ModeParameters, one: int, two: int) -> tuple[int, int, floa
     return sign, turns, abs(gap) / (abs(entries.exponents[[one, two]].real).sum() + 1e-300)
 
 
-def named(point: Point, bands: Integers) -> tuple[Point, Integers]:
+def named(point: Point) -> Point:
     """The same fit, each mode on the branch whose zeroth harmonic carries most of the energy of its shape.
 
     Channels are weighted by the inverse of their noise; ties go to the larger frequency. At a speed that wanders the
@@ -149,25 +148,17 @@ def named(point: Point, bands: Integers) -> tuple[Point, Integers]:
     for block in point.blocks:
         noise[block.rows, block.hit] = block.noise
     energy = np.sum(np.abs(both.coefficients / noise[:, :, None]) ** 2, axis=(1, 2))
-    exponents, fitted, kept = entries.exponents.copy(), entries.bands.copy(), bands.copy()
+    exponents, bands, flipped = entries.exponents.copy(), entries.bands.copy(), False
     for entry in np.flatnonzero(~entries.fixed & ~entries.real):
         ties = np.flatnonzero(energy[entry] > (1.0 - 1e-6) * energy[entry].max())
         turns = exponents[entry].imag + both.harmonics[ties] * entries.fundamental
         m = 0 if wanders(point) else int(both.harmonics[ties[np.argmax(np.abs(turns))]])
-        exponents[entry], fitted[entry], kept[entry] = _branch(
-            m, exponents[entry], fitted[entry], kept[entry], entries.fundamental
-        )
-    if (fitted == entries.bands).all() and (exponents == entries.exponents).all():
-        return point, bands
-    return point.with_entries(replace(entries, exponents=exponents, bands=fitted)), kept
-
-
-def _branch(
-    m: int, exponent: complex, fitted: Integers, kept: Integers, omega: float
-) -> tuple[complex, Integers, Integers]:
-    """Exponent and bands of a mode counted from its harmonic `m`, the frequency not negative."""
-    exponent, fitted, kept = exponent + 1j * m * omega, fitted - m, kept - m
-    return (exponent, fitted, kept) if exponent.imag >= 0.0 else (exponent.conjugate(), -fitted[::-1], -kept[::-1])
+        exponents[entry] += 1j * m * entries.fundamental
+        bands[entry] -= m
+        if exponents[entry].imag < 0.0:
+            exponents[entry], bands[entry], flipped = exponents[entry].conjugate(), -bands[entry, ::-1], True
+    renamed = replace(entries, exponents=exponents, bands=bands)
+    return point.with_entries(renamed) if flipped else point.renamed(renamed)
 
 
 def wanders(point: Point) -> bool:
@@ -187,7 +178,7 @@ def _without_steady(point: Point, bands: Integers) -> Point:
         return point
     fixed, exponents = entries.fixed.copy(), entries.exponents.copy()
     fixed[tones], exponents[tones] = True, 1j * exponents[tones].imag
-    return point.with_entries(replace(entries, fixed=fixed, exponents=exponents)).settled(rest=1e-5)
+    return point.with_entries(replace(entries, fixed=fixed, exponents=exponents)).settled(rest=AT_REST)
 
 
 def _without_undetermined(point: Point) -> Point:
@@ -203,7 +194,7 @@ def _without_undetermined(point: Point) -> Point:
     fixed = entries.fixed.copy()
     fixed[weak] = True
     fixed[weak[entries.real[weak]]] = False  # a real multiplier has no column of its own but as a mode
-    return point.with_entries(replace(entries, fixed=fixed)).settled(rest=1e-5)
+    return point.with_entries(replace(entries, fixed=fixed)).settled(rest=AT_REST)
 
 
 def _clusters(point: Point) -> tuple[tuple[int, ...], Floats]:
@@ -270,7 +261,7 @@ def _spread_of_branches(point: Point) -> Floats | None:
     entries, omega = point.entries, point.entries.fundamental
     free = np.flatnonzero(~entries.fixed)
     turning = free[~entries.real[free]]
-    further = np.zeros(len(point.solution.gradient))
+    further, start = np.zeros(len(point.solution.gradient)), tuple(p.coefficients for p in point.solution.linear)
     for number, entry in enumerate(turning):
         low, high = np.clip(entries.bands[entry], -NEAREST, NEAREST)
         tried: list[tuple[float, complex]] = []
@@ -279,7 +270,7 @@ def _spread_of_branches(point: Point) -> Floats | None:
             exponents[entry] += 1j * m * omega
             bands[entry] -= m
             moved = replace(entries, exponents=exponents, bands=bands)
-            trial = linearise(point.blocks, moved) if m else point.solution
+            trial = linearise(point.blocks, moved, start) if m else point.solution
             step = np.asarray(np.linalg.lstsq(trial.gauss_newton, trial.gradient, rcond=1e-12)[0], np.float64)
             tried.append((trial.cost - float(step @ trial.gradient), complex(moved.moved(step).exponents[entry])))
         least = min(cost for cost, _ in tried)

@@ -19,6 +19,7 @@ from floquid.periodic.least_squares import Block, Linear, ModeParameters, Soluti
 LONGEST_STEP = 0.3  # the most that an exponent moves in a step [1/period]: beyond, one linearisation says nothing
 STEPS = 12  # steps of one fit: what is far from rest after so many is not near a minimum
 REST = 0.1  # the fall of J below which a fit that is only compared is at rest: a deviation of a third
+NEAR = 0.02  # fundamentals within which a column starts with the coefficients of one that there was
 FASTEST = 12.0  # the decay or growth over a period, in nepers, beyond which a column is a glitch and no mode
 
 
@@ -90,7 +91,26 @@ class Point:
 
     def with_entries(self, entries: ModeParameters) -> Point:
         """The same samples with other modes."""
-        return Point.at(self.blocks, self.floors, self.price, entries)
+        linear = eliminated(self.blocks, entries, self._carried(entries))
+        return _weighted(self.blocks, self.floors, self.price, entries, linear)
+
+    def renamed(self, entries: ModeParameters) -> Point:
+        """The same fit with entries whose columns are the same functions in the same order."""
+        return replace(self, solution=replace(self.solution, entries=entries))
+
+    def _carried(self, entries: ModeParameters) -> tuple[Floats, ...]:
+        """First values of the coefficients of other entries: those of the columns of nearest rate."""
+        old, new = self.entries.columns(), entries.columns()
+        if not (len(old.modes) and len(new.modes)):
+            return tuple(np.zeros((2 * len(new.modes), len(block.rows))) for block in self.blocks)
+        apart = np.abs(np.subtract.outer(new.rates, old.rates))
+        apart[new.factors[new.modes][:, None] != old.factors[old.modes]] = np.inf
+        nearest = np.argmin(apart, axis=1)
+        known = apart[np.arange(len(nearest)), nearest] < NEAR * entries.fundamental
+        # Of columns that are nearest to the same one, the first has its coefficients.
+        known &= np.isin(np.arange(len(nearest)), np.unique(np.where(known, nearest, -1), return_index=True)[1])
+        place = np.concatenate([nearest, nearest + len(old.modes)])
+        return tuple(np.where(np.tile(known, 2)[:, None], p.coefficients[place], 0.0) for p in self.solution.linear)
 
     @property
     def period(self) -> float:

@@ -73,7 +73,7 @@ def _stages(point: Point, bounds: Bounds) -> Iterator[Iterable[Move]]:
         return
     if any(isinstance(block, RecordBlock) and block.speeds is not None for block in point.blocks):
         yield branches(point)
-    yield additions(point, bounds.forced, bounds.most, room=_room(point, bounds), width=bounds.width)
+    yield from additions(point, bounds.forced, bounds.most, room=_room(point, bounds), width=bounds.width)
 
 
 def _structural(point: Point, bounds: Bounds) -> Iterator[Move]:
@@ -99,7 +99,7 @@ def lines(blocks: Sequence[Block], base: ModeParameters, most: int, report: Log 
     def stages(point: Point) -> Iterator[Iterable[Move]]:
         yield removals(point)
         room = int((~point.entries.fixed).sum()) < most
-        yield additions(point, nothing, 0, room=room, width=0)
+        yield from additions(point, nothing, 0, room=room, width=0)
 
     return descended(Point.at(blocks, floors, price, base), stages, time.process_time() + SECONDS, report)
 
@@ -116,7 +116,7 @@ def searched_white(
 
     def loud(point: Point) -> Iterator[Iterable[Move]]:
         if _room(point, bounds):
-            yield additions(point, bounds.forced, bounds.most, loud=LOUD, width=bounds.width)
+            yield from additions(point, bounds.forced, bounds.most, loud=LOUD, width=bounds.width)
 
     def at(samples: tuple[Block, ...], start: ModeParameters) -> Point:
         floors, price = priced(samples, base, floor, bounds.most)
