@@ -17,9 +17,9 @@ from floquid.periodic.least_squares import (
     complex_of,
     forced_entries,
 )
-from floquid.periodic.search._peaks import Peak, peaks
 from floquid.periodic.search._moves import Move
 from floquid.periodic.search._objective import Point
+from floquid.periodic.search._peaks import Peak, peaks
 
 AT_ONCE = 3  # peaks that are tried together
 PEAKS = 6  # peaks that are looked at
@@ -65,14 +65,16 @@ def _moves(
     entries, price = point.entries, point.price.of(point.entries)
     line = 4.0 * np.pi / max(residual.span for residual in left)
 
-    def move(name: str, trial: ModeParameters, gain: float) -> Move:
-        return Move(point.price.of(trial) - price - gain, name, trial)
+    def move(name: str, trial: ModeParameters, gain: float) -> Iterator[Move]:
+        more = point.price.of(trial) - price
+        if gain > PROMISED * more:
+            yield Move(more - gain, name, trial)
 
     several, total = entries, 0.0
     for number, peak in enumerate(found):
         known = _known(entries, peak, forced, line, most, bands=width is None)
         if known is not None:
-            yield move("harmonic", known, peak.gain)
+            yield from move("harmonic", known, peak.gain)
         if not room or number > AT_ONCE:
             continue
         alone = _alone(point, left, peak)
@@ -82,9 +84,9 @@ def _moves(
             wider = _known(several, peak, forced, line, most, bands=width is None)
             several = several.joined(alone) if wider is None else wider
             total += peak.gain
-        yield move("new mode", entries.joined(alone), peak.gain)
+        yield from move("new mode", entries.joined(alone), peak.gain)
     if total and len(found) > 1 and several is not entries:
-        yield move("new modes", several, total)
+        yield from move("new modes", several, total)
 
 
 def _alone(point: Point, left: Sequence[Residual], peak: Peak) -> ModeParameters:

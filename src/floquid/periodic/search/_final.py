@@ -185,7 +185,7 @@ def _without_undetermined(point: Point) -> Point:
     """With the modes whose own information is next to none held: they would ruin the deviations of all others."""
     entries = point.entries
     free = np.flatnonzero(~entries.fixed)
-    if len(free) < 2:  # noqa: PLR2004  # the last one stays
+    if len(free) < 2:  # the last one stays
         return point
     std = np.sqrt(np.maximum(np.diag(point.solution.covariance()), 0.0))[: len(free)]
     weak = free[std > UNTOLD * np.abs(entries.exponents[free].real)]

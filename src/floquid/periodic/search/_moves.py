@@ -10,13 +10,12 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
 from floquid.periodic.least_squares import ModeParameters
-from floquid.periodic.search._objective import Point
+from floquid.periodic.search._objective import Point, solved
 from floquid.periodic.search._units import Units, wide_of
 
 REACH = 4.0  # times its price up to which it is tried whether the other modes can do without one
 FARTHEST = 0.7  # decays that the halves of a mode start apart at most: scores mislead beyond the width of a line
 SPLIT = (0.05, 0.3)  # shares of the decay that two real multipliers start apart from their middle
-SINGULAR = 1e-11  # the share of the largest eigenvalue of a scaled matrix below which a direction says nothing
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +46,7 @@ def removals(point: Point) -> Iterator[Move]:
             weak.append((change, int(entry)))
         if change < (REACH - 1.0) * price:
             yield Move(min(change, 0.05 * change), "remove", without(entries, [int(entry)]))
-    if len(weak) > 2:  # noqa: PLR2004  # of two, half is one
+    if len(weak) > 2:  # of two, half is one
         half = sorted(weak)[: (len(weak) + 1) // 2]
         yield Move(sum(change for change, _ in half), "remove half", without(entries, [entry for _, entry in half]))
 
@@ -118,7 +117,7 @@ def merges(point: Point, most: int) -> Iterator[Move]:
     """Two modes as one where their exponents agree modulo the fundamental (Wald 1943); all disjoint ones at once."""
     entries, found = point.entries, []
     free = np.flatnonzero(~entries.fixed)
-    if len(free) < 2:  # noqa: PLR2004  # a pair
+    if len(free) < 2:  # a pair
         return
     covariance = _covariance(point)
     place = _places(entries)
@@ -201,18 +200,16 @@ def kinds(point: Point) -> Iterator[Move]:
         off = value.imag - 0.5 * half * omega
         variance = max(covariance[place[int(entry)][1], place[int(entry)][1]], 1e-300)
         score = off**2 / variance
-        if score > point.price.mode(real=False) and abs(off) > 0.5 * abs(value.real):
+        if score > point.price.mode(real=False):
             continue
         rest = without(entries, [int(entry)])
-        top = int(np.floor(np.abs(entries.bands[entry] + 0.5 * half).max() - 0.5 * (half % 2)))
-        one = rest.joined(_real(value.real, top, half % 2, omega))
-        if score < point.price.mode(real=False):
-            change = score + point.price.of(one) - point.price.of(entries)
-            yield Move(min(change, -0.1), "real", one)
+        one = rest.joined(on_axis(entries.picked([entry])))
+        yield Move(min(score + point.price.of(one) - point.price.of(entries), -0.1), "real", one)
         for share in SPLIT:
             decays = [value.real * (1.0 + sign * share) for sign in (-1, 1)]
-            two = rest.joined(_real(decays[0], top, half % 2, omega)).joined(_real(decays[1], top, half % 2, omega))
-            yield Move(-0.05, "two real", two)
+            single = one.picked([len(one.exponents) - 1])
+            both = [replace(single, exponents=np.array([decay], complex)) for decay in decays]
+            yield Move(-0.05, "two real", rest.joined(both[0]).joined(both[1]))
     for one, two in combinations(free[entries.real[free]].tolist(), 2):
         if entries.offsets[one] != entries.offsets[two]:
             continue
@@ -228,9 +225,18 @@ def kinds(point: Point) -> Iterator[Move]:
         yield Move(-0.05, "pair of real", without(entries, [one, two]).joined(pair))
 
 
-def _real(decay: float, top: int, odd: int, omega: float) -> ModeParameters:
-    """A real multiplier, negative where `odd`, up to a harmonic."""
-    return ModeParameters.made([decay], [(-odd, top)], omega, real=True, offsets=0.5 * odd)
+def on_axis(entries: ModeParameters, within: float = np.inf) -> ModeParameters:
+    """The entries with each pair nearer to an axis than some of its decays as a real multiplier."""
+    omega = entries.fundamental
+    half = np.rint(2.0 * entries.exponents.imag / omega).astype(np.int64)
+    off = np.abs(entries.exponents.imag - 0.5 * half * omega)
+    those = np.flatnonzero(~entries.fixed & ~entries.real & (off <= within * np.abs(entries.exponents.real)))
+    odd = half[those] % 2
+    top = np.floor(np.abs(entries.bands[those] + 0.5 * half[those, None]).max(axis=1) - 0.5 * odd).astype(np.int64)
+    bands = np.stack([-odd, top], axis=1)
+    decays = entries.exponents[those].real
+    real = ModeParameters.made(decays, bands, omega, real=True, offsets=0.5 * odd)
+    return without(entries, those.tolist()).joined(real)
 
 
 def branches(point: Point) -> Iterator[Move]:
@@ -242,17 +248,6 @@ def branches(point: Point) -> Iterator[Move]:
             exponents[entry] += 1j * turns * entries.fundamental
             found[entry] -= turns
             yield Move(0.0, "branch", replace(entries, exponents=exponents, bands=found))
-
-
-def solved(matrix: Floats, target: Floats) -> Floats:
-    """The least-squares solution of a symmetric system, scaled; directions that say nothing are left out."""
-    size = np.diag(matrix)
-    scale = np.sqrt(np.where(size > 0.0, size, np.inf))
-    if not np.isfinite(scale).any():
-        return np.zeros_like(target)
-    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    good = values > SINGULAR * max(values[-1], 1e-300)
-    return ((vectors[:, good] / values[good]) @ (vectors[:, good].T @ (target / scale[:, None]))) / scale[:, None]
 
 
 def unfolded(entries: ModeParameters) -> Complexes:

@@ -18,6 +18,8 @@ from floquid.periodic.least_squares import Block, Linear, ModeParameters, Soluti
 
 LONGEST_STEP = 0.3  # the most that an exponent moves in a step [1/period]: beyond, one linearisation says nothing
 STEPS = 12  # steps of one fit: what is far from rest after so many is not near a minimum
+SINGULAR = 1e-11  # the share of the largest eigenvalue of a scaled matrix below which a direction says nothing
+HOPE = 2.0  # times the fall that a full step promises beyond which no fit goes
 REST = 0.1  # the fall of J below which a fit that is only compared is at rest: a deviation of a third
 NEAR = 0.02  # fundamentals within which a column starts with the coefficients of one that there was
 FASTEST = 12.0  # the decay or growth over a period, in nepers, beyond which a column is a glitch and no mode
@@ -121,15 +123,34 @@ class Point:
         """The least J near this point: Levenberg-Marquardt; given up where J will not come below a value."""
         now, damping = self, 1e-6
         for done in range(steps):
-            if not len(now.solution.gradient):
+            if not len(now.solution.gradient) or now.value - HOPE * now.promised > below:
                 break
             trial, damping = _descended(now, damping)
             if trial is None:
                 break
             gain, now = now.misfit - trial.misfit, trial
-            if gain < rest or (done >= 2 and now.value - (steps - done) * gain > below):  # noqa: PLR2004  # the first steps may gain little
+            if gain < rest or (done >= 2 and now.value - (steps - done) * gain > below):  # the first steps may gain little
                 break
         return now
+
+    @property
+    def promised(self) -> float:
+        """The fall of J by a full step, to first order."""
+        matrix, gradient = self.solution.information, self.solution.gradient
+        total = sum(block.n_samples * len(block.rows) for block in self.blocks)
+        gain = float(gradient @ solved(matrix, gradient[:, None])[:, 0]) / total
+        return -total * float(np.log1p(-min(gain, 0.999)))
+
+
+def solved(matrix: Floats, target: Floats) -> Floats:
+    """The least-squares solution of a symmetric system, scaled; directions that say nothing are left out."""
+    size = np.diag(matrix)
+    scale = np.sqrt(np.where(size > 0.0, size, np.inf))
+    if not np.isfinite(scale).any():
+        return np.zeros_like(target)
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    good = values > SINGULAR * max(values[-1], 1e-300)
+    return ((vectors[:, good] / values[good]) @ (vectors[:, good].T @ (target / scale[:, None]))) / scale[:, None]
 
 
 def _descended(now: Point, damping: float) -> tuple[Point | None, float]:

@@ -21,12 +21,13 @@ from floquid.periodic.least_squares import (
 )
 from floquid.periodic.search._additions import additions
 from floquid.periodic.search._descend import descended
-from floquid.periodic.search._moves import Move, bands, branches, kinds, merges, removals, splits
+from floquid.periodic.search._moves import Move, bands, branches, kinds, merges, on_axis, removals, splits
 from floquid.periodic.search._objective import Point, Price
 
 SECONDS = 120.0  # processor time of a search [s] after which the least J is reported as it is
 FALSE_ALARM = 1e-3  # false modes, and false harmonics of each mode, expected of a search in noise alone
 LOUD = 100.0  # times the price from which on a line cannot be a peak of noise that is coloured
+NEAR_AXIS = 0.1  # decays from an axis within which a pair may start as a real multiplier
 STRONG = 0.1  # the sum of squared correlations from which on the residual is coloured noise and no weak mode
 WORSE = 1.1  # the growth of the price by errors of the angle at which a search goes on with it
 
@@ -55,9 +56,20 @@ def priced(blocks: Sequence[Block], base: ModeParameters, floor: float, most: in
 
 
 def searched(first: Point, bounds: Bounds, report: Log = lambda _: None) -> Point:
-    """The descent of J from a structure, errors of the shaft's angle being no modes."""
+    """The descent of J from a structure, errors of the shaft's angle being no modes.
+
+    Pairs next to an axis may be real multipliers: where J is less with these, it starts from them.
+    """
     until = time.process_time() + bounds.seconds
-    now = first.settled()
+
+    def fitted(start: Point) -> Point:
+        return descended(start.settled(), lambda point: iter([_bands(point, bounds)]), until, report)
+
+    starts = [first]
+    if bounds.search and bounds.width is None:
+        real = on_axis(first.entries, NEAR_AXIS)
+        starts += [first.with_entries(real)] if real.real[~real.fixed].any() else []
+    now = min(map(fitted, starts), key=lambda point: point.value)
     while True:
         now = descended(now, lambda point: _stages(point, bounds), until, report)
         blur = _blurred(now, bounds.angle_std)
@@ -67,21 +79,27 @@ def searched(first: Point, bounds: Bounds, report: Log = lambda _: None) -> Poin
 
 
 def _stages(point: Point, bounds: Bounds) -> Iterator[Iterable[Move]]:
-    """Moves in groups: a group is made only where none of those before lowers J."""
-    yield _structural(point, bounds)
+    """Moves in groups: a group is made only where none of those before lowers J.
+
+    Bands come first: while they are wrong, what scores say of exponents misleads.
+    """
+    yield _bands(point, bounds)
     if not bounds.search:
         return
+    yield _modes(point, bounds)
     if any(isinstance(block, RecordBlock) and block.speeds is not None for block in point.blocks):
         yield branches(point)
     yield from additions(point, bounds.forced, bounds.most, room=_room(point, bounds), width=bounds.width)
 
 
-def _structural(point: Point, bounds: Bounds) -> Iterator[Move]:
+def _bands(point: Point, bounds: Bounds) -> Iterator[Move]:
     if (~point.entries.fixed).any() and bounds.width is None:
         yield from bands(point, bounds.most)
-    if bounds.search:
-        yield from removals(point)
-    if bounds.search and bounds.width is None:  # bands that are given stay: modes are not split or merged then
+
+
+def _modes(point: Point, bounds: Bounds) -> Iterator[Move]:
+    yield from removals(point)
+    if bounds.width is None:  # bands that are given stay: modes are not split or merged then
         yield from splits(point) if _room(point, bounds) else ()
         yield from merges(point, bounds.most)
         yield from kinds(point)
@@ -115,6 +133,7 @@ def searched_white(
     taps, after = None, blocks
 
     def loud(point: Point) -> Iterator[Iterable[Move]]:
+        yield _bands(point, bounds)
         if _room(point, bounds):
             yield from additions(point, bounds.forced, bounds.most, loud=LOUD, width=bounds.width)
 

@@ -6,7 +6,9 @@ import numpy as np
 
 from floquid._arrays import Floats, Indices, Mask
 from floquid.periodic.least_squares import Solution
-from floquid.periodic.search._moves import solved
+from floquid.periodic.search._objective import solved
+
+
 def equality(solution: Solution, entry: int, sure: Mask) -> tuple[float, int]:
     """The chi-square of the sure harmonics of a mode having one exponent, and its degrees of freedom (Rao's test)."""
     columns, ties = np.flatnonzero((solution.entries.columns().modes == entry) & sure), solution.entries.ties()
