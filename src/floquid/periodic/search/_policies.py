@@ -71,11 +71,11 @@ def searched(first: Point, bounds: Bounds, report: Log = lambda _: None) -> Poin
         starts += [first.with_entries(real)] if real.real[~real.fixed].any() else []
     now = min(map(fitted, starts), key=lambda point: point.value)
     while True:
-        now = descended(now, lambda point: _stages(point, bounds), until, report)
-        blur = _blurred(now, bounds.angle_std)
-        if blur <= WORSE * now.price.blur or blur < 1.0:
-            return now
-        now = replace(now, price=replace(now.price, blur=blur))
+        now = _blurred(now, bounds.angle_std)
+        found = descended(now, lambda point: _stages(point, bounds), until, report)
+        if _blurred(found, bounds.angle_std).price.blur <= WORSE * now.price.blur:
+            return found
+        now = found
 
 
 def _stages(point: Point, bounds: Bounds) -> Iterator[Iterable[Move]]:
@@ -144,7 +144,8 @@ def searched_white(
     now = descended(at(blocks, entries), loud, time.process_time() + bounds.seconds, report)
     for look in range(2):
         before = taps
-        taps = residual_filter(blocks, at(blocks, now.entries).solution if before is not None else now.solution, least=STRONG)
+        plain = now if before is None else at(blocks, now.entries)
+        taps = residual_filter(blocks, plain.solution, least=STRONG)
         through = None if taps is None else filtered_blocks(blocks, taps)
         taps, after = (None, blocks) if through is None else (taps, through)
         if look and taps is None and before is None:
@@ -155,17 +156,17 @@ def searched_white(
     return now, taps
 
 
-def _blurred(point: Point, angle_std: tuple[float, ...]) -> float:
-    r"""Residual of the forced response from errors of the angle: the most that one line may hold.
+def _blurred(point: Point, angle_std: tuple[float, ...]) -> Point:
+    r"""With the residual of the forced response from errors of the angle in the price: the most that one line may hold.
 
     .. math:: \frac 12 \sum_{c,h} N_h \sum_j (j\, a_{c,h,j}\, \sigma_{\theta,h} / s_{c,h})^2
     """
     if not angle_std:
-        return 0.0
+        return point
     columns, total = point.entries.columns(), 0.0
     forced = point.entries.fixed[columns.modes] & (columns.factors[columns.modes] == PLAIN)
     for block, linear in zip(point.blocks, point.solution.linear, strict=True):
         squares = np.sum([part**2 for part in np.split(linear.coefficients, 2)], axis=0)[forced]
         share = (columns.turns[forced] * angle_std[block.hit]) ** 2 @ squares
         total += 0.5 * block.n_samples * float(share @ (1.0 / block.noise**2))
-    return total
+    return replace(point, price=replace(point.price, blur=max(total, point.price.blur)))
