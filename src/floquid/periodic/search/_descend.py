@@ -13,7 +13,6 @@ from floquid.periodic.search._moves import Move, unfolded
 from floquid.periodic.search._objective import Point
 
 TRIES = 12  # moves of one round that are fitted, the best predicted first: what comes later hardly ever helps
-FALL = 1e-3  # the least fall of J: below, two structures are one but for rounding
 SAME = 0.06  # the difference of two exponents times the period [1] within which structures count as one
 
 Stages = Callable[[Point], Iterator[Iterable[Move]]]
@@ -23,7 +22,7 @@ Log = Callable[[str], None]
 def descended(begin: Point, stages: Stages, until: float, log: Log = lambda _: None) -> Point:
     """The point from which no move lowers J; or the last one when the processor time `until` is over."""
     now = begin
-    seen = {key(now.entries)}
+    seen = {key(now)}
     while time.process_time() < until:
         better = _improved(now, stages, seen, until, log)
         if better is None:
@@ -35,7 +34,7 @@ def descended(begin: Point, stages: Stages, until: float, log: Log = lambda _: N
 def _improved(now: Point, stages: Stages, seen: set, until: float, log: Log) -> Point | None:
     for stage in stages(now):
         for move in sorted(stage, key=lambda move: move.change)[:TRIES]:
-            name = key(move.entries)
+            name = key(now, move.entries)
             if name in seen:
                 continue
             if time.process_time() > until:
@@ -43,7 +42,7 @@ def _improved(now: Point, stages: Stages, seen: set, until: float, log: Log) -> 
             seen.add(name)
             with suppress(np.linalg.LinAlgError):
                 trial = now.with_entries(move.entries).settled(below=now.value)
-                if trial.value < now.value - FALL:
+                if trial.value < now.value - move.least:
                     n = int((~trial.entries.fixed).sum())
                     log(f"{move.name}: predicted {move.change:.0f}, J {now.value:.0f} -> {trial.value:.0f}, {n} modes")
                     return trial
@@ -51,13 +50,14 @@ def _improved(now: Point, stages: Stages, seen: set, until: float, log: Log) -> 
     return None
 
 
-def key(entries: ModeParameters) -> tuple:
-    """A name of a structure, alike for all branches of a mode."""
+def key(point: Point, entries: ModeParameters | None = None) -> tuple:
+    """Name of the structure of a point or of other entries: one for all branches of a mode unless the speed wanders."""
+    entries = point.entries if entries is None else entries
     period, low = 2.0 * np.pi / entries.fundamental, unfolded(entries)
+    branches = np.rint(entries.exponents.imag * period / (2.0 * np.pi)) if point.wanders else np.zeros(len(low))
     widths = entries.bands[:, 1] - entries.bands[:, 0]
-    parts = [
-        (bool(entries.real[k]), round(low[k].real * period / SAME), round(low[k].imag * period / SAME), int(widths[k]))
-        for k in np.flatnonzero(~entries.fixed)
-    ]
-    steady = [(round(value, 6), int(factor)) for value, factor in zip(low.imag, entries.factors, strict=True)]
-    return tuple(sorted(parts)), tuple(sorted(s for s, held in zip(steady, entries.fixed, strict=True) if held))
+    decays, turns = np.rint(np.array([low.real, low.imag]) * period / SAME)
+    names = np.stack([entries.real, decays, turns, widths, branches], axis=1)
+    steady = np.stack([np.round(low.imag * period, 6), entries.factors], axis=1)
+    held = entries.fixed
+    return tuple(sorted(map(tuple, names[~held].tolist()))), tuple(sorted(map(tuple, steady[held].tolist())))

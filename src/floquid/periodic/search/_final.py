@@ -12,7 +12,6 @@ from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid.periodic.least_squares import (
     Block,
     ModeParameters,
-    RecordBlock,
     Residual,
     Solution,
     linearise,
@@ -22,7 +21,7 @@ from floquid.periodic.least_squares import (
     weighted,
 )
 from floquid.periodic.search._additions import EXPECTED, residuals
-from floquid.periodic.search._moves import difference
+from floquid.periodic.search._moves import nearest
 from floquid.periodic.search._objective import Point, quantile
 from floquid.periodic.search._peaks import Peak, strongest
 from floquid.periodic.search._tests import equality, spread_of_harmonics
@@ -129,13 +128,6 @@ def _uncrowded(entries: ModeParameters, padded: Integers) -> Integers:
     return padded
 
 
-def nearest(entries: ModeParameters, one: int, two: int) -> tuple[int, int, float]:
-    """Sign and whole fundamentals by which two pairs are nearest, and their distance over both decays."""
-    tried = [(sign, *difference(entries, one, two, sign)) for sign in (1, -1)]
-    sign, turns, gap = min(tried, key=lambda each: abs(each[2]))
-    return sign, turns, abs(gap) / (abs(entries.exponents[[one, two]].real).sum() + 1e-300)
-
-
 def named(point: Point) -> Point:
     """The same fit, each mode on the branch whose zeroth harmonic carries most of the energy of its shape.
 
@@ -152,18 +144,13 @@ def named(point: Point) -> Point:
     for entry in np.flatnonzero(~entries.fixed & ~entries.real):
         ties = np.flatnonzero(energy[entry] > (1.0 - 1e-6) * energy[entry].max())
         turns = exponents[entry].imag + both.harmonics[ties] * entries.fundamental
-        m = 0 if wanders(point) else int(both.harmonics[ties[np.argmax(np.abs(turns))]])
+        m = 0 if point.wanders else int(both.harmonics[ties[np.argmax(np.abs(turns))]])
         exponents[entry] += 1j * m * entries.fundamental
         bands[entry] -= m
         if exponents[entry].imag < 0.0:
             exponents[entry], bands[entry], flipped = exponents[entry].conjugate(), -bands[entry, ::-1], True
     renamed = replace(entries, exponents=exponents, bands=bands)
     return point.with_entries(renamed) if flipped else point.renamed(renamed)
-
-
-def wanders(point: Point) -> bool:
-    """True where the speed wanders."""
-    return any(isinstance(block, RecordBlock) and block.speeds is not None for block in point.blocks)
 
 
 def _without_steady(point: Point, bands: Integers) -> Point:
@@ -256,7 +243,7 @@ def _spread_of_branches(point: Point) -> Floats | None:
 
     At a constant speed all k are one mode; else the misfit tells them apart, more or less.
     """
-    if not wanders(point):
+    if not point.wanders:
         return None
     entries, omega = point.entries, point.entries.fundamental
     free = np.flatnonzero(~entries.fixed)

@@ -15,6 +15,7 @@ from floquid.periodic.search._units import Units, wide_of
 
 REACH = 4.0  # times its price up to which it is tried whether the other modes can do without one
 FARTHEST = 0.7  # decays that the halves of a mode start apart at most: scores mislead beyond the width of a line
+BETTER = 9.0  # the fall of J from which on a branch is the better one, three deviations: few harmonics hardly tell
 SPLIT = (0.05, 0.3)  # shares of the decay that two real multipliers start apart from their middle
 
 
@@ -25,6 +26,7 @@ class Move:
     change: float
     name: str
     entries: ModeParameters
+    least: float = 1e-3  # the fall of J from which on it is accepted: what is less is rounding
 
 
 def bands(point: Point, most: int) -> Iterator[Move]:
@@ -49,6 +51,24 @@ def removals(point: Point) -> Iterator[Move]:
     if len(weak) > 2:  # of two, half is one
         half = sorted(weak)[: (len(weak) + 1) // 2]
         yield Move(sum(change for change, _ in half), "remove half", without(entries, [entry for _, entry in half]))
+
+
+def shared(point: Point) -> Iterator[Move]:
+    """Without one mode, its harmonics given to all that fold next to it: found alone on their lines, it lies between."""
+    entries = point.entries
+    pairs = np.flatnonzero(~entries.fixed & ~entries.real).tolist()
+    for entry in pairs:
+        found, takers = entries.bands.copy(), 0
+        for other in pairs:
+            sign, turns, gap = nearest(entries, other, entry)
+            if other == entry or gap > 1.0:
+                continue
+            ends = sign * entries.bands[entry] + turns
+            found[other] = min(found[other, 0], ends.min()), max(found[other, 1], ends.max())
+            takers += 1
+        if takers > 1:
+            trial = without(replace(entries, bands=found), [entry])
+            yield Move(point.price.of(trial) - point.price.of(entries), "share", trial)
 
 
 def without(entries: ModeParameters, gone: list[int]) -> ModeParameters:
@@ -172,6 +192,13 @@ def difference(entries: ModeParameters, one: int, two: int, sign: int) -> tuple[
     return turns, gap - 1j * turns * entries.fundamental
 
 
+def nearest(entries: ModeParameters, one: int, two: int) -> tuple[int, int, float]:
+    """Sign and whole fundamentals by which two pairs are nearest, and their distance over both decays."""
+    tried = [(sign, *difference(entries, one, two, sign)) for sign in (1, -1)]
+    sign, turns, gap = min(tried, key=lambda each: abs(each[2]))
+    return sign, turns, abs(gap) / (abs(entries.exponents[[one, two]].real).sum() + 1e-300)
+
+
 def _places(entries: ModeParameters) -> dict[int, list[int]]:
     """The parameters of each free mode: its decay, and its frequency where it has one."""
     free, pairs = np.flatnonzero(~entries.fixed), np.flatnonzero(~entries.fixed & ~entries.real)
@@ -247,7 +274,7 @@ def branches(point: Point) -> Iterator[Move]:
             exponents, found = entries.exponents.copy(), entries.bands.copy()
             exponents[entry] += 1j * turns * entries.fundamental
             found[entry] -= turns
-            yield Move(0.0, "branch", replace(entries, exponents=exponents, bands=found))
+            yield Move(0.0, "branch", replace(entries, exponents=exponents, bands=found), BETTER)
 
 
 def unfolded(entries: ModeParameters) -> Complexes:

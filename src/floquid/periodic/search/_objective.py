@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid.periodic.least_squares import Block, Linear, ModeParameters, Solution, eliminated, weighted
+from floquid.periodic.least_squares import Block, Linear, ModeParameters, RecordBlock, Solution, eliminated, weighted
 
 LONGEST_STEP = 0.3  # the most that an exponent moves in a step [1/period]: beyond, one linearisation says nothing
 STEPS = 12  # steps of one fit: what is far from rest after so many is not near a minimum
@@ -118,6 +118,11 @@ class Point:
     def period(self) -> float:
         """The period [s]."""
         return 2.0 * np.pi / self.entries.fundamental
+
+    @property
+    def wanders(self) -> bool:
+        """True where the speed wanders."""
+        return any(isinstance(block, RecordBlock) and block.speeds is not None for block in self.blocks)
 
     def settled(self, *, below: float = np.inf, steps: int = STEPS, rest: float = REST) -> Point:
         """The least J near this point: Levenberg-Marquardt; given up where J will not come below a value."""

@@ -13,7 +13,6 @@ from floquid.periodic.least_squares import (
     PLAIN,
     Block,
     ModeParameters,
-    RecordBlock,
     filtered_blocks,
     least_noise,
     linearise,
@@ -21,7 +20,7 @@ from floquid.periodic.least_squares import (
 )
 from floquid.periodic.search._additions import additions
 from floquid.periodic.search._descend import descended
-from floquid.periodic.search._moves import Move, bands, branches, kinds, merges, on_axis, removals, splits
+from floquid.periodic.search._moves import Move, bands, branches, kinds, merges, on_axis, removals, shared, splits
 from floquid.periodic.search._objective import Point, Price
 
 SECONDS = 120.0  # processor time of a search [s] after which the least J is reported as it is
@@ -86,9 +85,9 @@ def _stages(point: Point, bounds: Bounds) -> Iterator[Iterable[Move]]:
     yield _bands(point, bounds)
     if not bounds.search:
         return
-    yield _modes(point, bounds)
-    if any(isinstance(block, RecordBlock) and block.speeds is not None for block in point.blocks):
+    if point.wanders:  # on a wrong branch a mode leaves lines of its own
         yield branches(point)
+    yield _modes(point, bounds)
     yield from additions(point, bounds.forced, bounds.most, room=_room(point, bounds), width=bounds.width)
 
 
@@ -102,6 +101,7 @@ def _modes(point: Point, bounds: Bounds) -> Iterator[Move]:
     if bounds.width is None:  # bands that are given stay: modes are not split or merged then
         yield from splits(point) if _room(point, bounds) else ()
         yield from merges(point, bounds.most)
+        yield from shared(point)
         yield from kinds(point)
 
 
