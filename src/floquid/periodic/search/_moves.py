@@ -259,8 +259,10 @@ def on_axis(entries: ModeParameters, within: float = np.inf) -> ModeParameters:
     off = np.abs(entries.exponents.imag - 0.5 * half * omega)
     those = np.flatnonzero(~entries.fixed & ~entries.real & (off <= within * np.abs(entries.exponents.real)))
     odd = half[those] % 2
-    top = np.floor(np.abs(entries.bands[those] + 0.5 * half[those, None]).max(axis=1) - 0.5 * odd).astype(np.int64)
-    bands = np.stack([-odd, top], axis=1)
+    turns = entries.bands[those] + 0.5 * half[those, None]
+    least = np.where(np.prod(turns, axis=1) <= 0.0, 0.5 * odd, np.abs(turns).min(axis=1, initial=np.inf))
+    ends = np.stack([least, np.abs(turns).max(axis=1, initial=0.0)], axis=1)
+    bands = np.floor(ends - 0.5 * odd[:, None]).astype(np.int64)
     decays = entries.exponents[those].real
     real = ModeParameters.made(decays, bands, omega, real=True, offsets=0.5 * odd)
     return without(entries, those.tolist()).joined(real)

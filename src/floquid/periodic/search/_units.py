@@ -6,7 +6,6 @@ import numpy as np
 
 from floquid._arrays import Floats, Integers, Mask
 from floquid.periodic.expansion import GAP
-from floquid.periodic.least_squares import ModeParameters
 from floquid.periodic.search._objective import Point
 
 ALIKE = 1e-7  # the share of a scaled column beyond the others below which it is not told from them
@@ -19,8 +18,10 @@ class Units:
         """Of a `point` and of the same exponents with `wide` bands."""
         entries = wide.entries
         self._columns, self._sines = entries.columns(), entries.sines()
-        self._bands, self._real, self._fixed = point.entries.bands.copy(), entries.real, entries.fixed
-        self._first = np.where(entries.real, -(entries.half_turns // 2), self._bands[:, 0])
+        self._bands, self._fixed = point.entries.bands.copy(), entries.fixed
+        # The other half of a real multiplier's shape is its conjugate.
+        first = np.where(entries.real, -(entries.half_turns // 2), self._bands[:, 0])
+        self._bands[:, 0] = np.maximum(self._bands[:, 0], first)
         self._price = point.price.harmonics(self._sines)
         self._n = len(self._sines)
         self.inside = _within(self._columns.modes, self._columns.harmonics, self._bands)
@@ -53,8 +54,7 @@ class Units:
             gains, (low, high) = self.gains(), bands[modes].T
             # A band ends at its last harmonic and goes on over weak ones: those between are paid for, too.
             beyond = np.maximum(low - harmonics, harmonics - high)
-            several = np.where(self._real[modes], self._first[modes], low) < high
-            last = ((harmonics == high) | ((harmonics == low) & ~self._real[modes])) & several
+            last = ((harmonics == high) | (harmonics == low)) & (low < high)
             change = np.full(self._n, np.inf)
             if grow:
                 out = free & ~self.inside & ~begin & (beyond >= 1) & (beyond <= GAP + 1)
@@ -68,7 +68,7 @@ class Units:
             mode, harmonic = int(modes[best]), int(harmonics[best])
             if self.inside[best]:
                 total += change[best]
-                bands[mode] += (1, 0) if harmonic == bands[mode, 0] and not self._real[mode] else (0, -1)
+                bands[mode] += (1, 0) if harmonic == bands[mode, 0] else (0, -1)
                 self._sweep(best)
                 continue
             bands[mode] = min(bands[mode, 0], harmonic), max(bands[mode, 1], harmonic)
@@ -121,7 +121,3 @@ def wide_of(point: Point, most: int) -> Point:
     """The point with some harmonics more on each side of every band."""
     return point.with_entries(point.entries.padded(GAP, most))
 
-
-def narrower_or_wider(entries: ModeParameters, bands: Integers) -> bool:
-    """True where bands differ from those of the entries."""
-    return bool((bands != entries.bands).any())
