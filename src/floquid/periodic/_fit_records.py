@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -199,17 +200,17 @@ def fit(
         begin = replace(begin, bands=np.tile([-harmonics, harmonics], (len(begin.exponents), 1)))
     report("fitting the samples")
     taps = None if lifted is None else lifted.whitening
+    price_of = partial(priced, floor=noise_floor, mode_alarm=mode_false_alarm, harmonic_alarm=harmonic_false_alarm)
     if search and not isinstance(samples.final[0], LiftedBlock):
-        point, taps = searched_white(samples.search, base.joined(begin), base, noise_floor, bounds, report)
+        point, taps = searched_white(samples.search, base.joined(begin), partial(price_of, base=base), bounds, report)
         samples = replace(samples, search=point.blocks, final=point.blocks)
     else:
         beside = base.picked([]) if samples.projected else base
-        floors, price = priced(samples.search, beside, noise_floor, most)
-        point = searched(Point.at(samples.search, floors, price, beside.joined(begin)), bounds, report)
+        first = Point.at(samples.search, *price_of(samples.search, beside), beside.joined(begin))
+        point = searched(first, bounds, report)
     if samples.projected:
         # The forced response was at every phase for itself: now it has the harmonics that are there.
-        floors, price = priced(samples.final, base, noise_floor, most)
-        point = Point.at(samples.final, floors, price, base.joined(point.entries))
+        point = Point.at(samples.final, *price_of(samples.final, base), base.joined(point.entries))
     found = finished(
         point,
         noise_floor,

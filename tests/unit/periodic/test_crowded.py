@@ -72,7 +72,7 @@ def test_errors_of_the_angle_raise_the_price_of_a_mode():
     values = 3.0 * np.cos(OMEGA * times)[None] + 0.1 * np.random.default_rng(0).standard_normal((1, 2000))
     blocks = (RecordBlock(times=times, values=values, hit=0, rows=np.array([0]), noise=np.array([0.1])),)
     base = forced_entries([1.0], OMEGA)
-    point = Point.at(blocks, *priced(blocks, base, 1e-12, 3), base)
+    point = Point.at(blocks, *priced(blocks, base, 1e-12, mode_alarm=1e-9, harmonic_alarm=1e-6), base)
     bounds = Bounds(most=3, modes=4, forced=np.zeros(0))
     one, other = (searched(point, replace(bounds, angle_std=std)).price for std in ((), (1e-2,)))
     more = other.mode(real=False) - one.mode(real=False)

@@ -5,7 +5,15 @@ from floquid.periodic.least_squares._estimates import chosen_bands, estimates_of
 from floquid.periodic.least_squares._lifted_block import KeptCycles, LiftedBlock
 from floquid.periodic.least_squares._parameters import ModeParameters, forced_entries
 from floquid.periodic.least_squares._record_block import GappyBlock, RecordBlock
-from floquid.periodic.least_squares._residual import Residual, least_noise, noise_left, noise_of, residuals_of, squared
+from floquid.periodic.least_squares._residual import (
+    FLOOR,
+    Residual,
+    least_noise,
+    noise_left,
+    noise_of,
+    residuals_of,
+    squared,
+)
 from floquid.periodic.least_squares._sample_block import (
     PLAIN,
     SPEED,

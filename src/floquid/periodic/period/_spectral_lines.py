@@ -125,7 +125,7 @@ def find_lines(
     """
     if shortened:
         blocks = [_alive(block) for block in blocks]
-    point = lines(blocks, beside(_fundamental(blocks)), MOST_LINES, report)
+    point = lines(blocks, beside(_fundamental(blocks)), MOST_LINES, false_alarm, report)
     blocks = with_noise_left(point.blocks, point.solution)
     return _lines_of(blocks, solve(blocks, weighted(blocks, point.entries, point.solution.linear), hold=True))
 

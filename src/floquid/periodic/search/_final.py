@@ -94,7 +94,7 @@ def _padded(point: Point, most: int) -> Point:
     entries = point.entries
     if not (~entries.fixed).any():
         return point
-    loose = replace(point, price=replace(point.price, false_alarm=LOOSE * point.price.phases))
+    loose = replace(point, price=replace(point.price, harmonic_alarm=LOOSE))
     _, bands = Units(loose, wide_of(point, most)).stepwise(grow=True, shrink=False)
     wide = replace(entries, bands=bands)
     wide = replace(wide, bands=_uncrowded(wide, wide.padded(PADDING, most).bands))
@@ -274,4 +274,3 @@ def kept_with(found: SearchResult, kept: Mask, solution: Solution) -> SearchResu
     places = tuple(int(kept[:entry].sum()) for entry in found.clusters)
     solution = replace(solution, further=found.solution.further)
     return replace(found, solution=solution, bands=found.bands[kept], clusters=places)
-

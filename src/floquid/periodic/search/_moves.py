@@ -54,7 +54,7 @@ def removals(point: Point) -> Iterator[Move]:
 
 
 def shared(point: Point) -> Iterator[Move]:
-    """Without one mode, its harmonics given to all that fold next to it: found alone on their lines, it lies between."""
+    """Without one mode, its harmonics given to all that fold next to it: it may lie between modes that share lines."""
     entries = point.entries
     pairs = np.flatnonzero(~entries.fixed & ~entries.real).tolist()
     for entry in pairs:

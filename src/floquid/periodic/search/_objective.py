@@ -10,10 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 
-from floquid._arrays import Floats
+from floquid._arrays import Floats, Mask
 from floquid.periodic.least_squares import Block, Linear, ModeParameters, RecordBlock, Solution, eliminated, weighted
 
 LONGEST_STEP = 0.3  # the most that an exponent moves in a step [1/period]: beyond, one linearisation says nothing
@@ -27,21 +28,20 @@ FASTEST = 12.0  # the decay or growth over a period, in nepers, beyond which a c
 
 @dataclass(frozen=True, slots=True)
 class Price:
-    """Price of the units of a structure: the gain that noise exceeds in the best of those looked at."""
+    """Price of the units of a structure: the gain that noise exceeds with the probabilities that the user allows."""
 
-    false_alarm: float  # the number of false units that may be taken for true by chance
+    mode_alarm: float  # the probability that noise passes for an exponent
+    harmonic_alarm: float  # the probability that noise passes for a harmonic, of a mode or forced
     rows: int  # channels of all hits
-    samples: int  # of all hits: the modes that may be looked at
-    phases: int  # harmonics that may be looked at
-    blur: float = 0.0  # what errors of the shaft's angle leave on one line, over the noise
+    blur: float = 0.0  # residual on one line from errors of the shaft's angle, over the noise
 
     def mode(self, *, real: bool) -> float:
         """Price of an exponent."""
-        return quantile(1 if real else 2, self.false_alarm / self.samples) + self.blur
+        return quantile(1 if real else 2, self.mode_alarm) + self.blur
 
-    def harmonics(self, sines: Floats) -> Floats:
+    def harmonics(self, sines: Mask) -> Floats:
         """Price of each column, one with a sine or one without (columns,)."""
-        both = [quantile(self.rows * parts, self.false_alarm / self.phases) for parts in (1, 2)]
+        both = [quantile(self.rows * parts, self.harmonic_alarm) for parts in (1, 2)]
         return np.where(sines, both[1], both[0])
 
     def of(self, entries: ModeParameters) -> float:
@@ -51,6 +51,7 @@ class Price:
         return float(exponents + self.harmonics(entries.sines()).sum())
 
 
+@lru_cache(maxsize=256)
 def quantile(degrees: int, probability: float) -> float:
     """Gain that noise exceeds with a probability, of so many numbers."""
     from scipy.special import chdtri
@@ -134,7 +135,8 @@ class Point:
             if trial is None:
                 break
             gain, now = now.misfit - trial.misfit, trial
-            if gain < rest or (done >= 2 and now.value - (steps - done) * gain > below):  # the first steps may gain little
+            # The first steps may gain little: they are not yet the rate at which J falls.
+            if gain < rest or (done > 1 and now.value - (steps - done) * gain > below):
                 break
         return now
 

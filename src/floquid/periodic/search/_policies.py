@@ -10,6 +10,7 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid.periodic.least_squares import (
+    FLOOR,
     PLAIN,
     Block,
     ModeParameters,
@@ -24,7 +25,6 @@ from floquid.periodic.search._moves import Move, bands, branches, kinds, merges,
 from floquid.periodic.search._objective import Point, Price
 
 SECONDS = 120.0  # processor time of a search [s] after which the least J is reported as it is
-FALSE_ALARM = 1e-3  # false modes, and false harmonics of each mode, expected of a search in noise alone
 LOUD = 100.0  # times the price from which on a line cannot be a peak of noise that is coloured
 NEAR_AXIS = 0.1  # decays from an axis within which a pair may start as a real multiplier
 STRONG = 0.1  # the sum of squared correlations from which on the residual is coloured noise and no weak mode
@@ -46,12 +46,12 @@ class Bounds:
     seconds: float = SECONDS
 
 
-def priced(blocks: Sequence[Block], base: ModeParameters, floor: float, most: int) -> tuple[tuple[Floats, ...], Price]:
+def priced(
+    blocks: Sequence[Block], base: ModeParameters, floor: float, *, mode_alarm: float, harmonic_alarm: float
+) -> tuple[tuple[Floats, ...], Price]:
     """The least noise of each block beside what is fitted in any case, and the price of units."""
     floors = tuple(least_noise(blocks, linearise(blocks, base), floor))
-    rows = sum(len(block.rows) for block in blocks)
-    samples = max(sum(block.n_samples for block in blocks if block.hit == hit) for hit in {b.hit for b in blocks})
-    return floors, Price(FALSE_ALARM, rows, samples, 2 * most + 1)
+    return floors, Price(mode_alarm, harmonic_alarm, sum(len(block.rows) for block in blocks))
 
 
 def searched(first: Point, bounds: Bounds, report: Log = lambda _: None) -> Point:
@@ -109,10 +109,12 @@ def _room(point: Point, bounds: Bounds) -> bool:
     return int((~point.entries.fixed).sum()) < bounds.modes
 
 
-def lines(blocks: Sequence[Block], base: ModeParameters, most: int, report: Log = lambda _: None) -> Point:
+def lines(
+    blocks: Sequence[Block], base: ModeParameters, most: int, false_alarm: float, report: Log = lambda _: None
+) -> Point:
     """The lines of one LTI system, each exponential alone, beside what is fitted in any case."""
     nothing = np.zeros(0)
-    floors, price = priced(blocks, base, 1e-12, 0)
+    floors, price = priced(blocks, base, FLOOR, mode_alarm=false_alarm, harmonic_alarm=false_alarm)
 
     def stages(point: Point) -> Iterator[Iterable[Move]]:
         yield removals(point)
@@ -123,7 +125,11 @@ def lines(blocks: Sequence[Block], base: ModeParameters, most: int, report: Log 
 
 
 def searched_white(
-    blocks: tuple[Block, ...], entries: ModeParameters, base: ModeParameters, floor: float, bounds: Bounds, report: Log
+    blocks: tuple[Block, ...],
+    entries: ModeParameters,
+    price_of: Callable[[tuple[Block, ...]], tuple[tuple[Floats, ...], Price]],
+    bounds: Bounds,
+    report: Log,
 ) -> tuple[Point, Floats | None]:
     """The search of samples after the filter that whitens the residual, and that filter (channels, taps).
 
@@ -138,8 +144,7 @@ def searched_white(
             yield from additions(point, bounds.forced, bounds.most, loud=LOUD, width=bounds.width)
 
     def at(samples: tuple[Block, ...], start: ModeParameters) -> Point:
-        floors, price = priced(samples, base, floor, bounds.most)
-        return Point.at(samples, floors, price, start).settled()
+        return Point.at(samples, *price_of(samples), start).settled()
 
     now = descended(at(blocks, entries), loud, time.process_time() + bounds.seconds, report)
     for look in range(2):

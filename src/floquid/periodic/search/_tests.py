@@ -67,5 +67,3 @@ def period_step(solution: Solution) -> tuple[float, float] | None:
     if not variance > 0.0 or not information[-1, -1] > 0.0:
         return None
     return -float(inverse[-1] @ gradient) / entries.fundamental, float(np.sqrt(variance)) / entries.fundamental
-
-

@@ -120,4 +120,3 @@ def _pivoted(table: Floats, k: int, sign: float) -> None:
 def wide_of(point: Point, most: int) -> Point:
     """The point with some harmonics more on each side of every band."""
     return point.with_entries(point.entries.padded(GAP, most))
-
