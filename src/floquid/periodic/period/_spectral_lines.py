@@ -126,8 +126,8 @@ def find_lines(
     if shortened:
         blocks = [_alive(block) for block in blocks]
     point = lines(blocks, beside(_fundamental(blocks)), MOST_LINES, false_alarm, report)
-    blocks = with_noise_left(point.blocks, point.solution)
-    return _lines_of(blocks, solve(blocks, weighted(blocks, point.entries, point.solution.linear), hold=True))
+    noisy = with_noise_left(point.blocks, point.solution)
+    return _lines_of(noisy, solve(noisy, weighted(noisy, point.entries, point.solution.linear), hold=True))
 
 
 def lines_by(

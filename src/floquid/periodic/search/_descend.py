@@ -16,22 +16,22 @@ TRIES = 12  # moves of one round that are fitted, the best predicted first: what
 SAME = 0.06  # the difference of two exponents times the period [1] within which structures count as one
 
 Stages = Callable[[Point], Iterator[Iterable[Move]]]
-Log = Callable[[str], None]
+Report = Callable[[str], None]
 
 
-def descended(begin: Point, stages: Stages, until: float, log: Log = lambda _: None) -> Point:
+def descended(begin: Point, stages: Stages, until: float, report: Report = lambda _: None) -> Point:
     """The point from which no move lowers J; or the last one when the processor time `until` is over."""
     now = begin
     seen = {key(now)}
     while time.process_time() < until:
-        better = _improved(now, stages, seen, until, log)
+        better = _improved(now, stages, seen, until, report)
         if better is None:
             break
         now = better
     return now
 
 
-def _improved(now: Point, stages: Stages, seen: set, until: float, log: Log) -> Point | None:
+def _improved(now: Point, stages: Stages, seen: set, until: float, report: Report) -> Point | None:
     for stage in stages(now):
         for move in sorted(stage, key=lambda move: move.change)[:TRIES]:
             name = key(now, move.entries)
@@ -43,10 +43,8 @@ def _improved(now: Point, stages: Stages, seen: set, until: float, log: Log) -> 
             with suppress(np.linalg.LinAlgError):
                 trial = now.with_entries(move.entries).settled(below=now.value)
                 if trial.value < now.value - move.least:
-                    n = int((~trial.entries.fixed).sum())
-                    log(f"{move.name}: predicted {move.change:.0f}, J {now.value:.0f} -> {trial.value:.0f}, {n} modes")
+                    report(f"searching for modes: {int((~trial.entries.fixed).sum())} found")
                     return trial
-                log(f"    not {move.name}: predicted {move.change:.0f}, came to {trial.value - now.value:.0f}")
     return None
 
 
