@@ -208,6 +208,7 @@ def fit(
         beside = base.picked([]) if samples.projected else base
         first = Point.at(samples.search, *price_of(samples.search, beside), beside.joined(begin))
         point = searched(first, bounds, report)
+    endless = point.unfinished
     if samples.projected:
         # The forced response was at every phase for itself: now it has the harmonics that are there.
         point = Point.at(samples.final, *price_of(samples.final, base), base.joined(point.entries))
@@ -225,8 +226,9 @@ def fit(
     if auto:
         found = without_noise(found)
     _check_order(found, order)
+    endless = search and (endless or int((~found.solution.entries.fixed).sum()) >= MOST_ENTRIES)
     return _result(
-        found, records, clocks, samples, taps, free_period=free_period, noise_floor=noise_floor, search=search
+        found, records, clocks, samples, taps, free_period=free_period, noise_floor=noise_floor, endless=endless
     )
 
 
@@ -292,11 +294,11 @@ def _result(
     *,
     free_period: bool,
     noise_floor: float,
-    search: bool,
+    endless: bool,
 ) -> Fit:
     """The result of a search, as it is reported."""
     names = records[0].channels
-    colour = (coloured(found) if taps is None else ()) + (_endless(found) if search else ())
+    colour = (coloured(found) if taps is None else ()) + ((_ended(found),) if endless else ())
     try:
         model = model_of(
             found.blocks,
@@ -342,11 +344,9 @@ def _interference(found: SearchResult, channels: Sequence[Channel]) -> tuple[Fin
     return tuple(notes)
 
 
-def _endless(found: SearchResult) -> tuple[Finding, ...]:
-    """Finding that the search ended by its limit alone; empty where it did not."""
-    if int((~found.solution.entries.fixed).sum()) < MOST_ENTRIES:
-        return ()
-    return (warning("search_ended", number=MOST_ENTRIES),)
+def _ended(found: SearchResult) -> Finding:
+    """Finding that the search ended by its limits of modes or of time alone."""
+    return warning("search_ended", number=int((~found.solution.entries.fixed).sum()))
 
 
 def _most(records: Sequence[Record], period: float) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,12 +24,11 @@ def descended(begin: Point, stages: Stages, until: float, report: Report = lambd
     """The point from which no move lowers J; or the last one when the processor time `until` is over."""
     now = begin
     seen = {key(now)}
-    while time.process_time() < until:
+    while True:
         better = _improved(now, stages, seen, until, report)
         if better is None:
-            break
+            return replace(now, unfinished=time.process_time() > until)
         now = better
-    return now
 
 
 def _improved(now: Point, stages: Stages, seen: set, until: float, report: Report) -> Point | None:

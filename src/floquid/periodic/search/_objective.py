@@ -68,6 +68,7 @@ class Point:
     price: Price
     solution: Solution
     misfit: float  # J without the price
+    unfinished: bool = False  # whether the budget of time was over before J was least
 
     @property
     def entries(self) -> ModeParameters:
