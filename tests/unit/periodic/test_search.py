@@ -42,8 +42,10 @@ def test_units_gain_and_lose_what_fits_with_and_without_them_do():
         mode, harmonic = int(columns.modes[column]), int(columns.harmonics[column])
         low, high = now.entries.bands[mode]
         ends = now.entries.bands.copy()
-        ends[mode] = (harmonic + (harmonic == low), high - (harmonic == high)) if inside else (
-            min(low, harmonic), max(high, harmonic)
+        ends[mode] = (
+            (harmonic + (harmonic == low), high - (harmonic == high))
+            if inside
+            else (min(low, harmonic), max(high, harmonic))
         )
         if np.ptp(ends[mode]) != np.ptp([low, high]) + (-1 if inside else 1):
             continue  # farther off, the harmonics between come with it
@@ -63,6 +65,7 @@ def test_what_bands_are_predicted_to_lower_j_by_they_lower_it_by():
         other = now.with_entries(move.entries)
         assert move.change < 0.0
         assert other.value <= now.value + move.change + 5.0
+    assert not list(bands(point([-0.06 + 0.9j, -0.05 + 2.2j], [(-1, 1), (-1, 1)]).settled(), MOST))
 
 
 def test_a_structure_is_one_on_every_branch():
@@ -93,3 +96,4 @@ def test_the_search_ends_at_the_modes_whatever_it_starts_from(seed):
         assert not found.unfinished
         assert found.value <= best.value + 1.0
         assert len(found.entries.exponents) == 2
+        assert np.ptp(found.entries.bands, axis=1).max() <= 2  # the truth has three harmonics of each
