@@ -15,6 +15,8 @@ from floquid.periodic.search._units import Units, wide_of
 
 REACH = 4.0  # times its price up to which it is tried whether the other modes can do without one
 FARTHEST = 0.7  # decays that the halves of a mode start apart at most: scores mislead beyond the width of a line
+REDUCED = 1e-3  # share of the price saved that bands made anew are taken to lower J by: their misfit is not predicted
+ROUNDING = 1e-7  # fundamentals within which two exponents are one, whatever their deviations
 BETTER = 9.0  # the fall of J from which on a branch is the better one, three deviations: few harmonics hardly tell
 SPLIT = (0.05, 0.3)  # shares of the decay that two real multipliers start apart from their middle
 
@@ -36,6 +38,14 @@ def bands(point: Point, most: int) -> Iterator[Move]:
         change, found = Units(point, wide).stepwise(grow=grow, shrink=shrink)
         if (found != point.entries.bands).any():
             yield Move(change, name, replace(point.entries, bands=found))
+    # Where modes share lines, exponents follow the noise until no shared harmonic can be done without.
+    seeds = np.clip(0, *point.entries.bands.T)
+    seeds = np.where(point.entries.fixed[:, None], point.entries.bands, np.stack([seeds, seeds], axis=1))
+    _, found = Units(point, wide, seeds).stepwise(grow=True, shrink=False)
+    trial = replace(point.entries, bands=found)
+    fewer = point.price.of(trial) - point.price.of(point.entries)
+    if fewer < 0.0:
+        yield Move(REDUCED * fewer, "bands anew", trial)
 
 
 def removals(point: Point) -> Iterator[Move]:
@@ -152,6 +162,8 @@ def merges(point: Point, most: int) -> Iterator[Move]:
                 ties[k, a], ties[k, b] = -1.0, (1.0, float(sign))[k]
             parts = np.array([gap.real, gap.imag])[: len(ties)]
             score = float(parts @ solved(ties @ covariance @ ties.T, parts[:, None])[:, 0]) if rows else np.inf
+            # Without noise, deviations are smaller than what rounding moves exponents by.
+            score = 0.0 if abs(gap) < ROUNDING * entries.fundamental else score
             merged = _merged(entries, one, two, sign, turns)
             if np.ptp(merged.bands[one]) > 2 * most:
                 continue

@@ -14,11 +14,11 @@ ALIKE = 1e-7  # the share of a scaled column beyond the others below which it is
 class Units:
     """Columns of a fit with wide bands, of which those of narrower bands are in."""
 
-    def __init__(self, point: Point, wide: Point) -> None:
-        """Of a `point` and of the same exponents with `wide` bands."""
+    def __init__(self, point: Point, wide: Point, bands: Integers | None = None) -> None:
+        """Of a `point` and of the same exponents with `wide` bands; those in are its own, or the `bands` given."""
         entries = wide.entries
         self._columns, self._sines = entries.columns(), entries.sines()
-        self._bands, self._fixed = point.entries.bands.copy(), entries.fixed
+        self._bands, self._fixed = np.array(point.entries.bands if bands is None else bands), entries.fixed
         # The other half of a real multiplier's shape is its conjugate.
         first = np.where(entries.real, -(entries.half_turns // 2), self._bands[:, 0])
         self._bands[:, 0] = np.maximum(self._bands[:, 0], first)
