@@ -62,7 +62,8 @@ def searched(first: Point, bounds: Bounds, report: Log = lambda _: None) -> Poin
     until = time.process_time() + bounds.seconds
 
     def fitted(start: Point) -> Point:
-        return descended(start.settled(), lambda point: iter([_bands(point, bounds)]), until, report)
+        # Bands first at the exponents as they are: with wide ones, modes that share lines follow the noise.
+        return descended(start, lambda point: iter([_bands(point, bounds)]), until, report).settled()
 
     starts = [first]
     if bounds.search and bounds.width is None:
