@@ -239,6 +239,10 @@ def kinds(point: Point) -> Iterator[Move]:
         off = value.imag - 0.5 * half * omega
         variance = max(covariance[place[int(entry)][1], place[int(entry)][1]], 1e-300)
         score = off**2 / variance
+        # A real multiplier beside a pair next to the same axis may be but the rest of one that both stand for.
+        twins = free[entries.real[free] & (np.rint(2.0 * entries.offsets[free]) % 2 == half % 2)]
+        for twin in twins.tolist() if abs(off) < abs(value.real) else ():
+            yield Move(-0.1, "one real", without(entries, [int(entry), twin]).joined(on_axis(entries.picked([entry]))))
         if score > point.price.mode(real=False):
             continue
         rest = without(entries, [int(entry)])
