@@ -27,7 +27,6 @@ from floquid.inputs._samples import samples_of as samples_of
 from floquid.inputs._scores import Limits as Limits
 from floquid.inputs._scores import Scores as Scores
 from floquid.inputs._scores import gain_of as gain_of
-from floquid.inputs._scores import limit_of as limit_of
 from floquid.inputs._scores import period_step as period_step
 from floquid.inputs._scores import phase_step as phase_step
 from floquid.inputs._search import nearly_one as nearly_one

@@ -9,11 +9,12 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.fit import chi2_limit
 from floquid.inputs._bands import grown, narrowed
 from floquid.inputs._joint import fitted_together
 from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
-from floquid.inputs._scores import Limits, limit_of
+from floquid.inputs._scores import Limits
 from floquid.inputs._solver import Linearisation, covariance, linearise, solve
 from floquid.inputs._start import bare_mode
 
@@ -127,7 +128,7 @@ def real_for(pairs: Sequence[InputMode], omega: float) -> tuple[list[tuple[float
 
 def noise_explains(rise: float, fewer: int) -> bool:
     """True where a rise of χ² is what so many numbers less cost by noise alone, or a fall more than more gain by it."""
-    return rise < (np.sign(fewer) * limit_of(abs(fewer), REAL) if fewer else 0.0)
+    return rise < (np.sign(fewer) * chi2_limit(abs(fewer), REAL) if fewer else 0.0)
 
 
 def _half(mode: InputMode, omega: float) -> float:

@@ -8,12 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from floquid.fit import chi2_limit
 from floquid.inputs._bands import ROUGH, centred, grown, narrowed, with_reach
 from floquid.inputs._joint import chosen_together, fitted_together
 from floquid.inputs._modes import InputMode
 from floquid.inputs._real import with_pairs, with_real_ones
 from floquid.inputs._samples import Samples
-from floquid.inputs._scores import Limits, Scores, driven_by_noise, limit_of
+from floquid.inputs._scores import Limits, Scores, driven_by_noise
 from floquid.inputs._solver import LAGS, Linearisation, solve
 from floquid.inputs._start import bare_mode, candidates
 
@@ -68,7 +69,7 @@ def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = l
     bare = [bare_mode(samples, exponent, turns, turns) for exponent in poles[shares >= STABLE].tolist()]
     first = chosen_together(samples, bare, limits.modes)
     now = _found(samples, first, limits, report)
-    doubtful = samples.n_samples * now.colour > limit_of(LAGS, limits.mode_alarm) or any(m.real for m in now.modes)
+    doubtful = samples.n_samples * now.colour > chi2_limit(LAGS, limits.mode_alarm) or any(m.real for m in now.modes)
     if len(first) > 1 and len(now.modes) > 1 and (_crowded(samples, now) or (len(first) <= FEW and doubtful)):
         # Two poles may stand for one mode of strong harmonics: begin with one, too.
         other = _found(samples, first[:1], replace(limits, modes=min(limits.modes, FEW)), report)
@@ -163,7 +164,7 @@ def _with_one_more(samples: Samples, now: Linearisation, limits: Limits) -> Line
             trial = grown(samples, trial, limits)
             more = trial.n_parameters - now.n_parameters
             gained = trial.log_likelihood - now.log_likelihood
-            sure = gained > limit_of(max(more, 1), limits.mode_alarm)
+            sure = gained > chi2_limit(max(more, 1), limits.mode_alarm)
             if sure and trial.criterion - now.criterion > noise:
                 return trial
         if len(tried) == (TRIED if noise == -np.inf else 1):
@@ -178,7 +179,7 @@ def without_needless(samples: Samples, now: Linearisation, limits: Limits) -> Li
         weights, rises = Scores(samples, now).of_modes(), []
         for number, mode in enumerate(now.modes):
             own = now.n_parameters / len(now.modes)
-            if mode.exponent in refused or weights[number] > DOUBTFUL * limit_of(int(own) + 1, limits.mode_alarm):
+            if mode.exponent in refused or weights[number] > DOUBTFUL * chi2_limit(int(own) + 1, limits.mode_alarm):
                 continue
             less = [other for k, other in enumerate(now.modes) if k != number]
             trial = solve(samples, less, now.direct, iterations=ROUGH, rough=True)
@@ -186,11 +187,11 @@ def without_needless(samples: Samples, now: Linearisation, limits: Limits) -> Li
         if not rises:
             return now
         rise, number, trial = min(rises, key=lambda one: one[:2])
-        limit = limit_of(max(now.n_parameters - trial.n_parameters, 1), limits.mode_alarm)
+        limit = chi2_limit(max(now.n_parameters - trial.n_parameters, 1), limits.mode_alarm)
         if rise > HOPELESS * limit:
             return now
         trial = grown(samples, trial, limits)
-        limit = limit_of(max(now.n_parameters - trial.n_parameters, 1), limits.mode_alarm)
+        limit = chi2_limit(max(now.n_parameters - trial.n_parameters, 1), limits.mode_alarm)
         more = now.criterion - trial.criterion
         if now.log_likelihood - trial.log_likelihood > limit and more > driven_by_noise(Scores(samples, trial), limits):
             refused.add(now.modes[number].exponent)

@@ -43,6 +43,7 @@ from floquid.periodic.search import (
     finished,
     period_step,
     priced,
+    read_apart,
     searched,
     searched_white,
 )
@@ -225,6 +226,7 @@ def fit(
         raise IdentificationError(_no_mode(found))
     if auto:
         found = without_noise(found)
+    found = read_apart(found)
     _check_order(found, order)
     endless = search and (endless or int((~found.solution.entries.fixed).sum()) >= MOST_ENTRIES)
     return _result(
@@ -307,6 +309,7 @@ def _result(
             channels=names,
             provenance=Provenance.merge(tuple(record.provenance for record in records)),
             most=samples.most,
+            as_read=found.as_read,
         )
     except IdentificationError as error:
         raise IdentificationError(" ".join([str(error), *texts(colour)])) from None

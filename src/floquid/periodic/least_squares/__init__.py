@@ -15,6 +15,8 @@ from floquid.periodic.least_squares._residual import (
     squared,
 )
 from floquid.periodic.least_squares._sample_block import (
+    EVEN,
+    ODD,
     PLAIN,
     SPEED,
     SPEED_RATE,
@@ -24,5 +26,15 @@ from floquid.periodic.least_squares._sample_block import (
     complex_of,
     reals_of,
 )
-from floquid.periodic.least_squares._solver import AT_REST, Linear, Solution, eliminated, linearise, solve, weighted
+from floquid.periodic.least_squares._solver import (
+    ASUNDER,
+    AT_REST,
+    Linear,
+    Solution,
+    eliminated,
+    linearise,
+    normal,
+    solve,
+    weighted,
+)
 from floquid.periodic.least_squares._whitening import filtered_blocks, residual_filter, through

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
+from floquid.fit import chi2_limit
 from floquid.periodic.least_squares import (
-    Block,
     ModeParameters,
-    Residual,
-    Solution,
     linearise,
     noise_of,
     shapes,
@@ -22,20 +19,20 @@ from floquid.periodic.least_squares import (
 )
 from floquid.periodic.search._additions import EXPECTED, residuals
 from floquid.periodic.search._moves import nearest
-from floquid.periodic.search._objective import Point, quantile
-from floquid.periodic.search._peaks import Peak, strongest
+from floquid.periodic.search._near_axis import with_axis_pairs
+from floquid.periodic.search._objective import FARTHEST, Point
+from floquid.periodic.search._peaks import strongest
+from floquid.periodic.search._result import SearchResult
 from floquid.periodic.search._tests import equality, spread_of_harmonics
 from floquid.periodic.search._units import Units, wide_of
 
 AT_REST = 1e-5  # the fall of J below which a fit that is reported is at rest: 0.003 deviations
 LOOSE = 0.02  # probability at which noise may pass for a harmonic that is fitted: one that is missing does more harm
 PADDING = 1  # harmonics fitted beyond each end of a band: weak ones that are left out bend the exponents
-FARTHEST = 0.5  # the most that a wider band may move an exponent [1/period]: beyond, the multiplier is another one
 
 CROWDED = 0.15
 """The difference of two exponents, over both decays, within which lines that both have tell hardly anything apart."""
 
-BESIDE = 1.0  # the same within which what one mode lacks bends the other
 CLUSTER = 1e-3  # the probability of harmonics of one exponent at which a mode is taken for several
 SURE = 1e-6  # the probability of a harmonic at which its exponent is asked for
 AXIS = 4.0  # deviations within which a decay is zero
@@ -48,19 +45,6 @@ NEAREST = 3  # branches on each side that a speed which wanders is asked about
 BETTER = 9.0  # the fall of the misfit within which no branch is the better one
 
 
-@dataclass(frozen=True, slots=True)
-class SearchResult:
-    """The blocks with the noise of the residual, the fit, the bands that are reported, and the strongest peak left."""
-
-    blocks: tuple[Block, ...]
-    solution: Solution
-    bands: Integers
-    peak: Peak
-    residuals: tuple[Residual, ...]  # residual of each block
-    misfit: float = 1.0  # the rms of the residual over the level of its noise, the largest of all channels and hits
-    clusters: tuple[int, ...] = ()  # the entries whose harmonics do not have one exponent
-
-
 def finished(
     point: Point, floor: float, *, most: int, choose: bool = True, search: bool, steady: bool, free_period: bool
 ) -> SearchResult:
@@ -71,7 +55,9 @@ def finished(
     if free_period:
         # Not before: with modes still missing, the period would go to where it takes what is theirs.
         point = point.with_entries(replace(point.entries, free_period=True)).settled(rest=AT_REST, steps=30)
+    hidden: dict[float, float] = {}
     if search:
+        point, bands, hidden = with_axis_pairs(point, bands)
         point = _without_steady(point, bands) if steady else point
         point = _without_undetermined(point)
     noise = noise_of(point.blocks, point.solution, floor)
@@ -86,7 +72,8 @@ def finished(
     rest = residuals(point)
     peak = strongest(blocks, rest, point.period, EXPECTED)
     shares = [noise[block.rows, block.hit] / each.noise for block, each in zip(blocks, rest, strict=True)]
-    return SearchResult(blocks, solution, bands, peak, tuple(rest), float(np.max(np.concatenate(shares))), clusters)
+    misfit = float(np.max(np.concatenate(shares)))
+    return SearchResult(blocks, solution, bands, peak, tuple(rest), misfit, clusters, hidden=hidden)
 
 
 def _padded(point: Point, most: int) -> Point:
@@ -156,7 +143,7 @@ def named(point: Point) -> Point:
 def _without_steady(point: Point, bands: Integers) -> Point:
     """With the pairs of one harmonic that do not decay held as steady tones: interference, and no modes."""
     entries = point.entries
-    free = np.flatnonzero(~entries.fixed)
+    free = np.flatnonzero(entries.leading)
     std = np.sqrt(np.maximum(np.diag(point.solution.covariance()), 0.0))[: len(free)]
     decay, duration = np.abs(entries.exponents[free].real), max(block.last for block in point.blocks)
     steady = (decay < AXIS * std) & (duration * (decay + 2.0 * std) < LASTING)
@@ -171,7 +158,7 @@ def _without_steady(point: Point, bands: Integers) -> Point:
 def _without_undetermined(point: Point) -> Point:
     """With the modes whose own information is next to none held: they would ruin the deviations of all others."""
     entries = point.entries
-    free = np.flatnonzero(~entries.fixed)
+    free = np.flatnonzero(entries.leading)
     if len(free) < 2:  # the last one stays
         return point
     std = np.sqrt(np.maximum(np.diag(point.solution.covariance()), 0.0))[: len(free)]
@@ -185,15 +172,11 @@ def _without_undetermined(point: Point) -> Point:
 
 
 def _clusters(point: Point) -> tuple[tuple[int, ...], Floats]:
-    """The modes whose harmonics do not have one exponent, and what is added to the variances of the parameters.
-
-    Modes that fold next to their own conjugate have the variances that they would have with its harmonics fitted, too.
-    Those are not fitted: the cost is even about the point between both, and the fit would end there.
-    """
+    """The modes whose harmonics do not have one exponent, and what is added to the variances of the parameters."""
     from scipy.special import chdtrc
 
     solution, entries = point.solution, point.entries
-    free = np.flatnonzero(~entries.fixed)
+    free = np.flatnonzero(entries.leading)
     turns = free[~entries.real[free]]
     further = np.zeros(len(solution.gradient))
     if not len(free):
@@ -202,9 +185,6 @@ def _clusters(point: Point) -> tuple[tuple[int, ...], Floats]:
     def parameters(entry: int) -> list[int]:
         return [int(np.searchsorted(free, entry)), len(free) + int(np.searchsorted(turns, entry))]
 
-    for entry, off, wide in _mirrored(entries):
-        more = np.diag(linearise(point.blocks, wide).covariance()) - np.diag(solution.covariance())
-        further[parameters(entry)] = np.clip(more[parameters(entry)], 0.0, (2.0 * off) ** 2)
     sure = _sure(point)
     found = []
     for entry in turns.tolist():
@@ -217,23 +197,7 @@ def _clusters(point: Point) -> tuple[tuple[int, ...], Floats]:
 
 def _sure(point: Point) -> Mask:
     """Mask of columns that noise does not explain: the exponents of others say nothing (columns,)."""
-    return Units(point, point).gains() > quantile(2 * point.price.rows, SURE)
-
-
-def _mirrored(entries: ModeParameters) -> Iterator[tuple[int, float, ModeParameters]]:
-    """Each mode that folds next to its own conjugate, how far it is from the point between both, and wider entries.
-
-    Those have the conjugate's harmonics in its band: each line then holds both. Left out of the one, they move the
-    other, but hardly beyond it.
-    """
-    for entry in np.flatnonzero(~entries.fixed & ~entries.real):
-        value, (low, high) = entries.exponents[entry], entries.bands[entry]
-        half = round(2.0 * value.imag / entries.fundamental)
-        off = abs(value.imag - 0.5 * half * entries.fundamental)
-        if off < BESIDE * abs(value.real) and low + high != -half:
-            bands = entries.bands.copy()
-            bands[entry] = min(low, -half - high), max(high, -half - low)
-            yield int(entry), off, replace(entries, bands=bands)
+    return Units(point, point).gains() > chi2_limit(2 * point.price.rows, SURE)
 
 
 def _spread_of_branches(point: Point) -> Floats | None:
@@ -246,7 +210,7 @@ def _spread_of_branches(point: Point) -> Floats | None:
     if not point.wanders:
         return None
     entries, omega = point.entries, point.entries.fundamental
-    free = np.flatnonzero(~entries.fixed)
+    free = np.flatnonzero(entries.leading)
     turning = free[~entries.real[free]]
     further, start = np.zeros(len(point.solution.gradient)), tuple(p.coefficients for p in point.solution.linear)
     for number, entry in enumerate(turning):
@@ -267,10 +231,3 @@ def _spread_of_branches(point: Point) -> Floats | None:
         further[int(np.searchsorted(free, entry))] = np.abs(gaps.real).max() ** 2
         further[len(free) + number] = apart**2
     return further
-
-
-def kept_with(found: SearchResult, kept: Mask, solution: Solution) -> SearchResult:
-    """The result with some entries, and their fit: fixed ones are no parameters, what was added to variances stays."""
-    places = tuple(int(kept[:entry].sum()) for entry in found.clusters)
-    solution = replace(solution, further=found.solution.further)
-    return replace(found, solution=solution, bands=found.bands[kept], clusters=places)

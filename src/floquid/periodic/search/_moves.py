@@ -9,8 +9,9 @@ from itertools import combinations
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
+from floquid.fit import inverse_root, scaled_inverse, wald_rise
 from floquid.periodic.least_squares import ModeParameters
-from floquid.periodic.search._objective import Point, solved
+from floquid.periodic.search._objective import SINGULAR, Point
 from floquid.periodic.search._units import Units, wide_of
 
 REACH = 4.0  # times its price up to which it is tried whether the other modes can do without one
@@ -18,7 +19,6 @@ FARTHEST = 0.7  # decays that the halves of a mode start apart at most: scores m
 REDUCED = 1e-3  # share of the price saved that bands made anew are taken to lower J by: their misfit is not predicted
 ROUNDING = 1e-7  # fundamentals within which two exponents are one, whatever their deviations
 BETTER = 9.0  # the fall of J from which on a branch is the better one, three deviations: few harmonics hardly tell
-SPLIT = (0.05, 0.3)  # shares of the decay that two real multipliers start apart from their middle
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,7 @@ def _loss(point: Point, entry: int) -> float:
     total = 0.0
     for block, linear, low in zip(point.blocks, point.solution.linear, point.floors, strict=True):
         coefficients, spread = linear.coefficients[columns], linear.inverse[np.ix_(columns, columns)]
-        rise = np.sum(coefficients * solved(spread, coefficients), axis=0)
+        rise = np.sum((inverse_root(spread, SINGULAR).T @ coefficients) ** 2, axis=0)
         level = linear.left + block.n_samples * low**2
         total += block.n_samples * float(np.log1p(np.maximum(rise, 0.0) / level).sum())
     return total
@@ -127,7 +127,7 @@ def splits(point: Point) -> Iterator[Move]:
 
 def _gain(matrix: Floats, gradient: Floats) -> tuple[Floats, float]:
     """A Gauss-Newton step, and what it takes off the misfit."""
-    step = solved(matrix, gradient[:, None])[:, 0]
+    step = scaled_inverse(matrix, SINGULAR) @ gradient
     return step, float(step @ gradient)
 
 
@@ -149,19 +149,18 @@ def merges(point: Point, most: int) -> Iterator[Move]:
     free = np.flatnonzero(~entries.fixed)
     if len(free) < 2:  # a pair
         return
-    covariance = _covariance(point)
+    covariance = scaled_inverse(point.solution.information, SINGULAR)
     place = _places(entries)
     for one, two in combinations(free.tolist(), 2):
         if entries.real[one] != entries.real[two] or entries.offsets[one] != entries.offsets[two]:
             continue
         for sign in (1, -1) if not entries.real[one] else (1,):
             turns, gap = difference(entries, one, two, sign)
-            rows = place[one] + place[two]
             ties = np.zeros((len(place[one]), len(covariance)))
             for k, (a, b) in enumerate(zip(place[one], place[two], strict=True)):
                 ties[k, a], ties[k, b] = -1.0, (1.0, float(sign))[k]
             parts = np.array([gap.real, gap.imag])[: len(ties)]
-            score = float(parts @ solved(ties @ covariance @ ties.T, parts[:, None])[:, 0]) if rows else np.inf
+            score = wald_rise(parts, ties @ covariance @ ties.T)
             # Without noise, deviations are smaller than what rounding moves exponents by.
             score = 0.0 if abs(gap) < ROUNDING * entries.fundamental else score
             merged = _merged(entries, one, two, sign, turns)
@@ -218,70 +217,6 @@ def _places(entries: ModeParameters) -> dict[int, list[int]]:
     for k, entry in enumerate(pairs):
         place[int(entry)].append(len(free) + k)
     return place
-
-
-def _covariance(point: Point) -> Floats:
-    """Of the real parameters, by the curvature of J."""
-    matrix = point.solution.information
-    return solved(matrix, np.eye(len(matrix)))
-
-
-def kinds(point: Point) -> Iterator[Move]:
-    """A pair near an axis as one real multiplier or two; two real ones as a pair."""
-    entries, omega = point.entries, point.entries.fundamental
-    free = np.flatnonzero(~entries.fixed)
-    if not len(free):
-        return
-    covariance, place = _covariance(point), _places(entries)
-    for entry in free[~entries.real[free]]:
-        value = entries.exponents[entry]
-        half = round(2.0 * value.imag / omega)
-        off = value.imag - 0.5 * half * omega
-        variance = max(covariance[place[int(entry)][1], place[int(entry)][1]], 1e-300)
-        score = off**2 / variance
-        # A real multiplier beside a pair next to the same axis may be but the rest of one that both stand for.
-        twins = free[entries.real[free] & (np.rint(2.0 * entries.offsets[free]) % 2 == half % 2)]
-        for twin in twins.tolist() if abs(off) < abs(value.real) else ():
-            yield Move(-0.1, "one real", without(entries, [int(entry), twin]).joined(on_axis(entries.picked([entry]))))
-        if score > point.price.mode(real=False):
-            continue
-        rest = without(entries, [int(entry)])
-        one = rest.joined(on_axis(entries.picked([entry])))
-        yield Move(min(score + point.price.of(one) - point.price.of(entries), -0.1), "real", one)
-        for share in SPLIT:
-            decays = [value.real * (1.0 + sign * share) for sign in (-1, 1)]
-            single = one.picked([len(one.exponents) - 1])
-            both = [replace(single, exponents=np.array([decay], complex)) for decay in decays]
-            yield Move(-0.05, "two real", rest.joined(both[0]).joined(both[1]))
-    for one, two in combinations(free[entries.real[free]].tolist(), 2):
-        if entries.offsets[one] != entries.offsets[two]:
-            continue
-        a, b = place[one][0], place[two][0]
-        gap = abs((entries.exponents[one] - entries.exponents[two]).real)
-        if gap**2 > point.price.mode(real=False) * (covariance[a, a] + covariance[b, b] - 2.0 * covariance[a, b]):
-            continue
-        odd = round(2.0 * entries.offsets[one]) % 2
-        middle = 0.5 * (entries.exponents[one] + entries.exponents[two]).real
-        turn = 0.5 * odd * omega + max(0.3 * gap, 1e-3 * omega)
-        top = int(max(entries.bands[k, 1] + entries.offsets[k] for k in (one, two)) - 0.5 * odd)
-        pair = ModeParameters.made([complex(middle, turn)], [(-top - odd, top)], omega)
-        yield Move(-0.05, "pair of real", without(entries, [one, two]).joined(pair))
-
-
-def on_axis(entries: ModeParameters, within: float = np.inf) -> ModeParameters:
-    """The entries with each pair nearer to an axis than some of its decays as a real multiplier."""
-    omega = entries.fundamental
-    half = np.rint(2.0 * entries.exponents.imag / omega).astype(np.int64)
-    off = np.abs(entries.exponents.imag - 0.5 * half * omega)
-    those = np.flatnonzero(~entries.fixed & ~entries.real & (off <= within * np.abs(entries.exponents.real)))
-    odd = half[those] % 2
-    turns = entries.bands[those] + 0.5 * half[those, None]
-    least = np.where(np.prod(turns, axis=1) <= 0.0, 0.5 * odd, np.abs(turns).min(axis=1, initial=np.inf))
-    ends = np.stack([least, np.abs(turns).max(axis=1, initial=0.0)], axis=1)
-    bands = np.floor(ends - 0.5 * odd[:, None]).astype(np.int64)
-    decays = entries.exponents[those].real
-    real = ModeParameters.made(decays, bands, omega, real=True, offsets=0.5 * odd)
-    return without(entries, those.tolist()).joined(real)
 
 
 def branches(point: Point) -> Iterator[Move]:

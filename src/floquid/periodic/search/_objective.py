@@ -10,17 +10,28 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 
 import numpy as np
 
 from floquid._arrays import Floats, Mask
-from floquid.periodic.least_squares import Block, Linear, ModeParameters, RecordBlock, Solution, eliminated, weighted
+from floquid.fit import Ends, Normal, Steps, chi2_limit, levenberg_marquardt
+from floquid.periodic.least_squares import (
+    ASUNDER,
+    Block,
+    Linear,
+    ModeParameters,
+    RecordBlock,
+    Solution,
+    eliminated,
+    normal,
+    weighted,
+)
 
 LONGEST_STEP = 0.3  # the most that an exponent moves in a step [1/period]: beyond, one linearisation says nothing
 STEPS = 12  # steps of one fit: what is far from rest after so many is not near a minimum
 SINGULAR = 1e-11  # the share of the largest eigenvalue of a scaled matrix below which a direction says nothing
 HOPE = 2.0  # times the fall that a full step promises beyond which no fit goes
+FARTHEST = 0.5  # the most that a wider band may move an exponent [1/period]: beyond, the multiplier is another one
 REST = 0.1  # the fall of J below which a fit that is only compared is at rest: a deviation of a third
 NEAR = 0.02  # fundamentals within which a column starts with the coefficients of one that there was
 FASTEST = 12.0  # the decay or growth over a period, in nepers, beyond which a column is a glitch and no mode
@@ -37,11 +48,11 @@ class Price:
 
     def mode(self, *, real: bool) -> float:
         """Price of an exponent."""
-        return quantile(1 if real else 2, self.mode_alarm) + self.blur
+        return chi2_limit(1 if real else 2, self.mode_alarm) + self.blur
 
     def harmonics(self, sines: Mask) -> Floats:
         """Price of each column, one with a sine or one without (columns,)."""
-        both = [quantile(self.rows * parts, self.harmonic_alarm) for parts in (1, 2)]
+        both = [chi2_limit(self.rows * parts, self.harmonic_alarm) for parts in (1, 2)]
         return np.where(sines, both[1], both[0])
 
     def of(self, entries: ModeParameters) -> float:
@@ -49,14 +60,6 @@ class Price:
         free = ~entries.fixed
         exponents = sum(self.mode(real=bool(real)) for real in entries.real[free])
         return float(exponents + self.harmonics(entries.sines()).sum())
-
-
-@lru_cache(maxsize=256)
-def quantile(degrees: int, probability: float) -> float:
-    """Gain that noise exceeds with a probability, of so many numbers."""
-    from scipy.special import chdtri
-
-    return float(chdtri(degrees, probability))
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +79,11 @@ class Point:
         return self.solution.entries
 
     @property
+    def cost(self) -> float:
+        """J without the price: structures that are fitted do not change."""
+        return self.misfit
+
+    @property
     def value(self) -> float:
         """J."""
         return self.misfit + self.price.of(self.entries)
@@ -88,33 +96,20 @@ class Point:
     def moved(self, step: Floats) -> Point | None:
         """After a step in the parameters; None where a column has no samples to be seen in."""
         entries = self.entries.moved(step)
-        if np.abs(entries.exponents.real).max(initial=0.0) * self.period > FASTEST:
+        apart = np.sqrt(np.abs(entries.all_squares).max(initial=0.0))
+        if apart * self.period > ASUNDER or np.abs(entries.exponents.real).max(initial=0.0) * self.period > FASTEST:
             return None
         start = tuple(own.coefficients for own in self.solution.linear)
         return _weighted(self.blocks, self.floors, self.price, entries, eliminated(self.blocks, entries, start))
 
     def with_entries(self, entries: ModeParameters) -> Point:
         """The same samples with other modes."""
-        linear = eliminated(self.blocks, entries, self._carried(entries))
+        linear = eliminated(self.blocks, entries, carried(self.solution, entries))
         return _weighted(self.blocks, self.floors, self.price, entries, linear)
 
     def renamed(self, entries: ModeParameters) -> Point:
         """The same fit with entries whose columns are the same functions in the same order."""
         return replace(self, solution=replace(self.solution, entries=entries))
-
-    def _carried(self, entries: ModeParameters) -> tuple[Floats, ...]:
-        """First values of the coefficients of other entries: those of the columns of nearest rate."""
-        old, new = self.entries.columns(), entries.columns()
-        if not (len(old.modes) and len(new.modes)):
-            return tuple(np.zeros((2 * len(new.modes), len(block.rows))) for block in self.blocks)
-        apart = np.abs(np.subtract.outer(new.rates, old.rates))
-        apart[new.factors[new.modes][:, None] != old.factors[old.modes]] = np.inf
-        nearest = np.argmin(apart, axis=1)
-        known = apart[np.arange(len(nearest)), nearest] < NEAR * entries.fundamental
-        # Of columns that are nearest to the same one, the first has its coefficients.
-        known &= np.isin(np.arange(len(nearest)), np.unique(np.where(known, nearest, -1), return_index=True)[1])
-        place = np.concatenate([nearest, nearest + len(old.modes)])
-        return tuple(np.where(np.tile(known, 2)[:, None], p.coefficients[place], 0.0) for p in self.solution.linear)
 
     @property
     def period(self) -> float:
@@ -127,53 +122,48 @@ class Point:
         return any(isinstance(block, RecordBlock) and block.speeds is not None for block in self.blocks)
 
     def settled(self, *, below: float = np.inf, steps: int = STEPS, rest: float = REST) -> Point:
-        """The least J near this point: Levenberg-Marquardt; given up where J will not come below a value."""
-        now, damping = self, 1e-6
-        for done in range(steps):
-            if not len(now.solution.gradient) or now.value - HOPE * now.promised > below:
-                break
-            trial, damping = _descended(now, damping)
-            if trial is None:
-                break
-            gain, now = now.misfit - trial.misfit, trial
+        """The least J near this point; given up where J will not come below a value."""
+
+        def enough(now: Point, gains: list[float]) -> bool:
             # The first steps may gain little: they are not yet the rate at which J falls.
-            if gain < rest or (done > 1 and now.value - (steps - done) * gain > below):
-                break
-        return now
+            slow = len(gains) > 2 and now.value - (steps + 1 - len(gains)) * gains[-1] > below
+            return slow or now.value - HOPE * now.promised > below
+
+        if below < np.inf and enough(self, []):
+            return self
+        of = Steps(
+            normal=lambda now: normal(now.solution),
+            moved=Point.moved,
+            limited=_limited,
+            enough=enough if below < np.inf else None,
+        )
+        return levenberg_marquardt(self, of, Ends(steps=steps, gain=rest))
 
     @property
     def promised(self) -> float:
         """The fall of J by a full step, to first order."""
-        matrix, gradient = self.solution.information, self.solution.gradient
         total = sum(block.n_samples * len(block.rows) for block in self.blocks)
-        gain = float(gradient @ solved(matrix, gradient[:, None])[:, 0]) / total
+        gain = normal(self.solution).promised(self.solution.gradient) / total
         return -total * float(np.log1p(-min(gain, 0.999)))
 
 
-def solved(matrix: Floats, target: Floats) -> Floats:
-    """The least-squares solution of a symmetric system, scaled; directions that say nothing are left out."""
-    size = np.diag(matrix)
-    scale = np.sqrt(np.where(size > 0.0, size, np.inf))
-    if not np.isfinite(scale).any():
-        return np.zeros_like(target)
-    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    good = values > SINGULAR * max(values[-1], 1e-300)
-    return ((vectors[:, good] / values[good]) @ (vectors[:, good].T @ (target / scale[:, None]))) / scale[:, None]
+def _limited(now: Point, step: Floats, _normal: Normal, _damping: float) -> Floats:
+    return step * min(1.0, LONGEST_STEP / (now.entries.longest(step) + np.finfo(float).tiny))
 
 
-def _descended(now: Point, damping: float) -> tuple[Point | None, float]:
-    """One step that lowers J, and the damping for the next; None where there is none."""
-    size = np.diag(now.solution.information)
-    scale = np.sqrt(np.where(size > 1e-18 * size.max(), size, np.inf))
-    system, gradient = now.solution.information / np.outer(scale, scale), now.solution.gradient / scale
-    for _ in range(6):
-        step = np.linalg.solve(system + damping * np.eye(len(scale)), gradient) / scale
-        step = step * min(1.0, LONGEST_STEP / (np.abs(step).max() * now.period + 1e-300))
-        trial = now.moved(step)
-        if trial is not None and trial.misfit <= now.misfit + 1e-7:
-            return trial, max(0.1 * damping, 1e-12)
-        damping = max(10.0 * damping, 1e-3)
-    return None, damping
+def carried(solution: Solution, entries: ModeParameters) -> tuple[Floats, ...]:
+    """First values of the coefficients of other entries: those of the columns of nearest rate."""
+    old, new = solution.entries.columns(), entries.columns()
+    if not (len(old.modes) and len(new.modes)):
+        return tuple(np.zeros((2 * len(new.modes), own.coefficients.shape[1])) for own in solution.linear)
+    apart = np.abs(np.subtract.outer(new.rates, old.rates))
+    apart[new.factors[new.modes][:, None] != old.factors[old.modes]] = np.inf
+    nearest = np.argmin(apart, axis=1)
+    known = apart[np.arange(len(nearest)), nearest] < NEAR * entries.fundamental
+    # Of columns that are nearest to the same one, the first has its coefficients.
+    known &= np.isin(np.arange(len(nearest)), np.unique(np.where(known, nearest, -1), return_index=True)[1])
+    place = np.concatenate([nearest, nearest + len(old.modes)])
+    return tuple(np.where(np.tile(known, 2)[:, None], own.coefficients[place], 0.0) for own in solution.linear)
 
 
 def _weighted(

@@ -21,12 +21,11 @@ from floquid.periodic.least_squares import (
 )
 from floquid.periodic.search._additions import additions
 from floquid.periodic.search._descend import descended
-from floquid.periodic.search._moves import Move, bands, branches, kinds, merges, on_axis, removals, shared, splits
+from floquid.periodic.search._moves import Move, bands, branches, merges, removals, shared, splits
 from floquid.periodic.search._objective import Point, Price
 
 SECONDS = 120.0  # processor time of a search [s] after which the least J is reported as it is
 LOUD = 100.0  # times the price from which on a line cannot be a peak of noise that is coloured
-NEAR_AXIS = 0.1  # decays from an axis within which a pair may start as a real multiplier
 STRONG = 0.1  # the sum of squared correlations from which on the residual is coloured noise and no weak mode
 WORSE = 1.1  # the growth of the price by errors of the angle at which a search goes on with it
 
@@ -55,21 +54,11 @@ def priced(
 
 
 def searched(first: Point, bounds: Bounds, report: Log = lambda _: None) -> Point:
-    """The descent of J from a structure, errors of the shaft's angle being no modes.
-
-    Pairs next to an axis may be real multipliers: where J is less with these, it starts from them.
-    """
+    """The descent of J from a structure, errors of the shaft's angle being no modes."""
     until = time.process_time() + bounds.seconds
 
-    def fitted(start: Point) -> Point:
-        # Bands first at the exponents as they are: with wide ones, modes that share lines follow the noise.
-        return descended(start, lambda point: iter([_bands(point, bounds)]), until, report).settled()
-
-    starts = [first]
-    if bounds.search and bounds.width is None:
-        real = on_axis(first.entries, NEAR_AXIS)
-        starts += [first.with_entries(real)] if real.real[~real.fixed].any() else []
-    now = min(map(fitted, starts), key=lambda point: point.value)
+    # Bands first at the exponents as they are: with wide ones, modes that share lines follow the noise.
+    now = descended(first, lambda point: iter([_bands(point, bounds)]), until, report).settled()
     while True:
         now = _blurred(now, bounds.angle_std)
         found = descended(now, lambda point: _stages(point, bounds), until, report)
@@ -103,7 +92,6 @@ def _modes(point: Point, bounds: Bounds) -> Iterator[Move]:
         yield from splits(point) if _room(point, bounds) else ()
         yield from merges(point, bounds.most)
         yield from shared(point)
-        yield from kinds(point)
 
 
 def _room(point: Point, bounds: Bounds) -> bool:

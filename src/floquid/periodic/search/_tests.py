@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from floquid._arrays import Floats, Indices, Mask
+from floquid.fit import scaled_inverse, score_gain
 from floquid.periodic.least_squares import Solution
-from floquid.periodic.search._objective import solved
+from floquid.periodic.search._objective import SINGULAR
 
 
 def equality(solution: Solution, entry: int, sure: Mask) -> tuple[float, int]:
@@ -14,7 +15,7 @@ def equality(solution: Solution, entry: int, sure: Mask) -> tuple[float, int]:
     columns, ties = np.flatnonzero((solution.entries.columns().modes == entry) & sure), solution.entries.ties()
     if len(columns) < 2:
         return 0.0, 0
-    gain = score_gain(solution, _parted(ties, columns)) - score_gain(solution, ties)
+    gain = _gain(solution, _parted(solution, columns)) - _gain(solution, ties)
     return max(gain, 0.0), 2 * (len(columns) - 1)
 
 
@@ -23,9 +24,9 @@ def spread_of_harmonics(solution: Solution, entry: int, sure: Mask) -> tuple[flo
 
     .. math:: s^2 = \sum_m w_m (\lambda_m - \bar\lambda)^2 \Big/ \sum_m w_m, \qquad w_m = 1/\operatorname{var} \lambda_m
     """
-    columns, ties = np.flatnonzero((solution.entries.columns().modes == entry) & sure), solution.entries.ties()
-    gradient, _, information = solution.by_column.tied(_parted(ties, columns))
-    inverse, count = solved(information, np.eye(len(information))), len(columns)
+    columns = np.flatnonzero((solution.entries.columns().modes == entry) & sure)
+    gradient, _, information = solution.by_column.tied(_parted(solution, columns))
+    inverse, count = scaled_inverse(information, SINGULAR), len(columns)
     step, variance = inverse @ gradient, np.maximum(np.diag(inverse), 1e-300)
     found = []
     for part in (slice(-2 * count, -count), slice(-count, None)):
@@ -35,23 +36,18 @@ def spread_of_harmonics(solution: Solution, entry: int, sure: Mask) -> tuple[flo
     return found[0], found[1]
 
 
-def _parted(ties: Floats, columns: Indices) -> Floats:
+def _parted(solution: Solution, columns: Indices) -> Floats:
     """The ties of the other modes, then a decay of its own for each of these columns, then a frequency."""
-    count, rows = ties.shape[1] // 2, np.eye(ties.shape[1])
+    ties, count = solution.entries.ties(), len(solution.entries.sines())
+    rows = np.eye(ties.shape[1])
     others = ties[~ties[:, np.concatenate([columns, count + columns])].any(axis=1)]
     return np.concatenate([others, rows[columns], rows[count + columns]])
 
 
-def score_step(solution: Solution, ties: Floats) -> tuple[Floats, float]:
-    """The Gauss-Newton step of parameters that tie columns as given, and what it takes off the cost."""
-    gradient, matrix, _ = solution.by_column.tied(ties)
-    step = solved(matrix, gradient[:, None])[:, 0]
-    return step, float(step @ gradient)
-
-
-def score_gain(solution: Solution, ties: Floats) -> float:
+def _gain(solution: Solution, ties: Floats) -> float:
     """Reduction of the cost by a Gauss-Newton step of parameters that tie columns as given."""
-    return score_step(solution, ties)[1]
+    gradient, matrix, _ = solution.by_column.tied(ties)
+    return score_gain(gradient, matrix, SINGULAR)
 
 
 def period_step(solution: Solution) -> tuple[float, float] | None:
@@ -60,9 +56,12 @@ def period_step(solution: Solution) -> tuple[float, float] | None:
     turns, n = entries.columns().turns, len(entries.columns().modes)
     if entries.free_period or not turns.any():
         return None
-    ties = np.concatenate([entries.ties(), np.concatenate([np.zeros(n), turns])[None]])
+    ties = entries.ties()
+    turned = np.zeros((1, ties.shape[1]))
+    turned[0, n : 2 * n] = turns
+    ties = np.concatenate([ties, turned])
     gradient, _, information = solution.by_column.tied(ties)
-    inverse = solved(information, np.eye(len(information)))
+    inverse = scaled_inverse(information, SINGULAR)
     variance = float(inverse[-1, -1])
     if not variance > 0.0 or not information[-1, -1] > 0.0:
         return None

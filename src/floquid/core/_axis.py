@@ -1,0 +1,69 @@
+"""Exponents of a pair near an axis, read from their mean and squared half-difference."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from floquid._arrays import Complexes, Floats
+
+NARROW, WIDE = 1.0, 4.0
+"""Deviations of q within which a reading must hold the truth by as many of its own: up to all that is called near."""
+
+
+def readings(
+    mean: float, square: float, covariance: Floats, half_turns: int, fundamental: float
+) -> tuple[Complexes, Complexes]:
+    r"""Read two exponents and their deviations from their mean and squared half-difference, both (2,) [1/s].
+
+    .. math:: \lambda = \sigma \pm \sqrt q + \tfrac{i \kappa \omega}{2}
+
+    They are two real multipliers where q > 0 and a pair of conjugates about the axis where q < 0. A square root has no
+    slope at zero, so its deviation is that of the interval: the largest change of it that k deviations of q make either
+    way, over k, for k between 1 and 4. Where such an interval of q holds zero, both parts have a deviation, which
+    covers both kinds. Two real multipliers far apart that are correlated less than σ and q have deviations of their
+    own.
+
+    Parameters
+    ----------
+    mean, square
+        σ [1/s] and q [1/s²].
+    covariance
+        That of σ and q (2, 2).
+    half_turns, fundamental
+        κ, and ω [rad/s].
+    """
+    root = np.sqrt(complex(square))
+    exponents = np.asarray(mean + np.array([root, -root]) + 0.5j * half_turns * fundamental, np.complex128)
+    sigma, s = (float(np.sqrt(max(variance, 0.0))) for variance in np.diag(covariance))
+    real = _apart(square, covariance)
+    if real is None:
+        real = np.full(2, np.hypot(sigma, _deviation(square, s)))
+    return exponents, np.asarray(real + 1j * _deviation(-square, s), np.complex128)
+
+
+def _apart(square: float, covariance: Floats) -> Floats | None:
+    """Deviations of two real multipliers each for itself (2,); None where mean and difference are told better.
+
+    One that is seen well beside one that is hardly seen is hardly correlated with it; its mean with that other one is
+    correlated with their difference. Nearer to the edge neither is Gaussian.
+    """
+    if not square > WIDE * float(np.sqrt(max(covariance[1, 1], 0.0))):
+        return None
+    slope = 0.5 / np.sqrt(square)
+    turn = np.array([[1.0, slope], [1.0, -slope]])
+    own = turn @ covariance @ turn.T
+    both = [abs(float(each[0, 1])) / max(float(np.sqrt(each[0, 0] * each[1, 1])), 1e-300) for each in (covariance, own)]
+    return np.sqrt(np.maximum(np.diag(own), 0.0)) if both[0] > both[1] else None
+
+
+def _deviation(square: float, s: float) -> float:
+    """The largest of |√(q ± k s) - √q|/k, roots of what is negative being zero, for k from `NARROW` to `WIDE`."""
+    if s == 0.0:
+        return 0.0
+
+    def change(by: float) -> float:
+        return abs(float(np.sqrt(max(square + by * s, 0.0)) - np.sqrt(max(square, 0.0)))) / abs(by)
+
+    # Upwards it is largest where q + k s = -q, if q is negative, and downwards where q - k s = 0.
+    up, down = (min(max(k, NARROW), WIDE) for k in (-2.0 * square / s, square / s))
+    return max(change(up), change(-down))
