@@ -97,3 +97,13 @@ def test_the_search_ends_at_the_modes_whatever_it_starts_from(seed):
         assert found.value <= best.value + 1.0
         assert len(found.entries.exponents) == 2
         assert np.ptp(found.entries.bands, axis=1).max() <= 2  # the truth has three harmonics of each
+
+
+def test_copies_of_a_mode_are_one_where_nothing_but_rounding_is_left():
+    """Three copies within 1e-10 of each other took a little more out of the rounding than they cost."""
+    truth = [-0.06 + 0.9j, -0.05 + 2.2j]
+    whole = point(truth, [(-1, 1), (-1, 1)], noise=0.0).settled()
+    copies = point([truth[0], truth[0] + 1j * OMEGA, truth[1]], [(-1, 0), (0, 0), (-1, 1)], noise=0.0).settled()
+    assert copies.misfit == whole.misfit
+    found = searched(copies, Bounds(most=MOST, modes=8, forced=np.zeros(0)))
+    assert len(found.entries.exponents) == 2
