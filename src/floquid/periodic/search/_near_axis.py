@@ -65,9 +65,13 @@ def with_axis_pairs(point: Point, bands: Integers) -> tuple[Point, Integers, dic
                 break
             tried.add(key)
             entries, found = point.entries, _solved(point, trial.entries)
+            states = sum(1 if entries.real[place] else 2 for place in trial.places)
+            # Where the two of a pair run away they are not told apart: one of them may do.
+            fewer = _single(point.with_entries(trial.entries)) if found is None and states == 2 else None
+            if fewer is not None:
+                point, bands = fewer, trial.bands[:-1]
             if found is None:
                 continue
-            states = sum(1 if entries.real[place] else 2 for place in trial.places)
             if states == 1:
                 place = trial.places[0]
                 if not _needed(found, point):
