@@ -9,7 +9,7 @@ from tests.unit.periodic.test_constrain import OMEGA, records, system
 from floquid.periodic.least_squares import ModeParameters, forced_entries, record_blocks
 from floquid.periodic.search import Bounds, Point, priced, searched
 from floquid.periodic.search._descend import key
-from floquid.periodic.search._moves import bands, merges, splits
+from floquid.periodic.search._moves import bands, merges, splits, together
 from floquid.periodic.search._units import Units, wide_of
 
 MOST = 6
@@ -102,8 +102,9 @@ def test_the_search_ends_at_the_modes_whatever_it_starts_from(seed):
 def test_copies_of_a_mode_are_one_where_nothing_but_rounding_is_left():
     """Three copies within 1e-10 of each other took a little more out of the rounding than they cost."""
     truth = [-0.06 + 0.9j, -0.05 + 2.2j]
-    whole = point(truth, [(-1, 1), (-1, 1)], noise=0.0).settled()
-    copies = point([truth[0], truth[0] + 1j * OMEGA, truth[1]], [(-1, 0), (0, 0), (-1, 1)], noise=0.0).settled()
-    assert copies.misfit == whole.misfit
-    found = searched(copies, Bounds(most=MOST, modes=8, forced=np.zeros(0)))
-    assert len(found.entries.exponents) == 2
+    parts = [truth[0], truth[0] + 1j * OMEGA, truth[1], truth[1].conjugate()], [(-1, 0), (0, 0), (0, 1), (0, 1)]
+    copies = point(*parts, noise=0.0)
+    assert copies.at_floor
+    assert together(copies).entries.bands[copies.entries.fixed.sum() :].tolist() == [[-1, 1], [-1, 1]]
+    noisy = point(*parts)
+    assert together(noisy) is noisy

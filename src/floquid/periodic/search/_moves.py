@@ -183,6 +183,25 @@ def merges(point: Point, most: int) -> Iterator[Move]:
         yield Move(total, "merge several", without(every, [two for _, two, *_ in steps]))
 
 
+def together(point: Point) -> Point:
+    """The fit with copies of a mode as one, where that leaves but rounding: what copies take out of it is no evidence.
+
+    J falls by copies there, as what is left is not white.
+    """
+    free = np.flatnonzero(~point.entries.fixed).tolist()
+    for one, two in combinations(free, 2):
+        entries = point.entries
+        if entries.real[one] != entries.real[two] or entries.offsets[one] != entries.offsets[two]:
+            continue
+        for sign in (1, -1) if not entries.real[one] else (1,):
+            turns, gap = difference(entries, one, two, sign)
+            if abs(gap) < ROUNDING * entries.fundamental:
+                trial = point.with_entries(_merged(entries, one, two, sign, turns)).settled()
+                if trial.at_floor:
+                    return together(trial)
+    return point
+
+
 def _widened(entries: ModeParameters, one: int, two: int, sign: int, turns: int) -> ModeParameters:
     """The entries with the band of one mode wide enough for the harmonics of another."""
     found = entries.bands.copy()

@@ -1,10 +1,9 @@
 r"""The objective of every decision of a search, and the fit of one structure by it.
 
-.. math:: J = \sum_{c,h} N_h \ln \max\big(R_{c,h}/N_h,\; \epsilon_{c,h}^2\big) + \text{price}
+.. math:: J = \sum_{c,h} N_h \ln\big(R_{c,h}/N_h + \epsilon_{c,h}^2\big) + \text{price}
 
 with R what the modes leave of a channel and hit. The noise is profiled out: no estimate of it has to settle, and fits
 with other modes can be compared. Weights N/R inside Gauss-Newton are a majorisation, so that J falls at every step.
-What is below the least noise ε is rounding, whatever its shape: there the cheaper structure is the better one.
 """
 
 from __future__ import annotations
@@ -118,6 +117,13 @@ class Point:
         return 2.0 * np.pi / self.entries.fundamental
 
     @property
+    def at_floor(self) -> bool:
+        """True where all that is left is below the least noise: rounding, of whatever shape."""
+        return all(
+            bool((block.noise**2 < 2.0 * low**2).all()) for block, low in zip(self.blocks, self.floors, strict=True)
+        )
+
+    @property
     def wanders(self) -> bool:
         """True where the speed wanders."""
         return any(isinstance(block, RecordBlock) and block.speeds is not None for block in self.blocks)
@@ -175,7 +181,7 @@ def _weighted(
     linear: Sequence[Linear],
 ) -> Point:
     """The point of coefficients, weighted by the residual."""
-    level = [np.maximum(part.left / b.n_samples, low**2) for b, part, low in zip(blocks, linear, floors, strict=True)]
+    level = [part.left / b.n_samples + low**2 for b, part, low in zip(blocks, linear, floors, strict=True)]
     blocks = tuple(block.with_noise(np.sqrt(variance)) for block, variance in zip(blocks, level, strict=True))
     misfit = sum(b.n_samples * float(np.log(variance).sum()) for b, variance in zip(blocks, level, strict=True))
     return Point(blocks, floors, price, weighted(blocks, entries, linear), misfit)

@@ -21,7 +21,7 @@ from floquid.periodic.least_squares import (
 )
 from floquid.periodic.search._additions import additions
 from floquid.periodic.search._descend import descended
-from floquid.periodic.search._moves import Move, bands, branches, merges, removals, shared, splits
+from floquid.periodic.search._moves import Move, bands, branches, merges, removals, shared, splits, together
 from floquid.periodic.search._objective import Point, Price
 
 SECONDS = 120.0  # processor time of a search [s] after which the least J is reported as it is
@@ -61,7 +61,8 @@ def searched(first: Point, bounds: Bounds, report: Log = lambda _: None) -> Poin
     now = descended(first, lambda point: iter([_bands(point, bounds)]), until, report).settled()
     while True:
         now = _blurred(now, bounds.angle_std)
-        found = descended(now, lambda point: _stages(point, bounds), until, report)
+        least = descended(now, lambda point: _stages(point, bounds), until, report)
+        found = replace(together(least), unfinished=least.unfinished)
         if _blurred(found, bounds.angle_std).price.blur <= WORSE * now.price.blur:
             return found
         now = found
