@@ -162,7 +162,7 @@ SAMPLES = [
     ("huge noise", npz(1e200 * NOISE), THIS, 2, r"reaches \d\.\d+e\+200"),
     ("one period", npz(VALUES[:, :8]), THIS, 1, r"holds 1 whole period: fewer than 4"),
     ("three periods", npz(VALUES[:, :24]), THIS, 1, r"holds 3 whole periods: fewer than 4"),
-    ("fewer periods than modes", npz(VALUES[:, :40]), THIS, 1, r"no mode rises|too short"),
+    ("fewer periods than modes", npz(VALUES[:, :32]), THIS, 1, r"no mode rises|too short"),
 ]  # fmt: skip
 
 HITS = [

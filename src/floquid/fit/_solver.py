@@ -2,7 +2,7 @@ r"""Levenberg and Marquardt's steps to the least cost, the damping by the ratio 
 
 .. math:: (M + \mu\, \mathrm{diag}\, M)\, s = g, \qquad
           \varrho = \frac{f(p) - f(p + s)}{2 g^T s - s^T M s}, \qquad
-          \mu \to \mu \max\big(\tfrac13,\; 1 - (2 \varrho - 1)^3\big)
+          \mu \to \mu \max\big(\tfrac1{100},\; 1 - (2 \varrho - 1)^3\big)
 
 A step that gains nothing doubles what the damping grows by (Nielsen 1999; Madsen, Nielsen and Tingleff 2004). A trial
 costs f alone; gradient and matrix are those of accepted points.
@@ -24,7 +24,7 @@ from floquid.fit._algebra import ROUNDING, directions, unit_scale
 START = 1e-6  # damping of the first step: all but none
 WHOLE = 1e-4  # damping after a first rejected step: below it the step would be the same
 MOST = 1e6  # damping at which a fit ends: no direction lowers the cost
-FALL = 1.0 / 3.0  # least factor of the damping after an accepted step (Nielsen 1999)
+FALL = 0.01  # least factor of the damping after an accepted step: rough fits have three, and 1/3 left it in their way
 EQUAL = 1e-12  # share of the cost by which a trial may be worse: rounding
 AT_ONCE = 1e-14  # size of a step that changes no digit of a parameter of size one
 SERVES = 0.7  # share of the expected gain above which the matrix serves for the next step, too

@@ -12,11 +12,11 @@ from floquid.lti._noise import white_noise_std
 from floquid.lti._spectrum import WHITE, composites
 from floquid.lti._types import Composites, ModalModel, Outcome, TimeResponses
 from floquid.lti.ami import AMI
-from floquid.lti.likelihood import Evidence, MaximumLikelihood
+from floquid.lti.likelihood import Ensemble, Evidence, MaximumLikelihood, brief, pooled_noise
 from floquid.lti.rational import LSCF, PolyLSCF
 
 __all__ = [
-    "AMI", "ERA", "LSCF", "WHITE", "AbstractIdentifier", "Composites", "Evidence", "MaximumLikelihood", "ModalModel",
-    "Outcome", "PolyLSCF", "TimeResponses", "composites", "compress", "fit_residues", "weighted_blocks",
-    "white_noise_std",
+    "AMI", "ERA", "LSCF", "WHITE", "AbstractIdentifier", "Composites", "Ensemble", "Evidence", "MaximumLikelihood",
+    "ModalModel", "Outcome", "PolyLSCF", "TimeResponses", "brief", "composites", "compress", "fit_residues",
+    "pooled_noise", "weighted_blocks", "white_noise_std",
 ]  # fmt: skip

@@ -25,7 +25,7 @@ from floquid.periodic.significance import (
     spacing,
     synchrony,
 )
-from floquid.periodic.start import Known, distinct_multipliers, generous_poles, groups, without_known
+from floquid.periodic.start import Known, distinct_multipliers, generous_poles, groups, held_shapes, without_known
 
 CONFIDENT = 2e-3
 """A mode counts as well determined when both parts of its exponent have a deviation below this share of ω: one that is
@@ -36,7 +36,7 @@ __all__ = [
     "ModeParameters", "OrderError", "PartialTests", "PeriodCandidate", "PeriodEstimate", "Periodicity", "Synchrony",
     "assemble",
     "combinations_of", "distinct_multipliers", "drift", "estimate_at", "estimate_period", "fit",
-    "from_control", "fse", "generous_poles", "groups", "instants", "line_amplitudes", "own_period", "participation",
-    "periodicity", "physical_exponents", "refit", "select_bands", "spacing", "synchrony", "to_control", "unexplained",
-    "without_known", "without_lines",
+    "from_control", "fse", "generous_poles", "groups", "held_shapes", "instants", "line_amplitudes", "own_period",
+    "participation", "periodicity", "physical_exponents", "refit", "select_bands", "spacing", "synchrony", "to_control",
+    "unexplained", "without_known", "without_lines",
 ]  # fmt: skip

@@ -154,15 +154,15 @@ def without_noise(found: SearchResult) -> SearchResult:
     apart, entries = read_apart(found), found.solution.entries
     both = shapes(apart.blocks, apart.solution)  # fixed entries have the same places in both
     place = int(np.flatnonzero(both.harmonics == 0)[0])
-    kept = ~entries.fixed
-    for entry in np.flatnonzero(entries.fixed):
+    kept = ~entries.fixed | entries.columns().paired  # a pair near an axis that is held is no forced response
+    for entry in np.flatnonzero(~kept):
         value, std = both.coefficients[entry, ..., place], both.std[entry, ..., place]
         parts = [(value.real, std.real)] + ([] if entries.real[entry] else [(value.imag, std.imag)])
         score = sum(float(np.sum(np.divide(v, s, out=np.zeros_like(v), where=s > 0) ** 2)) for v, s in parts)
         kept[entry] = score > chi2_limit(len(parts) * value.size, KEPT)
     # What follows the speed is kept with its harmonic alone.
     plain = entries.offsets[kept & entries.fixed & (entries.factors == PLAIN)]
-    follows = entries.fixed & (entries.factors > TREND)
+    follows = entries.fixed & (entries.factors > TREND) & ~entries.columns().paired
     kept &= ~follows | (np.abs(entries.offsets[:, None] - plain) < 1e-9).any(axis=1)
     if kept.all():
         return found

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal, overload
 
 from floquid.core import PeriodicModel, Record
@@ -11,13 +11,14 @@ from floquid.errors import IdentificationError
 from floquid.findings import Finding, texts, warning
 from floquid.lifting import floor_of
 from floquid.order import judge
-from floquid.periodic import Fit, ModeParameters, OrderError, assemble, distinct_multipliers, fit, groups
+from floquid.periodic import Fit, ModeParameters, OrderError, assemble, distinct_multipliers, fit, groups, held_shapes
 from floquid.pipeline._analysis import Analysis, clocks_of
 from floquid.pipeline._complete import completed, free_residues, samples_of
 from floquid.pipeline._dependent_channels import of_sums
 from floquid.pipeline._doubts import order_too_low, wrong_period_fitted, wrong_period_lifted
 from floquid.pipeline._settings import Settings
-from floquid.pipeline._start import Lifting, Start, cut, start_of
+from floquid.pipeline._start import Lifting, Start, cut
+from floquid.pipeline._starts import OPENINGS, POLES, criterion, determined, explains
 from floquid.pipeline._validated import validated
 from floquid.pipeline.excited import AmbientAnalysis, DrivenAnalysis, identify_ambient, identify_driven
 from floquid.pipeline.preparation import Prepared, blas_threads, own_names, prepare, settings_of
@@ -96,12 +97,67 @@ def identify(
 
 
 def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
-    """The chain from the responses with their clocks on."""
-    settings = prepared.settings
+    """The chain from the responses with their clocks on, from the first start that leads to a model.
+
+    Of the fits from one start, that of the least criterion counts. What poles of lifted responses lead to is returned
+    whatever it leaves, and their refusal is raised where no other start leads to a model.
+    """
     report("cutting into periods")
     cutting = cut(prepared)
     report("estimating the noise")
-    start = start_of(prepared, cutting, report)
+    refusal: IdentificationError | None = None
+    for opening in OPENINGS:
+        usual = opening is POLES
+        fits, found = _fits if usual else _brief_fits, list[Candidate]()
+        try:
+            for start in opening.starts(prepared, cutting, report):
+                for candidate in fits(prepared, cutting, start, report):
+                    if usual or explains(candidate.fitted, candidate.start):
+                        found.append(candidate)
+        except IdentificationError as error:
+            refusal = error if usual else refusal
+        if found:
+            best = min(found, key=lambda candidate: criterion(candidate.fitted, prepared.settings.mode_false_alarm))
+            return completed(prepared, best.start, best.model, best.fitted, best.settings, best.doubts, report)
+    assert refusal is not None
+    raise refusal
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A fit, what it started from, and what speaks against it."""
+
+    start: Start
+    model: PeriodicModel | None
+    fitted: Fit
+    settings: Settings
+    doubts: tuple[Finding, ...]
+
+
+def _brief_fits(
+    prepared: Prepared, cutting: Lifting, start: Start, report: Callable[[str], None]
+) -> Iterator[Candidate]:
+    """The fits of a start of a brief record: outer products of shape and hit, and that of the samples.
+
+    That of the samples has its own harmonics in each hit: it is left out where shapes at each phase are fewer numbers.
+    """
+    settings, model, costly = prepared.settings, None, False
+    if start.modal is not None:
+        report("expanding the shapes in harmonics")
+        modal, width = held_shapes(start.modal, start.lifted, false_alarm=settings.harmonic_false_alarm)
+        model = assemble(modal, start.lifted, harmonics=width)
+        yield Candidate(start, model, free_residues(prepared, cutting, start, model), settings, ())
+        lifted = start.lifted
+        costly = lifted.n_channels * (lifted.n_hits * (2 * width + 1) - lifted.n_phases) > lifted.n_hits
+    if not costly or not determined(model):
+        fitted = _fitted(prepared, cutting, start, model, settings, True, report)
+        doubt = _refused(prepared, wrong_period_fitted(fitted, start.lifted, prepared, report))
+        yield Candidate(start, model, fitted, settings, () if doubt is None else (doubt,))
+
+
+def _fits(prepared: Prepared, cutting: Lifting, start: Start, report: Callable[[str], None]) -> Iterator[Candidate]:
+    """The fit of the samples from poles of lifted responses, or these with residues free at each phase."""
+    settings = prepared.settings
     settings = settings if start.floor is None else replace(settings, noise_floor=start.floor)
     model, missing, doubt = None, [], None
     if start.modal is not None:
@@ -137,8 +193,7 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
     if fitted is None:
         assert model is not None
         fitted = free_residues(prepared, cutting, start, model)
-    doubts = (*missing, *([] if doubt is None else [doubt]))
-    return completed(prepared, start, model, fitted, settings, doubts, report)
+    yield Candidate(start, model, fitted, settings, (*missing, *([] if doubt is None else [doubt])))
 
 
 def _refused(prepared: Prepared, doubt: Finding | None) -> Finding | None:
@@ -162,7 +217,7 @@ def _fitted(
 ) -> Fit:
     """The fit of the samples, started at the poles of the lifted responses."""
     report("constraining the residues to their harmonics")
-    begin = None
+    begin = start.begin
     if start.modal is not None and model is not None:
         begin = groups(start.modal, start.lifted) if search else ModeParameters.of(model)
     records = samples_of(prepared.records, prepared.shafts, settings)

@@ -15,7 +15,7 @@ from floquid.findings import note
 from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import ModalModel
 from floquid.order import Choice
-from floquid.periodic import Known, without_known
+from floquid.periodic import Known, ModeParameters, without_known
 from floquid.pipeline._doubts import quiet
 from floquid.pipeline._find_poles import UnsettledError, find_poles
 from floquid.pipeline._noise_colour import first_filter
@@ -60,6 +60,8 @@ class Start:
     too far for lifting, or samples are missing."""
     floor: float | None = None
     """The share of the largest value down to which the record is believed; None for that of the settings."""
+    begin: ModeParameters | None = None
+    """Modes that the samples are fitted from where there are no poles of lifted responses; None for none."""
 
 
 def cut(prepared: Prepared) -> Lifting:
@@ -167,7 +169,7 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
     while True:
         chosen = settings if floors[0] is None else replace(settings, noise_floor=floors[0])
         whole = lifted if floors[0] is None else lift(cutting.cycles, floor=floors[0])
-        raw, known, taps = _without_forced(whole, prepared, cutting)
+        raw, known, taps = without_forced(whole, prepared, cutting)
         turning = zip(prepared.shafts, prepared.responses, strict=False)
         from_lines = Start(whole=whole, lifted=raw, raw=raw, known=known, modal=None, choice=None)
         gaps = by_default and any(np.isnan(record.values).any() for record in prepared.responses)
@@ -206,7 +208,7 @@ def _wander(shaft: ShaftAngle, record: Record) -> float:
     return float(np.abs(angles - np.polyval(np.polyfit(times - times[0], angles, 1), times - times[0])).max())
 
 
-def _without_forced(
+def without_forced(
     lifted: Lifted, prepared: Prepared, cutting: Lifting
 ) -> tuple[Lifted, Known | None, NDArray[np.float64] | None]:
     """The responses without their forced response, what that is (None: not asked for), and filters that whiten them."""

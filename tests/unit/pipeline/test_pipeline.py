@@ -223,11 +223,19 @@ def test_fewer_than_four_periods_are_refused():
 
 
 @pytest.mark.first(1)
-@pytest.mark.parametrize(("n_pairs", "n_cycles"), [(2, 6), (3, 8), (5, 20)])
-def test_fewer_periods_than_the_modes_need_are_refused(n_pairs, n_cycles):
-    many = pairs(-0.02 + 1j * np.linspace(0.05, 0.5, n_pairs), channels=6)
-    with pytest.raises(IdentificationError, match="too short for the modes"):
-        identify(ringing(many, n_cycles=n_cycles, noise=1e-3))
+def test_fewer_periods_than_modes_are_refused():
+    many = pairs(-0.02 + 1j * np.linspace(0.05, 0.5, 5), channels=6)
+    with pytest.raises(IdentificationError, match="ended without a result"):
+        identify(ringing(many, n_cycles=8, noise=1e-3))
+
+
+@pytest.mark.parametrize(("n_pairs", "n_cycles"), [(2, 5), (2, 6), (3, 8), (5, 20)])
+def test_fewer_periods_than_free_residues_need_are_enough_for_shapes(n_pairs, n_cycles):
+    exponents = -0.02 + 1j * np.linspace(0.05, 0.5, n_pairs)
+    model = identify(ringing(pairs(exponents, channels=6), n_cycles=n_cycles, noise=1e-3), validate=False).model
+    assert model.order == 2 * n_pairs
+    pairing = pair_exponents(model.exponents, np.concatenate([exponents, exponents.conj()]), model.period)
+    assert np.abs(pairing.differences).max() < 1e-3
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -10,6 +10,7 @@ split, and poles and participations l are fitted together, the shapes ψ elimina
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -277,28 +278,41 @@ def separated(model: ModalModel, data: TimeResponses, false_alarm: float, noise:
     stacked = Stacked.of(data)
     found = polish_products(split(model, data, counts), stacked)
     before, level = int((model.multipliers.imag >= 0).sum()), float(np.mean((data.noise / stacked.scale) ** 2))
-    while len(found.products.poles) > before:
-        trials = [
-            polish_products(found.products.without(entry), stacked, tolerance=1e-2)
-            for entry in range(len(found.products.poles))
-        ]
-        rises = [trial.cost - found.cost for trial in trials]
-        poles = found.products.poles
-        near = np.abs(np.subtract.outer(np.exp(poles.s), model.multipliers)).argmin(axis=1)
+
+    def limits(products: Products) -> list[float]:
+        near = np.abs(np.subtract.outer(np.exp(products.poles.s), model.multipliers)).argmin(axis=1)
         # An outer product with a real pole has one parameter for each output and input, one with a pair twice as many.
-        degrees = poles.sizes * (data.n_outputs + data.n_inputs)
-        limits = [
+        degrees = products.poles.sizes * (data.n_outputs + data.n_inputs)
+        return [
             noise.limit(pole, degree, false_alarm) * level
             for pole, degree in zip(near.tolist(), degrees.tolist(), strict=True)
         ]
-        least = int(np.argmin(np.array(rises) - np.array(limits)))
-        if rises[least] > limits[least]:
-            break
-        found = polish_products(trials[least].products, stacked)
+
+    found = pruned(found, stacked, limits, least=before)
     if len(found.products.poles) == before:
         return model
     near = np.argmin(np.abs(found.products.poles.multipliers()[:, None] - model.multipliers), axis=1)
     return model_of_products(found, stacked, model.outcome, noise.colour[near])
+
+
+def pruned(
+    found: ProductFit, stacked: Stacked, limits: Callable[[Products], list[float]], *, least: int = 0
+) -> ProductFit:
+    """The fit without the entries, one after another, whose absence raises the cost by less than their `limits`.
+
+    At `least` so many entries are kept.
+    """
+    while len(found.products.poles) > least:
+        trials = [
+            polish_products(found.products.without(entry), stacked, tolerance=1e-2)
+            for entry in range(len(found.products.poles))
+        ]
+        excess = np.array([trial.cost - found.cost for trial in trials]) - np.array(limits(found.products))
+        weakest = int(np.argmin(excess))
+        if excess[weakest] > 0.0:
+            break
+        found = polish_products(trials[weakest].products, stacked)
+    return found
 
 
 def merged(model: ModalModel) -> PoleSet:

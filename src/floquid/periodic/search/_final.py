@@ -62,10 +62,7 @@ def finished(
         point = _without_undetermined(point)
     noise = noise_of(point.blocks, point.solution, floor)
     blocks = tuple(block.with_noise(noise[block.rows, block.hit]) for block in point.blocks)
-    settled = weighted(blocks, point.entries, point.solution.linear)
-    solution = solve(blocks, settled, hold=True)
-    if (solution.entries.fixed & solution.entries.even).any():
-        solution = settled  # a pair near an axis has no column of its own but as a mode: it stays where J is least
+    solution = solve(blocks, weighted(blocks, point.entries, point.solution.linear), hold=True)
     point = replace(point, blocks=blocks, solution=solution)
     further = _spread_of_branches(point) if search else None
     clusters, more = _clusters(point)

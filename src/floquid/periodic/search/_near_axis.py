@@ -223,7 +223,8 @@ def read_apart(result: SearchResult) -> SearchResult:
     as_read, apart = {}, {}
     for number, place in enumerate(even):
         own = [int(np.searchsorted(leading, place)), first + number]
-        pair, half = covariance[np.ix_(own, own)], int(entries.half_turns[place])
+        held, half = bool(entries.fixed[place]), int(entries.half_turns[place])
+        pair = np.zeros((2, 2)) if held else covariance[np.ix_(own, own)]
         mean, square = float(entries.exponents[place].real), float(entries.all_squares[place])
         std = float(np.sqrt(pair[1, 1]))
         _, deviations = readings(mean, square, pair, half, omega)
@@ -234,7 +235,7 @@ def read_apart(result: SearchResult) -> SearchResult:
         ends = np.stack([entries.bands[place], bands[place]])
         modes, ends = _ordinary(mean, square, half, omega, ends)
         kept += [ends] * len(modes.exponents)
-        found = found.joined(modes)
+        found = found.joined(replace(modes, fixed=np.full(len(modes.exponents), held)))
     solution = linearise(result.blocks, found, carried(result.solution, found))
     solution = replace(solution, further=_moved(result.solution.further, entries, found, rest))
     kept = np.array(kept, np.int64).reshape(-1, 2)

@@ -1,0 +1,1 @@
+"""Short decays of many hits: identified, and held against integration."""

@@ -1,0 +1,215 @@
+r"""Poles of many short responses: the outputs of one sample are the state, its step a least-squares matrix.
+
+.. math:: x_i[k] = U^T y_i[k], \qquad
+          M = \Big(\sum_{i,k} x_i[k+1]\, x_i[k]^T\Big) \Big(\sum_{i,k} x_i[k]\, x_i[k]^T - K\, I\Big)^{-1}
+
+with U the leading left singular vectors of all samples side by side, and K the number of steps: noise of unit variance
+adds so much to the products. Free residues hold half as many poles as a response has samples above the noise. Here the
+number is bounded by the outputs, and by all samples of all inputs together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import ClassVar, final
+
+import numpy as np
+
+from floquid._arrays import Floats, Integers
+from floquid.lti._identifier import AbstractIdentifier, Report, checked_order, reached, silent
+from floquid.lti._noise import rise_limit
+from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
+from floquid.lti._types import ModalModel, Outcome, TimeResponses
+from floquid.lti.likelihood._rank_one import (
+    Noise,
+    ProductFit,
+    Products,
+    Stacked,
+    model_of_products,
+    polish_products,
+    pruned,
+    refined,
+)
+
+EDGE = 2.0  # above the largest singular value that noise has in the mean: one in some thousand is beyond
+RESOLVED = 0.1  # the share of a direction's squares that must be signal for the noise to be taken off
+DEAD = 1e-6  # a multiplier below which a mode is gone at the next sample
+LOUD = 6.0  # deviations of its energy by which noise is not exceeded
+MOST = 24  # poles that are looked for at most
+
+
+@dataclass(frozen=True, slots=True)
+class States:
+    """Responses over their noise side by side, as long as they are above it, and their singular vectors and values."""
+
+    stacked: Stacked
+    loud: Floats  # outputs, with delayed ones where they are few, and samples of all inputs
+    first: Integers  # the first sample of each input
+    left: Floats
+    values: Floats
+
+    @staticmethod
+    def of(data: TimeResponses) -> States:
+        """The states of responses."""
+        stacked, ends = Stacked.of(data), np.minimum(data.lengths, max(samples_above(data), 1))
+        starts = np.cumsum(data.lengths) - data.lengths
+        delays = max(1, min(-(-MOST // data.n_outputs), int(ends.min()) // 2))
+        counts = ends - delays + 1
+        kept = np.concatenate([start + np.arange(count) for start, count in zip(starts, counts, strict=True)])
+        loud = np.concatenate([stacked.values[:, kept + delay] for delay in range(delays)])
+        left, values, _ = np.linalg.svd(loud, full_matrices=False)
+        return States(stacked, loud, np.cumsum(counts) - counts, left, values)
+
+    @property
+    def rank(self) -> int:
+        """Number of singular values above those of noise (Davidson and Szarek 2001)."""
+        return int((self.values > sum(np.sqrt(self.loud.shape)) + EDGE).sum())
+
+    def start(self, order: int) -> Products:
+        """Multipliers of the step matrix, and the participation of each in each input."""
+        x = self.left[:, :order].T @ self.loud
+        later = np.setdiff1d(np.arange(x.shape[1]), self.first)
+        squares = x[:, later - 1] @ x[:, later - 1].T
+        less = squares - len(later) * np.eye(order)
+        if np.linalg.eigvalsh(less)[0] > RESOLVED * np.linalg.eigvalsh(squares)[0]:
+            squares = less
+        multipliers, vectors = np.linalg.eig(np.linalg.solve(squares, x[:, later - 1] @ x[:, later].T).T)
+        shares = np.linalg.solve(vectors, x[:, self.first])
+        upper = (multipliers.imag >= 0) & (np.abs(multipliers) > DEAD)
+        return Products.of(PoleSet.from_multipliers(multipliers[upper].astype(complex)), shares[upper].astype(complex))
+
+
+def samples_above(data: TimeResponses) -> int:
+    """The samples of a response before its energy is that of noise, over all outputs and inputs."""
+    energy, count = np.zeros((2, data.values.shape[2]))
+    for hit, length in enumerate(data.lengths.tolist()):
+        energy[:length] += np.sum((data.values[:, hit, :length] / data.noise[:, hit, None]) ** 2, axis=0)
+        count[:length] += data.n_outputs
+    loud = np.flatnonzero(energy > count + LOUD * np.sqrt(2.0 * count))
+    return int(loud[-1]) + 1 if len(loud) else 0
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ensemble(AbstractIdentifier):
+    r"""Poles of many short responses, as outer products of shape and participation.
+
+    .. math:: y_{oi}[k] = \sum_r \psi_{or}\, l_{ri}\, \mu_r^k
+
+    Started from the step matrix of the outputs (least squares, the noise taken off), polished to maximum likelihood.
+    Each mode must be needed: without it, the cost would rise by more than noise explains.
+
+    Parameters
+    ----------
+    false_alarm
+        The probability at which noise may pass for one mode.
+    """
+
+    decides: ClassVar[bool] = True
+
+    false_alarm: float = 1e-9
+
+    def prepare(self, data: TimeResponses) -> States:
+        """The singular vectors and values of the responses in `data` over their noise."""
+        return States.of(data)
+
+    def extract(self, state: States, order: int | None = None, *, report: Report = silent) -> ModalModel:
+        """The model in `state`, of this `order` or the one found; `report` is told of each stage."""
+        data = state.stacked.data
+        checked_order(order, self, data)
+        rank = min(state.rank, MOST)
+        if not rank:
+            return _empty(data)
+        if rank > int((data.lengths - 1).sum()):
+            return _empty(data, Outcome.TOO_FEW_SAMPLES)  # any matrix takes so few steps
+        report(f"states of many short responses: rank {rank}")
+        try:
+            found = _straightened(polish_products(state.start(rank), state.stacked), state.stacked)
+            if order is None:
+                found = pruned(found, state.stacked, lambda products: self._limits(products, state.stacked), least=1)
+            else:
+                found = _lowered(found, state.stacked, order)
+        except np.linalg.LinAlgError:
+            return _empty(data)
+        number = found.products.poles.order
+        return model_of_products(found, state.stacked, reached(order, number), np.ones(number))
+
+    def refine(self, state: States, model: ModalModel) -> ModalModel:
+        """The maximum-likelihood model in `state` of the order and outcome of `model`, from its poles."""
+        return refined(model, state.stacked.data, Noise(np.ones(model.order))) if model.order else model
+
+    def _limits(self, products: Products, stacked: Stacked) -> list[float]:
+        """The rise without each entry that noise exceeds at the false-alarm probability."""
+        rows, outputs = stacked.values.shape[1], stacked.data.n_outputs
+        numbers = products.poles.sizes * (outputs + stacked.data.n_inputs)
+        return [rise_limit(self.false_alarm, float(number), float(rows * outputs)) for number in numbers]
+
+
+def _lowered(found: ProductFit, stacked: Stacked, order: int) -> ProductFit:
+    """The fit with no more than `order` poles where that can be had: the entries that are missed least are removed."""
+    while found.products.poles.order > order:
+        sizes = found.products.poles.sizes
+        fitting = np.flatnonzero(sizes <= found.products.poles.order - order)
+        if not len(fitting) or len(sizes) == 1:
+            break
+        trials = [polish_products(found.products.without(int(entry)), stacked) for entry in fitting]
+        found = min(trials, key=lambda trial: trial.cost)
+    return found
+
+
+def _straightened(found: ProductFit, stacked: Stacked) -> ProductFit:
+    """The fit with two real multipliers of one sign as a pair where that costs less: noise makes the one of the other.
+
+    The pair starts as far off the axis as they are apart.
+    """
+    for kind, axis in ((POSITIVE, 0.0), (NEGATIVE, np.pi)):
+        poles = found.products.poles
+        along = np.flatnonzero(poles.kind == kind)
+        along = along[np.argsort(poles.s[along].real)]
+        for first, second in pairwise(along.tolist()):
+            poles, shares = found.products.poles, found.products.shares
+            middle, gap = poles.s[[first, second]].real.mean(), abs(np.diff(poles.s[[first, second]].real)[0])
+            pair = PoleSet.of(np.array([middle + 1j * (axis - max(gap, 0.05))]), np.array([PAIR]))
+            rest = ~np.isin(np.arange(len(poles)), [first, second])
+            both = np.concatenate([shares[rest], (shares[[first]] + 1j * shares[[second]])])
+            trial = polish_products(Products.of(poles.keep(rest).plus(pair), both), stacked)
+            if trial.cost < found.cost:
+                return _straightened(trial, stacked)
+    return found
+
+
+def _empty(data: TimeResponses, outcome: Outcome = Outcome.NO_MODE) -> ModalModel:
+    """The model without a mode."""
+    return ModalModel(
+        multipliers=np.zeros(0, complex),
+        residues=np.zeros((0, data.n_outputs, data.n_inputs), complex),
+        dt=data.dt,
+        outcome=outcome,
+    )
+
+
+def brief(data: TimeResponses, per_pole: int) -> bool:
+    """True where `data` are above their noise for fewer than `per_pole` samples for each pole that they hold."""
+    above = samples_above(data)
+    return 0 < above < per_pole * MOST and above < per_pole * min(States.of(data).rank, MOST)
+
+
+def pooled_noise(blocks: Iterable[Floats]) -> Floats:
+    r"""The standard deviation of white noise on each of the blocks (outputs, samples of all inputs), by its rank.
+
+    .. math:: \hat\sigma = s_{(1/4)} / \bar s_{(1/4)}
+
+    s the lower quartile of the singular values, over that of white noise of unit variance and the same size. It holds
+    where the modes are fewer than three quarters of the samples of all inputs together: the samples of one may be few.
+    """
+    sigma = []
+    for block in blocks:
+        rows, columns = block.shape
+        small = block if rows <= columns else block.T
+        values = np.sqrt(np.maximum(np.linalg.eigvalsh(small @ small.T), 0.0))
+        white = np.random.default_rng(0).standard_normal((4, *small.shape))
+        unit = np.sqrt(np.linalg.eigvalsh(white @ np.swapaxes(white, 1, 2)))
+        sigma.append(np.quantile(values, 0.25) / np.mean(np.quantile(unit, 0.25, axis=1)))
+    return np.array(sigma)

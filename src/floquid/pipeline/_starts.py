@@ -1,0 +1,151 @@
+"""Starts of the fit of the samples after the poles of lifted responses: for records that are over in a few periods."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from floquid.core import PeriodicModel
+from floquid.lifting import Lifted, unlift
+from floquid.lti import ERA, Ensemble, TimeResponses, brief, pooled_noise
+from floquid.periodic import Fit, ModeParameters
+from floquid.pipeline._doubts import MISFIT
+from floquid.pipeline._find_poles import ENOUGH_CYCLES, find_poles
+from floquid.pipeline._start import Lifting, Start, start_of, without_forced
+from floquid.pipeline.preparation import Prepared
+from floquid.sync import rejoin
+
+AVERAGED = (2, 4)  # orders of the time-invariant system that a few brief hits are taken for at first
+WIDTH = 1  # harmonics on each side that its modes start with: those of a weak parametric excitation
+UNDETERMINED = 0.5  # the deviation of a decay, over the decay, from which on a column is no mode
+
+
+class AbstractOpening(Protocol):
+    """Where modes may lie, from records lifted."""
+
+    def starts(self, prepared: Prepared, cutting: Lifting, report: Callable[[str], None]) -> Iterator[Start]:
+        """The starts, the best first. Raises IdentificationError where there is none."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class LiftedPoles:
+    """Poles of lifted responses, residues free in each hit: half as many as there are periods above the noise."""
+
+    def starts(self, prepared: Prepared, cutting: Lifting, report: Callable[[str], None]) -> Iterator[Start]:
+        """The one start. Raises IdentificationError where there is none."""
+        yield start_of(prepared, cutting, report)
+
+
+@dataclass(frozen=True, slots=True)
+class Ensembles:
+    """Poles of the monodromy matrix that takes the samples of each period to those of the next, in all hits."""
+
+    per_pole: int = ENOUGH_CYCLES  # periods above the noise, a pole, from which on a record is not brief
+
+    def starts(self, prepared: Prepared, cutting: Lifting, report: Callable[[str], None]) -> Iterator[Start]:
+        """The one start, of brief records alone. Raises IdentificationError where there is no mode."""
+        whole = with_pooled_noise(cutting.lifted)
+        if not (by_default(prepared, cutting) and brief(whole.responses, self.per_pole)):
+            return
+        raw, known, _ = without_forced(whole, prepared, cutting)
+        identifier = Ensemble(false_alarm=prepared.settings.mode_false_alarm)
+        chosen = replace(prepared.settings, identifier=identifier)
+        found, modal, choice = find_poles(raw, chosen, report, taps=None)
+        whole = whole.with_noise(found.noise) if known else found
+        yield Start(whole=whole, lifted=found, raw=raw, known=known, modal=modal, choice=choice)
+
+
+@dataclass(frozen=True, slots=True)
+class Averaged:
+    """Poles of the samples as those of a time-invariant system: what a weak parametric excitation leaves of it."""
+
+    per_pole: int = ENOUGH_CYCLES  # periods above the noise, a pole, from which on a record is not brief
+
+    def starts(self, prepared: Prepared, cutting: Lifting, report: Callable[[str], None]) -> Iterator[Start]:
+        """The starts by rising order, of brief records alone."""
+        whole = with_pooled_noise(cutting.lifted)
+        if not (by_default(prepared, cutting) and brief(whole.responses, self.per_pole)):
+            return
+        lifted, known, _ = without_forced(whole, prepared, cutting)
+        records = [rejoin(hit) for hit in unlift(lifted)]
+        lengths = [record.n_samples for record in records]
+        values = np.zeros((lifted.n_channels, len(records), max(lengths)))
+        for hit, record in enumerate(records):
+            values[:, hit, : lengths[hit]] = record.values
+        step = 1.0 / records[0].sample_rate
+        era, fundamental = ERA(), 2.0 * np.pi / lifted.period
+        state = era.prepare(TimeResponses(values=values, dt=step, noise=lifted.noise, lengths=lengths))
+        for order in AVERAGED:
+            report(f"a time-invariant system of order {order}")
+            poles = era.extract(state, order).poles
+            upper = poles[poles.imag >= 0.0]
+            exponents = upper.real + 1j * np.maximum(upper.imag, 0.05 * np.abs(upper.real))
+            bands = np.tile([-WIDTH, WIDTH], (len(upper), 1))
+            begin = ModeParameters.made(exponents, bands, fundamental)
+            yield Start(whole=whole, lifted=lifted, raw=lifted, known=known, modal=None, choice=None, begin=begin)
+
+
+HALF = 2  # periods above the noise, a pole, below which residues free in each hit take all there is
+POLES = LiftedPoles()
+OPENINGS: tuple[AbstractOpening, ...] = (Ensembles(HALF), POLES, Ensembles(), Averaged())
+
+
+def by_default(prepared: Prepared, cutting: Lifting) -> bool:
+    """True where neither order, harmonics nor algorithm are chosen, and samples are whole a period."""
+    settings = prepared.settings
+    chosen = settings.order is not None or settings.identifier is not None or settings.harmonics is not None
+    return settings.constrained and not chosen and cutting.synchronous
+
+
+def with_pooled_noise(lifted: Lifted) -> Lifted:
+    """The responses with the noise of each channel as all hits tell it together."""
+    values, lengths = lifted.by_channel(np.moveaxis(lifted.responses.values, 2, 0)), lifted.responses.lengths
+    blocks = (
+        np.concatenate([values[:length, channel, :, hit].T for hit, length in enumerate(lengths)], axis=1)
+        for channel in range(lifted.n_channels)
+    )
+    return lifted.with_noise(np.tile(pooled_noise(blocks)[:, None], lifted.n_hits))
+
+
+def determined(model: PeriodicModel | None) -> bool:
+    """True where the decays of all modes are known to a share of themselves."""
+    if model is None or model.exponent_std is None:
+        return False
+    return bool((model.exponent_std.real < UNDETERMINED * np.abs(model.exponents.real)).all())
+
+
+def explains(fitted: Fit, start: Start) -> bool:
+    """True where a fit leaves noise, and determines its modes."""
+    left = fitted.misfit
+    if left is None:
+        left = float(np.sqrt(np.mean((fitted.noise / start.raw.noise) ** 2)))
+    return determined(fitted.model) and left < MISFIT
+
+
+def criterion(fitted: Fit, alarm: float) -> float:
+    r"""Criterion of a fit: what it leaves, and a price for its modes.
+
+    .. math:: J = \sum_{c,h} N_h \log \frac{\mathrm{RSS}_{c,h}}{N_h} + \sum_r \chi^2_{n_r}(\alpha)
+
+    with n_r the numbers of a mode: its coefficients in all channels and hits, or where residues are free at each phase
+    those of an outer product of shape and hit.
+    """
+    from scipy.special import chdtri
+
+    model = fitted.model
+    lengths = np.array([record.n_samples for record in fitted.free])
+    channels, hits = fitted.noise.shape
+    sizes = np.array([1 if model.real[mode] else 2 for mode in model.upper_modes])
+    if fitted.constrained:
+        kept = (model.coefficients != 0).any(axis=(1, 2))[list(model.upper_modes)].sum(axis=1)
+        numbers = sizes * (kept * channels * hits + 1)
+    else:
+        phases = round(model.period * fitted.free[0].sample_rate)
+        numbers = sizes * (channels * phases + hits)
+    used = numbers.sum() / (channels * hits)
+    squares = fitted.noise**2 * np.maximum(1.0 - used / lengths, 1.0 / lengths)
+    return float(np.sum(lengths * np.log(squares)) + np.sum(chdtri(numbers, alarm)))

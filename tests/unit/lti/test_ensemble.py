@@ -1,0 +1,70 @@
+"""Many short responses: their poles from the step of the outputs, and none where any step would do."""
+
+import numpy as np
+import pytest
+
+from floquid.lti import Ensemble, MaximumLikelihood, Outcome, TimeResponses, brief, pooled_noise
+from floquid.testing import assert_exponents_close
+
+LOGS = np.array([-1.2 + 0.5j, -1.2 - 0.5j, -2.5 + 0.9j, -2.5 - 0.9j])
+
+
+def decays(*, outputs=40, inputs=12, samples=6, noise=0.01, seed=0):
+    """One system of the poles above, started in different ways."""
+    generator = np.random.default_rng(seed)
+    shapes, shares = (generator.standard_normal((2, size, 2)) @ [1.0, 1j] for size in (outputs, inputs))
+    full = [np.stack([part, part.conj()], axis=-1).reshape(-1, 4) for part in (shapes.T, shares.T)]
+    powers = np.exp(LOGS[:, None] * np.arange(samples))
+    values = np.einsum("or,ir,rk->oik", *full, powers).real
+    sigma = noise * np.abs(values).max()
+    values += sigma * generator.standard_normal(values.shape)
+    return TimeResponses(values=values, dt=1.0, noise=np.full((outputs, inputs), sigma))
+
+
+def found(data):
+    identifier = Ensemble()
+    return identifier.extract(identifier.prepare(data))
+
+
+def test_four_poles_of_responses_that_last_three_samples():
+    """Free residues hold three quarters of a pole a sample: maximum likelihood with them finds fewer."""
+    data = decays()
+    assert brief(data, 2)
+    model = found(data)
+    assert_exponents_close(model.poles, LOGS, 2.0 * np.pi, atol=0.05)
+    free = MaximumLikelihood(rank_one=False)
+    assert free.extract(free.prepare(data)).order < 4
+
+
+def test_errors_are_as_large_as_their_deviations():
+    pulls = []
+    for seed in range(20):
+        model = found(decays(seed=seed))
+        std = np.sqrt(np.diag(model.covariance))[: model.order]
+        order = np.argsort(np.abs(model.poles.real))
+        pulls += list((model.poles.real[order] - np.sort(LOGS.real)[::-1])[::2] / std[order][::2])
+    assert 0.6 < np.sqrt(np.mean(np.square(pulls))) < 1.6
+
+
+def test_noise_is_no_mode_and_not_brief():
+    data = TimeResponses(values=np.random.default_rng(0).standard_normal((40, 12, 6)), dt=1.0)
+    assert found(data).outcome is Outcome.NO_MODE
+    assert not brief(data, 2)
+
+
+def test_fewer_steps_than_poles_are_too_few():
+    assert found(decays(inputs=1, samples=4, noise=1e-6)).outcome is Outcome.TOO_FEW_SAMPLES
+
+
+def test_a_long_response_is_not_brief():
+    generator = np.random.default_rng(0)
+    values = np.outer(generator.standard_normal(40), 0.98 ** np.arange(60))[:, None]
+    assert not brief(TimeResponses(values=values, dt=1.0, noise=np.full((40, 1), 1e-3)), 3)
+
+
+@pytest.mark.parametrize("samples", [48, 200])
+def test_the_noise_that_all_inputs_tell(samples):
+    generator = np.random.default_rng(1)
+    signal = generator.standard_normal((32, 4)) @ generator.standard_normal((4, samples)) * 50.0
+    (sigma,) = pooled_noise([signal + 0.3 * generator.standard_normal((32, samples))])
+    assert abs(sigma / 0.3 - 1.0) < 0.15
