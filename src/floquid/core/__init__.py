@@ -1,5 +1,7 @@
 """The types that several rooms share: what goes in (`Record`), what it is cut into (`Cycles`), what comes out."""
 
+from floquid.core._axis import readings as readings
+from floquid.core._axis import slopes_of_readings as slopes_of_readings
 from floquid.core._channel import Channel, Quantity, channels_named
 from floquid.core._clock import AzimuthSignal, Clock, ConstantPeriod, PulseTimes, TachometerSignal
 from floquid.core._cycles import Cycles

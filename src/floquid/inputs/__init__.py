@@ -4,15 +4,12 @@
 make a model and transfer functions of both: `floquid.identify_driven` is the chain.
 """
 
+from floquid.inputs._axis import noise_explains as noise_explains
 from floquid.inputs._free import fitted_freely as fitted_freely
 from floquid.inputs._joint import chosen_together as chosen_together
 from floquid.inputs._joint import fitted_together as fitted_together
 from floquid.inputs._modes import InputMode as InputMode
-from floquid.inputs._modes import answering as answering
 from floquid.inputs._modes import input_gain as input_gain
-from floquid.inputs._real import near_real as near_real
-from floquid.inputs._real import noise_explains as noise_explains
-from floquid.inputs._real import real_for as real_for
 from floquid.inputs._result import Term as Term
 from floquid.inputs._result import Uncertainty as Uncertainty
 from floquid.inputs._result import assembled as assembled
@@ -39,6 +36,7 @@ from floquid.inputs._solver import solve as solve
 from floquid.inputs._solver import state_slopes as state_slopes
 from floquid.inputs._start import bare_mode as bare_mode
 from floquid.inputs._start import candidates as candidates
+from floquid.inputs._states import answering as answering
 from floquid.inputs._transfer import TransferFunctions, transfer_functions
 from floquid.inputs._transfer import modal_transfer as modal_transfer
 

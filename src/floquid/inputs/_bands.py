@@ -61,7 +61,7 @@ def _wider(samples: Samples, now: Linearisation, limits: Limits, scores: Scores)
         for k in range(len(more))
     ]
     gains = [scores.by_columns(extra), scores.by_inputs([(number, turn) for number, more in reached for turn in more])]
-    least = [limit_of(2 * len(rows), limits.harmonic_alarm) for rows in (samples.values, samples.inputs)]
+    sizes = [2 * len(rows) for rows in (samples.values, samples.inputs)]
     most = MINOR * max((float(own.max(initial=0.0)) for own in gains), default=0.0)
     found = list(now.modes)
     for kind, beyond in enumerate((seen, reached)):
@@ -69,7 +69,8 @@ def _wider(samples: Samples, now: Linearisation, limits: Limits, scores: Scores)
         for number, more in beyond:
             own = gains[kind][place : place + len(more)]
             place += len(more)
-            far = np.flatnonzero(own > max(least[kind], most))
+            least = limit_of(sizes[kind] * found[number].states, limits.harmonic_alarm)
+            far = np.flatnonzero(own > max(least, most))
             if not len(far):
                 continue
             kept, mode = more[: far[-1] + 1], found[number]
@@ -135,10 +136,10 @@ def narrowed(samples: Samples, now: Linearisation, limits: Limits) -> Linearisat
         for number, mode in enumerate(now.modes):
             block = slice(place, place + int(mode.free.sum()))
             place = block.stop
-            columns, turning = now.slices()[number]
-            seen, reached = partial(_weight, now, columns, turning), partial(_input_weight, mode, spread[block, block])
-            turns = _kept(len(mode.turns), mode.real, seen, 2 * len(samples.values), limits.harmonic_alarm)
-            reach = _kept(len(mode.reach), mode.real, reached, 2 * len(samples.inputs), limits.harmonic_alarm)
+            seen, reached = partial(_weight, now, number), partial(_input_weight, mode, spread[block, block])
+            outputs, inputs = 2 * mode.states * len(samples.values), 2 * mode.states * len(samples.inputs)
+            turns = _kept(len(mode.turns), mode.real, seen, outputs, limits.harmonic_alarm)
+            reach = _kept(len(mode.reach), mode.real, reached, inputs, limits.harmonic_alarm)
             if len(mode.turns[turns]) < len(mode.turns) or len(mode.reach[reach]) < len(mode.reach):
                 found.append(
                     replace(mode, turns=mode.turns[turns], reach=mode.reach[reach], gains=mode.gains[:, reach])
@@ -169,17 +170,20 @@ def _kept(
     return slice(first, last)
 
 
-def _weight(now: Linearisation, columns: slice, turning: NDArray[np.bool_], which: NDArray[np.int64]) -> float:
-    """How far the coefficients of some harmonics are from zero, all channels, in squared deviations."""
+def _weight(now: Linearisation, number: int, which: NDArray[np.int64]) -> float:
+    """The distance of the coefficients of some harmonics of a mode from zero, all channels, in squared deviations."""
+    columns, turning = now.slices()[number]
     later = len(turning) + np.cumsum(turning) - 1
     index = columns.start + np.concatenate([which, later[which[turning[which]]]])
+    if now.modes[number].square is not None:
+        index = np.concatenate([index, index + (columns.stop - columns.start) // 2])
     own = now.coefficients[index] / now.noise
     # A direction that another column has, too, is none: the block may be singular.
     return float(np.sum(own * (np.linalg.pinv(now.inverse[np.ix_(index, index)], hermitian=True) @ own)))
 
 
 def _input_weight(mode: InputMode, spread: NDArray[np.float64], which: NDArray[np.int64]) -> float:
-    """How far the gains of some harmonics of the inputs are from zero, in squared deviations.
+    """The distance of the gains of some harmonics of the inputs from zero, in squared deviations.
 
     Infinite where one is the scale of the mode.
     """
@@ -187,8 +191,8 @@ def _input_weight(mode: InputMode, spread: NDArray[np.float64], which: NDArray[n
     at = 1 + (which[:, None] + len(mode.reach) * np.arange(len(mode.gains))).ravel()
     flat, index = mode.gains.ravel()[at - 1], np.concatenate([at, at + size if mode.real else at + 1 + size + starts])
     own = np.concatenate([flat.real, flat.imag])
-    if not free[index].all() and not mode.real:
+    if np.isin(mode.held, index).any():
         return np.inf
     own, index = own[free[index]], index[free[index]]
     place = np.cumsum(free)[index] - 1
-    return float(own @ np.linalg.pinv(spread[np.ix_(place, place)], hermitian=True) @ own) if len(own) else np.inf
+    return float(own @ np.linalg.pinv(spread[np.ix_(place, place)], hermitian=True) @ own)

@@ -8,10 +8,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.inputs._modes import InputMode, reached_by
+from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import columns_of
 from floquid.inputs._start import split_products
+from floquid.inputs._states import reached_by
 
 COLLINEAR = 1e-5
 """The share of the largest below which a direction of a candidate's columns, less those chosen, is none."""

@@ -1,47 +1,57 @@
-"""Modes with the way that inputs reach them, and their states driven by the inputs measured."""
+"""Modes with the way that inputs reach them: pairs of conjugates, real multipliers, and blocks of two real states."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import factorial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
-from floquid.inputs._samples import Hold, Samples
+from floquid.inputs._block import product
+from floquid.inputs._samples import Hold
 
 SERIES = 1e-4
 """Below this a quotient of differences is taken from its series."""
 
-RUNAWAY = 20.0
-"""The growth of a mode over a record [nepers] beyond which its state is run backwards, from the end of the record."""
+LONG_SERIES = 0.5
+"""Below this that of a linear input is, by as many terms as double precision needs: differences cancel twice."""
+
+LINEAR = np.array([(n + 1.0) / factorial(n + 2) for n in reversed(range(14))])
+"""The coefficients of that series, the highest power first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class InputMode(Rebuilt):
-    r"""One mode: a pair of conjugates, or a real multiplier, as far as it is no linear parameter.
+    r"""One mode, without its linear parameters: a pair of conjugates, a real multiplier, or a block of two states.
 
     .. math:: \dot z = \lambda z + \sum_{i,l} b_{i,l}\, e^{i l \omega t} u_i, \qquad
               y = 2 \Re \sum_m c_m e^{i m \omega t} z
 
     Of a real multiplier λ is real, z and the input are real parts, and l and m count from a half if it is negative.
+    A block has two real states, :math:`\dot z = (\sigma + j) z + \ldots` with :math:`j^2 = q`, and b and c of both:
+    the pair :math:`\sigma \pm i \sqrt{-q}` about the axis, or two real multipliers :math:`\sigma \pm \sqrt q`.
 
     Parameters
     ----------
     exponent
-        λ [1/s].
+        λ [1/s]; of a block σ.
     real
-        True for a real multiplier.
+        True for real states: a real multiplier, or a block.
     reach
-        The harmonics l, ascending (reach,); of a real multiplier from 0 or ½ on.
+        The harmonics l, ascending (reach,); of real states from 0 or ½ on.
     gains
-        b (inputs, reach).
+        b (inputs, reach); of a block those of the second state follow (2 inputs, reach).
     turns
-        The harmonics m, ascending (turns,); of a real multiplier from 0 or ½ on.
+        The harmonics m, ascending (turns,); of real states from 0 or ½ on.
     initial
-        z at the first sample of each record (records,); at the last one of a mode that grows beyond all bounds.
+        z at the first sample of each record (records,); at the last one of a mode that grows beyond all bounds. Of a
+        block those of the second state follow (2 records,).
     sizes
         The state that a gain of 1 makes of each input, about (inputs,): b counts by it beside z at the begin.
+    square
+        q of a block [1/s²]; None of another mode.
     """
 
     exponent: complex
@@ -51,31 +61,65 @@ class InputMode(Rebuilt):
     turns: NDArray[np.float64]
     initial: NDArray[np.complex128]
     sizes: NDArray[np.float64]
+    square: float | None = None
+
+    @property
+    def states(self) -> int:
+        """The number of states, that of a pair counted once."""
+        return 1 if self.square is None else 2
+
+    @property
+    def growth(self) -> float:
+        """The real part of the exponent, of the larger one of a block [1/s]."""
+        return self.exponent.real + float(np.sqrt(max(self.square or 0.0, 0.0)))
+
+    @property
+    def mixed(self) -> NDArray[np.float64]:
+        """The covariance of both states of a block, up to a factor, by white noise on the first one (2, 2)."""
+        assert self.square is not None
+        mean = self.exponent.real
+        # Of a growing one, which has none, something of the same size.
+        return np.array([[2.0 * mean**2 + abs(self.square), -mean], [-mean, 1.0]])
 
     @property
     def strengths(self) -> NDArray[np.float64]:
         """Factors by which b and z at the begin are compared, whatever the units of the inputs (parts,)."""
-        return np.concatenate([np.repeat(self.sizes, len(self.reach)), np.ones(len(self.initial))])
+        sizes = np.repeat(np.tile(self.sizes, self.states), len(self.reach))
+        return np.concatenate([sizes, np.ones(len(self.initial))])
+
+    @property
+    def held(self) -> NDArray[np.int64]:
+        """The parameters that fix the scale of the state (held,): its largest part, of a block both numbers of it."""
+        size, starts = self.gains.size, len(self.initial)
+        flat = np.concatenate([self.gains.ravel(), self.initial]) * self.strengths
+        if not self.real:
+            fixed = 1 + int(np.argmax(np.abs(flat)))
+            return np.array([fixed, fixed + 1 + size + starts])
+        turning = np.tile(self.reach > 0.0, len(self.gains))
+        parts = np.concatenate([flat.real[:size], flat.imag[:size] * turning, flat.real[size:]])
+        if self.square is None:
+            return np.array([1 + int(np.argmax(np.abs(parts)))])
+        first = np.concatenate([np.arange(size // 2), size + np.arange(size // 2), 2 * size + np.arange(starts // 2)])
+        second = first + np.repeat([size // 2, starts // 2], [size, starts // 2])
+        # An element of which a² - q b² is zero cannot be divided by: it drives one of two multipliers alone.
+        largest = int(np.argmax(np.abs(parts[first] ** 2 - self.square * parts[second] ** 2)))
+        return 1 + np.array([first[largest], second[largest]])
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """Mask of the parameters that are free, the scale of the state fixed by its largest part (parameters,).
+        """Mask of the parameters that are free, the scale of the state fixed (parameters,).
 
         Parameters are the real parts of λ, b and z at the begin, then the imaginary ones; of a real multiplier those
-        of λ and z have none.
+        of λ and z have none. A block has σ, the real and the imaginary parts of b, z at the begin, and q.
         """
         size, starts = self.gains.size, len(self.initial)
-        flat = np.concatenate([self.gains.ravel(), self.initial])
         if not self.real:
-            fixed = 1 + int(np.argmax(np.abs(flat) * self.strengths))
-            mask = np.ones(1 + size + starts, bool)
-            mask[fixed] = False
-            return np.tile(mask, 2)
-        turning = np.tile(self.reach > 0.0, len(self.gains))
-        mask = np.concatenate([[True], np.ones(size, bool), turning, np.ones(starts, bool)])
-        flat = flat * self.strengths
-        parts = np.concatenate([flat.real[:size], flat.imag[:size] * turning, flat.real[size:]])
-        mask[1 + int(np.argmax(np.abs(parts)))] = False
+            mask = np.ones(2 * (1 + size + starts), bool)
+        else:
+            turning = np.tile(self.reach > 0.0, len(self.gains))
+            last = np.ones(starts + self.states - 1, bool)
+            mask = np.concatenate([[True], np.ones(size, bool), turning, last])
+        mask[self.held] = False
         return mask
 
     @property
@@ -85,7 +129,9 @@ class InputMode(Rebuilt):
 
     def moved(self, step: NDArray[np.float64]) -> InputMode:
         """With the parameters moved by a step (parameters,)."""
-        size = self.gains.size
+        size, square = self.gains.size, self.square
+        if square is not None:
+            square, step = square + float(step[-1]), step[:-1]
         if self.real:
             step = np.concatenate(
                 [step[: 1 + size], step[1 + 2 * size :], [0.0], step[1 + size : 1 + 2 * size], 0.0 * self.initial.real]
@@ -96,14 +142,35 @@ class InputMode(Rebuilt):
             exponent=self.exponent + complex(both[0]),
             gains=self.gains + both[1 : 1 + size].reshape(self.gains.shape),
             initial=self.initial + both[1 + size :],
+            square=square,
         )
+
+    def distance(self, step: NDArray[np.float64], least: float) -> float:
+        """How far a step (parameters,) moves the exponents [1/s]; of a block at q = 0 as at √|q| = `least`."""
+        if self.square is None:
+            return float(abs(step[0] + (0j if self.real else 1j * step[len(step) // 2])))
+        return float(abs(step[0]) + abs(step[-1]) / (2.0 * max(np.sqrt(abs(self.square)), least)))
 
     def scaled(self) -> InputMode:
         """With the part of b and z that is largest made 1."""
         flat = np.concatenate([self.gains.ravel(), self.initial])
+        if self.square is not None:
+            size = self.gains.size
+            parts = np.concatenate([flat.real[:size], flat.imag[:size], flat.real[size:]])
+            a, b = parts[self.held - 1].tolist()
+            norm = a**2 - self.square * b**2
+            return self.multiplied((a / norm, -b / norm)) if norm else self
         largest = flat[np.argmax(np.abs(flat) * self.strengths)]
         by = abs(largest) if self.real else largest
         return replace(self, gains=self.gains / by, initial=self.initial / by) if by else self
+
+    def multiplied(self, by: tuple[float, float]) -> InputMode:
+        """A block with its states multiplied by an element a + b j: the same block."""
+        assert self.square is not None
+        inputs, records = len(self.gains) // 2, len(self.initial) // 2
+        gains = product(by, (self.gains[:inputs], self.gains[inputs:]), self.square)
+        initial = product(by, (self.initial[:records], self.initial[records:]), self.square)
+        return replace(self, gains=np.concatenate(gains), initial=np.concatenate(initial))
 
 
 def input_gain(exponent: complex, turn: float, omega: float, step: float, hold: Hold) -> tuple[complex, complex]:
@@ -121,118 +188,8 @@ def input_gain(exponent: complex, turn: float, omega: float, step: float, hold: 
     whole = 1.0 + rate / 2.0 + rate**2 / 6.0 + rate**3 / 24.0 if abs(rate) < SERIES else np.expm1(rate) / rate
     if hold == "zero":
         return step * decay * whole, 0j
-    if abs(rate) < SERIES:
-        later = 0.5 + rate / 3.0 + rate**2 / 8.0
+    if abs(rate) < LONG_SERIES:
+        later = complex(np.polyval(LINEAR, rate))
     else:
         later = (np.exp(rate) * (rate - 1.0) + 1.0) / rate**2
     return step * decay * (whole - later), step * decay * later * np.exp(-1j * turn * omega * step)
-
-
-def answering(samples: Samples, mode: InputMode, other: Samples, delay: int) -> InputMode:
-    """A mode with b such that it answers to other inputs as to these, but for the first samples of each answer.
-
-    The other inputs are these some samples later, or with another hold.
-    """
-    decay, ratios = np.exp(mode.exponent * samples.step), []
-    for turn in mode.reach.tolist():
-        both = [input_gain(mode.exponent, turn, own.fundamental, own.step, own.hold) for own in (samples, other)]
-        said, acts = (now + decay * then for now, then in both)
-        ratios.append(said / acts * np.exp((mode.exponent - 1j * turn * samples.fundamental) * delay * samples.step))
-    return replace(mode, gains=mode.gains * np.array(ratios))
-
-
-def state_of(samples: Samples, mode: InputMode) -> NDArray:
-    """The state of a mode, driven by the inputs from its initial value on (samples,); real of a real multiplier."""
-    drive = mode.gains.ravel() @ _drives(samples, mode, mode.exponent)
-    initial, decay = mode.initial, complex(np.exp(mode.exponent * samples.step))
-    if mode.real:
-        return _recursion(samples, decay.real, drive.real) + initial.real @ _begun(samples, mode)
-    return _recursion(samples, decay, drive) + initial @ _begun(samples, mode)
-
-
-def reached_by(samples: Samples, mode: InputMode) -> NDArray:
-    """The state by each part of b and z at the begin alone (parts, samples): of a real multiplier by Re b, Im b, z."""
-    drives, decay = _drives(samples, mode, mode.exponent), complex(np.exp(mode.exponent * samples.step))
-    if mode.real:
-        # A real state has the real part of each drive by the real part of b, less the imaginary one by the other.
-        parts = np.concatenate([drives.real, -drives.imag])
-        return np.concatenate([_recursion(samples, decay.real, parts), _begun(samples, mode)])
-    return np.concatenate([_recursion(samples, decay, drives), _begun(samples, mode)])
-
-
-def slopes_of_state(samples: Samples, mode: InputMode, state: NDArray) -> NDArray:
-    """Derivatives of a mode's state by λ and by the parts of `reached_by` (1 + parts, samples)."""
-    nudge = 1e-6 / samples.step
-    up, down = (_drives(samples, mode, mode.exponent + sign * nudge) for sign in (1.0, -1.0))
-    drive = mode.gains.ravel() @ (up - down) / (2.0 * nudge)
-    decay = complex(np.exp(mode.exponent * samples.step))
-    if mode.real:
-        late = _recursion(samples, decay.real, samples.step * decay.real * state + drive.real)
-    else:
-        late = _recursion(samples, decay, samples.step * decay * state + drive)
-    return np.concatenate([late[None], reached_by(samples, mode)])
-
-
-def followed(samples: Samples, mode: InputMode, drive: NDArray[np.complex128]) -> NDArray:
-    """The state of a mode that a signal drives from each sample to the next one, from zero (samples,)."""
-    decay = complex(np.exp(mode.exponent * samples.step))
-    return _recursion(samples, decay.real, drive.real) if mode.real else _recursion(samples, decay, drive)
-
-
-def runs_away(samples: Samples, exponent: complex) -> bool:
-    """True of a mode that a feedback must hold: by itself it would grow beyond what a record could hold."""
-    return exponent.real * samples.step * max(own.stop - own.start for own in samples.records) > RUNAWAY
-
-
-def _begun(samples: Samples, mode: InputMode) -> NDArray:
-    """e^{λt} from the begin of each record (records, samples), or from its end."""
-    rate = mode.exponent.real if mode.real else mode.exponent
-    found = np.zeros((len(samples.records), samples.n_samples), type(rate))
-    for number, own in enumerate(samples.records):
-        count = own.stop - own.start
-        origin = count - 1 if runs_away(samples, mode.exponent) else 0
-        found[number, own] = np.exp(rate * samples.step * (np.arange(count) - origin))
-    return found
-
-
-def _drives(samples: Samples, mode: InputMode, exponent: complex) -> NDArray[np.complex128]:
-    """What each modulated input adds to the state at the next sample (inputs · reach, samples)."""
-    found = []
-    for own in samples.inputs:
-        for turn in mode.reach.tolist():
-            now, then = input_gain(exponent, turn, samples.fundamental, samples.step, samples.hold)
-            turned = samples.turned(turn) * own
-            # The sample after the last of a record drives nothing that is there.
-            found.append(now * turned + (then * np.append(turned[1:], 0.0) if then else 0.0))
-    return np.asarray(found, np.complex128).reshape(-1, samples.n_samples)
-
-
-def _recursion(samples: Samples, decay: complex, drives: NDArray) -> NDArray:
-    """State z with z[k + 1] = decay z[k] + drive[k] from zero in each record (…, samples).
-
-    Where it runs away it ends with zero: of all solutions that one is bounded where the inputs hold the mode.
-    """
-    if not runs_away(samples, np.log(decay) / samples.step):
-
-        def forwards(own: NDArray) -> NDArray:
-            return _summed(decay, np.concatenate([np.zeros_like(own[..., :1]), own[..., :-1]], axis=-1))
-
-        return samples.each(drives, forwards)
-
-    def backwards(own: NDArray) -> NDArray:
-        behind = np.concatenate([np.zeros_like(own[..., :1]), own[..., -2::-1]], axis=-1)
-        return _summed(1.0 / decay, behind / -decay)[..., ::-1]
-
-    return samples.each(drives, backwards)
-
-
-def _summed(decay: complex, added: NDArray) -> NDArray:
-    """The sums z[k] = decay z[k - 1] + added[k] from zero (…, samples).
-
-    By a triangular band: `scipy.signal.lfilter` takes twice as long, and a second to load.
-    """
-    from scipy.linalg import get_lapack_funcs
-
-    (solve,) = get_lapack_funcs(("tbtrs",), (added,))
-    band = np.full((2, added.shape[-1]), -decay, order="F")
-    return solve(band, added.reshape(-1, added.shape[-1]).T, uplo="L", diag="U")[0].T.reshape(added.shape)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -11,11 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
-from floquid.core import Channel, ModelInputs, PeriodicModel, Provenance
+from floquid.core import Channel, ModelInputs, PeriodicModel, Provenance, slopes_of_readings
+from floquid.inputs._kinds import mirrored, ordinary
 from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, covariance, slopes_of, state_slopes
 from floquid.inputs._transfer import TransferFunctions, modal_transfer
+
+ASIDE = 0.1
+"""The share of the deviation of q that it is at least off zero where shapes are made of a block."""
 
 Term = tuple[complex, NDArray[np.int64], NDArray[np.complex128], NDArray[np.int64], NDArray[np.complex128]]
 """λ, the harmonics m, c (outputs, harmonics), the harmonics l, b (inputs, harmonics)."""
@@ -91,7 +95,7 @@ def model_of(
     at = found.at
     turns = _all_of([np.array([-turn, turn], np.int64) for turn in map(int, at.direct)])
     return assembled(
-        [_part_of(found, number) for number in range(len(at.modes))],
+        [part for number in range(len(at.modes)) for part in parts_of(found, number)],
         found.parameters,
         2.0 * np.pi / found.samples.fundamental,
         channels,
@@ -122,7 +126,7 @@ def assembled(
     gains = np.zeros((order, len(inputs), len(reach)), complex)
     gain_std = np.zeros_like(gains)
     initial = np.zeros((order, len(parts[0].initial) if parts else 0), complex)
-    exponents, rows = np.zeros(order, complex), np.zeros((2 * order, len(spread)))
+    exponents, rows, more = np.zeros(order, complex), np.zeros((2 * order, len(spread))), np.zeros(2 * order)
     place = 0
     for part in parts:
         for conjugate in (False,) if part.real else (False, True):
@@ -136,6 +140,7 @@ def assembled(
             exponents[place] = part.exponent.conjugate() if conjugate else part.exponent
             initial[place] = part.initial.conj() if conjugate else part.initial
             rows[place], rows[order + place] = part.rows[0], sign * part.rows[1]
+            more[[place, order + place]] = part.more
             place += 1
     own = None
     if inputs:
@@ -154,7 +159,7 @@ def assembled(
         harmonics=harmonics,
         period=period,
         channels=channels,
-        covariance=rows @ spread @ rows.T,
+        covariance=rows @ spread @ rows.T + np.diag(more),
         coefficient_std=coefficient_std,
         provenance=provenance,
         inputs=own,
@@ -184,9 +189,11 @@ def _direct(at: Linearisation, channels: int, inputs: int, turns: NDArray[np.int
     return found
 
 
-def _part_of(found: Uncertainty, number: int) -> Part:
-    """A mode of the fit as a model lists it."""
+def parts_of(found: Uncertainty, number: int) -> list[Part]:
+    """A mode of the fit as a model lists it: a block as a pair or as two real multipliers."""
     at, mode = found.at, found.at.modes[number]
+    if mode.square is not None:
+        return _parts_of_block(found, number)
     shape, (columns, turning) = at.shape(number).T, at.slices()[number]
     size, width = mode.gains.size, len(mode.free)
     unit = np.eye(width)
@@ -209,7 +216,95 @@ def _part_of(found: Uncertainty, number: int) -> Part:
     )
     rows = np.concatenate([found.spread_over(number, unit[:1]), imag])
     samples = found.samples
-    return listed(mode, (shape, std), gain_std, rows, samples.fundamental, samples.first_times)
+    return [listed(mode, (shape, std), gain_std, rows, samples.fundamental, samples.first_times)]
+
+
+def readable(found: Uncertainty, number: int) -> InputMode:
+    """A block with its q at least a tenth of its deviation off zero, where shapes grow as 1/√|q|."""
+    mode = found.at.modes[number]
+    assert mode.square is not None
+    last = found.places[number][0].stop - 1
+    least = ASIDE * float(np.sqrt(found.parameters[last, last]))
+    return replace(mode, square=float(np.copysign(max(abs(mode.square), least), mode.square)))
+
+
+def _parts_of_block(found: Uncertainty, number: int) -> list[Part]:
+    """The pair, or the two real multipliers, of a block, with deviations to first order of all but the exponents."""
+    at, mode, samples = found.at, readable(found, number), found.samples
+    omega, begins, count = samples.fundamental, samples.first_times, len(samples.values)
+    place, free = found.places[number]
+
+    def read(own: InputMode, shape: NDArray[np.complex128]) -> list[tuple[InputMode, NDArray[np.complex128]]]:
+        return ordinary(own, shape, omega, begins)
+
+    shape, steps = at.shape(number).T, np.sqrt(np.diag(found.parameters)[place])
+    own, sides = read(mode, shape), []
+    for index, std in zip(np.flatnonzero(free), 1e-3 * steps, strict=True):
+        step = np.zeros(len(free))
+        step[index] = std
+        both = [read(mode.moved(sign * step), shape) for sign in (1.0, -1.0)]
+        sides.append((2.0 * std, both))
+    columns = at.slices()[number][0]
+    unit = np.zeros((len(at.columns), shape.shape[1]), complex)
+    for column in range(columns.start, columns.stop):
+        unit[column] = replace(at, coefficients=np.eye(len(at.columns))[:, [column]]).shape(number)[:, 0]
+    of_unit, parts = read(mode, unit), []
+    slopes, more = slopes_of_readings(mode.square or 0.0, float(found.parameters[place.stop - 1, place.stop - 1]))
+    for k, (one, amplitudes) in enumerate(own):
+        by_gain = [(up[k][0].gains - down[k][0].gains).ravel() / size for size, (up, down) in sides]
+        by_shape = [(up[k][1] - down[k][1]) / size for size, (up, down) in sides]
+        gains = np.array(by_gain).T
+        spread = found.parameters[place, place]
+        gain_std = _roots(np.einsum("qp,pr,qr->q", part, spread, part) for part in (gains.real, gains.imag))
+        std = np.zeros(amplitudes.shape, complex)
+        for channel in range(count):
+            by_parameters = np.zeros((amplitudes.shape[1], len(found.parameters)), complex)
+            by_parameters[:, place] = np.array([own_slope[channel] for own_slope in by_shape]).T
+            by_columns = of_unit[k][1].T
+            std[channel] = _roots(
+                found.variance(channel, a, b)
+                for a, b in ((by_parameters.real, by_columns.real), (by_parameters.imag, by_columns.imag))
+            )
+        rows = np.zeros((2, len(free)))
+        rows[:, [0, -1]] = slopes[k]
+        rows = found.spread_over(number, rows)
+        part = listed(one, (amplitudes, std), gain_std.reshape(one.gains.shape), rows, omega, begins)
+        parts.append(replace(_on_branch(part, at.noise, omega, begins), more=tuple(more.tolist())))
+    return parts
+
+
+def _roots(variances: Iterable[NDArray[np.float64]]) -> NDArray[np.complex128]:
+    """Deviations of real and of imaginary parts, from their variances."""
+    real, imag = (np.sqrt(np.maximum(own, 0.0)) for own in variances)
+    return real + 1j * imag
+
+
+def _on_branch(part: Part, noise: NDArray[np.float64], omega: float, begins: NDArray[np.float64]) -> Part:
+    """A pair on the branch whose zeroth harmonic is seen most, of a frequency that is not negative."""
+    if part.real:
+        return part
+    turn = int(part.harmonics[np.argmax(np.sum(np.abs(part.coefficients.T / noise) ** 2, axis=1))])
+    part = replace(
+        part,
+        exponent=part.exponent + 1j * turn * omega,
+        harmonics=part.harmonics - turn,
+        reach=part.reach + turn,
+        initial=part.initial * np.exp(1j * turn * omega * begins),
+    )
+    if part.exponent.imag >= 0.0:
+        return part
+    return replace(
+        part,
+        exponent=part.exponent.conjugate(),
+        rows=part.rows * np.array([[1.0], [-1.0]]),
+        harmonics=-part.harmonics[::-1],
+        coefficients=part.coefficients[:, ::-1].conj(),
+        coefficient_std=part.coefficient_std[:, ::-1],
+        reach=-part.reach[::-1],
+        gains=part.gains[:, ::-1].conj(),
+        gain_std=part.gain_std[:, ::-1],
+        initial=part.initial.conj(),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,6 +322,8 @@ class Part:
     gains: NDArray[np.complex128]
     gain_std: NDArray[np.complex128]
     initial: NDArray[np.complex128]
+    more: tuple[float, float] = (0.0, 0.0)
+    """Variances of Re λ and Im λ beside those by the parameters."""
 
 
 def listed(
@@ -245,29 +342,20 @@ def listed(
     exponent, harmonics, coefficients, reach, gains = terms_of(mode, shape[0], fundamental)[0]
     if mode.real:
         begin = mode.turns[0] % 1.0
-        std = _mirrored(mode.turns, shape[1], -begin, deviations=True)[1]
-        gain_std = _mirrored(mode.reach, gain_std, begin, deviations=True)[1]
+        std = mirrored(mode.turns, shape[1], -begin, deviations=True)[1]
+        gain_std = mirrored(mode.reach, gain_std, begin, deviations=True)[1]
         initial = initial * np.exp(1j * begin * fundamental * begins)
     return Part(mode.real, exponent, rows, harmonics, coefficients, std, reach, gains, gain_std, initial)
 
 
-def _mirrored(
-    turns: NDArray[np.float64], values: NDArray[np.complex128], shift: float, *, deviations: bool = False
-) -> tuple[NDArray[np.int64], NDArray[np.complex128]]:
-    """Harmonics of a real signal's amplitudes (rows, turns), those below zero too, all moved by a shift."""
-    down = turns > 0.0
-    own = np.where(down, 0.5, 1.0) * values
-    both = np.concatenate([-turns[down][::-1], turns]) + shift
-    below = own[:, down][:, ::-1]
-    found = np.concatenate([below if deviations else below.conj(), own], axis=1)
-    return np.rint(both).astype(np.int64), found
-
-
 def terms_of(mode: InputMode, shape: NDArray[np.complex128], fundamental: float) -> list[Term]:
-    """A mode of a fit as modes of a model, with amplitudes 2 c (outputs, turns): a pair as two."""
+    """A mode of a fit as modes of a model, with amplitudes 2 c (outputs, turns): a pair or a block as two."""
+    if mode.square is not None:
+        parts = ordinary(mode, shape, fundamental, np.zeros(len(mode.initial) // 2))
+        return [term for own, part in parts for term in terms_of(own, part, fundamental)]
     if mode.real:
         begin = mode.turns[0] % 1.0
-        seen, reached = _mirrored(mode.turns, shape, -begin), _mirrored(mode.reach, mode.gains, begin)
+        seen, reached = mirrored(mode.turns, shape, -begin), mirrored(mode.reach, mode.gains, begin)
         return [(mode.exponent.real + 1j * begin * fundamental, *seen, *reached)]
     turns, reach = mode.turns.astype(np.int64), mode.reach.astype(np.int64)
     return [
@@ -310,11 +398,9 @@ def transfer_of(
     for number, mode in enumerate(at.modes):
         own = at.shape(number).T
         values += transferred(mode, own)
-        place, turning = at.slices()[number]
+        place = at.slices()[number][0]
         for column in range(place.start, place.stop):
-            unit = np.zeros((1, len(mode.turns)), complex)
-            later = column - place.start - len(turning)
-            unit[0, column - place.start if later < 0 else np.flatnonzero(turning)[later]] = 1.0 if later < 0 else 1j
+            unit = replace(at, coefficients=np.eye(columns)[:, [column]]).shape(number).T
             by_columns[column] = transferred(mode, unit)[:, 0]
         where, free = found.places[number]
         for parameter, index in zip(range(where.start, where.stop), np.flatnonzero(free), strict=True):

@@ -9,9 +9,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.inputs._modes import InputMode, followed, reached_by
+from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, carried, linearise, slopes_of, state_slopes
+from floquid.inputs._states import followed, reached_by
 
 NUDGE = 1e-6
 """The relative change of ω by which the response's slope is taken."""
@@ -120,8 +121,8 @@ class Scores:
         many = len(samples.inputs)
         for mode, turn in asked:
             own = now.modes[mode]
-            alone = replace(own, reach=np.array([turn]), gains=np.ones((many, 1), complex))
-            drives.append(reached_by(samples, alone)[: (2 if own.real else 1) * many])
+            alone = replace(own, reach=np.array([turn]), gains=np.ones((own.states * many, 1), complex))
+            drives.append(reached_by(samples, alone)[: (2 if own.real else 1) * len(alone.gains)])
         counts = [len(own) if now.modes[m].real else 2 * len(own) for own, (m, _) in zip(drives, asked, strict=True)]
         ends = np.cumsum([0, *counts])
         information, pull, size = np.zeros((ends[-1], ends[-1])), np.zeros(ends[-1]), np.zeros(ends[-1])
@@ -131,6 +132,7 @@ class Scores:
             for k, (part, (mode, _)) in enumerate(zip(drives, asked, strict=True)):
                 shape, turns = now.shape(mode)[:, channel], now.modes[mode].turns.tolist()
                 moved = self.weights[channel] * carried(samples, shape, turns) * part
+                moved = moved if now.modes[mode].square is None else moved.sum(axis=1)
                 real = now.modes[mode].real
                 rows[ends[k] : ends[k + 1]] = moved.real if real else np.concatenate([moved.real, -moved.imag])
             seen = (rows @ self.columns.T).astype(float)
@@ -181,9 +183,13 @@ class Scores:
         """
         slopes = np.zeros((len(shapes), *left.shape))
         for number, (mode, shape) in enumerate(zip(self.now.modes, shapes, strict=True)):
-            slopes[number, heard] = (
-                shape * followed(self.samples, mode, np.sum(shape.conj() * left[heard], axis=0))
-            ).real
+            if mode.square is None:
+                behind = followed(self.samples, mode, np.sum(shape.conj() * left[heard], axis=0))
+                slopes[number, heard] = (shape * behind).real
+                continue
+            # The states of a block vary together as white noise on the first one makes them.
+            drive = mode.mixed @ np.einsum("csn,cn->sn", shape.real, left[heard])
+            slopes[number, heard] = np.einsum("csn,sn->cn", shape.real, followed(self.samples, mode, drive))
         return np.einsum("mcn,cn->m", slopes, left), slopes
 
     def _unfitted(self, values: NDArray) -> NDArray:

@@ -8,10 +8,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from floquid.inputs._axis import with_blocks
 from floquid.inputs._bands import ROUGH, centred, grown, narrowed, with_reach
 from floquid.inputs._joint import chosen_together, fitted_together
 from floquid.inputs._modes import InputMode
-from floquid.inputs._real import with_pairs, with_real_ones
 from floquid.inputs._samples import Samples
 from floquid.inputs._scores import Limits, Scores, driven_by_noise, limit_of
 from floquid.inputs._solver import LAGS, Linearisation, solve
@@ -50,9 +50,6 @@ NARROW = 4
 STABLE = 0.35
 """The share of the looks at which a candidate comes up from which on a search begins with it."""
 
-ROUNDS = 6
-"""Fits at most, one after another, with real multipliers for a pair of the modes that are found."""
-
 OFFSET = 1e4
 """The size of a response over what moves in it from which on its offset goes first: squares of it round the rest."""
 
@@ -82,12 +79,11 @@ def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = l
         return now
     loose = replace(limits, harmonic_alarm=LOOSE)
     before: Linearisation | None = None
+    tried: list[complex] = []
     report(f"searching for modes: harmonics of {len(now.modes)}")
     while now is not before:  # with all their harmonics some modes are others, or needless
         before = narrowed(samples, grown(samples, now, loose, rounds=2), loose)
-        now = without_needless(samples, with_real_ones(samples, before, loose, rounds=ROUNDS), loose)
-    paired = with_pairs(samples, now, loose)
-    now = now if paired is now else without_needless(samples, paired, loose)
+        now = without_needless(samples, with_blocks(samples, before, loose, tried), loose)
     modes = [centred(samples, mode, now, number) for number, mode in enumerate(now.modes)]
     return solve(samples, [_padded(mode, limits) for mode in modes], now.direct)
 
@@ -120,18 +116,18 @@ def _found(
     """The modes that a search ends with that begins with some."""
     now = grown(samples, solve(samples, first, iterations=ROUGH, rough=True), limits, rounds=FIRST)
     now = narrowed(samples, without_needless(samples, now, limits), limits)
-    refused: list[complex] = []
-    now = with_real_ones(samples, grown(samples, now, limits), limits, refused)
+    tried: list[complex] = []
+    now = with_blocks(samples, grown(samples, now, limits), limits, tried)
     report(f"searching for modes: {len(now.modes)} found")
     while len(now.modes) < limits.modes:
         more = _with_one_more(samples, now, limits)
         if more is None:
             break
-        now = with_real_ones(samples, narrowed(samples, more, limits), limits, refused)
+        now = with_blocks(samples, narrowed(samples, more, limits), limits, tried)
         report(f"searching for modes: {len(now.modes)} found")
     less = without_needless(samples, now, limits)
     # Beside fewer modes a pair that was no real multiplier may be one.
-    return with_real_ones(samples, less, limits, refused if less is now else None)
+    return with_blocks(samples, less, limits, tried if less is now else None)
 
 
 def _padded(mode: InputMode, limits: Limits) -> InputMode:

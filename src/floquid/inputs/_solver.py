@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
-from floquid.inputs._modes import InputMode, runs_away, slopes_of_state, state_of
+from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
+from floquid.inputs._states import runs_away, slopes_of_state, state_of
 
 ROUNDING = 1e-12
 """The share of the largest below which a direction of the columns is rounding."""
@@ -99,18 +100,18 @@ class Linearisation(Rebuilt):
         found, place = [], 0
         for mode in self.modes:
             turning = np.ones(len(mode.turns), bool) if not mode.real else mode.turns > 0.0
-            stop = place + len(turning) + int(turning.sum())
+            stop = place + mode.states * (len(turning) + int(turning.sum()))
             found.append((slice(place, stop), turning))
             place = stop
         return found
 
     def shape(self, mode: int) -> NDArray[np.complex128]:
-        """2 c of a mode, of a real multiplier at turn zero c (turns, channels)."""
+        """2 c of a mode, of real states at turn zero c (turns, channels); of a block the second state's follow."""
         own, turning = self.slices()[mode]
-        both = self.coefficients[own]
-        found = both[: len(turning)].astype(complex)
-        found[turning] += 1j * both[len(turning) :]
-        return found
+        both = self.coefficients[own].reshape(self.modes[mode].states, -1, self.coefficients.shape[1])
+        found = both[:, : len(turning)].astype(complex)
+        found[:, turning] += 1j * both[:, len(turning) :]
+        return found.reshape(-1, both.shape[-1])
 
 
 def linearise(samples: Samples, modes: Sequence[InputMode], direct: Sequence[float] = ()) -> Linearisation:
@@ -139,10 +140,14 @@ def linearise(samples: Samples, modes: Sequence[InputMode], direct: Sequence[flo
 
 
 def columns_of(samples: Samples, mode: InputMode, state: NDArray) -> NDArray[np.float64]:
-    """Columns of a mode with this state: real parts at each turn, then the imaginary ones (columns, samples)."""
-    turned = np.array([samples.turned(turn) for turn in mode.turns.tolist()]) * state
+    """Columns of a mode with this state: real parts at each turn, then the imaginary ones (columns, samples).
+
+    Of a block those of the second state follow.
+    """
+    angles = np.array([samples.turned(turn) for turn in mode.turns.tolist()])
     turning = np.ones(len(mode.turns), bool) if not mode.real else mode.turns > 0.0
-    return np.concatenate([turned.real, -turned.imag[turning]])
+    turned = [angles * own for own in state.reshape(mode.states, -1)]
+    return np.concatenate([part for own in turned for part in (own.real, -own.imag[turning])])
 
 
 def _modulated(turned: NDArray[np.complex128], inputs: NDArray[np.float64], turning: bool) -> NDArray[np.float64]:
@@ -156,8 +161,10 @@ def state_slopes(samples: Samples, at: Linearisation) -> list[NDArray]:
 
 
 def carried(samples: Samples, shape: NDArray[np.complex128], turns: Sequence[float]) -> NDArray[np.complex128]:
-    """The shape of a mode in one channel over the samples: amplitudes (turns,) at harmonics (samples,)."""
-    return shape @ np.array([samples.turned(turn) for turn in turns])
+    """The shape of a mode over the samples: amplitudes (…, turns) at harmonics (…, samples); of a block both."""
+    angles = np.array([samples.turned(turn) for turn in turns])
+    both = shape.reshape(*shape.shape[:-1], -1, len(turns)) @ angles
+    return both if both.shape[-2] > 1 else both[..., 0, :]
 
 
 def slopes_of(
@@ -173,6 +180,7 @@ def slopes_of(
         whole = weight * carried(samples, shape, mode.turns.tolist())
         precision = np.complex64 if slopes.dtype in (np.float32, np.complex64) else np.complex128
         moved = whole.astype(precision) * slopes
+        moved = moved if mode.square is None else moved.sum(axis=1)
         both = moved.real if mode.real else np.concatenate([moved.real, -moved.imag])
         found.append(both[mode.free])
     return np.concatenate(found)
@@ -186,14 +194,14 @@ def normal_equations(
     A rough one is made in single precision, slopes as multiples of their size.
     """
     states, columns, left = state_slopes(samples, at), at.columns, at.left / at.noise[:, None]
-    sizes = [np.sqrt(np.mean(np.abs(own) ** 2, axis=1)) + 1e-300 for own in states]
+    sizes = [np.sqrt(np.mean(np.abs(own.reshape(len(own), -1)) ** 2, axis=1)) + 1e-300 for own in states]
     scale = np.concatenate(
         [(own if mode.real else np.tile(own, 2))[mode.free] for mode, own in zip(at.modes, sizes, strict=True)]
     )
     of_columns = np.sqrt(np.einsum("kk->k", at.inverse)) + 1e-300
     number = np.float32 if rough else np.float64
     states = [
-        (own / size[:, None]).astype(np.result_type(number, 1j) if np.iscomplexobj(own) else number)
+        (own.T / size).T.astype(np.result_type(number, 1j) if np.iscomplexobj(own) else number)
         for own, size in zip(states, sizes, strict=True)
     ]
     columns = (columns * of_columns[:, None]).astype(number)
@@ -260,14 +268,11 @@ def _stepped(samples: Samples, at: Linearisation, step: NDArray[np.float64], per
         own[free] = step[place : place + int(free.sum())]
         place += int(free.sum())
         steps.append(own)
-    longest = max(
-        abs(own[0] + (0j if mode.real else 1j * own[len(own) // 2])) * period
-        for mode, own in zip(at.modes, steps, strict=True)
-    )
+    longest = max(mode.distance(own, LONGEST_STEP / period) * period for mode, own in zip(at.modes, steps, strict=True))
     share = min(1.0, LONGEST_STEP / max(longest, 1e-300))
     moved = [mode.moved(share * own) for mode, own in zip(at.modes, steps, strict=True)]
     pairs = zip(at.modes, moved, strict=True)
-    if any(runs_away(samples, one.exponent) != runs_away(samples, other.exponent) for one, other in pairs):
+    if any(runs_away(samples, one.growth) != runs_away(samples, other.growth) for one, other in pairs):
         return None
     return linearise(samples, [mode.scaled() for mode in moved], at.direct)
 

@@ -9,8 +9,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.inputs import InputMode, Limits, limit_of, near_real, noise_explains, real_for
+from floquid.inputs import InputMode, Limits, limit_of, noise_explains
 from floquid.transfer._modal import Fitted, Lines, Modal, eliminated, fitted, promised
+from floquid.transfer._real import near_real, real_for
 
 DECAYS = 10
 """Decays of the grid, from a part of the distance of lines to their range."""

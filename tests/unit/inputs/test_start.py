@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from floquid.inputs._real import with_pairs
 from tests.driven import creeping, mathieu, record_of, two_masses
 
 from floquid.inputs import Limits, samples_of, solve
 from floquid.inputs._joint import chosen_together
-from floquid.inputs._real import with_pairs
 from floquid.inputs._start import _lower, _products_of_lags, bare_mode, candidates
 
 

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from floquid.inputs import InputMode, linearise, samples_of, slopes_of, state_slopes
-from floquid.inputs._modes import state_of
+from floquid.inputs._states import state_of
 
 STEP, OMEGA = 0.17, 1.3
 
