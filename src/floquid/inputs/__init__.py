@@ -10,13 +10,11 @@ from floquid.inputs._joint import chosen_together as chosen_together
 from floquid.inputs._joint import fitted_together as fitted_together
 from floquid.inputs._modes import InputMode as InputMode
 from floquid.inputs._modes import input_gain as input_gain
-from floquid.inputs._result import Term as Term
-from floquid.inputs._result import Uncertainty as Uncertainty
+from floquid.inputs._parts import Term as Term
+from floquid.inputs._parts import listed as listed
+from floquid.inputs._parts import terms_of as terms_of
 from floquid.inputs._result import assembled as assembled
-from floquid.inputs._result import listed as listed
 from floquid.inputs._result import model_of as model_of
-from floquid.inputs._result import sealed as sealed
-from floquid.inputs._result import terms_of as terms_of
 from floquid.inputs._result import transfer_of as transfer_of
 from floquid.inputs._samples import Hold
 from floquid.inputs._samples import Samples as Samples
@@ -39,5 +37,7 @@ from floquid.inputs._start import candidates as candidates
 from floquid.inputs._states import answering as answering
 from floquid.inputs._transfer import TransferFunctions, transfer_functions
 from floquid.inputs._transfer import modal_transfer as modal_transfer
+from floquid.inputs._uncertainty import Uncertainty as Uncertainty
+from floquid.inputs._uncertainty import sealed as sealed
 
 __all__ = ["Hold", "TransferFunctions", "transfer_functions"]

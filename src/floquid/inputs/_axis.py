@@ -25,6 +25,10 @@ NEAR, APART = 5.0, 6.0
 STEPS = 8
 """Steps of a fit with a block."""
 
+FLAT = 0.5
+"""The ratio of the axes of the ellipses along which the states of a block are seen and driven, up to which it is kept
+whatever its harmonics cost."""
+
 SAME = 0.05
 """The distance of two exponents over their decay below which they are one."""
 
@@ -48,7 +52,9 @@ def with_blocks(
         tried += marks
         for trial in _trials(samples, now, numbers, limits):
             rise, fewer = now.log_likelihood - trial.log_likelihood, now.n_parameters - trial.n_parameters
-            if trial.criterion >= now.criterion or noise_explains(rise, fewer):
+            one = trial.modes[-1].square is None  # the other is below noise, or it is needed
+            better = not one and (trial.criterion >= now.criterion or (rise < 0.0 and _nearly_real(trial)))
+            if better or noise_explains(rise, fewer):
                 return with_blocks(samples, trial, limits, tried)
     return _parted(samples, now, spread)
 
@@ -106,10 +112,11 @@ def _trials(samples: Samples, now: Linearisation, numbers: Sequence[int], limits
     with suppress(np.linalg.LinAlgError):
         blocks = [block_of_pair(samples, mode) for mode in own if not mode.real][:1]
         if reals:
-            blocks = [block_of_reals(*reals, samples.fundamental)]
+            blocks = [block_of_reals(reals[0], reals[1], samples.fundamental)]
         else:
-            blocks.append(block_of_reals(*started(ends), samples.fundamental))
-        yield max((fitted(block) for block in blocks), key=lambda own: own.criterion)
+            fast, slow = started(ends)
+            blocks.append(block_of_reals(fast, slow, samples.fundamental))
+        yield max((fitted(block) for block in blocks), key=lambda trial: trial.criterion)
 
 
 def _real_starts(modes: Sequence[InputMode]) -> tuple[float, tuple[float, float]]:
@@ -142,6 +149,23 @@ def _parted(samples: Samples, now: Linearisation, spread: NDArray[np.float64]) -
         if len(found) == len(now.modes) and not any(a is not b for a, b in zip(found, now.modes, strict=True))
         else linearise(samples, [mode.scaled() for mode in found], now.direct)
     )
+
+
+def _nearly_real(now: Linearisation) -> bool:
+    """True where the last mode is a block whose shape and inputs are real, but for a factor and a small part.
+
+    Where a pair meets the axis they are: harmonics that noise explains, on the other side, are no argument for it.
+    A pair that crosses the axis as the frequency of a constant system does turns one way: no block is regular there.
+    """
+    mode = now.modes[-1]
+    assert mode.square is not None
+    root = float(np.sqrt(abs(mode.square)))
+    shape, gains = now.shape(len(now.modes) - 1) / now.noise, mode.gains * np.tile(mode.sizes, 2)[:, None]
+    ratios = []
+    for both in (shape.reshape(2, -1) * [[root], [1.0]], gains.reshape(2, -1) * [[1.0], [root]]):
+        low, high = np.linalg.eigvalsh((both @ both.conj().T).real)
+        ratios.append(low / max(high, 1e-300))
+    return max(ratios) < FLAT**2
 
 
 def _mark(mode: InputMode) -> complex:

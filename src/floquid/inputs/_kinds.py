@@ -48,7 +48,8 @@ def block_of_reals(one: InputMode, other: InputMode, omega: float) -> InputMode:
         one, other = other, one
     decay = 0.5 * (one.exponent.real + other.exponent.real)
     apart = max(0.5 * (one.exponent.real - other.exponent.real), OFF * abs(decay), NEAREST * omega)
-    reach, turns = (max((getattr(mode, name) for mode in (one, other)), key=len) for name in ("reach", "turns"))
+    wide, long = max((one, other), key=lambda own: len(own.reach)), max((one, other), key=lambda own: len(own.turns))
+    reach, turns = wide.reach, long.turns
     gains = [np.pad(mode.gains, ((0, 0), (0, len(reach) - len(mode.reach)))) for mode in (one, other)]
     # The sign of a state is free: alike, their difference is small, as it is where they meet.
     sign = -1.0 if np.sum((gains[0] * gains[1].conj()).real) < 0.0 else 1.0

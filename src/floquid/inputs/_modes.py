@@ -68,6 +68,13 @@ class InputMode(Rebuilt):
         """The number of states, that of a pair counted once."""
         return 1 if self.square is None else 2
 
+    def exponents(self, omega: float) -> list[complex]:
+        """The exponents, of a pair that of the state, about the axis that they are counted from [1/s]."""
+        if self.square is None:
+            return [self.exponent + 1j * self.lowest * omega]
+        root, mean = complex(np.sqrt(complex(self.square))), self.exponent + 1j * self.lowest * omega
+        return [mean + root, mean - root]
+
     @property
     def growth(self) -> float:
         """The real part of the exponent, of the larger one of a block [1/s]."""

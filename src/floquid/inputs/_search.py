@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from itertools import combinations, product
 
 import numpy as np
 
@@ -100,9 +101,9 @@ def _wide(now: Linearisation) -> bool:
 
 def nearly_one(samples: Samples, now: Linearisation) -> bool:
     """True where two modes of a fit differ by less than they decay, apart from a multiple of the fundamental."""
-    omega, found = samples.fundamental, [mode.exponent for mode in now.modes]
-    for number, one in enumerate(found):
-        for other in found[:number]:
+    omega, found = samples.fundamental, [mode.exponents(samples.fundamental) for mode in now.modes]
+    for first, second in combinations(found, 2):
+        for one, other in product(first, second):
             gaps = [one - other, one - other.conjugate()]
             near = min(abs(gap - 1j * omega * round(gap.imag / omega)) for gap in gaps)
             if near < TOO_NEAR * min(abs(one.real), abs(other.real)):

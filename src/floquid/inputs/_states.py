@@ -170,10 +170,10 @@ def _block_slope(
     assert mode.square is not None
     maps, drives = [], []
     for sign in (1.0, -1.0):
-        own = replace(mode, exponent=mode.exponent + sign * by[0], square=mode.square + sign * by[1])
-        first, second = transition(own.exponent.real, own.square, samples.step)
-        maps.append(np.array([[first, own.square * second], [second, first]]))
-        drives.append(_block_drive(samples, own))
+        mean, square = mode.exponent.real + sign * by[0], mode.square + sign * by[1]
+        first, second = transition(mean, square, samples.step)
+        maps.append(np.array([[first, square * second], [second, first]]))
+        drives.append(_block_drive(samples, replace(mode, exponent=complex(mean), square=square)))
     size = 2.0 * (by[0] + by[1])
     return _recursion_of(samples, mode, ((maps[0] - maps[1]) @ state + drives[0] - drives[1]) / size)
 

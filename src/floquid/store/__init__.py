@@ -62,8 +62,8 @@ settings, records, model and findings alone, and state where an A(t) was asked f
 
     /noise, /held_out, /lengths     of each channel, of each channel, and of each mode of outputs alone
     /fit/modes/mode1, mode2, .../   exponent, real (1 of a real one), turns (harmonics,), reach (harmonics of
-                                    inputs,), gains; initial (records,), sizes of "driven", shape (channels,
-                                    harmonics) of "ambient"
+                                    inputs,), gains; initial (records,), sizes and square (q of a block of two
+                                    real states, else null) of "driven", shape (channels, harmonics) of "ambient"
     /fit/direct                     of "driven": harmonics of the direct term
     /fit/columns, /fit/initial      of "ambient": coefficients of the known columns, first states (records, states)
 

@@ -33,7 +33,7 @@ EXCITED: dict[type, str] = {DrivenAnalysis: "driven", AmbientAnalysis: "ambient"
 LINES: dict[type, str] = {MeasuredTransfer: "measured", TransferFit: "fitted"}
 """Transfer functions measured line by line, and modes fitted to them, likewise."""
 
-ABSENT = ("estimates", "unselected", "inputs", "composites", "state")  # groups that a file does not have for None
+ABSENT = ("estimates", "unselected", "inputs", "composites", "state", "square")  # what files may lack for None
 FLAGS = ("constrained", "kept", "passed", "real", "speed_dependent", "steady")
 """HDF5 has no truth values: these are 0 and 1."""
 
@@ -147,10 +147,11 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "exponent": "; 1/s",
         "real": "",
         "reach": "harmonics of the inputs",
-        "gains": "inputs, harmonics of the inputs; 1/s over that of the input",
+        "gains": "states times inputs, harmonics of the inputs; 1/s over that of the input",
         "turns": "harmonics",
-        "initial": "records",
+        "initial": "states times records",
         "sizes": "inputs",
+        "square": "; 1/s^2",
     },
     Mode: {
         "exponent": "; 1/s",

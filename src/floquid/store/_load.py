@@ -87,7 +87,8 @@ def _read_excited(file: Any, kind: str) -> ExcitedAnalysis:
     group, made = file["fit"], next(one for one, name in EXCITED.items() if name == kind)
     modes = [group[f"modes/mode{number}"] for number in range(1, len(group["modes"]) + 1)]
     found = get_fields(file, made)
-    if sum(1 if get(mode, "real") else 2 for mode in modes) != found["model"].order:
+    alone = [get(mode, "real") and ("square" not in mode or get(mode, "square") is None) for mode in modes]
+    if sum(1 if one else 2 for one in alone) != found["model"].order:
         raise DamagedError("fit/modes are not those of the model")
     if made is AmbientAnalysis:
         parts = get(group, "columns", "channels, columns"), get(group, "initial", "records, states")

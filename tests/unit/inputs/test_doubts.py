@@ -58,7 +58,7 @@ def test_two_real_multipliers_that_may_be_a_pair_are_told():
     open_, clear = (
         identified(*record_of(creeping(own), 60, PHASES, 0.05, 0), system.period) for own in (0.0142, 0.0155)
     )
-    assert codes(open_) == {"inputs_kind"}
+    assert codes(open_) - codes(clear) == {"inputs_kind"}
     assert "which, and the deviations" in " ".join(open_.warnings)
     assert "inputs_kind" not in codes(clear)
     assert pulls(creeping(0.0155), clear.model).max() < 4.0

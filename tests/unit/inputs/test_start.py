@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from floquid.inputs._real import with_pairs
 from tests.driven import creeping, mathieu, record_of, two_masses
 
 from floquid.inputs import Limits, samples_of, solve
+from floquid.inputs._axis import with_blocks
 from floquid.inputs._joint import chosen_together
 from floquid.inputs._start import _lower, _products_of_lags, bare_mode, candidates
 
@@ -53,12 +53,12 @@ def test_two_real_multipliers_become_the_pair_that_explains_more():
     samples = samples_from(system, 100, 20, 0.01)
     band = np.arange(2.0)
     now = solve(samples, [bare_mode(samples, exponent, band, band, real=True) for exponent in (-0.1, -0.15)])
-    (mode,) = with_pairs(samples, now, Limits()).modes
+    (mode,) = with_blocks(samples, now, Limits()).modes
     assert gaps(system, np.array([mode.exponent])).max() < 0.01
     split = creeping(0.012)
     samples = samples_from(split, 100, 20, 0.01)
     kept = solve(samples, [bare_mode(samples, exponent, band, band, real=True) for exponent in (-0.06, -0.18)])
-    assert with_pairs(samples, kept, Limits()) is kept
+    assert with_blocks(samples, kept, Limits()) is kept
 
 
 def test_modes_are_chosen_before_what_is_none():

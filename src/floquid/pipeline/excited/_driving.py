@@ -63,7 +63,7 @@ def _beside(scores: Scores) -> tuple[Finding, ...]:
     Where squares are there they gain several times what noise does, more than they do by chance.
     """
     by_noise, by_powers = _by_noise(scores), _by_powers(scores)
-    noisy = MORE * by_noise > by_powers.max(initial=0.0) - POWERS * len(scores.now.left)
+    noisy = MORE * by_noise > by_powers.max(initial=0.0) - _powers(scores)
     return (() if noisy else _nonlinear(scores, by_powers)) or _driven(by_noise)
 
 
@@ -180,9 +180,14 @@ def _by_powers(scores: Scores) -> NDArray[np.float64]:
     return scores.by_inputs([(number, mode.lowest) for number, mode in enumerate(now.modes)], powers)
 
 
+def _powers(scores: Scores) -> int:
+    """Numbers by which squares and cubes of all channels drive a mode."""
+    return POWERS * len(scores.now.left) * max((mode.states for mode in scores.now.modes), default=1)
+
+
 def _nonlinear(scores: Scores, gains: NDArray[np.float64]) -> tuple[Finding, ...]:
     """Finding on squares and cubes of the response that drive the modes as inputs would."""
-    limit = limit_of(POWERS * len(scores.now.left), SURE / max(len(gains), 1))
+    limit = limit_of(_powers(scores), SURE / max(len(gains), 1))
     if gains.max(initial=0.0) < limit:
         return ()
     return (failure("inputs_nonlinear", squares=float(gains.max()), limit=limit),)

@@ -94,18 +94,21 @@ def _root_of(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _with(model: PeriodicModel, terms: Sequence[Term]) -> PeriodicModel:
-    """The model with other modes of the same harmonics."""
-    coefficients, own = np.zeros_like(model.coefficients), model.inputs
-    gains = None if own is None else np.zeros_like(own.coefficients)
+    """The model with other modes: those of a block may have become of the other kind, on other harmonics."""
+    seen, driven = (np.unique(np.concatenate([term[k] for term in terms])) for k in (1, 3))
+    coefficients, own = np.zeros((len(terms), len(model.channels), 1, len(seen)), complex), model.inputs
+    gains = None if own is None else np.zeros((len(terms), len(own.channels), len(driven)), complex)
     for number, (_, harmonics, shape, reach, gain) in enumerate(terms):
-        coefficients[number][:, 0, np.searchsorted(model.harmonics, harmonics)] = shape
-        if own is not None and gains is not None:
-            gains[number][:, np.searchsorted(own.harmonics, reach)] = gain
+        coefficients[number][:, 0, np.searchsorted(seen, harmonics)] = shape
+        if gains is not None:
+            gains[number][:, np.searchsorted(driven, reach)] = gain
+    if own is not None and gains is not None:
+        own = replace(own, coefficients=gains, harmonics=driven, coefficient_std=None)
     return PeriodicModel(
         exponents=np.array([term[0] for term in terms]),
         coefficients=coefficients,
-        harmonics=model.harmonics,
+        harmonics=seen,
         period=model.period,
         channels=model.channels,
-        inputs=None if own is None or gains is None else replace(own, coefficients=gains, coefficient_std=None),
+        inputs=own,
     )

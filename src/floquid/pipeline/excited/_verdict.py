@@ -78,7 +78,7 @@ def verdict(
         *(unreached := _unreached(fit)),
         *(_began(own) if fit.at.colour > COLOURED or any(one.code == "unreached" for one in unreached) else ()),
         *of_driving(fit, scores),
-        *_kinds(model),
+        *_kinds(fit, model),
         *_against(fit.at, held_out),
         *of_outliers(fit.at.left, own),
         *_ended(samples, fit.at, model, limits, most),
@@ -135,7 +135,9 @@ def _seen(scores: Scores) -> list[tuple[float, int]]:
     """Squared deviations of the shape of each mode from zero, and how many numbers it has."""
     columns, channels = scores.now.slices(), len(scores.left)
     sizes = [channels * (own.stop - own.start) for own, _ in columns]
-    return list(zip(scores.of_modes().tolist(), sizes, strict=True))
+    both = zip(scores.of_modes().tolist(), sizes, scores.now.modes, strict=True)
+    # The model has two real multipliers for a block of positive q.
+    return [(squares, size) for squares, size, mode in both for _ in range(2 if (mode.square or -1.0) > 0.0 else 1)]
 
 
 def needed(model: PeriodicModel, limits: Limits, seen: Sequence[tuple[float, int]]) -> Finding:
@@ -289,8 +291,8 @@ def undetermined(model: PeriodicModel) -> bool:
     return bool((model.period * spread > 1.0).any() or (model.real & vague).any())
 
 
-def _kinds(model: PeriodicModel) -> tuple[Finding, ...]:
-    """Finding on pairs that may be two real multipliers, and on two of these that may be a pair."""
+def _kinds(fit: Uncertainty, model: PeriodicModel) -> tuple[Finding, ...]:
+    """Finding on pairs that may be two real multipliers, and on two of these that may be a pair: blocks mostly."""
     assert model.covariance is not None
     assert model.exponent_std is not None
     spread, omega, joint = model.exponent_std, model.fundamental, model.covariance
@@ -301,6 +303,13 @@ def _kinds(model: PeriodicModel) -> tuple[Finding, ...]:
         variance = joint[one, one] + joint[other, other] - 2.0 * joint[one, other]
         if (halves[one] - halves[other]) % 1.0 == 0.0 and gap**2 < OPEN**2 * variance:
             open_[[one, other]] = True
+    place = 0
+    for mode, (block, _) in zip(fit.at.modes, fit.places, strict=True):
+        count = 1 if mode.real and mode.square is None else 2
+        if mode.square is not None:
+            std = fit.parameters[block.stop - 1, block.stop - 1] ** 0.5
+            open_[place : place + count] = abs(mode.square) < OPEN * std
+        place += count
     if not open_.any():
         return ()
     hertz = np.unique(np.abs(model.exponents[open_])) / (2.0 * np.pi)
