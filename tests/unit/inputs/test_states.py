@@ -9,6 +9,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from floquid.inputs import InputMode, linearise, samples_of, slopes_of, state_slopes
+from floquid.inputs._kinds import block_of_pair, block_of_reals, ordinary
+from floquid.inputs._solver import normal_equations
 from floquid.inputs._states import state_of
 
 STEP, OMEGA = 0.17, 1.3
@@ -100,3 +102,105 @@ def test_records_begin_anew():
     started = replace(mode(), initial=np.array([0.3, -0.4 + 1j]))
     second = replace(mode(), initial=np.array([-0.4 + 1j]))
     assert np.allclose(state_of(both, started)[40:], state_of(alone, second))
+
+
+def block(square, lowest=0.5):
+    """A block of a decay of 0.3, so that q in units of the decay squared is `square`."""
+    generator = np.random.default_rng(7)
+    reach = np.array([lowest, lowest + 1.0])
+    gains = generator.standard_normal((4, 2)) + 1j * generator.standard_normal((4, 2))
+    return InputMode(
+        exponent=-0.3 + 0j,
+        real=True,
+        reach=reach,
+        gains=gains,
+        turns=reach,
+        initial=np.array([0.7 + 0j, 0.3 + 0j]),
+        sizes=np.ones(2),
+        square=0.3**2 * square,
+    )
+
+
+SQUARES = [-4.0, -1e-2, -1e-8, 0.0, 1e-8, 1e-2, 0.5]
+
+
+@pytest.mark.parametrize("hold", ["zero", "first"])
+@pytest.mark.parametrize("square", SQUARES)
+def test_the_states_of_a_block_are_those_of_the_equation(square, hold):
+    own, wanted = samples(hold), block(square)
+    state = wanted.initial.real
+    found = [state]
+    for number in range(20):
+        begin, now, then = own.times[number], own.inputs[:, number], own.inputs[:, number + 1]
+
+        def rate(t, z, begin=begin, now=now, then=then):
+            share = (t - begin) / STEP if hold == "first" else 0.0
+            turned = np.exp(1j * OMEGA * t * wanted.reach)
+            driven = (wanted.gains @ turned).real.reshape(2, 2) @ (now + share * (then - now))
+            return np.array([[-0.3, wanted.square], [1.0, -0.3]]) @ z + driven
+
+        state = solve_ivp(rate, (begin, begin + STEP), state, rtol=1e-10, atol=1e-12).y[:, -1]
+        found.append(state)
+    assert np.abs(state_of(own, wanted)[:, :21] - np.array(found).T).max() < 1e-8
+
+
+@pytest.mark.parametrize("hold", ["zero", "first", "none"])
+@pytest.mark.parametrize("lowest", [0.0, 0.5])
+@pytest.mark.parametrize("square", SQUARES)
+def test_slopes_and_gradient_of_a_block_are_differences(square, lowest, hold):
+    own, wanted = samples(hold), block(square, lowest)
+    at = linearise(own, [wanted])
+    slopes, (_, gradient) = slopes_of(own, at, 1, state_slopes(own, at)), normal_equations(own, at)
+    free = np.flatnonzero(wanted.free)
+    assert len(free) == len(gradient) == 2 + 8 + 8 * (1 if lowest else 0) + 4 * (0 if lowest else 1) + 2 - 2
+    for row, index in enumerate(free):
+        step = np.zeros(len(wanted.free))
+        step[index] = 1e-5
+        both = [linearise(own, [wanted.moved(sign * step)]) for sign in (1.0, -1.0)]
+        slope = at.coefficients[:, 1] @ (both[0].columns - both[1].columns) / 2e-5
+        assert np.abs(slopes[row] - slope).max() < 1e-6 * max(np.abs(slope).max(), 1.0), index
+        rise = [-0.5 * np.sum((one.left / at.noise[:, None]) ** 2) for one in both]
+        assert gradient[row] == pytest.approx((rise[0] - rise[1]) / 2e-5, rel=1e-5, abs=1e-5), index
+
+
+@pytest.mark.parametrize("square", SQUARES)
+def test_the_scale_of_a_block_changes_no_response(square):
+    own, wanted = samples("zero"), block(square)
+    left = linearise(own, [wanted]).left
+    scaled = wanted.scaled()
+    both = np.concatenate([scaled.gains.real.ravel(), scaled.gains.imag.ravel(), scaled.initial.real])
+    assert both[scaled.held - 1] == pytest.approx([1.0, 0.0], abs=1e-12)
+    assert np.abs(linearise(own, [scaled]).left - left).max() < 1e-10
+    assert np.abs(linearise(own, [wanted.multiplied((0.4, 1.1))]).left - left).max() < 1e-10
+
+
+@pytest.mark.parametrize("half", [0, 1, 2, 3])
+def test_a_block_is_the_pair_that_it_was_made_of(half):
+    """About either axis, with harmonics as far on either side of it."""
+    own, generator = samples("zero"), np.random.default_rng(3)
+    turns = np.arange(-2.0, 3.0 if half % 2 == 0 else 2.0) - half // 2
+    gains = generator.standard_normal((2, len(turns), 2)) @ np.array([1.0, 1j])
+    pair = replace(
+        mode(), exponent=-0.3 + 1j * (0.5 * half * OMEGA + 0.1), turns=turns, reach=-turns[::-1], gains=gains
+    )
+    at = linearise(own, [pair])
+    other = linearise(own, [block_of_pair(own, pair)])
+    assert np.abs(other.left - at.left).max() < 1e-9
+    assert other.n_parameters == at.n_parameters
+    ((back, shape),) = ordinary(other.modes[0], other.shape(0).T, OMEGA, own.first_times)
+    again = linearise(own, [back])
+    assert np.abs(again.left - at.left).max() < 1e-9
+    assert np.abs(again.shape(0).T - shape).max() < 1e-9
+
+
+def test_a_block_is_the_two_real_multipliers_that_it_was_made_of():
+    own, slow = samples("zero"), mode(real=True)
+    fast = replace(slow, exponent=-0.5 + 0j, gains=slow.gains[::-1], initial=-slow.initial)
+    at = linearise(own, [slow, fast])
+    other = linearise(own, [block_of_reals(fast, slow, OMEGA)])
+    assert np.abs(other.left - at.left).max() < 1e-9
+    assert other.n_parameters == at.n_parameters
+    modes, shapes = zip(*ordinary(other.modes[0], other.shape(0).T, OMEGA, own.first_times), strict=True)
+    again = linearise(own, modes)
+    assert np.abs(again.left - at.left).max() < 1e-9
+    assert all(np.abs(again.shape(k).T - shape).max() < 1e-9 for k, shape in enumerate(shapes))
