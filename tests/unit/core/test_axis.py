@@ -1,0 +1,37 @@
+"""Exponents and deviations read from the mean and the squared half-difference of a block."""
+
+import numpy as np
+import pytest
+
+from floquid.core import readings
+
+
+@pytest.mark.parametrize("square", [-30.0, -3.0, -1.0, 0.0, 1.0, 3.0, 30.0])
+def test_the_reading_of_a_normal_error_of_q_holds(square):
+    """Of q in its own deviations, σ exact but for a little, intervals of 95 % and of four deviations."""
+    generator, covariance = np.random.default_rng(0), np.diag([1e-6, 1.0])
+    truth = np.sqrt(complex(square))
+    off = []
+    for own in square + generator.standard_normal(4000):
+        exponents, std = readings(0.0, own, covariance, 0, 2.0)
+        gap = exponents[0] - truth
+        one = std[0]
+        off.append([abs(gap.real) / one.real, abs(gap.imag) / one.imag if one.imag else 0.0])
+    inside = np.mean(np.array(off) < 1.96, axis=0)
+    assert inside.min() > 0.94
+    assert inside[0 if square > 0.0 else 1] < 0.99
+    assert np.mean(np.array(off) > 4.0) < 2e-3
+
+
+def test_a_reading_far_from_zero_is_that_of_first_order():
+    """With the covariance of σ and q."""
+    covariance = np.array([[0.04, 0.015], [0.015, 0.09]]) * 1e-4
+    for square in (4.0, -4.0):
+        exponents, std = readings(-0.1, square, covariance, 1, 2.0)
+        assert exponents == pytest.approx(-0.1 + 1j + np.sqrt(complex(square)) * np.array([1.0, -1.0]))
+        slope = 1.0 / (2.0 * 2.0)
+        real = covariance[0, 0] + slope**2 * covariance[1, 1] + 2.0 * slope * covariance[0, 1] * np.array([1.0, -1.0])
+        if square > 0.0:
+            assert std == pytest.approx(np.sqrt(real), rel=1e-2)
+        else:
+            assert std == pytest.approx(np.sqrt(covariance[0, 0]) + 1j * slope * np.sqrt(covariance[1, 1]), rel=1e-2)

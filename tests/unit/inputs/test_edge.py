@@ -1,0 +1,48 @@
+"""A record at the edge of a resonance: nothing is claimed of the kind, and what is regular has deviations."""
+
+import numpy as np
+import pytest
+from tests.driven import creeping, record_of
+
+from floquid import Channel, Record, identify_driven, load, save
+
+HERTZ, HARMONICS = np.linspace(0.01, 0.1, 5), np.arange(-1, 2)
+
+
+@pytest.fixture(scope="module", params=[0.01438, 0.01440], ids=["two real multipliers", "a pair"])
+def case(request):
+    system = creeping(request.param)
+    values, inputs = record_of(system, 60, 12, 0.01, 5)
+    channels = [Channel(name="y", quantity="displacement", unit="m"), Channel(name="u", unit="N")]
+    record = Record(values=np.concatenate([values, inputs]), sample_rate=12 / system.period, channels=channels)
+    return system, identify_driven(record, period=system.period, inputs=["u"], states=["y"], validate=False)
+
+
+def test_nothing_is_claimed_of_the_kind(case):
+    system, found = case
+    assert found.model.order == 2
+    assert "inputs_kind" in {finding.code for finding in found.findings}
+    (block,), std = found.fit.at.modes, found.model.exponent_std
+    truth = ((system.exponents()[0] - system.exponents()[1]) ** 2).real / 4.0
+    assert abs(block.square - truth) < 4.0 * found.fit.parameters[-1, -1] ** 0.5
+    assert (std.real > 0.0).all()
+    assert (std.imag > 0.0).all()
+
+
+def test_the_state_matrix_and_transfer_functions_are_regular(case):
+    """Shapes grow as 1/√|q|, by which A(t) and G do not."""
+    system, found = case
+    gap = found.state.system - np.array([system.A(time) for time in found.state.times])
+    assert np.abs(gap[:, 1] / found.state.system_std[:, 1]).max() < 4.0
+    assert found.state.system_std.max() < 0.05
+    got = found.transfer(HERTZ, HARMONICS)
+    gap = got.values - system.transfer(HERTZ, HARMONICS)
+    assert max(np.abs(gap.real / got.std.real).max(), np.abs(gap.imag / got.std.imag).max()) < 4.0
+
+
+def test_a_result_file_keeps_the_block(case, tmp_path):
+    _, found = case
+    save(found, tmp_path / "result.h5")
+    again = load(tmp_path / "result.h5")
+    assert again.fit.at.modes[0].square == found.fit.at.modes[0].square
+    assert np.array_equal(again.transfer(HERTZ).std, found.transfer(HERTZ).std)
