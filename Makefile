@@ -24,7 +24,7 @@ export PYTHONDONTWRITEBYTECODE :=
 export PYTHONPYCACHEPREFIX := $(CURDIR)/$(VENV)/bytecode
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test slow kill pages bench peers order adversary turbine drawn structure methods fuzz platform lint format docs requirements upgrade clean
+.PHONY: help install demo test slow kill pages bench peers order adversary turbine drawn structure methods frozen edge fuzz platform lint format docs requirements upgrade clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 22
@@ -70,6 +70,13 @@ peers: $(INSTALLED) ## our identifiers beside other people's (into docs/peers/; 
 
 methods: $(INSTALLED) ## methods of the literature beside ours (into docs/methods/; a quarter of an hour)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.methods --out docs/methods
+
+edge: $(INSTALLED) ## exponents across the edges of locks, 8 draws a step (into build/edge.json; two minutes on two cores)
+	mkdir -p build
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.edge --jobs 2 --out build/edge.json
+
+frozen: $(INSTALLED) ## decisions on records of all kinds, compared with those kept in benchmarks/frozen/ (four minutes on two cores)
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.frozen --jobs 2
 
 fuzz: $(INSTALLED) ## a minute of fuzzing for each reader (what it finds goes to build/fuzz/)
 	$(BIN)/python -m tests.fuzz --seconds 60 --findings build/fuzz

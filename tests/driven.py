@@ -5,14 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.signal import lfilter
 
-from floquid import Record, multisine
+from floquid import Channel, Record, multisine
 from floquid.systems import JeffcottRotor
+
+DATA = Path(__file__).parent / "data"
 
 Matrix = Callable[[float], NDArray[np.float64]]
 
@@ -283,6 +286,24 @@ def coloured(system, periods, phases, noise, seed, corner=0.5, warm=40):
     forces += np.outer([0.5, 0.3], np.cos(times + 0.3)) + np.outer([0.4, 0.6], np.cos(3.0 * times + 1.0))
     values = system.response(forces, phases)[:, warm * phases :]
     return values + noise * values.std(axis=1, keepdims=True) * generator.standard_normal(values.shape)
+
+
+def engine_record(name, noise, seed):
+    """A record of `tests/data` with noise of a share of each output's response, less its orbit of outputs alone.
+
+    With its period, its exponents, and the names of its inputs, of which outputs alone have none.
+    """
+    with np.load(DATA / f"{name}.npz") as file:
+        own = dict(file)
+    values, period, rate = own["values"].astype(float), float(own["period"]), float(own["sample_rate"])
+    names, driven = [str(n) for n in own["channels"]], name.startswith("driven")
+    outputs = len(values) - 2 * driven
+    cycles = values[:outputs].reshape(outputs, -1, round(rate * period))
+    size = (cycles - (0.0 if driven else cycles.mean(axis=1, keepdims=True))).std(axis=(1, 2))
+    generator = np.random.default_rng(1000 + seed)
+    values[:outputs] += noise * size[:, None] * generator.standard_normal(values[:outputs].shape)
+    channels = [Channel(name=name, unit=str(unit)) for name, unit in zip(names, own["units"], strict=True)]
+    return Record(values=values, sample_rate=rate, channels=channels), period, own["exponents"], names[outputs:]
 
 
 def imbalance_of(system, periods, phases, turn=2, warm=400):

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 from benchmarks.adversary.kinds import KINDS
+from benchmarks.chain.case import Case
 from benchmarks.chain.run import OutOfTime, compared, limited
 
 import floquid
@@ -59,9 +60,14 @@ class Row:
         return {**asdict(self), "silent": self.silent}
 
 
+def case_of(kind: str, seed: int) -> Case:
+    """The case of one seed of a kind."""
+    return KINDS[kind].make(np.random.default_rng([sum(kind.encode()), seed]))
+
+
 def judged(kind: str, seed: int) -> Row:
     """The row of one record: `identify` as a user would call it."""
-    case = KINDS[kind].make(np.random.default_rng([sum(kind.encode()), seed]))
+    case = case_of(kind, seed)
     analysis, outcome, message = None, "", ""
     begin = time.process_time()
     try:

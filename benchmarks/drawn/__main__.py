@@ -118,21 +118,32 @@ class Row:
         return f"{self.seed}: {self.outcome}{untold}, {of}, {self.seconds:.1f} s {' '.join(self.codes)}"
 
 
-def judged(seed: int, excitation: str) -> Row:
-    """The row of one draw, identified on one thread as a user would."""
-    draw = drawn(seed, excitation)
-    system, begin = draw.system, time.process_time()
+def record_of_draw(draw: Draw, seed: int, excitation: str) -> Record:
+    """The record of a draw: channels y…, then inputs u… where they are measured."""
+    system = draw.system
     if excitation == "inputs":
         values = np.concatenate(record_of(system, draw.periods, draw.phases, draw.noise, seed))
     else:
         values = ambient_of(system, draw.periods, draw.phases, draw.noise, seed)
-    outputs, states = len(system.C(0.0)), len(system.A(0.0))
+    outputs = len(system.C(0.0))
     names = [f"y{k}" for k in range(outputs)] + [f"u{k}" for k in range(len(values) - outputs)]
-    record = Record(values=values, sample_rate=draw.phases / system.period, channels=names)
+    return Record(values=values, sample_rate=draw.phases / system.period, channels=names)
+
+
+def inputs_of(record: Record) -> list[str]:
+    """The names of its inputs, which begin with u."""
+    return [channel.name for channel in record.channels if channel.name.startswith("u")]
+
+
+def judged(seed: int, excitation: str) -> Row:
+    """The row of one draw, identified on one thread as a user would."""
+    draw = drawn(seed, excitation)
+    system, begin = draw.system, time.process_time()
+    record, states = record_of_draw(draw, seed, excitation), len(system.A(0.0))
     try:
         with threadpool_limits(limits=1):
             if excitation == "inputs":
-                found = identify_driven(record, period=system.period, inputs=names[outputs:])
+                found = identify_driven(record, period=system.period, inputs=inputs_of(record))
             else:
                 found = identify_ambient(record, period=system.period)
     except IdentificationError:

@@ -68,11 +68,16 @@ class Row:
         )
 
 
-def judged(seed: int) -> Row:
-    """The row of one draw, identified on one thread as a user would."""
+def record_of(seed: int) -> Record:
+    """The outputs of one draw."""
     system = two_masses()
     values = coloured(system, PERIODS, PHASES, NOISE, seed)
-    record = Record(values=values, sample_rate=PHASES / system.period, channels=["tower", "blade"])
+    return Record(values=values, sample_rate=PHASES / system.period, channels=["tower", "blade"])
+
+
+def judged(seed: int) -> Row:
+    """The row of one draw, identified on one thread as a user would."""
+    system, record = two_masses(), record_of(seed)
     begin = time.process_time()
     try:
         with threadpool_limits(limits=1):

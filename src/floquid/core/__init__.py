@@ -1,7 +1,6 @@
 """The types that several rooms share: what goes in (`Record`), what it is cut into (`Cycles`), what comes out."""
 
-from floquid.core._axis import readings as readings
-from floquid.core._axis import slopes_of_readings as slopes_of_readings
+from floquid.core._axis import readings
 from floquid.core._channel import Channel, Quantity, channels_named
 from floquid.core._clock import AzimuthSignal, Clock, ConstantPeriod, PulseTimes, TachometerSignal
 from floquid.core._cycles import Cycles
@@ -13,4 +12,5 @@ from floquid.core._record import Record
 __all__ = [
     "AzimuthSignal", "Channel", "Clock", "ConstantPeriod", "Cycles", "Estimates", "ModelInputs", "PeriodicModel",
     "Provenance", "PulseTimes", "Quantity", "Record", "TachometerSignal", "channels_named",
+    "readings",
 ]  # fmt: skip

@@ -1,9 +1,4 @@
-r"""Exponents of a real block of two states, read from its mean and its squared half-difference with deviations.
-
-.. math:: \lambda = \sigma \pm \sqrt q + \tfrac{i \kappa \omega}{2}
-
-σ and q are regular where a pair of conjugates becomes two real multipliers, at q = 0; their exponents are not.
-"""
+"""Exponents of a pair near an axis, read from their mean and squared half-difference."""
 
 from __future__ import annotations
 
@@ -11,53 +6,55 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats
 
-MAPPED = (1.959963984540054, 3.0)
-"""Deviations of q that are mapped to the exponents, to either side: by the first alone one in 250 was four off."""
-
-ROUNDED = 1e-9
-"""Added to a mapped interval: that of zero ends there exactly, and rounding would decide."""
+NARROW, WIDE = 1.0, 4.0
+"""Deviations of q within which a reading must hold the truth by as many of its own: up to all that is called near."""
 
 
 def readings(
     mean: float, square: float, covariance: Floats, half_turns: int, fundamental: float
 ) -> tuple[Complexes, Complexes]:
-    """Both exponents (2,) [1/s] of a block, and their deviations, from those of σ and q (2, 2).
+    r"""Read two exponents and their deviations from their mean σ and squared half-difference q, both (2,) [1/s].
 
-    The deviations stay finite through q = 0: intervals of q are mapped. Where they hold zero, both parts of the
-    exponents have a deviation, and nothing is claimed of the kind. `half_turns` is κ.
+    .. math:: \lambda = \sigma \pm \sqrt q + \tfrac{i \kappa \omega}{2}
+
+    They are two real multipliers where q > 0 and a pair of conjugates about the axis where q < 0. A square root has no
+    slope at zero, so its deviation is that of the interval: the largest change of it that k deviations of q make either
+    way, over k, for k between 1 and 4. Where such an interval of q holds zero, both parts have a deviation, which
+    covers both kinds. Two real multipliers that are correlated less than σ and q have deviations of their own.
+    `covariance` is that of σ and q (2, 2), `half_turns` κ, `fundamental` ω [rad/s].
     """
     root = np.sqrt(complex(square))
-    exponents = np.array([mean + root, mean - root]) + 0.5j * half_turns * fundamental
-    slopes, more = slopes_of_readings(square, float(covariance[1, 1]))
-    variance = np.einsum("epk,kl,epl->ep", slopes, covariance, slopes) + more
-    std = np.sqrt(np.maximum(variance, 0.0))
-    return exponents, std[:, 0] + 1j * std[:, 1]
+    exponents = np.asarray(mean + np.array([root, -root]) + 0.5j * half_turns * fundamental, np.complex128)
+    sigma, s = (float(np.sqrt(max(variance, 0.0))) for variance in np.diag(covariance))
+    real = _apart(square, covariance)
+    if real is None:
+        real = np.full(2, np.hypot(sigma, _deviation(square, s)))
+    return exponents, np.asarray(real + 1j * _deviation(-square, s), np.complex128)
 
 
-def slopes_of_readings(square: float, variance: float) -> tuple[Floats, Floats]:
-    """Slopes of both exponents by σ and q (exponents, parts, 2), and the variance that they leave out (parts,).
+def _apart(square: float, covariance: Floats) -> Floats | None:
+    """Deviations of two real multipliers each for itself (2,); None where mean and difference are told better.
 
-    Parts are the real and the imaginary one; `variance` is that of q.
+    One that is seen well beside one that is hardly seen is hardly correlated with it; its mean with that other one is
+    correlated with their difference.
     """
-    std = max(float(np.sqrt(variance)), 1e-300)
-    apart, turning = (_spread_of_root(way * square, std) for way in (1.0, -1.0))
-    slopes = np.zeros((2, 2, 2))
-    slopes[:, 0, 0] = 1.0
-    # Near q = 0 an error of either sign drives the exponents apart: it goes along with σ only where q is far from it.
-    along = min(max(square / (MAPPED[0] * std), 0.0), 1.0)
-    slopes[:, 0, 1] = along * apart / std * np.array([1.0, -1.0])
-    real = (1.0 - along**2) * apart**2
-    if square < 0.0:
-        slopes[:, 1, 1] = turning / std * np.array([-1.0, 1.0])
-        return slopes, np.array([real, 0.0])
-    return slopes, np.array([real, turning**2])
+    if not square > 0.0:
+        return None
+    slope = 0.5 / np.sqrt(square)
+    turn = np.array([[1.0, slope], [1.0, -slope]])
+    own = turn @ covariance @ turn.T
+    both = [abs(float(each[0, 1])) / max(float(np.sqrt(each[0, 0] * each[1, 1])), 1e-300) for each in (covariance, own)]
+    return np.sqrt(np.maximum(np.diag(own), 0.0)) if both[0] > both[1] else None
 
 
-def _spread_of_root(square: float, std: float) -> float:
-    """The deviation of √max(q, 0): the wider half of each mapped interval of q, over its deviations."""
+def _deviation(square: float, s: float) -> float:
+    """The largest of |√(q ± k s) - √q|/k, roots of what is negative being zero, for k from `NARROW` to `WIDE`."""
+    if s == 0.0:
+        return 0.0
 
-    def root(value: float) -> float:
-        return float(np.sqrt(max(value, 0.0)))
+    def change(by: float) -> float:
+        return abs(float(np.sqrt(max(square + by * s, 0.0)) - np.sqrt(max(square, 0.0)))) / abs(by)
 
-    halves = [abs(root(square + way * many * std) - root(square)) / many for many in MAPPED for way in (1.0, -1.0)]
-    return (1.0 + ROUNDED) * max(halves)
+    # Upwards it is largest where q + k s = -q, if q is negative, and downwards where q - k s = 0.
+    up, down = (min(max(k, NARROW), WIDE) for k in (-2.0 * square / s, square / s))
+    return max(change(up), change(-down))

@@ -126,6 +126,10 @@ FIT: dict[str, str | Callable[..., str]] = {
     "one_that_moves": "The modes at {first:.4g} Hz and {second:.4g} Hz have one shape and are nearer to each other "
     "than they decay: most likely one mode whose frequency or damping changes over the record, by a drift or with its "
     "amplitude. Neither damping is to be believed: use a later part of the record (`skip=`), or a smaller blow.",
+    "kind_open": "The mode at {frequency:.4g} Hz is a pair of conjugates or two real multipliers: this record does not "
+    "tell which. The two exponents differ by at most {apart:.2g} 1/s either way, and their deviations cover both.",
+    "hidden_partner": "A second real multiplier with a decay within {apart:.2g} 1/s of {decay:.4g} 1/s, at "
+    "{frequency:.4g} Hz, would not be seen in this record. A hit with another start tells.",
     "product": lambda frequency, of: (
         f"The mode at {frequency:.4g} Hz is most likely no mode: its multiplier is a product of those at "
         f"{both([f'{own:.4g} Hz' for own in of])}, which a nonlinearity makes."

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.errors import IdentificationError
 from floquid.inputs import Samples
 
 LAGS = (4, 8, 16, 32)
 """Samples of the past that are tried."""
+
+SHORT = (1, 2)
+"""Those where the record is too short for all of them: many outputs tell the state by less of the past."""
 
 HARMONICS = (0, 1, 2)
 """Harmonics of the coefficients that are tried."""
@@ -24,11 +30,26 @@ def first_innovations(samples: Samples, acting: int = 0) -> NDArray[np.float64]:
 
     β at no lag is zero but for the first inputs, `acting` of them.
     Lags and harmonics of α and β are those of the least criterion of Schwarz (1978).
+
+    Raises IdentificationError where the record is too short for so many signals.
     """
-    best, found = np.inf, np.zeros_like(samples.values)
+    for tried in (LAGS, SHORT):
+        found = _least(samples, tried, acting)
+        if found is not None:
+            return found
+    signals = len(samples.values) + len(samples.inputs)
+    raise IdentificationError(
+        f"The record has {samples.n_samples} samples of {signals} channels: too few to predict each channel by all "
+        f"of them, which takes at least {np.ceil(signals / MOST):.0f}. Name fewer: `channels=`."
+    )
+
+
+def _least(samples: Samples, tried: Sequence[int], acting: int) -> NDArray[np.float64] | None:
+    """The innovations by the lags and harmonics of the least criterion; None where each has too many coefficients."""
+    best, found = np.inf, None
     for harmonics in HARMONICS:
         before = np.inf
-        for lags in LAGS:
+        for lags in tried:
             rows = _regressors(samples, lags, harmonics, acting)
             used = np.ones(samples.n_samples, bool)
             for own in samples.records:

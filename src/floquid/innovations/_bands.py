@@ -7,10 +7,11 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.fit import Normal, chi2_limit, scaled_inverse, score_gain, wald_rise
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted, rebuilt
-from floquid.innovations._solve import Normal, inverted, moved, normal_of, places, solve, squares
-from floquid.inputs import Limits, Samples, limit_of
+from floquid.innovations._solve import SINGLE, inverse_of, moved, normal_of, places, solve
+from floquid.inputs import Limits, Samples
 
 ROUNDS = 10
 """Rounds in which bands may grow."""
@@ -36,7 +37,7 @@ def grown(samples: Samples, now: Predictor, limits: Limits, rounds: int = ROUNDS
             [_mask(mode, *(~own for own in band)) for mode, band in zip(padded.modes, bands, strict=True)]
         )
         fitted = np.concatenate([fitted, np.ones(len(normal.gradient) - len(fitted), bool)])
-        inverse = normal.inverse(fitted)
+        inverse = inverse_of(normal, fitted)
         modes, grew = [], False
         for mode, band, place in zip(padded.modes, bands, places(padded.modes), strict=True):
             kept = [own.copy() for own in band]
@@ -45,7 +46,7 @@ def grown(samples: Samples, now: Predictor, limits: Limits, rounds: int = ROUNDS
                     one = [np.zeros_like(own) for own in band]
                     one[which][k] = True
                     rows = place.start + np.flatnonzero(_mask(mode, *one))
-                    if _score(normal, inverse, rows) > limit_of(len(rows), limits.harmonic_alarm):
+                    if _score(normal, inverse, rows) > chi2_limit(len(rows), limits.harmonic_alarm):
                         inner = np.flatnonzero(band[which])
                         kept[which][min(k, inner[0]) : max(k, inner[-1]) + 1] = True
                         grew = True
@@ -66,7 +67,7 @@ def narrowed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     period, most = 2.0 * np.pi / samples.fundamental, sum(len(mode.turns) + len(mode.reach) for mode in now.modes)
     spread: NDArray[np.float64] | None = None
     while most:
-        spread = normal_of(samples, now, rough=True).inverse(anchored(now)) if spread is None else spread
+        spread = inverse_of(normal_of(samples, now, rough=True), anchored(now)) if spread is None else spread
         bands, step = _narrower(now, spread, limits, most)
         gone = sum(int(np.sum(~kept)) for band in bands for kept in band)
         if not gone:
@@ -78,7 +79,7 @@ def narrowed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
         ]
         trial = rebuilt(samples, start, less)
         if trial is not None:
-            enough = now.log_likelihood - limit_of(now.n_parameters - trial.n_parameters, limits.mode_alarm)
+            enough = now.log_likelihood - chi2_limit(now.n_parameters - trial.n_parameters, limits.mode_alarm)
             trial = solve(samples, trial, rough=True)
             if trial.log_likelihood >= enough:
                 now, spread = trial, None
@@ -107,15 +108,15 @@ def _narrower(
                     last = np.flatnonzero(band[which])[end]
                     one[which][last] = True
                     rows = place.start + np.flatnonzero(_mask(mode, *one))
-                    weight = squares(own[rows], spread[np.ix_(rows, rows)]) if free[rows].all() else np.inf
+                    weight = wald_rise(own[rows], spread[np.ix_(rows, rows)]) if free[rows].all() else np.inf
                     found.append((weight, rows, band[which], last))
         best = min(found, key=lambda one: one[0], default=None)
-        if best is None or gone == most or lost + best[0] > limit_of(count + len(best[1]), limits.harmonic_alarm):
+        if best is None or gone == most or lost + best[0] > chi2_limit(count + len(best[1]), limits.harmonic_alarm):
             return bands, own - before
         weight, rows, kept, last = best
         kept[last] = False
         lost, count, gone = lost + weight, count + len(rows), gone + 1
-        by = spread[:, rows] @ inverted(spread[np.ix_(rows, rows)])
+        by = spread[:, rows] @ scaled_inverse(spread[np.ix_(rows, rows)])
         own, spread = own - by @ own[rows], spread - by @ spread[rows]
         own[rows] = 0.0
 
@@ -131,10 +132,7 @@ def _score(normal: Normal, inverse: NDArray[np.float64], rows: NDArray[np.int64]
     mixed = normal.matrix[rows]
     left = mixed[:, rows] - mixed @ inverse @ mixed.T
     pull = normal.gradient[rows] - mixed @ inverse @ normal.gradient
-    size = np.sqrt(np.maximum(np.diag(mixed[:, rows]), np.finfo(float).tiny))
-    values, vectors = np.linalg.eigh(left / np.outer(size, size))
-    good = values > 1e-6
-    return float(np.sum((vectors[:, good].T @ (pull / size)) ** 2 / values[good]))
+    return score_gain(pull, left, SINGLE, before=np.diag(mixed[:, rows]))
 
 
 def anchored(now: Predictor) -> NDArray[np.bool_]:

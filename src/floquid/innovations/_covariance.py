@@ -17,6 +17,9 @@ HARMONICS = 6
 IN_VAIN = 2
 """Harmonics in a row that are no better before the search ends."""
 
+MOST = 0.5
+"""Shares of other channels over the samples, at most: as many as there are samples fit anything."""
+
 STEPS = 8
 """Steps of Fisher's scoring for the logarithm of a variance."""
 
@@ -47,9 +50,9 @@ def whitening_of(samples: Samples, innovations: NDArray[np.float64]) -> NDArray[
     for channel, own in enumerate(innovations):
         best, found_at = np.inf, 0
         for harmonics in range(highest + 1):
-            if harmonics > found_at + IN_VAIN:
-                break
             columns = np.concatenate(basis[: harmonics + 1])
+            if harmonics > found_at + IN_VAIN or (harmonics and len(columns) * channel > MOST * samples.n_samples):
+                break
             shares, log_variance = _fitted(own, innovations[:channel], columns)
             parameters = shares.size + len(columns)
             criterion = log_variance.sum() + parameters * np.log(samples.n_samples)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
+from floquid.fit import chi2_limit, inverse_root
 from floquid.innovations._autoregression import delayed
 from floquid.inputs import Samples
 
@@ -88,8 +89,6 @@ def repetition(samples: Samples) -> Repetition:
     highest = max(min(HARMONICS, int(0.5 * per_turn / (1.0 + WIDEST))), 1)
     step = per_turn / (FINE * longest * highest)
 
-    from scipy.special import chdtri
-
     def at(turns: range, shifts: NDArray[np.float64]) -> NDArray[np.float64]:
         places = [np.rint(turn * padded / (per_turn * (1.0 + shifts))).astype(int) for turn in turns]
         return np.sum([scores[np.minimum(place, len(scores) - 1)] for place in places], axis=0)
@@ -105,7 +104,7 @@ def repetition(samples: Samples) -> Repetition:
     apart = int(np.argmax(np.where(beside, scores, 0.0)))
     own = float(scores[~beside & (harmonics > 0.5)].max())
     usual = float(np.median(scores))  # more than that of noise where its tails are long
-    enough = usual + max(float(chdtri(one, ALARM / len(scores))), CLEARLY * (own - usual))
+    enough = usual + max(chi2_limit(one, ALARM / len(scores)), CLEARLY * (own - usual))
     return Repetition(
         shift=float(shifts[best]),
         resolution=FINE * step,
@@ -113,7 +112,7 @@ def repetition(samples: Samples) -> Repetition:
         given=float(both[count]),
         even=float(at(range(2, 2 * highest + 1, 2), none)[0]) if 4 * highest < per_turn else 0.0,
         odd=float(at(range(1, 2 * highest, 2), none)[0]) if 4 * highest < per_turn else np.inf,
-        limit=float(chdtri(degrees, ALARM / len(shifts))),
+        limit=chi2_limit(degrees, ALARM / len(shifts)),
         other=2.0 * np.pi * apart / (padded * samples.step) if scores[apart] > enough else 0.0,
     )
 
@@ -153,9 +152,7 @@ def turned_records(samples: Samples) -> list[int]:
     for place in samples.records:
         both = (left[:, place] * line[place]) @ past[:, place].T * np.sqrt(2.0 / (place.stop - place.start))
         each.append(both.ravel())
-    from scipy.special import chdtri
-
-    limit = float(chdtri(2 * each[0].size, ALARM))
+    limit = chi2_limit(2 * each[0].size, ALARM)
     strong = [float(np.sum(np.abs(own) ** 2)) > limit for own in each]
     for number in range(1, len(each)):
         alike = np.vdot(each[0], each[number]).real / (np.linalg.norm(each[0]) * np.linalg.norm(each[number]))
@@ -168,6 +165,4 @@ def _white(signals: NDArray[np.float64]) -> NDArray[np.float64]:
     """Signals combined to be independent of one another, with an rms of 1, without directions that are rounding."""
     size = np.sqrt(np.mean(signals**2, axis=1, keepdims=True))
     scaled = signals / np.where(size > 0.0, size, 1.0)
-    spread, vectors = np.linalg.eigh(scaled @ scaled.T / scaled.shape[1])
-    good = spread > 1e-12 * spread[-1]
-    return (vectors[:, good] / np.sqrt(spread[good])).T @ scaled
+    return inverse_root(scaled @ scaled.T / scaled.shape[1], 1e-12).T @ scaled

@@ -7,14 +7,15 @@ from itertools import islice
 
 import numpy as np
 
+from floquid.fit import chi2_limit, wald_rise
 from floquid.innovations._bands import anchored, grown, narrowed
 from floquid.innovations._covariance import white
 from floquid.innovations._gain import stable_gains
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted
 from floquid.innovations._products import as_real, gap_of, merged
-from floquid.innovations._solve import climbed, normal_of, places, solve, squares
-from floquid.inputs import Limits, Samples, limit_of
+from floquid.innovations._solve import climbed, inverse_of, normal_of, places, solve
+from floquid.inputs import Limits, Samples
 
 DOUBTFUL = 5.0
 """The squared deviations of a mode's shape over the limit, from which on no fit without it is tried."""
@@ -41,13 +42,13 @@ ALIKE = 0.5
 def better(trial: Predictor, now: Predictor, limits: Limits) -> bool:
     """True where noise does not explain what a fit with more gains, by its probability and by the criterion."""
     more = max(trial.n_parameters - now.n_parameters, 1)
-    sure = trial.log_likelihood - now.log_likelihood > limit_of(more, limits.mode_alarm)
-    return sure and trial.criterion < now.criterion
+    sure = trial.log_likelihood - now.log_likelihood > chi2_limit(more, limits.mode_alarm)
+    return sure and trial.criterion > now.criterion
 
 
 def least(trial: Predictor, now: Predictor, limits: Limits) -> float:
     """Twice the logarithm of the likelihood of a fit with less below which harmonics will not make up for the loss."""
-    return now.log_likelihood - HOPELESS * limit_of(max(now.n_parameters - trial.n_parameters, 1), limits.mode_alarm)
+    return now.log_likelihood - HOPELESS * chi2_limit(max(now.n_parameters - trial.n_parameters, 1), limits.mode_alarm)
 
 
 def needed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
@@ -126,7 +127,7 @@ def _fewer(samples: Samples, now: Predictor, limits: Limits) -> Iterator[Predict
     Of modes that are nearly one the linearisation does not hold: shapes are large and cancel. Nor does it where one of
     several real multipliers on an axis makes up for what others lack.
     """
-    inverse = normal_of(samples, now, rough=True).inverse(anchored(now))
+    inverse = inverse_of(normal_of(samples, now, rough=True), anchored(now))
     starts: list[tuple[float, list[Mode]]] = []
     axes = [mode.axis for mode in now.modes if mode.real]
     for group in alike(now.modes, samples.fundamental):
@@ -136,8 +137,8 @@ def _fewer(samples: Samples, now: Predictor, limits: Limits) -> Iterator[Predict
             continue
         mode, place = now.modes[group[0]], places(now.modes)[group[0]]
         count = 2 * mode.shape.size
-        weight = squares(mode.parameters[-count:], inverse[place, place][-count:, -count:])
-        doubt = weight / limit_of(count, limits.mode_alarm)
+        weight = wald_rise(mode.parameters[-count:], inverse[place, place][-count:, -count:])
+        doubt = weight / chi2_limit(count, limits.mode_alarm)
         if doubt <= DOUBTFUL or (mode.real and axes.count(mode.axis) >= SEVERAL):
             starts.append((doubt, rest))
     for _, modes in sorted(starts, key=lambda own: own[0]):

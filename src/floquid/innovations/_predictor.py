@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
+from floquid.fit import schwarz
 from floquid.innovations._mode import Mode
 from floquid.inputs import Samples
 
@@ -84,9 +85,14 @@ class Predictor(Rebuilt):
         return -float(self.innovations.shape[1] * np.linalg.slogdet(self.covariance)[1])
 
     @property
+    def cost(self) -> float:
+        """Minus twice the logarithm of the likelihood, which steps make least."""
+        return -self.log_likelihood
+
+    @property
     def criterion(self) -> float:
-        """The criterion of Schwarz (1978): the less the better."""
-        return self.n_parameters * np.log(self.innovations.shape[1]) - self.log_likelihood
+        """The criterion of Schwarz (1978): more is better."""
+        return schwarz(self.log_likelihood, self.n_parameters, self.innovations.shape[1])
 
     @property
     def n_parameters(self) -> int:

@@ -12,7 +12,7 @@ from floquid.innovations._bands import grown, narrowed
 from floquid.innovations._fewer import GONE, least, stable
 from floquid.innovations._predictor import Predictor
 from floquid.innovations._products import as_real, gap_of
-from floquid.innovations._solve import normal_of, places, solve
+from floquid.innovations._solve import inverse_of, normal_of, places, solve
 from floquid.inputs import Limits, Samples
 
 OFF_AXIS = 20.0
@@ -42,7 +42,7 @@ def with_real_ones(
     """
     undecided = list(before) or [0.0] * len(now.modes)
     normal, omega = normal_of(samples, now, rough=True), samples.fundamental
-    spread = np.sqrt(np.maximum(np.diag(normal.inverse()), 0.0))
+    spread = np.sqrt(np.maximum(np.diag(inverse_of(normal)), 0.0))
     for number, (mode, place) in enumerate(zip(now.modes, places(now.modes), strict=True)):
         rest, turns = [own for k, own in enumerate(now.modes) if k != number], mode.exponent.imag / omega
         for half, count in product((0.5 * np.floor(2.0 * turns), 0.5 * np.ceil(2.0 * turns)), (1, 2)):
@@ -62,7 +62,7 @@ def with_real_ones(
                 moves = _moves(now, trial, number, spread, omega)
                 if count == 2 or trial.log_likelihood >= enough:
                     trial = narrowed(samples, grown(samples, trial, limits), limits)
-                better, gained = trial.criterion < now.criterion, trial.log_likelihood - now.log_likelihood
+                better, gained = trial.criterion > now.criterion, trial.log_likelihood - now.log_likelihood
             near, decays = away < NEITHER * std, [own.exponent.real for own in trial.modes[-2:]] if trial else []
             alike = [abs(own - mode.exponent.real) < SAME * spread[place.start] for own in decays]
             same = bool(decays) and all(alike) and away < SAME * std

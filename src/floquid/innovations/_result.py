@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
 from floquid.core import Channel, PeriodicModel, Provenance
+from floquid.fit import Normal, wald_rise
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, gradient, predicted
-from floquid.innovations._solve import Normal, normal_of, places, squares
+from floquid.innovations._solve import inverse_of, normal_of, places
 from floquid.inputs import (
     InputMode,
     Samples,
@@ -64,7 +65,7 @@ class Fit(Rebuilt):
     @cached_property
     def parameters(self) -> NDArray[np.float64]:
         """Covariance of all parameters, zero along the scales of the states (parameters, parameters)."""
-        return self.normal.inverse()
+        return inverse_of(self.normal)
 
     def short(self, number: int) -> float:
         """How far the exponent of a mode is from the maximum of the likelihood to first order, in deviations."""
@@ -107,7 +108,7 @@ class Fit(Rebuilt):
         shape = np.zeros(mode.shape.size, bool) if shape is None else shape
         mask = np.concatenate([np.zeros(mode.rows, bool), gains, gains, shape, shape])
         own = mode.parameters[mask]
-        return (squares(own, self.parameters[place, place][np.ix_(mask, mask)]), len(own)) if len(own) else (0.0, 0)
+        return (wald_rise(own, self.parameters[place, place][np.ix_(mask, mask)]), len(own)) if len(own) else (0.0, 0)
 
 
 def _as_input_mode(mode: Mode, samples: Samples, initial: NDArray[np.complex128]) -> InputMode:

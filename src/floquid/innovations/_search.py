@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.fit import chi2_limit
 from floquid.innovations._bands import centred, grown, narrowed
 from floquid.innovations._covariance import reweighed, white, whitening_of
 from floquid.innovations._fewer import GONE, better, needed
@@ -26,7 +27,6 @@ from floquid.inputs import (
     fitted_freely,
     fitted_together,
     input_gain,
-    limit_of,
 )
 from floquid.inputs import solve as solve_driven
 
@@ -107,7 +107,7 @@ def _searched(
     if all(-mode.exponent.real * period > GONE for mode in now.modes) and not white(samples, now, limits.mode_alarm):
         trial = _with(samples, of_known, none, _of_phases(driven, limits.highest), limits)
         trial = None if trial is None else narrowed(samples, trial, limits)
-        if trial is not None and trial.criterion < now.criterion:
+        if trial is not None and trial.criterion > now.criterion:
             now = trial
     report(f"searching for modes: {len(now.modes)} found")
     while len(now.modes) < limits.modes and not white(samples, now, limits.mode_alarm):
@@ -138,7 +138,7 @@ def _searched(
         start = reweighed(samples, wide)
         wide = solve(samples, start)
         more = max(wide.n_parameters - now.n_parameters, 1)
-        if wide.log_likelihood - start.log_likelihood < limit_of(more, limits.mode_alarm) or not more_left:
+        if wide.log_likelihood - start.log_likelihood < chi2_limit(more, limits.mode_alarm) or not more_left:
             break
         # Rough fits had stopped short of it: harmonics are to be looked for again.
         now = narrowed(samples, grown(samples, wide, loose, rounds=2), loose)
@@ -161,7 +161,7 @@ def _with_one_more(
             beside.append(fitted_together(own, now.innovations, [_bare(own, pole)], acting=0))
     for gain, modes in [*beside, *ranked[:TRIED]]:
         products = 2 * modes[0].turns.size * (modes[0].gains.size + len(samples.records))
-        if gain < limit_of(len(now.innovations) * products, limits.mode_alarm):
+        if gain < chi2_limit(len(now.innovations) * products, limits.mode_alarm):
             continue
         trial = _with(samples, own, now, modes, limits)
         trial = None if trial is None else climbed(samples, trial)

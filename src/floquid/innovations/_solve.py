@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import Rebuilt
+from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, scaled_inverse
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, gradient, predicted, slopes
 from floquid.inputs import Samples
+
+Step = NDArray[np.float64]
 
 LONGEST_STEP = 0.3
 """The most that an exponent may move in a step, over one period."""
@@ -21,23 +21,17 @@ LONGEST_STEP = 0.3
 ROUNDING = 1e-11
 """The share of the largest below which a direction of the parameters is rounding: the scale of a state is one."""
 
-SERVES = 0.7
-"""The share of the gain expected above which the matrix of a step serves for the next."""
-
-UNDAMPED, OFTEN = 1e-6, 3
-"""The damping at which a step is a whole one, and steps cut short that gain little, after which a fit ends."""
-
-LEAST = -1e-9
-"""The gain in twice the logarithm of the likelihood below which a step is taken back: less is rounding."""
+SINGLE = 1e-6
+"""That share in single precision."""
 
 NEARBY, BENT = 0.1, 0.75
 """The share of a step at which the curve of the residual is looked at, and the size of the second derivative over the
 step beyond which it is shortened."""
 
-FINE = (100, 1e-3)
-"""Steps at most, and the gain in twice the logarithm of the likelihood that ends them."""
+FINE = (100, 1e-3, 3)
+"""Steps at most, the gain in twice the logarithm of the likelihood that ends them, and so small ones at most."""
 
-ROUGH = (10, 0.5)
+ROUGH = (10, 0.5, 2)
 """Those of a fit that is not the last."""
 
 PACED = 3
@@ -50,51 +44,6 @@ CLIMBING = 20.0
 """while one gains so much in twice the logarithm of the likelihood."""
 
 
-@dataclass(frozen=True, eq=False)
-class Normal(Rebuilt):
-    """Gauss-Newton matrix and gradient of a predictor, its innovations whitened.
-
-    Parameters
-    ----------
-    matrix, gradient
-        JᵀR⁻¹J (parameters, parameters) and -JᵀR⁻¹e (parameters,).
-    """
-
-    matrix: NDArray[np.float64]
-    gradient: NDArray[np.float64]
-
-    @cached_property
-    def scale(self) -> NDArray[np.float64]:
-        """The root of the diagonal; 1 of what does nothing (parameters,)."""
-        own = np.sqrt(np.diag(self.matrix))
-        return np.where(own > 1e-150, own, 1.0)
-
-    @cached_property
-    def scaled(self) -> NDArray[np.float64]:
-        """The matrix of parameters over their scale (parameters, parameters)."""
-        with np.errstate(invalid="ignore"):
-            return self.matrix / np.outer(self.scale, self.scale)
-
-    def directions(self, share: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Eigenvalues above a share of the largest, and eigenvectors, of the scaled matrix; none if it overflowed."""
-        if not np.isfinite(self.scaled).all():
-            return np.zeros(0), np.zeros((len(self.scale), 0))
-        values, vectors = np.linalg.eigh(self.scaled)
-        good = values > share * values[-1]
-        return values[good], vectors[:, good]
-
-    def inverse(self, free: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
-        """Pseudo-inverse over the free parameters, zero elsewhere (parameters, parameters); NaN where it overflowed."""
-        own = np.flatnonzero(np.ones(len(self.scale), bool) if free is None else free)
-        if not np.isfinite(self.scaled).all():
-            return np.full_like(self.matrix, np.nan)
-        values, vectors = np.linalg.eigh(self.scaled[np.ix_(own, own)])
-        good = values > ROUNDING * values[-1]
-        found = np.zeros_like(self.matrix)
-        found[np.ix_(own, own)] = (vectors[:, good] / values[good]) @ vectors[:, good].T
-        return found / np.outer(self.scale, self.scale)
-
-
 @np.errstate(over="ignore", invalid="ignore")  # of a start that all but diverges: no step is found then
 def normal_of(samples: Samples, at: Predictor, *, rough: bool = False) -> Normal:
     """The linearisation of a predictor by all of its parameters, zero ones as well; rough in single precision."""
@@ -103,20 +52,17 @@ def normal_of(samples: Samples, at: Predictor, *, rough: bool = False) -> Normal
     for _, part in slopes(samples, at, at.root, rough=rough):
         flat = part.reshape(-1, part.shape[2])
         matrix += flat.T @ flat
-    return Normal(matrix, found)
+    return Normal(matrix=matrix, gradient=found, least=SINGLE if rough else ROUNDING)
 
 
-def inverted(spread: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The inverse of a covariance, but for directions that are rounding of its scale."""
-    size = np.sqrt(np.maximum(np.diag(spread), np.finfo(float).tiny))
-    return np.asarray(np.linalg.pinv(spread / np.outer(size, size), hermitian=True) / np.outer(size, size), np.float64)
-
-
-def squares(own: NDArray[np.float64], spread: NDArray[np.float64]) -> float:
-    """How far some parameters are from zero, in squared deviations; zero where these overflowed."""
-    if not np.isfinite(spread).all():
-        return 0.0
-    return float(own @ inverted(spread) @ own)
+def inverse_of(normal: Normal, free: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
+    """Pseudo-inverse over the free parameters, zero elsewhere (parameters, parameters); NaN where it overflowed."""
+    if not np.isfinite(normal.matrix).all():
+        return np.full_like(normal.matrix, np.nan)
+    own = np.flatnonzero(np.ones(len(normal.gradient), bool) if free is None else free)
+    found = np.zeros_like(normal.matrix)
+    found[np.ix_(own, own)] = scaled_inverse(normal.matrix[np.ix_(own, own)], ROUNDING)
+    return found
 
 
 def solve(samples: Samples, start: Predictor, *, rough: bool = False, least: float = -np.inf) -> Predictor:
@@ -126,50 +72,26 @@ def solve(samples: Samples, start: Predictor, *, rough: bool = False, least: flo
     nothing is tried along the curve of the residual before it is shortened. A fit that is of no use below a least
     logarithm of the likelihood (twice that) is given up where it will not come as far.
     """
-    (iterations, at_rest), now, damping = ROUGH if rough else FINE, start, 1e-6
-    period, taken, small, kept, before = 2.0 * np.pi / samples.fundamental, 0, 0, False, np.inf
-    normal = normal_of(samples, now, rough=rough)
-    pull, (values, vectors) = normal.gradient, normal.directions(1e-6 if rough else ROUNDING)
-    while True:
-        aim = vectors.T @ (pull / normal.scale)
-        while True:
-            along, root = aim / (values + damping), vectors / ((values + damping) ** 0.5 * normal.scale[:, None])
-            whole, expected = vectors @ along / normal.scale, float(np.sum((2.0 * aim - along * values) * along))
-            step = held(now, whole, root, period)
-            trial, gained = _tried(samples, now, step, period)
-            if kept or gained >= LEAST:
-                break
-            step = held(now, step + bend(samples, now, step, root, normal), root, period)
-            trial, gained = _tried(samples, now, step, period)
-            if gained >= LEAST:
-                break
-            damping = max(10.0 * damping, 1e-4)
-            if damping >= 1e6:
-                return now
-        if trial is not None and gained >= LEAST:
-            now, damping, taken = trial, max(0.1 * damping, 1e-9), taken + 1
-            # A step that was cut short may gain little far from the maximum, too: at the start, or in a narrow valley.
-            short = float(np.sum(aim**2 / (values + UNDAMPED))) > 2.0 * at_rest and (taken == 1 or not rough)
-            small += gained < at_rest
-            if (gained < at_rest and (small == OFTEN or not short)) or taken == iterations:
-                return now
-            slows, pace, before = gained < before, max(gained, before), gained
-            if taken >= PACED and slows and now.log_likelihood + (iterations - taken) * pace < least:
-                return now
-        kept = step is whole and gained > SERVES * expected
-        if kept:
-            pull = gradient(samples, now, now.innovations)
-        else:
-            normal = normal_of(samples, now, rough=rough)
-            pull, (values, vectors) = normal.gradient, normal.directions(1e-6 if rough else ROUNDING)
+    (iterations, at_rest, patience), period = ROUGH if rough else FINE, 2.0 * np.pi / samples.fundamental
 
+    def bent(at: Predictor, step: Step, normal: Normal, damping: float) -> Step:
+        root = normal.root(damping)
+        return held(at, step + bend(samples, at, step, root, normal), root, period)
 
-def _tried(
-    samples: Samples, now: Predictor, step: NDArray[np.float64], period: float
-) -> tuple[Predictor | None, float]:
-    """The predictor a step away, and what it gains in twice the logarithm of the likelihood; None where it diverges."""
-    trial = moved(samples, now, step, period)
-    return trial, -np.inf if trial is None else trial.log_likelihood - now.log_likelihood
+    def hopeless(at: Predictor, gains: list[float]) -> bool:
+        if len(gains) < PACED or gains[-1] >= gains[-2]:
+            return False
+        return at.log_likelihood + (iterations - len(gains)) * gains[-2] < least
+
+    steps = Steps(
+        normal=lambda at: normal_of(samples, at, rough=rough),
+        moved=lambda at, step: moved(samples, at, step, period),
+        limited=lambda at, step, normal, damping: held(at, step, normal.root(damping), period),
+        bent=bent,
+        gradient=lambda at: gradient(samples, at, at.innovations),
+        enough=hopeless,
+    )
+    return levenberg_marquardt(start, steps, Ends(steps=iterations, gain=at_rest, patience=patience))
 
 
 def bend(

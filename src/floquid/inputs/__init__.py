@@ -4,7 +4,6 @@
 make a model and transfer functions of both: `floquid.identify_driven` is the chain.
 """
 
-from floquid.inputs._axis import noise_explains as noise_explains
 from floquid.inputs._free import fitted_freely as fitted_freely
 from floquid.inputs._joint import chosen_together as chosen_together
 from floquid.inputs._joint import fitted_together as fitted_together
@@ -13,6 +12,9 @@ from floquid.inputs._modes import input_gain as input_gain
 from floquid.inputs._parts import Term as Term
 from floquid.inputs._parts import listed as listed
 from floquid.inputs._parts import terms_of as terms_of
+from floquid.inputs._real import near_real as near_real
+from floquid.inputs._real import noise_explains as noise_explains
+from floquid.inputs._real import real_for as real_for
 from floquid.inputs._result import assembled as assembled
 from floquid.inputs._result import model_of as model_of
 from floquid.inputs._result import transfer_of as transfer_of
@@ -22,7 +24,6 @@ from floquid.inputs._samples import samples_of as samples_of
 from floquid.inputs._scores import Limits as Limits
 from floquid.inputs._scores import Scores as Scores
 from floquid.inputs._scores import gain_of as gain_of
-from floquid.inputs._scores import limit_of as limit_of
 from floquid.inputs._scores import period_step as period_step
 from floquid.inputs._scores import phase_step as phase_step
 from floquid.inputs._search import nearly_one as nearly_one

@@ -13,8 +13,9 @@ from floquid.inputs._bands import grown, narrowed
 from floquid.inputs._joint import fitted_together
 from floquid.inputs._kinds import block_of_pair, block_of_reals, half_of, ordinary
 from floquid.inputs._modes import InputMode
+from floquid.inputs._real import noise_explains
 from floquid.inputs._samples import Samples
-from floquid.inputs._scores import Limits, limit_of
+from floquid.inputs._scores import Limits
 from floquid.inputs._solver import Linearisation, covariance, linearise, solve
 from floquid.inputs._start import bare_mode
 from floquid.inputs._states import runs_away
@@ -31,9 +32,6 @@ whatever its harmonics cost."""
 
 SAME = 0.05
 """The distance of two exponents over their decay below which they are one."""
-
-REAL = 1e-3
-"""The probability at which noise may make up for parameters that are left out."""
 
 
 def with_blocks(
@@ -171,8 +169,3 @@ def _nearly_real(now: Linearisation) -> bool:
 def _mark(mode: InputMode) -> complex:
     """The exponent of a mode, of a block σ and √|q|."""
     return mode.exponent if mode.square is None else mode.exponent + 1j * np.sqrt(abs(mode.square))
-
-
-def noise_explains(rise: float, fewer: int) -> bool:
-    """True if noise explains the rise of χ² for so many parameters less, or not the fall for so many more."""
-    return rise < (np.sign(fewer) * limit_of(abs(fewer), REAL) if fewer else 0.0)

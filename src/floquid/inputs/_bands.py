@@ -9,9 +9,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.fit import chi2_limit, wald_rise
 from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
-from floquid.inputs._scores import Limits, Scores, driven_by_noise, limit_of
+from floquid.inputs._scores import Limits, Scores, driven_by_noise
 from floquid.inputs._solver import Linearisation, columns_of, covariance, solve
 
 ROUGH = 3
@@ -69,7 +70,7 @@ def _wider(samples: Samples, now: Linearisation, limits: Limits, scores: Scores)
         for number, more in beyond:
             own = gains[kind][place : place + len(more)]
             place += len(more)
-            least = limit_of(sizes[kind] * found[number].states, limits.harmonic_alarm)
+            least = chi2_limit(sizes[kind] * found[number].states, limits.harmonic_alarm)
             far = np.flatnonzero(own > max(least, most))
             if not len(far):
                 continue
@@ -97,7 +98,7 @@ def _more_direct(samples: Samples, now: Linearisation, limits: Limits, scores: S
         return now.direct
     both = samples.turned(turn) * samples.inputs
     extra = np.concatenate([both.real, both.imag]) if turn else both.real
-    limit = limit_of(len(extra) * len(samples.values), limits.harmonic_alarm)
+    limit = chi2_limit(len(extra) * len(samples.values), limits.harmonic_alarm)
     return (*now.direct, turn) if scores.by_columns([extra])[0] > limit else now.direct
 
 
@@ -149,7 +150,7 @@ def narrowed(samples: Samples, now: Linearisation, limits: Limits) -> Linearisat
         if all(a is b for a, b in zip(found, now.modes, strict=True)):
             return now
         trial = solve(samples, found, now.direct, iterations=ROUGH, rough=True)
-        if now.log_likelihood - trial.log_likelihood > limit_of(now.n_parameters - trial.n_parameters, NARROW):
+        if now.log_likelihood - trial.log_likelihood > chi2_limit(now.n_parameters - trial.n_parameters, NARROW):
             return now
         now = trial
     return now
@@ -163,9 +164,13 @@ def _kept(
     `weight` has the squared deviations of some of them from zero, of `degrees` each.
     """
     first, last = 0, count
-    while last - first > 1 and weight(np.arange(last - 1, count)) < limit_of(degrees * (count - last + 1), probability):
+    while last - first > 1 and weight(np.arange(last - 1, count)) < chi2_limit(
+        degrees * (count - last + 1), probability
+    ):
         last -= 1
-    while not real and last - first > 1 and weight(np.arange(first + 1)) < limit_of(degrees * (first + 1), probability):
+    while (
+        not real and last - first > 1 and weight(np.arange(first + 1)) < chi2_limit(degrees * (first + 1), probability)
+    ):
         first += 1
     return slice(first, last)
 
@@ -179,7 +184,7 @@ def _weight(now: Linearisation, number: int, which: NDArray[np.int64]) -> float:
         index = np.concatenate([index, index + (columns.stop - columns.start) // 2])
     own = now.coefficients[index] / now.noise
     # A direction that another column has, too, is none: the block may be singular.
-    return float(np.sum(own * (np.linalg.pinv(now.inverse[np.ix_(index, index)], hermitian=True) @ own)))
+    return wald_rise(own, now.inverse[np.ix_(index, index)])
 
 
 def _input_weight(mode: InputMode, spread: NDArray[np.float64], which: NDArray[np.int64]) -> float:
@@ -195,4 +200,4 @@ def _input_weight(mode: InputMode, spread: NDArray[np.float64], which: NDArray[n
         return np.inf
     own, index = own[free[index]], index[free[index]]
     place = np.cumsum(free)[index] - 1
-    return float(own @ np.linalg.pinv(spread[np.ix_(place, place)], hermitian=True) @ own)
+    return wald_rise(own, spread[np.ix_(place, place)]) if len(own) else np.inf

@@ -60,6 +60,8 @@ def summed_block(decay: tuple[float, float], square: float, added: NDArray[np.fl
     from scipy.linalg import get_lapack_funcs
 
     count = added.shape[-1]
+    if not added.size:  # without a right-hand side LAPACK writes beyond the array
+        return np.zeros_like(added)
     (solve,) = get_lapack_funcs(("tbtrs",), (added,))
     band = np.zeros((4, 2 * count), order="F")
     band[0] = 1.0

@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.fit import scaled_inverse, schwarz
 from floquid.inputs._modes import InputMode, input_gain
-from floquid.inputs._phases import Phases, likelihood, normal_equations, phases_of, polished, response_of
+from floquid.inputs._phases import ROUNDING, Phases, likelihood, normal_equations, phases_of, polished, response_of
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, solve
 from floquid.inputs._start import bare_mode
@@ -59,7 +60,7 @@ def fitted_freely(samples: Samples) -> Linearisation | None:
 
 
 def _criterion(samples: Samples, own: Phases, gain: float) -> float:
-    return own.n_parameters * float(np.log(samples.n_samples)) - gain
+    return -schwarz(gain, own.n_parameters, samples.n_samples)
 
 
 def _observability(samples: Samples, at: NDArray[np.int64]) -> list[NDArray[np.float64]]:
@@ -124,7 +125,7 @@ def _started(
     _, of_inputs, of_seen, of_direct, *_ = start.starts
     free = np.r_[of_inputs:of_seen, of_direct : start.starts[-1]]
     step = np.zeros(start.starts[-1])
-    step[free] = np.linalg.pinv(matrix[np.ix_(free, free)], 1e-12, hermitian=True) @ gradient[free]
+    step[free] = scaled_inverse(matrix[np.ix_(free, free)], ROUNDING) @ gradient[free]
     return start.moved(step)
 
 

@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.fit import chi2_limit, inverse_root, scaled_inverse
 from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import columns_of
@@ -30,8 +31,6 @@ def chosen_together(
     enter by the gain in likelihood (orthogonal matching pursuit, Pati et al. 1993; Swirszcz et al. 2009 for groups).
     The first inputs, `acting` of them, act on the response at once as well: all by default.
     """
-    from scipy.special import chdtri
-
     columns, places, _ = _columns(samples, bare, acting)
     columns /= _size(columns)[:, None]
     gram, seen, energy = columns @ columns.T, columns @ samples.values.T, np.sum(samples.values**2, axis=1)
@@ -40,7 +39,7 @@ def chosen_together(
     while len(taken) < min(most, len(bare)):
         gains = [-np.inf if k in taken else _gain(gram, seen, energy, own, samples) for k, own in enumerate(places)]
         best = int(np.argmax(gains))
-        if gains[best] < chdtri((places[best].stop - places[best].start) * len(energy), PROBABILITY):
+        if gains[best] < chi2_limit((places[best].stop - places[best].start) * len(energy), PROBABILITY):
             break
         taken.append(best)
         gram, seen, energy = _less(gram, seen, energy, places[best])
@@ -58,9 +57,7 @@ def fitted_together(
     columns, places, drives = _columns(samples, bare, acting)
     size = _size(columns)
     columns /= size[:, None]
-    values, vectors = np.linalg.eigh(columns @ columns.T)
-    good = values > COLLINEAR * values[-1]
-    solved = (vectors[:, good] / values[good]) @ (vectors[:, good].T @ (columns @ response.T))
+    solved = scaled_inverse(columns @ columns.T, COLLINEAR) @ (columns @ response.T)
     left = response - solved.T @ columns
     gain = response.shape[1] * float(np.sum(np.log(np.mean(response**2, axis=1) / np.mean(left**2, axis=1))))
     products = solved / size[:, None]
@@ -92,11 +89,9 @@ def _size(columns: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.where(size > 0.0, size, np.inf)
 
 
-def _inverse_root(gram: NDArray[np.float64]) -> NDArray[np.float64]:
-    """W with W Wᵀ the inverse of a matrix of products, but for directions that others have taken."""
-    values, vectors = np.linalg.eigh(gram)
-    good = values > COLLINEAR * max(1.0, values[-1])
-    return vectors[:, good] / np.sqrt(values[good])
+def _taken(gram: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The inverse root of products of columns that were of unit length before others took their share."""
+    return inverse_root(gram, COLLINEAR, scale=np.ones(len(gram)))
 
 
 def _gain(
@@ -107,7 +102,7 @@ def _gain(
     samples: Samples,
 ) -> float:
     """The gain in twice the logarithm of the likelihood by a group of columns."""
-    explained = np.sum((_inverse_root(gram[place, place]).T @ seen[place]) ** 2, axis=0)
+    explained = np.sum((_taken(gram[place, place]).T @ seen[place]) ** 2, axis=0)
     return float(samples.n_samples * np.sum(-np.log1p(-np.minimum(explained / energy, 1.0 - 1e-12))))
 
 
@@ -115,6 +110,6 @@ def _less(
     gram: NDArray[np.float64], seen: NDArray[np.float64], energy: NDArray[np.float64], place: slice
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Products of all columns less their projections on a group."""
-    root = _inverse_root(gram[place, place])
+    root = _taken(gram[place, place])
     along, own = gram[:, place] @ root, root.T @ seen[place]
     return gram - along @ along.T, seen - along @ own, energy - np.sum(own**2, axis=0)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import slopes_of_readings
+from floquid.core import readings
 from floquid.inputs._kinds import mirrored, ordinary
 from floquid.inputs._modes import InputMode
 from floquid.inputs._uncertainty import Uncertainty
@@ -143,7 +143,8 @@ def _parts_of_block(found: Uncertainty, number: int) -> list[Part]:
     for column in range(columns.start, columns.stop):
         unit[column] = replace(at, coefficients=np.eye(len(at.columns))[:, [column]]).shape(number)[:, 0]
     of_unit, parts = read(mode, unit), []
-    slopes, more = slopes_of_readings(mode.square or 0.0, float(found.parameters[place.stop - 1, place.stop - 1]))
+    ends = [place.start, place.stop - 1]
+    slopes, more = _slopes_of_readings(mode, found.parameters[np.ix_(ends, ends)])
     for k, (one, amplitudes) in enumerate(own):
         by_gain = [(up[k][0].gains - down[k][0].gains).ravel() / size for size, (up, down) in sides]
         by_shape = [(up[k][1] - down[k][1]) / size for size, (up, down) in sides]
@@ -163,8 +164,29 @@ def _parts_of_block(found: Uncertainty, number: int) -> list[Part]:
         rows[:, [0, -1]] = slopes[k]
         rows = found.spread_over(number, rows)
         part = listed(one, (amplitudes, std), gain_std.reshape(one.gains.shape), rows, omega, begins)
-        parts.append(replace(_on_branch(part, at.noise, omega, begins), more=tuple(more.tolist())))
+        parts.append(replace(_on_branch(part, at.noise, omega, begins), more=tuple(more[k].tolist())))
     return parts
+
+
+def _slopes_of_readings(
+    mode: InputMode, covariance: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Slopes of both exponents of a block by σ and q (exponents, parts, 2), and variances beside (exponents, parts).
+
+    Parts are the real and the imaginary one. Both make the deviations of `readings`, with the covariance of σ and q.
+    """
+    assert mode.square is not None
+    _, std = readings(mode.exponent.real, mode.square, covariance, 0, 1.0)
+    own, s = np.stack([std.real, std.imag], axis=1), max(float(np.sqrt(covariance[1, 1])), 1e-300)
+    slope = min(
+        0.5 / max(float(np.sqrt(abs(mode.square))), 1e-300), float(std[0].real if mode.square > 0.0 else own[0, 1]) / s
+    )
+    slopes = np.zeros((2, 2, 2))
+    slopes[:, 0, 0] = 1.0
+    slopes[:, 0 if mode.square > 0.0 else 1, 1] = slope * np.array([1.0, -1.0])
+    variance = np.einsum("epk,kl,epl->ep", slopes, covariance, slopes)
+    slopes *= np.minimum(own / np.sqrt(np.maximum(variance, 1e-300)), 1.0)[:, :, None]
+    return slopes, np.maximum(own**2 - np.einsum("epk,kl,epl->ep", slopes, covariance, slopes), 0.0)
 
 
 def _roots(variances: Iterable[NDArray[np.float64]]) -> NDArray[np.complex128]:

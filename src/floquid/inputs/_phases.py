@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
+from floquid.fit import Ends, Normal, Steps, levenberg_marquardt
 from floquid.inputs._samples import Samples
 
 ROUNDING = 1e-10
@@ -152,28 +153,32 @@ def normal_equations(
     return matrix, gradient
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class _Fit:
+    """Matrices with the states (samples, states) and the residual (channels, samples) of their response."""
+
+    phases: Phases
+    states: NDArray[np.float64]
+    left: NDArray[np.float64]
+    cost: float
+
+    @staticmethod
+    def of(samples: Samples, own: Phases) -> _Fit:
+        states, left = response_of(samples, own)
+        return _Fit(own, states, left, -likelihood(left))
+
+
 def polished(samples: Samples, own: Phases, steps: int = STEPS) -> tuple[Phases, float]:
     """The least squares near some matrices, with twice the logarithm of its likelihood (Levenberg-Marquardt)."""
-    states, left = response_of(samples, own)
-    now, damping = likelihood(left), 1e-6
-    for _ in range(steps if np.isfinite(now) else 0):
-        matrix, gradient = normal_equations(samples, own, states, left)
-        diagonal = np.diag(matrix)
-        scale = np.sqrt(np.where(diagonal > ROUNDING**2 * diagonal.max(), diagonal, np.inf))
-        values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-        good = values > ROUNDING * values[-1]
-        aim, before = vectors[:, good].T @ (gradient / scale), now
-        while damping < 1e6:
-            step = vectors[:, good] @ (aim / (values[good] + damping)) / scale
-            trial = own.moved(step)
-            there = response_of(samples, trial)
-            gained = likelihood(there[1]) - before
-            if gained >= 0.0:
-                break
-            damping = max(10.0 * damping, 1e-4)
-        else:
-            break
-        own, (states, left), now, damping = trial, there, before + gained, max(0.1 * damping, 1e-9)
-        if gained < AT_REST:
-            break
-    return own, now
+
+    def normal(at: _Fit) -> Normal:
+        matrix, gradient = normal_equations(samples, at.phases, at.states, at.left)
+        size = np.diag(matrix)
+        scale = np.sqrt(np.where(size > ROUNDING**2 * size.max(), size, np.inf))
+        return Normal(matrix=matrix, gradient=gradient, given=scale, least=ROUNDING)
+
+    found = _Fit.of(samples, own)
+    if np.isfinite(found.cost):
+        of = Steps(normal=normal, moved=lambda at, step: _Fit.of(samples, at.phases.moved(step)))
+        found = levenberg_marquardt(found, of, Ends(steps=steps, gain=AT_REST))
+    return found.phases, -found.cost

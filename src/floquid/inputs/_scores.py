@@ -9,9 +9,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.fit import chi2_limit, inverse_root, score_gain, wald_rise
 from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
-from floquid.inputs._solver import Linearisation, carried, linearise, slopes_of, state_slopes
+from floquid.inputs._solver import Linearisation, carried, linearise, scale_of, slopes_of, state_slopes
 from floquid.inputs._states import followed, reached_by
 
 NUDGE = 1e-6
@@ -54,13 +55,6 @@ class Limits:
     modes: int = 20
 
 
-def limit_of(degrees: int, probability: float) -> float:
-    """What noise exceeds in χ² of some degrees of freedom with a probability."""
-    from scipy.special import chdtri
-
-    return float(chdtri(degrees, probability))
-
-
 class Scores:
     """Gains in twice the logarithm of the likelihood by groups of columns or parameters more (score tests).
 
@@ -81,7 +75,7 @@ class Scores:
         matrix = np.zeros((len(self.slopes[0]),) * 2) if self.slopes else np.zeros((0, 0))
         for own, along in zip(self.slopes, self.along, strict=True):
             matrix += own @ own.T - along @ (self.columns @ own.T)
-        self.root = inverse_root(matrix, least)
+        self.root = inverse_root(matrix, least, scale=scale_of(samples, now, matrix))
         self.matrix, self.least = matrix, least
 
     def by_columns(self, groups: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
@@ -103,7 +97,7 @@ class Scores:
             if mixed:
                 both = np.concatenate([part[:, rows] for part in mixed], axis=1)
                 left -= both.T @ both
-            found.append(_gain(left, pull[rows].T.ravel(), np.tile(size[rows], channels), self.least))
+            found.append(score_gain(pull[rows].T.ravel(), left, self.least, before=np.tile(size[rows], channels)))
         return np.array(found)
 
     def by_inputs(
@@ -143,7 +137,7 @@ class Scores:
             pull += rows @ self.left[channel]
         left = information - mixed.T @ mixed
         places = [slice(a, b) for a, b in pairwise(ends.tolist())]
-        return np.array([_gain(left[own, own], pull[own], size[own], self.least) for own in places])
+        return np.array([score_gain(pull[own], left[own, own], self.least, before=size[own]) for own in places])
 
     def by_noise(self, draws: int = DRAWS) -> float:
         r"""The gain by noise that drives the modes, zero where there is less of what it leaves than white noise has.
@@ -208,13 +202,13 @@ class Scores:
     def of_modes(self) -> NDArray[np.float64]:
         """Squared deviations of the shape of each mode from zero, all else moving along (Wald tests) (modes,)."""
         found, now = [], self.now
-        root = inverse_root(self.matrix, self.least, floor=True)
+        root = inverse_root(self.matrix, self.least, floor=True, scale=scale_of(self.samples, now, self.matrix))
         for own, _ in now.slices():
             spread = np.kron(np.eye(len(self.left)), now.inverse[own, own])
             along = np.concatenate([part[:, own] for part in self.along], axis=1).T @ root
             shape = (now.coefficients[own] * self.weights).T.ravel()
             whole = spread + along @ along.T
-            found.append(_gain(whole, shape, np.diag(whole), DOUBLE))
+            found.append(wald_rise(shape, whole, DOUBLE))
         return np.array(found)
 
     def step_along(self, slopes: NDArray[np.float64]) -> tuple[float, float]:
@@ -266,34 +260,12 @@ def gain_of(scores: Scores, samples: Samples, modes: Sequence[InputMode]) -> flo
     return (2.0 * step - 1.0) / std**2
 
 
-def inverse_root(matrix: NDArray[np.float64], least: float = DOUBLE, *, floor: bool = False) -> NDArray[np.float64]:
-    """W with W W' the inverse of a matrix of products, directions that are rounding left out, or taken for that."""
-    if not len(matrix):
-        return matrix
-    own = np.diag(matrix)
-    size = np.sqrt(np.maximum(own, 1e-12 * own.max() + 1e-300))
-    values, vectors = np.linalg.eigh(matrix / np.outer(size, size))
-    low = least * max(values[-1], 1e-300)
-    good = np.full(len(values), True) if floor else values > low
-    return vectors[:, good] / np.sqrt(np.maximum(values[good], low)) / size[:, None]
-
-
-def _gain(
-    information: NDArray[np.float64], pull: NDArray[np.float64], size: NDArray[np.float64], least: float
-) -> float:
-    """The gain by parameters of this information and gradient; `size` is that before others took their share of it."""
-    scale = np.sqrt(np.maximum(size, 1e-300))
-    values, vectors = np.linalg.eigh(information / np.outer(scale, scale))
-    good = values > least
-    return float(np.sum((vectors[:, good].T @ (pull / scale)) ** 2 / values[good]))
-
-
 def driven_by_noise(scores: Scores, limits: Limits) -> float:
     """What the criterion gains by noise that drives the modes, to first order; -∞ where noise of sensors explains all.
 
     Inputs at any harmonic, and modes at any frequency near, make up for such noise: they must be better than it.
     """
-    limit = limit_of(1, limits.harmonic_alarm)
+    limit = chi2_limit(1, limits.harmonic_alarm)
     # A few draws do where it is far below.
     gain = 0.0 if scores.by_noise(FEW) < FAR * limit else scores.by_noise()
     return gain - float(np.log(scores.samples.n_samples)) if gain > limit else -np.inf

@@ -9,12 +9,14 @@ from itertools import combinations, product
 
 import numpy as np
 
+from floquid.fit import chi2_limit
 from floquid.inputs._axis import with_blocks
 from floquid.inputs._bands import ROUGH, centred, grown, narrowed, with_reach
 from floquid.inputs._joint import chosen_together, fitted_together
 from floquid.inputs._modes import InputMode
+from floquid.inputs._real import with_real_ones
 from floquid.inputs._samples import Samples
-from floquid.inputs._scores import Limits, Scores, driven_by_noise, limit_of
+from floquid.inputs._scores import Limits, Scores, driven_by_noise
 from floquid.inputs._solver import LAGS, Linearisation, solve
 from floquid.inputs._start import bare_mode, candidates
 
@@ -51,6 +53,9 @@ NARROW = 4
 STABLE = 0.35
 """The share of the looks at which a candidate comes up from which on a search begins with it."""
 
+ROUNDS = 6
+"""Fits at most, one after another, with real multipliers for a pair of the modes that are found."""
+
 OFFSET = 1e4
 """The size of a response over what moves in it from which on its offset goes first: squares of it round the rest."""
 
@@ -66,7 +71,7 @@ def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = l
     bare = [bare_mode(samples, exponent, turns, turns) for exponent in poles[shares >= STABLE].tolist()]
     first = chosen_together(samples, bare, limits.modes)
     now = _found(samples, first, limits, report)
-    doubtful = samples.n_samples * now.colour > limit_of(LAGS, limits.mode_alarm) or any(m.real for m in now.modes)
+    doubtful = samples.n_samples * now.colour > chi2_limit(LAGS, limits.mode_alarm) or any(m.real for m in now.modes)
     if len(first) > 1 and len(now.modes) > 1 and (_crowded(samples, now) or (len(first) <= FEW and doubtful)):
         # Two poles may stand for one mode of strong harmonics: begin with one, too.
         other = _found(samples, first[:1], replace(limits, modes=min(limits.modes, FEW)), report)
@@ -80,11 +85,12 @@ def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = l
         return now
     loose = replace(limits, harmonic_alarm=LOOSE)
     before: Linearisation | None = None
-    tried: list[complex] = []
     report(f"searching for modes: harmonics of {len(now.modes)}")
     while now is not before:  # with all their harmonics some modes are others, or needless
         before = narrowed(samples, grown(samples, now, loose, rounds=2), loose)
-        now = without_needless(samples, with_blocks(samples, before, loose, tried), loose)
+        now = without_needless(samples, with_real_ones(samples, before, loose, rounds=ROUNDS), loose)
+    blocked = with_blocks(samples, now, loose)
+    now = now if blocked is now else without_needless(samples, blocked, loose)
     modes = [centred(samples, mode, now, number) for number, mode in enumerate(now.modes)]
     return solve(samples, [_padded(mode, limits) for mode in modes], now.direct)
 
@@ -117,18 +123,18 @@ def _found(
     """The modes that a search ends with that begins with some."""
     now = grown(samples, solve(samples, first, iterations=ROUGH, rough=True), limits, rounds=FIRST)
     now = narrowed(samples, without_needless(samples, now, limits), limits)
-    tried: list[complex] = []
-    now = with_blocks(samples, grown(samples, now, limits), limits, tried)
+    refused: list[complex] = []
+    now = with_real_ones(samples, grown(samples, now, limits), limits, refused)
     report(f"searching for modes: {len(now.modes)} found")
     while len(now.modes) < limits.modes:
         more = _with_one_more(samples, now, limits)
         if more is None:
             break
-        now = with_blocks(samples, narrowed(samples, more, limits), limits, tried)
+        now = with_real_ones(samples, narrowed(samples, more, limits), limits, refused)
         report(f"searching for modes: {len(now.modes)} found")
     less = without_needless(samples, now, limits)
     # Beside fewer modes a pair that was no real multiplier may be one.
-    return with_blocks(samples, less, limits, tried if less is now else None)
+    return with_real_ones(samples, less, limits, refused if less is now else None)
 
 
 def _padded(mode: InputMode, limits: Limits) -> InputMode:
@@ -160,7 +166,7 @@ def _with_one_more(samples: Samples, now: Linearisation, limits: Limits) -> Line
             trial = grown(samples, trial, limits)
             more = trial.n_parameters - now.n_parameters
             gained = trial.log_likelihood - now.log_likelihood
-            sure = gained > limit_of(max(more, 1), limits.mode_alarm)
+            sure = gained > chi2_limit(max(more, 1), limits.mode_alarm)
             if sure and trial.criterion - now.criterion > noise:
                 return trial
         if len(tried) == (TRIED if noise == -np.inf else 1):
@@ -175,7 +181,7 @@ def without_needless(samples: Samples, now: Linearisation, limits: Limits) -> Li
         weights, rises = Scores(samples, now).of_modes(), []
         for number, mode in enumerate(now.modes):
             own = now.n_parameters / len(now.modes)
-            if mode.exponent in refused or weights[number] > DOUBTFUL * limit_of(int(own) + 1, limits.mode_alarm):
+            if mode.exponent in refused or weights[number] > DOUBTFUL * chi2_limit(int(own) + 1, limits.mode_alarm):
                 continue
             less = [other for k, other in enumerate(now.modes) if k != number]
             trial = solve(samples, less, now.direct, iterations=ROUGH, rough=True)
@@ -183,11 +189,11 @@ def without_needless(samples: Samples, now: Linearisation, limits: Limits) -> Li
         if not rises:
             return now
         rise, number, trial = min(rises, key=lambda one: one[:2])
-        limit = limit_of(max(now.n_parameters - trial.n_parameters, 1), limits.mode_alarm)
+        limit = chi2_limit(max(now.n_parameters - trial.n_parameters, 1), limits.mode_alarm)
         if rise > HOPELESS * limit:
             return now
         trial = grown(samples, trial, limits)
-        limit = limit_of(max(now.n_parameters - trial.n_parameters, 1), limits.mode_alarm)
+        limit = chi2_limit(max(now.n_parameters - trial.n_parameters, 1), limits.mode_alarm)
         more = now.criterion - trial.criterion
         if now.log_likelihood - trial.log_likelihood > limit and more > driven_by_noise(Scores(samples, trial), limits):
             refused.add(now.modes[number].exponent)

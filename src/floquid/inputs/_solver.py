@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
+from floquid.fit import Ends, Normal, Steps, inverse_root, levenberg_marquardt, scaled_inverse, schwarz
 from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
 from floquid.inputs._states import runs_away, slopes_of_state, state_of
@@ -55,6 +56,8 @@ class Linearisation(Rebuilt):
         The residual (channels, samples).
     noise
         Its deviation (channels,).
+    rank
+        Directions that the columns span: one that is a sum of others, or nothing, takes no noise.
     """
 
     modes: tuple[InputMode, ...]
@@ -65,12 +68,13 @@ class Linearisation(Rebuilt):
     coefficients: NDArray[np.float64]
     left: NDArray[np.float64]
     noise: NDArray[np.float64]
+    rank: int
 
     @property
     def log_likelihood(self) -> float:
         """Twice the logarithm of the likelihood at its own noise, up to a constant."""
         count, squares = self.left.shape[1], np.mean(self.left**2, axis=1)
-        held = self.noise**2 * max(count - len(self.columns), 1) / count
+        held = self.noise**2 * max(count - self.rank, 1) / count
         return -float(count * np.sum(np.log(held) + squares / held - 1.0))
 
     @property
@@ -91,9 +95,14 @@ class Linearisation(Rebuilt):
         return float(np.max(np.sum((lags[:, 1:] / lags[:, :1]) ** 2, axis=1)[self.heard], initial=0.0))
 
     @property
+    def cost(self) -> float:
+        """Minus twice the logarithm of the likelihood, which steps make least."""
+        return -self.log_likelihood
+
+    @property
     def criterion(self) -> float:
-        """The criterion of Schwarz (1978): the more the better."""
-        return self.log_likelihood - self.n_parameters * float(np.log(self.left.shape[1]))
+        """The criterion of Schwarz (1978): more is better."""
+        return schwarz(self.log_likelihood, self.n_parameters, self.left.shape[1])
 
     def slices(self) -> list[tuple[slice, NDArray[np.bool_]]]:
         """Of each mode, the place of its columns, and which of its turns have an imaginary part (turns,)."""
@@ -120,23 +129,17 @@ def linearise(samples: Samples, modes: Sequence[InputMode], direct: Sequence[flo
     parts = [columns_of(samples, mode, own) for mode, own in zip(modes, states, strict=True)]
     parts += [_modulated(samples.turned(turn), samples.inputs, turn > 0.0) for turn in direct]
     columns = np.concatenate([*parts, samples.known])
-    size = np.sqrt(np.einsum("kn,kn->k", columns, columns))
-    size = np.where(size > 0.0, size, 1.0)
-    gram = columns @ columns.T / np.outer(size, size)
-    values, vectors = np.linalg.eigh(gram)
-    good = values > ROUNDING * values[-1]
-    root = vectors[:, good] / np.sqrt(values[good]) / size[:, None]
-    inverse = root @ root.T
+    root = inverse_root(columns @ columns.T, ROUNDING)
+    inverse, rank = root @ root.T, root.shape[1]
     coefficients = inverse @ (columns @ samples.values.T)
     left = samples.values - coefficients.T @ columns
     # A second pass takes what rounding left.
     again = inverse @ (columns @ left.T)
     coefficients, left = coefficients + again, left - again.T @ columns
-    noise = np.sqrt(np.sum(left**2, axis=1) / max(left.shape[1] - len(columns), 1))
+    noise = np.sqrt(np.sum(left**2, axis=1) / max(left.shape[1] - rank, 1))
     floor = np.maximum(EXACT * samples.swing, ROUNDING * np.abs(samples.values).max(axis=1)) + np.finfo(float).tiny
-    return Linearisation(
-        tuple(modes), tuple(direct), states, columns, inverse, coefficients, left, np.maximum(noise, floor)
-    )
+    noise = np.maximum(noise, floor)
+    return Linearisation(tuple(modes), tuple(direct), states, columns, inverse, coefficients, left, noise, rank)
 
 
 def columns_of(samples: Samples, mode: InputMode, state: NDArray) -> NDArray[np.float64]:
@@ -198,7 +201,8 @@ def normal_equations(
     scale = np.concatenate(
         [(own if mode.real else np.tile(own, 2))[mode.free] for mode, own in zip(at.modes, sizes, strict=True)]
     )
-    of_columns = np.sqrt(np.einsum("kk->k", at.inverse)) + 1e-300
+    of_columns = np.sqrt(np.einsum("kk->k", at.inverse))
+    of_columns = np.where(of_columns > 0.0, of_columns, 1.0)  # of an input that is silent there is nothing
     number = np.float32 if rough else np.float64
     states = [
         (own.T / size).T.astype(np.result_type(number, 1j) if np.iscomplexobj(own) else number)
@@ -228,49 +232,65 @@ def solve(
 
     Rough steps are made in single precision.
     """
-    now, damping = linearise(samples, [mode.scaled() for mode in modes], direct), 1e-6
+    now, period = linearise(samples, [mode.scaled() for mode in modes], direct), 2.0 * np.pi / samples.fundamental
     if not modes:
         return now
-    period = 2.0 * np.pi / samples.fundamental
-    for _ in range(iterations):
-        matrix, gradient = normal_equations(samples, now, rough=rough)
-        scale = _scale(matrix)
-        system, aim = matrix / np.outer(scale, scale), gradient / scale
-        before, gained = now, 0.0
-        while damping < 1e6:
-            step = np.linalg.solve(system + damping * np.eye(len(scale)), aim) / scale
-            trial = _stepped(samples, now, step, period)
-            gained = -np.inf if trial is None else trial.log_likelihood - now.log_likelihood
-            if gained >= -1e-9:
-                break
-            damping = max(10.0 * damping, 1e-4)
-        else:
-            return before
-        assert trial is not None
-        now, damping = trial, max(0.1 * damping, 1e-12)
-        if gained < at_rest:
-            break
-    return now
+
+    def normal(at: Linearisation) -> Normal:
+        matrix, gradient = normal_equations(samples, at, rough=rough)
+        return Normal(matrix=matrix, gradient=gradient, given=scale_of(samples, at, matrix))
+
+    steps = Steps(
+        normal=normal,
+        moved=lambda at, step: _moved(samples, at, step),
+        limited=lambda at, step, _normal, _damping: _limited(at, step, period),
+    )
+    return levenberg_marquardt(now, steps, Ends(steps=iterations, gain=at_rest))
 
 
-def _scale(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The root of the diagonal of a matrix of products; of what is rounding, that of rounding (parameters,)."""
-    own = np.diag(matrix)
-    return np.sqrt(np.maximum(own, ROUNDING * own.max(initial=0.0) + 1e-300))
+def scale_of(samples: Samples, at: Linearisation, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The root of the diagonal of a matrix of products; of what is rounding, that of rounding (parameters,).
+
+    Parameters are compared by what they do to the state over its own size: inputs have units of their own.
+    """
+    units = []
+    for mode, state in zip(at.modes, at.states, strict=True):
+        sizes = np.sqrt(np.mean(np.abs(state.reshape(mode.states, -1)) ** 2, axis=1) + 1e-300)
+        gains, period = mode.gains.size, 2.0 * np.pi / samples.fundamental
+        of = [np.repeat(sizes, n // mode.states) for n in (gains, len(mode.initial))]
+        own = np.concatenate([[period], mode.strengths / np.concatenate(of)])
+        both = np.concatenate([own[: 1 + gains], own[1:]]) if mode.real else np.tile(own, 2)
+        if mode.square is not None:
+            both = np.append(both, period * sizes[1] / sizes[0])
+        units.append(both[mode.free])
+    weights = np.concatenate([np.zeros(0), *units])
+    weights[weights == 0.0] = 1.0  # of an input that is silent
+    own = np.diag(matrix) / weights**2
+    return np.sqrt(np.maximum(own, ROUNDING * own.max(initial=0.0) + 1e-300)) * weights
 
 
-def _stepped(samples: Samples, at: Linearisation, step: NDArray[np.float64], period: float) -> Linearisation | None:
-    """The linearisation a step away, no exponent moving further than `LONGEST_STEP`; None where a mode runs away."""
+def _parts(at: Linearisation, step: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """A step of the free parameters as one of all parameters of each mode."""
     steps, place = [], 0
     for mode in at.modes:
-        free = mode.free
-        own = np.zeros(len(free))
-        own[free] = step[place : place + int(free.sum())]
-        place += int(free.sum())
+        own = np.zeros(len(mode.free))
+        own[mode.free] = step[place : place + int(mode.free.sum())]
+        place += int(mode.free.sum())
         steps.append(own)
-    longest = max(mode.distance(own, LONGEST_STEP / period) * period for mode, own in zip(at.modes, steps, strict=True))
-    share = min(1.0, LONGEST_STEP / max(longest, 1e-300))
-    moved = [mode.moved(share * own) for mode, own in zip(at.modes, steps, strict=True)]
+    return steps
+
+
+def _limited(at: Linearisation, step: NDArray[np.float64], period: float) -> NDArray[np.float64]:
+    """A step on which no exponent moves further than `LONGEST_STEP`."""
+    longest = max(
+        mode.distance(own, LONGEST_STEP / period) * period for mode, own in zip(at.modes, _parts(at, step), strict=True)
+    )
+    return step * min(1.0, LONGEST_STEP / max(longest, 1e-300))
+
+
+def _moved(samples: Samples, at: Linearisation, step: NDArray[np.float64]) -> Linearisation | None:
+    """The linearisation a step away; None where a mode runs away."""
+    moved = [mode.moved(own) for mode, own in zip(at.modes, _parts(at, step), strict=True)]
     pairs = zip(at.modes, moved, strict=True)
     if any(runs_away(samples, one.growth) != runs_away(samples, other.growth) for one, other in pairs):
         return None
@@ -280,7 +300,4 @@ def _stepped(samples: Samples, at: Linearisation, step: NDArray[np.float64], per
 def covariance(samples: Samples, at: Linearisation) -> NDArray[np.float64]:
     """Covariance of the free parameters (parameters, parameters); what the record says nothing of is infinite."""
     matrix, _ = normal_equations(samples, at)
-    scale = _scale(matrix)
-    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    inverse = (vectors / np.maximum(values, 1e-14 * values[-1])) @ vectors.T
-    return np.asarray(inverse / np.outer(scale, scale), np.float64)
+    return scaled_inverse(matrix, floor=True, scale=scale_of(samples, at, matrix))

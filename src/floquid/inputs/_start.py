@@ -30,6 +30,9 @@ ORDERS = (8, 14, 20, 28, 36, 48, 60)
 DEEPEST = 60
 """Poles that the past and the future can tell, about."""
 
+MANY, STRONGEST = 15, 8
+"""Signals of a kind that leave six block rows for the poles, at most, and of more the sums that are looked at."""
+
 MOST_ROWS = 0.5
 """Rows of the past and the future over the columns, at most."""
 
@@ -56,6 +59,7 @@ def candidates(
     on the branch on which it came up most. Unless inputs may have held them by a feedback, none grows much
     over a record.
     """
+    samples, response = replace(samples, inputs=_strongest(samples.inputs)), _strongest(response)
     found, turns, ages = [], [], []
     omega = samples.fundamental
     for number, thinned in enumerate(THINNED):
@@ -140,6 +144,15 @@ def _poles(samples: Samples, response: NDArray[np.float64], thinned: int) -> lis
         multipliers = np.asarray(np.linalg.eigvals(shift), np.complex128)
         found.append(np.asarray(np.log(multipliers + 1e-300), np.complex128) / (samples.step * thinned))
     return found
+
+
+def _strongest(signals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The first singular vectors of many signals, each counted by its rms; few signals as they are (…, samples)."""
+    if len(signals) <= MANY:
+        return signals
+    size = np.sqrt(np.mean(signals**2, axis=1, keepdims=True))
+    scaled = signals / np.where(size > 0.0, size, 1.0)
+    return np.asarray(np.linalg.eigh(scaled @ scaled.T)[1][:, -STRONGEST:].T @ scaled, np.float64)
 
 
 def _low_pass(thinned: int) -> NDArray[np.float64]:

@@ -233,6 +233,8 @@ def _summed(decay: complex, added: NDArray) -> NDArray:
     """
     from scipy.linalg import get_lapack_funcs
 
+    if not added.size:  # without a right-hand side LAPACK writes beyond the array: no input, or none that reaches
+        return np.zeros_like(added)
     (solve,) = get_lapack_funcs(("tbtrs",), (added,))
     band = np.full((2, added.shape[-1]), -decay, order="F")
     return solve(band, added.reshape(-1, added.shape[-1]).T, uplo="L", diag="U")[0].T.reshape(added.shape)

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Floats
 from floquid._checks import Rebuilt, input_error
-from floquid._numerics import filter_gain
 from floquid.core import Channel, Cycles, Provenance
+from floquid.fit import filter_gain
 from floquid.lti import TimeResponses, white_noise_std
 
 ROUNDING = 1e-10

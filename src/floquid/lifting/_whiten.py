@@ -12,8 +12,8 @@ from dataclasses import replace
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid._numerics import filtered, yule_walker
 from floquid.core import Cycles
+from floquid.fit import filtered, yule_walker
 from floquid.lifting._lift import Lifted, largest_values, lift
 from floquid.lti import ModalModel
 

@@ -21,11 +21,12 @@ from numpy.typing import ArrayLike
 
 from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import frozen_array, input_error
-from floquid._numerics import levenberg_marquardt, positive_part, sandwich
+from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, positive_part, sandwich
 from floquid.lti._factor import BLOCK, Factor
 from floquid.lti._poles import PAIR, PoleSet
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
 
+LONGEST_STEP = 0.5  # the most that a pole may move in a step, of ln μ: half of it is a factor of 1.6 of a decay
 LARGEST_GROWTH = 345.0  # logarithm of the growth over a record beyond which squares leave the range of floating point
 
 
@@ -196,11 +197,19 @@ def polish(
     """The maximum-likelihood poles near those of the start: steps to the least projected cost."""
     return levenberg_marquardt(
         start if isinstance(start, Fit) else fit(start, factors),
-        lambda now, step: fit(now.poles.moved(step), factors),
-        steps=iterations,
-        tolerance=tolerance,
-        enough=enough,
+        Steps(
+            normal=lambda at: Normal(matrix=at.information, gradient=at.gradient),
+            moved=lambda at, step: fit(at.poles.moved(step), factors),
+            limited=no_longer,
+            enough=lambda at, _: at.cost < enough,
+        ),
+        Ends(steps=iterations, deviations=tolerance),
     )
+
+
+def no_longer(_at: object, step: Floats, _normal: Normal, _damping: float) -> Floats:
+    """A step of which no part is above `LONGEST_STEP`."""
+    return step * min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), np.finfo(float).tiny))
 
 
 def fit_residues(

@@ -16,6 +16,7 @@ from floquid.periodic.search import combinations_of
 from floquid.periodic.significance import (
     NEGLIGIBLE_SLIP,
     SIGNIFICANT,
+    TURNED,
     PartialTests,
     Periodicity,
     Synchrony,
@@ -31,8 +32,9 @@ CONFIDENT = 2e-3
 not may stand for several."""
 
 __all__ = [
-    "CONFIDENT", "FSE", "NEGLIGIBLE_SLIP", "SIGNIFICANT", "Family", "Fit", "ForcedResponse", "Known", "ModeParameters",
-    "OrderError", "PartialTests", "PeriodCandidate", "PeriodEstimate", "Periodicity", "Synchrony", "assemble",
+    "CONFIDENT", "FSE", "NEGLIGIBLE_SLIP", "SIGNIFICANT", "TURNED", "Family", "Fit", "ForcedResponse", "Known",
+    "ModeParameters", "OrderError", "PartialTests", "PeriodCandidate", "PeriodEstimate", "Periodicity", "Synchrony",
+    "assemble",
     "combinations_of", "distinct_multipliers", "drift", "estimate_at", "estimate_period", "fit",
     "from_control", "fse", "generous_poles", "groups", "instants", "line_amplitudes", "own_period", "participation",
     "periodicity", "physical_exponents", "refit", "select_bands", "spacing", "synchrony", "to_control", "unexplained",

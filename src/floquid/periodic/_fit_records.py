@@ -41,6 +41,7 @@ from floquid.periodic.search import (
     evidence,
     finished,
     period_step,
+    read_apart,
     searched,
     searched_white,
 )
@@ -218,6 +219,7 @@ def fit(
         raise IdentificationError(_no_mode(found))
     if auto:
         found = without_noise(found)
+    found = read_apart(found)
     _check_order(found, order)
     return _result(
         found, records, clocks, samples, taps, free_period=free_period, noise_floor=noise_floor, search=search
@@ -299,6 +301,7 @@ def _result(
             channels=names,
             provenance=Provenance.merge(tuple(record.provenance for record in records)),
             most=samples.most,
+            as_read=found.as_read,
         )
     except IdentificationError as error:
         raise IdentificationError(" ".join([str(error), *texts(colour)])) from None

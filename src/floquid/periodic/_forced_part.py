@@ -13,6 +13,7 @@ from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Rebuilt, input_error, positive
 from floquid.core import Channel, ConstantPeriod, Record
 from floquid.errors import IdentificationError
+from floquid.fit import chi2_limit
 from floquid.periodic.least_squares import (
     PLAIN,
     SPEED,
@@ -28,7 +29,7 @@ from floquid.periodic.least_squares import (
     shapes,
     solve,
 )
-from floquid.periodic.search import SearchResult
+from floquid.periodic.search import SearchResult, read_apart
 from floquid.periodic.start import Known
 from floquid.sync import ShaftAngle
 
@@ -149,17 +150,16 @@ def angle_std(clocks: Sequence[ConstantPeriod | ShaftAngle], records: Sequence[R
 
 def without_noise(found: SearchResult) -> SearchResult:
     """Without those harmonics of the forced response, offset and drift that noise explains, or a mode beside them."""
-    from scipy.special import chdtri
-
     found = _without_twins(found)
-    both, entries = shapes(found.blocks, found.solution), found.solution.entries
+    apart, entries = read_apart(found), found.solution.entries
+    both = shapes(apart.blocks, apart.solution)  # fixed entries have the same places in both
     place = int(np.flatnonzero(both.harmonics == 0)[0])
     kept = ~entries.fixed
     for entry in np.flatnonzero(entries.fixed):
         value, std = both.coefficients[entry, ..., place], both.std[entry, ..., place]
         parts = [(value.real, std.real)] + ([] if entries.real[entry] else [(value.imag, std.imag)])
         score = sum(float(np.sum(np.divide(v, s, out=np.zeros_like(v), where=s > 0) ** 2)) for v, s in parts)
-        kept[entry] = score > chdtri(len(parts) * value.size, KEPT)
+        kept[entry] = score > chi2_limit(len(parts) * value.size, KEPT)
     # What follows the speed is kept with its harmonic alone.
     plain = entries.offsets[kept & entries.fixed & (entries.factors == PLAIN)]
     follows = entries.fixed & (entries.factors > TREND)
@@ -178,8 +178,6 @@ def without_noise(found: SearchResult) -> SearchResult:
 
 def _without_twins(found: SearchResult) -> SearchResult:
     """Without the forced response on the lines of a real multiplier that hardly decays, where that alone will do."""
-    from scipy.special import chdtri
-
     entries, duration = found.solution.entries, max(block.last for block in found.blocks)
     free = ~entries.fixed & entries.real & (np.abs(entries.exponents.real) * duration < SLOW)
     turns = entries.offsets[:, None] - entries.offsets[free]
@@ -190,7 +188,7 @@ def _without_twins(found: SearchResult) -> SearchResult:
     with suppress(IdentificationError, np.linalg.LinAlgError):
         alone = solve(found.blocks, entries.picked(np.flatnonzero(~twins)), hold=True)
         fewer = sum(len(block.rows) for block in found.blocks) * int(np.where(entries.real[twins], 1, 2).sum())
-        if alone.cost - found.solution.cost < float(chdtri(fewer, KEPT)):
+        if alone.cost - found.solution.cost < chi2_limit(fewer, KEPT):
             places = tuple(int((~twins)[:entry].sum()) for entry in found.clusters)
             alone = replace(alone, further=found.solution.further)
             return replace(found, solution=alone, bands=found.bands[~twins], clusters=places)

@@ -17,6 +17,7 @@ from floquid.periodic import (
     CONFIDENT,
     NEGLIGIBLE_SLIP,
     SIGNIFICANT,
+    TURNED,
     Fit,
     estimate_period,
     spacing,
@@ -30,7 +31,6 @@ QUIET = 1e-4  # the noise over the largest value below which a record says more 
 STILL = 4.0  # standard deviations within which a multiplier is 1 or -1
 BLURRED = 400.0  # misfit that errors of the angle may add, spread over the lines about each harmonic
 MISFIT = 1.3  # times the noise that a fit may leave
-TURNED = 1.0  # the phase [rad] that the fundamental may slip while modes last, for one step of a fit to tell the period
 SEVERAL = 6  # exponents from which on modes without a second harmonic may be harmonics that a wrong period tore apart
 EVIDENT = 0.1  # equal decays say something where the deviation of their difference is below this share of the decay
 CHANCE = 0.1  # fundamentals within which two modes are near whole ones apart by chance too often to say anything
@@ -48,8 +48,9 @@ ROUNDED = 4.0  # deviations within which a period is a whole number of sampling 
 
 
 def wrong_period_lifted(model: PeriodicModel, lifted: Lifted, prepared: Prepared) -> Finding | None:
-    """Finding on a period other than that of the lifted response; None where it is that."""
-    if prepared.shafts or prepared.settings.estimate_period:
+    """Finding on a period other than that of the lifted response; None where it is that, or the fit must tell."""
+    # A second multiplier hidden beside a real one turns in the residual as harmonics of a wrong period do.
+    if prepared.shafts or prepared.settings.estimate_period or model.real.any():
         return None
     found = synchrony(model, lifted)
     if found is None or not found.broken:

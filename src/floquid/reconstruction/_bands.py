@@ -7,6 +7,7 @@ import numpy as np
 from floquid._arrays import Floats, Integers, Mask
 from floquid.core import Estimates, PeriodicModel
 from floquid.errors import IdentificationError
+from floquid.fit import chi2_limit
 from floquid.reconstruction._modal_matrix import Jacobian, Shapes, Terms, at_once, by_system, modal_at
 
 FALSE_ALARM = 1e-3
@@ -67,10 +68,8 @@ def scores(estimates: Estimates, rows: Mask) -> Floats:
 
 def _grown(model: PeriodicModel, estimates: Estimates, score: Floats, responses: int) -> Mask:
     """A contiguous band of each mode about its strongest term, as far as it rises above the noise (terms,)."""
-    from scipy.special import chdtri
-
     kept, band = model.kept_terms(estimates), np.zeros(len(score), bool)
-    limit = float(chdtri(2 * responses, FALSE_ALARM / (2 * len(estimates.exponents))))
+    limit = chi2_limit(2 * responses, FALSE_ALARM / (2 * len(estimates.exponents)))
     for mode in range(len(estimates.exponents)):
         own = np.flatnonzero(estimates.modes == mode)
         own = own[np.argsort(estimates.harmonics[own])]

@@ -25,6 +25,7 @@ from floquid._arrays import Integers
 from floquid.core import Estimates
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note
+from floquid.fit import Ends, Normal, Steps, levenberg_marquardt
 from floquid.reconstruction._coordinates import Part
 from floquid.reconstruction._harmonic_balance import Mode, slopes_of, solved
 from floquid.reconstruction._structure import AbstractStructure, Basis, Block, SecondOrder
@@ -242,35 +243,20 @@ def _predicted(problem: Problem, point: Point, channel: int, moved: Integers) ->
 
 def fitted(problem: Problem, parameters: Array, near: tuple[Mode, ...]) -> Point:
     """The least squares near these parameters, by Levenberg-Marquardt; IdentificationError where there is none."""
-    now = at(problem, parameters, None, problem.estimates.fundamental, near)
-    damping, n, omega = 1e-3, len(parameters), _n_omega(problem)
-    for _ in range(ITERATIONS):
-        scale = np.linalg.norm(now.slopes, axis=0)
-        scale = np.where(scale > 0, scale, 1.0)
-        slopes = now.slopes / scale
-        while True:
-            damped = np.concatenate([slopes, np.sqrt(damping) * np.eye(len(scale))])
-            step = np.linalg.lstsq(damped, np.concatenate([now.rest, np.zeros(len(scale))]), rcond=None)[0] / scale
-            try:
-                trial = at(
-                    problem,
-                    now.parameters + step[:n],
-                    now.amplitudes + _amplitudes(problem, step[n + omega :]),
-                    now.fundamental + (float(step[n]) if omega else 0.0),
-                    now.modes,
-                )
-            except (IdentificationError, np.linalg.LinAlgError):
-                trial = None
-            if trial is not None and trial.cost <= now.cost * (1.0 + 1e-12):
-                break
-            damping = max(10.0 * damping, 1e-6)
-            if damping > 1e12:
-                return now
-        done = np.linalg.norm(now.slopes @ step) < AT_REST
-        now, damping = trial, 0.1 * damping if damping > 1e-12 else 0.0
-        if done:
-            break
-    return now
+    n, omega = len(parameters), _n_omega(problem)
+
+    def moved(now: Point, step: Array) -> Point | None:
+        fundamental = now.fundamental + (float(step[n]) if omega else 0.0)
+        amplitudes = now.amplitudes + _amplitudes(problem, step[n + omega :])
+        with suppress(IdentificationError, np.linalg.LinAlgError):
+            return at(problem, now.parameters + step[:n], amplitudes, fundamental, now.modes)
+        return None
+
+    steps = Steps(
+        normal=lambda now: Normal(matrix=now.slopes.T @ now.slopes, gradient=now.slopes.T @ now.rest), moved=moved
+    )
+    start = at(problem, parameters, None, problem.estimates.fundamental, near)
+    return levenberg_marquardt(start, steps, Ends(steps=ITERATIONS, gain=AT_REST**2))
 
 
 def covariance_of(point: Point) -> Array:

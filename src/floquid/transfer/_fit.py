@@ -12,10 +12,9 @@ from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid.core import PeriodicModel, Provenance
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, failure, note, texts, warning
-from floquid.inputs import Hold, Limits, TransferFunctions, assembled, listed, sealed
+from floquid.inputs import Hold, Limits, TransferFunctions, assembled, listed, near_real, sealed
 from floquid.transfer._measured import MeasuredTransfer
 from floquid.transfer._modal import Lines, Modal
-from floquid.transfer._real import near_real
 from floquid.transfer._search import searched
 
 UNKNOWN = 2.0
@@ -202,10 +201,10 @@ def fit_transfer(
             "Drive the system harder or for longer, at more lines near its resonances."
         )
     degrees = 2 * int(np.count_nonzero(lines.there)) - found.n_parameters
-    ratio = found.chi_square / max(degrees, 1)
+    ratio = found.cost / max(degrees, 1)
     covariance = found.covariance() * max(ratio, 1.0)
     on_axis = next(near_real(found.modal.modes, lambda: covariance, lines.fundamental, [], DOUBTFUL), None)
-    misfit = degrees > 0 and ratio > WORSE and chdtrc(degrees, found.chi_square) < SURE
+    misfit = degrees > 0 and ratio > WORSE and chdtrc(degrees, found.cost) < SURE
     for one in (found.modal, *found.modal.modes):
         sealed(one)
     model = _model(lines, found.modal, covariance, own, period)
@@ -219,7 +218,7 @@ def fit_transfer(
         covariance=frozen_array(covariance, "covariance", of, axes=("numbers", "numbers")),
         hold=hold,
         begins=frozen_array(lines.echoes[1], "begins", of, axes=("records",)),
-        chi_square=found.chi_square,
+        chi_square=found.cost,
         degrees=degrees,
         findings=(
             note("modes_of_lines", modes=len(found.modal.modes), ratio=ratio, degrees=degrees),

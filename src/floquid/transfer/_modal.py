@@ -9,20 +9,23 @@ with conjugates, of samples with its discrete counterpart, and with what a trans
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
+from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, scaled_inverse, score_gain
 from floquid.inputs import Hold, InputMode, modal_transfer, terms_of
 
 NUDGE = 1e-5
 """The share of the decay by which an exponent is moved for a derivative."""
 
 ITERATIONS = 60
-"""Evaluations of a fit at most."""
+"""Steps of a fit at most."""
+
+AT_REST = 1e-3
+"""The deviations of a step that is the last."""
 
 ROUNDING = 1e-13
 """The share of the largest below which a direction of the normal matrix is rounding."""
@@ -220,8 +223,8 @@ class Fitted(Rebuilt):
     left: tuple[NDArray[np.float64], ...]
 
     @property
-    def chi_square(self) -> float:
-        """The squares that are left."""
+    def cost(self) -> float:
+        """χ²: the squares of the residual."""
         return float(sum(own @ own for own in self.left))
 
     @property
@@ -259,12 +262,7 @@ class Fitted(Rebuilt):
 
 def _inverse(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     """The inverse of the products of some rows, directions that are rounding left out of none."""
-    size = np.sqrt(np.sum(rows**2, axis=1))
-    size = np.where(size > 0.0, size, 1.0)
-    scaled = rows / size[:, None]
-    values, vectors = np.linalg.eigh(scaled @ scaled.T)
-    root = vectors / np.sqrt(np.maximum(values, ROUNDING * values.max(initial=1.0))) / size[:, None]
-    return root @ root.T
+    return scaled_inverse(rows @ rows.T, ROUNDING, floor=True)
 
 
 def eliminated(lines: Lines, modal: Modal) -> Fitted:
@@ -291,36 +289,17 @@ def eliminated(lines: Lines, modal: Modal) -> Fitted:
 def fitted(lines: Lines, start: Modal, iterations: int = ITERATIONS) -> Fitted:
     """The modes that fit G best in the weighted squares, from a start.
 
-    Amplitudes are eliminated (variable projection of Golub and Pereyra 1973, with Kaufman's derivative of 1975), what
-    is left goes to Levenberg's and Marquardt's steps.
+    Amplitudes are eliminated (variable projection of Golub and Pereyra 1973, with Kaufman's derivative of 1975).
     """
-    from scipy.optimize import least_squares
 
-    base = start.scaled()
+    def normal(at: Fitted) -> Normal:
+        return Normal(matrix=at.apart @ at.apart.T, gradient=at.apart @ np.concatenate(at.left))
 
-    @lru_cache(maxsize=2)
-    def at(step: bytes) -> Fitted:
-        return eliminated(lines, base.moved(np.frombuffer(step)))
-
-    def left(step: NDArray[np.float64]) -> NDArray[np.float64]:
-        return -np.concatenate(at(step.tobytes()).left)
-
-    def slopes(step: NDArray[np.float64]) -> NDArray[np.float64]:
-        return at(step.tobytes()).apart.T
-
-    none = np.zeros(sum(int(mode.free.sum()) for mode in base.modes))
+    steps = Steps(normal=normal, moved=lambda at, step: eliminated(lines, at.modal.moved(step)))
     with np.errstate(over="ignore", invalid="ignore"):
-        # The stubs of scipy know no function for the Jacobian.
-        jacobian: Any = slopes
-        found = least_squares(left, none, jacobian, method="lm", x_scale="jac", max_nfev=iterations)
-    return at(found.x.tobytes())
+        return levenberg_marquardt(eliminated(lines, start.scaled()), steps, Ends(steps=iterations, deviations=AT_REST))
 
 
 def promised(now: Fitted) -> float:
     """χ² after one step of Gauss and Newton."""
-    size = np.linalg.norm(now.apart, axis=1, keepdims=True)
-    columns = now.apart / np.where(size > 0.0, size, 1.0)
-    values, vectors = np.linalg.eigh(columns @ columns.T)
-    along = vectors.T @ (columns @ np.concatenate(now.left))
-    good = values > 1e3 * ROUNDING * values[-1]
-    return now.chi_square - float(np.sum(along[good] ** 2 / values[good]))
+    return now.cost - score_gain(now.apart @ np.concatenate(now.left), now.apart @ now.apart.T, 1e3 * ROUNDING)

@@ -9,9 +9,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.inputs import InputMode, Limits, limit_of, noise_explains
+from floquid.fit import chi2_limit
+from floquid.inputs import InputMode, Limits, near_real, noise_explains, real_for
 from floquid.transfer._modal import Fitted, Lines, Modal, eliminated, fitted, promised
-from floquid.transfer._real import near_real, real_for
 
 DECAYS = 10
 """Decays of the grid, from a part of the distance of lines to their range."""
@@ -38,16 +38,16 @@ HELD = 1e6
 def searched(lines: Lines, limits: Limits, report: Callable[[str], None] = lambda _: None) -> Fitted | None:
     """The modes that rise above the deviations of G with their harmonics; None where there is none."""
     now: Fitted | None = None
-    chi_square = eliminated(lines, Modal((), ())).chi_square
+    chi_square = eliminated(lines, Modal((), ())).cost
     while now is None or len(now.modal.modes) < limits.modes:
         trial = _with_one_more(lines, now)
         if trial is None:
             break
         trial = _with_real_ones(lines, _grown(lines, trial, limits), limits)
         more = trial.n_parameters - (0 if now is None else now.n_parameters)
-        if chi_square - trial.chi_square < _by_noise(lines, trial, more, limits.mode_alarm):
+        if chi_square - trial.cost < _by_noise(lines, trial, more, limits.mode_alarm):
             break
-        now, chi_square = trial, trial.chi_square
+        now, chi_square = trial, trial.cost
         report(f"searching for modes: {len(now.modal.modes)} found")
     if now is None:
         return None
@@ -61,7 +61,7 @@ def _without_needless(lines: Lines, now: Fitted, limits: Limits) -> Fitted:
         less = _less(now.modal, [number])
         trial = _grown(lines, fitted(lines, less, ROUGH), limits)
         fewer = now.n_parameters - trial.n_parameters
-        if trial.chi_square - now.chi_square < _by_noise(lines, now, fewer, limits.mode_alarm):
+        if trial.cost - now.cost < _by_noise(lines, now, fewer, limits.mode_alarm):
             return _without_needless(lines, trial, limits)
     return now
 
@@ -80,18 +80,18 @@ def _with_echoes(lines: Lines, now: Fitted) -> Fitted:
     modes = tuple(replace(mode, initial=np.zeros(len(begins), complex)) for mode in now.modal.modes)
     trial = fitted(lines, replace(now.modal, modes=modes))
     limit = _by_noise(lines, trial, trial.n_parameters - now.n_parameters, LOOSE)
-    return trial if now.chi_square - trial.chi_square > limit else now
+    return trial if now.cost - trial.cost > limit else now
 
 
 def _level(lines: Lines, fit: Fitted, chi_square: float | None = None) -> float:
     """χ² of a degree of freedom, at least 1: deviations that are too small make no modes of noise."""
-    left = fit.chi_square if chi_square is None else chi_square
+    left = fit.cost if chi_square is None else chi_square
     return max(left / max(_degrees(lines, fit), 1), 1.0)
 
 
 def _by_noise(lines: Lines, fit: Fitted, more: int, alarm: float) -> float:
     """What noise lets χ² fall by for so many numbers more; infinite where a fit has as many as were measured."""
-    return limit_of(max(more, 1), alarm) * _level(lines, fit) if _degrees(lines, fit) > 0 else np.inf
+    return chi2_limit(max(more, 1), alarm) * _level(lines, fit) if _degrees(lines, fit) > 0 else np.inf
 
 
 def _degrees(lines: Lines, fit: Fitted) -> int:
@@ -149,8 +149,8 @@ def _with_one_more(lines: Lines, now: Fitted | None) -> Fitted | None:
             start = eliminated(lines, _joined(modal, [_bare(lines, exponent, main)]))
             if _degrees(lines, start) > 0:
                 trials.append(fitted(lines, start.modal, ROUGH))
-    trials = [one for one in trials if np.isfinite(one.chi_square)]
-    return fitted(lines, min(trials, key=lambda one: one.chi_square).modal) if trials else None
+    trials = [one for one in trials if np.isfinite(one.cost)]
+    return fitted(lines, min(trials, key=lambda one: one.cost).modal) if trials else None
 
 
 def _bare(
@@ -194,9 +194,9 @@ def _with_real_ones(lines: Lines, now: Fitted, limits: Limits, refused: list[com
                     trials.append(fitted(lines, start.modal, ROUGH))
             if not trials:
                 continue
-            best = fitted(lines, min(trials, key=lambda one: one.chi_square).modal)
+            best = fitted(lines, min(trials, key=lambda one: one.cost).modal)
             best = _grown(lines, best, limits)
-            rise = (best.chi_square - now.chi_square) / _level(lines, now)
+            rise = (best.cost - now.cost) / _level(lines, now)
             # These fits are not narrowed: numbers more are no argument against one that is better.
             if noise_explains(rise, max(now.n_parameters - best.n_parameters, 0)):
                 return _with_real_ones(lines, best, limits, refused)
@@ -258,12 +258,12 @@ def _grown(lines: Lines, now: Fitted, limits: Limits) -> Fitted:
             if _degrees(lines, start) <= 0:
                 continue
             # What is left holds what other bands lack: no measure of noise, and χ² decides.
-            limit = limit_of(max(start.n_parameters - now.n_parameters, 1), limits.harmonic_alarm)
+            limit = chi2_limit(max(start.n_parameters - now.n_parameters, 1), limits.harmonic_alarm)
             promise = promised(start)
-            if now.chi_square - promise < limit * _level(lines, start, promise):
+            if now.cost - promise < limit * _level(lines, start, promise):
                 continue
             trial = fitted(lines, wider, ROUGH)
-            if now.chi_square - trial.chi_square > limit * _level(lines, trial):
+            if now.cost - trial.cost > limit * _level(lines, trial):
                 now, improved = trial, True
     return now
 

@@ -11,9 +11,9 @@ from numpy.typing import ArrayLike
 
 from floquid._arrays import Floats, Integers
 from floquid._checks import frozen_array, input_error, noise_array
-from floquid._numerics import filter_gain, filtered
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.findings import Finding, failure, warning
+from floquid.fit import filter_gain, filtered
 from floquid.periodic import instants
 from floquid.sync import ShaftAngle
 from floquid.validation._held_out import cycles_of, only

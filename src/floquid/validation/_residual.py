@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid.core import ConstantPeriod, PeriodicModel, Record
+from floquid.fit import chi2_limit
 from floquid.periodic import line_amplitudes, unexplained, without_lines
 from floquid.sync import ShaftAngle
 from floquid.validation._case import FALSE_ALARM, REMAINDER, Case, Checks, strongest
@@ -49,15 +50,13 @@ def left_by(case: Case, found: Checks) -> dict[str, NDArray]:
 
 def _tones(case: Case, left: list[Floats], found: Checks) -> dict[str, NDArray]:
     """Harmonics of the revolution; those that are found are taken off."""
-    from scipy.special import chdtri
-
     turns = tones_of(case.highest, case.per_revolution)
     size, score = np.zeros((2, *case.noise.shape, len(turns)))
     for hit, rest in enumerate(left):
         amplitudes, squares = line_amplitudes(*_residual(case, hit, rest), np.zeros(len(turns)), turns)
         size[:, hit] = amplitudes / case.noise[:, hit, None]
         score[:, hit] = squares / case.noise[:, hit, None] ** 2
-    there = (score > chdtri(2, FALSE_ALARM / score.size)) & (size > TONE)
+    there = (score > chi2_limit(2, FALSE_ALARM / score.size)) & (size > TONE)
     candidates = np.flatnonzero(there.any(axis=(0, 1)))
     there[..., candidates] &= score[..., candidates] > ABOVE * _beside(case, left, turns[candidates])
     found.kept("tone", float(np.max(size * there, initial=0.0)), TONE, failing=LOUD_TONE)
@@ -101,8 +100,6 @@ def _beside(case: Case, left: list[Floats], turns: Floats) -> Floats:
 
 def _harmonics(case: Case, left: list[Floats], found: Checks) -> dict[str, NDArray]:
     """Harmonics of the modes beside their bands; those that are found are taken off."""
-    from scipy.special import chdtri
-
     model = case.model
     modes, harmonics = lines_of(model, case.highest)
     score = np.zeros((*case.noise.shape, len(modes)))
@@ -114,7 +111,7 @@ def _harmonics(case: Case, left: list[Floats], found: Checks) -> dict[str, NDArr
     if not len(modes):
         return {"modes": modes, "harmonics": harmonics, "lines": score}
     joint, degrees = score.sum(axis=(0, 1)), 2 * case.responses
-    there = np.sqrt(joint) > np.sqrt(chdtri(degrees, LEFT_OUT)) + MARGIN
+    there = np.sqrt(joint) > np.sqrt(chi2_limit(degrees, LEFT_OUT)) + MARGIN
     share = np.sqrt(np.maximum(joint - degrees, 0.0) / max(_energy(case), 1.0)) * there
     if not found.kept("harmonic", float(share.max()), HARMONIC, failing=REMAINDER):
         over = share > HARMONIC
@@ -174,8 +171,6 @@ def _peaks(case: Case, left: list[Floats], found: Checks) -> Mask:
 
 def _colour(case: Case, left: list[Floats], hidden: Mask, found: Checks) -> Floats:
     """Excess of squared autocorrelations over those of white noise (channels, hits)."""
-    from scipy.special import chdtri
-
     excess, limit = np.zeros(case.noise.shape), np.zeros(case.noise.shape)
     rates = rates_of(case.model)
     for hit, rest in enumerate(left):
@@ -184,7 +179,7 @@ def _colour(case: Case, left: list[Floats], hidden: Mask, found: Checks) -> Floa
         size = np.maximum(numbers - 2 * len(rates), 1)
         rounding = np.sqrt(np.nanmean(rest**2, axis=1)) < ROUNDING * case.noise[:, hit]
         excess[:, hit] = np.where(rounding, 0.0, squares - lags / size)
-        limit[:, hit] = np.maximum((chdtri(lags, FALSE_ALARM / case.responses) - lags) / size, COLOUR)
+        limit[:, hit] = np.maximum((chi2_limit(lags, FALSE_ALARM / case.responses) - lags) / size, COLOUR)
     place = np.unravel_index(int(np.argmax(excess / limit)), excess.shape)
     bound = float(limit[place])
     found.kept("colour", float(excess[place]), bound, failing=max(STRONG_COLOUR, bound))

@@ -12,7 +12,7 @@ from floquid._arrays import Floats, Integers, Mask
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.errors import FloquidError
 from floquid.findings import Finding, failure
-from floquid.periodic import NEGLIGIBLE_SLIP, SIGNIFICANT, own_period
+from floquid.periodic import NEGLIGIBLE_SLIP, SIGNIFICANT, TURNED, own_period
 from floquid.reconstruction import StateModel
 from floquid.sync import ShaftAngle
 from floquid.validation._case import FALSE_ALARM, REMAINDER, Case, Checks, case_of, strongest
@@ -148,6 +148,9 @@ def _period(case: Case, found: Checks) -> None:
     relative, std = own
     cycles = max(int(own.max()) + 1 for own in case.cycles)
     slip = abs(relative) * cycles * 2.0 * case.highest
+    alive = min(cycles, 1.0 / max(np.abs(case.model.exponents.real).min() * case.model.period, 1e-300))
+    if 2.0 * np.pi * abs(relative) * alive > TURNED:
+        return  # a step of many radians is none that one linearisation can tell
     if not found.kept("period", abs(relative) / std if slip > NEGLIGIBLE_SLIP else 0.0, SIGNIFICANT):
         given = case.model.period
         # A model that fails has no deviations: then what it leaves says nothing of that of the period either.

@@ -9,8 +9,8 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Sealed
-from floquid._numerics import filter_gain, filtered
 from floquid.core import PeriodicModel
+from floquid.fit import filter_gain, filtered
 from floquid.periodic import instants, unexplained
 from floquid.pipeline import Analysis
 from floquid.views._families import families

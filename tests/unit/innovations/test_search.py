@@ -1,8 +1,28 @@
 """The search for modes of outputs alone."""
 
-from tests.driven import ambient_of, parted, pulls
+from dataclasses import replace
 
-from floquid import ConstantPeriod, Record, identify_ambient
+import numpy as np
+import pytest
+from tests.driven import Driven, ambient_of, parted, pulls, two_masses
+
+from floquid import ConstantPeriod, IdentificationError, Record, identify_ambient
+from floquid.innovations import first_innovations
+from floquid.innovations._covariance import whitening_of
+from floquid.inputs import candidates, samples_of
+
+OUTPUTS = 64
+
+
+def many(periods, phases=20, noise=0.02):
+    """Samples of 64 outputs of two masses, in units of their rms."""
+    system, generator = two_masses(), np.random.default_rng(0)
+    still, turning = generator.standard_normal((2, OUTPUTS, 4)) * [1.0, 1.0, 0.0, 0.0]
+    wide = Driven(A=system.A, B=system.B, C=lambda t: still + 0.3 * turning * np.cos(t), period=system.period)
+    values = ambient_of(wide, periods, phases, noise, 1)
+    values /= values.std(axis=1, keepdims=True)
+    nothing = np.zeros((0, values.shape[1]))
+    return wide, samples_of([values], [nothing], [0.0], step=wide.period / phases, fundamental=1.0)
 
 
 def test_a_real_multiplier_that_grows_has_its_partner():
@@ -13,3 +33,40 @@ def test_a_real_multiplier_that_grows_has_its_partner():
     model = identify_ambient(record, validate=False).model
     assert model.order == 4
     assert pulls(system, model).max() < 2.5
+
+
+def test_of_many_outputs_there_are_candidates():
+    """More than fifteen had none: six block rows of the past were one too many for what they tell."""
+    system, samples = many(400)
+    poles, _ = candidates(replace(samples, inputs=first_innovations(samples), hold="none"), samples.moving)
+    assert len(poles)
+    gap = np.concatenate([poles, poles.conj()])[:, None] - system.exponents()
+    gap = np.abs(gap.real + 1j * (gap.imag - np.rint(gap.imag)))
+    assert (gap.min(axis=0) < 1.5 * np.abs(system.exponents().real)).all()
+
+
+def test_many_outputs_in_a_short_record_are_predicted_by_less_of_the_past():
+    """Four samples of the past were too many: innovations were zero, their correlations no numbers."""
+    _, samples = many(100)
+    first = first_innovations(samples)
+    left, response = (np.sqrt(np.mean(own[:, 8:] ** 2)) for own in (first, samples.moving))
+    assert 0.0 < left < 0.7 * response
+    assert np.isfinite(whitening_of(samples, first)).all()
+
+
+def test_too_many_outputs_for_a_record_are_refused_in_words():
+    system, samples = many(50)
+    record = Record(
+        values=samples.values,
+        sample_rate=1.0 / samples.step,
+        channels=[f"y{number}" for number in range(OUTPUTS)],
+        clock=ConstantPeriod(period=system.period),
+    )
+    with pytest.raises(IdentificationError, match=r"1000 samples of 64 channels.*at least 1280"):
+        identify_ambient(record)
+
+
+def test_shares_of_other_channels_are_not_as_many_as_samples():
+    """The matrix of thirteen columns a channel was singular where there were fewer samples."""
+    _, samples = many(15)
+    assert np.isfinite(whitening_of(samples, np.random.default_rng(2).standard_normal(samples.values.shape))).all()

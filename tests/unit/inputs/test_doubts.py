@@ -8,7 +8,8 @@ from scipy.signal import butter, lfilter, sosfiltfilt
 from tests.driven import creeping, mathieu, pulls, record_of
 
 from floquid import Record, identify_driven
-from floquid.inputs import Scores, bare_mode, chosen_together, limit_of, samples_of, solve
+from floquid.fit import chi2_limit
+from floquid.inputs import Scores, bare_mode, chosen_together, samples_of, solve
 from floquid.pipeline import Settings
 from floquid.pipeline.excited._driving import SURE, _by_powers
 from floquid.pipeline.excited._prepare import parted
@@ -53,12 +54,13 @@ def test_short_and_noisy_records_do_not_take_up_a_delay_without_a_word(moved, se
 
 
 def test_two_real_multipliers_that_may_be_a_pair_are_told():
-    system = creeping(0.0142)
+    # From 0.0142 on both come so near each other that rounding decides whether their decays are determined.
+    system = creeping(0.01415)
     assert np.isreal(system.exponents()).all()
     open_, clear = (
-        identified(*record_of(creeping(own), 60, PHASES, 0.05, 0), system.period) for own in (0.0142, 0.0155)
+        identified(*record_of(creeping(own), 60, PHASES, 0.05, 0), system.period) for own in (0.01415, 0.0155)
     )
-    assert codes(open_) - codes(clear) == {"inputs_kind"}
+    assert codes(open_) == {"inputs_kind", "inputs_untold"}
     assert "which, and the deviations" in " ".join(open_.warnings)
     assert "inputs_kind" not in codes(clear)
     assert pulls(creeping(0.0155), clear.model).max() < 4.0
@@ -153,7 +155,7 @@ def test_squares_of_a_steady_response_are_no_harmonics_that_were_not_kept():
     samples = samples_of([values], [inputs], [0.0], step=step, fundamental=2.0, turns=[1.0, 2.0, 3.0, 4.0])
     bare = [bare_mode(samples, complex(system.exponents()[0]), narrow, narrow)]
     scores = Scores(samples, solve(samples, chosen_together(samples, bare, 1)), rough=False)
-    assert _by_powers(scores).max() < limit_of(4, SURE)
+    assert _by_powers(scores).max() < chi2_limit(4, SURE)
 
 
 @pytest.mark.first(1)

@@ -1,4 +1,4 @@
-"""Gains by more harmonics to first order: those of the fit that has them."""
+"""Weights of modes, and the gain by noise that drives them, to first order."""
 
 from dataclasses import replace
 
@@ -8,10 +8,8 @@ from tests.driven import mathieu, record_of
 from tests.unit.inputs.test_start import samples_from
 
 from floquid.inputs import samples_of, solve
-from floquid.inputs._bands import with_reach
 from floquid.inputs._joint import chosen_together
 from floquid.inputs._scores import Scores
-from floquid.inputs._solver import columns_of
 from floquid.inputs._start import bare_mode
 
 
@@ -24,30 +22,6 @@ def fit():
     first = chosen_together(samples, bare, 1)[0]
     small = replace(first, turns=first.turns[1:], reach=first.reach[1:], gains=first.gains[:, 1:])
     return samples, solve(samples, [small], (0.0,), at_rest=1e-9)
-
-
-@pytest.mark.parametrize("rough", [True, False])
-def test_the_gain_by_a_harmonic_of_the_outputs(fit, rough):
-    samples, now = fit
-    mode = now.modes[0]
-    turn = mode.turns[0] - 1.0
-    extra = columns_of(samples, replace(mode, turns=np.array([turn])), now.states[0])
-    scored = Scores(samples, now, rough=rough).by_columns([extra])[0]
-    wider = solve(samples, [replace(mode, turns=np.append(turn, mode.turns))], now.direct, at_rest=1e-9)
-    # The score is of the noise as it was, twice the logarithm that of both.
-    assert scored == pytest.approx(wider.log_likelihood - now.log_likelihood, rel=0.25)
-    assert scored > 20.0
-
-
-@pytest.mark.parametrize("rough", [True, False])
-def test_the_gain_by_a_harmonic_of_the_inputs(fit, rough):
-    samples, now = fit
-    mode = now.modes[0]
-    turn = float(mode.reach[0] - 1.0)
-    scored = Scores(samples, now, rough=rough).by_inputs([(0, turn)])[0]
-    wider = solve(samples, [with_reach(mode, turn)], now.direct, at_rest=1e-9)
-    assert scored == pytest.approx(wider.log_likelihood - now.log_likelihood, rel=0.25)
-    assert scored > 5.0
 
 
 def test_a_mode_of_noise_weighs_little(fit):

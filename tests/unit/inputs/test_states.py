@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import linalg
 from scipy.integrate import solve_ivp
 
 from floquid.inputs import InputMode, linearise, samples_of, slopes_of, state_slopes
 from floquid.inputs._kinds import block_of_pair, block_of_reals, ordinary
 from floquid.inputs._solver import normal_equations
-from floquid.inputs._states import state_of
+from floquid.inputs._states import reached_by, state_of
 
 STEP, OMEGA = 0.17, 1.3
 
@@ -74,10 +75,9 @@ def test_a_mode_that_a_feedback_holds_ends_where_it_is_said(real):
     assert np.allclose(state_of(first, at), state[:20], atol=1e-9)
 
 
-@pytest.mark.parametrize("rate", [-0.3, 2.5])
 @pytest.mark.parametrize("real", [False, True])
-def test_slopes_are_those_of_the_response(real, rate):
-    own, wanted = samples("zero"), mode(real=real, rate=rate)
+def test_slopes_of_a_mode_that_a_feedback_holds_are_those_of_the_response(real):
+    own, wanted = samples("zero"), mode(real=real, rate=2.5)
     at = linearise(own, [wanted])
     slopes = slopes_of(own, at, 1, state_slopes(own, at))
     free = np.flatnonzero(wanted.free)
@@ -204,3 +204,28 @@ def test_a_block_is_the_two_real_multipliers_that_it_was_made_of():
     again = linearise(own, modes)
     assert np.abs(again.left - at.left).max() < 1e-9
     assert all(np.abs(again.shape(k).T - shape).max() < 1e-9 for k, shape in enumerate(shapes))
+
+
+@pytest.mark.parametrize(("rate", "real"), [(-0.3, False), (-0.3, True), (3.0, False)])
+def test_a_mode_that_no_input_reaches_asks_nothing_of_lapack(rate, real, monkeypatch):
+    """A solver that is given no right-hand side writes beyond it: the program ends, sooner or later."""
+    honest = linalg.get_lapack_funcs
+
+    def checked(names, arrays):
+        (solve,) = honest(names, arrays)
+
+        def solved(band, right, **options):
+            assert right.size
+            return solve(band, right, **options)
+
+        return (solved,)
+
+    monkeypatch.setattr(linalg, "get_lapack_funcs", checked)
+    own, driven = samples("zero"), mode(real=real, rate=rate)
+    still = replace(driven, reach=driven.reach[:0], gains=driven.gains[:, :0])
+    nothing = replace(own, inputs=own.inputs[:0])
+    for at, unreached in ((own, still), (nothing, replace(driven, gains=driven.gains[:0], sizes=np.ones(0)))):
+        free = state_of(at, unreached)
+        parts = reached_by(at, unreached)
+        assert parts.shape == (1, at.n_samples)
+        assert np.abs(free - unreached.initial[0] * parts[0]).max() < 1e-12

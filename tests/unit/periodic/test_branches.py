@@ -1,19 +1,27 @@
 """The branch of a mode at a speed that wanders: the one whose frequency does not follow it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from floquid import AzimuthSignal, Channel, Record, identify
+from floquid.periodic.least_squares import Solution, linearise, solve
+from floquid.periodic.search import _final
 
 
-def synthetic(*, strongest=1, wander=2e-3, noise=1e-3, seed=0):
-    """A mode whose strongest harmonic is another than the one whose frequency does not follow the speed."""
+def synthetic(*, strongest=1, wander=2e-3, noise=1e-3, seed=0, second=0.0):
+    """A mode whose strongest harmonic is another than the one whose frequency does not follow the speed.
+
+    Beside it one of a single harmonic, `second` its size.
+    """
     generator = np.random.default_rng(seed)
     times = np.arange(24 * 150 + 7) / 24.3
     angle = 2.0 * np.pi * (times + wander / 0.3 * np.sin(0.3 * times))
     exponent, shape = -0.02 + 2.0 * np.pi * 0.21j, np.array([[0.3, 1.0], [0.2, -0.4j], [0.5, 1.2]])
     harmonics = np.array([0, strongest])
     free = 2.0 * (shape @ np.exp(exponent * times + 1j * np.outer(harmonics, angle))).real
+    free = free + second * shape[:, :1].real * np.exp(-0.05 * times) * np.cos(2.0 * np.pi * 0.37 * times)
     values = free + noise * generator.standard_normal(free.shape)
     values = np.concatenate([values, np.mod(np.rad2deg(angle), 360.0)[None]])
     names = ["a", "b", "c", Channel(name="azimuth", quantity="angle", unit="deg")]
@@ -46,3 +54,41 @@ def test_a_record_of_little_wander_says_nothing_of_the_branch_and_the_deviation_
     gap = model.exponents - exponent
     gap = np.abs(gap.imag - model.fundamental * np.rint(gap.imag / model.fundamental)).min()
     assert gap < 4.0 * model.exponent_std[0].imag
+
+
+class Reached(Exception):  # noqa: N818 - no error: the search has come as far as it is looked at
+    """The search is where branches are looked for."""
+
+
+def test_a_mode_that_is_held_on_the_way_to_a_branch_has_no_variance_and_is_looked_at_no_more(monkeypatch):
+    """A fit on the branch of the first mode that held the second one ended in an IndexError."""
+    _, record = synthetic(second=1.0)
+    reached = []
+
+    def caught(state, bands):
+        reached.append((state, bands))
+        raise Reached
+
+    monkeypatch.setattr("floquid.periodic.search._rounds.on_steady_branches", caught)
+    with pytest.raises(Reached):
+        identify(record, validate=False)
+    state, bands = reached[0]
+    begun = state.solution.entries
+    free, held = np.flatnonzero(~begun.fixed), []
+    assert len(free) > 1
+
+    def holding(blocks, start, **options):
+        found = solve(blocks, start, **options)
+        if not isinstance(start, Solution) or (start.entries.bands == begun.bands).all():
+            return found
+        held.append(free[-1])
+        fixed = found.entries.fixed.copy()
+        fixed[free[-1]] = True
+        return linearise(blocks, replace(found.entries, fixed=fixed))
+
+    monkeypatch.setattr(_final, "solve", holding)
+    found = _final.on_steady_branches(state, bands)[0].solution
+    assert held
+    assert np.count_nonzero(~found.entries.fixed) == len(free) - 1
+    assert found.further.shape == found.gradient.shape
+    assert np.isfinite(found.covariance()).all()

@@ -19,7 +19,7 @@ def columns(n_samples, factors=(PLAIN, PLAIN, PLAIN, TREND, PLAIN)):
     exponents = np.array([-4.0 / span + 4j, -300.0 / span + 9j, 3.0 / span + 3j, 0j, -1.0 / span + 0j])
     modes = np.array([0, 0, 0, 1, 1, 2, 2, 3, 4])
     harmonics = np.array([-2, 0, 1, 0, 3, -1, 0, 0, 0])
-    return Columns(exponents, np.array([0, 0, 0, 0, 0.5]), np.array(factors), modes, harmonics, OMEGA)
+    return Columns(exponents, np.array([0, 0, 0, 0, 0.5]), np.array(factors), modes, harmonics, OMEGA, np.zeros(5))
 
 
 def block(n_samples, rows=3, start=START):
@@ -85,7 +85,7 @@ def test_two_trends_and_harmonics_of_one():
 
 
 def test_a_record_without_columns():
-    none = Columns(np.zeros(0, complex), np.zeros(0), np.zeros(0, int), np.zeros(0, int), np.zeros(0, int), OMEGA)
+    none = Columns(*(np.zeros(0, kind) for kind in (complex, float, int, int, int)), OMEGA, np.zeros(0))
     one = block(2000)
     found = one.sums(none, np.zeros((0, 3), complex))
     np.testing.assert_allclose(found.left, np.sum(one.values**2, axis=1), rtol=1e-12)

@@ -140,8 +140,8 @@ def test_an_exponent_that_overflows_explains_nothing():
     """A step of a fit may go that far; it is taken back, and does not end the search."""
     with np.errstate(over="ignore", invalid="ignore"):
         off = eliminated(*a_lag(1e6, held=(0.1, "zero")))
-    assert np.isfinite(off.chi_square)
-    assert off.chi_square > eliminated(*a_lag(-0.5, held=(0.1, "zero"))).chi_square
+    assert np.isfinite(off.cost)
+    assert off.cost > eliminated(*a_lag(-0.5, held=(0.1, "zero"))).cost
 
 
 def test_nothing_is_tried_for_a_pair_that_ran_away_from_the_lines():

@@ -8,9 +8,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from floquid import ConstantPeriod, InputError, PeriodicModel, Record, identify, load, reconstruct, save
-from floquid._numerics import filter_gain, filtered
 from floquid.errors import IdentificationError
 from floquid.exports import summary
+from floquid.fit import filter_gain, filtered
 from floquid.periodic import line_amplitudes, refit, without_lines
 from floquid.pipeline import _validated, validated
 from floquid.systems import JeffcottRotor

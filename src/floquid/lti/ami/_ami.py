@@ -9,7 +9,7 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from floquid._numerics import positive_part, sandwich
+from floquid.fit import positive_part, sandwich
 from floquid.lti._exponentials import complex_residues
 from floquid.lti._identifier import AbstractIdentifier, Report, checked_order, reached, silent
 from floquid.lti._noise import rise_limit

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Floats
-from floquid._numerics import positive_part
+from floquid.fit import positive_part
 from floquid.lti._poles import PAIR, PoleSet, moved_pole
 from floquid.lti._spectrum import Block, mode_columns
 from floquid.lti.ami._one_mode import Mode, band_lines, real_rows

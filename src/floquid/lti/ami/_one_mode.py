@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid._arrays import Complexes, Floats
-from floquid._numerics import levenberg_marquardt
+from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, scaled_inverse
+from floquid.lti._exponentials import no_longer
 from floquid.lti._poles import PAIR, moved_pole
 from floquid.lti._spectrum import Block, mode_columns
 
@@ -124,8 +125,9 @@ def fit_pole(
         return evaluate(there, kind, bands) if abs(there.real) <= FASTEST else None
 
     start = evaluate(s, kind, bands)
-    now = levenberg_marquardt(start, moved, steps=iterations, tolerance=tolerance, rounding=1e-13)
-    spread = np.linalg.pinv(now.information, rcond=1e-14, hermitian=True)
+    steps = Steps(normal=lambda at: Normal(matrix=at.information, gradient=at.gradient), moved=moved, limited=no_longer)
+    now = levenberg_marquardt(start, steps, Ends(steps=iterations, deviations=tolerance))
+    spread = scaled_inverse(now.information)
     # Of a pole without residues the lines say nothing: it may be anywhere.
     return now.s, now.cost, float(np.sqrt(np.diag(spread).max())) or np.pi
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats
 from floquid._checks import Rebuilt
+from floquid.fit import wald_rise
 from floquid.lti._exponentials import Fit, polish
 from floquid.lti._factor import Factor
 from floquid.lti._poles import PAIR, PoleSet
@@ -125,8 +126,7 @@ def nearest_pair(found: Fit) -> float:
             for k in range(len(parts)):
                 turn[k, starts[i] + k], turn[k, starts[j] + k] = 1.0, -1.0
             spread = turn @ covariance @ turn.T
-            squared = float(np.array(parts) @ np.linalg.pinv(spread, hermitian=True) @ np.array(parts))
-            least = min(least, np.sqrt(max(squared, 0.0)))
+            least = min(least, np.sqrt(wald_rise(np.array(parts), spread)))
     return float(least)
 
 

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid._numerics import levenberg_marquardt, positive_part, sandwich
-from floquid.lti._exponentials import complex_residues, from_sample_zero, powers
+from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, positive_part, sandwich
+from floquid.lti._exponentials import complex_residues, from_sample_zero, no_longer, powers
 from floquid.lti._factor import Factor, factors, product_noise
 from floquid.lti._noise import rise_limit
 from floquid.lti._poles import PAIR, PoleSet
@@ -256,10 +256,12 @@ def polish_products(now: Products, stacked: Stacked, *, steps: int = 60, toleran
     block, lengths = stacked.block, stacked.data.lengths
     return levenberg_marquardt(
         fit_products(now, block, lengths),
-        lambda found, step: fit_products(_moved(found.products, step), block, lengths),
-        steps=steps,
-        tolerance=tolerance,
-        damping=1e-4,
+        Steps(
+            normal=lambda at: Normal(matrix=at.information, gradient=at.gradient),
+            moved=lambda at, step: fit_products(_moved(at.products, step), block, lengths),
+            limited=no_longer,
+        ),
+        Ends(steps=steps, deviations=tolerance),
     )
 
 
@@ -357,7 +359,7 @@ def model_of_products(found: ProductFit, stacked: Stacked, outcome: Outcome, col
 
 def _covariance(found: ProductFit, stacked: Stacked, colour: Floats) -> Floats:
     """Of the logarithms of the multipliers (2 order, 2 order), real parts, then imaginary parts."""
-    unit = sandwich(found.information, _scatter(found.products, stacked), smallest=1e-12)
+    unit = sandwich(found.information, _scatter(found.products, stacked), 1e-12)
     own = _pole_parameters(found.products)
     map_ = found.products.poles.parameter_map()
     stack = np.concatenate([map_.real, map_.imag]) * np.sqrt(colour)[found.products.poles.columns()[0]]

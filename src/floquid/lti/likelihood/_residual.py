@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid._numerics import yule_walker
+from floquid.fit import yule_walker
 from floquid.lti._exponentials import real_powers
 from floquid.lti._factor import Factor
 from floquid.lti._poles import PoleSet

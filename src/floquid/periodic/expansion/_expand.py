@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from floquid._arrays import Complexes, Floats, Integers, Mask
+from floquid._arrays import Complexes, Integers, Mask
 from floquid._checks import input_error
 from floquid.core import Estimates, PeriodicModel
+from floquid.fit import covariance_root
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
 from floquid.periodic.expansion._coefficient_estimates import free_estimates, share_of_nyquist
@@ -270,18 +271,12 @@ def _coefficients(
     moved /= gain[:, None]
     moved[mode] -= own * (lifted.gain(rates, slope=True) / gain)[:, None] / lifted.period
     moved = moved * lifted.period
-    root = _square_root(modal.covariance)
+    root = covariance_root(modal.covariance)
     along_real = np.tensordot(root, np.concatenate([moved.real, -moved.imag]), axes=(0, 0))
     along_imag = np.tensordot(root, np.concatenate([moved.imag, moved.real]), axes=(0, 0))
     real = np.sqrt(np.maximum(0.5 * (whole + skew), 0.0) + np.sum(along_real**2, axis=0))
     imag = np.sqrt(np.maximum(0.5 * (whole - skew), 0.0) + np.sum(along_imag**2, axis=0))
     return own, real + 1j * imag
-
-
-def _square_root(covariance: Floats) -> Floats:
-    """A matrix L with L Lᵀ the covariance; it is singular, since conjugates move together."""
-    values, vectors = np.linalg.eigh(covariance)
-    return vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def _by_frequency(modal: ModalModel, expansion: Expansion) -> list[int]:

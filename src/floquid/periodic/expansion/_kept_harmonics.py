@@ -6,6 +6,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid.core import PeriodicModel
+from floquid.fit import chi2_limit
 
 GAP = 3
 """A band goes on over this many harmonics that do not rise above the noise: a symmetric system has every second,
@@ -66,10 +67,8 @@ def level_of_each(false_alarm: float, tests: int) -> float:
 
 def bands_at(coefficients: Complexes, std: Complexes, harmonics: Integers, seeds: Integers, *, level: float) -> Mask:
     """`select_bands` at a level for each harmonic."""
-    from scipy.special import chdtri
-
     terms = coefficients.shape[1] * coefficients.shape[2]
-    limit = float(chdtri(2 * terms, level))
+    limit = chi2_limit(2 * terms, level)
     score = _squares(coefficients.real, std.real, std.real > 0)
     # The imaginary part of a real mode's zeroth coefficient is exactly zero, and so is its deviation.
     score += _squares(coefficients.imag, std.imag, std.imag > 1e-9 * std.real)

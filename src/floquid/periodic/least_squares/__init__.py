@@ -7,6 +7,8 @@ from floquid.periodic.least_squares._parameters import ModeParameters, forced_en
 from floquid.periodic.least_squares._record_block import GappyBlock, RecordBlock
 from floquid.periodic.least_squares._residual import Residual, noise_left, noise_of, residuals_of, squared
 from floquid.periodic.least_squares._sample_block import (
+    EVEN,
+    ODD,
     PLAIN,
     SPEED,
     SPEED_RATE,

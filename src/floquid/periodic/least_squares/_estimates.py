@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -141,10 +141,12 @@ def model_of(
     channels: tuple[Channel, ...],
     provenance: Provenance,
     most: int | None,
+    as_read: Mapping[int, complex] | None = None,
 ) -> PeriodicModel:
     """The periodic model of the entries that are not fixed, each with its conjugate, harmonics within the bands.
 
-    Up to `most` fundamentals of the axis can be seen; None where no wider bands are to be fitted.
+    Up to `most` fundamentals of the axis can be seen; None where no wider bands are to be fitted. Deviations of
+    exponents near an axis are those `as_read`, by their entries, where they are given.
     """
     own, whole_bands = np.flatnonzero(~found.entries.fixed), bands
     estimates = estimates_of(blocks, found)
@@ -181,6 +183,7 @@ def model_of(
     covariance = of_parts @ found.covariance() @ of_parts.T
     if not (np.isfinite(covariance).all() and (np.diag(covariance) >= 0.0).all()):
         raise IdentificationError("A mode is not determined at all: with its residues held, it has no deviation.")
+    covariance = _as_read(covariance, [int(own[entry]) for entry, _ in rows], as_read or {})
     return PeriodicModel(
         exponents=exponents,
         coefficients=out[..., used],
@@ -193,6 +196,19 @@ def model_of(
         unselected=None if most is None else unselected(blocks, found, whole_bands, most),
         provenance=provenance,
     )
+
+
+def _as_read(covariance: Floats, modes: Sequence[int], as_read: Mapping[int, complex]) -> Floats:
+    """The covariance of exponents (2 modes, 2 modes), some entries with other deviations."""
+    std, count = np.sqrt(np.diag(covariance)), len(modes)
+    read = std.copy()
+    for row, entry in enumerate(modes):
+        own = as_read.get(entry, complex(std[row], std[count + row]))
+        read[row], read[count + row] = own.real, own.imag
+    share = np.where(std > 0.0, read / np.where(std > 0.0, std, 1.0), 0.0)
+    found = covariance * np.outer(share, share)
+    found[np.diag_indices(2 * count)] = read**2
+    return found
 
 
 def unselected(blocks: Sequence[Block], found: Solution, bands: Integers, most: int) -> Estimates | None:

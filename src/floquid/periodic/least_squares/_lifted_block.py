@@ -18,7 +18,17 @@ from floquid._checks import input_error
 from floquid.core import ConstantPeriod, Record
 from floquid.lifting import Lifted
 from floquid.lti import TimeResponses
-from floquid.periodic.least_squares._sample_block import Block, Columns, Sums, real_products
+from floquid.periodic.least_squares._near_axis import EXPONENTIAL, Terms, entry_function
+from floquid.periodic.least_squares._sample_block import (
+    SPEED,
+    SPEED_RATE,
+    SPEED_SQUARED,
+    TREND,
+    Block,
+    Columns,
+    Sums,
+    real_products,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,27 +86,27 @@ class LiftedBlock(Block):
 
     def residual(self, columns: Columns, coefficients: Complexes) -> tuple[NDArray, NDArray]:
         """Times (samples,) [s] and what the model leaves at each (rows, samples)."""
-        starts, cycles, _, phases = self._factors(columns)
+        starts, cycles, phases, terms, outer = self._factors(columns)
         parts = _parts(self._off_known(cycles))
         times = np.add.outer(starts, self.lifted.phase_times).ravel()
-        shapes = _shapes(columns, coefficients, phases)
+        shapes = _shapes(coefficients[terms.of], phases, outer, cycles.shape[1])
         residual = [(block - own @ parts.T).T.ravel() for own, block in zip(shapes, self._values(), strict=True)]
         return times, np.array(residual)
 
     def sums(self, columns: Columns, coefficients: Complexes) -> Sums:
         """The sums of the scaled columns, and of what the model 2 Re Σ B_j z_j leaves."""
-        starts, cycles, parts, phases = self._factors(columns)
-        times = self.lifted.phase_times
+        starts, cycles, phases, terms, outer = self._factors(columns)
+        times, parts = self.lifted.phase_times, _parts(cycles)
         # Real and imaginary parts beside each other, and the same times nT: one real product a channel.
         weights, own_parts = np.concatenate([parts, starts[:, None] * parts], axis=1), _parts(self._off_known(cycles))
         met = np.empty((len(self.rows), self.lifted.n_phases, weights.shape[1]))
         left = np.zeros(len(self.rows))
-        shapes = _shapes(columns, coefficients, phases)
+        shapes = _shapes(coefficients[terms.of], phases, outer, cycles.shape[1])
         for row, block in enumerate(self._values()):
             residual = block - shapes[row] @ own_parts.T
             left[row] = np.einsum("pn,pn->", residual, residual)
             np.matmul(residual, weights, out=met[row])
-        real, imag, late_real, late_imag = (part[:, :, columns.modes] for part in np.split(met, 4, axis=2))
+        real, imag, late_real, late_imag = (part[:, :, outer] for part in np.split(met, 4, axis=2))
         own, late = real + 1j * imag, late_real + 1j * late_imag
         seen = np.einsum("pj,cpj->jc", phases.conj(), own)
         late = np.einsum("pj,cpj->jc", phases.conj(), late + times[:, None] * own)
@@ -104,11 +114,11 @@ class LiftedBlock(Block):
         late_cycles = starts[:, None] * cycles
         whole, late_whole = self._off_known(cycles), self._off_known(late_cycles)
         straight = _products(
-            (cycles.conj(), late_cycles.conj()), (whole, late_whole), phases.conj(), phases, times, columns.modes
+            (cycles.conj(), late_cycles.conj()), (whole, late_whole), phases.conj(), phases, times, outer
         )
-        crossed = _products((cycles, late_cycles), (whole, late_whole), phases, phases, times, columns.modes)
+        crossed = _products((cycles, late_cycles), (whole, late_whole), phases, phases, times, outer)
         gram, mixed, slopes = (real_products(*both) for both in zip(straight, crossed, strict=True))
-        return Sums(gram, mixed, slopes, _real_data(seen), _real_data(late), left)
+        return terms.gathered(Sums(gram, mixed, slopes, _real_data(seen), _real_data(late), left))
 
     def _values(self) -> Floats:
         """(rows, phases, cycles)."""
@@ -121,17 +131,30 @@ class LiftedBlock(Block):
         """Functions of the cycle less what is known of them (cycles, …)."""
         return cycles if self.known is None else cycles - self.known @ (self.known.T @ cycles)
 
-    def _factors(self, columns: Columns) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        """Starts of the cycles, μ^n (cycles, entries), its real and minus its imaginary part, and the phases' part."""
-        if columns.factors.any():
+    def _factors(self, columns: Columns) -> tuple[NDArray, NDArray, NDArray, Terms, Integers]:
+        """Starts of the cycles, functions of the cycle (cycles, functions) and of the phase (phases, terms), and terms.
+
+        With the function of the cycle of each term (terms,). Of plain columns, functions of the cycle are μ^n.
+        """
+        if np.isin(columns.factors, (TREND, SPEED, SPEED_SQUARED, SPEED_RATE)).any():
             raise input_error("entries", "LiftedBlock", "be exponentials", "one is not", "Fit the record itself.")
         starts = np.asarray(np.arange(self.n_cycles) * self.lifted.period, np.float64)
-        own = columns.exponents + 1j * columns.fundamental * columns.offsets
-        cycles = np.asarray(np.exp(np.multiply.outer(starts, own)), np.complex128)
-        grows = columns.exponents.real > 0
-        cycles[:, grows] *= np.exp(-starts[-1] * columns.exponents[grows])
-        phases = np.exp(np.multiply.outer(self.lifted.phase_times, columns.rates))
-        return starts, cycles, _parts(cycles), phases
+        terms = Terms.made(columns)
+        functions, outer = terms.outer()
+        cycles = np.empty((len(starts), len(functions)), complex)
+        for place, (entry, kind) in enumerate(functions):
+            turning = 1j * columns.fundamental * columns.offsets[entry]
+            if kind == EXPONENTIAL:
+                own = columns.exponents[entry]
+                cycles[:, place] = np.exp((own + turning) * starts - (starts[-1] * own if own.real > 0 else 0.0))
+            else:
+                cycles[:, place] = entry_function(columns, entry, kind, starts, growth=starts[-1])
+                cycles[:, place] *= np.exp(turning * starts)
+        times = self.lifted.phase_times
+        decays = np.where(columns.paired, 0.0, columns.exponents)
+        rates = decays[columns.modes] + 1j * columns.fundamental * columns.turns
+        phases = np.exp(np.multiply.outer(times, rates))[:, terms.of]
+        return starts, cycles, phases if terms.plain else phases * terms.at(terms.second, times), terms, outer
 
 
 def _parts(cycles: Complexes) -> Floats:
@@ -139,9 +162,9 @@ def _parts(cycles: Complexes) -> Floats:
     return np.concatenate([cycles.real, -cycles.imag], axis=1)
 
 
-def _shapes(columns: Columns, coefficients: Complexes, phases: Complexes) -> Floats:
-    """2 Re B z over the phases, then 2 Im, summed over the columns of each entry (rows, phases, 2 entries)."""
-    member = (columns.modes[:, None] == np.arange(len(columns.exponents))).astype(float)
+def _shapes(coefficients: Complexes, phases: Complexes, outer: Integers, count: int) -> Floats:
+    """2 Re B z over the phases, then 2 Im, in sum for each function of the cycle (rows, phases, 2 functions)."""
+    member = np.equal.outer(outer, np.arange(count)).astype(float)
     terms = 2.0 * coefficients.T[:, None, :] * phases
     return np.concatenate([terms.real @ member, terms.imag @ member], axis=2)
 
@@ -152,13 +175,13 @@ def _products(
     one: Complexes,
     other: Complexes,
     times: Floats,
-    modes: Integers,
+    outer: Integers,
 ) -> tuple[Complexes, ...]:
-    """Σ (first one) (second other), with t at the second, with t at both (columns, columns).
+    """Σ (first one) (second other), with t at the second, with t at both (terms, terms).
 
     `first` and `second` are functions of the cycle and the same times nT, `one` and `other` of the phase.
     """
-    long = {(p, q): (first[p].T @ second[q])[modes][:, modes] for p in (0, 1) for q in (0, 1)}
+    long = {(p, q): (first[p].T @ second[q])[outer][:, outer] for p in (0, 1) for q in (0, 1)}
     short = [(one * (times**k)[:, None]).T @ other for k in range(3)]
     return (
         long[0, 0] * short[0],
@@ -220,7 +243,7 @@ class KeptCycles(LiftedBlock):
         """Those of the cycles that are there (rows, phases, cycles)."""
         return self.lifted.responses.values[:, 0].reshape(len(self.rows), self.lifted.n_phases, -1)
 
-    def _factors(self, columns: Columns) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+    def _factors(self, columns: Columns) -> tuple[NDArray, NDArray, NDArray, Terms, Integers]:
         """Those of the cycles that are there."""
-        starts, cycles, parts, phases = LiftedBlock._factors(self, columns)  # noqa: SLF001  # super() is not to be had with slots
-        return starts[self.kept], cycles[self.kept], parts[self.kept], phases
+        starts, cycles, phases, terms, outer = LiftedBlock._factors(self, columns)  # noqa: SLF001  # super() is not to be had with slots
+        return starts[self.kept], cycles[self.kept], phases, terms, outer

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid.core import Estimates, PeriodicModel
-from floquid.periodic.least_squares._sample_block import PLAIN, Columns
+from floquid.periodic.least_squares._sample_block import EVEN, ODD, ODD_SLOPE, PLAIN, Columns
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +24,31 @@ class Parameters:
     def applied(self, coefficients: Floats) -> Floats:
         """The coefficients on the slopes t cos, t sin (parameters, 2 columns, channels): α, β or β, -α."""
         return self.weights[:, :, None] * np.where(self.turns[:, None, None], turned(coefficients), coefficients)
+
+
+BY_ENTRY = ("exponents", "real", "bands", "offsets", "fixed", "factors")
+"""Fields that have a value an entry."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Derivatives of the response that a fit is linearised by, each a function of time with coefficients of a column.
+
+    Functions are the columns times t, then the derivatives by q of odd columns. A row of a frequency has the
+    coefficients of its column turned: β, -α for α, β.
+    """
+
+    functions: Integers  # (rows,)
+    columns: Integers  # the column whose coefficients a row has (rows,)
+    factors: Floats  # factors of the functions (rows,)
+    turned: Mask  # mask of the rows of frequencies (rows,)
+
+    def of_coefficients(self, count: int) -> tuple[Integers, Floats]:
+        """Places among 2 `count` coefficients, α then β, of both parts of each row, and their factors (rows, 2)."""
+        straight, other = self.columns, count + self.columns
+        place = np.stack([np.where(self.turned, other, straight), np.where(self.turned, straight, other)], axis=1)
+        signs = np.stack([np.ones(len(self.columns)), np.where(self.turned, -1.0, 1.0)], axis=1)
+        return place, signs * self.factors[:, None]
 
 
 def turned(coefficients: Floats) -> Floats:
@@ -54,9 +79,13 @@ class ModeParameters:
     fixed
         Whose exponents stay: those of the forced response (entries,).
     factors
-        What each is multiplied by beside: 1, the time, or what follows the speed (entries,).
+        What each is multiplied by beside: 1, the time, what follows the speed, or an even or odd function of a pair
+        near an axis (entries,). Of such a pair the odd entry follows the even one.
     free_period
         Whether the fundamental is a parameter too.
+    squares
+        q, the squared half-difference of the exponents of a pair near an axis, the same in both of its entries, zero
+        of all others (entries,) [1/s²]; None for no such pair.
     """
 
     exponents: Complexes
@@ -67,6 +96,22 @@ class ModeParameters:
     fixed: Mask
     factors: Integers
     free_period: bool = False
+    squares: Floats | None = None
+
+    @property
+    def all_squares(self) -> Floats:
+        """Values of q of all entries, zero of those that are no part of a pair near an axis (entries,)."""
+        return np.zeros(len(self.exponents)) if self.squares is None else self.squares
+
+    @property
+    def even(self) -> Mask:
+        """Mask of the even entries of pairs near an axis (entries,)."""
+        return self.factors == EVEN
+
+    @property
+    def leading(self) -> Mask:
+        """Mask of the entries whose decay is a parameter: of a pair near an axis the even one (entries,)."""
+        return ~self.fixed & (self.factors != ODD)
 
     @cached_property
     def half_turns(self) -> Integers:
@@ -84,7 +129,55 @@ class ModeParameters:
 
     def columns(self) -> Columns:
         """The columns of the fit."""
-        return Columns(self.exponents, self.offsets, self.factors, *self._members, self.fundamental)
+        return Columns(self.exponents, self.offsets, self.factors, *self._members, self.fundamental, self.all_squares)
+
+    def with_slopes(self) -> Columns:
+        """The columns of the fit, and behind them those that derivatives by q need beside, which are none of the fit.
+
+        Those are the derivatives of the odd columns, and odd columns of harmonics that the even entry alone has.
+        """
+        own = self.columns()
+        if not self.even.any():
+            return own
+        entries, harmonics, factors = own.modes, own.harmonics, self.factors[own.modes]
+        odd, beside = np.flatnonzero(factors == ODD), self._even_alone
+        count = len(self.exponents)
+        both = np.concatenate([entries[odd], entries[beside] + 1])
+        return Columns(
+            np.concatenate([own.exponents, own.exponents]),
+            np.concatenate([own.offsets, own.offsets]),
+            np.concatenate([own.factors, np.where(own.factors == ODD, ODD_SLOPE, own.factors)]),
+            np.concatenate([entries, both[: len(odd)] + count, both[len(odd) :]]),
+            np.concatenate([harmonics, harmonics[odd], harmonics[beside]]),
+            own.fundamental,
+            np.concatenate([own.squares, own.squares]),
+        )
+
+    @cached_property
+    def _even_alone(self) -> Integers:
+        """Even columns of which the odd entry does not have the harmonic (columns,)."""
+        modes, harmonics = self._members
+        odd = set(zip(modes.tolist(), harmonics.tolist(), strict=True))
+        return np.array(
+            [k for k in np.flatnonzero(self.even[modes]) if (int(modes[k]) + 1, int(harmonics[k])) not in odd], np.int64
+        )
+
+    @cached_property
+    def rows(self) -> Rows:
+        """Rows of the linearisation: the decay of each column, the frequency of each, and q of those near an axis."""
+        modes, harmonics = self._members
+        n, factors = len(modes), self.factors[modes]
+        even, odd, beside = np.flatnonzero(factors == EVEN), np.flatnonzero(factors == ODD), self._even_alone
+        # ∂C/∂q is half of tS: the odd column of the same harmonic, one of the fit or one beside.
+        place = {(int(modes[k]), int(harmonics[k])): int(k) for k in odd}
+        place |= {(int(modes[k]) + 1, int(harmonics[k])): n + len(odd) + b for b, k in enumerate(beside)}
+        half = np.array([place[int(modes[k]) + 1, int(harmonics[k])] for k in even], np.int64)
+        return Rows(
+            functions=np.concatenate([np.arange(n), np.arange(n), half, n + np.arange(len(odd))]),
+            columns=np.concatenate([np.arange(n), np.arange(n), even, odd]),
+            factors=np.concatenate([np.ones(2 * n), np.full(len(even), 0.5), np.ones(len(odd))]),
+            turned=np.repeat([False, True, False], [n, n, len(even) + len(odd)]),
+        )
 
     def sines(self) -> Mask:
         """Mask of the columns that have a sine (columns,): not a real multiplier's that does not turn."""
@@ -92,7 +185,7 @@ class ModeParameters:
         return ~(self.real[modes] & (2 * harmonics + self.half_turns[modes] == 0))
 
     def parameters(self) -> Parameters:
-        """Real parameters: decays, frequencies of pairs, the fundamental."""
+        """Real parameters of a fit without pairs near an axis: decays, frequencies of pairs, the fundamental."""
         columns = self.columns()
         own = (columns.modes == np.arange(len(self.exponents))[:, None]).astype(float)
         rows = [own[~self.fixed], own[~self.fixed & ~self.real]]
@@ -103,19 +196,48 @@ class ModeParameters:
         return Parameters(np.concatenate([weights, weights], axis=1), turns)
 
     def ties(self) -> Floats:
-        """Derivatives of the decays and then the frequencies of all columns (parameters, 2 columns)."""
-        own = self.parameters()
-        weights = own.weights[:, : own.weights.shape[1] // 2]
-        return np.concatenate([weights * ~own.turns[:, None], weights * own.turns[:, None]], axis=1)
+        """Derivatives of `rows` by the parameters (parameters, rows).
+
+        Parameters are decays, frequencies of pairs, q of pairs near an axis, and the fundamental.
+        """
+        columns = self.columns()
+        own = (columns.modes == np.arange(len(self.exponents))[:, None]).astype(float)
+        own[:-1][self.even[:-1]] += own[1:][self.even[:-1]]  # both entries of a pair near an axis move together
+        n, rows = own.shape[1], len(self.rows.columns)
+        squares = own[self.even][:, self.rows.columns[2 * n :]]
+        parts = [(own[self.leading], 0), (own[~self.fixed & ~self.real], n), (squares, 2 * n)]
+        if self.free_period:
+            parts.append((columns.turns[None, :], n))
+        found = np.zeros((sum(len(part) for part, _ in parts), rows))
+        place = 0
+        for part, first in parts:
+            found[place : place + len(part), first : first + part.shape[1]] = part
+            place += len(part)
+        return found
 
     def moved(self, step: Floats) -> ModeParameters:
         """After a step in the real parameters."""
         moved = np.zeros(len(self.exponents), complex)
-        decays, pairs = np.flatnonzero(~self.fixed), np.flatnonzero(~self.fixed & ~self.real)
-        moved[decays] += step[: len(decays)]
-        moved[pairs] += 1j * step[len(decays) : len(decays) + len(pairs)]
-        turned = float(step[-1]) if self.free_period else 0.0
-        return replace(self, exponents=self.exponents + moved, fundamental=self.fundamental + turned)
+        leading, pairs, even = np.flatnonzero(self.leading), np.flatnonzero(~self.fixed & ~self.real), self.even
+        decays, turns, near, rest = np.split(step, np.cumsum([len(leading), len(pairs), int(even.sum())]))
+        moved[leading] += decays
+        moved[pairs] += 1j * turns
+        moved[1:][even[:-1]] = moved[:-1][even[:-1]]
+        squares = self.squares
+        if squares is not None:
+            squares = squares.copy()
+            squares[even] += near
+            squares[1:][even[:-1]] = squares[:-1][even[:-1]]
+        turned = float(rest[0]) if self.free_period else 0.0
+        return replace(self, exponents=self.exponents + moved, fundamental=self.fundamental + turned, squares=squares)
+
+    def longest(self, step: Floats) -> float:
+        """The most that a step moves an exponent, or half a difference of two, over one period."""
+        near = np.zeros(len(step), bool)
+        first = int(self.leading.sum()) + int((~self.fixed & ~self.real).sum())
+        near[first : first + int(self.even.sum())] = True
+        size = np.where(near, np.sqrt(np.abs(step)), np.abs(step)).max(initial=0.0)
+        return float(size) * 2.0 * np.pi / self.fundamental
 
     def padded(self, by: int, most: int) -> ModeParameters:
         """With bands of the modes wider `by` so many harmonics a side, but within `most` fundamentals of the axis."""
@@ -127,13 +249,15 @@ class ModeParameters:
 
     def picked(self, which: ArrayLike) -> ModeParameters:
         """The entries of these places, `which`, in the order given."""
-        names = ("exponents", "real", "bands", "offsets", "fixed", "factors")
-        return replace(self, **{name: getattr(self, name)[np.asarray(which, np.int64)] for name in names})
+        own = np.asarray(which, np.int64)
+        squares = None if self.squares is None else self.squares[own]
+        return replace(self, **{name: getattr(self, name)[own] for name in BY_ENTRY}, squares=squares)
 
     def joined(self, other: ModeParameters) -> ModeParameters:
         """These and then the `other` ones."""
-        names = ("exponents", "real", "bands", "offsets", "fixed", "factors")
-        both = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in names}
+        both = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in BY_ENTRY}
+        if self.squares is not None or other.squares is not None:
+            both["squares"] = np.concatenate([self.all_squares, other.all_squares])
         return replace(self, **both)
 
     @staticmethod

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
-from floquid._numerics import filter_gain, filtered
+from floquid.fit import filter_gain, filtered
+from floquid.periodic.least_squares._near_axis import own_function
 from floquid.periodic.least_squares._sample_block import (
     SPEED,
     SPEED_RATE,
@@ -194,9 +195,11 @@ class RecordBlock(Block):
         times = self.times[chunk]
         angles = columns.fundamental * times if self.angles is None else self.angles[chunk]
         grows = columns.exponents.real > 0
-        decays = np.exp(np.multiply.outer(np.where(grows, 0.0, columns.exponents), times))
+        decays = np.exp(np.multiply.outer(np.where(grows | columns.paired, 0.0, columns.exponents), times))
         decays[grows] = np.exp(np.multiply.outer(columns.exponents[grows], times - self.last))
         decays[columns.factors == TREND] *= (times - self.middle) / self.half
+        for entry in np.flatnonzero(columns.paired):
+            decays[entry] = own_function(columns, int(entry), times, growth=self.last)
         if self.speeds is not None:
             for factor, own in zip((SPEED, SPEED_SQUARED, SPEED_RATE), self.speeds, strict=True):
                 decays[columns.factors == factor] *= own[chunk]

@@ -13,10 +13,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._arrays import Complexes, Floats, Integers
+from floquid._arrays import Complexes, Floats, Integers, Mask
 
-PLAIN, TREND, SPEED, SPEED_SQUARED, SPEED_RATE = range(5)
-"""Factors of entries: none; time, from -1 to 1; the speed's deviation from its mean; its square; its rate of change."""
+PLAIN, TREND, SPEED, SPEED_SQUARED, SPEED_RATE, EVEN, ODD, ODD_SLOPE = range(8)
+"""Factors of entries: none; time, from -1 to 1; the speed's deviation from its mean; its square; its rate of change.
+
+Those of a pair near an axis, with the squared half-difference q of its exponents: cosh(√q t), even in √q;
+sinh(√q t)/√q; and the derivative of that by q.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +33,17 @@ class Columns:
     modes: Integers  # the entry of each column (columns,)
     harmonics: Integers  # m of each column (columns,)
     fundamental: float
+    squares: Floats  # q of each entry, zero where it is no part of a pair near an axis (entries,)
+
+    @property
+    def growth(self) -> Floats:
+        """The rate at which each entry grows, zero where it decays (entries,) [1/s]."""
+        return np.maximum(self.exponents.real + np.sqrt(np.maximum(self.squares, 0.0)), 0.0)
+
+    @property
+    def paired(self) -> Mask:
+        """Mask of the entries that are parts of a pair near an axis (entries,)."""
+        return np.isin(self.factors, (EVEN, ODD, ODD_SLOPE))
 
     @property
     def turns(self) -> Floats:
@@ -106,8 +121,8 @@ class Block(ABC):
 
     def scales(self, columns: Columns) -> Complexes:
         """Factors that make z of the scaled columns (columns,)."""
-        own = columns.exponents[columns.modes]
-        return np.where(own.real > 0, np.exp(np.where(own.real > 0, own, 0.0) * self.last), 1.0 + 0j)
+        own = np.where(columns.paired, columns.growth, np.where(columns.exponents.real > 0, columns.exponents, 0.0))
+        return np.asarray(np.exp(own * self.last)[columns.modes], np.complex128)
 
 
 def complex_of(coefficients: Floats) -> Complexes:

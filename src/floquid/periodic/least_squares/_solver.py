@@ -18,15 +18,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from floquid._arrays import Floats, Mask
-from floquid._numerics import positive_part, sandwich
+from floquid._arrays import Floats, Integers, Mask
 from floquid.errors import IdentificationError
-from floquid.periodic.least_squares._parameters import ModeParameters, turned
-from floquid.periodic.least_squares._sample_block import Block, Columns, complex_of
+from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, positive_part, sandwich, scaled_inverse
+from floquid.periodic.least_squares._parameters import ModeParameters
+from floquid.periodic.least_squares._sample_block import ODD_SLOPE, Block, Columns, Sums, complex_of
 
 ITERATIONS = 40  # steps at most
 LONGEST_STEP = 0.2  # the most that an exponent may move in a step, over one period
 FARTHEST = 0.5  # the most that an exponent may move in all, over one period: the multiplier then is another one
+ASUNDER = np.pi  # the most that half the difference of a pair near an axis may be, over one period: halfway to the next
 AT_REST = 1e-4  # standard deviations that the last step may have
 PASSES = 3  # corrections of the coefficients of one set of exponents, at most
 GAINED = 100.0  # gain of a step of the coefficients, over the residual, up to which no digits that matter are lost
@@ -45,26 +46,26 @@ class Linear:
 
     coefficients: Floats
     inverse: Floats  # inverse of the Gram matrix (2 columns, 2 columns); zero where a column has no sine
-    mixed: Floats  # products of the slopes with the columns (2 columns, 2 columns)
-    curvature: Floats  # products of the slopes, less what the columns take of them (2 columns, 2 columns)
-    slope: Floats  # products of the slopes with what is left (2 columns, channels)
+    mixed: Floats  # products of the columns with the functions of their derivatives (2 columns, 2 functions)
+    curvature: Floats  # products of those functions, less what the columns take of them (2 functions, 2 functions)
+    slope: Floats  # products of those functions with the residual (2 functions, channels)
     left: Floats  # the sum of squares left (channels,)
 
 
 @dataclass(frozen=True, slots=True)
 class ByColumn:
-    """Gradient and matrices if each column had an exponent of its own: the decays, then the frequencies.
+    """Gradient and matrices if each column had an exponent of its own: `ModeParameters.rows`.
 
     Whatever ties these together (one exponent a mode, a split mode, the period) is a matrix A of parameters by them:
     its gradient is A g and its Gauss-Newton matrix A J Aᵀ, so that one linearisation answers all such questions.
     """
 
-    gradient: Floats  # (2 columns,)
-    gauss_newton: Floats  # (2 columns, 2 columns)
-    noise: Floats  # part of it that noise on the coefficients adds (2 columns, 2 columns)
+    gradient: Floats  # (rows,)
+    gauss_newton: Floats  # (rows, rows)
+    noise: Floats  # part of it that noise on the coefficients adds (rows, rows)
 
     def tied(self, ties: Floats) -> tuple[Floats, Floats, Floats]:
-        """Gradient, Gauss-Newton matrix and information of parameters `ties` (parameters, 2 columns)."""
+        """Gradient, Gauss-Newton matrix and information of parameters `ties` (parameters, rows)."""
         scatter = ties @ self.gauss_newton @ ties.T
         return ties @ self.gradient, scatter, positive_part(scatter, scatter - ties @ self.noise @ ties.T)
 
@@ -99,7 +100,7 @@ class Solution:
 
 def linearise(blocks: Sequence[Block], entries: ModeParameters, start: tuple[Floats, ...] | None = None) -> Solution:
     """Cost, gradient and matrices of the fit at these exponents, the coefficients eliminated."""
-    columns, sines = entries.columns(), entries.sines()
+    columns, sines = entries.with_slopes(), entries.sines()
     first = [None] * len(blocks) if start is None else start
     return weighted(blocks, entries, [_linear(b, columns, sines, own) for b, own in zip(blocks, first, strict=True)])
 
@@ -107,29 +108,32 @@ def linearise(blocks: Sequence[Block], entries: ModeParameters, start: tuple[Flo
 def weighted(blocks: Sequence[Block], entries: ModeParameters, linear: Sequence[Linear]) -> Solution:
     """Cost, gradient and matrices from the linear part of each block, which noise does not enter: no sample is read."""
     n = len(entries.sines())
-    cost, gradient, scatter, noise = 0.0, np.zeros(2 * n), np.zeros((2 * n, 2 * n)), np.zeros((2 * n, 2 * n))
+    size = len(entries.rows.columns)
+    cost, gradient, scatter, noise = 0.0, np.zeros(size), np.zeros((size, size)), np.zeros((size, size))
+    rows = entries.rows
+    place, signs = rows.of_coefficients(n)
     for block, own in zip(blocks, linear, strict=True):
         weight = 1.0 / block.noise**2
         cost += float(own.left @ weight)
-        slopes = own.slope * weight
-        for part, moved in enumerate((own.coefficients, turned(own.coefficients))):
-            along = np.einsum("kc,kc->k", moved, slopes)
-            gradient[part * n : (part + 1) * n] += along[:n] + along[n:]
-        scatter += _folded(own.curvature, (own.coefficients * weight) @ own.coefficients.T)
-        noise += len(block.rows) * _folded(own.curvature, own.inverse)
+        slopes, width = own.slope * weight, len(own.slope) // 2
+        functions = np.stack([rows.functions, width + rows.functions], axis=1)
+        gradient += np.einsum("rpc,rpc,rp->r", own.coefficients[place], slopes[functions], signs)
+        scatter += _folded(own.curvature, (own.coefficients * weight) @ own.coefficients.T, functions, place, signs)
+        noise += len(block.rows) * _folded(own.curvature, own.inverse, functions, place, signs)
     by_column = ByColumn(gradient, scatter, noise)
     return Solution(entries, tuple(linear), cost, *by_column.tied(entries.ties()), by_column)
 
 
-def _folded(curvature: Floats, moments: Floats) -> Floats:
-    """Products of the columns' slopes by decay and by frequency (2 columns, 2 columns), of coefficients' moments."""
-    half = turned(moments)
-    rows = [[moments, turned(moments.T).T], [half, turned(half.T).T]]
-    n = len(curvature) // 2
-    found = np.empty((2, n, 2, n))
-    for (i, j), part in zip(np.ndindex(2, 2), (own for row in rows for own in row), strict=True):
-        found[i, :, j] = (curvature * part).reshape(2, n, 2, n).sum(axis=(0, 2))
-    return found.reshape(2 * n, 2 * n)
+def _folded(curvature: Floats, moments: Floats, functions: Integers, place: Integers, signs: Floats) -> Floats:
+    """Products of rows (rows, rows) from those of functions of time and the moments of coefficients.
+
+    Each row is two parts, cosine and sine: a function, a place among the coefficients and a factor (rows, 2).
+    """
+    found = np.zeros((len(place), len(place)))
+    for i, j in np.ndindex(2, 2):
+        both = curvature[functions[:, i][:, None], functions[:, j]] * moments[place[:, i][:, None], place[:, j]]
+        found += signs[:, i][:, None] * signs[:, j] * both
+    return found
 
 
 def solve(
@@ -148,54 +152,64 @@ def solve(
     Raises IdentificationError where, without `hold`, an exponent moves by more than `FARTHEST`.
     """
     now = start if isinstance(start, Solution) else linearise(blocks, start)
-    begin, damping, period = now.entries, 1e-6, 2.0 * np.pi / now.entries.fundamental
-    for _ in range(iterations):
-        if not len(now.gradient):
-            break
-        scale = np.sqrt(np.diag(now.information))
-        scale[scale**2 <= NOTHING * scale.max() ** 2] = np.inf
-        system = now.information / np.outer(scale, scale)
-        while damping < 1e8:
-            step = np.linalg.solve(system + damping * np.eye(len(scale)), now.gradient / scale) / scale
-            step *= min(1.0, LONGEST_STEP / (np.abs(step).max() * period + np.finfo(float).tiny))
-            trial = linearise(blocks, now.entries.moved(step), tuple(own.coefficients for own in now.linear))
-            if trial.cost <= now.cost * (1.0 + 1e-12):
-                break
-            damping = max(10.0 * damping, 1e-4)
-        else:
+    begin, period = now.entries, 2.0 * np.pi / now.entries.fundamental
+
+    def moved(at: Solution, step: Floats) -> Solution | None:
+        trial = at.entries.moved(step)
+        if np.sqrt(np.abs(trial.all_squares).max(initial=0.0)) * period > ASUNDER:
+            return None
+        return linearise(blocks, trial, tuple(own.coefficients for own in at.linear))
+
+    def limited(at: Solution, step: Floats, _normal: Normal, _damping: float) -> Floats:
+        return step * min(1.0, LONGEST_STEP / (at.entries.longest(step) + np.finfo(float).tiny))
+
+    def away(at: Solution) -> Floats:
+        return np.abs(at.entries.exponents - begin.exponents) * period
+
+    steps = Steps(normal=_normal, moved=moved, limited=limited, enough=lambda at, _: bool((away(at) > FARTHEST).any()))
+    while True:
+        now = levenberg_marquardt(now, steps, Ends(steps=iterations, deviations=at_rest))
+        gone = away(now) > FARTHEST
+        if not gone.any():
             return now
-        done = np.abs(step * np.where(np.isfinite(scale), scale, 0.0)).max() < at_rest
-        now, damping = trial, max(0.1 * damping, 1e-12)
-        moved = np.abs(now.entries.exponents - begin.exponents) * period
-        if moved.max() > FARTHEST:
-            if not hold:
-                raise IdentificationError(
-                    "Holding the residues to their harmonics moves an exponent away from where lifting found it, by "
-                    f"{moved.max():.2g} a period: a mode hardly rises above the noise. Leave it out (`order=`), or "
-                    "finish without (`constrained=False`)."
-                )
-            away = moved > FARTHEST
-            exponents = np.where(away, begin.exponents, now.entries.exponents)
-            put_back = replace(now.entries, exponents=exponents, fixed=now.entries.fixed | away)
-            now, done = linearise(blocks, put_back, tuple(own.coefficients for own in now.linear)), False
-        if done:
-            break
-    return now
+        if not hold:
+            raise IdentificationError(
+                "Holding the residues to their harmonics moves an exponent away from where lifting found it, by "
+                f"{away(now).max():.2g} a period: a mode hardly rises above the noise. Leave it out (`order=`), or "
+                "finish without (`constrained=False`)."
+            )
+        exponents = np.where(gone, begin.exponents, now.entries.exponents)
+        put_back = replace(now.entries, exponents=exponents, fixed=now.entries.fixed | gone)
+        now = linearise(blocks, put_back, tuple(own.coefficients for own in now.linear))
+
+
+def _normal(at: Solution) -> Normal:
+    """The normal equations; a parameter of which all but nothing is known stays."""
+    size = np.diag(at.information)
+    there = size > NOTHING * size.max(initial=0.0)
+    return Normal(matrix=at.information, gradient=at.gradient, given=np.sqrt(np.where(there, size, np.inf)))
 
 
 def _linear(block: Block, columns: Columns, sines: Mask, start: Floats | None) -> Linear:
     """One block: coefficients by normal equations, and again for what those leave, so that no digits are lost."""
     kept = np.concatenate([np.ones(len(sines), bool), sines])
-    size = 2 * len(sines)
-    coefficients = np.zeros((size, len(block.rows))) if start is None else start
+    n, whole, size = len(sines), len(columns.modes), 2 * len(sines)
+    # Columns beyond those of the fit are derivatives: they stand beside the columns times t.
+    own = np.concatenate([np.arange(n), whole + np.arange(n)])
+    coefficients, full = (
+        np.zeros((size, len(block.rows))) if start is None else start,
+        np.zeros((2 * whole, len(block.rows))),
+    )
     passes, round_ = (1 if start is not None else 2), 0
     while True:
         round_ += 1
-        found = block.sums(columns, complex_of(coefficients))
+        full[own] = coefficients
+        found = block.sums(columns, complex_of(full))
+        gram, mixed, slopes, late = _by_functions(found, columns, own)
         inverse = np.zeros((size, size))
-        inverse[np.ix_(kept, kept)], safe = _inverse(found.gram[np.ix_(kept, kept)])
-        step = inverse @ found.seen
-        gained = np.sum(step * found.seen, axis=0)
+        inverse[np.ix_(kept, kept)], safe = _inverse(gram[np.ix_(kept, kept)])
+        step = inverse @ found.seen[own]
+        gained = np.sum(step * found.seen[own], axis=0)
         coefficients = coefficients + step
         enough = GAINED if safe else LITTLE
         if round_ == PASSES or (round_ >= passes and (gained <= enough * (found.left - gained)).all()):
@@ -203,11 +217,26 @@ def _linear(block: Block, columns: Columns, sines: Mask, start: Floats | None) -
     return Linear(
         coefficients=coefficients,
         inverse=inverse,
-        mixed=found.mixed,
-        curvature=found.slopes - found.mixed @ inverse @ found.mixed.T,
-        slope=found.late - found.mixed @ step,
+        mixed=mixed,
+        curvature=slopes - mixed.T @ inverse @ mixed,
+        slope=late - mixed.T @ step,
         left=found.left - gained,
     )
+
+
+def _by_functions(found: Sums, columns: Columns, own: Integers) -> tuple[Floats, Floats, Floats, Floats]:
+    """Products of the columns, with the functions of their derivatives, of those, and of those with the residual."""
+    whole = len(columns.modes)
+    if len(own) == 2 * whole:
+        return found.gram, found.mixed, found.slopes, found.late
+    # Of each half, the columns times t, and of derivatives by q the columns themselves.
+    beyond = columns.factors[columns.modes] == ODD_SLOPE
+    timed = np.tile(~beyond, 2)
+    mixed = np.where(timed, found.mixed[own], found.gram[own])
+    once = np.where(timed, found.mixed, found.gram)  # products of the columns with the functions
+    slopes = np.where(timed[:, None], np.where(timed, found.slopes, found.mixed.T), once)
+    residual = np.where(timed[:, None], found.late, found.seen)
+    return found.gram[np.ix_(own, own)], mixed, slopes, residual
 
 
 def _inverse(matrix: Floats) -> tuple[Floats, bool]:
@@ -224,6 +253,4 @@ def _inverse(matrix: Floats) -> tuple[Floats, bool]:
             return root.T @ root / np.outer(scale, scale), True
     except np.linalg.LinAlgError:
         pass
-    values, vectors = np.linalg.eigh(scaled)
-    good = values > ROUNDING * values[-1]
-    return (vectors[:, good] / values[good]) @ vectors[:, good].T / np.outer(scale, scale), False
+    return scaled_inverse(matrix, ROUNDING, scale=scale), False

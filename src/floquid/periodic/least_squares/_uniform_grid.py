@@ -14,7 +14,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid.periodic.least_squares._sample_block import PLAIN, TREND, Columns, Sums, real_products
+from floquid.periodic.least_squares._near_axis import Terms
+from floquid.periodic.least_squares._sample_block import (
+    SPEED,
+    SPEED_RATE,
+    SPEED_SQUARED,
+    TREND,
+    Columns,
+    Sums,
+    real_products,
+)
 
 FEWEST = 1024  # samples from which pieces are quicker
 LONGEST = 256  # samples of a piece
@@ -65,9 +74,9 @@ class EvenColumns:
         cls, columns: Columns, times: Floats, step: float | None, *, middle: float, half: float
     ) -> EvenColumns | None:
         """Those columns, None where they cannot be had in pieces."""
-        if step is None or not np.isin(columns.factors, (PLAIN, TREND)).all():
+        if step is None or np.isin(columns.factors, (SPEED, SPEED_SQUARED, SPEED_RATE)).any():
             return None
-        growth = max(float(columns.exponents.real.max(initial=0.0)), 0.0)
+        growth = float(columns.growth.max(initial=0.0))
         if growth * step * _piece(len(times)) > STEEPEST:
             return None
         return cls(columns, float(times[0]), step, len(times), middle, half)
@@ -87,19 +96,30 @@ class EvenColumns:
         times = self.first + self.step * np.arange(begin, end, length, dtype=np.float64)
         later = self.step * np.arange(length, dtype=np.float64)
         last = self.first + self.step * (self.n_samples - 1)
-        own, first = self._exponentials(later, later[-1]), self._exponentials(times, last - later[-1])
-        trend = self.columns.factors[self.columns.modes] == TREND
+        terms = self._terms
+        own = self._exponentials(later, later[-1])[:, terms.of]
+        first = self._exponentials(times, last - later[-1])[:, terms.of]
+        if not terms.plain:
+            own = own * terms.at(terms.second, later, growth=later[-1])
+            first = first * terms.at(terms.first, times, growth=last - later[-1])
+        trend = self.columns.factors[self.columns.modes[terms.of]] == TREND
         own = np.concatenate([own, own[:, trend] * (later / self.half)[:, None]], axis=1)
         first = np.concatenate([first, first[:, trend]], axis=1)
         first[:, : len(trend)][:, trend] *= ((times - self.middle) / self.half)[:, None]
         return Pieces(slice(begin, end), own, first, times, later)
 
+    @property
+    def _terms(self) -> Terms:
+        """The terms of the columns at the time of a piece, and after that."""
+        return Terms.made(self.columns)
+
     def _exponentials(self, times: Floats, last: float) -> Complexes:
         """The columns without factors (times, columns): what grows is counted from the last."""
         columns = self.columns
-        grows = columns.exponents.real > 0
-        decays = np.exp(np.multiply.outer(times, np.where(grows, 0j, columns.exponents)))
-        decays[:, grows] = np.exp(np.multiply.outer(times - last, columns.exponents[grows]))
+        grows, own = columns.exponents.real > 0, np.where(columns.paired, 0.0, columns.exponents)
+        grows &= ~columns.paired
+        decays = np.exp(np.multiply.outer(times, np.where(grows, 0j, own)))
+        decays[:, grows] = np.exp(np.multiply.outer(times - last, own[grows]))
         turns, where = np.unique(columns.turns, return_inverse=True)
         turned = np.exp(1j * columns.fundamental * np.multiply.outer(times, turns))
         z: Complexes = decays[:, columns.modes] * turned[:, where]
@@ -107,8 +127,8 @@ class EvenColumns:
 
     def _stands_for(self) -> Integers:
         """The column of each product (products,)."""
-        modes = self.columns.modes
-        return np.concatenate([np.arange(len(modes)), np.flatnonzero(self.columns.factors[modes] == TREND)])
+        of = self._terms.of
+        return np.concatenate([of, of[self.columns.factors[self.columns.modes[of]] == TREND]])
 
     def residual(self, values: Floats, coefficients: Complexes) -> Floats:
         """Residual of the values beside the model 2 Re Σ B_j z_j (rows, samples)."""

@@ -8,6 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from floquid._arrays import Floats
+from floquid.fit import chi2_limit
 from floquid.periodic.period._harmonic_families import APART, Group, averaged, grouped
 from floquid.periodic.period._spectral_lines import Lines
 
@@ -68,9 +69,7 @@ def spacings_of(lines: Lines, tones: Lines, least: float, most: float) -> list[S
 
 def _fundamentals(lines: Lines, least: float, most: float) -> tuple[Floats, Floats]:
     """Spacings of lines of equal decay and parts of these [rad/s], with their variances."""
-    from scipy.special import chdtri
-
-    n, cov, limit = len(lines.exponents), lines.covariance, float(chdtri(1, APART))
+    n, cov, limit = len(lines.exponents), lines.covariance, chi2_limit(1, APART)
     values, variances = [], []
     for a, b in combinations(range(n), 2):
         gap = lines.exponents[a].real - lines.exponents[b].real

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid._arrays import Complexes, Floats
+from floquid.fit import chi2_limit
 from floquid.periodic.least_squares import ModeParameters
 from floquid.periodic.period._spectral_lines import Lines
 
@@ -50,9 +51,7 @@ class Average:
 
 def grouped(lines: Lines, fundamental: float, std: float = 0.0) -> list[Group]:
     """Families of lines, the strongest first: each line with the family that it is nearest to at ω ± `std` [rad/s]."""
-    from scipy.special import chdtri
-
-    limit = float(chdtri(2, APART))
+    limit = chi2_limit(2, APART)
     groups: list[Group] = []
     for line in np.argsort(-lines.strength, kind="stable"):
         best, least = None, limit

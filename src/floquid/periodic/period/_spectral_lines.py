@@ -13,6 +13,7 @@ from floquid._checks import input_error
 from floquid.core import ConstantPeriod, Record
 from floquid.errors import IdentificationError
 from floquid.findings import failure
+from floquid.fit import chi2_limit
 from floquid.lti import AbstractIdentifier, TimeResponses
 from floquid.periodic.least_squares import (
     TREND,
@@ -191,8 +192,6 @@ def lines_by(
 
 def _clear(blocks: Sequence[Block], entries: ModeParameters, false_alarm: float) -> Solution:
     """The least squares without lines that noise explains, or that run away: a routine of fixed order has some."""
-    from scipy.special import chdtri
-
     while True:
         free = np.flatnonzero(~entries.fixed)
         try:
@@ -201,7 +200,7 @@ def _clear(blocks: Sequence[Block], entries: ModeParameters, false_alarm: float)
             solution, ran_away = linearise(blocks, entries), True
         own = with_noise_left(blocks, solution)
         size, responses = _strengths(own, linearise(own, solution.entries), relative=True)
-        if not len(free) or not (ran_away or size.min() ** 2 < chdtri(2 * responses + 2, false_alarm)):
+        if not len(free) or not (ran_away or size.min() ** 2 < chi2_limit(2 * responses + 2, false_alarm)):
             return solution
         entries = solution.entries.picked(np.delete(np.arange(len(entries.exponents)), free[np.argmin(size)]))
 

@@ -3,6 +3,7 @@
 from floquid.periodic.search._evidence import coloured, combinations_of, evidence
 from floquid.periodic.search._final import finished
 from floquid.periodic.search._moves import without_needless
+from floquid.periodic.search._near_axis import read_apart
 from floquid.periodic.search._new_lines import with_lines
 from floquid.periodic.search._rounds import begun, searched, searched_white
 from floquid.periodic.search._scores import period_step

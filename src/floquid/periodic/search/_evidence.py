@@ -39,6 +39,7 @@ def evidence(found: SearchResult) -> tuple[Finding, ...]:
         left,
         *clusters(found),
         *doubles(found),
+        *near_axis(found),
         *combinations(found),
     )
 
@@ -84,14 +85,29 @@ def clusters(found: SearchResult) -> tuple[Finding, ...]:
     return tuple(warning("cluster", frequency=_hertz(exponents[entry])) for entry in found.clusters)
 
 
+def near_axis(found: SearchResult) -> tuple[Finding, ...]:
+    """Pairs near an axis of either kind, and real multipliers beside which noise may hide a second one."""
+    entries, told = found.solution.entries, []
+    for place, apart in found.apart.items():
+        value = complex(entries.exponents[place] + 1j * entries.fundamental * entries.offsets[place])
+        told.append(note("kind_open", frequency=_hertz(value), apart=apart))
+    for entry in np.flatnonzero(~entries.fixed & entries.real):
+        turn = float(entries.offsets[entry])
+        if turn in found.hidden and entry not in found.apart:
+            frequency, decay = turn * entries.fundamental / (2.0 * np.pi), -float(entries.exponents[entry].real)
+            told.append(note("hidden_partner", decay=decay, frequency=frequency, apart=found.hidden[turn]))
+    return tuple(told)
+
+
 def doubles(found: SearchResult) -> tuple[Finding, ...]:
     """Modes that fold onto one another nearer than they decay: they may be one."""
     entries = found.solution.entries
     free = np.flatnonzero(~entries.fixed)
     omega, near = entries.fundamental, []
     values = entries.exponents[free] + 1j * omega * entries.offsets[free]
+    both = {place for place in found.as_read if entries.real[place] and place + 1 in found.as_read}
     for k, value in enumerate(values):
-        for other in values[k + 1 :]:
+        for other in values[k + 1 + (free[k] in both) :]:
             gaps = [value - other, value - other.conjugate()]
             gaps = [complex(gap.real, gap.imag - omega * round(gap.imag / omega)) for gap in gaps]
             if min(abs(gap) for gap in gaps) < DOUBLE * min(abs(value.real), abs(other.real)):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 
@@ -10,6 +9,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid.errors import IdentificationError
+from floquid.fit import chi2_limit
 from floquid.periodic.expansion import GAP
 from floquid.periodic.least_squares import (
     ModeParameters,
@@ -23,10 +23,11 @@ from floquid.periodic.least_squares import (
     solve,
 )
 from floquid.periodic.search._moves import joined
+from floquid.periodic.search._near_axis import with_axis_pairs
 from floquid.periodic.search._new_lines import EXPECTED
 from floquid.periodic.search._peaks import strongest
 from floquid.periodic.search._scores import differences, equality, spread_of_harmonics, sure_columns
-from floquid.periodic.search._state import STRICT, Limits, SearchResult, State, coefficients_of
+from floquid.periodic.search._state import STRICT, Limits, SearchResult, State
 
 LOOSE = 0.02  # probability at which noise may pass for a harmonic that is fitted: one that is missing does more harm
 PADDING = 1  # harmonics fitted beyond each end of a band: weak ones that are left out bend the exponents
@@ -38,8 +39,7 @@ BESIDE = 1.0  # the same within which what one mode lacks bends the other
 DOUBTFUL = 1e-3  # the probability of harmonics of one exponent at which a mode gets more room
 CLUSTER = 1e-3  # the same at which a mode is taken for several that are not told apart
 ROOM = 2  # harmonics more on each side then
-AXIS = 4.0  # deviations from the axis up to which it is tried to take a multiplier for a real one
-REAL = 1e-3  # the probability at which noise may move a real multiplier off the axis
+AXIS = 4.0  # deviations of a decay from zero up to which a tone is steady as far as can be told
 
 UNTOLD = 0.5
 """The deviation of an exponent, over its decay, from which on it is a column that is there and no mode to report."""
@@ -54,30 +54,37 @@ def finished(state: State, limits: Limits, *, search: bool, free_period: bool) -
     """The fit with its final bands, its real multipliers, and the period if it is a parameter."""
     if search:
         state, _ = centred(state, state.solution.entries.bands)
-        state, _ = _with_real_ones(state, state.solution.entries.bands)
         state = joined(state, limits) if limits.choose else state
     state, bands = with_final_bands(state, limits)
     if limits.choose:
         state = _with_room(state, limits)
     state, bands = centred(state, bands)
     if search:
-        state, bands = _with_real_ones(state, bands)
         state, bands = on_steady_branches(state, bands)
     if free_period:
         # Not before: with modes still missing, the period would go to where it takes what is theirs.
         state = state.with_fit(solve(state.blocks, replace(state.solution.entries, free_period=True), hold=True))
+    hidden: dict[float, float] = {}
     if search:
+        state, bands, hidden = with_axis_pairs(state, bands)
         state = _without_steady(state, bands) if limits.steady else state
         state, bands = _without_untold(state, bands)
     state, clusters = _with_clusters(state)
     noise = noise_of(state.blocks, state.solution, limits.floor)
     state = state.with_noise(limits.floor)
-    further = state.solution.further
-    state = state.with_fit(replace(solve(state.blocks, state.solution, hold=True), further=further))
+    last = solve(state.blocks, state.solution, hold=True)
+    state = state.with_fit(replace(last, further=_kept(state.solution, last.entries)))
     residuals = residuals_of(state.blocks, state.solution, limits.floor)
     peak = state.peak or strongest(state.blocks, residuals, 2.0 * np.pi / state.solution.entries.fundamental, EXPECTED)
     return SearchResult(
-        state.blocks, state.solution, bands, peak, tuple(residuals), _misfit(state, residuals, noise), clusters
+        state.blocks,
+        state.solution,
+        bands,
+        peak,
+        tuple(residuals),
+        _misfit(state, residuals, noise),
+        clusters,
+        hidden=hidden,
     )
 
 
@@ -116,9 +123,7 @@ def with_final_bands(state: State, limits: Limits) -> tuple[State, Integers]:
 
 def _sure(state: State) -> Mask:
     """Mask of columns that are surely no noise: the demands of others say nothing (columns,)."""
-    from scipy.special import chdtri
-
-    return sure_columns(state.blocks, state.solution, float(chdtri(2 * state.rows, STRICT)))
+    return sure_columns(state.blocks, state.solution, chi2_limit(2 * state.rows, STRICT))
 
 
 def _doubtful(solution: Solution, sure: Mask, alarm: float) -> list[int]:
@@ -161,13 +166,9 @@ def _apart(entries: ModeParameters, one: int, other: int) -> float:
 
 
 def _with_clusters(state: State) -> tuple[State, tuple[int, ...]]:
-    """With the spread of the harmonics' own exponents in the variances of clusters, and which modes these are.
-
-    Modes that fold next to their own conjugate have the variances that they would have with its harmonics fitted, too.
-    Those are not fitted: the cost is even about the point between both, and the fit would end there.
-    """
+    """With the spread of the harmonics' own exponents in the variances of clusters, and which modes these are."""
     sure, solution = _sure(state), state.solution
-    entries, free = solution.entries, np.flatnonzero(~solution.entries.fixed)
+    entries, free = solution.entries, np.flatnonzero(solution.entries.leading)
     clusters = _doubtful(solution, sure, CLUSTER)
     further = np.zeros(len(solution.gradient)) if solution.further is None else np.array(solution.further)
 
@@ -175,28 +176,9 @@ def _with_clusters(state: State) -> tuple[State, tuple[int, ...]]:
         turns = free[~entries.real[free]]
         return [int(np.searchsorted(free, entry)), len(free) + int(np.searchsorted(turns, entry))]
 
-    for entry, off, wide in _mirrored(entries):
-        more = np.diag(state.linearise(wide).covariance()) - np.diag(solution.covariance())
-        further[own(entry)] = np.clip(more[own(entry)], 0.0, (2.0 * off) ** 2)
     for entry in clusters:
         further[own(entry)] += spread_of_harmonics(solution, entry, sure)
     return (state.with_fit(replace(solution, further=further)) if further.any() else state), tuple(clusters)
-
-
-def _mirrored(entries: ModeParameters) -> Iterator[tuple[int, float, ModeParameters]]:
-    """Each mode that folds next to its own conjugate, how far it is from the point between both, and wider entries.
-
-    Those have the conjugate's harmonics in its band: each line then holds both. Left out of the one, they move the
-    other, but hardly beyond it.
-    """
-    for entry in np.flatnonzero(~entries.fixed & ~entries.real):
-        value, (low, high) = entries.exponents[entry], entries.bands[entry]
-        half = round(2.0 * value.imag / entries.fundamental)
-        off = abs(value.imag - 0.5 * half * entries.fundamental)
-        if off < BESIDE * abs(value.real) and low + high != -half:
-            bands = entries.bands.copy()
-            bands[entry] = min(low, -half - high), max(high, -half - low)
-            yield int(entry), off, replace(entries, bands=bands)
 
 
 def centred(state: State, bands: Integers) -> tuple[State, Integers]:
@@ -245,8 +227,9 @@ def on_steady_branches(state: State, bands: Integers) -> tuple[State, Integers]:
     spread: dict[int, complex] = {}
     for entry in np.flatnonzero(~state.solution.entries.fixed & ~state.solution.entries.real):
         entries = state.solution.entries
-        place, omega = int(np.sum(~entries.fixed[:entry])), entries.fundamental
-        tried = []
+        if entries.fixed[entry]:  # the fit on another branch of a mode before it held this one
+            continue
+        tried, omega = [], entries.fundamental
         for m in range(*np.clip([entries.bands[entry, 0], entries.bands[entry, 1] + 1], -FARTHEST, FARTHEST + 1)):
             exponents, fitted, kept = entries.exponents.copy(), entries.bands.copy(), bands.copy()
             parts = _branch(m, exponents[entry], fitted[entry], kept[entry], omega)
@@ -267,19 +250,31 @@ def on_steady_branches(state: State, bands: Integers) -> tuple[State, Integers]:
             values.imag - omega * np.rint(values.imag / omega) for values in (likely - own, likely - own.conjugate())
         ]
         apart = np.minimum(*np.abs(gaps))
-        spread[place] = complex(np.abs(likely.real - own.real).max(), apart.max())
+        spread[int(entry)] = complex(np.abs(likely.real - own.real).max(), apart.max())
     return _with_spread(state, spread), bands
 
 
 def _with_spread(state: State, spread: dict[int, complex]) -> State:
-    """With how far the exponents of some modes, by their number among the free ones, may be off in their variances."""
+    """With the errors that the exponents of some modes, by their entries, may have in the variances of those free."""
     entries = state.solution.entries
-    real = entries.real[~entries.fixed]
+    free = np.flatnonzero(~entries.fixed)
+    turning = free[~entries.real[free]]
     further = np.zeros(len(state.solution.gradient))
-    for place, off in spread.items():
-        further[place] = off.real**2
-        further[len(real) + int(np.sum(~real[:place]))] = off.imag**2
+    for entry, off in spread.items():
+        if not entries.fixed[entry]:
+            further[np.searchsorted(free, entry)] = off.real**2
+            further[len(free) + np.searchsorted(turning, entry)] = off.imag**2
     return state.with_fit(replace(state.solution, further=further))
+
+
+def _kept(before: Solution, after: ModeParameters) -> Floats | None:
+    """The additions to variances of a fit, as far as their modes are not held after it (parameters,)."""
+    if before.further is None:
+        return None
+    free = np.flatnonzero(~before.entries.fixed)
+    modes = np.concatenate([free, free[~before.entries.real[free]]])
+    period = np.ones(len(before.further) - len(modes), bool)
+    return before.further[np.concatenate([~after.fixed[modes], period])]
 
 
 def _padded(entries: ModeParameters, bands: Integers, most: int) -> ModeParameters:
@@ -306,45 +301,10 @@ def _padded(entries: ModeParameters, bands: Integers, most: int) -> ModeParamete
     return replace(entries, bands=padded)
 
 
-def _simpler(state: State, found: Solution) -> bool:
-    """True where a fit with fewer numbers does: noise explains the rise of its cost."""
-    from scipy.special import chdtri
-
-    fewer = len(state.solution.gradient) - len(found.gradient)
-    fewer += state.rows * (coefficients_of(state.solution.entries) - coefficients_of(found.entries))
-    return fewer > 0 and found.cost - state.solution.cost < float(chdtri(fewer, REAL))
-
-
-def _with_real_ones(state: State, bands: Integers) -> tuple[State, Integers]:
-    """With each pair whose multipliers may be one real multiplier taken for that, where noise explains the rest."""
-    for entry in np.flatnonzero(~state.solution.entries.fixed & ~state.solution.entries.real):
-        entries = state.solution.entries
-        value, omega = entries.exponents[entry], entries.fundamental
-        half = round(2.0 * value.imag / omega)
-        free = np.flatnonzero(~entries.fixed)
-        place = len(free) + int(np.searchsorted(free[~entries.real[free]], entry))
-        off, std = abs(value.imag - 0.5 * half * omega), np.sqrt(max(state.solution.covariance()[place, place], 0.0))
-        if off > min(max(abs(value.real), std), AXIS * std):
-            continue
-        turns = np.abs(np.append(entries.bands[entry], bands[entry]) + 0.5 * half).reshape(2, 2).max(axis=1)
-        fitted, kept = (np.array([-(half // 2) - half % 2, int(np.floor(turn - 0.5 * half))]) for turn in turns)
-        real, exponents = entries.real.copy(), entries.exponents.copy()
-        offsets, ends = entries.offsets.copy(), entries.bands.copy()
-        real[entry], exponents[entry] = True, value.real
-        offsets[entry], ends[entry] = 0.5 * half, fitted
-        trial = replace(entries, real=real, exponents=exponents, offsets=offsets, bands=ends)
-        with suppress(IdentificationError, np.linalg.LinAlgError):
-            found = solve(state.blocks, state.linearise(trial), at_rest=1e-2, iterations=10)
-            if _simpler(state, found):
-                state, bands = state.with_fit(found), bands.copy()
-                bands[entry] = kept
-    return state, bands
-
-
 def _without_untold(state: State, bands: Integers) -> tuple[State, Integers]:
     """With the modes whose own information is next to none held: they would ruin the deviations of all others."""
     entries = state.solution.entries
-    free = np.flatnonzero(~entries.fixed)
+    free = np.flatnonzero(entries.leading)
     if len(free) < 2:
         return state, bands
     std = np.sqrt(np.maximum(np.diag(state.solution.covariance()), 0.0))[: len(free)]
@@ -361,7 +321,7 @@ def _without_untold(state: State, bands: Integers) -> tuple[State, Integers]:
 def _without_steady(state: State, bands: Integers) -> State:
     """With the pairs of one harmonic that do not decay held as steady tones: interference, and no modes."""
     entries = state.solution.entries
-    free = np.flatnonzero(~entries.fixed)
+    free = np.flatnonzero(entries.leading)
     std = np.sqrt(np.maximum(np.diag(state.solution.covariance()), 0.0))[: len(free)]
     decay, duration = np.abs(entries.exponents[free].real), max(block.last for block in state.blocks)
     steady = (decay < AXIS * std) & (duration * (decay + 2.0 * std) < LASTING)

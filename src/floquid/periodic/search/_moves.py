@@ -10,6 +10,7 @@ import numpy as np
 
 from floquid._arrays import Integers
 from floquid.errors import IdentificationError
+from floquid.fit import chi2_limit
 from floquid.periodic.expansion import GAP
 from floquid.periodic.least_squares import ModeParameters, Solution, solve
 from floquid.periodic.search._scores import ColumnsLeft, best_cut, differences, removal_rises
@@ -77,8 +78,6 @@ def _shared(state: State, entry: int) -> Solution | None:
 
     Where two modes share a line, what is found there by itself lies between them.
     """
-    from scipy.special import chdtri
-
     entries = state.solution.entries
     if entries.real[entry] or entries.bands[entry, 1] - entries.bands[entry, 0] > 1:
         return None
@@ -100,7 +99,7 @@ def _shared(state: State, entry: int) -> Solution | None:
     now = state.solve(trial)
     if now is None:
         return None
-    allowed = float(chdtri(2, STRICT)) - 2.0 * state.rows * max(more, 0)
+    allowed = chi2_limit(2, STRICT) - 2.0 * state.rows * max(more, 0)
     return now if now.cost < state.solution.cost + allowed else None
 
 
@@ -109,9 +108,7 @@ def unshared(state: State, limits: Limits) -> State:
 
     With both fitted the exponents have gone where noise has them, and there no such harmonic can be taken away alone.
     """
-    from scipy.special import chdtri
-
-    bound, refused = float(chdtri(2 * state.rows, STRICT)), set()
+    bound, refused = chi2_limit(2 * state.rows, STRICT), set()
     while limits.choose:
         entries, left = state.solution.entries, ColumnsLeft(state.blocks, state.solution)
         columns = entries.columns()
@@ -220,8 +217,6 @@ def _equal(state: State, limits: Limits) -> list[_Pair]:
 
 def _joined(state: State, pairs: Sequence[_Pair], limits: Limits) -> Solution | None:
     """The fit with these pairs as one mode each; None where the cost rises by more than noise explains."""
-    from scipy.special import chdtri
-
     entries = state.solution.entries
     exponents, bands = entries.exponents.copy(), entries.bands.copy()
     rises = removal_rises(state.blocks, state.solution)
@@ -236,16 +231,14 @@ def _joined(state: State, pairs: Sequence[_Pair], limits: Limits) -> Solution | 
     kept = [k for k in range(len(exponents)) if k not in gone]
     merged = replace(entries, exponents=exponents, bands=bands).picked(kept)
     fewer = max(coefficients_of(entries) - coefficients_of(merged), 0)
-    bound = float(chdtri(2 * len(pairs) + state.rows * fewer, STRICT if not fewer else limits.mode_alarm))
+    bound = chi2_limit(2 * len(pairs) + state.rows * fewer, STRICT if not fewer else limits.mode_alarm)
     now = state.solve(merged)
     return now if now is not None and now.cost < state.solution.cost + bound else None
 
 
 def parted(state: State, limits: Limits) -> State:
     """With modes cut in two where their lower and upper harmonics ask for different exponents, and a fit agrees."""
-    from scipy.special import chdtri
-
-    bound, refused = float(chdtri(2, STRICT)), set()
+    bound, refused = chi2_limit(2, STRICT), set()
     while int((~state.solution.entries.fixed).sum()) < limits.modes:
         entries = state.solution.entries
         cuts = [best_cut(state.solution, int(e)) for e in np.flatnonzero(~entries.fixed & ~entries.real)]
@@ -272,9 +265,7 @@ def _numbers(state: State, solution: Solution) -> int:
 
 def _dearer(state: State, solution: Solution) -> float:
     """Reduction of the cost by noise through the numbers that a fit has more."""
-    from scipy.special import chdtri
-
-    return float(chdtri(max(_numbers(state, solution) - _numbers(state, state.solution), 1), STRICT))
+    return chi2_limit(max(_numbers(state, solution) - _numbers(state, state.solution), 1), STRICT)
 
 
 def _with_beside(state: State, entry: int, limits: Limits) -> Solution | None:

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from floquid.errors import IdentificationError
+from floquid.fit import chi2_limit
 from floquid.periodic.least_squares import (
     PLAIN,
     ModeParameters,
@@ -74,10 +75,8 @@ def _peaks(
     state: State, residuals: Sequence[Residual], limits: Limits, passed: Sequence[float]
 ) -> tuple[Peak, list[Peak]]:
     """The strongest peak; and those that noise hardly makes and that promise what a mode must take out, a few."""
-    from scipy.special import chdtri
-
     period = 2.0 * np.pi / state.solution.entries.fundamental
-    least = PROMISED * float(chdtri(2 * state.rows, limits.mode_alarm))
+    least = PROMISED * chi2_limit(2 * state.rows, limits.mode_alarm)
     largest, found = peaks(state.blocks, residuals, period, EXPECTED, passed, most=AT_ONCE)
     above = LOUD if limits.loud else 1.0
     return largest, [peak for peak in found if peak.gain > above * max(peak.limit, least)]
@@ -94,10 +93,8 @@ def _added(state: State, residuals: Sequence[Residual], found: Sequence[Peak], l
         if len(new.exponents):
             bound += limit_of(state, new, limits)
         else:
-            from scipy.special import chdtri
-
             wider = coefficients_of(more) - coefficients_of(entries)
-            bound += float(chdtri(state.rows * max(wider, 1), limits.mode_alarm))
+            bound += chi2_limit(state.rows * max(wider, 1), limits.mode_alarm)
         entries = more
     if entries is state.solution.entries:
         return None

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Floats
+from floquid.fit import chi2_limit
 from floquid.periodic.least_squares import Block, Residual, squared
 
 DECAYS = 8  # decay rates looked at, from one over the record to `FASTEST` over a period
@@ -60,8 +61,6 @@ def peaks(
     These are apart from one another and from the angular frequencies `passed` [rad/s], strongest first; the first is
     there in any case, the others pass the limit. Other parameters as of `strongest`.
     """
-    from scipy.special import chdtri
-
     span = max(residual.span for residual in residuals)
     looked_at = np.geomspace(1.0 / span, max(FASTEST / period, 2.0 / span), decays)
     rates = np.concatenate([looked_at, -np.array(GROWTH) / span])
@@ -70,7 +69,7 @@ def peaks(
     gain, omega = np.concatenate(gains), np.concatenate(omegas)
     rate = np.repeat(rates, [len(own) for own in omegas])
     degrees = 2 * sum(len(block.rows) for block in blocks)
-    limit = float(chdtri(degrees, false_alarm / len(omega)))
+    limit = chi2_limit(degrees, false_alarm / len(omega))
 
     def at(k: int) -> Peak:
         return Peak(complex(-rate[k], omega[k]), float(gain[k]), limit)

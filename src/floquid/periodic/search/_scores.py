@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid._arrays import Floats, Indices, Mask
+from floquid.fit import inverse_root
 from floquid.periodic.least_squares import Block, ModeParameters, Solution
 
 SINGULAR = 1e-12  # the share of the largest eigenvalue of a scaled matrix below which a direction says nothing
@@ -173,10 +174,5 @@ def differences(entries: ModeParameters, one: int, other: int) -> tuple[int, int
 
 def _solved(matrix: Floats, target: Floats) -> Floats:
     """The least-squares solution of a symmetric system, scaled; directions that say nothing are left out."""
-    size = np.diag(matrix)
-    scale = np.sqrt(np.where(size > 0.0, size, np.inf))
-    if not len(scale) or not np.isfinite(scale).any():
-        return np.zeros_like(target)
-    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
-    good = values > SINGULAR * max(values[-1], 1e-300)
-    return ((vectors[:, good] / values[good]) @ (vectors[:, good].T @ (target / scale[:, None]))) / scale[:, None]
+    root = inverse_root(matrix, SINGULAR)
+    return root @ (root.T @ target)

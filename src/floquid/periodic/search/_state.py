@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from floquid._arrays import Floats, Integers, Mask
 from floquid.errors import IdentificationError
+from floquid.fit import chi2_limit
 from floquid.periodic.expansion import GAP
 from floquid.periodic.least_squares import (
     PLAIN,
@@ -120,10 +121,8 @@ def limit_of(state: State, entries: ModeParameters, limits: Limits) -> float:
 
     Noise takes more with the probability `mode_alarm` alone.
     """
-    from scipy.special import chdtri
-
     parameters = int((~entries.fixed).sum() + (~entries.fixed & ~entries.real).sum())
-    noise = float(chdtri(parameters + state.rows * coefficients_of(entries), limits.mode_alarm))
+    noise = chi2_limit(parameters + state.rows * coefficients_of(entries), limits.mode_alarm)
     return noise + (_blurred(state, limits.angle_std) if limits.angle_std else 0.0)
 
 
@@ -177,8 +176,6 @@ def _refitted(state: State, bands: Integers, most: int) -> State | None:
 
     Where modes share lines, exponents follow the noise until none of the shared harmonics can be done without.
     """
-    from scipy.special import chdtri
-
     trial = state
     for _ in range(GROWTHS):
         solution = trial.solve(replace(trial.solution.entries, bands=bands))
@@ -188,7 +185,7 @@ def _refitted(state: State, bands: Integers, most: int) -> State | None:
         fewer = coefficients_of(state.solution.entries) - coefficients_of(solution.entries)
         if fewer <= 0:
             return None
-        if solution.cost < state.solution.cost + float(chdtri(state.rows * fewer, STRICT)):
+        if solution.cost < state.solution.cost + chi2_limit(state.rows * fewer, STRICT):
             return trial
         found = chosen_bands(state.blocks, trial.linearise(solution.entries.padded(GAP + 1, most)), STRICT, each=True)
         wider = np.stack([np.minimum(bands[:, 0], found[:, 0]), np.maximum(bands[:, 1], found[:, 1])], axis=1)
@@ -200,11 +197,9 @@ def _refitted(state: State, bands: Integers, most: int) -> State | None:
 
 def _narrowed(state: State) -> Integers:
     """The bands without the harmonics at their ends that noise explains, taken away one after another (entries, 2)."""
-    from scipy.special import chdtri
-
     entries = state.solution.entries
     columns, bands = entries.columns(), entries.bands.copy()
-    left, limit = ColumnsLeft(state.blocks, state.solution), float(chdtri(2 * state.rows, STRICT))
+    left, limit = ColumnsLeft(state.blocks, state.solution), chi2_limit(2 * state.rows, STRICT)
     place = {(int(e), int(m)): j for j, (e, m) in enumerate(zip(columns.modes, columns.harmonics, strict=True))}
     ends = {(int(e), side): np.inf for e in np.flatnonzero(~entries.fixed & ~entries.real) for side in (0, 1)}
     while True:
@@ -231,3 +226,7 @@ class SearchResult:
     residuals: tuple[Residual, ...]  # residual of each block
     misfit: float = 1.0  # the rms of what is left over the level of its noise, the largest of all responses
     clusters: tuple[int, ...] = ()  # the entries whose harmonics do not have one exponent
+    as_read: dict[int, complex] = field(default_factory=dict)  # deviations of exponents near an axis, by entry
+    apart: dict[int, float] = field(default_factory=dict)  # of pairs of open kind how far apart both exponents may be
+    hidden: dict[float, float] = field(default_factory=dict)
+    """How far from a real multiplier a second one may be that noise hides [1/s], by the turns a period of that one."""

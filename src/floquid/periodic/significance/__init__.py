@@ -3,6 +3,7 @@
 from floquid.periodic.significance._period_mismatch import (
     NEGLIGIBLE_SLIP,
     SIGNIFICANT,
+    TURNED,
     Synchrony,
     drift,
     spacing,

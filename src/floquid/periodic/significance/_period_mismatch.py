@@ -8,6 +8,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats
 from floquid.core import PeriodicModel
+from floquid.fit import scaled_inverse
 from floquid.lifting import Lifted
 
 SIGNIFICANT = 6.0
@@ -16,6 +17,7 @@ SIGNIFICANT = 6.0
 NEGLIGIBLE_SLIP = 0.01
 """Samples of slip over the record below which a difference of periods does no harm, however significant."""
 
+TURNED = 1.0  # the phase [rad] that the fundamental may slip while modes last, for one step of a fit to tell the period
 LARGEST_DIFFERENCE = 0.1  # relative difference of periods up to which two modes are looked at as one mode torn apart
 EVIDENT = 0.1  # equal decays say something where the deviation of their difference is below this share of the decay
 WITNESSES = 3  # pairs of modes that must agree on a difference of periods
@@ -144,10 +146,8 @@ def drift(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
         _accumulate(information, score, curvature, seen, whole)
     if information[-1, -1] <= 0:
         return None
-    kept = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    inverse = np.linalg.pinv(information / np.outer(kept, kept), rcond=1e-12, hermitian=True)
-    estimate = (inverse @ (score / kept))[-1] / kept[-1]
-    std = float(np.sqrt(inverse[-1, -1]) / kept[-1])
+    inverse = scaled_inverse(information, 1e-12)
+    estimate, std = inverse[-1] @ score, float(np.sqrt(inverse[-1, -1]))
     return _difference(float(estimate), std, lifted)
 
 

@@ -11,8 +11,9 @@ from floquid._arrays import Complexes, Floats, Indices, Integers, Mask
 from floquid._checks import Rebuilt, finite, input_error
 from floquid.core import Estimates, PeriodicModel
 from floquid.findings import Finding, note, texts, warning
+from floquid.fit import covariance_root
 from floquid.lifting import Lifted
-from floquid.periodic.significance._wald import holm, noncentrality, root, spacing_probability, wald
+from floquid.periodic.significance._wald import holm, noncentrality, spacing_probability, wald
 
 HARMONICS = (1, 2)
 """Harmonics per period that are looked at: stiffness that varies once or twice a period shows in these first."""
@@ -310,7 +311,7 @@ def _sizes_and_limits(whole: Estimates, orders: Integers, tested: Indices, least
     .. math:: b^T \Sigma^{-1} b \ge |b|^2 / (\lambda_{\max}(N) + \lambda_{\max}(S C S^T))
     """
     sizes, limits = np.full((2, len(whole.exponents), len(orders)), np.nan)
-    std, factor = whole.std(), root(whole.covariance)
+    std, factor = whole.std(), covariance_root(whole.covariance)
     for mode, k in np.ndindex(sizes.shape):
         zeroth = whole.term(mode, 0)
         terms = tested[(whole.modes[tested] == mode) & (np.abs(whole.harmonics[tested]) == orders[k])]
@@ -324,7 +325,7 @@ def _sizes_and_limits(whole: Estimates, orders: Integers, tested: Indices, least
         both = np.concatenate([terms, terms + len(whole.modes)])
         spread = whole.spread[:, both][:, :, both] * np.outer(np.tile(stretch, 2), np.tile(stretch, 2))
         moved = (whole.slopes[terms] / unit[:, :, None]).reshape(-1, len(factor)) @ factor
-        variance = np.linalg.eigvalsh(spread).max() + np.linalg.eigvalsh((moved.conj().T @ moved).real).max()
+        variance = np.linalg.eigvalsh(spread).max() + np.linalg.eigvalsh((moved.conj().T @ moved).real).max(initial=0.0)
         limits[mode, k] = np.sqrt(least * variance / reference)
     return sizes, limits
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from floquid._arrays import Floats, Indices
 from floquid.core import Estimates
+from floquid.fit import chi2_limit, covariance_root, inverse_root
 from floquid.lifting import Lifted
 from floquid.periodic.least_squares import LiftedBlock, ModeParameters, linearise
 
@@ -31,7 +32,7 @@ def wald(whole: Estimates, terms: Indices, channels: Indices) -> tuple[float, in
 def _whitened(whole: Estimates, terms: Indices, channels: Indices) -> tuple[Floats, Floats]:
     """Coefficients whose noise is white, and what deviations of the exponents do to them (values, 2 modes + 1)."""
     values, slopes, both = [], [], np.concatenate([terms, terms + len(whole.modes)])
-    spread, own_root = whole.spread[:, both][:, :, both], root(whole.covariance)
+    spread, own_root = whole.spread[:, both][:, :, both], covariance_root(whole.covariance)
     for block in range(len(whole.spread)):
         of_channel, of_hit = np.nonzero(whole.blocks[channels] == block)
         rows = (channels[of_channel], of_hit)
@@ -49,20 +50,7 @@ def _whitened(whole: Estimates, terms: Indices, channels: Indices) -> tuple[Floa
 
 def _whitener(spread: Floats) -> Floats:
     """A matrix W with W V Wᵀ = I, of as many rows as V has rank (rank, 2 terms): what does not turn has no sine."""
-    std = np.sqrt(np.diag(spread))
-    there = np.flatnonzero(std > 0)
-    scaled = spread[np.ix_(there, there)] / np.outer(std[there], std[there])
-    sizes, vectors = np.linalg.eigh(scaled)
-    kept = sizes > ROUNDING * sizes.max(initial=0.0)
-    whitener = np.zeros((int(kept.sum()), len(std)))
-    whitener[:, there] = (vectors[:, kept] / np.sqrt(sizes[kept])).T / std[there]
-    return whitener
-
-
-def root(covariance: Floats) -> Floats:
-    """L with L Lᵀ the covariance, which is singular where a part is no parameter."""
-    sizes, vectors = np.linalg.eigh(covariance)
-    return vectors * np.sqrt(np.maximum(sizes, 0.0))
+    return inverse_root(spread, ROUNDING).T
 
 
 def holm(p_values: Floats) -> Floats:
@@ -76,11 +64,11 @@ def holm(p_values: Floats) -> Floats:
 
 def noncentrality(degrees: int, level: float, power: float) -> float:
     """The noncentrality at which a chi-square test of that level has that power."""
-    from scipy.special import chdtri, chndtrinc
+    from scipy.special import chndtrinc
 
     if not degrees:
         return np.inf
-    return float(chndtrinc(chdtri(degrees, level), degrees, 1.0 - power))
+    return float(chndtrinc(chi2_limit(degrees, level), degrees, 1.0 - power))
 
 
 NOWHERE = 1e-200  # the information on a line, over that on the best known, below which there is none

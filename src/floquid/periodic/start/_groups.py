@@ -6,6 +6,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats
 from floquid.core import PeriodicModel
+from floquid.fit import chi2_limit
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
 from floquid.periodic.expansion import expansion
@@ -26,11 +27,9 @@ def groups(modal: ModalModel, lifted: Lifted) -> ModeParameters:
     different unfolded frequencies, and start as modes of their own, parted at the sign of the frequency and at gaps of
     more than `APART` harmonics; where they are one mode after all, a test of equal exponents joins them.
     """
-    from scipy.special import chdtri
-
     found = expansion(modal, lifted)
     omega = 2.0 * np.pi / lifted.period
-    limit = float(chdtri(2 * found.coefficients.shape[1] * found.coefficients.shape[2], SEEN))
+    limit = chi2_limit(2 * found.coefficients.shape[1] * found.coefficients.shape[2], SEEN)
     exponents, bands = [], []
     for r in found.upper:
         score = _score(found.coefficients[r], found.std[r])

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import Complexes, Floats
+from floquid.fit import chi2_limit
 from floquid.lifting import Lifted, largest_values, whitened, whitening_filter
 from floquid.lti import ERA, ModalModel, TimeResponses
 
@@ -191,12 +192,10 @@ def _least(lifted: Lifted) -> Floats:
 
 def _limit(lifted: Lifted, less: Known, more: Known) -> float:
     """Reduction of it that noise may make."""
-    from scipy.special import chdtri
-
     degrees = sum(
         more.basis(n).shape[1] - (less.basis(n).shape[1] if less else 0) for n in lifted.responses.lengths.tolist()
     )
-    return float(chdtri(degrees * lifted.n_channels * lifted.n_phases, CERTAIN))
+    return chi2_limit(degrees * lifted.n_channels * lifted.n_phases, CERTAIN)
 
 
 def _subtracted(
@@ -231,10 +230,8 @@ def _subtracted(
 
 def _harmonics(lifted: Lifted, roots: Sequence[float], amplitudes: Floats, noise: Floats, spread: Floats) -> set[float]:
     """Turns a period of the harmonics of known columns that rise above the noise."""
-    from scipy.special import chdtri
-
     half, omega = lifted.n_phases // 2, 2.0 * np.pi / lifted.period
-    limit, found = float(chdtri(2 * lifted.n_channels, CERTAIN)), set()
+    limit, found = chi2_limit(2 * lifted.n_channels, CERTAIN), set()
     for column, root in enumerate(roots):
         turns = root + np.arange(-half, half + 1)
         kernel = np.exp(-1j * omega * np.multiply.outer(turns, lifted.phase_times)) / lifted.n_phases

@@ -42,6 +42,7 @@ from floquid.pipeline.excited._verdict import (
     SIGNIFICANT,
     done_beside,
     needed,
+    no_mode,
     of_angle,
     of_outliers,
     of_period,
@@ -158,10 +159,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     report("searching for modes")
     found, undecided = searched(samples, first, limits, report)
     if not found.modes:
-        raise IdentificationError(
-            "Identification ended without a result: no mode rises above the noise. The response is white, or the "
-            "record is too short: damping that is random excitation's alone needs hundreds of periods."
-        )
+        raise no_mode(samples, found, limits.mode_alarm)
     report("estimating deviations")
     fit = Fit(samples, found, acting)
     provenance = Provenance.merge(tuple(record.provenance for record in records))

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import input_error
 from floquid.core import PeriodicModel
+from floquid.fit import covariance_root
 from floquid.innovations import Fit, terms_of_mode
 from floquid.inputs import Term, Uncertainty, terms_of
 from floquid.reconstruction import Form, Names, StateModel, reconstruct
@@ -62,12 +63,12 @@ def _neighbours(fit: Uncertainty) -> Iterator[tuple[list[Term], list[Term]]]:
         omega = fit.samples.fundamental
         return [one for number, mode in enumerate(modes) for one in terms_of(mode, here.shape(number).T, omega)]
 
-    for column in NEAR * _root_of(fit.parameters).T:
+    for column in NEAR * covariance_root(fit.parameters, ROUNDING).T:
         change = (fit.slopes @ column).T
         yield moved(column, change), moved(-column, -change)
     held, change = np.zeros(len(fit.parameters)), np.zeros_like(at.coefficients)
     for channel, noise in enumerate(at.noise):
-        for column in NEAR * noise * _root_of(at.inverse).T:
+        for column in NEAR * noise * covariance_root(at.inverse, ROUNDING).T:
             change[:, channel] = column
             yield moved(held, change), moved(held, -change)
         change[:, channel] = 0.0
@@ -80,17 +81,8 @@ def _ambient_neighbours(fit: Fit) -> Iterator[tuple[list[Term], list[Term]]]:
         pairs = zip(fit.at.modes, fit.places, strict=True)
         return [one for mode, place in pairs for one in terms_of_mode(mode.moved(step[place]), fit.samples)]
 
-    for column in NEAR * _root_of(fit.parameters).T:
+    for column in NEAR * covariance_root(fit.parameters, ROUNDING).T:
         yield moved(column), moved(-column)
-
-
-def _root_of(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """R with R Rᵀ a covariance (parameters, independent errors)."""
-    size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    scale = np.where(size > 0.0, size, 1.0)
-    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
-    there = values > ROUNDING * values[-1:]
-    return scale[:, None] * vectors[:, there] * np.sqrt(values[there])
 
 
 def _with(model: PeriodicModel, terms: Sequence[Term]) -> PeriodicModel:

@@ -9,15 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import PeriodicModel
+from floquid.errors import IdentificationError
 from floquid.findings import Finding, failure, note, warning
-from floquid.innovations import turned_records
+from floquid.fit import chi2_limit, wald_rise
+from floquid.innovations import Predictor, colour, turned_records
 from floquid.inputs import (
     Limits,
     Linearisation,
     Samples,
     Scores,
     Uncertainty,
-    limit_of,
     nearly_one,
     period_step,
     phase_step,
@@ -94,6 +95,20 @@ def at_limit(found: Linearisation, limits: Limits) -> bool:
     return bool(widest >= limits.highest)
 
 
+def no_mode(samples: Samples, found: Predictor, alarm: float) -> IdentificationError:
+    """The refusal of outputs alone without a mode: they are white, or no mode could be fitted to their colour."""
+    begin, (share, chance) = "Identification ended without a result:", colour(samples, found)
+    if chance > alarm:
+        return IdentificationError(
+            f"{begin} no mode rises above the noise. The response is white, or the record is too short: damping that "
+            "is random excitation's alone needs hundreds of periods."
+        )
+    return IdentificationError(
+        f"{begin} the {len(samples.values)} outputs are not white (squared correlations sum to {share:.2g}), and no "
+        "mode could be fitted to them. Name fewer outputs (`channels=`), or measure for longer."
+    )
+
+
 def done_beside(own: Parted) -> tuple[Finding, ...]:
     """Findings on what was fitted beside the modes."""
     names = [channel.name for channel in own.inputs]
@@ -145,7 +160,7 @@ def needed(model: PeriodicModel, limits: Limits, seen: Sequence[tuple[float, int
 
     The modes are those of the model in their order, of each conjugate pair one.
     """
-    rises = [squares / limit_of(degrees, limits.mode_alarm) for squares, degrees in seen]
+    rises = [squares / chi2_limit(degrees, limits.mode_alarm) for squares, degrees in seen]
     least = int(np.argmin(rises))
     hertz = abs(model.exponents[model.upper_modes[least]]) / (2.0 * np.pi)
     return note("excited_order", modes=len(rises), frequency=hertz, rise=rises[least])
@@ -153,8 +168,6 @@ def needed(model: PeriodicModel, limits: Limits, seen: Sequence[tuple[float, int
 
 def _unreached(fit: Uncertainty) -> tuple[Finding, ...]:
     """Findings on modes that no input reaches as far as the record shows: what does not decay there is a line."""
-    from scipy.special import chdtri
-
     found, longest = [], max(own.stop - own.start for own in fit.samples.records) * fit.samples.step
     for number, mode in enumerate(fit.at.modes):
         place, free = fit.places[number]
@@ -169,7 +182,7 @@ def _unreached(fit: Uncertainty) -> tuple[Finding, ...]:
             continue  # its scale is that of an input: that one reaches it
         index = place.start + np.cumsum(free)[rows] - 1
         spread = fit.parameters[np.ix_(index, index)]
-        if float(flat @ np.linalg.pinv(spread, hermitian=True) @ flat) < chdtri(len(index), REACHED):
+        if wald_rise(flat, spread) < chi2_limit(len(index), REACHED):
             half = mode.turns[0] % 1.0 if mode.real else 0.0  # of a negative multiplier
             exponent = mode.exponent + 1j * half * fit.samples.fundamental
             line = abs(exponent.real) * longest < 1.0

@@ -1,0 +1,1 @@
+"""Decisions on records of all kinds, kept from one day, compared with those of today: `python -m benchmarks.frozen`."""

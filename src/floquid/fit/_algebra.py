@@ -1,0 +1,86 @@
+"""Algebra of information matrices and covariances, scaled to a unit diagonal first: units do not decide the rank."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from floquid._arrays import Floats
+
+ROUNDING = 1e-14
+"""The share of the largest eigenvalue, of a unit diagonal, below which one is rounding of sums in double precision."""
+
+LEAST_SHARE = 1e-2
+"""The share of its information that a direction keeps: noise on coefficients must not turn a curvature negative."""
+
+
+def unit_scale(matrix: Floats) -> Floats:
+    """The root of the diagonal of a matrix (n,), 1 where that is zero."""
+    size = np.diag(matrix)
+    return np.sqrt(np.where(size > np.finfo(float).tiny, size, 1.0))
+
+
+def directions(matrix: Floats, least: float, *, scale: Floats) -> tuple[Floats, Floats]:
+    """Eigenvalues above a share of the largest, and their eigenvectors, of a symmetric matrix over its scale.
+
+    The largest counts as 1 at least, which it is of a unit diagonal. There are none of a matrix that overflowed.
+    """
+    with np.errstate(invalid="ignore", over="ignore"):
+        scaled = matrix / np.outer(scale, scale)
+    if not len(matrix) or not np.isfinite(scaled).all():
+        return np.zeros(0), np.zeros((len(matrix), 0))
+    values, vectors = np.linalg.eigh(scaled)
+    good = values > least * max(float(values[-1]), 1.0)
+    return values[good], vectors[:, good]
+
+
+def inverse_root(
+    matrix: Floats, least: float = ROUNDING, *, floor: bool = False, scale: Floats | None = None
+) -> Floats:
+    """A root W of the inverse of a symmetric matrix, W Wᵀ = M⁻¹ (n, directions).
+
+    Directions below a share of the largest eigenvalue are left out. With `floor` they are taken to have that share:
+    what is not known has a large variance. `scale` replaces the root of the diagonal.
+    """
+    scale = unit_scale(matrix) if scale is None else scale
+    if not floor:
+        values, vectors = directions(matrix, least, scale=scale)
+        return vectors / np.sqrt(values) / scale[:, None]
+    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    lowest = least * max(float(values.max(initial=1.0)), 1.0)
+    return vectors / np.sqrt(np.maximum(values, lowest)) / scale[:, None]
+
+
+def scaled_inverse(
+    matrix: Floats, least: float = ROUNDING, *, floor: bool = False, scale: Floats | None = None
+) -> Floats:
+    """The inverse of a symmetric matrix by the root of `inverse_root` (n, n)."""
+    root = inverse_root(matrix, least, floor=floor, scale=scale)
+    return root @ root.T
+
+
+def covariance_root(covariance: Floats, least: float = ROUNDING) -> Floats:
+    """A root R of a covariance, R Rᵀ = C (n, directions), which may be singular."""
+    scale = unit_scale(covariance)
+    values, vectors = directions(covariance, least, scale=scale)
+    return scale[:, None] * vectors * np.sqrt(values)
+
+
+def sandwich(information: Floats, scatter: Floats, least: float = ROUNDING) -> Floats:
+    """The covariance I⁻¹ H I⁻¹ of parameters with the information I, whose gradient has the covariance H."""
+    inverse = scaled_inverse(information, least)
+    return inverse @ scatter @ inverse
+
+
+def positive_part(whole: Floats, reduced: Floats) -> Floats:
+    """The part of `reduced` between a hundredth of `whole` and all of it in each direction: it stays definite."""
+    if not len(whole):
+        return whole
+    scale = unit_scale(whole)
+    both = np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(whole / both)
+    size = np.sqrt(np.maximum(values, 0.1 * ROUNDING * max(values[-1], 0.1 * ROUNDING)))
+    root, inverse = vectors * size, (vectors / size).T
+    inner = inverse @ (reduced / both) @ inverse.T
+    share, axes = np.linalg.eigh(0.5 * (inner + inner.T))
+    kept = root @ (axes * np.clip(share, LEAST_SHARE, 1.0)) @ axes.T @ root.T
+    return kept * both

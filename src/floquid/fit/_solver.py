@@ -1,0 +1,191 @@
+r"""Levenberg and Marquardt's steps to the least cost, the damping by the ratio of gained to expected.
+
+.. math:: (M + \mu\, \mathrm{diag}\, M)\, s = g, \qquad
+          \varrho = \frac{f(p) - f(p + s)}{2 g^T s - s^T M s}, \qquad
+          \mu \to \mu \max\big(\tfrac13,\; 1 - (2 \varrho - 1)^3\big)
+
+A step that gains nothing doubles what the damping grows by (Nielsen 1999; Madsen, Nielsen and Tingleff 2004). A trial
+costs f alone; gradient and matrix are those of accepted points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+
+from floquid._arrays import Floats
+from floquid._checks import Rebuilt
+from floquid.fit._algebra import ROUNDING, directions, unit_scale
+
+START = 1e-6  # damping of the first step: all but none
+WHOLE = 1e-4  # damping after a first rejected step: below it the step would be the same
+MOST = 1e6  # damping at which a fit ends: no direction lowers the cost
+FALL = 1.0 / 3.0  # least factor of the damping after an accepted step (Nielsen 1999)
+EQUAL = 1e-12  # share of the cost by which a trial may be worse: rounding
+AT_ONCE = 1e-14  # size of a step that changes no digit of a parameter of size one
+SERVES = 0.7  # share of the expected gain above which the matrix serves for the next step, too
+
+
+class Costed(Protocol):
+    """A point of a fit with its cost: χ², or minus twice the logarithm of the likelihood."""
+
+    @property
+    def cost(self) -> float: ...
+
+
+Point = TypeVar("Point", bound=Costed)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Normal(Rebuilt):
+    """Gauss-Newton matrix and gradient of a point, over a scale.
+
+    Parameters
+    ----------
+    matrix, gradient
+        JᵀWJ (parameters, parameters), and half the steepest descent JᵀWr (parameters,).
+    given
+        The scale of each parameter, infinite of one that stays (parameters,); None for the root of the diagonal.
+    least
+        The share of the largest eigenvalue below which a direction is rounding.
+    """
+
+    matrix: Floats
+    gradient: Floats
+    given: Floats | None = None
+    least: float = ROUNDING
+
+    @cached_property
+    def scale(self) -> Floats:
+        """The scale of each parameter (parameters,)."""
+        return unit_scale(self.matrix) if self.given is None else self.given
+
+    @cached_property
+    def directions(self) -> tuple[Floats, Floats]:
+        """Eigenvalues and eigenvectors of the scaled matrix, without rounding; none if it overflowed."""
+        return directions(self.matrix, self.least, scale=self.scale)
+
+    def step(self, damping: float, gradient: Floats) -> Floats:
+        """The damped step of a gradient (parameters,)."""
+        values, vectors = self.directions
+        return vectors @ ((vectors.T @ (gradient / self.scale)) / (values + damping)) / self.scale
+
+    def root(self, damping: float) -> Floats:
+        """A root of the inverse of the damped matrix (parameters, directions)."""
+        values, vectors = self.directions
+        return vectors / (np.sqrt(values + damping) * self.scale[:, None])
+
+    def gain(self, step: Floats, gradient: Floats) -> float:
+        """The gain that a step lets expect."""
+        return float(2.0 * (gradient @ step) - step @ self.matrix @ step)
+
+    def promised(self, gradient: Floats) -> float:
+        """The gain that the whole step lets expect."""
+        values, vectors = self.directions
+        return float(np.sum((vectors.T @ (gradient / self.scale)) ** 2 / (values + START)))
+
+    def size(self, step: Floats) -> float:
+        """The largest move of a parameter, in deviations of it with all others held."""
+        return float(np.abs(step * np.where(np.isfinite(self.scale), self.scale, 0.0)).max(initial=0.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Steps(Generic[Point]):
+    """What steps of a fit are made of.
+
+    Parameters
+    ----------
+    normal
+        The normal equations at a point.
+    moved
+        The point a step away, None where there is none.
+    limited
+        A step shortened, by the point, the normal equations and the damping; None for steps of any length.
+    bent
+        Another step to try after one that gains nothing, of the same; None for none.
+    gradient
+        The gradient at a point, where it costs much less than the matrix: that serves while steps gain as expected.
+    enough
+        True where the fit may end, by the point and the gains of all steps; None where it never may.
+    """
+
+    normal: Callable[[Point], Normal]
+    moved: Callable[[Point, Floats], Point | None]
+    limited: Callable[[Point, Floats, Normal, float], Floats] | None = None
+    bent: Callable[[Point, Floats, Normal, float], Floats] | None = None
+    gradient: Callable[[Point], Floats] | None = None
+    enough: Callable[[Point, list[float]], bool] | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ends:
+    """When a fit ends.
+
+    Parameters
+    ----------
+    steps
+        Steps at most.
+    deviations
+        The size of a step, in deviations of each parameter, below which it is the last.
+    gain
+        The gain of a step below which it is the last.
+    patience
+        Such steps after which a fit ends although the whole step lets expect twice that.
+    """
+
+    steps: int
+    deviations: float = 0.0
+    gain: float = -np.inf
+    patience: int = 1
+
+
+def levenberg_marquardt(start: Point, of: Steps[Point], ends: Ends) -> Point:
+    """Return the point of least cost near a start."""
+    now, normal, damping, growth = start, of.normal(start), START, 2.0
+    gains, small, pull, kept = [], 0, normal.gradient, False
+    while len(pull) and len(gains) < ends.steps:
+        whole = normal.step(damping, pull)
+        step = whole if of.limited is None else of.limited(now, whole, normal, damping)
+        trial, gained = _tried(of, now, step)
+        if trial is None and not kept and of.bent is not None:
+            step = of.bent(now, step, normal, damping)
+            trial, gained = _tried(of, now, step)
+        if trial is None and kept:
+            normal, kept = of.normal(now), False
+            pull = normal.gradient
+            continue
+        if trial is None:
+            # Had it been accepted it would have been the last: shorter ones gain no more.
+            if normal.size(step) < ends.deviations or normal.promised(pull) < ends.gain or damping >= MOST:
+                break
+            damping, growth = max(growth * damping, WHOLE), 2.0 * growth
+            continue
+        expected = normal.gain(step, pull)
+        now, growth = trial, 2.0
+        gains.append(gained)
+        if expected > 0.0:
+            damping *= max(FALL, 1.0 - (2.0 * min(gained / expected, 1.0) - 1.0) ** 3)
+        small += gained < ends.gain
+        idle = gained < ends.gain and (small >= ends.patience or normal.promised(pull) <= 2.0 * ends.gain)
+        still = normal.size(step) < ends.deviations or np.abs(step).max() < AT_ONCE
+        if idle or still or len(gains) == ends.steps or (of.enough is not None and of.enough(now, gains)):
+            break
+        kept = of.gradient is not None and step is whole and gained > SERVES * expected
+        if kept and of.gradient is not None:
+            pull = of.gradient(now)
+        else:
+            normal = of.normal(now)
+            pull = normal.gradient
+    return now
+
+
+def _tried(of: Steps[Point], now: Point, step: Floats) -> tuple[Point | None, float]:
+    """The point a step away with what it gains; None where that is nothing."""
+    trial = of.moved(now, step)
+    if trial is None or not trial.cost <= now.cost + max(EQUAL * abs(now.cost), np.finfo(float).tiny):
+        return None, 0.0
+    return trial, now.cost - trial.cost

@@ -1,0 +1,41 @@
+"""Tests of more or fewer parameters: limits of χ², gains of score tests, rises of Wald tests, and one criterion."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from floquid._arrays import Floats
+from floquid.fit._algebra import ROUNDING, inverse_root
+
+
+@lru_cache(maxsize=4096)
+def chi2_limit(degrees: float, probability: float) -> float:
+    """The χ² of some degrees of freedom that noise exceeds with a probability."""
+    from scipy.special import chdtri
+
+    return float(chdtri(degrees, probability))
+
+
+def score_gain(gradient: Floats, information: Floats, least: float, *, before: Floats | None = None) -> float:
+    """The gain g' S⁻¹ g in twice the logarithm of the likelihood by parameters that are zero now (score test).
+
+    S is their information less what all that is fitted takes of it; `before` is its diagonal before that. Directions
+    below the share `least` of that are rounding.
+    """
+    scale = None if before is None else np.sqrt(np.where(before > np.finfo(float).tiny, before, 1.0))
+    return float(np.sum((inverse_root(information, least, scale=scale).T @ gradient) ** 2))
+
+
+def wald_rise(values: Floats, covariance: Floats, least: float = ROUNDING) -> float:
+    """The squared deviations v' C⁻¹ v of values from zero: the rise of χ² without them, to first order (Wald test).
+
+    Zero where the covariance overflowed. Values of several independent channels (values, channels) add up.
+    """
+    return float(np.sum((inverse_root(covariance, least).T @ values) ** 2))
+
+
+def schwarz(log_likelihood: float, n_parameters: int, n_samples: int) -> float:
+    """The criterion of Schwarz (1978), more is better: twice the log-likelihood less log N for each parameter."""
+    return log_likelihood - n_parameters * float(np.log(n_samples))

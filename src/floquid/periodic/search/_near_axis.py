@@ -1,0 +1,261 @@
+r"""Pairs near an axis in a fit: two exponents by their mean and squared half-difference, of either kind.
+
+.. math:: \lambda = \sigma \pm \sqrt q + \tfrac{i \kappa \omega}{2}
+
+Near an axis, 0 or half the fundamental, a pair of conjugates and two real multipliers are one model, and σ and q are
+determined where neither kind is: at the edge of a parametric resonance q goes through zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from floquid._arrays import Floats, Integers, Mask
+from floquid.core import readings
+from floquid.errors import IdentificationError
+from floquid.fit import chi2_limit
+from floquid.periodic.least_squares import EVEN, ODD, PLAIN, ModeParameters, Solution, solve
+from floquid.periodic.search._state import SearchResult, State, coefficients_of
+
+BESIDE = 1.0
+"""Distance from an axis, over the decay or its deviation, within which a pair and its conjugate share their lines."""
+
+REAL = 5e-3
+"""The probability at which noise may make a second multiplier of a real one, which moves it by its own deviation."""
+
+WITHIN = 1.96
+"""Deviations of q within which a second multiplier may be hidden: its 95 % interval."""
+
+OFF = 0.1
+"""Deviations of q that the reported exponents have at least between them: where both are one, shapes have no limit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """The fit with one pair near an axis in place of some modes."""
+
+    places: tuple[int, ...]  # those modes among the entries
+    entries: ModeParameters
+    bands: Integers  # bands to report (entries, 2)
+
+
+def with_axis_pairs(state: State, bands: Integers) -> tuple[State, Integers, dict[float, float]]:
+    """The fit with each pair near an axis, and each two real multipliers of one sign, by their mean and difference.
+
+    Three and more states on one axis become one such pair where noise explains what they do beyond. A single real
+    multiplier is given a second one where noise does not explain what that takes out of the cost. With the bands to
+    report (entries, 2), and how far from a single one a second may be that noise hides [1/s], by its turns a period.
+    """
+    hidden: dict[float, float] = {}
+    for axis in (0, 1):
+        tried: set[tuple[complex, ...]] = set()
+        while True:
+            for trial in _trials(state.solution, bands, axis):
+                key = tuple(state.solution.entries.exponents[list(trial.places)].tolist())
+                if key not in tried:
+                    break
+            else:
+                break
+            tried.add(key)
+            entries, found = state.solution.entries, _solved(state, trial.entries)
+            if found is None:
+                continue
+            states = sum(1 if entries.real[place] else 2 for place in trial.places)
+            if states == 1:
+                place = trial.places[0]
+                if not _needed(state, found.entries, found.cost, state.solution):
+                    hidden[float(entries.offsets[place])] = _hidden(found)
+                    continue
+                wide = _solved(state, _as_wide(found.entries))
+                state, bands = state.with_fit(found if wide is None else wide), trial.bands
+                continue
+            if states > 2 and _needed(state, entries, state.solution.cost, found):
+                continue
+            wider = state.with_fit(found)
+            fewer = _single(wider)
+            state, bands = (wider, trial.bands) if fewer is None else (fewer, trial.bands[:-1])
+    return state, bands, hidden
+
+
+def _hidden(found: Solution) -> float:
+    """How far from a single real multiplier a second one may be that noise explains, by the interval of q [1/s]."""
+    place = len(found.gradient) - 1 - int(found.entries.free_period)
+    std = float(np.sqrt(max(found.covariance()[place, place], 0.0)))
+    return float(np.sqrt(max(float(found.entries.all_squares[-1]) + WITHIN * std, 0.0)))
+
+
+def _solved(state: State, trial: ModeParameters) -> Solution | None:
+    """The fit near other entries; None where one of them runs away."""
+    with suppress(IdentificationError, np.linalg.LinAlgError):
+        found = solve(state.blocks, state.linearise(trial), at_rest=1e-2, iterations=20, hold=True)
+        return found if (found.entries.fixed == trial.fixed).all() else None
+    return None
+
+
+def _needed(state: State, wider: ModeParameters, cost: float, fewer: Solution) -> bool:
+    """True where noise does not explain what a fit with more numbers takes out of the cost of one with fewer."""
+    more = len(wider.ties()) - len(fewer.gradient)
+    more += state.rows * (coefficients_of(wider) - coefficients_of(fewer.entries))
+    return fewer.cost - cost > chi2_limit(max(more, 1), REAL)
+
+
+def _trials(solution: Solution, bands: Integers, axis: int) -> Iterator[Trial]:
+    """What may be one pair near an axis: all modes there together, each pair of conjugates, the two real multipliers.
+
+    Of a single real multiplier, it and a second one.
+    """
+    entries, omega = solution.entries, solution.entries.fundamental
+    halves = np.rint(2.0 * entries.exponents.imag / omega + 2.0 * entries.offsets).astype(np.int64)
+    members = [place for place in _near(solution) if halves[place] % 2 == axis]
+    reals = [place for place in members if entries.real[place]]
+    groups = [members] if 2 * len(members) - len(reals) > 2 else []
+    groups += [[place] for place in members if place not in reals]
+    if len(reals) <= 2 and not (entries.even & (halves % 2 == axis)).any():
+        groups += [reals] if reals else []
+    for places in groups:
+        decays = entries.exponents[places].real
+        half, mean, square = int(halves[places[0]]), float(decays.mean()), 0.25 * float(np.ptp(decays)) ** 2
+        if len(places) == 1 and not entries.real[places[0]]:
+            square = -((float(entries.exponents[places[0]].imag) - 0.5 * half * omega) ** 2)
+        wider, kept = _coupled(entries, bands, places, half, mean, square)
+        single = len(places) == 1 and bool(entries.real[places[0]])
+        yield Trial(tuple(places), _narrow(wider) if single else wider, kept)
+
+
+def _near(solution: Solution) -> list[int]:
+    """The places of real multipliers, and of pairs of conjugates that share their lines."""
+    entries, omega = solution.entries, solution.entries.fundamental
+    std, first = np.sqrt(np.maximum(np.diag(solution.covariance()), 0.0)), int(entries.leading.sum())
+    turns, found = np.flatnonzero(~entries.fixed & ~entries.real), []
+    for entry in np.flatnonzero(~entries.fixed & (entries.factors == PLAIN)):
+        value = entries.exponents[entry]
+        off = value.imag - 0.5 * omega * round(2.0 * value.imag / omega)
+        own = 0.0 if entries.real[entry] else std[first + int(np.searchsorted(turns, entry))]
+        if entries.real[entry] or abs(off) < BESIDE * max(abs(value.real), own):
+            found.append(int(entry))
+    return found
+
+
+def _coupled(
+    entries: ModeParameters, bands: Integers, places: list[int], half: int, mean: float, square: float
+) -> tuple[ModeParameters, Integers]:
+    """The entries with an even and an odd one behind the others, as wide as those that they stand for."""
+    rest = [k for k in range(len(entries.exponents)) if k not in places]
+    fitted, kept = (_turns(entries, own, places) for own in (entries.bands, bands))
+    low = -(half // 2) - half % 2
+    ends = [(low, int(np.floor(turn - 0.5 * half))) for turn in (fitted, kept)]
+    found = entries.picked(rest)
+    for factor in (EVEN, ODD):
+        one = ModeParameters.made([mean], [ends[0]], entries.fundamental, real=True, offsets=0.5 * half, factor=factor)
+        found = found.joined(replace(one, squares=np.array([square])))
+    return found, np.concatenate([bands[rest], [ends[1]] * 2])
+
+
+def _turns(entries: ModeParameters, bands: Integers, places: list[int]) -> float:
+    """The highest turn a period that modes near an axis have."""
+    halves = np.rint(2.0 * entries.exponents.imag / entries.fundamental + 2.0 * entries.offsets)
+    return float(max(np.abs(bands[place] + 0.5 * halves[place]).max() for place in places))
+
+
+def _single(state: State) -> State | None:
+    """The fit with one real multiplier for the last pair near an axis; None where noise does not explain the rest.
+
+    Asked of the strongest harmonics, too: many weak ones would hide what a second multiplier does to the first.
+    """
+    entries = state.solution.entries
+    fewer = entries.picked(range(len(entries.exponents) - 1))
+    last = np.arange(len(fewer.exponents)) == len(fewer.exponents) - 1
+    factors, squares = np.where(last, PLAIN, fewer.factors), np.where(last, 0.0, fewer.all_squares)
+    root = np.sqrt(max(float(entries.all_squares[-1]), 0.0))
+    for move in (0.0,) if root == 0.0 else (root, -root):
+        trial = replace(fewer, factors=factors, squares=squares, exponents=fewer.exponents + last * move)
+        found = _solved(state, trial)
+        if found is None or _needed(state, entries, state.solution.cost, found):
+            continue
+        narrow = _solved(state, _narrow(entries))
+        if narrow is None or not _needed(state, narrow.entries, narrow.cost, found):
+            return state.with_fit(found)
+    return None
+
+
+def _as_wide(entries: ModeParameters) -> ModeParameters:
+    """The entries with the last, odd one as wide as the even one before it."""
+    bands = entries.bands.copy()
+    bands[-1] = bands[-2]
+    return replace(entries, bands=bands)
+
+
+def _narrow(entries: ModeParameters) -> ModeParameters:
+    """The entries with the lowest turn alone in the last, odd one."""
+    bands = entries.bands.copy()
+    bands[-1, 1] = -(int(entries.half_turns[-1]) // 2) if entries.half_turns[-1] % 2 == 0 else bands[-1, 0] + 1
+    return replace(entries, bands=bands)
+
+
+def read_apart(result: SearchResult) -> SearchResult:
+    """The result with ordinary modes at the exponents of its pairs near an axis, behind all other entries."""
+    state, bands = State(result.blocks, result.solution), result.bands
+    entries = state.solution.entries
+    if not entries.even.any():
+        return result
+    covariance, omega = state.solution.covariance(), entries.fundamental
+    leading, even = np.flatnonzero(entries.leading), np.flatnonzero(entries.even)
+    first = len(leading) + int((~entries.fixed & ~entries.real).sum())
+    rest = np.flatnonzero(~np.isin(entries.factors, (EVEN, ODD)))
+    found, kept = replace(entries.picked(rest), squares=None), [*bands[rest]]
+    as_read, apart = {}, {}
+    for number, place in enumerate(even):
+        own = [int(np.searchsorted(leading, place)), first + number]
+        pair, half = covariance[np.ix_(own, own)], int(entries.half_turns[place])
+        mean, square = float(entries.exponents[place].real), float(entries.all_squares[place])
+        std = float(np.sqrt(pair[1, 1]))
+        _, deviations = readings(mean, square, pair, half, omega)
+        if abs(square) < WITHIN * std:
+            apart[len(found.exponents)] = float(np.sqrt(abs(square) + WITHIN * std))
+        square = square if abs(square) > OFF * std else float(np.copysign(OFF * std, square))
+        as_read |= {len(found.exponents) + k: complex(own) for k, own in enumerate(deviations[: 1 + (square > 0.0)])}
+        ends = np.stack([entries.bands[place], bands[place]])
+        modes, ends = _ordinary(mean, square, half, omega, ends)
+        kept += [ends] * len(modes.exponents)
+        found = found.joined(modes)
+    solution = replace(state.linearise(found), further=_moved(result.solution.further, entries, found, rest))
+    kept = np.array(kept, np.int64).reshape(-1, 2)
+    return replace(result, solution=solution, bands=kept, as_read=as_read, apart=apart)
+
+
+def _ordinary(mean: float, square: float, half: int, omega: float, bands: Integers) -> tuple[ModeParameters, Integers]:
+    """Two real multipliers, or a pair, of a mean and squared half-difference, and the band to report.
+
+    `bands` are that of the fit and that to report (2, 2).
+    """
+    root = np.sqrt(abs(square))
+    if square > 0.0:
+        values = [mean + root, mean - root]
+        return ModeParameters.made(values, [bands[0]] * 2, omega, real=True, offsets=0.5 * half), bands[1]
+    whole = np.stack([-half - bands[:, 1], bands[:, 1]], axis=1)
+    return ModeParameters.made([mean + 1j * (root + 0.5 * half * omega)], [whole[0]], omega), whole[1]
+
+
+def _moved(further: Floats | None, old: ModeParameters, new: ModeParameters, rest: Integers) -> Floats | None:
+    """Additions to variances by the parameters of other entries: `rest` of the old ones are the first of the new."""
+    if further is None:
+        return None
+    found = np.zeros(len(new.ties()))
+    decays, turns = ([mask(own) for own in (old, new)] for mask in (_leading, _turning))
+    for (of, to), first in ((decays, (0, 0)), (turns, [int(own.sum()) for own in decays])):
+        kept = np.flatnonzero(to[: len(rest)])
+        place = np.searchsorted(np.flatnonzero(of), rest[kept])
+        found[first[1] + np.arange(len(kept))] = further[first[0] + place]
+    return found
+
+
+def _leading(entries: ModeParameters) -> Mask:
+    return entries.leading
+
+
+def _turning(entries: ModeParameters) -> Mask:
+    return ~entries.fixed & ~entries.real

@@ -1,0 +1,123 @@
+"""A pair near an axis as a block: every gradient is a difference, and readings hold the truth through the edge."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from floquid.core import Channel, Provenance, readings
+from floquid.lifting import Lifted
+from floquid.lti import TimeResponses
+from floquid.periodic.least_squares import (
+    EVEN,
+    ODD,
+    GappyBlock,
+    LiftedBlock,
+    ModeParameters,
+    RecordBlock,
+    linearise,
+)
+
+PERIOD, PHASES, CYCLES = 1.3, 12, 110
+OMEGA = 2.0 * np.pi / PERIOD
+TIMES = np.arange(PHASES * CYCLES) * PERIOD / PHASES
+VALUES = np.random.default_rng(0).standard_normal((2, len(TIMES))) + 5.0 * np.exp(-0.02 * TIMES) * np.cos(1.9 * TIMES)
+SQUARES = (-1e-2, -1e-9, 0.0, 1e-9, 1e-3)
+
+
+def blocks(kind):
+    """The same samples as each kind of block has them."""
+    record = RecordBlock(times=TIMES, values=VALUES, hit=0, rows=np.arange(2), noise=np.ones(2))
+    cut = VALUES.reshape(2, CYCLES, PHASES).transpose(0, 2, 1).reshape(2 * PHASES, 1, CYCLES).copy()
+    lifted = Lifted(
+        responses=TimeResponses(values=cut, dt=PERIOD),
+        channels=(Channel(name="a"), Channel(name="b")),
+        n_phases=PHASES,
+        first_phase=0.0,
+        provenance=Provenance(),
+    )
+    constant = np.linalg.qr(np.ones((CYCLES, 1)))[0]
+    there = np.abs(np.arange(len(TIMES)) - 230) > 30
+    few = {"times": TIMES[:900], "values": VALUES[:, :900]}
+    return {
+        "lifted": LiftedBlock.all_of(lifted),
+        "lifted, a constant off": LiftedBlock.all_of(lifted, [constant]),
+        "even": (record,),
+        "few": (replace(record, **few),),
+        "by angle": (replace(record, angles=OMEGA * TIMES),),
+        "gaps": (GappyBlock.of(record, there),),
+    }[kind]
+
+
+def entries(square, half, decay, odd=(0, 2)):
+    """A pair away from any axis, and one near it."""
+    found = ModeParameters.made([-0.02 + 1.9j], [(-1, 1)], OMEGA)
+    for factor, band in ((EVEN, (0, 2)), (ODD, odd)):
+        one = ModeParameters.made([decay], [band], OMEGA, real=True, offsets=0.5 * half, factor=factor)
+        found = found.joined(replace(one, squares=np.array([square])))
+    return found
+
+
+KINDS = ("lifted", "lifted, a constant off", "even", "few", "by angle", "gaps")
+
+
+@pytest.mark.parametrize("half", [0, 1])
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_gradient_is_a_difference_through_the_edge(kind, half):
+    own = blocks(kind)
+    for square in SQUARES:
+        for decay, odd in ((-0.03, (0, 2)), (0.01, (0, 1))):
+            at = entries(square, half, decay, odd)
+            found = linearise(own, at)
+            for place, analytic in enumerate(found.gradient):
+                step = np.zeros(len(found.gradient))
+                size = 1e-8 if place == len(step) - 1 else 1e-6  # of q, in which the response bends far sooner
+                step[place] = size
+                ends = [linearise(own, at.moved(sign * step)).cost for sign in (1.0, -1.0)]
+                assert -(ends[0] - ends[1]) / (4.0 * size) == pytest.approx(
+                    analytic, abs=1e-5 * np.abs(found.gradient).max()
+                )
+
+
+@pytest.mark.parametrize("square", [-1e-2, 1e-2])
+def test_away_from_the_edge_it_is_a_pair_or_two_real_multipliers(square):
+    (own,) = blocks("lifted")
+    root = np.sqrt(abs(square))
+    block = linearise([own], entries(square, 1, -0.03).picked([1, 2]))
+    if square > 0:
+        plain = ModeParameters.made([-0.03 + root, -0.03 - root], [(0, 2)] * 2, OMEGA, real=True, offsets=0.5)
+    else:
+        plain = ModeParameters.made([-0.03 + 1j * (root + 0.5 * OMEGA)], [(-3, 2)], OMEGA)
+    assert block.cost == pytest.approx(linearise([own], plain).cost, rel=1e-9)
+
+
+def test_the_cost_is_smooth_through_the_edge():
+    (own,) = blocks("lifted")
+    costs = [linearise([own], entries(1e-6 * k, 0, -0.03)).cost for k in range(-3, 4)]
+    assert np.abs(np.diff(costs, 4)).max() < 1e-3 * np.abs(np.diff(costs)).max()
+
+
+@pytest.mark.parametrize("true", [-4.0, -1.0, -0.1, 0.0, 0.1, 1.0, 4.0, 30.0, -30.0])
+def test_readings_hold_the_truth_on_either_side(true):
+    """The square root has no slope at zero: q in units of its own deviation, from one side of the edge to the other."""
+    generator, sigma = np.random.default_rng(0), 0.3
+    exact = np.sqrt(complex(true)) * np.array([1.0, -1.0])
+    held, worst = [], 0.0
+    for _ in range(2000):
+        mean, square = sigma * generator.standard_normal(), true + generator.standard_normal()
+        exponents, std = readings(mean, square, np.diag([sigma**2, 1.0]), 0, 1.0)
+        errors = min((exponents - exact, exponents - exact[::-1]), key=lambda own: np.abs(own).sum())
+        pulls = np.concatenate([np.abs(errors.real) / std.real, np.abs(errors.imag) / np.maximum(std.imag, 1e-300)])
+        pulls[np.concatenate([errors.real, errors.imag]) == 0.0] = 0.0
+        held.append(pulls < 1.96)
+        worst = max(worst, pulls.max())
+    assert np.mean(held) > 0.94
+    assert worst < 4.5
+
+
+def test_one_that_is_seen_well_beside_one_that_is_not_keeps_its_deviation():
+    turn = np.array([[0.5, 0.5], [0.1, -0.1]])  # σ and q of -0.005 and -0.015 by errors of both
+    covariance = turn @ np.diag([1e-10, 1e-5]) @ turn.T
+    exponents, std = readings(-0.01, 0.005**2, covariance * np.outer([1.0, 0.05], [1.0, 0.05]), 1, OMEGA)
+    assert exponents == pytest.approx([-0.005 + 0.5j * OMEGA, -0.015 + 0.5j * OMEGA])
+    assert std.real == pytest.approx([1e-5, 1e-5**0.5], rel=1e-6)

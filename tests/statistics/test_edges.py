@@ -1,0 +1,16 @@
+"""Exponents across the edges of locks: intervals hold the truth, and nothing passes far off."""
+
+import numpy as np
+import pytest
+from benchmarks.edge.__main__ import STEPS, judged
+from benchmarks.edge.systems import FAMILIES
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("family", FAMILIES, ids=lambda own: own.name)
+def test_intervals_hold_on_both_sides_of_an_edge(family):
+    rows = [judged(family, sign * step, seed) for step in STEPS for sign in (-1.0, 1.0) for seed in range(4)]
+    assert not any(row.outcome == "refused" for row in rows)
+    assert sum(row.wrong for row in rows) <= 1
+    pulls = np.array([pull for row in rows if row.order == row.true for pull in row.pulls])
+    assert np.mean(pulls < 1.96) > 0.93
