@@ -117,7 +117,7 @@ def test_readings_hold_the_truth_on_either_side(true):
 
 def test_one_that_is_seen_well_beside_one_that_is_not_keeps_its_deviation():
     turn = np.array([[0.5, 0.5], [0.1, -0.1]])  # σ and q of -0.005 and -0.015 by errors of both
-    covariance = turn @ np.diag([1e-10, 1e-5]) @ turn.T
+    covariance = turn @ np.diag([1e-10, 1e-6]) @ turn.T
     exponents, std = readings(-0.01, 0.005**2, covariance * np.outer([1.0, 0.05], [1.0, 0.05]), 1, OMEGA)
     assert exponents == pytest.approx([-0.005 + 0.5j * OMEGA, -0.015 + 0.5j * OMEGA])
-    assert std.real == pytest.approx([1e-5, 1e-5**0.5], rel=1e-6)
+    assert std.real == pytest.approx([1e-5, 1e-3], rel=1e-6)

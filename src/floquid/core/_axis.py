@@ -13,15 +13,24 @@ NARROW, WIDE = 1.0, 4.0
 def readings(
     mean: float, square: float, covariance: Floats, half_turns: int, fundamental: float
 ) -> tuple[Complexes, Complexes]:
-    r"""Read two exponents and their deviations from their mean σ and squared half-difference q, both (2,) [1/s].
+    r"""Read two exponents and their deviations from their mean and squared half-difference, both (2,) [1/s].
 
     .. math:: \lambda = \sigma \pm \sqrt q + \tfrac{i \kappa \omega}{2}
 
     They are two real multipliers where q > 0 and a pair of conjugates about the axis where q < 0. A square root has no
     slope at zero, so its deviation is that of the interval: the largest change of it that k deviations of q make either
     way, over k, for k between 1 and 4. Where such an interval of q holds zero, both parts have a deviation, which
-    covers both kinds. Two real multipliers that are correlated less than σ and q have deviations of their own.
-    `covariance` is that of σ and q (2, 2), `half_turns` κ, `fundamental` ω [rad/s].
+    covers both kinds. Two real multipliers far apart that are correlated less than σ and q have deviations of their
+    own.
+
+    Parameters
+    ----------
+    mean, square
+        σ [1/s] and q [1/s²].
+    covariance
+        That of σ and q (2, 2).
+    half_turns, fundamental
+        κ, and ω [rad/s].
     """
     root = np.sqrt(complex(square))
     exponents = np.asarray(mean + np.array([root, -root]) + 0.5j * half_turns * fundamental, np.complex128)
@@ -36,9 +45,9 @@ def _apart(square: float, covariance: Floats) -> Floats | None:
     """Deviations of two real multipliers each for itself (2,); None where mean and difference are told better.
 
     One that is seen well beside one that is hardly seen is hardly correlated with it; its mean with that other one is
-    correlated with their difference.
+    correlated with their difference. Nearer to the edge neither is Gaussian.
     """
-    if not square > 0.0:
+    if not square > WIDE * float(np.sqrt(max(covariance[1, 1], 0.0))):
         return None
     slope = 0.5 / np.sqrt(square)
     turn = np.array([[1.0, slope], [1.0, -slope]])

@@ -17,6 +17,7 @@ from tests.contracts.likelihoods._records import CASES, Case
 from floquid.innovations import _predictor
 from floquid.inputs import _modes, input_gain
 from floquid.periodic.least_squares import GappyBlock, RecordBlock, _solver
+from floquid.periodic.least_squares._parameters import Rows
 from floquid.transfer import _modal
 
 POINTS = {"decays": Decays, "driven": Driven, "innovations": Innovations, "lines": LinePoint}
@@ -112,10 +113,17 @@ def by(value, factor: float):
     return lambda *args, **words: factor * value(*args, **words)
 
 
-TURNED = by(_solver.turned, -1.0)
+PARTS = Rows.of_coefficients
+
+
+def backwards(self, count):
+    """Places and signs, those of frequencies the other way round."""
+    place, signs = PARTS(self, count)
+    return place, np.where(self.turned[:, None], -signs, signs)
+
 
 PLANTED = {
-    "the slope by a frequency has the wrong sign": ("gradient", "decays: as", _solver, "turned", TURNED),
+    "the slope by a frequency has the wrong sign": ("gradient", "decays: as", Rows, "of_coefficients", backwards),
     "the matrix is halved": ("curvature", "decays: lifted", _solver, "_folded", by(_solver._folded, 0.5)),
     "missing samples are not taken off": ("split", "decays: with gaps", GappyBlock, "sums", RecordBlock.sums),
     "inputs drive without their harmonic": (

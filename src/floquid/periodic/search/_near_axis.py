@@ -130,6 +130,7 @@ def _near(solution: Solution) -> list[int]:
     """The places of real multipliers, and of pairs of conjugates that share their lines."""
     entries, omega = solution.entries, solution.entries.fundamental
     std, first = np.sqrt(np.maximum(np.diag(solution.covariance()), 0.0)), int(entries.leading.sum())
+    std = np.where(std < omega, std, 0.0)  # a whole fundamental stands for nothing that is known
     turns, found = np.flatnonzero(~entries.fixed & ~entries.real), []
     for entry in np.flatnonzero(~entries.fixed & (entries.factors == PLAIN)):
         value = entries.exponents[entry]
