@@ -15,7 +15,7 @@ from tests.contracts.likelihoods._point import Mode, Normal, Point
 from tests.contracts.likelihoods._records import CASES, Case
 
 from floquid.innovations import _predictor
-from floquid.inputs import _modes, input_gain
+from floquid.inputs import _states, input_gain
 from floquid.periodic.least_squares import GappyBlock, RecordBlock, _solver
 from floquid.periodic.least_squares._parameters import Rows
 from floquid.transfer import _modal
@@ -127,16 +127,16 @@ PLANTED = {
     "the matrix is halved": ("curvature", "decays: lifted", _solver, "_folded", by(_solver._folded, 0.5)),
     "missing samples are not taken off": ("split", "decays: with gaps", GappyBlock, "sums", RecordBlock.sums),
     "inputs drive without their harmonic": (
-        "branch", "driven", _modes, "input_gain", lambda exponent, turn, *rest: input_gain(exponent, 0.0, *rest)),
+        "branch", "driven", _states, "input_gain", lambda exponent, turn, *rest: input_gain(exponent, 0.0, *rest)),
     "first states fade too slowly": (
-        "split", "driven", _modes, "_begun", lambda samples, mode: np.abs(BEGUN(samples, mode)) ** 0.5),
+        "split", "driven", _states, "_begun", lambda samples, mode: np.abs(BEGUN(samples, mode)) ** 0.5),
     "harmonics of either sign are one": (
         "conjugate", "innovations", _predictor, "turning",
         lambda samples, turns, *rest: TURNING(samples, abs(turns), *rest)),
     "a derivative by differences that are too wide": ("gradient", "lines", _modal, "NUDGE", 0.1),
     "the conjugate is left out": ("conjugate", "lines", _modal, "terms_of", lambda *args: TERMS(*args)[:1]),
 }  # fmt: skip
-BEGUN, TURNING, TERMS = _modes._begun, _predictor.turning, _modal.terms_of
+BEGUN, TURNING, TERMS = _states._begun, _predictor.turning, _modal.terms_of
 
 
 @pytest.mark.parametrize("mistake", PLANTED)

@@ -23,15 +23,11 @@ def test_the_reading_of_a_normal_error_of_q_holds(square):
     assert np.mean(np.array(off) > 4.0) < 2e-3
 
 
-def test_a_reading_far_from_zero_is_that_of_first_order():
-    """With the covariance of σ and q."""
-    covariance = np.array([[0.04, 0.015], [0.015, 0.09]]) * 1e-4
-    for square in (4.0, -4.0):
-        exponents, std = readings(-0.1, square, covariance, 1, 2.0)
-        assert exponents == pytest.approx(-0.1 + 1j + np.sqrt(complex(square)) * np.array([1.0, -1.0]))
-        slope = 1.0 / (2.0 * 2.0)
-        real = covariance[0, 0] + slope**2 * covariance[1, 1] + 2.0 * slope * covariance[0, 1] * np.array([1.0, -1.0])
-        if square > 0.0:
-            assert std == pytest.approx(np.sqrt(real), rel=1e-2)
-        else:
-            assert std == pytest.approx(np.sqrt(covariance[0, 0]) + 1j * slope * np.sqrt(covariance[1, 1]), rel=1e-2)
+@pytest.mark.parametrize("square", [4.0, -4.0])
+def test_a_reading_far_from_zero_is_that_of_first_order(square):
+    """Of σ and q that are not correlated."""
+    covariance, slope = np.diag([0.04, 0.09]) * 1e-4, 1.0 / (2.0 * 2.0)
+    exponents, std = readings(-0.1, square, covariance, 1, 2.0)
+    assert exponents == pytest.approx(-0.1 + 1j + np.sqrt(complex(square)) * np.array([1.0, -1.0]))
+    own, apart = np.sqrt(np.diag(covariance)) * [1.0, slope]
+    assert std == pytest.approx(np.full(2, np.hypot(own, apart) if square > 0.0 else own + 1j * apart), rel=1e-2)
