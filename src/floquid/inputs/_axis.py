@@ -51,6 +51,8 @@ def with_blocks(
         for trial in _trials(samples, now, numbers, limits):
             rise, fewer = now.log_likelihood - trial.log_likelihood, now.n_parameters - trial.n_parameters
             one = trial.modes[-1].square is None  # the other is below noise, or it is needed
+            if not (one or _told(samples, trial)):
+                continue
             better = not one and (trial.criterion >= now.criterion or (rise < 0.0 and _nearly_real(trial)))
             if better or noise_explains(rise, fewer):
                 return with_blocks(samples, trial, limits, tried)
@@ -147,6 +149,14 @@ def _parted(samples: Samples, now: Linearisation, spread: NDArray[np.float64]) -
         if len(found) == len(now.modes) and not any(a is not b for a, b in zip(found, now.modes, strict=True))
         else linearise(samples, [mode.scaled() for mode in found], now.direct)
     )
+
+
+def _told(samples: Samples, now: Linearisation) -> bool:
+    """True where q of the last mode, a block, is told: a pair of q less its deviation is nearest to this axis."""
+    square = now.modes[-1].square
+    assert square is not None
+    std = float(np.sqrt(covariance(samples, now)[-1, -1]))
+    return float(np.sqrt(max(-square, 0.0) + std)) < 0.25 * samples.fundamental
 
 
 def _nearly_real(now: Linearisation) -> bool:

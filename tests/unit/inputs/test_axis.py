@@ -1,10 +1,15 @@
 """Kinds of modes near an axis of real multipliers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.driven import Driven, pulls, record_of
+from tests.unit.inputs.test_states import block, samples
 
 from floquid import Record, identify_driven
+from floquid.inputs import linearise
+from floquid.inputs._axis import _told
 
 PHASES = 16
 
@@ -41,3 +46,11 @@ def test_a_frequency_of_a_constant_system_may_be_at_the_axis(seed):
     assert found.model.order == 2
     assert not found.failed
     assert pulls(system, found.model).max() < 4.0
+
+
+def test_a_block_is_told_by_its_deviation_and_its_distance_from_the_next_axis():
+    own = samples("zero")
+    near, far = (linearise(own, [block(square)]) for square in (-0.1, -4.0))
+    assert _told(own, replace(near, noise=1e-6 * near.noise))
+    assert not _told(own, replace(near, noise=1e6 * near.noise))
+    assert not _told(own, replace(far, noise=1e-6 * far.noise))
