@@ -2,7 +2,7 @@ r"""Levenberg and Marquardt's steps to the least cost, the damping by the ratio 
 
 .. math:: (M + \mu\, \mathrm{diag}\, M)\, s = g, \qquad
           \varrho = \frac{f(p) - f(p + s)}{2 g^T s - s^T M s}, \qquad
-          \mu \to \mu \max\big(\tfrac1{100},\; 1 - (2 \varrho - 1)^3\big)
+          \mu \to \mu \max\big(\tfrac13,\; 1 - (2 \varrho - 1)^3\big)
 
 A step that gains nothing doubles what the damping grows by (Nielsen 1999; Madsen, Nielsen and Tingleff 2004). A trial
 costs f alone; gradient and matrix are those of accepted points.
@@ -24,7 +24,7 @@ from floquid.fit._algebra import ROUNDING, directions, unit_scale
 START = 1e-6  # damping of the first step: all but none
 WHOLE = 1e-4  # damping after a first rejected step: below it the step would be the same
 MOST = 1e6  # damping at which a fit ends: no direction lowers the cost
-FALL = 0.01  # least factor of the damping after an accepted step: rough fits have three, and 1/3 left it in their way
+FALL = 1.0 / 3.0  # least factor of the damping after an accepted step (Nielsen 1999)
 EQUAL = 1e-12  # share of the cost by which a trial may be worse: rounding
 AT_ONCE = 1e-14  # size of a step that changes no digit of a parameter of size one
 SERVES = 0.7  # share of the expected gain above which the matrix serves for the next step, too
@@ -123,7 +123,7 @@ class Steps(Generic[Point]):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ends:
-    """When a fit ends.
+    """When a fit ends, and how fast it comes there.
 
     Parameters
     ----------
@@ -135,12 +135,15 @@ class Ends:
         The gain of a step below which it is the last.
     patience
         Such steps after which a fit ends although the whole step lets expect twice that.
+    fall
+        The least factor of the damping after an accepted step: less where a fit has few of them.
     """
 
     steps: int
     deviations: float = 0.0
     gain: float = -np.inf
     patience: int = 1
+    fall: float = FALL
 
 
 def levenberg_marquardt(start: Point, of: Steps[Point], ends: Ends) -> Point:
@@ -168,7 +171,7 @@ def levenberg_marquardt(start: Point, of: Steps[Point], ends: Ends) -> Point:
         now, growth = trial, 2.0
         gains.append(gained)
         if expected > 0.0:
-            damping *= max(FALL, 1.0 - (2.0 * min(gained / expected, 1.0) - 1.0) ** 3)
+            damping *= max(ends.fall, 1.0 - (2.0 * min(gained / expected, 1.0) - 1.0) ** 3)
         small += gained < ends.gain
         idle = gained < ends.gain and (small >= ends.patience or normal.promised(pull) <= 2.0 * ends.gain)
         still = normal.size(step) < ends.deviations or np.abs(step).max() < AT_ONCE
