@@ -51,9 +51,10 @@ def completed(
     cycles, lifted = lifted_views(fitted, shafts, settings)
     model = replace(fitted.model, provenance=lifted.provenance)
     fitted = replace(fitted, model=model)
-    if not whole and model.order >= max(hit.n_cycles for hit in cycles) - 1:
+    most = max(hit.n_cycles for hit in cycles)
+    if model.order >= (most if whole else most - 1):
         raise IdentificationError(
-            f"The record holds {max(hit.n_cycles for hit in cycles)} whole periods, too few for the {model.order} "
+            f"The record holds {most} whole periods, too few for the {model.order} "
             "poles that were found in it. Record longer, or check the period."
         )
     choice, modal = start.choice, start.modal
