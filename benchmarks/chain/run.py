@@ -85,7 +85,7 @@ class Counter:
 
 
 @contextmanager
-def counted(name: str = "linearise", module: str = "floquid.periodic.least_squares._solver") -> Iterator[Counter]:
+def counted(name: str = "eliminated", module: str = "floquid.periodic.least_squares._solver") -> Iterator[Counter]:
     """Counts the calls of a function wherever floquid's modules hold it; none are counted where it is not there."""
     counter = Counter()
     try:

@@ -55,7 +55,7 @@ CHAINS: Mapping[str, Chain] = {
     "free": Chain(
         identify=lambda case: floquid.identify(list(case.records), **case.options),
         module="floquid.periodic.least_squares._solver",
-        function="linearise",
+        function="eliminated",
     ),
     "inputs": Chain(
         identify=lambda case: floquid.identify_driven(list(case.records), **case.options),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -33,13 +34,14 @@ from floquid.periodic.least_squares import (
     shapes,
 )
 from floquid.periodic.search import (
-    Limits,
+    Bounds,
+    Point,
     SearchResult,
-    begun,
     coloured,
     evidence,
     finished,
     period_step,
+    priced,
     read_apart,
     searched,
     searched_white,
@@ -185,43 +187,49 @@ def fit(
         raise input_error("harmonics", "fit", must, f"is {harmonics}", "Ask for fewer, or sample faster.")
     nu, omega = samples.nu, samples.fundamental
     base = forced_base(forced_turns(forced, known, most, nu), omega, wanders=samples.wanders)
-    limits = Limits(
+    bounds = Bounds(
         most=most,
         modes=MOST_ENTRIES if order is None else (order + 1) // 2,
-        mode_alarm=mode_false_alarm,
-        harmonic_alarm=harmonic_false_alarm,
         forced=np.arange(1, int(min(HIGHEST, most * nu)) + 1) / nu if auto else np.zeros(0),
-        choose=harmonics is None,
-        width=harmonics or 0,
-        floor=noise_floor,
-        steady=order is None,
+        width=harmonics,
+        search=search,
         angle_std=angle_std(clocks, records),
     )
     begin = forced_entries([], omega) if start is None else replace(start, fundamental=omega)
     if harmonics is not None:
         begin = replace(begin, bands=np.tile([-harmonics, harmonics], (len(begin.exponents), 1)))
-    # What poles with free residues left of lifted responses is their noise: groups that start narrow leave far more.
-    noisy = search and lifted is not None and all((own.noise > QUIET * own.largest).all() for own in samples.search)
-    state = begun(samples.search, begin if samples.projected else base.joined(begin), limits, noisy=noisy)
     report("fitting the samples")
     taps = None if lifted is None else lifted.whitening
+    price_of = partial(priced, floor=noise_floor, mode_alarm=mode_false_alarm, harmonic_alarm=harmonic_false_alarm)
     if search and not isinstance(samples.final[0], LiftedBlock):
-        state, taps = searched_white(state, limits, report)
-        samples = replace(samples, search=state.blocks, final=state.blocks)
+        point, taps = searched_white(samples.search, base.joined(begin), partial(price_of, base=base), bounds, report)
+        samples = replace(samples, search=point.blocks, final=point.blocks)
     else:
-        state = searched(state, limits, search, report)
+        beside = base.picked([]) if samples.projected else base
+        first = Point.at(samples.search, *price_of(samples.search, beside), beside.joined(begin))
+        point = searched(first, bounds, report)
+    endless = point.unfinished
     if samples.projected:
         # The forced response was at every phase for itself: now it has the harmonics that are there.
-        state = begun(samples.final, base.joined(state.solution.entries), limits)
-    found = finished(state, limits, search=search, free_period=free_period)
+        point = Point.at(samples.final, *price_of(samples.final, base), base.joined(point.entries))
+    found = finished(
+        point,
+        noise_floor,
+        most=most,
+        choose=harmonics is None,
+        search=search,
+        steady=order is None,
+        free_period=free_period,
+    )
     if not (~found.solution.entries.fixed).any():
         raise IdentificationError(_no_mode(found))
     if auto:
         found = without_noise(found)
     found = read_apart(found)
     _check_order(found, order)
+    endless = search and (endless or int((~found.solution.entries.fixed).sum()) >= MOST_ENTRIES)
     return _result(
-        found, records, clocks, samples, taps, free_period=free_period, noise_floor=noise_floor, search=search
+        found, records, clocks, samples, taps, free_period=free_period, noise_floor=noise_floor, endless=endless
     )
 
 
@@ -287,11 +295,11 @@ def _result(
     *,
     free_period: bool,
     noise_floor: float,
-    search: bool,
+    endless: bool,
 ) -> Fit:
     """The result of a search, as it is reported."""
     names = records[0].channels
-    colour = (coloured(found) if taps is None else ()) + (_endless(found) if search else ())
+    colour = (coloured(found) if taps is None else ()) + ((_ended(found),) if endless else ())
     try:
         model = model_of(
             found.blocks,
@@ -338,11 +346,9 @@ def _interference(found: SearchResult, channels: Sequence[Channel]) -> tuple[Fin
     return tuple(notes)
 
 
-def _endless(found: SearchResult) -> tuple[Finding, ...]:
-    """Finding that the search ended by its limit alone; empty where it did not."""
-    if int((~found.solution.entries.fixed).sum()) < MOST_ENTRIES:
-        return ()
-    return (warning("search_ended", number=MOST_ENTRIES),)
+def _ended(found: SearchResult) -> Finding:
+    """Finding that the search ended by its limits of modes or of time alone."""
+    return warning("search_ended", number=int((~found.solution.entries.fixed).sum()))
 
 
 def _most(records: Sequence[Record], period: float) -> int:

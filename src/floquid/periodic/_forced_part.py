@@ -29,7 +29,7 @@ from floquid.periodic.least_squares import (
     shapes,
     solve,
 )
-from floquid.periodic.search import SearchResult, read_apart
+from floquid.periodic.search import SearchResult, kept_with, read_apart
 from floquid.periodic.start import Known
 from floquid.sync import ShaftAngle
 
@@ -170,10 +170,7 @@ def without_noise(found: SearchResult) -> SearchResult:
     solution = linearise(found.blocks, less)
     with suppress(IdentificationError, np.linalg.LinAlgError):
         solution = solve(found.blocks, less)
-    # Fixed entries are no parameters: what was added to the variances stays with the modes.
-    places = tuple(int(kept[:entry].sum()) for entry in found.clusters)
-    solution = replace(solution, further=found.solution.further)
-    return replace(found, solution=solution, bands=found.bands[kept], clusters=places)
+    return kept_with(found, kept, solution)
 
 
 def _without_twins(found: SearchResult) -> SearchResult:
@@ -189,9 +186,7 @@ def _without_twins(found: SearchResult) -> SearchResult:
         alone = solve(found.blocks, entries.picked(np.flatnonzero(~twins)), hold=True)
         fewer = sum(len(block.rows) for block in found.blocks) * int(np.where(entries.real[twins], 1, 2).sum())
         if alone.cost - found.solution.cost < chi2_limit(fewer, KEPT):
-            places = tuple(int((~twins)[:entry].sum()) for entry in found.clusters)
-            alone = replace(alone, further=found.solution.further)
-            return replace(found, solution=alone, bands=found.bands[~twins], clusters=places)
+            return kept_with(found, ~twins, alone)
     return found
 
 

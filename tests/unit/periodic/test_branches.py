@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from floquid import AzimuthSignal, Channel, Record, identify
-from floquid.periodic.least_squares import Solution, linearise, solve
 from floquid.periodic.search import _final
 
 
@@ -40,9 +39,7 @@ def test_a_mode_is_on_the_branch_that_does_not_follow_the_speed(strongest, monke
     assert abs(found.real - exponent.real) < 4.0 * std.real
     if strongest == -1:
         return  # that is where the search begins
-    for module in ("_final", "_rounds"):
-        name = f"floquid.periodic.search.{module}.on_steady_branches"
-        monkeypatch.setattr(name, lambda state, bands: (state, bands))
+    monkeypatch.setattr("floquid.periodic.search._policies.branches", lambda point: iter(()))
     other = identify(record, validate=False).model
     gap = np.abs(other.exponents - exponent).min()
     assert other.order > 2 or gap > 4.0 * std.imag
@@ -60,35 +57,28 @@ class Reached(Exception):  # noqa: N818 - no error: the search has come as far a
     """The search is where branches are looked for."""
 
 
-def test_a_mode_that_is_held_on_the_way_to_a_branch_has_no_variance_and_is_looked_at_no_more(monkeypatch):
-    """A fit on the branch of the first mode that held the second one ended in an IndexError."""
+def test_a_mode_that_is_held_has_no_variance_of_branches(monkeypatch):
+    """A fit on another branch that held a mode ended in an IndexError."""
     _, record = synthetic(second=1.0)
     reached = []
 
-    def caught(state, bands):
-        reached.append((state, bands))
+    def caught(point):
+        reached.append(point)
         raise Reached
 
-    monkeypatch.setattr("floquid.periodic.search._rounds.on_steady_branches", caught)
+    own = _final._spread_of_branches
+    monkeypatch.setattr(_final, "_spread_of_branches", caught)
     with pytest.raises(Reached):
         identify(record, validate=False)
-    state, bands = reached[0]
-    begun = state.solution.entries
-    free, held = np.flatnonzero(~begun.fixed), []
+    (point,) = reached
+    free = np.flatnonzero(~point.entries.fixed)
     assert len(free) > 1
-
-    def holding(blocks, start, **options):
-        found = solve(blocks, start, **options)
-        if not isinstance(start, Solution) or (start.entries.bands == begun.bands).all():
-            return found
-        held.append(free[-1])
-        fixed = found.entries.fixed.copy()
-        fixed[free[-1]] = True
-        return linearise(blocks, replace(found.entries, fixed=fixed))
-
-    monkeypatch.setattr(_final, "solve", holding)
-    found = _final.on_steady_branches(state, bands)[0].solution
-    assert held
-    assert np.count_nonzero(~found.entries.fixed) == len(free) - 1
-    assert found.further.shape == found.gradient.shape
-    assert np.isfinite(found.covariance()).all()
+    whole = own(point)
+    assert whole.shape == point.solution.gradient.shape
+    for entry in free:
+        fixed = point.entries.fixed.copy()
+        fixed[entry] = True
+        held = point.with_entries(replace(point.entries, fixed=fixed))
+        further = own(held)
+        assert further.shape == held.solution.gradient.shape == (len(whole) - 2,)
+        assert np.isfinite(replace(held.solution, further=further).covariance()).all()

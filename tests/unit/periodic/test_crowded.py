@@ -11,9 +11,7 @@ from floquid import identify
 from floquid.errors import IdentificationError
 from floquid.periodic.least_squares import forced_entries
 from floquid.periodic.least_squares._record_block import RecordBlock
-from floquid.periodic.least_squares._sample_block import PLAIN
-from floquid.periodic.least_squares._solver import solve
-from floquid.periodic.search._state import Limits, State, limit_of
+from floquid.periodic.search import Bounds, Point, priced, searched
 from floquid.testing import assert_exponents_close, pair_exponents
 
 
@@ -69,14 +67,13 @@ def test_a_step_is_no_sum_of_modes():
         identify(replace(record, values=values), validate=False)
 
 
-def test_errors_of_the_angle_raise_what_a_mode_must_take_out():
+def test_errors_of_the_angle_raise_the_price_of_a_mode():
     times = np.linspace(0.0, 40.0, 2000)
     values = 3.0 * np.cos(OMEGA * times)[None] + 0.1 * np.random.default_rng(0).standard_normal((1, 2000))
-    block = RecordBlock(times=times, values=values, hit=0, rows=np.array([0]), noise=np.array([0.1]))
-    entries = forced_entries([1.0], OMEGA)
-    assert (entries.factors == PLAIN).all()
-    state = State((block,), solve((block,), entries, hold=True))
-    mode = replace(forced_entries([0.5], OMEGA), fixed=np.array([False]))
-    limits = Limits(most=3, modes=4, mode_alarm=1e-9, harmonic_alarm=1e-6, forced=np.zeros(0))
-    more = limit_of(state, mode, replace(limits, angle_std=(1e-2,))) - limit_of(state, mode, limits)
+    blocks = (RecordBlock(times=times, values=values, hit=0, rows=np.array([0]), noise=np.array([0.1])),)
+    base = forced_entries([1.0], OMEGA)
+    point = Point.at(blocks, *priced(blocks, base, 1e-12, mode_alarm=1e-9, harmonic_alarm=1e-6), base)
+    bounds = Bounds(most=3, modes=4, forced=np.zeros(0))
+    one, other = (searched(point, replace(bounds, angle_std=std)).price for std in ((), (1e-2,)))
+    more = other.mode(real=False) - one.mode(real=False)
     assert more == pytest.approx(0.5 * 2000 * (3.0 * 1e-2 / 0.1) ** 2, rel=0.02)

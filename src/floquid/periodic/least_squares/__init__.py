@@ -5,7 +5,15 @@ from floquid.periodic.least_squares._estimates import chosen_bands, estimates_of
 from floquid.periodic.least_squares._lifted_block import KeptCycles, LiftedBlock
 from floquid.periodic.least_squares._parameters import ModeParameters, forced_entries
 from floquid.periodic.least_squares._record_block import GappyBlock, RecordBlock
-from floquid.periodic.least_squares._residual import Residual, noise_left, noise_of, residuals_of, squared
+from floquid.periodic.least_squares._residual import (
+    FLOOR,
+    Residual,
+    least_noise,
+    noise_left,
+    noise_of,
+    residuals_of,
+    squared,
+)
 from floquid.periodic.least_squares._sample_block import (
     EVEN,
     ODD,
@@ -18,5 +26,15 @@ from floquid.periodic.least_squares._sample_block import (
     complex_of,
     reals_of,
 )
-from floquid.periodic.least_squares._solver import AT_REST, Solution, linearise, solve, weighted
+from floquid.periodic.least_squares._solver import (
+    ASUNDER,
+    AT_REST,
+    Linear,
+    Solution,
+    eliminated,
+    linearise,
+    normal,
+    solve,
+    weighted,
+)
 from floquid.periodic.least_squares._whitening import filtered_blocks, residual_filter, through

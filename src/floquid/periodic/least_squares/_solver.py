@@ -45,6 +45,7 @@ class Linear:
     """Linear part of one block: coefficients α Re z + β Im z (2 columns, rows), and matrices."""
 
     coefficients: Floats
+    gram: Floats  # products of the columns (2 columns, 2 columns)
     inverse: Floats  # inverse of the Gram matrix (2 columns, 2 columns); zero where a column has no sine
     mixed: Floats  # products of the columns with the functions of their derivatives (2 columns, 2 functions)
     curvature: Floats  # products of those functions, less what the columns take of them (2 functions, 2 functions)
@@ -100,9 +101,16 @@ class Solution:
 
 def linearise(blocks: Sequence[Block], entries: ModeParameters, start: tuple[Floats, ...] | None = None) -> Solution:
     """Cost, gradient and matrices of the fit at these exponents, the coefficients eliminated."""
+    return weighted(blocks, entries, eliminated(blocks, entries, start))
+
+
+def eliminated(
+    blocks: Sequence[Block], entries: ModeParameters, start: tuple[Floats, ...] | None = None
+) -> list[Linear]:
+    """Linear part of each block at these exponents."""
     columns, sines = entries.with_slopes(), entries.sines()
     first = [None] * len(blocks) if start is None else start
-    return weighted(blocks, entries, [_linear(b, columns, sines, own) for b, own in zip(blocks, first, strict=True)])
+    return [_linear(block, columns, sines, own) for block, own in zip(blocks, first, strict=True)]
 
 
 def weighted(blocks: Sequence[Block], entries: ModeParameters, linear: Sequence[Linear]) -> Solution:
@@ -166,7 +174,7 @@ def solve(
     def away(at: Solution) -> Floats:
         return np.abs(at.entries.exponents - begin.exponents) * period
 
-    steps = Steps(normal=_normal, moved=moved, limited=limited, enough=lambda at, _: bool((away(at) > FARTHEST).any()))
+    steps = Steps(normal=normal, moved=moved, limited=limited, enough=lambda at, _: bool((away(at) > FARTHEST).any()))
     while True:
         now = levenberg_marquardt(now, steps, Ends(steps=iterations, deviations=at_rest))
         gone = away(now) > FARTHEST
@@ -183,7 +191,7 @@ def solve(
         now = linearise(blocks, put_back, tuple(own.coefficients for own in now.linear))
 
 
-def _normal(at: Solution) -> Normal:
+def normal(at: Solution) -> Normal:
     """The normal equations; a parameter of which all but nothing is known stays."""
     size = np.diag(at.information)
     there = size > NOTHING * size.max(initial=0.0)
@@ -216,6 +224,7 @@ def _linear(block: Block, columns: Columns, sines: Mask, start: Floats | None) -
             break
     return Linear(
         coefficients=coefficients,
+        gram=gram,
         inverse=inverse,
         mixed=mixed,
         curvature=slopes - mixed.T @ inverse @ mixed,

@@ -29,8 +29,9 @@ from floquid.periodic.least_squares import (
     residuals_of,
     shapes,
     solve,
+    weighted,
 )
-from floquid.periodic.search import Limits, State, with_lines, without_needless
+from floquid.periodic.search import lines
 
 MOST_LINES = 60  # lines that are looked for at most, a pair counted once
 UNDAMPED = 4.0  # standard deviations within which the decay of an undamped line is zero
@@ -125,19 +126,9 @@ def find_lines(
     """
     if shortened:
         blocks = [_alive(block) for block in blocks]
-    limits = Limits(
-        most=0,
-        modes=MOST_LINES,
-        mode_alarm=false_alarm,
-        harmonic_alarm=false_alarm,
-        forced=np.zeros(0),
-        choose=False,
-        width=0,
-    )
-    state = State(tuple(blocks), linearise(blocks, beside(_fundamental(blocks))))
-    state = without_needless(with_lines(state, limits, report), limits)
-    state = state.with_fit(solve(state.blocks, state.solution, hold=True)).with_noise(limits.floor)
-    return _lines_of(state.blocks, state.solution)
+    point = lines(blocks, beside(_fundamental(blocks)), MOST_LINES, false_alarm, report)
+    noisy = with_noise_left(point.blocks, point.solution)
+    return _lines_of(noisy, solve(noisy, weighted(noisy, point.entries, point.solution.linear), hold=True))
 
 
 def lines_by(

@@ -1,10 +1,9 @@
-"""Search for modes and bands: moves decided by scores, lines of the residual, the final fit."""
+"""Search for modes and their harmonics: one objective, one list of moves, and the final fit."""
 
 from floquid.periodic.search._evidence import coloured, combinations_of, evidence
 from floquid.periodic.search._final import finished
-from floquid.periodic.search._moves import without_needless
 from floquid.periodic.search._near_axis import read_apart
-from floquid.periodic.search._new_lines import with_lines
-from floquid.periodic.search._rounds import begun, searched, searched_white
-from floquid.periodic.search._scores import period_step
-from floquid.periodic.search._state import Limits, SearchResult, State
+from floquid.periodic.search._objective import Point, Price
+from floquid.periodic.search._policies import Bounds, lines, priced, searched, searched_white
+from floquid.periodic.search._result import SearchResult, kept_with
+from floquid.periodic.search._tests import period_step

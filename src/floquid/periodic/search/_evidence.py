@@ -11,7 +11,7 @@ from floquid._arrays import Complexes, Floats, Integers
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, note, warning
 from floquid.periodic.least_squares import shapes
-from floquid.periodic.search._state import SearchResult
+from floquid.periodic.search._result import SearchResult
 
 LOUD = 2.0  # times what noise has from which on a peak that is left is a doubt
 NEAR = 0.1  # largest distance of a sum of two exponents from a third, over its decay, to be taken for it

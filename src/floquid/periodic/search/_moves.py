@@ -1,303 +1,255 @@
-"""Changes to the modes of a fit, each decided by scores of one linearisation before anything is fitted anew."""
+"""Moves from one structure to another, each with the change of J that one linearisation predicts."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
-from floquid._arrays import Integers
-from floquid.errors import IdentificationError
-from floquid.fit import chi2_limit
-from floquid.periodic.expansion import GAP
-from floquid.periodic.least_squares import ModeParameters, Solution, solve
-from floquid.periodic.search._scores import ColumnsLeft, best_cut, differences, removal_rises
-from floquid.periodic.search._state import (
-    ROUGHLY,
-    STRICT,
-    Limits,
-    State,
-    coefficients_of,
-    limit_of,
-    modes_of,
-    with_bands,
-)
+from floquid._arrays import Complexes, Floats, Integers
+from floquid.fit import inverse_root, scaled_inverse, wald_rise
+from floquid.periodic.least_squares import ModeParameters
+from floquid.periodic.search._objective import SINGULAR, Point
+from floquid.periodic.search._units import Units, wide_of
 
-REFITTED = 20.0
-"""Times the limit of noise up to which it is tried whether the others, fitted again, can do without a mode."""
-
-JOINED = 60.0  # the chi-square of the difference of two exponents up to which it is tried to take them for one mode
-
-
-def without_needless(state: State, limits: Limits) -> State:
-    """Without modes that noise explains, one after another: the cost, all others fitted again, rises by too little."""
-    refused: set[complex] = set()
-    while True:
-        entries, rises = state.solution.entries, removal_rises(state.blocks, state.solution)
-        those = np.flatnonzero(modes_of(entries))
-        bounds = {int(e): limit_of(state, entries.picked([e]), limits) for e in those}
-        ranked = sorted(those.tolist(), key=lambda e: rises[e] / bounds[e])
-        for entry in ranked:
-            if complex(entries.exponents[entry]) in refused:
-                continue
-            if rises[entry] > REFITTED * bounds[entry]:
-                less = _shared(state, entry) if limits.choose and not entries.fixed[entry] else None
-                if less is None:
-                    continue
-                state = state.with_fit(less)
-                break
-            less = _without(state, entry, bounds[entry])
-            if less is None and limits.choose and not entries.fixed[entry]:
-                less = _shared(state, entry)
-            if less is not None:
-                state = state.with_fit(less)
-                break
-            refused.add(complex(entries.exponents[entry]))
-        else:
-            return state
-
-
-def _without(state: State, entry: int, bound: float) -> Solution | None:
-    """The fit without one entry, None where the cost rises by more than the bound."""
-    residual = state.solution.entries.picked([k for k in range(len(state.solution.entries.exponents)) if k != entry])
-    now = state.linearise(residual)
-    if len(now.gradient):
-        # Where even a full step of the others does not make up for it, no fit is needed.
-        gained = float(now.gradient @ np.linalg.lstsq(now.gauss_newton, now.gradient, rcond=1e-12)[0])
-        if now.cost - 2.0 * gained > state.solution.cost + bound:
-            return None
-        with suppress(IdentificationError, np.linalg.LinAlgError):
-            now = solve(state.blocks, now, at_rest=ROUGHLY, hold=True)
-    return now if now.cost < state.solution.cost + bound else None
-
-
-def _shared(state: State, entry: int) -> Solution | None:
-    """The fit without one entry, its harmonics given to all modes that fold next to it; None where that is no better.
-
-    Where two modes share a line, what is found there by itself lies between them.
-    """
-    entries = state.solution.entries
-    if entries.real[entry] or entries.bands[entry, 1] - entries.bands[entry, 0] > 1:
-        return None
-    bands, takers = entries.bands.copy(), 0
-    for other in np.flatnonzero(~entries.fixed & ~entries.real):
-        if other == entry:
-            continue
-        sign, m, gap = differences(entries, int(other), entry) or (1, 0, np.inf)
-        ends = sign * entries.bands[entry] + m
-        apart = max(ends.min() - bands[other, 1], bands[other, 0] - ends.max())
-        if abs(gap) > abs(entries.exponents[entry].real) + abs(entries.exponents[other].real) or apart > 1:
-            continue
-        bands[other] = min(bands[other, 0], ends.min()), max(bands[other, 1], ends.max())
-        takers += 1
-    if takers < 2:
-        return None
-    trial = replace(entries, bands=bands).picked([k for k in range(len(bands)) if k != entry])
-    more = coefficients_of(trial) - coefficients_of(entries)
-    now = state.solve(trial)
-    if now is None:
-        return None
-    allowed = chi2_limit(2, STRICT) - 2.0 * state.rows * max(more, 0)
-    return now if now.cost < state.solution.cost + allowed else None
-
-
-def unshared(state: State, limits: Limits) -> State:
-    """Without harmonics at the ends of bands, on lines of a mode that folds next to it, which the others make up for.
-
-    With both fitted the exponents have gone where noise has them, and there no such harmonic can be taken away alone.
-    """
-    bound, refused = chi2_limit(2 * state.rows, STRICT), set()
-    while limits.choose:
-        entries, left = state.solution.entries, ColumnsLeft(state.blocks, state.solution)
-        columns = entries.columns()
-        for entry, side, bands in _narrower(entries):
-            own = np.flatnonzero((columns.modes == entry) & (columns.harmonics == entries.bands[entry, side]))
-            key = complex(entries.exponents[entry]), bands[entry].tobytes()
-            if left.rise(int(own[0])) > REFITTED * bound:
-                continue
-            now = None if key in refused else state.solve(replace(entries, bands=bands))
-            if now is not None and now.cost < state.solution.cost + bound:
-                state = state.with_fit(now)
-                break
-            refused.add(key)
-        else:
-            break
-    return state
-
-
-def _narrower(entries: ModeParameters) -> Iterator[tuple[int, int, Integers]]:
-    """Bands without a harmonic at one end of a mode's, on a line of one that folds next to it: mode, end and bands."""
-    free = np.flatnonzero(~entries.fixed & ~entries.real)
-    for entry in free:
-        taken: set[int] = set()
-        for other in free:
-            sign, m, gap = differences(entries, int(entry), int(other)) or (1, 0, np.inf)
-            if other != entry and abs(gap) < abs(entries.exponents[entry].real) + abs(entries.exponents[other].real):
-                ends = sign * entries.bands[other] + m
-                taken |= set(range(int(ends.min()), int(ends.max()) + 1))
-        for side in (0, 1):
-            if int(entries.bands[entry, side]) in taken and entries.bands[entry, 0] < entries.bands[entry, 1]:
-                bands = entries.bands.copy()
-                bands[entry, side] += 1 - 2 * side
-                yield int(entry), side, bands
-
-
-def joined(state: State, limits: Limits) -> State:
-    """With modes of equal exponents, whole fundamentals apart, taken for one with the harmonics of both (Wald 1943)."""
-    refused: set[tuple[complex, complex]] = set()
-    while True:
-        pairs = [p for p in _equal(state, limits) if (p.first, p.second) not in refused]
-        taken: set[int] = set()
-        chosen = [p for p in pairs if not {p.one, p.other} & taken and not taken.update({p.one, p.other})]
-        if not chosen:
-            return state
-        trials = [chosen] if len(chosen) == 1 else [chosen, *([p] for p in chosen)]
-        for several in trials:
-            found = _joined(state, several, limits)
-            if found is not None:
-                state = state.with_fit(found)
-                break
-            if len(several) == 1:
-                refused.add((several[0].first, several[0].second))
-        else:
-            return state
+REACH = 4.0  # times its price up to which it is tried whether the other modes can do without one
+FARTHEST = 0.7  # decays that the halves of a mode start apart at most: scores mislead beyond the width of a line
+REDUCED = 1e-3  # share of the price saved that bands made anew are taken to lower J by: their misfit is not predicted
+ROUNDING = 1e-7  # fundamentals within which two exponents are one, whatever their deviations
+BETTER = 9.0  # the fall of J from which on a branch is the better one, three deviations: few harmonics hardly tell
 
 
 @dataclass(frozen=True, slots=True)
-class _Pair:
-    """Two modes that may be one: `other`, conjugated for sign -1, is m fundamentals above `one`."""
+class Move:
+    """Another structure, and the change of J that is predicted."""
 
-    one: int
-    other: int
-    sign: int
-    turns: int
-    score: float
-    first: complex
-    second: complex
+    change: float
+    name: str
+    entries: ModeParameters
+    least: float = 1e-3  # the fall of J from which on it is accepted: what is less is rounding
 
 
-def _equal(state: State, limits: Limits) -> list[_Pair]:
-    """Pairs of modes whose exponents may be equal modulo the fundamental, the surest first."""
-    entries = state.solution.entries
-    free = np.flatnonzero(~entries.fixed)
-    covariance = state.solution.covariance()
-    pairs = np.flatnonzero(~entries.real[free])
-    turn = np.full(len(free), -1)
-    turn[pairs] = len(free) + np.arange(len(pairs))
-    found = []
-    for k, one in enumerate(free):
-        for j in range(k + 1, len(free)):
-            other = free[j]
-            if entries.real[one] != entries.real[other]:
+def bands(point: Point, most: int) -> Iterator[Move]:
+    """Bands of all modes at once: both ways, growth alone, shrinkage alone."""
+    wide = wide_of(point, most)
+    for grow, shrink, name in ((True, True, "bands"), (True, False, "grow"), (False, True, "shrink")):
+        change, found = Units(point, wide).stepwise(grow=grow, shrink=shrink)
+        if (found != point.entries.bands).any():
+            yield Move(change, name, replace(point.entries, bands=found))
+    # Where modes share lines, exponents follow the noise until no shared harmonic can be done without.
+    seeds = np.clip(0, *point.entries.bands.T)
+    seeds = np.where(point.entries.fixed[:, None], point.entries.bands, np.stack([seeds, seeds], axis=1))
+    _, found = Units(point, wide, seeds).stepwise(grow=True, shrink=False)
+    trial = replace(point.entries, bands=found)
+    fewer = point.price.of(trial) - point.price.of(point.entries)
+    if fewer < 0.0:
+        yield Move(REDUCED * fewer, "bands anew", trial)
+
+
+def removals(point: Point) -> Iterator[Move]:
+    """Without one mode, or without the weaker half of those that cost more than they take off."""
+    entries, weak = point.entries, []
+    for entry in np.flatnonzero(~entries.fixed | (entries.exponents != 0.0)):
+        price = point.price.of(entries.picked([entry]))
+        change = _loss(point, int(entry)) - price
+        if change < 0.0:
+            weak.append((change, int(entry)))
+        if change < (REACH - 1.0) * price:
+            yield Move(min(change, 0.05 * change), "remove", without(entries, [int(entry)]))
+    if len(weak) > 2:  # of two, half is one
+        half = sorted(weak)[: (len(weak) + 1) // 2]
+        yield Move(sum(change for change, _ in half), "remove half", without(entries, [entry for _, entry in half]))
+
+
+def shared(point: Point) -> Iterator[Move]:
+    """Without one mode, its harmonics given to all that fold next to it: it may lie between modes that share lines."""
+    entries = point.entries
+    pairs = np.flatnonzero(~entries.fixed & ~entries.real).tolist()
+    for entry in pairs:
+        found, takers = entries.bands.copy(), 0
+        for other in pairs:
+            sign, turns, gap = nearest(entries, other, entry)
+            if other == entry or gap > 1.0:
                 continue
-            sign, m, gap = differences(entries, int(one), int(other)) or (1, 0, 0j)
-            ends = sign * entries.bands[other] + m
-            if max(ends.min() - entries.bands[one, 1], entries.bands[one, 0] - ends.max()) > GAP + 1:
-                continue
-            if max(ends.max(), entries.bands[one, 1]) - min(ends.min(), entries.bands[one, 0]) > 2 * limits.most:
-                continue
-            ties = np.zeros((1 if entries.real[one] else 2, len(covariance)))
-            ties[0, [k, j]] = -1.0, 1.0
-            if not entries.real[one]:
-                ties[1, [turn[k], turn[j]]] = -1.0, sign
-            elif abs(gap.imag) > 1e-9 * entries.fundamental:
-                continue  # one turns by half a turn more
-            spread = ties @ covariance @ ties.T
-            own = np.array([gap.real, gap.imag])[: len(ties)]
-            if not (np.diag(spread) > 0.0).all():
-                continue
-            score = float(own @ np.linalg.lstsq(spread, own, rcond=1e-12)[0])
-            if score < JOINED:
-                values = complex(entries.exponents[one]), complex(entries.exponents[other])
-                found.append(_Pair(int(one), int(other), sign, m, score, *values))
-    return sorted(found, key=lambda pair: pair.score)
+            ends = sign * entries.bands[entry] + turns
+            found[other] = min(found[other, 0], ends.min()), max(found[other, 1], ends.max())
+            takers += 1
+        if takers > 1:
+            trial = without(replace(entries, bands=found), [entry])
+            yield Move(point.price.of(trial) - point.price.of(entries), "share", trial)
 
 
-def _joined(state: State, pairs: Sequence[_Pair], limits: Limits) -> Solution | None:
-    """The fit with these pairs as one mode each; None where the cost rises by more than noise explains."""
-    entries = state.solution.entries
-    exponents, bands = entries.exponents.copy(), entries.bands.copy()
-    rises = removal_rises(state.blocks, state.solution)
-    for pair in pairs:
-        one, other = pair.one, pair.other
-        ends = pair.sign * bands[other] + pair.turns
-        bands[one] = min(bands[one, 0], ends.min()), max(bands[one, 1], ends.max())
-        share = rises[other] / max(rises[one] + rises[other], 1e-300)
-        value = exponents[other] if pair.sign > 0 else exponents[other].conjugate()
-        exponents[one] += share * (value - 1j * pair.turns * entries.fundamental - exponents[one])
-    gone = {pair.other for pair in pairs}
-    kept = [k for k in range(len(exponents)) if k not in gone]
-    merged = replace(entries, exponents=exponents, bands=bands).picked(kept)
-    fewer = max(coefficients_of(entries) - coefficients_of(merged), 0)
-    bound = chi2_limit(2 * len(pairs) + state.rows * fewer, STRICT if not fewer else limits.mode_alarm)
-    now = state.solve(merged)
-    return now if now is not None and now.cost < state.solution.cost + bound else None
+def without(entries: ModeParameters, gone: list[int]) -> ModeParameters:
+    """The entries without some."""
+    return entries.picked([k for k in range(len(entries.exponents)) if k not in gone])
 
 
-def parted(state: State, limits: Limits) -> State:
-    """With modes cut in two where their lower and upper harmonics ask for different exponents, and a fit agrees."""
-    bound, refused = chi2_limit(2, STRICT), set()
-    while int((~state.solution.entries.fixed).sum()) < limits.modes:
-        entries = state.solution.entries
-        cuts = [best_cut(state.solution, int(e)) for e in np.flatnonzero(~entries.fixed & ~entries.real)]
-        cuts = [
-            c for c in cuts if c is not None and c.gain > bound and complex(entries.exponents[c.entry]) not in refused
-        ]
-        if not cuts:
-            return state
-        best = max(cuts, key=lambda cut: cut.gain)
-        now = state.solve(_cut(entries, best.entry, best.harmonic, best.moved))
-        if now is not None and state.solution.cost - now.cost > bound:
-            other = _with_beside(state, best.entry, limits)
-            ways = [now] if other is None or state.solution.cost - other.cost < _dearer(state, other) else [now, other]
-            state = state.with_fit(min(ways, key=lambda way: way.cost + 2.0 * _numbers(state, way)))
-        else:
-            refused.add(complex(entries.exponents[best.entry]))
-    return state
+def _loss(point: Point, entry: int) -> float:
+    """Rise of the misfit where a mode is taken away, the other exponents as they are."""
+    columns = np.flatnonzero(np.tile(point.entries.columns().modes == entry, 2))
+    total = 0.0
+    for block, linear, low in zip(point.blocks, point.solution.linear, point.floors, strict=True):
+        coefficients, spread = linear.coefficients[columns], linear.inverse[np.ix_(columns, columns)]
+        rise = np.sum((inverse_root(spread, SINGULAR).T @ coefficients) ** 2, axis=0)
+        level = linear.left + block.n_samples * low**2
+        total += block.n_samples * float(np.log1p(np.maximum(rise, 0.0) / level).sum())
+    return total
 
 
-def _numbers(state: State, solution: Solution) -> int:
-    """The numbers that a fit chooses."""
-    return len(solution.gradient) + state.rows * coefficients_of(solution.entries)
+def splits(point: Point) -> Iterator[Move]:
+    """A mode in two along its harmonics, by the exponents that these ask for."""
+    entries, by_column = point.entries, point.solution.by_column
+    columns, ties, n = entries.columns(), entries.ties(), len(entries.sines())
+    matrix, gradient = ties @ by_column.gauss_newton, by_column.gradient
+    left = _gain(matrix @ ties.T, ties @ gradient)[1] if len(ties) else 0.0  # what the fit itself may still gain
+    for entry in np.flatnonzero(~entries.fixed & ~entries.real):
+        own = np.flatnonzero(columns.modes == entry)
+        both = np.concatenate([own, n + own])
+        others = np.flatnonzero(~ties[:, both].any(axis=1))
+        inner = by_column.gauss_newton[np.ix_(both, both)]
+        price = point.price.mode(real=False)
+        for place in range(1, len(own)):
+            parts = np.zeros((4, len(both)))
+            for k, part in enumerate((slice(0, place), slice(place, len(own)))):
+                parts[2 * k, : len(own)][part] = 1.0
+                parts[2 * k + 1, len(own) :][part] = 1.0
+            mixed = matrix[others][:, both] @ parts.T
+            outer = matrix[others] @ ties[others].T
+            whole = np.block([[outer, mixed], [mixed.T, parts @ inner @ parts.T]])
+            step, gain = _gain(whole, np.concatenate([ties[others] @ gradient, parts @ gradient[both]]))
+            if gain - left > price:
+                moved = (complex(step[-4], step[-3]), complex(step[-2], step[-1]))
+                harmonic = int(columns.harmonics[own[place]])
+                yield Move(price - gain + left, "split", _cut(entries, int(entry), harmonic, moved))
 
 
-def _dearer(state: State, solution: Solution) -> float:
-    """Reduction of the cost by noise through the numbers that a fit has more."""
-    return chi2_limit(max(_numbers(state, solution) - _numbers(state, state.solution), 1), STRICT)
-
-
-def _with_beside(state: State, entry: int, limits: Limits) -> Solution | None:
-    """The fit with the lines of one mode and of those that fold next to it given to all; None where there is no other.
-
-    Where one of two modes lacks a harmonic on a line that both have, the other one seems to be several.
-    """
-    entries, bands = state.solution.entries, state.solution.entries.bands.copy()
-    for other in np.flatnonzero(~entries.fixed & ~entries.real):
-        sign, m, gap = differences(entries, entry, int(other)) or (1, 0, np.inf)
-        if other == entry or abs(gap) > abs(entries.exponents[entry].real) + abs(entries.exponents[other].real):
-            continue
-        there, back = sign * entries.bands[other] + m, sign * (entries.bands[entry] - m)
-        bands[entry] = min(bands[entry, 0], there.min()), max(bands[entry, 1], there.max())
-        bands[other] = min(bands[other, 0], back.min()), max(bands[other, 1], back.max())
-    if (bands == entries.bands).all():
-        return None
-    now = state.solve(replace(entries, bands=bands))
-    return None if now is None else with_bands(state.with_fit(now), limits).solution
+def _gain(matrix: Floats, gradient: Floats) -> tuple[Floats, float]:
+    """A Gauss-Newton step, and what it takes off the misfit."""
+    step = scaled_inverse(matrix, SINGULAR) @ gradient
+    return step, float(step @ gradient)
 
 
 def _cut(entries: ModeParameters, entry: int, harmonic: int, moved: tuple[complex, complex]) -> ModeParameters:
     """The entries with one in two parts, below a harmonic and from it on, each about its middle."""
-    limit, omega = 0.5 * abs(entries.exponents[entry].real), entries.fundamental
-    low, high = entries.bands[entry]
-    parts = []
+    omega, (low, high) = entries.fundamental, entries.bands[entry]
+    limit = FARTHEST * abs(entries.exponents[entry].real) + 1e-3 * omega / (2.0 * np.pi)
+    rest, parts = without(entries, [entry]), []
     for (first, last), step in zip(((low, harmonic - 1), (harmonic, high)), moved, strict=True):
         middle = int(np.clip(0, first, last))
         value = entries.exponents[entry] + step * min(1.0, limit / max(abs(step), 1e-300)) + 1j * middle * omega
-        ends = np.array([first - middle, last - middle])
-        if value.imag < 0.0:
-            value, ends = value.conjugate(), -ends[::-1]
-        parts.append((value, ends))
-    residual = entries.picked([k for k in range(len(entries.exponents)) if k != entry])
-    return residual.joined(ModeParameters.made([value for value, _ in parts], [ends for _, ends in parts], omega))
+        parts.append((value, (first - middle, last - middle)))
+    return rest.joined(ModeParameters.made([value for value, _ in parts], [ends for _, ends in parts], omega))
+
+
+def merges(point: Point, most: int) -> Iterator[Move]:
+    """Two modes as one where their exponents agree modulo the fundamental (Wald 1943); all disjoint ones at once."""
+    entries, found = point.entries, []
+    free = np.flatnonzero(~entries.fixed)
+    if len(free) < 2:  # a pair
+        return
+    covariance = scaled_inverse(point.solution.information, SINGULAR)
+    place = _places(entries)
+    for one, two in combinations(free.tolist(), 2):
+        if entries.real[one] != entries.real[two] or entries.offsets[one] != entries.offsets[two]:
+            continue
+        for sign in (1, -1) if not entries.real[one] else (1,):
+            turns, gap = difference(entries, one, two, sign)
+            ties = np.zeros((len(place[one]), len(covariance)))
+            for k, (a, b) in enumerate(zip(place[one], place[two], strict=True)):
+                ties[k, a], ties[k, b] = -1.0, (1.0, float(sign))[k]
+            parts = np.array([gap.real, gap.imag])[: len(ties)]
+            score = wald_rise(parts, ties @ covariance @ ties.T)
+            # Without noise, deviations are smaller than what rounding moves exponents by.
+            score = 0.0 if abs(gap) < ROUNDING * entries.fundamental else score
+            merged = _merged(entries, one, two, sign, turns)
+            if np.ptp(merged.bands[one]) > 2 * most:
+                continue
+            change = score + point.price.of(merged) - point.price.of(entries)
+            if change < 0.0:
+                found.append((change, one, two, sign, turns))
+                yield Move(change, "merge", merged)
+    used: set[int] = set()
+    every, total, steps = entries, 0.0, []
+    for change, one, two, sign, turns in sorted(found, key=lambda pair: pair[0]):
+        if not {one, two} & used:
+            used |= {one, two}
+            steps.append((one, two, sign, turns))
+            total += change
+    if len(steps) > 1:
+        for one, two, sign, turns in steps:
+            every = _widened(every, one, two, sign, turns)
+        yield Move(total, "merge several", without(every, [two for _, two, *_ in steps]))
+
+
+def together(point: Point) -> Point:
+    """The fit with copies of a mode as one, where that leaves but rounding: what copies take out of it is no evidence.
+
+    J falls by copies there, as what is left is not white.
+    """
+    free = np.flatnonzero(~point.entries.fixed).tolist()
+    for one, two in combinations(free, 2):
+        entries = point.entries
+        if entries.real[one] != entries.real[two] or entries.offsets[one] != entries.offsets[two]:
+            continue
+        for sign in (1, -1) if not entries.real[one] else (1,):
+            turns, gap = difference(entries, one, two, sign)
+            if abs(gap) < ROUNDING * entries.fundamental:
+                trial = point.with_entries(_merged(entries, one, two, sign, turns)).settled()
+                if trial.at_floor:
+                    return together(trial)
+    return point
+
+
+def _widened(entries: ModeParameters, one: int, two: int, sign: int, turns: int) -> ModeParameters:
+    """The entries with the band of one mode wide enough for the harmonics of another."""
+    found = entries.bands.copy()
+    ends = sign * entries.bands[two] + turns if not entries.real[one] else entries.bands[two]
+    found[one] = min(found[one, 0], ends.min()), max(found[one, 1], ends.max())
+    return replace(entries, bands=found)
+
+
+def _merged(entries: ModeParameters, one: int, two: int, sign: int, turns: int) -> ModeParameters:
+    return without(_widened(entries, one, two, sign, turns), [two])
+
+
+def difference(entries: ModeParameters, one: int, two: int, sign: int) -> tuple[int, complex]:
+    """Whole fundamentals m and what is left of λ_two = λ_one + imω, λ_two conjugated for sign -1."""
+    value = entries.exponents[two] if sign > 0 else entries.exponents[two].conjugate()
+    gap = complex(value - entries.exponents[one])
+    turns = round(gap.imag / entries.fundamental)
+    return turns, gap - 1j * turns * entries.fundamental
+
+
+def nearest(entries: ModeParameters, one: int, two: int) -> tuple[int, int, float]:
+    """Sign and whole fundamentals by which two pairs are nearest, and their distance over both decays."""
+    tried = [(sign, *difference(entries, one, two, sign)) for sign in (1, -1)]
+    sign, turns, gap = min(tried, key=lambda each: abs(each[2]))
+    return sign, turns, abs(gap) / (abs(entries.exponents[[one, two]].real).sum() + 1e-300)
+
+
+def _places(entries: ModeParameters) -> dict[int, list[int]]:
+    """The parameters of each free mode: its decay, and its frequency where it has one."""
+    free, pairs = np.flatnonzero(~entries.fixed), np.flatnonzero(~entries.fixed & ~entries.real)
+    place = {int(entry): [k] for k, entry in enumerate(free)}
+    for k, entry in enumerate(pairs):
+        place[int(entry)].append(len(free) + k)
+    return place
+
+
+def branches(point: Point) -> Iterator[Move]:
+    """Each mode with its frequency counted from another harmonic: at a speed that wanders, another response."""
+    entries = point.entries
+    for entry in np.flatnonzero(~entries.fixed & ~entries.real):
+        for turns in (-1, 1):
+            exponents, found = entries.exponents.copy(), entries.bands.copy()
+            exponents[entry] += 1j * turns * entries.fundamental
+            found[entry] -= turns
+            yield Move(0.0, "branch", replace(entries, exponents=exponents, bands=found), BETTER)
+
+
+def unfolded(entries: ModeParameters) -> Complexes:
+    """The lowest column of each mode (entries,)."""
+    low: Integers = entries.bands[:, 0]
+    return np.asarray(entries.exponents + 1j * entries.fundamental * (low + entries.offsets), np.complex128)

@@ -16,10 +16,10 @@ import numpy as np
 
 from floquid._arrays import Floats, Integers, Mask
 from floquid.core import readings
-from floquid.errors import IdentificationError
 from floquid.fit import chi2_limit
-from floquid.periodic.least_squares import EVEN, ODD, PLAIN, ModeParameters, Solution, solve
-from floquid.periodic.search._state import SearchResult, State, coefficients_of
+from floquid.periodic.least_squares import EVEN, ODD, PLAIN, ModeParameters, Solution, linearise
+from floquid.periodic.search._objective import FARTHEST, Point, carried
+from floquid.periodic.search._result import SearchResult
 
 BESIDE = 1.0
 """Distance from an axis, over the decay or its deviation, within which a pair and its conjugate share their lines."""
@@ -32,6 +32,9 @@ WITHIN = 1.96
 
 AWAY = 4.0
 """Deviations of q below zero from which on a pair is surely one of conjugates."""
+
+SETTLED = 1e-3  # the fall of the misfit below which a fit is at rest: far less than any limit of noise
+STEPS = 20  # steps of one fit
 
 OFF = 0.1
 """Deviations of q that the reported exponents have at least between them: where both are one, shapes have no limit."""
@@ -46,7 +49,7 @@ class Trial:
     bands: Integers  # bands to report (entries, 2)
 
 
-def with_axis_pairs(state: State, bands: Integers) -> tuple[State, Integers, dict[float, float]]:
+def with_axis_pairs(point: Point, bands: Integers) -> tuple[Point, Integers, dict[float, float]]:
     """The fit with each pair near an axis, and each two real multipliers of one sign, by their mean and difference.
 
     Three and more states on one axis become one such pair where noise explains what they do beyond. A single real
@@ -55,34 +58,37 @@ def with_axis_pairs(state: State, bands: Integers) -> tuple[State, Integers, dic
     """
     hidden: dict[float, float] = {}
     # Where the speed wanders, frequencies run in time and harmonics in angle: a pair and its conjugate share no lines.
-    for axis in () if any(block.wanders for block in state.blocks) else (0, 1):
+    for axis in () if point.wanders else (0, 1):
         tried: set[tuple[complex, ...]] = set()
         while True:
-            for trial in _trials(state.solution, bands, axis):
-                key = tuple(state.solution.entries.exponents[list(trial.places)].tolist())
+            for trial in _trials(point.solution, bands, axis):
+                key = tuple(point.entries.exponents[list(trial.places)].tolist())
                 if key not in tried:
                     break
             else:
                 break
             tried.add(key)
-            entries, found = state.solution.entries, _solved(state, trial.entries)
+            entries, found = point.entries, _solved(point, trial.entries)
+            states = sum(1 if entries.real[place] else 2 for place in trial.places)
+            # Where the two of a pair run away they are not told apart: one of them may do.
+            fewer = _single(point.with_entries(trial.entries)) if found is None and states == 2 else None
+            if fewer is not None:
+                point, bands = fewer, trial.bands[:-1]
             if found is None:
                 continue
-            states = sum(1 if entries.real[place] else 2 for place in trial.places)
             if states == 1:
                 place = trial.places[0]
-                if not _needed(state, found.entries, found.cost, state.solution):
-                    hidden[float(entries.offsets[place])] = _hidden(found)
+                if not _needed(found, point):
+                    hidden[float(entries.offsets[place])] = _hidden(found.solution)
                     continue
-                wide = _solved(state, _as_wide(found.entries))
-                state, bands = state.with_fit(found if wide is None else wide), trial.bands
+                wide = _solved(found, _as_wide(found.entries))
+                point, bands = found if wide is None else wide, trial.bands
                 continue
-            if states > 2 and _needed(state, entries, state.solution.cost, found):
+            if states > 2 and _needed(point, found):
                 continue
-            wider = state.with_fit(found)
-            fewer = _single(wider)
-            state, bands = (wider, trial.bands) if fewer is None else (fewer, trial.bands[:-1])
-    return state, bands, hidden
+            fewer = _single(found)
+            point, bands = (found, trial.bands) if fewer is None else (fewer, trial.bands[:-1])
+    return point, bands, hidden
 
 
 def _hidden(found: Solution) -> float:
@@ -96,19 +102,26 @@ def _square_std(found: Solution) -> float:
     return float(np.sqrt(max(found.covariance()[place, place], 0.0)))
 
 
-def _solved(state: State, trial: ModeParameters) -> Solution | None:
+def _solved(point: Point, trial: ModeParameters) -> Point | None:
     """The fit near other entries; None where one of them runs away."""
-    with suppress(IdentificationError, np.linalg.LinAlgError):
-        found = solve(state.blocks, state.linearise(trial), at_rest=1e-2, iterations=20, hold=True)
-        return found if (found.entries.fixed == trial.fixed).all() else None
+    with suppress(np.linalg.LinAlgError):
+        found = point.with_entries(trial).settled(rest=SETTLED, steps=STEPS)
+        away = np.abs(found.entries.exponents - trial.exponents) * point.period
+        return found if away.max(initial=0.0) < FARTHEST else None
     return None
 
 
-def _needed(state: State, wider: ModeParameters, cost: float, fewer: Solution) -> bool:
-    """True where noise does not explain what a fit with more numbers takes out of the cost of one with fewer."""
-    more = len(wider.ties()) - len(fewer.gradient)
-    more += state.rows * (coefficients_of(wider) - coefficients_of(fewer.entries))
-    return fewer.cost - cost > chi2_limit(max(more, 1), REAL)
+def _needed(wider: Point, fewer: Point) -> bool:
+    """True where noise does not explain what a fit with more numbers takes out of the misfit of one with fewer."""
+    more = len(wider.solution.gradient) - len(fewer.solution.gradient)
+    more += wider.price.rows * (_coefficients(wider.entries) - _coefficients(fewer.entries))
+    return fewer.misfit - wider.misfit > chi2_limit(max(more, 1), REAL)
+
+
+def _coefficients(entries: ModeParameters) -> int:
+    """Real coefficients of one channel."""
+    sines = entries.sines()
+    return len(sines) + int(sines.sum())
 
 
 def _trials(solution: Solution, bands: Integers, axis: int) -> Iterator[Trial]:
@@ -170,13 +183,13 @@ def _turns(entries: ModeParameters, bands: Integers, places: list[int]) -> float
     return float(max(np.abs(bands[place] + 0.5 * halves[place]).max() for place in places))
 
 
-def _single(state: State) -> State | None:
+def _single(point: Point) -> Point | None:
     """The fit with one real multiplier for the last pair near an axis; None where noise does not explain the rest.
 
     Asked of the strongest harmonics, too: many weak ones would hide what a second multiplier does to the first.
     """
-    entries = state.solution.entries
-    if float(entries.all_squares[-1]) < -AWAY * _square_std(state.solution):
+    entries = point.entries
+    if float(entries.all_squares[-1]) < -AWAY * _square_std(point.solution):
         return None  # surely a pair of conjugates
     fewer = entries.picked(range(len(entries.exponents) - 1))
     last = np.arange(len(fewer.exponents)) == len(fewer.exponents) - 1
@@ -184,12 +197,12 @@ def _single(state: State) -> State | None:
     root = np.sqrt(max(float(entries.all_squares[-1]), 0.0))
     for move in (0.0,) if root == 0.0 else (root, -root):
         trial = replace(fewer, factors=factors, squares=squares, exponents=fewer.exponents + last * move)
-        found = _solved(state, trial)
-        if found is None or _needed(state, entries, state.solution.cost, found):
+        found = _solved(point, trial)
+        if found is None or _needed(point, found):
             continue
-        narrow = _solved(state, _narrow(entries))
-        if narrow is None or not _needed(state, narrow.entries, narrow.cost, found):
-            return state.with_fit(found)
+        narrow = _solved(point, _narrow(entries))
+        if narrow is None or not _needed(narrow, found):
+            return found
     return None
 
 
@@ -209,11 +222,10 @@ def _narrow(entries: ModeParameters) -> ModeParameters:
 
 def read_apart(result: SearchResult) -> SearchResult:
     """The result with ordinary modes at the exponents of its pairs near an axis, behind all other entries."""
-    state, bands = State(result.blocks, result.solution), result.bands
-    entries = state.solution.entries
+    bands, entries = result.bands, result.solution.entries
     if not entries.even.any():
         return result
-    covariance, omega = state.solution.covariance(), entries.fundamental
+    covariance, omega = result.solution.covariance(), entries.fundamental
     leading, even = np.flatnonzero(entries.leading), np.flatnonzero(entries.even)
     first = len(leading) + int((~entries.fixed & ~entries.real).sum())
     rest = np.flatnonzero(~np.isin(entries.factors, (EVEN, ODD)))
@@ -234,7 +246,8 @@ def read_apart(result: SearchResult) -> SearchResult:
         modes, ends = _ordinary(mean, square, half, omega, ends)
         kept += [ends] * len(modes.exponents)
         found = found.joined(replace(modes, fixed=np.full(len(modes.exponents), held)))
-    solution = replace(state.linearise(found), further=_moved(result.solution.further, entries, found, rest))
+    solution = linearise(result.blocks, found, carried(result.solution, found))
+    solution = replace(solution, further=_moved(result.solution.further, entries, found, rest))
     kept = np.array(kept, np.int64).reshape(-1, 2)
     return replace(result, solution=solution, bands=kept, as_read=as_read, apart=apart)
 

@@ -1,0 +1,186 @@
+r"""The objective of every decision of a search, and the fit of one structure by it.
+
+.. math:: J = \sum_{c,h} N_h \ln\big(R_{c,h}/N_h + \epsilon_{c,h}^2\big) + \text{price}
+
+with R what the modes leave of a channel and hit. The noise is profiled out: no estimate of it has to settle, and fits
+with other modes can be compared. Weights N/R inside Gauss-Newton are a majorisation, so that J falls at every step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from floquid._arrays import Floats, Mask
+from floquid.fit import Ends, Normal, Steps, chi2_limit, levenberg_marquardt
+from floquid.periodic.least_squares import (
+    ASUNDER,
+    Block,
+    Linear,
+    ModeParameters,
+    Solution,
+    eliminated,
+    normal,
+    weighted,
+)
+
+LONGEST_STEP = 0.3  # the most that an exponent moves in a step [1/period]: beyond, one linearisation says nothing
+STEPS = 12  # steps of one fit: what is far from rest after so many is not near a minimum
+SINGULAR = 1e-11  # the share of the largest eigenvalue of a scaled matrix below which a direction says nothing
+HOPE = 2.0  # times the fall that a full step promises beyond which no fit goes
+FARTHEST = 0.5  # the most that a wider band may move an exponent [1/period]: beyond, the multiplier is another one
+REST = 0.1  # the fall of J below which a fit that is only compared is at rest: a deviation of a third
+NEAR = 0.02  # fundamentals within which a column starts with the coefficients of one that there was
+FASTEST = 12.0  # the decay or growth over a period, in nepers, beyond which a column is a glitch and no mode
+
+
+@dataclass(frozen=True, slots=True)
+class Price:
+    """Price of the units of a structure: the gain that noise exceeds with the probabilities that the user allows."""
+
+    mode_alarm: float  # the probability that noise passes for an exponent
+    harmonic_alarm: float  # the probability that noise passes for a harmonic, of a mode or forced
+    rows: int  # channels of all hits
+    blur: float = 0.0  # residual on one line from errors of the shaft's angle, over the noise
+
+    def mode(self, *, real: bool) -> float:
+        """Price of an exponent."""
+        return chi2_limit(1 if real else 2, self.mode_alarm) + self.blur
+
+    def harmonics(self, sines: Mask) -> Floats:
+        """Price of each column, one with a sine or one without (columns,)."""
+        both = [chi2_limit(self.rows * parts, self.harmonic_alarm) for parts in (1, 2)]
+        return np.where(sines, both[1], both[0])
+
+    def of(self, entries: ModeParameters) -> float:
+        """Price of a structure; of steady columns those of harmonics."""
+        free = ~entries.fixed
+        exponents = sum(self.mode(real=bool(real)) for real in entries.real[free])
+        return float(exponents + self.harmonics(entries.sines()).sum())
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A structure fitted to blocks: its linearisation by the weights that it leaves, and J."""
+
+    blocks: tuple[Block, ...]
+    floors: tuple[Floats, ...]  # the least noise of each block (rows,)
+    price: Price
+    solution: Solution
+    misfit: float  # J without the price
+    unfinished: bool = False  # whether the budget of time was over before J was least
+
+    @property
+    def entries(self) -> ModeParameters:
+        """The structure."""
+        return self.solution.entries
+
+    @property
+    def cost(self) -> float:
+        """J without the price: structures that are fitted do not change."""
+        return self.misfit
+
+    @property
+    def value(self) -> float:
+        """J."""
+        return self.misfit + self.price.of(self.entries)
+
+    @staticmethod
+    def at(blocks: Sequence[Block], floors: Sequence[Floats], price: Price, entries: ModeParameters) -> Point:
+        """The point of blocks at these exponents."""
+        return _weighted(tuple(blocks), tuple(floors), price, entries, eliminated(blocks, entries))
+
+    def moved(self, step: Floats) -> Point | None:
+        """After a step in the parameters; None where a column has no samples to be seen in."""
+        entries = self.entries.moved(step)
+        apart = np.sqrt(np.abs(entries.all_squares).max(initial=0.0))
+        if apart * self.period > ASUNDER or np.abs(entries.exponents.real).max(initial=0.0) * self.period > FASTEST:
+            return None
+        start = tuple(own.coefficients for own in self.solution.linear)
+        return _weighted(self.blocks, self.floors, self.price, entries, eliminated(self.blocks, entries, start))
+
+    def with_entries(self, entries: ModeParameters) -> Point:
+        """The same samples with other modes."""
+        linear = eliminated(self.blocks, entries, carried(self.solution, entries))
+        return _weighted(self.blocks, self.floors, self.price, entries, linear)
+
+    def renamed(self, entries: ModeParameters) -> Point:
+        """The same fit with entries whose columns are the same functions in the same order."""
+        return replace(self, solution=replace(self.solution, entries=entries))
+
+    @property
+    def period(self) -> float:
+        """The period [s]."""
+        return 2.0 * np.pi / self.entries.fundamental
+
+    @property
+    def at_floor(self) -> bool:
+        """True where all that is left is below the least noise: rounding, of whatever shape."""
+        return all(
+            bool((block.noise**2 < 2.0 * low**2).all()) for block, low in zip(self.blocks, self.floors, strict=True)
+        )
+
+    @property
+    def wanders(self) -> bool:
+        """True where the speed wanders."""
+        return any(block.wanders for block in self.blocks)
+
+    def settled(self, *, below: float = np.inf, steps: int = STEPS, rest: float = REST) -> Point:
+        """The least J near this point; given up where J will not come below a value."""
+
+        def enough(now: Point, gains: list[float]) -> bool:
+            # The first steps may gain little: they are not yet the rate at which J falls.
+            slow = len(gains) > 2 and now.value - (steps + 1 - len(gains)) * gains[-1] > below
+            return slow or now.value - HOPE * now.promised > below
+
+        if below < np.inf and enough(self, []):
+            return self
+        of = Steps(
+            normal=lambda now: normal(now.solution),
+            moved=Point.moved,
+            limited=_limited,
+            enough=enough if below < np.inf else None,
+        )
+        return levenberg_marquardt(self, of, Ends(steps=steps, gain=rest))
+
+    @property
+    def promised(self) -> float:
+        """The fall of J by a full step, to first order."""
+        total = sum(block.n_samples * len(block.rows) for block in self.blocks)
+        gain = normal(self.solution).promised(self.solution.gradient) / total
+        return -total * float(np.log1p(-min(gain, 0.999)))
+
+
+def _limited(now: Point, step: Floats, _normal: Normal, _damping: float) -> Floats:
+    return step * min(1.0, LONGEST_STEP / (now.entries.longest(step) + np.finfo(float).tiny))
+
+
+def carried(solution: Solution, entries: ModeParameters) -> tuple[Floats, ...]:
+    """First values of the coefficients of other entries: those of the columns of nearest rate."""
+    old, new = solution.entries.columns(), entries.columns()
+    if not (len(old.modes) and len(new.modes)):
+        return tuple(np.zeros((2 * len(new.modes), own.coefficients.shape[1])) for own in solution.linear)
+    apart = np.abs(np.subtract.outer(new.rates, old.rates))
+    apart[new.factors[new.modes][:, None] != old.factors[old.modes]] = np.inf
+    nearest = np.argmin(apart, axis=1)
+    known = apart[np.arange(len(nearest)), nearest] < NEAR * entries.fundamental
+    # Of columns that are nearest to the same one, the first has its coefficients.
+    known &= np.isin(np.arange(len(nearest)), np.unique(np.where(known, nearest, -1), return_index=True)[1])
+    place = np.concatenate([nearest, nearest + len(old.modes)])
+    return tuple(np.where(np.tile(known, 2)[:, None], own.coefficients[place], 0.0) for own in solution.linear)
+
+
+def _weighted(
+    blocks: tuple[Block, ...],
+    floors: tuple[Floats, ...],
+    price: Price,
+    entries: ModeParameters,
+    linear: Sequence[Linear],
+) -> Point:
+    """The point of coefficients, weighted by the residual."""
+    level = [part.left / b.n_samples + low**2 for b, part, low in zip(blocks, linear, floors, strict=True)]
+    blocks = tuple(block.with_noise(np.sqrt(variance)) for block, variance in zip(blocks, level, strict=True))
+    misfit = sum(b.n_samples * float(np.log(variance).sum()) for b, variance in zip(blocks, level, strict=True))
+    return Point(blocks, floors, price, weighted(blocks, entries, linear), misfit)

@@ -1,0 +1,68 @@
+"""Tests of a fit by one linearisation: equal exponents of the harmonics of a mode, and the period."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from floquid._arrays import Floats, Indices, Mask
+from floquid.fit import scaled_inverse, score_gain
+from floquid.periodic.least_squares import ModeParameters, Solution
+from floquid.periodic.search._objective import SINGULAR
+
+
+def equality(solution: Solution, entry: int, sure: Mask) -> tuple[float, int]:
+    """The chi-square of the sure harmonics of a mode having one exponent, and its degrees of freedom (Rao's test)."""
+    columns = np.flatnonzero((solution.entries.columns().modes == entry) & sure)
+    if len(columns) < 2:
+        return 0.0, 0
+    gain = _gain(solution, _parted(solution.entries, columns)) - _gain(solution, solution.entries.ties())
+    return max(gain, 0.0), 2 * (len(columns) - 1)
+
+
+def spread_of_harmonics(solution: Solution, entry: int, sure: Mask) -> tuple[float, float]:
+    r"""The weighted variance of the exponents that the sure harmonics of a mode ask for, of both parts [1/s²].
+
+    .. math:: s^2 = \sum_m w_m (\lambda_m - \bar\lambda)^2 \Big/ \sum_m w_m, \qquad w_m = 1/\operatorname{var} \lambda_m
+    """
+    columns = np.flatnonzero((solution.entries.columns().modes == entry) & sure)
+    gradient, _, information = solution.by_column.tied(_parted(solution.entries, columns))
+    inverse, count = scaled_inverse(information, SINGULAR), len(columns)
+    step, variance = inverse @ gradient, np.maximum(np.diag(inverse), 1e-300)
+    found = []
+    for part in (slice(-2 * count, -count), slice(-count, None)):
+        own, weight = step[part], 1.0 / variance[part]
+        mean = float(own @ weight / weight.sum())
+        found.append(float((own - mean) ** 2 @ weight / weight.sum()))
+    return found[0], found[1]
+
+
+def _parted(entries: ModeParameters, columns: Indices) -> Floats:
+    """The ties of the other modes, then a decay of its own for each of these columns, then a frequency."""
+    ties, count = entries.ties(), len(entries.columns().modes)
+    rows = np.eye(ties.shape[1])
+    others = ties[~ties[:, np.concatenate([columns, count + columns])].any(axis=1)]
+    return np.concatenate([others, rows[columns], rows[count + columns]])
+
+
+def _gain(solution: Solution, ties: Floats) -> float:
+    """Reduction of the cost by a Gauss-Newton step of parameters that tie columns as given."""
+    gradient, matrix, _ = solution.by_column.tied(ties)
+    return score_gain(gradient, matrix, SINGULAR)
+
+
+def period_step(solution: Solution) -> tuple[float, float] | None:
+    """(own period - T)/T by one step of the fundamental as a further parameter, and its deviation; None if untold."""
+    entries = solution.entries
+    turns, n = entries.columns().turns, len(entries.columns().modes)
+    if entries.free_period or not turns.any():
+        return None
+    ties = entries.ties()
+    turned = np.zeros((1, ties.shape[1]))
+    turned[0, n : 2 * n] = turns
+    ties = np.concatenate([ties, turned])
+    gradient, _, information = solution.by_column.tied(ties)
+    inverse = scaled_inverse(information, SINGULAR)
+    variance = float(inverse[-1, -1])
+    if not variance > 0.0 or not information[-1, -1] > 0.0:
+        return None
+    return -float(inverse[-1] @ gradient) / entries.fundamental, float(np.sqrt(variance)) / entries.fundamental
