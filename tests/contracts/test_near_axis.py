@@ -17,7 +17,7 @@ from floquid.periodic.least_squares import (
     RecordBlock,
     linearise,
 )
-from floquid.periodic.search._scores import equality
+from floquid.periodic.search._tests import equality
 
 PERIOD, PHASES, CYCLES = 1.3, 12, 110
 OMEGA = 2.0 * np.pi / PERIOD
