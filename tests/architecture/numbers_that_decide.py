@@ -6,13 +6,26 @@ Printed by `python -m tests.architecture.numbers_that_decide`.
 from __future__ import annotations
 
 import ast
+import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import floquid
 
-ROOMS = ("fit", "inputs", "innovations", "lifting", "lti", "order", "periodic", "pipeline", "sync", "transfer", "validation")
+ROOMS = (
+    "fit",
+    "inputs",
+    "innovations",
+    "lifting",
+    "lti",
+    "order",
+    "periodic",
+    "pipeline",
+    "sync",
+    "transfer",
+    "validation",
+)
 """Where it is decided what a record holds."""
 
 PLAIN = ("0", "0.0", "1", "1.0", "-1", "-1.0", "2", "2.0", "0.5")
@@ -30,7 +43,7 @@ class Number:
     name, value
         As written; a bare number in a comparison has no name.
     reason
-        The comment behind it, or the docstring below it; empty where there is none.
+        The comment behind or below it, or the docstring below it; empty where there is none.
     """
 
     place: str
@@ -57,7 +70,7 @@ def _of(name: str, text: str) -> Iterator[Number]:
                 place=f"{name}:{node.lineno}",
                 name=ast.unparse(node.targets[0]),
                 value=ast.unparse(node.value),
-                reason=_comment(lines[node.end_lineno - 1]) or _docstring(following),
+                reason=_comment(lines[node.end_lineno - 1 :]) or _docstring(following),
             )
     for node in ast.walk(ast.parse(text)):
         for value in node.comparators if isinstance(node, ast.Compare) else ():
@@ -75,8 +88,10 @@ def _is_number(node: ast.expr) -> bool:
     return isinstance(node, ast.Constant) and type(node.value) in (int, float)
 
 
-def _comment(line: str) -> str:
-    return line.partition("# ")[2].strip()
+def _comment(lines: list[str]) -> str:
+    """The comment behind the first of some lines, or alone on the one after it."""
+    below = lines[1] if len(lines) > 1 and lines[1].startswith("# ") else ""
+    return (lines[0].partition("# ")[2] or below.removeprefix("# ")).strip()
 
 
 def _docstring(node: ast.stmt | None) -> str:
@@ -86,14 +101,13 @@ def _docstring(node: ast.stmt | None) -> str:
 
 
 def main() -> None:
-    """Print them, room by room, and how many there are."""
+    """Print them, and how many each room has."""
     found = list(numbers())
-    for number in found:
-        print(f"{number.place:55} {number.name or '-':30} {number.value:20} {number.reason}")
+    lines = [f"{one.place:55} {one.name or '-':30} {one.value:20} {one.reason}" for one in found]
     for room in ROOMS:
-        own = [number for number in found if number.place.startswith(room + "/")]
-        print(f"{room:12} {sum(1 for number in own if number.name):4} named, {sum(1 for n in own if not n.name):3} bare")
-    print(f"{len(found)} in all")
+        named = [bool(number.name) for number in found if number.place.startswith(f"{room}/")]
+        lines.append(f"{room:12} {sum(named):4} named, {len(named) - sum(named):3} bare")
+    sys.stdout.write("\n".join([*lines, f"{len(found)} in all", ""]))
 
 
 if __name__ == "__main__":

@@ -8,7 +8,9 @@ def test_each_named_number_has_a_reason():
 
 
 def test_one_without_a_reason_is_found():
-    found = list(_of("room/file.py", 'A = 3\nB = 4.0  # of rounding\nC = 1e-9\n"""Of noise."""\nx = A > 0.3 or A > 0\n'))
+    found = list(
+        _of("room/file.py", 'A = 3\nB = 4.0  # of rounding\nC = 1e-9\n"""Of noise."""\nx = A > 0.3 or A > 0\n')
+    )
     assert [(one.name, one.value, one.reason) for one in found] == [
         ("A", "3", ""),
         ("B", "4.0", "of rounding"),

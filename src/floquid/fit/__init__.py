@@ -14,6 +14,8 @@ from floquid.fit._solver import Ends as Ends
 from floquid.fit._solver import Normal as Normal
 from floquid.fit._solver import Steps as Steps
 from floquid.fit._solver import levenberg_marquardt as levenberg_marquardt
+from floquid.fit._tests import DEVIATIONS as DEVIATIONS
+from floquid.fit._tests import SURE as SURE
 from floquid.fit._tests import chi2_limit as chi2_limit
 from floquid.fit._tests import schwarz as schwarz
 from floquid.fit._tests import score_gain as score_gain

@@ -9,6 +9,12 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid.fit._algebra import ROUNDING, inverse_root
 
+SURE = 1e-6
+"""The probability at which noise may pass for something that is told: of thousands of looks at a record none errs."""
+
+DEVIATIONS = 4.0
+"""Deviations within which two values may be one: normal errors are beyond once in 16,000."""
+
 
 @lru_cache(maxsize=4096)
 def chi2_limit(degrees: float, probability: float) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
-from floquid.fit import chi2_limit, inverse_root
+from floquid.fit import SURE, chi2_limit, inverse_root
 from floquid.innovations._autoregression import delayed
 from floquid.inputs import Samples
 
@@ -36,9 +36,6 @@ CLEARLY = 2.0
 OPPOSITE = -0.1
 """The correlation of the products of two records below which they are about half a period apart: noise leaves none."""
 
-ALARM = 1e-6
-"""The probability at which noise may pass for a period."""
-
 
 @dataclass(frozen=True, eq=False)
 class Repetition(Rebuilt):
@@ -53,7 +50,7 @@ class Repetition(Rebuilt):
     even, odd
         Those of the even harmonics of the period given alone, and of the odd ones.
     limit
-        What noise alone exceeds with probability `ALARM`.
+        What noise alone exceeds with probability `SURE`.
     other
         The frequency apart from the harmonics of the period given that scores clearly more than these [rad/s]; zero if
         none does.
@@ -104,7 +101,7 @@ def repetition(samples: Samples) -> Repetition:
     apart = int(np.argmax(np.where(beside, scores, 0.0)))
     own = float(scores[~beside & (harmonics > 0.5)].max())
     usual = float(np.median(scores))  # more than that of noise where its tails are long
-    enough = usual + max(chi2_limit(one, ALARM / len(scores)), CLEARLY * (own - usual))
+    enough = usual + max(chi2_limit(one, SURE / len(scores)), CLEARLY * (own - usual))
     return Repetition(
         shift=float(shifts[best]),
         resolution=FINE * step,
@@ -112,7 +109,7 @@ def repetition(samples: Samples) -> Repetition:
         given=float(both[count]),
         even=float(at(range(2, 2 * highest + 1, 2), none)[0]) if 4 * highest < per_turn else 0.0,
         odd=float(at(range(1, 2 * highest, 2), none)[0]) if 4 * highest < per_turn else np.inf,
-        limit=chi2_limit(degrees, ALARM / len(shifts)),
+        limit=chi2_limit(degrees, SURE / len(shifts)),
         other=2.0 * np.pi * apart / (padded * samples.step) if scores[apart] > enough else 0.0,
     )
 
@@ -137,7 +134,7 @@ def left_over(samples: Samples, innovations: NDArray[np.float64], frequency: flo
 
     left, past = _white(innovations), _products(samples)[1]
     score = 2.0 / samples.n_samples * np.sum(np.abs((left * np.exp(-1j * frequency * samples.times)) @ past.T) ** 2)
-    return float(chdtrc(2 * len(left) * len(past), score)) < ALARM
+    return float(chdtrc(2 * len(left) * len(past), score)) < SURE
 
 
 def turned_records(samples: Samples) -> list[int]:
@@ -152,7 +149,7 @@ def turned_records(samples: Samples) -> list[int]:
     for place in samples.records:
         both = (left[:, place] * line[place]) @ past[:, place].T * np.sqrt(2.0 / (place.stop - place.start))
         each.append(both.ravel())
-    limit = chi2_limit(2 * each[0].size, ALARM)
+    limit = chi2_limit(2 * each[0].size, SURE)
     strong = [float(np.sum(np.abs(own) ** 2)) > limit for own in each]
     for number in range(1, len(each)):
         alike = np.vdot(each[0], each[number]).real / (np.linalg.norm(each[0]) * np.linalg.norm(each[number]))

@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.fit import DEVIATIONS
 from floquid.innovations._bands import grown, narrowed
 from floquid.innovations._fewer import GONE, least, stable
 from floquid.innovations._predictor import Predictor
@@ -20,9 +21,6 @@ OFF_AXIS = 20.0
 
 NEAR = 0.05
 """The distance from the axis over the decay up to which it is tried whatever its deviation."""
-
-NEITHER = 4.0
-"""Deviations off the axis up to which a record does not tell a pair from two real multipliers."""
 
 SAME = 2.0
 """Deviations within which exponents of both kinds are the same."""
@@ -63,7 +61,7 @@ def with_real_ones(
                 if count == 2 or trial.log_likelihood >= enough:
                     trial = narrowed(samples, grown(samples, trial, limits), limits)
                 better, gained = trial.criterion > now.criterion, trial.log_likelihood - now.log_likelihood
-            near, decays = away < NEITHER * std, [own.exponent.real for own in trial.modes[-2:]] if trial else []
+            near, decays = away < DEVIATIONS * std, [own.exponent.real for own in trial.modes[-2:]] if trial else []
             alike = [abs(own - mode.exponent.real) < SAME * spread[place.start] for own in decays]
             same = bool(decays) and all(alike) and away < SAME * std
             told = gained > KIND if better else gained < -KIND and not near

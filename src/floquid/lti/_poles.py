@@ -8,7 +8,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
 
-PAIR, POSITIVE, NEGATIVE = 0, 1, -1
+PAIR, POSITIVE, NEGATIVE = 0, 1, -1  # kinds by the sign of a real multiplier
 
 FASTEST = (-3.0, 2.0)
 """Logarithms of the fastest decay and growth a sample at which a mode differs from a blow to a single sample."""

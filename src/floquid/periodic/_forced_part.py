@@ -13,7 +13,7 @@ from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Rebuilt, input_error, positive
 from floquid.core import Channel, ConstantPeriod, Record
 from floquid.errors import IdentificationError
-from floquid.fit import chi2_limit
+from floquid.fit import SURE, chi2_limit
 from floquid.periodic.least_squares import (
     PLAIN,
     SPEED,
@@ -96,7 +96,6 @@ class ForcedResponse(Rebuilt):
 
 USUAL = (1, 2)  # harmonics of the revolution that are always looked at where the forced response is to be found
 SLOW = 1.0  # nepers over the record below which a real multiplier may be taken for a steady response
-KEPT = 1e-6  # the probability at which noise may pass for a harmonic of the forced response
 
 
 def forced_turns(
@@ -159,7 +158,7 @@ def without_noise(found: SearchResult) -> SearchResult:
         value, std = both.coefficients[entry, ..., place], both.std[entry, ..., place]
         parts = [(value.real, std.real)] + ([] if entries.real[entry] else [(value.imag, std.imag)])
         score = sum(float(np.sum(np.divide(v, s, out=np.zeros_like(v), where=s > 0) ** 2)) for v, s in parts)
-        kept[entry] = score > chi2_limit(len(parts) * value.size, KEPT)
+        kept[entry] = score > chi2_limit(len(parts) * value.size, SURE)
     # What follows the speed is kept with its harmonic alone.
     plain = entries.offsets[kept & entries.fixed & (entries.factors == PLAIN)]
     follows = entries.fixed & (entries.factors > TREND) & ~entries.columns().paired
@@ -185,7 +184,7 @@ def _without_twins(found: SearchResult) -> SearchResult:
     with suppress(IdentificationError, np.linalg.LinAlgError):
         alone = solve(found.blocks, entries.picked(np.flatnonzero(~twins)), hold=True)
         fewer = sum(len(block.rows) for block in found.blocks) * int(np.where(entries.real[twins], 1, 2).sum())
-        if alone.cost - found.solution.cost < chi2_limit(fewer, KEPT):
+        if alone.cost - found.solution.cost < chi2_limit(fewer, SURE):
             return kept_with(found, ~twins, alone)
     return found
 

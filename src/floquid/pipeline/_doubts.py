@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from floquid.core import PeriodicModel, Record
 from floquid.errors import FloquidError
 from floquid.findings import Finding, warning
+from floquid.fit import DEVIATIONS
 from floquid.lifting import Lifted, largest_values
 from floquid.order import Choice
 from floquid.periodic import (
@@ -44,7 +45,6 @@ WANDERING = 5.0
 
 SAME_SHAPE = 0.95  # the squared correlation of two shapes from which on they are one
 TELLING = 3  # coefficients in a shape, at least, for it to say anything
-ROUNDED = 4.0  # deviations within which a period is a whole number of sampling intervals
 
 
 def wrong_period_lifted(model: PeriodicModel, lifted: Lifted, prepared: Prepared) -> Finding | None:
@@ -134,7 +134,7 @@ def _wrong(prepared: Prepared, period: float, relative: float, std: float) -> Fi
     own, deviation = period * (1.0 + relative), period * std
     slip = abs(relative) * max(one.n_samples for one in prepared.responses)
     whole = max(round(own * rate), 1)
-    rounded = abs(own - whole / rate) <= ROUNDED * deviation and abs(relative) >= ROUNDED * std
+    rounded = abs(own - whole / rate) <= DEVIATIONS * deviation and abs(relative) >= DEVIATIONS * std
     return warning(
         "wrong_period", own=own, std=deviation, given=period, slip=slip, rate=rate, whole=whole if rounded else 0
     )

@@ -17,8 +17,7 @@ from floquid.sync._interpolation import ACCURACY, BAND, check_options, half_widt
 FEWEST_PHASES = 8  # the fewest samples a period that are chosen from a bandwidth, where the sampling rate allows them
 _FALSE_ALARM = 1e-3  # the chance that a record of white noise alone seems to hold a response
 _LENGTHS = (256, 1024, 4096, 16384)  # samples of the stretches whose spectra are looked at
-_SMALLEST_LINE = 1e-12
-# Power, as a share of the strongest line's, below which a line is leakage or rounding and not a response.
+_SMALLEST_LINE = 1e-12  # power, as a share of the strongest line's, below which a line is leakage or rounding
 
 
 @runtime_checkable

@@ -12,6 +12,7 @@ from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid.core import PeriodicModel, Provenance
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, failure, note, texts, warning
+from floquid.fit import SURE
 from floquid.inputs import Hold, Limits, TransferFunctions, assembled, listed, near_real, sealed
 from floquid.transfer._measured import MeasuredTransfer
 from floquid.transfer._modal import Lines, Modal
@@ -19,9 +20,6 @@ from floquid.transfer._search import searched
 
 UNKNOWN = 2.0
 """Deviations of a decay from none within which it is not determined."""
-
-SURE = 1e-6
-"""The probability of χ² below which the modes do not explain G."""
 
 DOUBTFUL = 3.0
 """Deviations off the axis within which a pair may be two real multipliers."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from floquid.core import Channel
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, warning
+from floquid.fit import SURE
 from floquid.inputs import Samples
 from floquid.transfer._measured import MeasuredTransfer, measured_of
 
@@ -30,9 +31,6 @@ BESIDE = 8
 
 RINGING = 2.0
 """The variance of repeats with what rings on in it, over that without, from which on it is taken out."""
-
-SURE = 1e-6
-"""The probability at which noise may pass for something that is told."""
 
 MARGIN = 0.3
 """The share of the noise above which that is told: its own level is an estimate."""

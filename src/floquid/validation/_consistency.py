@@ -9,10 +9,10 @@ import numpy as np
 from floquid._arrays import Complexes, Floats
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, failure
+from floquid.fit import DEVIATIONS
 from floquid.reconstruction import StateModel
 
 TOLERANCE = 1e-4  # relative errors of multipliers that interpolation between the instants may make
-DEVIATIONS = 4.0  # standard deviations by which a multiplier may be another than the model's
 SMALL = 1e-6  # the share of the largest multiplier below which one is not told by integrating
 
 ACCURACY = 1e-7

@@ -11,7 +11,7 @@ from floquid import Record, identify_driven
 from floquid.fit import chi2_limit
 from floquid.inputs import Scores, bare_mode, chosen_together, samples_of, solve
 from floquid.pipeline import Settings
-from floquid.pipeline.excited._driving import SURE, _by_powers
+from floquid.pipeline.excited._driving import BENT, _by_powers
 from floquid.pipeline.excited._prepare import parted
 from floquid.pipeline.preparation import clocked
 
@@ -155,7 +155,7 @@ def test_squares_of_a_steady_response_are_no_harmonics_that_were_not_kept():
     samples = samples_of([values], [inputs], [0.0], step=step, fundamental=2.0, turns=[1.0, 2.0, 3.0, 4.0])
     bare = [bare_mode(samples, complex(system.exponents()[0]), narrow, narrow)]
     scores = Scores(samples, solve(samples, chosen_together(samples, bare, 1)), rough=False)
-    assert _by_powers(scores).max() < chi2_limit(4, SURE)
+    assert _by_powers(scores).max() < chi2_limit(4, BENT)
 
 
 @pytest.mark.first(1)

@@ -10,13 +10,13 @@ from numpy.testing import assert_allclose
 from floquid import ConstantPeriod, InputError, PeriodicModel, Record, identify, load, reconstruct, save
 from floquid.errors import IdentificationError
 from floquid.exports import summary
-from floquid.fit import filter_gain, filtered
+from floquid.fit import DEVIATIONS, filter_gain, filtered
 from floquid.periodic import line_amplitudes, refit, without_lines
 from floquid.pipeline import _validated, validated
 from floquid.systems import JeffcottRotor
 from floquid.validation import Criterion, Validation, _held_out, validate
 from floquid.validation._case import case_of
-from floquid.validation._consistency import DEVIATIONS, TOLERANCE, consistency
+from floquid.validation._consistency import TOLERANCE, consistency
 from floquid.validation._residual import colour, peaks
 from floquid.validation._validate import _power
 

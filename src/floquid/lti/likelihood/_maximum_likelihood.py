@@ -9,6 +9,7 @@ from typing import Any, ClassVar, final
 import numpy as np
 
 from floquid._arrays import Floats
+from floquid.fit import SURE
 from floquid.lti._era import Realisation, search_window
 from floquid.lti._exponentials import Fit, model_of, of_dependent_noise, polish
 from floquid.lti._factor import Factor, energetic_length, energies, factors
@@ -22,7 +23,6 @@ from floquid.lti.likelihood._select import Threshold, choose, force_order
 
 LOOKS = 4  # starts of the search, with more samples or with the noise whitened
 FIRM = 1e-3  # the share of the false-alarm probability at which a mode is beyond doubt
-DOUBTFUL = 1e-6  # the probability at which noise has the gain of a further mode that leaves the order in doubt
 AT_REST = 1e-6  # standard deviations that the last step of the poles may have
 
 
@@ -152,7 +152,7 @@ class MaximumLikelihood(AbstractIdentifier):
             gap=nearest_pair(found),
             gain=max(found.cost - more.cost, 0.0),
             gain_limit=threshold.of(size),
-            doubtful_gain=threshold.at(DOUBTFUL, size),
+            doubtful_gain=threshold.at(SURE, size),
             moved=movement(found, more.poles),
             less=None if less is None else _model(state, less, blocks, Outcome.SUCCESS),
             more=None if further is None else _model(state, more, blocks, Outcome.SUCCESS),

@@ -12,6 +12,7 @@ from floquid._checks import Rebuilt, frozen_array, input_error, positive
 from floquid.core import PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, texts, warning
+from floquid.fit import SURE
 from floquid.periodic.least_squares import Block, ModeParameters, RecordBlock, Solution, chosen_bands, noise_left, solve
 from floquid.periodic.period._fse import model_at
 from floquid.periodic.period._fundamental_candidates import Spacing, spacings_of
@@ -25,7 +26,6 @@ ROUNDS = 3  # rounds in which bands may grow
 AGREE = 6.0  # standard deviations within which the fit keeps the fundamental of the lines
 EXACT = 0.3  # share of a period within which one by modes must be known to be told from the next fraction of an orbit
 SHOWN = 8  # candidates that are reported
-HARMONIC_ALARM = 1e-6  # the probability that noise passes for a harmonic of any mode
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -285,7 +285,7 @@ def _grown(blocks: Sequence[Block], entries: ModeParameters, families: int, most
     while True:
         rounds += 1
         solution = solve(blocks, replace(entries, bands=np.where(own, entries.padded(1, most).bands, entries.bands)))
-        chosen = np.where(own, chosen_bands(blocks, solution, HARMONIC_ALARM), entries.bands)
+        chosen = np.where(own, chosen_bands(blocks, solution, SURE), entries.bands)
         low, high = np.minimum(chosen[:, 0], entries.bands[:, 0]), np.maximum(chosen[:, 1], entries.bands[:, 1])
         union = np.stack([low, high], axis=1)
         if rounds == ROUNDS or (union == entries.bands).all():

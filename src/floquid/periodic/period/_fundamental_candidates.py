@@ -8,12 +8,11 @@ from itertools import combinations
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid.fit import chi2_limit
-from floquid.periodic.period._harmonic_families import APART, Group, averaged, grouped
+from floquid.fit import DEVIATIONS, SURE, chi2_limit
+from floquid.periodic.period._harmonic_families import Group, averaged, grouped
 from floquid.periodic.period._spectral_lines import Lines
 
 PARTS = 6  # a spacing is taken for this many fundamentals at most
-ON_TONE = 4.0  # standard deviations within which a tone is a multiple of half the fundamental
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +68,7 @@ def spacings_of(lines: Lines, tones: Lines, least: float, most: float) -> list[S
 
 def _fundamentals(lines: Lines, least: float, most: float) -> tuple[Floats, Floats]:
     """Spacings of lines of equal decay and parts of these [rad/s], with their variances."""
-    n, cov, limit = len(lines.exponents), lines.covariance, chi2_limit(1, APART)
+    n, cov, limit = len(lines.exponents), lines.covariance, chi2_limit(1, SURE)
     values, variances = [], []
     for a, b in combinations(range(n), 2):
         gap = lines.exponents[a].real - lines.exponents[b].real
@@ -128,7 +127,7 @@ def _on_tones(tones: Lines, omega: float, std: float) -> tuple[float, int]:
         half = round(2.0 * value / omega)
         sigma = float(np.hypot(own, 0.5 * half * std))
         off = (value - 0.5 * half * omega) / sigma if sigma > 0.0 else np.inf
-        if half and abs(off) < ON_TONE:
+        if half and abs(off) < DEVIATIONS:
             added += max(float(np.log(0.5 * omega / (sigma * np.sqrt(2.0 * np.pi)))) - 0.5 * off**2, 0.0)
             count += 1
     return added, count

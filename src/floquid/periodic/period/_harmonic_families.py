@@ -13,12 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid._arrays import Complexes, Floats
-from floquid.fit import chi2_limit
+from floquid.fit import DEVIATIONS, SURE, chi2_limit
 from floquid.periodic.least_squares import ModeParameters
 from floquid.periodic.period._spectral_lines import Lines
-
-APART = 1e-6  # the probability at which two lines of one mode may be taken for lines of two
-ON_AXIS = 4.0  # standard deviations within which a multiplier is real
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +48,7 @@ class Average:
 
 def grouped(lines: Lines, fundamental: float, std: float = 0.0) -> list[Group]:
     """Families of lines, the strongest first: each line with the family that it is nearest to at ω ± `std` [rad/s]."""
-    limit = chi2_limit(2, APART)
+    limit = chi2_limit(2, SURE)
     groups: list[Group] = []
     for line in np.argsort(-lines.strength, kind="stable"):
         best, least = None, limit
@@ -73,7 +70,7 @@ def _half_turns(lines: Lines, line: int, fundamental: float, std: float) -> int 
     value = lines.exponents[line].imag
     half = round(2.0 * value / fundamental)
     off = abs(value - 0.5 * half * fundamental)
-    return half if off <= ON_AXIS * float(np.hypot(lines.std[line].imag, 0.5 * half * std)) else None
+    return half if off <= DEVIATIONS * float(np.hypot(lines.std[line].imag, 0.5 * half * std)) else None
 
 
 def _distance(lines: Lines, seed: int, line: int, sign: int, fundamental: float, std: float) -> tuple[int, float]:

@@ -10,11 +10,11 @@ import numpy as np
 
 from floquid._arrays import Integers
 from floquid.errors import IdentificationError
+from floquid.fit import DEVIATIONS
 from floquid.periodic.least_squares import RecordBlock, forced_entries, linearise, solve
 from floquid.periodic.period._spectral_lines import Lines, beside, with_noise_left
 
 PARTS = 12  # the highest harmonic that the lowest line of an orbit may be
-WITHIN = 4.0  # standard deviations within which a line is a multiple of the fundamental, or two decays are one
 
 RESOLVED, PEAKED = 0.02, 0.1
 """The least and the largest error of a line's frequency by what is beside it, over the resolution of the record."""
@@ -66,7 +66,7 @@ def _seen(tones: Lines, lines: Lines, least: float, most: float, duration: float
             omega = float(turns[base]) / part
             multiples = np.rint(turns / omega).astype(np.int64) if omega > 0.0 else np.zeros(len(turns), np.int64)
             off = np.abs(turns - multiples * omega) / np.hypot(sigma, multiples / part * sigma[base])
-            own = np.flatnonzero((off < WITHIN) & (multiples > 0))
+            own = np.flatnonzero((off < DEVIATIONS) & (multiples > 0))
             if len(own) < 2 or np.gcd.reduce(multiples[own]) > 1:
                 continue
             weights = 1.0 / sigma[own] ** 2
@@ -108,13 +108,16 @@ def _told_apart(lines: Lines, omega: float, duration: float) -> bool:
     """True where two lines of one decay are an odd number of fundamentals apart, one perhaps mirrored at zero."""
     values, std = lines.exponents, lines.std
     gap = np.abs(values.real[:, None] - values.real[None, :])
-    alike = (gap < WITHIN * np.hypot(std.real[:, None], std.real[None, :])) & ~np.eye(len(values), dtype=bool)
+    alike = (gap < DEVIATIONS * np.hypot(std.real[:, None], std.real[None, :])) & ~np.eye(len(values), dtype=bool)
     wide = np.hypot(np.hypot(std.imag[:, None], std.imag[None, :]), RESOLVED * 2.0 * np.pi / duration)
     for sign in (1.0, -1.0):
         turns = np.abs(values.imag[:, None] - sign * values.imag[None, :]) / omega
         odd = np.rint(turns).astype(np.int64) % 2 == 1
         if (
-            alike & odd & (np.abs(turns - np.rint(turns)) * omega < WITHIN * wide) & (WITHIN * wide < 0.1 * omega)
+            alike
+            & odd
+            & (np.abs(turns - np.rint(turns)) * omega < DEVIATIONS * wide)
+            & (DEVIATIONS * wide < 0.1 * omega)
         ).any():
             return True
     return False

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
-from floquid.fit import chi2_limit
+from floquid.fit import DEVIATIONS, SURE, chi2_limit
 from floquid.periodic.least_squares import (
     ModeParameters,
     linearise,
@@ -34,8 +34,6 @@ CROWDED = 0.15
 """The difference of two exponents, over both decays, within which lines that both have tell hardly anything apart."""
 
 CLUSTER = 1e-3  # the probability of harmonics of one exponent at which a mode is taken for several
-SURE = 1e-6  # the probability of a harmonic at which its exponent is asked for
-AXIS = 4.0  # deviations within which a decay is zero
 LASTING = 0.5  # decay over the record, in nepers, within two deviations of which a tone is steady
 
 UNTOLD = 0.5
@@ -146,7 +144,7 @@ def _without_steady(point: Point, bands: Integers) -> Point:
     free = np.flatnonzero(entries.leading)
     std = np.sqrt(np.maximum(np.diag(point.solution.covariance()), 0.0))[: len(free)]
     decay, duration = np.abs(entries.exponents[free].real), max(block.last for block in point.blocks)
-    steady = (decay < AXIS * std) & (duration * (decay + 2.0 * std) < LASTING)
+    steady = (decay < DEVIATIONS * std) & (duration * (decay + 2.0 * std) < LASTING)
     tones = free[steady & ~entries.real[free] & (bands[free, 0] == bands[free, 1])]
     if not 0 < len(tones) < len(free):
         return point

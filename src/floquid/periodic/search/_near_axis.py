@@ -16,7 +16,7 @@ import numpy as np
 
 from floquid._arrays import Floats, Integers, Mask
 from floquid.core import readings
-from floquid.fit import chi2_limit
+from floquid.fit import DEVIATIONS, chi2_limit
 from floquid.periodic.least_squares import EVEN, ODD, PLAIN, ModeParameters, Solution, linearise
 from floquid.periodic.search._objective import FARTHEST, Point, carried
 from floquid.periodic.search._result import SearchResult
@@ -29,9 +29,6 @@ REAL = 5e-3
 
 WITHIN = 1.96
 """Deviations of q within which a second multiplier may be hidden: its 95 % interval."""
-
-AWAY = 4.0
-"""Deviations of q below zero from which on a pair is surely one of conjugates."""
 
 SETTLED = 1e-3  # the fall of the misfit below which a fit is at rest: far less than any limit of noise
 STEPS = 20  # steps of one fit
@@ -189,7 +186,7 @@ def _single(point: Point) -> Point | None:
     Asked of the strongest harmonics, too: many weak ones would hide what a second multiplier does to the first.
     """
     entries = point.entries
-    if float(entries.all_squares[-1]) < -AWAY * _square_std(point.solution):
+    if float(entries.all_squares[-1]) < -DEVIATIONS * _square_std(point.solution):
         return None  # surely a pair of conjugates
     fewer = entries.picked(range(len(entries.exponents) - 1))
     last = np.arange(len(fewer.exponents)) == len(fewer.exponents) - 1

@@ -22,7 +22,7 @@ from floquid.periodic.least_squares import Block, Residual, squared
 
 DECAYS = 8  # decay rates looked at, from one over the record to `FASTEST` over a period
 FEW_DECAYS = 4  # the same where nothing is to be fitted, and a look is enough
-FASTEST = 0.7
+FASTEST = 0.7  # nepers over a period: beyond, the line of a mode is as wide as all the lines between its harmonics
 GROWTH = (2.0, 6.0)  # growth over the record of the growing exponentials looked at, as logarithms
 DIED = 8.0  # decays after which an exponential has died
 

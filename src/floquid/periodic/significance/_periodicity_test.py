@@ -11,7 +11,7 @@ from floquid._arrays import Complexes, Floats, Indices, Integers, Mask
 from floquid._checks import Rebuilt, finite, input_error
 from floquid.core import Estimates, PeriodicModel
 from floquid.findings import Finding, note, texts, warning
-from floquid.fit import covariance_root
+from floquid.fit import SURE, covariance_root
 from floquid.lifting import Lifted
 from floquid.periodic.significance._wald import holm, noncentrality, spacing_probability, wald
 
@@ -21,7 +21,6 @@ HARMONICS = (1, 2)
 LEVEL = 0.05  # the probability at which chance may pass for periodicity
 POWER = 0.95  # the probability with which what lies above a detection limit is seen
 MISPLACED = 0.01  # the probability at which harmonics may pass for modes of their own
-CLEAR = 1e-6  # the probability at which noise may pass for a harmonic whose place is looked at
 
 TWIN = 0.5
 """Least distance of a harmonic from a mode, over the sum of their decays, at which their coefficients are told apart:
@@ -299,7 +298,7 @@ def _table(part: list[tuple[float, int, float]], adjusted: Floats) -> PartialTes
 def _clear(whole: Estimates, tested: Indices) -> Indices:
     """Harmonics that clearly rise above the noise, each by itself."""
     every = np.arange(whole.blocks.shape[0])
-    found = [k for k in tested if whole.turning[k] and wald(whole, np.array([k]), every)[2] < CLEAR]
+    found = [k for k in tested if whole.turning[k] and wald(whole, np.array([k]), every)[2] < SURE]
     return np.array(found, np.intp)
 
 

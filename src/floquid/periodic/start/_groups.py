@@ -6,15 +6,13 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats
 from floquid.core import PeriodicModel
-from floquid.fit import chi2_limit
+from floquid.fit import DEVIATIONS, SURE, chi2_limit
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
 from floquid.periodic.expansion import expansion
 from floquid.periodic.least_squares import ModeParameters
 
-SEEN = 1e-6  # the probability at which noise may pass for a harmonic of a pole
 APART = 2  # harmonics of one pole that are further apart than this start as modes of their own
-EQUAL = 4.0  # deviations of their difference within which two multipliers are one
 
 OFF_AXIS = 0.05
 """The imaginary part that a real exponent starts with, over its decay: on the axis, nothing says which way it lies."""
@@ -29,7 +27,7 @@ def groups(modal: ModalModel, lifted: Lifted) -> ModeParameters:
     """
     found = expansion(modal, lifted)
     omega = 2.0 * np.pi / lifted.period
-    limit = chi2_limit(2 * found.coefficients.shape[1] * found.coefficients.shape[2], SEEN)
+    limit = chi2_limit(2 * found.coefficients.shape[1] * found.coefficients.shape[2], SURE)
     exponents, bands = [], []
     for r in found.upper:
         score = _score(found.coefficients[r], found.std[r])
@@ -66,7 +64,7 @@ def distinct_multipliers(model: PeriodicModel) -> int:
     for mode in np.flatnonzero(model.multipliers.imag >= -1e-12):
         gaps = model.exponents[kept] - model.exponents[mode]
         gaps -= 1j * model.fundamental * np.rint(gaps.imag / model.fundamental)
-        within = EQUAL * (np.hypot(std.real[kept], std.real[mode]) + 1j * np.hypot(std.imag[kept], std.imag[mode]))
+        within = DEVIATIONS * (np.hypot(std.real[kept], std.real[mode]) + 1j * np.hypot(std.imag[kept], std.imag[mode]))
         within += (1.0 + 1.0j) * 1e-12 * model.fundamental
         if not ((np.abs(gaps.real) < within.real) & (np.abs(gaps.imag) < within.imag)).any():
             kept.append(int(mode))

@@ -13,6 +13,7 @@ from floquid._checks import input_error
 from floquid.core import PeriodicModel, Provenance, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, failure, note, warning
+from floquid.fit import DEVIATIONS, SURE
 from floquid.innovations import (
     ALIKE,
     GONE,
@@ -38,7 +39,6 @@ from floquid.pipeline.excited._analysis import HELD_OUT, AmbientAnalysis, finish
 from floquid.pipeline.excited._identify import HIGHEST
 from floquid.pipeline.excited._prepare import COPY, Parted, parted, refuse_others
 from floquid.pipeline.excited._verdict import (
-    CLEAR,
     SIGNIFICANT,
     done_beside,
     needed,
@@ -55,9 +55,6 @@ OF = "identify_ambient"
 
 PREDICTABLE = 0.03
 """The share of the variance of the innovations that is predictable from those before, from which on a model fails."""
-
-SURE = 1e-6
-"""The probability at which noise may pass for something that is told."""
 
 CLEARLY = 2.0
 """The squared scores of the own period of a response over those of the one given, from which on it is told from it.
@@ -275,7 +272,7 @@ def _told(
         if which.any():
             found.append(told("ambient_slow", frequencies=hertz[which].tolist()))
     several = len(fit.samples.records) > 1  # many short ones may tell a decay
-    line = ~(own | still) & (decays * longest < 1.0) & ~(several & (shares < 1.0 / CLEAR))
+    line = ~(own | still) & (decays * longest < 1.0) & ~(several & (shares < 1.0 / DEVIATIONS))
     if line.any():
         found.append(failure("ambient_line", frequencies=hertz[line].tolist()))
     no_axis = np.array([mode.axis == 0.0 for mode in fit.at.modes])

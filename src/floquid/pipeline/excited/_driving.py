@@ -9,14 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.findings import Finding, failure, warning
-from floquid.fit import chi2_limit
+from floquid.fit import SURE, chi2_limit
 from floquid.inputs import Samples, Scores, Uncertainty, answering, gain_of, solve
 
-SURE = 1e-9
-"""The probability at which noise may pass for something that is told."""
-
-NOISE = 1e-6
-"""The probability at which noise of sensors may pass for noise that drives the system."""
+BENT = 1e-9
+"""The probability at which noise may pass for powers of the inputs: these have longer tails than noise."""
 
 HINT = 1e-3
 """The probability, were scores normal, at which it may pass for a little of such noise: six of 700 records do."""
@@ -150,7 +147,7 @@ def _others(samples: Samples) -> Iterator[tuple[tuple[int, str], Samples]]:
 def _by_noise(scores: Scores) -> float:
     """The gain by noise that drives the modes: near its limits by so many draws that these do not decide."""
     gain = scores.by_noise()
-    return scores.by_noise(MANY) if chi2_limit(1, HINT) / NEAR < gain < chi2_limit(1, NOISE) * NEAR else gain
+    return scores.by_noise(MANY) if chi2_limit(1, HINT) / NEAR < gain < chi2_limit(1, SURE) * NEAR else gain
 
 
 def _driven(gain: float) -> tuple[Finding, ...]:
@@ -158,7 +155,7 @@ def _driven(gain: float) -> tuple[Finding, ...]:
 
     Noise w on an input u acts as a force -w that nobody measured (Söderström 2007).
     """
-    limits = chi2_limit(1, HINT), chi2_limit(1, NOISE)
+    limits = chi2_limit(1, HINT), chi2_limit(1, SURE)
     if gain >= limits[1]:
         return (failure("inputs_noise", squares=gain, limit=limits[1]),)
     return (warning("inputs_some_noise", squares=gain, limit=limits[0]),) if gain >= limits[0] else ()
@@ -183,7 +180,7 @@ def _by_powers(scores: Scores) -> NDArray[np.float64]:
 
 def _nonlinear(scores: Scores, gains: NDArray[np.float64]) -> tuple[Finding, ...]:
     """Finding on squares and cubes of the response that drive the modes as inputs would."""
-    limit = chi2_limit(POWERS * len(scores.now.left), SURE / max(len(gains), 1))
+    limit = chi2_limit(POWERS * len(scores.now.left), BENT / max(len(gains), 1))
     if gains.max(initial=0.0) < limit:
         return ()
     return (failure("inputs_nonlinear", squares=float(gains.max()), limit=limit),)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from floquid.core import PeriodicModel
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, failure, note, warning
-from floquid.fit import chi2_limit, wald_rise
+from floquid.fit import DEVIATIONS, SURE, chi2_limit, wald_rise
 from floquid.innovations import Predictor, colour, turned_records
 from floquid.inputs import (
     Limits,
@@ -26,9 +26,6 @@ from floquid.inputs import (
 from floquid.pipeline.excited._analysis import HELD_OUT
 from floquid.pipeline.excited._driving import of_driving
 from floquid.pipeline.excited._prepare import Parted
-
-CLEAR = 4.0
-"""Deviations from zero from which on a harmonic is clear of noise."""
 
 SIGNIFICANT = 5.0
 """Deviations from which on the period is another one than that given."""
@@ -51,9 +48,6 @@ size of a normal number, from which the deviation is taken."""
 
 POOR = 2.0
 """Deviations that some b of an input must be from zero, or it is not known how the input reaches the modes."""
-
-REACHED = 1e-6
-"""The probability at which noise may pass for a way from the inputs to a mode."""
 
 SHAKEN, BLURRED = 0.5, 2.0
 """Shares of the variance of what is left that errors of the shaft's angle may make, and up to which a model stands."""
@@ -180,7 +174,7 @@ def _unreached(fit: Uncertainty) -> tuple[Finding, ...]:
             continue  # its scale is that of an input: that one reaches it
         index = place.start + np.cumsum(free)[rows] - 1
         spread = fit.parameters[np.ix_(index, index)]
-        if wald_rise(flat, spread) < chi2_limit(len(index), REACHED):
+        if wald_rise(flat, spread) < chi2_limit(len(index), SURE):
             half = mode.turns[0] % 1.0 if mode.real else 0.0  # of a negative multiplier
             exponent = mode.exponent + 1j * half * fit.samples.fundamental
             line = abs(exponent.real) * longest < 1.0
@@ -286,7 +280,7 @@ def _clear(model: PeriodicModel, highest: int) -> bool:
         (model.inputs.coefficients, model.inputs.coefficient_std, model.inputs.harmonics),
     ):
         ends = np.abs(turns) >= highest
-        if (np.abs(values[..., ends]) > CLEAR * np.abs(std[..., ends])).any():
+        if (np.abs(values[..., ends]) > DEVIATIONS * np.abs(std[..., ends])).any():
             return True
     return False
 
