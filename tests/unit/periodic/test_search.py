@@ -10,6 +10,7 @@ from floquid.periodic.least_squares import ModeParameters, forced_entries, recor
 from floquid.periodic.search import Bounds, Point, priced, searched
 from floquid.periodic.search._descend import key
 from floquid.periodic.search._moves import bands, merges, splits, together
+from floquid.periodic.search._near_axis import with_axis_pairs
 from floquid.periodic.search._units import Units, wide_of
 
 MOST = 6
@@ -108,3 +109,25 @@ def test_copies_of_a_mode_are_one_where_nothing_but_rounding_is_left():
     assert together(copies).entries.bands[copies.entries.fixed.sum() :].tolist() == [[-1, 1], [-1, 1]]
     noisy = point(*parts)
     assert together(noisy) is noisy
+
+
+def test_a_harmonic_in_a_gap_is_no_column():
+    entries = replace(ModeParameters.made([-0.05 + 0.02j], [(-5, 5)], OMEGA), gaps=np.array([[-3, 3]]))
+    assert entries.columns().harmonics.tolist() == [-5, -4, 4, 5]
+    both = entries.joined(ModeParameters.made([-0.05 + 2.2j], [(-1, 1)], OMEGA))
+    assert both.columns().harmonics.tolist() == [-5, -4, 4, 5, -1, 0, 1]
+    assert both.picked([1]).columns().harmonics.tolist() == [-1, 0, 1]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_modes_near_one_axis_on_lines_of_their_own_stay_modes_of_their_own(seed):
+    """One pair for both, with all lines between, was taken as simpler: it was nowhere near either."""
+    truth = [-0.05 + 0.01j, -0.2 + 5.0j * OMEGA + 0.02j]
+    found = point(truth, [(0, 1), (0, 0)], truth=truth, seed=seed).settled()
+    bands = found.entries.bands
+    near, kept, _ = with_axis_pairs(found, bands)
+    result = near.entries
+    assert len(kept) == len(result.exponents)
+    decays = np.unique(np.round(result.exponents.real, 6))
+    assert np.abs(decays[:, None] - np.real(truth)).min(axis=0).max() < 0.02
+    assert near.value < found.value + near.price.harmonics(np.ones(8, bool)).sum()

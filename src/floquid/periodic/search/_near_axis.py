@@ -109,10 +109,13 @@ def _solved(point: Point, trial: ModeParameters) -> Point | None:
 
 
 def _needed(wider: Point, fewer: Point) -> bool:
-    """True where noise does not explain what a fit with more numbers takes out of the misfit of one with fewer."""
+    """True where noise does not explain what a fit with more numbers takes out of the misfit of one with fewer.
+
+    Of two with as many numbers, the one of the lesser J.
+    """
     more = len(wider.solution.gradient) - len(fewer.solution.gradient)
     more += wider.price.rows * (_coefficients(wider.entries) - _coefficients(fewer.entries))
-    return fewer.misfit - wider.misfit > chi2_limit(max(more, 1), REAL)
+    return wider.value < fewer.value if more <= 0 else fewer.misfit - wider.misfit > chi2_limit(more, REAL)
 
 
 def _coefficients(entries: ModeParameters) -> int:
@@ -130,11 +133,13 @@ def _trials(solution: Solution, bands: Integers, axis: int) -> Iterator[Trial]:
     halves = np.rint(2.0 * entries.exponents.imag / omega + 2.0 * entries.offsets).astype(np.int64)
     members = [place for place in _near(solution) if halves[place] % 2 == axis]
     reals = [place for place in members if entries.real[place]]
-    groups = [members] if 2 * len(members) - len(reals) > 2 else []
-    if not (entries.even & (halves % 2 == axis)).any():  # two such pairs on one axis would share all their lines
-        groups += [[place] for place in members if place not in reals]
-        groups += [reals] if 0 < len(reals) <= 2 else []
-    for places in groups:
+    several = [group for group in _sharing(entries, members) if 2 * len(group) - int(entries.real[group].sum()) > 2]
+    one = [[place] for place in members if place not in reals]
+    one += [group for group in _sharing(entries, reals) if len(group) <= 2]
+    taken = np.flatnonzero(entries.even & (halves % 2 == axis)).tolist()
+    # Two such pairs on the same lines would not be told apart.
+    one = [group for group in one if not any(_share(entries, group, [place]) for place in taken)]
+    for places in several + one:
         decays = entries.exponents[places].real
         half, mean, square = int(halves[places[0]]), float(decays.mean()), 0.25 * float(np.ptp(decays)) ** 2
         if len(places) == 1 and not entries.real[places[0]]:
@@ -142,6 +147,22 @@ def _trials(solution: Solution, bands: Integers, axis: int) -> Iterator[Trial]:
         wider, kept = _coupled(entries, bands, places, half, mean, square)
         single = len(places) == 1 and bool(entries.real[places[0]])
         yield Trial(tuple(places), _narrow(wider) if single else wider, kept)
+
+
+def _sharing(entries: ModeParameters, members: list[int]) -> list[list[int]]:
+    """Modes near one axis in groups that have lines in common: one pair stands for none on lines of their own."""
+    groups: list[list[int]] = []
+    for place in members:
+        joined = [group for group in groups if _share(entries, group, [place])]
+        groups = [group for group in groups if group not in joined]
+        groups.append(sorted([place, *(one for group in joined for one in group)]))
+    return groups
+
+
+def _share(entries: ModeParameters, some: list[int], others: list[int]) -> bool:
+    """True where modes near one axis have lines in common, as far as their bands tell."""
+    (low, high), (least, most) = _turns(entries, entries.bands, some), _turns(entries, entries.bands, others)
+    return least <= high and low <= most
 
 
 def _near(solution: Solution) -> list[int]:
@@ -164,9 +185,10 @@ def _coupled(
 ) -> tuple[ModeParameters, Integers]:
     """The entries with an even and an odd one behind the others, as wide as those that they stand for."""
     rest = [k for k in range(len(entries.exponents)) if k not in places]
-    fitted, kept = (_turns(entries, own, places) for own in (entries.bands, bands))
-    low = -(half // 2) - half % 2
-    ends = [(low, int(np.floor(turn - 0.5 * half))) for turn in (fitted, kept)]
+    ends = []
+    for low, high in (_turns(entries, own, places) for own in (entries.bands, bands)):
+        first = int(np.ceil(low - 0.5 * half)) if low > 0.5 else -(half // 2) - half % 2
+        ends.append((first, int(np.floor(high - 0.5 * half))))
     found = entries.picked(rest)
     for factor in (EVEN, ODD):
         one = ModeParameters.made([mean], [ends[0]], entries.fundamental, real=True, offsets=0.5 * half, factor=factor)
@@ -174,10 +196,12 @@ def _coupled(
     return found, np.concatenate([bands[rest], [ends[1]] * 2])
 
 
-def _turns(entries: ModeParameters, bands: Integers, places: list[int]) -> float:
-    """The highest turn a period that modes near an axis have."""
+def _turns(entries: ModeParameters, bands: Integers, places: list[int]) -> tuple[float, float]:
+    """The fewest and the most turns a period that modes near an axis have, of either sign."""
     halves = np.rint(2.0 * entries.exponents.imag / entries.fundamental + 2.0 * entries.offsets)
-    return float(max(np.abs(bands[place] + 0.5 * halves[place]).max() for place in places))
+    turns = bands[places] + 0.5 * halves[places][:, None]
+    across = np.where(turns[:, 0] * turns[:, 1] > 0.0, np.abs(turns).min(axis=1), 0.0)
+    return float(across.min()), float(np.abs(turns).max())
 
 
 def _single(point: Point) -> Point | None:
@@ -213,7 +237,7 @@ def _as_wide(entries: ModeParameters) -> ModeParameters:
 def _narrow(entries: ModeParameters) -> ModeParameters:
     """The entries with the lowest turn alone in the last, odd one."""
     bands = entries.bands.copy()
-    bands[-1, 1] = -(int(entries.half_turns[-1]) // 2) if entries.half_turns[-1] % 2 == 0 else bands[-1, 0] + 1
+    bands[-1, 1] = max(bands[-1, 0], -(int(entries.half_turns[-1]) // 2))
     return replace(entries, bands=bands)
 
 
@@ -259,7 +283,9 @@ def _ordinary(mean: float, square: float, half: int, omega: float, bands: Intege
         values = [mean + root, mean - root]
         return ModeParameters.made(values, [bands[0]] * 2, omega, real=True, offsets=0.5 * half), bands[1]
     whole = np.stack([-half - bands[:, 1], bands[:, 1]], axis=1)
-    return ModeParameters.made([mean + 1j * (root + 0.5 * half * omega)], [whole[0]], omega), whole[1]
+    mode = ModeParameters.made([mean + 1j * (root + 0.5 * half * omega)], [whole[0]], omega)
+    first = max(int(bands[0, 0]), -(half // 2))
+    return replace(mode, gaps=np.array([[1 - half - first, first - 1]])), whole[1]
 
 
 def _moved(further: Floats | None, old: ModeParameters, new: ModeParameters, rest: Integers) -> Floats | None:
