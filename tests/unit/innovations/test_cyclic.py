@@ -21,7 +21,7 @@ def samples_in(*records):
 
 
 def test_innovations_turn_with_the_past_as_often_as_the_probability_says(monkeypatch):
-    monkeypatch.setattr(_cyclic, "ALARM", 0.5)
+    monkeypatch.setattr(_cyclic, "SURE", 0.5)
     values, drive = response_of(np.random.default_rng(0), 4000)
     frequencies = np.random.default_rng(1).uniform(1.0, 20.0, 200)
     told = [left_over(samples_in(values), drive, frequency) for frequency in frequencies.tolist()]
