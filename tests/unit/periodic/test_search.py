@@ -111,14 +111,6 @@ def test_copies_of_a_mode_are_one_where_nothing_but_rounding_is_left():
     assert together(noisy) is noisy
 
 
-def test_a_harmonic_in_a_gap_is_no_column():
-    entries = replace(ModeParameters.made([-0.05 + 0.02j], [(-5, 5)], OMEGA), gaps=np.array([[-3, 3]]))
-    assert entries.columns().harmonics.tolist() == [-5, -4, 4, 5]
-    both = entries.joined(ModeParameters.made([-0.05 + 2.2j], [(-1, 1)], OMEGA))
-    assert both.columns().harmonics.tolist() == [-5, -4, 4, 5, -1, 0, 1]
-    assert both.picked([1]).columns().harmonics.tolist() == [-1, 0, 1]
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_modes_near_one_axis_on_lines_of_their_own_stay_modes_of_their_own(seed):
     """One pair for both, with all lines between, was taken as simpler: it was nowhere near either."""

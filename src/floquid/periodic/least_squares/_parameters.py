@@ -26,7 +26,7 @@ class Parameters:
         return self.weights[:, :, None] * np.where(self.turns[:, None, None], turned(coefficients), coefficients)
 
 
-BY_ENTRY = ("exponents", "real", "bands", "gaps", "offsets", "fixed", "factors")
+BY_ENTRY = ("exponents", "real", "bands", "offsets", "fixed", "factors")
 """Fields that have a value an entry."""
 
 
@@ -72,9 +72,6 @@ class ModeParameters:
         Whose multiplier is real (entries,).
     bands
         The lowest and highest harmonic of each (entries, 2).
-    gaps
-        The first and last harmonic inside the band of each that it does not have, the last below the first where it has
-        all (entries, 2): a pair near an axis that is seen far from it has harmonics on both sides alone.
     fundamental
         ω [rad/s].
     offsets
@@ -94,7 +91,6 @@ class ModeParameters:
     exponents: Complexes
     real: Mask
     bands: Integers
-    gaps: Integers
     fundamental: float
     offsets: Floats
     fixed: Mask
@@ -129,9 +125,7 @@ class ModeParameters:
         low = np.where(self.real, np.maximum(low, -(self.half_turns // 2)), low)
         widths = np.maximum(high + 1 - low, 0)
         modes = np.repeat(np.arange(len(low)), widths)
-        harmonics = np.arange(len(modes)) + (low - np.cumsum(widths) + widths)[modes]
-        kept = (harmonics < self.gaps[modes, 0]) | (harmonics > self.gaps[modes, 1])
-        return modes[kept], harmonics[kept]
+        return modes, np.arange(len(modes)) + (low - np.cumsum(widths) + widths)[modes]
 
     def columns(self) -> Columns:
         """The columns of the fit."""
@@ -287,7 +281,6 @@ class ModeParameters:
             exponents=own,
             real=np.broadcast_to(np.asarray(real, bool), n).copy(),
             bands=np.broadcast_to(np.array(bands, np.int64).reshape(-1, 2), (n, 2)).copy(),
-            gaps=np.tile([0, -1], (n, 1)),
             fundamental=fundamental,
             offsets=np.broadcast_to(np.asarray(offsets, float), n).copy(),
             fixed=np.full(n, fixed),

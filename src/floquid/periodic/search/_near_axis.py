@@ -69,7 +69,7 @@ def with_axis_pairs(point: Point, bands: Integers) -> tuple[Point, Integers, dic
             states = sum(1 if entries.real[place] else 2 for place in trial.places)
             # Where the two of a pair run away they are not told apart: one of them may do.
             fewer = _single(point.with_entries(trial.entries)) if found is None and states == 2 else None
-            if fewer is not None:
+            if fewer is not None and fewer.value < point.value:
                 point, bands = fewer, trial.bands[:-1]
             if found is None:
                 continue
@@ -84,6 +84,8 @@ def with_axis_pairs(point: Point, bands: Integers) -> tuple[Point, Integers, dic
             if states > 2 and _needed(point, found):
                 continue
             fewer = _single(found)
+            # Noise may hide the second of two, but one that is worse than both is none.
+            fewer = None if fewer is not None and states == 2 and fewer.value > point.value else fewer
             point, bands = (found, trial.bands) if fewer is None else (fewer, trial.bands[:-1])
     return point, bands, hidden
 
@@ -185,10 +187,8 @@ def _coupled(
 ) -> tuple[ModeParameters, Integers]:
     """The entries with an even and an odd one behind the others, as wide as those that they stand for."""
     rest = [k for k in range(len(entries.exponents)) if k not in places]
-    ends = []
-    for low, high in (_turns(entries, own, places) for own in (entries.bands, bands)):
-        first = int(np.ceil(low - 0.5 * half)) if low > 0.5 else -(half // 2) - half % 2
-        ends.append((first, int(np.floor(high - 0.5 * half))))
+    low = -(half // 2) - half % 2
+    ends = [(low, int(np.floor(_turns(entries, own, places)[1] - 0.5 * half))) for own in (entries.bands, bands)]
     found = entries.picked(rest)
     for factor in (EVEN, ODD):
         one = ModeParameters.made([mean], [ends[0]], entries.fundamental, real=True, offsets=0.5 * half, factor=factor)
@@ -283,9 +283,7 @@ def _ordinary(mean: float, square: float, half: int, omega: float, bands: Intege
         values = [mean + root, mean - root]
         return ModeParameters.made(values, [bands[0]] * 2, omega, real=True, offsets=0.5 * half), bands[1]
     whole = np.stack([-half - bands[:, 1], bands[:, 1]], axis=1)
-    mode = ModeParameters.made([mean + 1j * (root + 0.5 * half * omega)], [whole[0]], omega)
-    first = max(int(bands[0, 0]), -(half // 2))
-    return replace(mode, gaps=np.array([[1 - half - first, first - 1]])), whole[1]
+    return ModeParameters.made([mean + 1j * (root + 0.5 * half * omega)], [whole[0]], omega), whole[1]
 
 
 def _moved(further: Floats | None, old: ModeParameters, new: ModeParameters, rest: Integers) -> Floats | None:
