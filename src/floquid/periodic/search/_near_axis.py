@@ -60,7 +60,7 @@ def with_axis_pairs(point: Point, bands: Integers) -> tuple[Point, Integers, dic
         while True:
             for trial in _trials(point.solution, bands, axis):
                 key = tuple(point.entries.exponents[list(trial.places)].tolist())
-                if key not in tried:
+                if key not in tried and any((one,) not in tried for one in key):
                     break
             else:
                 break
@@ -82,6 +82,8 @@ def with_axis_pairs(point: Point, bands: Integers) -> tuple[Point, Integers, dic
                 point, bands = found if wide is None else wide, trial.bands
                 continue
             if states > 2 and _needed(point, found):
+                # Each as two with lines of their own, all of these would share their lines: they stay as told apart.
+                tried |= {(one,) for one in key}
                 continue
             fewer = _single(found)
             # Noise may hide the second of two, but one that is worse than both is none.
