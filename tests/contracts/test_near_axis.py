@@ -130,7 +130,7 @@ def test_the_gradient_with_inputs_is_a_difference_through_the_edge(square, hold,
     [
         ("slopes_along_square", lambda *args: 1.01 * RIGHT["slopes_along_square"](*args)),
         ("by_root", lambda values, square: RIGHT["by_root"](values, abs(square))),
-        ("parts_of", lambda of, mean, square, decay: RIGHT["parts_of"](of, mean, square, 1e-6)),
+        ("parts_of", lambda of, square, decay: RIGHT["parts_of"](of, square, 1e-6)),
     ],
     ids=["a slope along q", "the product with j", "no interpolation"],
 )

@@ -2,7 +2,6 @@
 
 from floquid.core._axis import AWAY as AWAY
 from floquid.core._axis import WITHIN as WITHIN
-from floquid.core._axis import hidden_partner as hidden_partner
 from floquid.core._axis import kind_open as kind_open
 from floquid.core._axis import read_axis as read_axis
 from floquid.core._axis import readings

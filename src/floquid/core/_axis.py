@@ -24,21 +24,11 @@ OFF = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """Two exponents near an axis as they are reported.
+    """Two exponents near an axis as they are reported."""
 
-    Parameters
-    ----------
-    std
-        Their deviations (2,) [1/s].
-    square
-        The q that shapes are read at: at least `OFF` deviations off zero [1/s²].
-    apart
-        How far apart both may be where q may be zero, and the kind is open [1/s]; None where it is not.
-    """
-
-    std: Complexes
-    square: float
-    apart: float | None
+    std: Complexes  # their deviations (2,) [1/s]
+    square: float  # the q that shapes are read at: at least `OFF` deviations off zero [1/s²]
+    apart: float | None  # how far apart both may be where the kind is open [1/s]
 
 
 def read_axis(mean: float, square: float, covariance: Floats, half_turns: int, fundamental: float) -> Reading:
@@ -54,12 +44,6 @@ def read_axis(mean: float, square: float, covariance: Floats, half_turns: int, f
 def kind_open(exponent: complex, apart: float) -> Finding:
     """Note on a pair, or two real multipliers, that are so far apart at most either way [1/s]."""
     return note("kind_open", frequency=abs(exponent.imag) / (2.0 * np.pi), apart=apart)
-
-
-def hidden_partner(exponent: complex, apart: float) -> Finding:
-    """Note on a second real multiplier that noise may hide so far from one [1/s]."""
-    frequency = abs(exponent.imag) / (2.0 * np.pi)
-    return note("hidden_partner", decay=-exponent.real, frequency=frequency, apart=apart)
 
 
 def with_deviations(covariance: Floats, std: Complexes) -> Floats:

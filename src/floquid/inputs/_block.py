@@ -20,23 +20,23 @@ LEAST = 1e-5
 Function: TypeAlias = Callable[[complex], NDArray]
 
 
-def parts_of(function: Function, mean: float, square: float, decay: float) -> NDArray:
-    """Both parts of a function of σ + j (2, …); `decay` [1/s] is the rate on which it varies."""
-    return _through_zero(lambda own: _parts(function, mean, own), square, decay)
+def parts_of(function: Function, square: float, decay: float) -> NDArray:
+    """Both parts of a function of j (2, …), by its values at ±√q; it varies on a `decay` [1/s]."""
+    return _through_zero(lambda own: _parts(function, own), square, decay)
 
 
-def slopes_along_square(function: Function, slope: Function, mean: float, square: float, decay: float) -> NDArray:
+def slopes_along_square(function: Function, slope: Function, square: float, decay: float) -> NDArray:
     r"""Derivatives of both parts by q (2, …), by the slope of the function along j.
 
     .. math:: \frac{\partial f_1}{\partial q} = \tfrac12 f'_2, \qquad
               \frac{\partial f_2}{\partial q} = \frac{f'_1 - f_2}{2 q}
     """
 
-    def own(square: float) -> NDArray:
-        even, odd = _parts(slope, mean, square)
-        return 0.5 * np.stack([odd, (even - _parts(function, mean, square)[1]) / square])
+    def slopes(own: float) -> NDArray:
+        even, odd = _parts(slope, own)
+        return 0.5 * np.stack([odd, (even - _parts(function, own)[1]) / own])
 
-    return _through_zero(own, square, decay)
+    return _through_zero(slopes, square, decay)
 
 
 def by_root(values: NDArray, square: float) -> NDArray:
@@ -44,9 +44,9 @@ def by_root(values: NDArray, square: float) -> NDArray:
     return np.stack([square * values[1], values[0]])
 
 
-def _parts(function: Function, mean: float, square: float) -> NDArray:
-    root = np.sqrt(complex(square))
-    up, down = function(mean + root), function(mean - root)
+def _parts(function: Function, square: float) -> NDArray:
+    root = complex(np.sqrt(complex(square)))
+    up, down = function(root), function(-root)
     return 0.5 * np.stack([up + down, (up - down) / root])
 
 

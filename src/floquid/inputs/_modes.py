@@ -89,35 +89,29 @@ class InputMode(Rebuilt):
             mask = np.ones(1 + size + starts, bool)
             mask[fixed] = False
             return np.tile(mask, 2)
-        turning = np.tile(self.reach > 0.0, len(self.gains))
-        mask = np.concatenate([[True], np.ones(size, bool), turning, np.ones(starts + self.states - 1, bool)])
-        mask[1 + self._largest] = False
-        return mask
+        elements, largest = self._elements
+        mask, each = np.ones(elements.shape, bool), size // self.states
+        mask[:, each : 2 * each] = self._turning
+        mask[:, largest] = False
+        parts = [own.ravel() for own in np.split(mask, [each, 2 * each], axis=1)]
+        return np.concatenate([[True], *parts, np.ones(self.states - 1, bool)])
 
     @property
-    def _parts(self) -> NDArray[np.float64]:
-        """Numbers of real states: real and imaginary parts of b, and z at the begin (parts,)."""
-        return np.concatenate([self.gains.real.ravel(), self.gains.imag.ravel(), self.initial.real])
+    def _elements(self) -> tuple[NDArray[np.float64], int]:
+        """Numbers a, of a block a and b, of Re b, Im b and z at the begin (states, elements), and which is largest."""
+        parts = (self.gains.real, self.gains.imag, self.initial.real)
+        elements = np.concatenate([own.reshape(self.states, -1) for own in parts], axis=1)
+        first = np.split(self.strengths, [self.gains.size])
+        sizes, ones = (own[: len(own) // self.states] for own in first)
+        weights = np.concatenate([sizes, sizes * self._turning, ones])
+        # One of which a² - q b² is zero drives one of two multipliers alone: a block cannot be divided by it.
+        squares = elements[0] ** 2 - (self.square or 0.0) * elements[-1] ** 2
+        return elements, int(np.argmax(np.abs(squares) * weights**2))
 
     @property
-    def _largest(self) -> NDArray[np.int64]:
-        """The largest of the numbers of real states, of a block both of an element a + b j: they fix its scale."""
-        size, turning = self.gains.size, np.tile(self.reach > 0.0, len(self.gains))
-        weights = np.concatenate([self.strengths[:size], self.strengths[:size] * turning, self.strengths[size:]])
-        if self.square is None:
-            return np.array([np.argmax(np.abs(self._parts * weights))])
-        first, second = self._elements
-        both = self._parts * weights
-        # An element of which a² - q b² is zero cannot be divided by: it drives one of two multipliers alone.
-        largest = int(np.argmax(np.abs(both[first] ** 2 - self.square * both[second] ** 2)))
-        return np.array([first[largest], second[largest]])
-
-    @property
-    def _elements(self) -> NDArray[np.int64]:
-        """Places of a and of b of each element of a block among its numbers (2, elements)."""
-        size, starts = self.gains.size, len(self.initial)
-        places = np.arange(2 * size + starts)
-        return np.concatenate([own.reshape(2, -1) for own in np.split(places, [size, 2 * size])], axis=1)
+    def _turning(self) -> NDArray[np.bool_]:
+        """Where b of real states has an imaginary part, of each state (inputs · reach,)."""
+        return np.tile(self.reach > 0.0, len(self.gains) // self.states)
 
     @property
     def lowest(self) -> float:
@@ -150,33 +144,32 @@ class InputMode(Rebuilt):
 
     def at(self, root: complex) -> InputMode:
         """The mode of one exponent, as it drives a complex state, of a block where j is `root`."""
-        gains, initial = (own.reshape(2, len(own) // 2, *own.shape[1:]) for own in (self.gains, self.initial))
-        return replace(
-            self,
-            exponent=self.exponent.real + root,
-            real=False,
-            gains=gains[0] + root * gains[1],
-            initial=initial[0] + root * initial[1],
-            square=None,
-        )
+        gains, initial = (first + root * second for first, second in map(_halves, (self.gains, self.initial)))
+        exponent = self.exponent.real + root
+        return replace(self, exponent=exponent, real=False, gains=gains, initial=initial, square=None)
 
     def scaled(self) -> InputMode:
         """With the part of b and z that is largest made 1."""
         if self.square is not None:
-            return self._divided(*self._parts[self._largest].tolist())
+            elements, largest = self._elements
+            return self._divided(*elements[:, largest].tolist())
         flat = np.concatenate([self.gains.ravel(), self.initial])
         largest = flat[np.argmax(np.abs(flat) * self.strengths)]
         by = abs(largest) if self.real else largest
         return replace(self, gains=self.gains / by, initial=self.initial / by) if by else self
 
     def _divided(self, a: float, b: float) -> InputMode:
-        """A block with its states divided by an element a + b j: the same block."""
+        """A block with its states divided by a + b j: the same block."""
         assert self.square is not None
         norm, both = a**2 - self.square * b**2, []
-        for own in (self.gains, self.initial):
-            first, second = np.split(own, 2)
-            both.append(np.concatenate([a * first - self.square * b * second, a * second - b * first]))
-        return replace(self, gains=both[0] / norm, initial=both[1] / norm) if norm else self
+        for first, second in map(_halves, (self.gains, self.initial)):
+            both.append(np.concatenate([a * first - self.square * b * second, a * second - b * first]) / norm)
+        return replace(self, gains=both[0], initial=both[1])
+
+
+def _halves(values: NDArray) -> list[NDArray]:
+    """What belongs to each state of a block."""
+    return np.split(values, 2)
 
 
 def input_gain(exponent: complex, turn: float, omega: float, step: float, hold: Hold) -> tuple[complex, complex]:
@@ -257,31 +250,27 @@ def slopes_of_state(samples: Samples, mode: InputMode, state: NDArray) -> NDArra
 
 def _slopes_of_block(samples: Samples, mode: InputMode) -> NDArray:
     assert mode.square is not None
-    second = [np.split(own, 2)[1] for own in (mode.gains, mode.initial)]
+    gains, initial = (_halves(own)[1] for own in (mode.gains, mode.initial))
 
     def late(own: InputMode) -> NDArray:
         return _late(samples, own, state_of(samples, own))
 
     def along(own: InputMode) -> NDArray:
-        return late(own) + state_of(samples, replace(own, gains=second[0], initial=second[1]))
+        return late(own) + state_of(samples, replace(own, gains=gains, initial=initial))
 
-    mean, decay = mode.exponent.real, _varying(samples, mode)
-    by_mean = _both(samples, mode, late).real
     by_square = slopes_along_square(
-        lambda rate: state_of(samples, mode.at(rate - mean)),
-        lambda rate: along(mode.at(rate - mean)),
-        mean,
+        lambda root: state_of(samples, mode.at(root)),
+        lambda root: along(mode.at(root)),
         mode.square,
-        decay,
-    ).real
-    return np.concatenate([by_mean[None], reached_by(samples, mode), by_square[None]])
+        _varying(samples, mode),
+    )
+    return np.concatenate([_both(samples, mode, late).real[None], reached_by(samples, mode), by_square.real[None]])
 
 
 def _both(samples: Samples, mode: InputMode, of: Callable[[InputMode], NDArray]) -> NDArray:
     """Both parts of a function of a block's mode of one exponent (2, …)."""
     assert mode.square is not None
-    mean = mode.exponent.real
-    return parts_of(lambda rate: of(mode.at(rate - mean)), mean, mode.square, _varying(samples, mode))
+    return parts_of(lambda root: of(mode.at(root)), mode.square, _varying(samples, mode))
 
 
 def _varying(samples: Samples, mode: InputMode) -> float:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,8 +25,8 @@ from floquid.inputs._solver import Linearisation, covariance, linearise, solve
 OFF = 0.02
 """The least √|q| over the decay with which a block begins: b of the second state of a pair is over it."""
 
-REAL = 1e-3
-"""The probability at which noise may move a real multiplier off the axis."""
+WORSE = 1e-3
+"""The probability at which noise may make a block worse than what it stands for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,10 +77,10 @@ def _couples(samples: Samples, now: Linearisation) -> Iterator[list[int]]:
         if abs(mode.exponent.imag - half_of(mode, omega) * omega) < 2.0 * AWAY * spread[imag, imag] ** 0.5:
             yield [number]
     for alike in reals.values():
-        if len(alike) > 1:
-            yield list(
-                min(combinations(alike, 2), key=lambda two: abs(np.diff([modes[k].exponent.real for k in two])[0]))
-            )
+        alike.sort(key=lambda k: modes[k].exponent.real)
+        yield from sorted(
+            map(list, pairwise(alike)), key=lambda two: float(np.ptp([modes[k].exponent.real for k in two]))
+        )[:1]
 
 
 def _as_block(samples: Samples, now: Linearisation, numbers: Sequence[int]) -> Linearisation | None:
@@ -96,8 +96,8 @@ def _as_block(samples: Samples, now: Linearisation, numbers: Sequence[int]) -> L
         return None
     if abs(square) > AWAY * std and (square > 0.0) == own[0].real:
         return None
-    rise, more = now.log_likelihood - trial.log_likelihood, trial.n_parameters - now.n_parameters
-    return trial if rise < chi2_limit(max(-more, 1), REAL) else None
+    # It holds what they hold: where it fits worse its fit has not ended.
+    return trial if now.log_likelihood - trial.log_likelihood < chi2_limit(1, WORSE) else None
 
 
 def _read_apart(samples: Samples, now: Linearisation) -> NearAxis:

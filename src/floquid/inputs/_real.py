@@ -12,7 +12,7 @@ from floquid.fit import chi2_limit
 from floquid.inputs._bands import grown, narrowed
 from floquid.inputs._joint import fitted_together
 from floquid.inputs._modes import InputMode
-from floquid.inputs._near_axis import block_of_reals, half_of, ordinary
+from floquid.inputs._near_axis import half_of
 from floquid.inputs._samples import Samples
 from floquid.inputs._scores import Limits
 from floquid.inputs._solver import Linearisation, covariance, linearise, solve
@@ -107,12 +107,6 @@ def _as_real(
         bare = [bare_mode(samples, own, reach, turns, real=True) for own in starts]
         with suppress(np.linalg.LinAlgError):
             _, modes = fitted_together(samples, left, bare)
-            if len(modes) == 2:  # a block tells whether they are real
-                block = block_of_reals(modes, samples.fundamental)
-                block = solve(samples, [*rest, block], now.direct, iterations=AS_REAL, rough=True).modes[-1]
-                modes = ordinary(samples, block)
-                if not modes[0].real:
-                    return None
             found = solve(samples, [*rest, *modes], now.direct, iterations=AS_REAL, rough=True)
             found = grown(samples, found, limits)
             for more in reversed(range(rounds)):

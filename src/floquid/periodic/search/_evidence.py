@@ -8,7 +8,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid.core import PeriodicModel, hidden_partner, kind_open
+from floquid.core import PeriodicModel, kind_open
 from floquid.findings import Finding, note, warning
 from floquid.periodic.least_squares import shapes
 from floquid.periodic.search._state import SearchResult
@@ -94,7 +94,8 @@ def near_axis(found: SearchResult) -> tuple[Finding, ...]:
     for entry in np.flatnonzero(~entries.fixed & entries.real):
         turn = float(entries.offsets[entry])
         if turn in found.hidden and entry not in found.apart:
-            told.append(hidden_partner(complex(values[entry]), found.hidden[turn]))
+            numbers = {"frequency": _hertz(complex(values[entry])), "apart": found.hidden[turn]}
+            told.append(note("hidden_partner", decay=-float(values[entry].real), **numbers))
     return tuple(told)
 
 
