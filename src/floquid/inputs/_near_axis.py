@@ -8,6 +8,7 @@ Either kind is singular where the other begins: σ and q are determined there (`
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -52,7 +53,8 @@ def read_near_axis(samples: Samples, now: Linearisation) -> NearAxis:
         else:
             return _read_apart(samples, now)
         tried.add(key)
-        now = _as_block(samples, now, numbers) or now
+        with suppress(np.linalg.LinAlgError):
+            now = _as_block(samples, now, numbers) or now
 
 
 def half_of(mode: InputMode, omega: float) -> float:

@@ -182,7 +182,8 @@ def slopes_of(
         shape = at.shape(number)[:, channel].reshape(mode.states, -1)
         whole = weight * carried(samples, shape, mode.turns.tolist())
         precision = np.complex64 if slopes.dtype in (np.float32, np.complex64) else np.complex128
-        moved = np.sum(whole.astype(precision) * slopes.reshape(len(slopes), mode.states, -1), axis=1)
+        moved = whole.astype(precision) * slopes.reshape(len(slopes), mode.states, -1)
+        moved = moved[:, 0] if mode.states == 1 else moved.sum(axis=1)
         both = moved.real if mode.real else np.concatenate([moved.real, -moved.imag])
         found.append(both[mode.free])
     return np.concatenate(found)
