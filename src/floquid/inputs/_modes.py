@@ -161,7 +161,7 @@ class InputMode(Rebuilt):
     def _divided(self, a: float, b: float) -> InputMode:
         """A block with its states divided by a + b j: the same block."""
         assert self.square is not None
-        norm, both = a**2 - self.square * b**2, []
+        norm, both = (a**2 - self.square * b**2) or 1.0, []
         for first, second in map(_halves, (self.gains, self.initial)):
             both.append(np.concatenate([a * first - self.square * b * second, a * second - b * first]) / norm)
         return replace(self, gains=both[0], initial=both[1])

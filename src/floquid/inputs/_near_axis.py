@@ -15,7 +15,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import AWAY, kind_open, read_axis
+from floquid.core import AWAY, WITHIN, kind_open, read_axis
 from floquid.findings import Finding
 from floquid.fit import chi2_limit
 from floquid.inputs._bands import centred
@@ -96,7 +96,9 @@ def _as_block(samples: Samples, now: Linearisation, numbers: Sequence[int]) -> L
     # With its deviation off, a pair would be nearer to the next axis: its q is not determined.
     if not np.sqrt(max(-square, 0.0) + std) < 0.25 * samples.fundamental:
         return None
-    if abs(square) > AWAY * std and (square > 0.0) == own[0].real:
+    # Harmonics that neither kind has cost more than a q that is not open gains.
+    away = AWAY if trial.n_parameters <= now.n_parameters else WITHIN
+    if abs(square) > away * std and (square > 0.0) == own[0].real:
         return None
     # It holds what they hold: where it fits worse its fit has not ended.
     return trial if now.log_likelihood - trial.log_likelihood < chi2_limit(1, WORSE) else None
