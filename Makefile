@@ -71,9 +71,10 @@ peers: $(INSTALLED) ## our identifiers beside other people's (into docs/peers/; 
 methods: $(INSTALLED) ## methods of the literature beside ours (into docs/methods/; a quarter of an hour)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.methods --out docs/methods
 
-edge: $(INSTALLED) ## exponents across the edges of locks, 8 draws a step (into build/edge.json; two minutes on two cores)
+edge: $(INSTALLED) ## exponents across the edges of locks, free and with measured inputs (into build/; seven minutes on two cores)
 	mkdir -p build
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.edge --jobs 2 --out build/edge.json
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.edge --records inputs --jobs 2 --out build/edge_inputs.json
 
 frozen: $(INSTALLED) ## decisions on records of all kinds, compared with those kept in benchmarks/frozen/ (four minutes on two cores)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.frozen --jobs 2

@@ -21,7 +21,7 @@ from floquid import IdentificationError, Record, identify_ambient, identify_driv
 OFF = 5.0
 """Deviations from which on an exponent is wrong."""
 
-UNCLAIMED = ("ambient_kind", "ambient_kind_apart", "inputs_kind")
+UNCLAIMED = ("ambient_kind", "ambient_kind_apart")
 """Findings on modes of which nothing is claimed: the record does not tell a pair from two real multipliers."""
 
 LASTS = 30.0

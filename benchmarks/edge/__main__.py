@@ -9,6 +9,7 @@ import time
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
+from itertools import repeat
 from pathlib import Path
 
 import numpy as np
@@ -60,24 +61,30 @@ class Row:
         return f"{name}: {self.outcome}, {order}, {pulls}, {self.seconds:.1f} s {self.message}"
 
 
-def judged(family: Family, step: float, seed: int) -> Row:
-    """Identify one draw as a user would, on one thread."""
+def judged(family: Family, step: float, seed: int, excitation: str = "free") -> Row:
+    """Identify one draw as a user would, on one thread: a free response, or one to a measured force."""
     parameter = family.edge() * (1.0 + step)
     matrix, _ = family.system(parameter)
     truth = floquet.exponents(matrix)
     generator = np.random.default_rng([seed, FAMILIES.index(family), int(1e4 * (1.0 + step))])
-    clean = family.response(parameter, generator.standard_normal(matrix.shape[0]))
-    noise = NOISE * np.abs(clean).max(axis=1, keepdims=True)
+    start, driven = generator.standard_normal(matrix.shape[0]), excitation == "inputs"
+    force = generator.standard_normal(family.phases * family.cycles) * driven
+    clean = family.forced(parameter, start, force)
+    noise = NOISE * (clean.std(axis=1, keepdims=True) if driven else np.abs(clean).max(axis=1, keepdims=True))
+    values = clean + noise * generator.standard_normal(clean.shape)
     record = Record(
-        values=clean + noise * generator.standard_normal(clean.shape),
+        values=np.concatenate([values, force[None]]) if driven else values,
         sample_rate=family.phases / matrix.period,
-        channels=[f"x{k}" for k in range(len(clean))],
+        channels=[*(f"x{k}" for k in range(len(clean))), *(["force"] if driven else [])],
     )
     common = {"family": family.name, "step": step, "seed": seed, "true": len(truth)}
     begin = time.process_time()
     try:
         with threadpool_limits(limits=1):
-            analysis = floquid.identify(record, period=matrix.period)
+            if driven:
+                analysis = floquid.identify_driven(record, period=matrix.period, inputs=["force"])
+            else:
+                analysis = floquid.identify(record, period=matrix.period)
     except FloquidError as error:
         return Row(outcome="refused", message=str(error).splitlines()[0][:150], **common)
     model = analysis.model
@@ -101,9 +108,10 @@ def judged(family: Family, step: float, seed: int) -> Row:
     )
 
 
-def _told(analysis: floquid.Analysis, truth: NDArray[np.complex128]) -> bool:
+def _told(analysis: floquid.Analysis | floquid.DrivenAnalysis, truth: NDArray[np.complex128]) -> bool:
     """Whether a note says how far from its single real multiplier a second one may be, and both are no farther."""
-    notes = [found.numbers for found in analysis.fit.findings if found.code == "hidden_partner"]
+    findings = analysis.fit.findings if isinstance(analysis, floquid.Analysis) else analysis.findings
+    notes = [found.numbers for found in findings if found.code == "hidden_partner"]
     if len(notes) != 1:
         return False
     omega, alone = analysis.model.fundamental, analysis.model.exponents[analysis.model.real]
@@ -117,6 +125,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.edge", description=__doc__)
     parser.add_argument("--draws", type=int, default=8)
     parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--records", choices=("free", "inputs"), default="free", help="responses of a kind")
     parser.add_argument("--only", default="", help="families whose names begin so")
     parser.add_argument("--out", type=Path, default=None)
     asked = parser.parse_args(arguments)
@@ -126,7 +135,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     ]
     rows: list[Row] = []
     with ProcessPoolExecutor(asked.jobs) as pool:
-        for row in pool.map(judged, *zip(*cases, strict=True)):
+        for row in pool.map(judged, *zip(*cases, strict=True), repeat(asked.records)):
             rows.append(row)
             if row.wrong or row.outcome != "passed":
                 sys.stdout.write(f"{row}\n")

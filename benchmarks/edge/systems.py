@@ -13,6 +13,9 @@ from floquid.systems import JeffcottRotor
 
 Matrix = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
+NODES = 6
+"""Nodes of an integral over a sample."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Family:
@@ -46,18 +49,36 @@ class Family:
 
     def response(self, parameter: float, start: NDArray[np.float64]) -> NDArray[np.float64]:
         """The response (channels, samples) from an initial state, without noise."""
+        return self.forced(parameter, start, np.zeros(self.phases * self.cycles))
+
+    def forced(self, parameter: float, start: NDArray[np.float64], force: NDArray[np.float64]) -> NDArray[np.float64]:
+        r"""The response (channels, samples) to a force on the first velocity that is held over a sample (samples,).
+
+        .. math:: x_{k+1} = \Phi(t_{k+1}, t_k) x_k + \int_{t_k}^{t_{k+1}} \Phi(t_{k+1}, t) b\, dt\, u_k
+
+        The integral is by Gauss and Legendre's nodes.
+        """
         matrix, outputs = self.system(parameter)
-        times = np.arange(self.phases + 1) * matrix.period / self.phases
-        steps = floquet.transition(matrix, None, times)
-        state, found = start, []
-        for _ in range(self.cycles):
-            found.append(steps[:-1] @ state)
-            state = steps[-1] @ state
-        states = np.concatenate(found)
+        nodes, weights = np.polynomial.legendre.leggauss(NODES)
+        inner = np.concatenate([[0.0], 0.5 * (nodes + 1.0)])
+        times = (np.arange(self.phases)[:, None] + inner).ravel() * matrix.period / self.phases
+        steps = floquet.transition(matrix, None, np.append(times, matrix.period))
+        parts, ends = steps[:-1].reshape(self.phases, NODES + 1, *steps.shape[1:]), steps[NODES + 1 :: NODES + 1]
+        unit = np.eye(len(start))[len(start) // 2]
+        ahead = np.array([end @ np.linalg.inv(begin[0]) for begin, end in zip(parts, ends, strict=True)])
+        half = 0.5 * matrix.period / self.phases
+        driven = [
+            half * sum(w * end @ np.linalg.solve(part, unit) for w, part in zip(weights, own[1:], strict=True))
+            for own, end in zip(parts, ends, strict=True)
+        ]
+        states = [start]
+        for number, value in enumerate(force[:-1]):
+            phase = number % self.phases
+            states.append(ahead[phase] @ states[-1] + driven[phase] * value)
         if outputs is None:
-            return states[:, : states.shape[1] // 2].T
+            return np.array(states)[:, : len(start) // 2].T
         instants = np.arange(len(states)) * matrix.period / self.phases
-        return np.einsum("nij,nj->in", outputs(instants), states)
+        return np.einsum("nij,nj->in", outputs(instants), np.array(states))
 
 
 def _second_order(stiffness: Callable, damping: NDArray[np.float64], period: float) -> floquet.FunctionMatrix:

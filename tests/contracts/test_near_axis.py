@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 from floquid.core import Channel, Provenance, readings
+from floquid.inputs import InputMode, _modes, samples_of
+from floquid.inputs import linearise as linearise_driven
+from floquid.inputs._solver import normal_equations
 from floquid.lifting import Lifted
 from floquid.lti import TimeResponses
 from floquid.periodic.least_squares import (
@@ -78,6 +81,65 @@ def test_the_gradient_is_a_difference_through_the_edge(kind, half):
                 assert -(ends[0] - ends[1]) / (4.0 * size) == pytest.approx(
                     analytic, abs=1e-5 * np.abs(found.gradient).max()
                 )
+
+
+def driven(square, half, hold):
+    """A pair away from any axis, and one near it, driven by two inputs from a state at the begin of either record."""
+    generator, inputs = np.random.default_rng(1), np.random.default_rng(2).standard_normal((2, 700))
+    parts = [slice(0, 400), slice(400, 700)]
+    values, forces = ([own[:, part] for part in parts] for own in (VALUES, inputs))
+    samples = samples_of(values, forces, [0.0, 0.4], step=PERIOD / PHASES, fundamental=OMEGA, hold=hold)
+    modes, low = [], 0.5 * (half % 2)
+    for real, band in ((False, np.arange(-1.0, 2.0)), (True, np.arange(low, low + 1.5))):
+        gains = generator.standard_normal((2, 4 if real else 2, len(band)))
+        initial = generator.standard_normal(4 if real else 2) + 0j
+        one = {"reach": band, "turns": band, "gains": gains[0] + 1j * gains[1], "initial": initial, "sizes": np.ones(2)}
+        exponent = -0.03 + 0j if real else -0.02 + 1.9j
+        modes.append(InputMode(exponent=exponent, real=real, square=square if real else None, **one).scaled())
+    return samples, modes
+
+
+def misfit_of_gradients(square, half, hold):
+    """The largest difference of a gradient from its difference, over the largest gradient, of measured inputs."""
+    samples, modes = driven(square, half, hold)
+    at, off, place = linearise_driven(samples, modes), [], 0
+    _, gradient = normal_equations(samples, at)
+    for number, mode in enumerate(modes):
+        for index in np.flatnonzero(mode.free):
+            step = np.zeros(len(mode.free))
+            step[index] = size = 1e-7 if index == len(step) - 1 and mode.real else 1e-6
+            costs = []
+            for sign in (1.0, -1.0):
+                moved = [own.moved(sign * step) if k == number else own for k, own in enumerate(modes)]
+                costs.append(np.sum((linearise_driven(samples, moved).left / at.noise[:, None]) ** 2))
+            off.append(abs(-(costs[0] - costs[1]) / (4.0 * size) - gradient[place]))
+            place += 1
+    assert place == len(gradient)
+    return max(off) / np.abs(gradient).max()
+
+
+@pytest.mark.parametrize("half", [0, 1])
+@pytest.mark.parametrize("hold", ["zero", "first", "none"])
+@pytest.mark.parametrize("square", [-1e-3, -1e-9, 0.0, 1e-9, 1e-3])
+def test_the_gradient_with_inputs_is_a_difference_through_the_edge(square, hold, half):
+    assert misfit_of_gradients(square, half, hold) < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("name", "wrong"),
+    [
+        ("slopes_along_square", lambda *args: 1.01 * RIGHT["slopes_along_square"](*args)),
+        ("by_root", lambda values, square: RIGHT["by_root"](values, abs(square))),
+        ("parts_of", lambda of, square, decay: RIGHT["parts_of"](of, square, 1e-6)),
+    ],
+    ids=["a slope along q", "the product with j", "no interpolation"],
+)
+def test_a_wrong_derivative_with_inputs_is_found(name, wrong, monkeypatch):
+    monkeypatch.setattr(_modes, name, wrong)
+    assert not max(misfit_of_gradients(square, 1, "zero") for square in (-1e-3, 1e-16)) < 1e-5
+
+
+RIGHT = {name: getattr(_modes, name) for name in ("slopes_along_square", "by_root", "parts_of")}
 
 
 @pytest.mark.parametrize("square", [-1e-2, 1e-2])

@@ -2,12 +2,55 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from floquid._arrays import Complexes, Floats
+from floquid.findings import Finding, note
 
 NARROW, WIDE = 1.0, 4.0
 """Deviations of q within which a reading must hold the truth by as many of its own: up to all that is called near."""
+
+WITHIN = 1.96
+"""Deviations of q within which it may be zero, or a second multiplier be hidden: its 95 % interval."""
+
+OFF = 0.1
+"""Deviations of q that the reported exponents have at least between them: where both are one, shapes have no limit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """Two exponents near an axis as they are reported."""
+
+    std: Complexes  # their deviations (2,) [1/s]
+    square: float  # the q that shapes are read at: at least `OFF` deviations off zero [1/s²]
+    apart: float | None  # how far apart both may be where the kind is open [1/s]
+
+
+def read_axis(mean: float, square: float, covariance: Floats, half_turns: int, fundamental: float) -> Reading:
+    """What is reported of two exponents, from their mean and squared half-difference as `readings` has them."""
+    std = float(np.sqrt(max(covariance[1, 1], 0.0)))
+    return Reading(
+        readings(mean, square, covariance, half_turns, fundamental)[1],
+        float(np.copysign(max(abs(square), OFF * std), square)),
+        float(np.sqrt(abs(square) + WITHIN * std)) if abs(square) < WITHIN * std else None,
+    )
+
+
+def kind_open(exponent: complex, apart: float) -> Finding:
+    """Note on a pair, or two real multipliers, that are so far apart at most either way [1/s]."""
+    return note("kind_open", frequency=abs(exponent.imag) / (2.0 * np.pi), apart=apart)
+
+
+def with_deviations(covariance: Floats, std: Complexes) -> Floats:
+    """The covariance of the parts of exponents (2 modes, 2 modes) with other deviations (modes,), nan to keep one."""
+    before, after = np.sqrt(np.diag(covariance)), np.concatenate([std.real, std.imag])
+    after = np.where(np.isnan(after), before, after)
+    share = np.where(before > 0.0, after / np.where(before > 0.0, before, 1.0), 0.0)
+    found = covariance * np.outer(share, share)
+    found[np.diag_indices(len(after))] = after**2
+    return found
 
 
 def readings(

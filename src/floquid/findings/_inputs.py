@@ -197,10 +197,6 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "{squares:.3g}; noise of sensors alone stays below {limit:.3g}): something drives the system beside the inputs, "
     "as a force that nobody measured, noise on the measured inputs or a feedback. Deviations are too small. Measure "
     "the inputs better, or let `identify_ambient` with these inputs, `--excitation ambient`, take account of it.",
-    "inputs_kind": lambda frequencies: (
-        f"A pair, or two real multipliers that are nearly one: {_at(frequencies)}. The record does not tell which, and "
-        "the deviations of these exponents are those of the kind that fits better."
-    ),
     "inputs_some_noise": "What is left follows a little, through the modes, from what was left before (squared scores "
     "of {squares:.3g}; noise of sensors alone stays below {limit:.3g} in 99 of 100 records): likely a little noise on "
     "the measured inputs, or a weak force that nobody measured. Deviations are then too small. A longer record tells; "

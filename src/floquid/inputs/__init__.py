@@ -10,6 +10,7 @@ from floquid.inputs._joint import fitted_together as fitted_together
 from floquid.inputs._modes import InputMode as InputMode
 from floquid.inputs._modes import answering as answering
 from floquid.inputs._modes import input_gain as input_gain
+from floquid.inputs._near_axis import read_near_axis as read_near_axis
 from floquid.inputs._real import near_real as near_real
 from floquid.inputs._real import noise_explains as noise_explains
 from floquid.inputs._real import real_for as real_for

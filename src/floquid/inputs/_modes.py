@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import factorial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
+from floquid.inputs._block import by_root, parts_of, slopes_along_square
 from floquid.inputs._samples import Hold, Samples
 
 SERIES = 1e-4
 """Below this a quotient of differences is taken from its series."""
+
+LINEAR = np.array([(n + 1.0) / factorial(n + 2) for n in reversed(range(14))])
+"""The series of a linear input, the highest power first: to double precision below ½, where differences cancel."""
 
 RUNAWAY = 20.0
 """The growth of a mode over a record [nepers] beyond which its state is run backwards, from the end of the record."""
@@ -19,29 +25,34 @@ RUNAWAY = 20.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class InputMode(Rebuilt):
-    r"""One mode: a pair of conjugates, or a real multiplier, as far as it is no linear parameter.
+    r"""One mode without its linear parameters: a pair of conjugates, a real multiplier, or a block of two states.
 
     .. math:: \dot z = \lambda z + \sum_{i,l} b_{i,l}\, e^{i l \omega t} u_i, \qquad
               y = 2 \Re \sum_m c_m e^{i m \omega t} z
 
     Of a real multiplier λ is real, z and the input are real parts, and l and m count from a half if it is negative.
+    A block has two real states, :math:`\dot z = (\sigma + j) z + \ldots` with :math:`j^2 = q`, and b and c of both:
+    the pair :math:`\sigma \pm i \sqrt{-q}` about the axis, or two real multipliers :math:`\sigma \pm \sqrt q`.
 
     Parameters
     ----------
     exponent
-        λ [1/s].
+        λ [1/s]; of a block σ.
     real
-        True for a real multiplier.
+        True for real states: a real multiplier, or a block.
     reach
-        The harmonics l, ascending (reach,); of a real multiplier from 0 or ½ on.
+        The harmonics l, ascending (reach,); of real states from 0 or ½ on.
     gains
-        b (inputs, reach).
+        b (inputs, reach); of a block those of the second state follow (2 inputs, reach).
     turns
-        The harmonics m, ascending (turns,); of a real multiplier from 0 or ½ on.
+        The harmonics m, ascending (turns,); of real states from 0 or ½ on.
     initial
-        z at the first sample of each record (records,); at the last one of a mode that grows beyond all bounds.
+        z at the first sample of each record (records,); at the last one of a mode that grows beyond all bounds. Of a
+        block those of the second state follow (2 records,).
     sizes
         The state that a gain of 1 makes of each input, about (inputs,): b counts by it beside z at the begin.
+    square
+        q of a block [1/s²]; None of another mode.
     """
 
     exponent: complex
@@ -51,18 +62,25 @@ class InputMode(Rebuilt):
     turns: NDArray[np.float64]
     initial: NDArray[np.complex128]
     sizes: NDArray[np.float64]
+    square: float | None = None
+
+    @property
+    def states(self) -> int:
+        """The number of states, that of a pair counted once."""
+        return 1 if self.square is None else 2
 
     @property
     def strengths(self) -> NDArray[np.float64]:
         """Factors by which b and z at the begin are compared, whatever the units of the inputs (parts,)."""
-        return np.concatenate([np.repeat(self.sizes, len(self.reach)), np.ones(len(self.initial))])
+        sizes = np.repeat(np.tile(self.sizes, self.states), len(self.reach))
+        return np.concatenate([sizes, np.ones(len(self.initial))])
 
     @property
     def free(self) -> NDArray[np.bool_]:
         """Mask of the parameters that are free, the scale of the state fixed by its largest part (parameters,).
 
         Parameters are the real parts of λ, b and z at the begin, then the imaginary ones; of a real multiplier those
-        of λ and z have none.
+        of λ and z have none. A block has σ, the real and the imaginary parts of b, z at the begin, and q.
         """
         size, starts = self.gains.size, len(self.initial)
         flat = np.concatenate([self.gains.ravel(), self.initial])
@@ -71,12 +89,29 @@ class InputMode(Rebuilt):
             mask = np.ones(1 + size + starts, bool)
             mask[fixed] = False
             return np.tile(mask, 2)
-        turning = np.tile(self.reach > 0.0, len(self.gains))
-        mask = np.concatenate([[True], np.ones(size, bool), turning, np.ones(starts, bool)])
-        flat = flat * self.strengths
-        parts = np.concatenate([flat.real[:size], flat.imag[:size] * turning, flat.real[size:]])
-        mask[1 + int(np.argmax(np.abs(parts)))] = False
-        return mask
+        elements, largest = self._elements
+        mask, each = np.ones(elements.shape, bool), size // self.states
+        mask[:, each : 2 * each] = self._turning
+        mask[:, largest] = False
+        parts = [own.ravel() for own in np.split(mask, [each, 2 * each], axis=1)]
+        return np.concatenate([[True], *parts, np.ones(self.states - 1, bool)])
+
+    @property
+    def _elements(self) -> tuple[NDArray[np.float64], int]:
+        """Numbers a, of a block a and b, of Re b, Im b and z at the begin (states, elements), and which is largest."""
+        parts = (self.gains.real, self.gains.imag, self.initial.real)
+        elements = np.concatenate([own.reshape(self.states, -1) for own in parts], axis=1)
+        first = np.split(self.strengths, [self.gains.size])
+        sizes, ones = (own[: len(own) // self.states] for own in first)
+        weights = np.concatenate([sizes, sizes * self._turning, ones])
+        # One of which a² - q b² is zero drives one of two multipliers alone: a block cannot be divided by it.
+        squares = elements[0] ** 2 - (self.square or 0.0) * elements[-1] ** 2
+        return elements, int(np.argmax(np.abs(squares) * weights**2))
+
+    @property
+    def _turning(self) -> NDArray[np.bool_]:
+        """Where b of real states has an imaginary part, of each state (inputs · reach,)."""
+        return np.tile(self.reach > 0.0, len(self.gains) // self.states)
 
     @property
     def lowest(self) -> float:
@@ -85,7 +120,9 @@ class InputMode(Rebuilt):
 
     def moved(self, step: NDArray[np.float64]) -> InputMode:
         """With the parameters moved by a step (parameters,)."""
-        size = self.gains.size
+        size, square = self.gains.size, self.square
+        if square is not None:
+            square, step = square + float(step[-1]), step[:-1]
         if self.real:
             step = np.concatenate(
                 [step[: 1 + size], step[1 + 2 * size :], [0.0], step[1 + size : 1 + 2 * size], 0.0 * self.initial.real]
@@ -96,14 +133,43 @@ class InputMode(Rebuilt):
             exponent=self.exponent + complex(both[0]),
             gains=self.gains + both[1 : 1 + size].reshape(self.gains.shape),
             initial=self.initial + both[1 + size :],
+            square=square,
         )
+
+    def distance(self, step: NDArray[np.float64], least: float) -> float:
+        """How far a step (parameters,) moves the exponents [1/s]; of a block at q = 0 as at √|q| = `least`."""
+        if self.square is None:
+            return float(abs(step[0] + (0j if self.real else 1j * step[len(step) // 2])))
+        return float(abs(step[0]) + abs(step[-1]) / (2.0 * max(np.sqrt(abs(self.square)), least)))
+
+    def at(self, root: complex) -> InputMode:
+        """The mode of one exponent, as it drives a complex state, of a block where j is `root`."""
+        gains, initial = (first + root * second for first, second in map(_halves, (self.gains, self.initial)))
+        exponent = self.exponent.real + root
+        return replace(self, exponent=exponent, real=False, gains=gains, initial=initial, square=None)
 
     def scaled(self) -> InputMode:
         """With the part of b and z that is largest made 1."""
+        if self.square is not None:
+            elements, largest = self._elements
+            return self._divided(*elements[:, largest].tolist())
         flat = np.concatenate([self.gains.ravel(), self.initial])
         largest = flat[np.argmax(np.abs(flat) * self.strengths)]
         by = abs(largest) if self.real else largest
         return replace(self, gains=self.gains / by, initial=self.initial / by) if by else self
+
+    def _divided(self, a: float, b: float) -> InputMode:
+        """A block with its states divided by a + b j: the same block."""
+        assert self.square is not None
+        norm, both = (a**2 - self.square * b**2) or 1.0, []
+        for first, second in map(_halves, (self.gains, self.initial)):
+            both.append(np.concatenate([a * first - self.square * b * second, a * second - b * first]) / norm)
+        return replace(self, gains=both[0], initial=both[1])
+
+
+def _halves(values: NDArray) -> list[NDArray]:
+    """What belongs to each state of a block."""
+    return np.split(values, 2)
 
 
 def input_gain(exponent: complex, turn: float, omega: float, step: float, hold: Hold) -> tuple[complex, complex]:
@@ -121,10 +187,8 @@ def input_gain(exponent: complex, turn: float, omega: float, step: float, hold: 
     whole = 1.0 + rate / 2.0 + rate**2 / 6.0 + rate**3 / 24.0 if abs(rate) < SERIES else np.expm1(rate) / rate
     if hold == "zero":
         return step * decay * whole, 0j
-    if abs(rate) < SERIES:
-        later = 0.5 + rate / 3.0 + rate**2 / 8.0
-    else:
-        later = (np.exp(rate) * (rate - 1.0) + 1.0) / rate**2
+    small = abs(rate) < 0.5
+    later = complex(np.polyval(LINEAR, rate)) if small else (np.exp(rate) * (rate - 1.0) + 1.0) / rate**2
     return step * decay * (whole - later), step * decay * later * np.exp(-1j * turn * omega * step)
 
 
@@ -142,7 +206,12 @@ def answering(samples: Samples, mode: InputMode, other: Samples, delay: int) -> 
 
 
 def state_of(samples: Samples, mode: InputMode) -> NDArray:
-    """The state of a mode, driven by the inputs from its initial value on (samples,); real of a real multiplier."""
+    """The state of a mode, driven by the inputs from its initial value on (samples,); real of a real multiplier.
+
+    Of a block both (2, samples).
+    """
+    if mode.square is not None:
+        return _both(samples, mode, lambda own: state_of(samples, own)).real
     drive = mode.gains.ravel() @ _drives(samples, mode, mode.exponent)
     initial, decay = mode.initial, complex(np.exp(mode.exponent * samples.step))
     if mode.real:
@@ -151,7 +220,16 @@ def state_of(samples: Samples, mode: InputMode) -> NDArray:
 
 
 def reached_by(samples: Samples, mode: InputMode) -> NDArray:
-    """The state by each part of b and z at the begin alone (parts, samples): of a real multiplier by Re b, Im b, z."""
+    """The state by each part of b and z at the begin alone (parts, samples): of a real multiplier by Re b, Im b, z.
+
+    Of a block both states, in that order (parts, 2, samples).
+    """
+    if mode.square is not None:
+        # A state by the second part of b is j times that by the first.
+        alone, size = _both(samples, mode, lambda own: reached_by(samples, own)), mode.gains.size // 2
+        both = np.concatenate([alone[:, :size], by_root(alone[:, :size], mode.square)], axis=1)
+        begun = np.concatenate([alone[:, size:], by_root(alone[:, size:], mode.square)], axis=1)
+        return np.moveaxis(np.concatenate([both.real, -both.imag, begun.real], axis=1), 0, 1)
     drives, decay = _drives(samples, mode, mode.exponent), complex(np.exp(mode.exponent * samples.step))
     if mode.real:
         # A real state has the real part of each drive by the real part of b, less the imaginary one by the other.
@@ -161,16 +239,55 @@ def reached_by(samples: Samples, mode: InputMode) -> NDArray:
 
 
 def slopes_of_state(samples: Samples, mode: InputMode, state: NDArray) -> NDArray:
-    """Derivatives of a mode's state by λ and by the parts of `reached_by` (1 + parts, samples)."""
+    """Derivatives of a mode's state by λ and by the parts of `reached_by` (1 + parts, samples).
+
+    Of a block those of both states by σ, the parts and q (2 + parts, 2, samples).
+    """
+    if mode.square is not None:
+        return _slopes_of_block(samples, mode)
+    return np.concatenate([_late(samples, mode, state)[None], reached_by(samples, mode)])
+
+
+def _slopes_of_block(samples: Samples, mode: InputMode) -> NDArray:
+    assert mode.square is not None
+    gains, initial = (_halves(own)[1] for own in (mode.gains, mode.initial))
+
+    def late(own: InputMode) -> NDArray:
+        return _late(samples, own, state_of(samples, own))
+
+    def along(own: InputMode) -> NDArray:
+        return late(own) + state_of(samples, replace(own, gains=gains, initial=initial))
+
+    by_square = slopes_along_square(
+        lambda root: state_of(samples, mode.at(root)),
+        lambda root: along(mode.at(root)),
+        mode.square,
+        _varying(samples, mode),
+    )
+    return np.concatenate([_both(samples, mode, late).real[None], reached_by(samples, mode), by_square.real[None]])
+
+
+def _both(samples: Samples, mode: InputMode, of: Callable[[InputMode], NDArray]) -> NDArray:
+    """Both parts of a function of a block's mode of one exponent (2, …)."""
+    assert mode.square is not None
+    return parts_of(lambda root: of(mode.at(root)), mode.square, _varying(samples, mode))
+
+
+def _varying(samples: Samples, mode: InputMode) -> float:
+    """The rate on which the response of a block varies: its decay, or over the longest record [1/s]."""
+    longest = samples.step * max(own.stop - own.start for own in samples.records)
+    return max(abs(mode.exponent.real), 1.0 / longest)
+
+
+def _late(samples: Samples, mode: InputMode, state: NDArray) -> NDArray:
+    """The derivative of a mode's state by λ (samples,)."""
     nudge = 1e-6 / samples.step
     up, down = (_drives(samples, mode, mode.exponent + sign * nudge) for sign in (1.0, -1.0))
     drive = mode.gains.ravel() @ (up - down) / (2.0 * nudge)
     decay = complex(np.exp(mode.exponent * samples.step))
     if mode.real:
-        late = _recursion(samples, decay.real, samples.step * decay.real * state + drive.real)
-    else:
-        late = _recursion(samples, decay, samples.step * decay * state + drive)
-    return np.concatenate([late[None], reached_by(samples, mode)])
+        return _recursion(samples, decay.real, samples.step * decay.real * state + drive.real)
+    return _recursion(samples, decay, samples.step * decay * state + drive)
 
 
 def followed(samples: Samples, mode: InputMode, drive: NDArray[np.complex128]) -> NDArray:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,7 @@ from floquid.fit import chi2_limit
 from floquid.inputs._bands import grown, narrowed
 from floquid.inputs._joint import fitted_together
 from floquid.inputs._modes import InputMode
+from floquid.inputs._near_axis import half_of
 from floquid.inputs._samples import Samples
 from floquid.inputs._scores import Limits
 from floquid.inputs._solver import Linearisation, covariance, linearise, solve
@@ -26,9 +26,6 @@ OFF_AXIS = 20.0
 
 NARROWEST = 1e-3
 """The distance off the axis, over the fundamental, within which one is tried however little it decays."""
-
-OFF = (0.1, 0.5, 1.0)
-"""Distances off the axis, in decays, at which a pair is tried for two real multipliers."""
 
 SAME = 0.05
 """The distance of two exponents over their decay below which they are one."""
@@ -52,38 +49,6 @@ def with_real_ones(
     return now
 
 
-def with_pairs(samples: Samples, now: Linearisation, limits: Limits) -> Linearisation:
-    """With a pair of conjugates for two real multipliers of one sign, where it explains more than they do."""
-    real = [number for number, mode in enumerate(now.modes) if mode.real]
-    for numbers in combinations(real, 2):
-        one, other = (now.modes[number] for number in numbers)
-        if one.lowest != other.lowest:
-            continue
-        rest = [own for k, own in enumerate(now.modes) if k not in numbers]
-        with suppress(np.linalg.LinAlgError):
-            left = linearise(samples, rest, now.direct).left
-            trials = [fitted_together(samples, left, [_pair_for(samples, one, other, share)]) for share in OFF]
-            _, modes = max(trials, key=lambda trial: trial[0])
-            found = solve(samples, [*rest, *modes], now.direct, iterations=AS_REAL, rough=True)
-            found = narrowed(samples, grown(samples, found, limits), limits)
-            if found.criterion > now.criterion:
-                return with_pairs(samples, found, limits)
-    return now
-
-
-def _pair_for(samples: Samples, one: InputMode, other: InputMode, share: float) -> InputMode:
-    """The pair at the mean decay of two real multipliers, so many decays off the axis, with harmonics as wide."""
-    half, decay = one.lowest, 0.5 * (one.exponent.real + other.exponent.real)
-    exponent = complex(decay, half * samples.fundamental + share * abs(decay))
-    turns, reach = (max(getattr(mode, name)[-1] for mode in (one, other)) for name in ("turns", "reach"))
-    return bare_mode(
-        samples,
-        exponent,
-        np.arange(half - reach, half + reach + 0.5),
-        np.arange(-half - turns, turns - half + 0.5),
-    )
-
-
 def near_real(
     modes: Sequence[InputMode],
     parameters: Callable[[], NDArray[np.float64]],
@@ -100,7 +65,7 @@ def near_real(
     near: dict[float, list[int]] = {}
     for number, mode in enumerate(modes):
         imag, place = place + int(mode.free.sum()) // 2, place + int(mode.free.sum())
-        half = _half(mode, omega)
+        half = half_of(mode, omega)
         away = abs(mode.exponent.imag - half * omega)
         if mode.real or away > max(abs(mode.exponent.real), NARROWEST * omega):
             continue
@@ -118,7 +83,7 @@ def real_for(pairs: Sequence[InputMode], omega: float) -> tuple[list[tuple[float
     """What may stand for pairs near the axis: exponents of one real multiplier, of two, and their turns and reach."""
     turns, reach = [], []
     for mode in pairs:
-        half = _half(mode, omega)
+        half = half_of(mode, omega)
         turns.append(np.arange(half % 1.0, np.abs(mode.turns + half).max() + 0.5))
         reach.append(np.arange(half % 1.0, np.abs(mode.reach - half).max() + 0.5))
     decays = [mode.exponent.real for mode in pairs]
@@ -129,11 +94,6 @@ def real_for(pairs: Sequence[InputMode], omega: float) -> tuple[list[tuple[float
 def noise_explains(rise: float, fewer: int) -> bool:
     """True where a rise of χ² is what so many numbers less cost by noise alone, or a fall more than more gain by it."""
     return rise < (np.sign(fewer) * chi2_limit(abs(fewer), REAL) if fewer else 0.0)
-
-
-def _half(mode: InputMode, omega: float) -> float:
-    """The multiple of half the fundamental that a mode is nearest to, in fundamentals."""
-    return 0.5 * round(2.0 * mode.exponent.imag / omega)
 
 
 def _as_real(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
-from floquid.core import Channel, ModelInputs, PeriodicModel, Provenance
+from floquid.core import Channel, ModelInputs, PeriodicModel, Provenance, with_deviations
 from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, covariance, slopes_of, state_slopes
@@ -85,12 +85,20 @@ def sealed(one: Any) -> None:
 
 
 def model_of(
-    found: Uncertainty, channels: Sequence[Channel], inputs: Sequence[Channel], provenance: Provenance
+    found: Uncertainty,
+    channels: Sequence[Channel],
+    inputs: Sequence[Channel],
+    provenance: Provenance,
+    as_read: Mapping[int, complex] | None = None,
 ) -> PeriodicModel:
-    """The periodic model of a fit, each mode with its conjugate, with deviations."""
-    at = found.at
+    """The periodic model of a fit, each mode with its conjugate, with deviations.
+
+    Deviations of exponents near an axis are those `as_read`, by the numbers of their modes, where they are given.
+    """
+    at, read = found.at, as_read or {}
+    std = [read.get(k, complex(np.nan, np.nan)) for k, mode in enumerate(at.modes) for _ in range(2 - mode.real)]
     turns = _all_of([np.array([-turn, turn], np.int64) for turn in map(int, at.direct)])
-    return assembled(
+    model = assembled(
         [_part_of(found, number) for number in range(len(at.modes))],
         found.parameters,
         2.0 * np.pi / found.samples.fundamental,
@@ -99,6 +107,8 @@ def model_of(
         (turns, _direct(at, len(channels), len(inputs), turns)),
         provenance,
     )
+    assert model.covariance is not None
+    return replace(model, covariance=with_deviations(model.covariance, np.array(std))) if read else model
 
 
 def assembled(

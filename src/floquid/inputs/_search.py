@@ -12,7 +12,7 @@ from floquid.fit import chi2_limit
 from floquid.inputs._bands import ROUGH, centred, grown, narrowed, with_reach
 from floquid.inputs._joint import chosen_together, fitted_together
 from floquid.inputs._modes import InputMode
-from floquid.inputs._real import with_pairs, with_real_ones
+from floquid.inputs._real import with_real_ones
 from floquid.inputs._samples import Samples
 from floquid.inputs._scores import Limits, Scores, driven_by_noise
 from floquid.inputs._solver import LAGS, Linearisation, solve
@@ -87,8 +87,6 @@ def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = l
     while now is not before:  # with all their harmonics some modes are others, or needless
         before = narrowed(samples, grown(samples, now, loose, rounds=2), loose)
         now = without_needless(samples, with_real_ones(samples, before, loose, rounds=ROUNDS), loose)
-    paired = with_pairs(samples, now, loose)
-    now = now if paired is now else without_needless(samples, paired, loose)
     modes = [centred(samples, mode, now, number) for number, mode in enumerate(now.modes)]
     return solve(samples, [_padded(mode, limits) for mode in modes], now.direct)
 

@@ -111,18 +111,18 @@ class Linearisation(Rebuilt):
         found, place = [], 0
         for mode in self.modes:
             turning = np.ones(len(mode.turns), bool) if not mode.real else mode.turns > 0.0
-            stop = place + len(turning) + int(turning.sum())
+            stop = place + mode.states * (len(turning) + int(turning.sum()))
             found.append((slice(place, stop), turning))
             place = stop
         return found
 
     def shape(self, mode: int) -> NDArray[np.complex128]:
-        """2 c of a mode, of a real multiplier at turn zero c (turns, channels)."""
+        """2 c of a mode, of real states at turn zero c (turns, channels); of a block the second state's follow."""
         own, turning = self.slices()[mode]
-        both = self.coefficients[own]
-        found = both[: len(turning)].astype(complex)
-        found[turning] += 1j * both[len(turning) :]
-        return found
+        both = self.coefficients[own].reshape(self.modes[mode].states, -1, self.coefficients.shape[1])
+        found = both[:, : len(turning)].astype(complex)
+        found[:, turning] += 1j * both[:, len(turning) :]
+        return found.reshape(-1, both.shape[-1])
 
 
 def linearise(samples: Samples, modes: Sequence[InputMode], direct: Sequence[float] = ()) -> Linearisation:
@@ -145,10 +145,14 @@ def linearise(samples: Samples, modes: Sequence[InputMode], direct: Sequence[flo
 
 
 def columns_of(samples: Samples, mode: InputMode, state: NDArray) -> NDArray[np.float64]:
-    """Columns of a mode with this state: real parts at each turn, then the imaginary ones (columns, samples)."""
-    turned = np.array([samples.turned(turn) for turn in mode.turns.tolist()]) * state
+    """Columns of a mode with this state: real parts at each turn, then the imaginary ones (columns, samples).
+
+    Of a block those of the second state follow.
+    """
+    angles = np.array([samples.turned(turn) for turn in mode.turns.tolist()])
     turning = np.ones(len(mode.turns), bool) if not mode.real else mode.turns > 0.0
-    return np.concatenate([turned.real, -turned.imag[turning]])
+    turned = [angles * own for own in state.reshape(mode.states, -1)]
+    return np.concatenate([part for own in turned for part in (own.real, -own.imag[turning])])
 
 
 def _modulated(turned: NDArray[np.complex128], inputs: NDArray[np.float64], turning: bool) -> NDArray[np.float64]:
@@ -162,7 +166,7 @@ def state_slopes(samples: Samples, at: Linearisation) -> list[NDArray]:
 
 
 def carried(samples: Samples, shape: NDArray[np.complex128], turns: Sequence[float]) -> NDArray[np.complex128]:
-    """The shape of a mode in one channel over the samples: amplitudes (turns,) at harmonics (samples,)."""
+    """The shape of a mode over the samples: amplitudes (…, turns) at harmonics (…, samples)."""
     return shape @ np.array([samples.turned(turn) for turn in turns])
 
 
@@ -175,10 +179,11 @@ def slopes_of(
     """
     found = []
     for number, (mode, slopes) in enumerate(zip(at.modes, states, strict=True)):
-        shape = at.shape(number)[:, channel]
+        shape = at.shape(number)[:, channel].reshape(mode.states, -1)
         whole = weight * carried(samples, shape, mode.turns.tolist())
         precision = np.complex64 if slopes.dtype in (np.float32, np.complex64) else np.complex128
-        moved = whole.astype(precision) * slopes
+        moved = whole.astype(precision) * slopes.reshape(len(slopes), mode.states, -1)
+        moved = moved[:, 0] if mode.states == 1 else moved.sum(axis=1)
         both = moved.real if mode.real else np.concatenate([moved.real, -moved.imag])
         found.append(both[mode.free])
     return np.concatenate(found)
@@ -192,7 +197,7 @@ def normal_equations(
     A rough one is made in single precision, slopes as multiples of their size.
     """
     states, columns, left = state_slopes(samples, at), at.columns, at.left / at.noise[:, None]
-    sizes = [np.sqrt(np.mean(np.abs(own) ** 2, axis=1)) + 1e-300 for own in states]
+    sizes = [np.sqrt(np.mean(np.abs(own.reshape(len(own), -1)) ** 2, axis=1)) + 1e-300 for own in states]
     scale = np.concatenate(
         [(own if mode.real else np.tile(own, 2))[mode.free] for mode, own in zip(at.modes, sizes, strict=True)]
     )
@@ -200,7 +205,7 @@ def normal_equations(
     of_columns = np.where(of_columns > 0.0, of_columns, 1.0)  # of an input that is silent there is nothing
     number = np.float32 if rough else np.float64
     states = [
-        (own / size[:, None]).astype(np.result_type(number, 1j) if np.iscomplexobj(own) else number)
+        (own.T / size).T.astype(np.result_type(number, 1j) if np.iscomplexobj(own) else number)
         for own, size in zip(states, sizes, strict=True)
     ]
     columns = (columns * of_columns[:, None]).astype(number)
@@ -251,8 +256,10 @@ def scale_of(samples: Samples, at: Linearisation, matrix: NDArray[np.float64]) -
     units = []
     for mode, state in zip(at.modes, at.states, strict=True):
         own, gains = mode.strengths / np.sqrt(np.mean(np.abs(state) ** 2) + 1e-300), mode.gains.size
-        own = np.concatenate([[2.0 * np.pi / samples.fundamental], own])
+        period = 2.0 * np.pi / samples.fundamental
+        own = np.concatenate([[period], own])
         both = np.concatenate([own[: 1 + gains], own[1:]]) if mode.real else np.tile(own, 2)
+        both = both if mode.square is None else np.append(both, period / max(abs(mode.exponent.real), 1e-300))
         units.append(both[mode.free])
     weights = np.concatenate([np.zeros(0), *units])
     weights[weights == 0.0] = 1.0  # of an input that is silent
@@ -274,8 +281,7 @@ def _parts(at: Linearisation, step: NDArray[np.float64]) -> list[NDArray[np.floa
 def _limited(at: Linearisation, step: NDArray[np.float64], period: float) -> NDArray[np.float64]:
     """A step on which no exponent moves further than `LONGEST_STEP`."""
     longest = max(
-        abs(own[0] + (0j if mode.real else 1j * own[len(own) // 2])) * period
-        for mode, own in zip(at.modes, _parts(at, step), strict=True)
+        mode.distance(own, LONGEST_STEP / period) * period for mode, own in zip(at.modes, _parts(at, step), strict=True)
     )
     return step * min(1.0, LONGEST_STEP / max(longest, 1e-300))
 

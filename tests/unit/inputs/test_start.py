@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from tests.driven import creeping, mathieu, record_of, two_masses
+from tests.driven import mathieu, record_of, two_masses
 
-from floquid.inputs import Limits, samples_of, solve
+from floquid.inputs import samples_of
 from floquid.inputs._joint import chosen_together
-from floquid.inputs._real import with_pairs
 from floquid.inputs._start import _lower, _products_of_lags, bare_mode, candidates
 
 
@@ -46,19 +45,6 @@ def test_a_short_record_of_one_output_has_candidates_by_fewer_sidebands(periods)
     samples = samples_from(mathieu(), periods, 20, 0.02)
     found, _ = candidates(samples, samples.values)
     assert gaps(mathieu(), found[:3]).max() < 0.25
-
-
-def test_two_real_multipliers_become_the_pair_that_explains_more():
-    system = creeping(0.02)
-    samples = samples_from(system, 100, 20, 0.01)
-    band = np.arange(2.0)
-    now = solve(samples, [bare_mode(samples, exponent, band, band, real=True) for exponent in (-0.1, -0.15)])
-    (mode,) = with_pairs(samples, now, Limits()).modes
-    assert gaps(system, np.array([mode.exponent])).max() < 0.01
-    split = creeping(0.012)
-    samples = samples_from(split, 100, 20, 0.01)
-    kept = solve(samples, [bare_mode(samples, exponent, band, band, real=True) for exponent in (-0.06, -0.18)])
-    assert with_pairs(samples, kept, Limits()) is kept
 
 
 def test_modes_are_chosen_before_what_is_none():

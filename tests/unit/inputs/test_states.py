@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 from floquid.inputs import InputMode, linearise, samples_of, slopes_of, state_slopes
 from floquid.inputs._modes import reached_by, state_of
+from floquid.inputs._near_axis import block_of_pair, block_of_reals, ordinary
 
 STEP, OMEGA = 0.17, 1.3
 
@@ -90,6 +91,95 @@ def test_slopes_of_a_mode_that_a_feedback_holds_are_those_of_the_response(real):
 def test_a_hold_that_is_forgotten_is_another_response():
     one, other = samples("zero"), samples("none")
     assert np.abs(state_of(one, mode()) - state_of(other, mode())).max() > 0.01
+
+
+def test_records_begin_anew():
+    generator = np.random.default_rng(0)
+    parts = [generator.standard_normal((2, n)) for n in (40, 30)]
+    both = samples_of(parts, parts, [0.0, 0.9], step=STEP, fundamental=OMEGA)
+    alone = samples_of(parts[1:], parts[1:], [0.9], step=STEP, fundamental=OMEGA)
+    started = replace(mode(), initial=np.array([0.3, -0.4 + 1j]))
+    second = replace(mode(), initial=np.array([-0.4 + 1j]))
+    assert np.allclose(state_of(both, started)[40:], state_of(alone, second))
+
+
+def block(square, lowest=0.5):
+    """A block of a decay of 0.3, so that q in units of the decay squared is `square`."""
+    generator = np.random.default_rng(7)
+    reach = np.array([lowest, lowest + 1.0])
+    gains = generator.standard_normal((4, 2)) + 1j * generator.standard_normal((4, 2))
+    return InputMode(
+        exponent=-0.3 + 0j,
+        real=True,
+        reach=reach,
+        gains=gains,
+        turns=reach,
+        initial=np.array([0.7 + 0j, 0.3 + 0j]),
+        sizes=np.ones(2),
+        square=0.3**2 * square,
+    )
+
+
+SQUARES = [-4.0, -1e-2, -1e-8, 0.0, 1e-8, 1e-2, 0.5]
+
+
+@pytest.mark.parametrize("hold", ["zero", "first"])
+@pytest.mark.parametrize("square", SQUARES)
+def test_the_states_of_a_block_are_those_of_the_equation(square, hold):
+    own, wanted = samples(hold), block(square)
+    state = wanted.initial.real
+    found = [state]
+    for number in range(20):
+        begin, now, then = own.times[number], own.inputs[:, number], own.inputs[:, number + 1]
+
+        def rate(t, z, begin=begin, now=now, then=then):
+            share = (t - begin) / STEP if hold == "first" else 0.0
+            turned = np.exp(1j * OMEGA * t * wanted.reach)
+            driven = (wanted.gains @ turned).real.reshape(2, 2) @ (now + share * (then - now))
+            return np.array([[-0.3, wanted.square], [1.0, -0.3]]) @ z + driven
+
+        state = solve_ivp(rate, (begin, begin + STEP), state, rtol=1e-10, atol=1e-12).y[:, -1]
+        found.append(state)
+    assert np.abs(state_of(own, wanted)[:, :21] - np.array(found).T).max() < 1e-8
+
+
+@pytest.mark.parametrize("square", SQUARES)
+def test_the_scale_of_a_block_changes_no_response(square):
+    own, wanted = samples("zero"), block(square)
+    left = linearise(own, [wanted]).left
+    scaled = wanted.scaled()
+    elements, largest = scaled._elements
+    assert elements[:, largest] == pytest.approx([1.0, 0.0], abs=1e-12)
+    assert np.abs(linearise(own, [scaled]).left - left).max() < 1e-10
+    assert np.abs(linearise(own, [wanted._divided(0.4, 1.1)]).left - left).max() < 1e-10
+
+
+@pytest.mark.parametrize("half", [0, 1, 2, 3])
+def test_a_block_is_the_pair_that_it_was_made_of(half):
+    """About either axis, with harmonics as far on either side of it."""
+    own, generator = samples("zero"), np.random.default_rng(3)
+    turns = np.arange(-2.0, 3.0 if half % 2 == 0 else 2.0) - half // 2
+    gains = generator.standard_normal((2, len(turns), 2)) @ np.array([1.0, 1j])
+    pair = replace(
+        mode(), exponent=-0.3 + 1j * (0.5 * half * OMEGA + 0.1), turns=turns, reach=-turns[::-1], gains=gains
+    )
+    at = linearise(own, [pair])
+    other = linearise(own, [block_of_pair(own, pair)])
+    assert np.abs(other.left - at.left).max() < 1e-9
+    assert other.n_parameters == at.n_parameters
+    again = linearise(own, ordinary(own, other.modes[0]))
+    assert np.abs(again.left - at.left).max() < 1e-9
+
+
+def test_a_block_is_the_two_real_multipliers_that_it_was_made_of():
+    own, slow = samples("zero"), mode(real=True)
+    fast = replace(slow, exponent=-0.5 + 0j, gains=slow.gains[::-1], initial=-slow.initial)
+    at = linearise(own, [slow, fast])
+    other = linearise(own, [block_of_reals([fast, slow], OMEGA)])
+    assert np.abs(other.left - at.left).max() < 1e-9
+    assert other.n_parameters == at.n_parameters
+    again = linearise(own, ordinary(own, other.modes[0]))
+    assert np.abs(again.left - at.left).max() < 1e-9
 
 
 @pytest.mark.parametrize(("rate", "real"), [(-0.3, False), (-0.3, True), (3.0, False)])

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid.core import Channel, Estimates, PeriodicModel, Provenance
+from floquid.core import Channel, Estimates, PeriodicModel, Provenance, with_deviations
 from floquid.errors import IdentificationError
 from floquid.periodic.expansion import GAP, bands_at, select_bands
 from floquid.periodic.least_squares._parameters import ModeParameters
@@ -183,7 +183,8 @@ def model_of(
     covariance = of_parts @ found.covariance() @ of_parts.T
     if not (np.isfinite(covariance).all() and (np.diag(covariance) >= 0.0).all()):
         raise IdentificationError("A mode is not determined at all: with its residues held, it has no deviation.")
-    covariance = _as_read(covariance, [int(own[entry]) for entry, _ in rows], as_read or {})
+    read = [(as_read or {}).get(int(own[entry]), complex(np.nan, np.nan)) for entry, _ in rows]
+    covariance = with_deviations(covariance, np.array(read)) if as_read else covariance
     return PeriodicModel(
         exponents=exponents,
         coefficients=out[..., used],
@@ -196,19 +197,6 @@ def model_of(
         unselected=None if most is None else unselected(blocks, found, whole_bands, most),
         provenance=provenance,
     )
-
-
-def _as_read(covariance: Floats, modes: Sequence[int], as_read: Mapping[int, complex]) -> Floats:
-    """The covariance of exponents (2 modes, 2 modes), some entries with other deviations."""
-    std, count = np.sqrt(np.diag(covariance)), len(modes)
-    read = std.copy()
-    for row, entry in enumerate(modes):
-        own = as_read.get(entry, complex(std[row], std[count + row]))
-        read[row], read[count + row] = own.real, own.imag
-    share = np.where(std > 0.0, read / np.where(std > 0.0, std, 1.0), 0.0)
-    found = covariance * np.outer(share, share)
-    found[np.diag_indices(2 * count)] = read**2
-    return found
 
 
 def unselected(blocks: Sequence[Block], found: Solution, bands: Integers, most: int) -> Estimates | None:

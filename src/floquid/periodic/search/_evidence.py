@@ -8,7 +8,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid.core import PeriodicModel
+from floquid.core import PeriodicModel, kind_open
 from floquid.findings import Finding, note, warning
 from floquid.periodic.least_squares import shapes
 from floquid.periodic.search._result import SearchResult
@@ -88,14 +88,14 @@ def clusters(found: SearchResult) -> tuple[Finding, ...]:
 def near_axis(found: SearchResult) -> tuple[Finding, ...]:
     """Pairs near an axis of either kind, and real multipliers beside which noise may hide a second one."""
     entries, told = found.solution.entries, []
+    values = entries.exponents + 1j * entries.fundamental * entries.offsets
     for place, apart in found.apart.items():
-        value = complex(entries.exponents[place] + 1j * entries.fundamental * entries.offsets[place])
-        told.append(note("kind_open", frequency=_hertz(value), apart=apart))
+        told.append(kind_open(complex(values[place]), apart))
     for entry in np.flatnonzero(~entries.fixed & entries.real):
         turn = float(entries.offsets[entry])
         if turn in found.hidden and entry not in found.apart:
-            frequency, decay = turn * entries.fundamental / (2.0 * np.pi), -float(entries.exponents[entry].real)
-            told.append(note("hidden_partner", decay=decay, frequency=frequency, apart=found.hidden[turn]))
+            numbers = {"frequency": _hertz(complex(values[entry])), "apart": found.hidden[turn]}
+            told.append(note("hidden_partner", decay=-float(values[entry].real), **numbers))
     return tuple(told)
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import Floats, Integers, Mask
-from floquid.core import readings
+from floquid.core import WITHIN, read_axis
 from floquid.fit import DEVIATIONS, chi2_limit
 from floquid.periodic.least_squares import EVEN, ODD, PLAIN, ModeParameters, Solution, linearise
 from floquid.periodic.search._objective import FARTHEST, Point, carried
@@ -27,14 +27,8 @@ BESIDE = 1.0
 REAL = 5e-3
 """The probability at which noise may make a second multiplier of a real one, which moves it by its own deviation."""
 
-WITHIN = 1.96
-"""Deviations of q within which a second multiplier may be hidden: its 95 % interval."""
-
 SETTLED = 1e-3  # the fall of the misfit below which a fit is at rest: far less than any limit of noise
 STEPS = 20  # steps of one fit
-
-OFF = 0.1
-"""Deviations of q that the reported exponents have at least between them: where both are one, shapes have no limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -259,14 +253,12 @@ def read_apart(result: SearchResult) -> SearchResult:
         held, half = bool(entries.fixed[place]), int(entries.half_turns[place])
         pair = np.zeros((2, 2)) if held else covariance[np.ix_(own, own)]
         mean, square = float(entries.exponents[place].real), float(entries.all_squares[place])
-        std = float(np.sqrt(pair[1, 1]))
-        _, deviations = readings(mean, square, pair, half, omega)
-        if abs(square) < WITHIN * std:
-            apart[len(found.exponents)] = float(np.sqrt(abs(square) + WITHIN * std))
-        square = square if abs(square) > OFF * std else float(np.copysign(OFF * std, square))
-        as_read |= {len(found.exponents) + k: complex(own) for k, own in enumerate(deviations[: 1 + (square > 0.0)])}
+        read = read_axis(mean, square, pair, half, omega)
+        if read.apart is not None:
+            apart[len(found.exponents)] = read.apart
         ends = np.stack([entries.bands[place], bands[place]])
-        modes, ends = _ordinary(mean, square, half, omega, ends)
+        modes, ends = _ordinary(mean, read.square, half, omega, ends)
+        as_read |= {len(found.exponents) + k: complex(read.std[k]) for k in range(len(modes.exponents))}
         kept += [ends] * len(modes.exponents)
         found = found.joined(replace(modes, fixed=np.full(len(modes.exponents), held)))
     solution = linearise(result.blocks, found, carried(result.solution, found))

@@ -18,6 +18,7 @@ from floquid.inputs import (
     fitted_freely,
     linearise,
     model_of,
+    read_near_axis,
     searched,
     slopes_of,
     solve,
@@ -118,9 +119,11 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
             "above the noise. Drive it harder or for longer, or check which channels are `inputs`."
         )
     report("estimating deviations")
+    near = read_near_axis(samples, found)
+    found = near.at
     fit = Uncertainty(samples, found)
     provenance = Provenance.merge(tuple(record.provenance for record in records))
-    model = model_of(fit, own.outputs, own.inputs, provenance)
+    model = model_of(fit, own.outputs, own.inputs, provenance, near.as_read)
     held_out = np.full(len(own.outputs), np.nan)
     if settings.validate:
         report("predicting samples left out")
@@ -132,7 +135,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
         fit=fit,
         noise=found.noise[:, None],
         held_out=held_out,
-        findings=verdict(own, fit, model, held_out, limits, None if free else HIGHEST),
+        findings=(*verdict(own, fit, model, held_out, limits, None if free else HIGHEST), *near.findings),
     )
     return finished(analysis, own.periods_per_revolution, report)
 

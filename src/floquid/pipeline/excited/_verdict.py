@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,9 +54,6 @@ SHAKEN, BLURRED = 0.5, 2.0
 BUSY = 0.5
 """The share of samples at which an input that began late moves from then on: one that is silent often is blows."""
 
-OPEN = 2.0
-"""Deviations within which a pair is on the axis, and two real multipliers are one."""
-
 
 def verdict(
     own: Parted, fit: Uncertainty, model: PeriodicModel, held_out: NDArray[np.float64], limits: Limits, most: int | None
@@ -73,7 +69,6 @@ def verdict(
         *(unreached := _unreached(fit)),
         *(_began(own) if fit.at.colour > COLOURED or any(one.code == "unreached" for one in unreached) else ()),
         *of_driving(fit, scores),
-        *_kinds(model),
         *_against(fit.at, held_out),
         *of_outliers(fit.at.left, own),
         *_ended(samples, fit.at, model, limits, most),
@@ -294,24 +289,6 @@ def undetermined(model: PeriodicModel) -> bool:
     spread = model.exponent_std.real
     vague = (spread > VAGUE * np.abs(model.exponents.real)) & (model.period * spread > ROUGHLY)
     return bool((model.period * spread > 1.0).any() or (model.real & vague).any())
-
-
-def _kinds(model: PeriodicModel) -> tuple[Finding, ...]:
-    """Finding on pairs that may be two real multipliers, and on two of these that may be a pair."""
-    assert model.covariance is not None
-    assert model.exponent_std is not None
-    spread, omega, joint = model.exponent_std, model.fundamental, model.covariance
-    halves = 0.5 * np.rint(2.0 * model.exponents.imag / omega)
-    open_ = ~model.real & (np.abs(model.exponents.imag - halves * omega) < OPEN * spread.imag)
-    for one, other in combinations(np.flatnonzero(model.real), 2):
-        gap = abs(model.exponents[one].real - model.exponents[other].real)
-        variance = joint[one, one] + joint[other, other] - 2.0 * joint[one, other]
-        if (halves[one] - halves[other]) % 1.0 == 0.0 and gap**2 < OPEN**2 * variance:
-            open_[[one, other]] = True
-    if not open_.any():
-        return ()
-    hertz = np.unique(np.abs(model.exponents[open_])) / (2.0 * np.pi)
-    return (warning("inputs_kind", frequencies=hertz.tolist()),)
 
 
 def _against(found: Linearisation, held_out: NDArray[np.float64]) -> tuple[Finding, ...]:
