@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from floquid.periodic.search._scores import equality
 
 from floquid.core import Channel, Provenance, readings
 from floquid.lifting import Lifted
@@ -17,7 +18,6 @@ from floquid.periodic.least_squares import (
     RecordBlock,
     linearise,
 )
-from floquid.periodic.search._scores import equality
 
 PERIOD, PHASES, CYCLES = 1.3, 12, 110
 OMEGA = 2.0 * np.pi / PERIOD

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt
 from floquid.inputs._samples import Hold, Samples
@@ -97,6 +97,15 @@ class InputMode(Rebuilt):
             gains=self.gains + both[1 : 1 + size].reshape(self.gains.shape),
             initial=self.initial + both[1 + size :],
         )
+
+    def with_band(self, band: str, harmonics: ArrayLike) -> InputMode:
+        """With other harmonics of the outputs ("turns") or of the inputs ("reach"), new ones of no gain yet."""
+        wanted = np.asarray(harmonics, float)
+        if band == "turns":
+            return replace(self, turns=wanted)
+        gains = np.zeros((len(self.gains), len(wanted)), complex)
+        gains[:, np.isin(wanted, self.reach)] = self.gains[:, np.isin(self.reach, wanted)]
+        return replace(self, reach=wanted, gains=gains)
 
     def scaled(self) -> InputMode:
         """With the part of b and z that is largest made 1."""

@@ -23,6 +23,7 @@ class Move(Generic[Structure]):
     name: str
     structure: Structure
     least: float = 1e-3  # the fall of J from which on it is accepted: what is less is rounding
+    again: bool = False  # whether it is the same structure, whose fit goes on
 
 
 class Point(Protocol[Structure]):
@@ -58,7 +59,8 @@ Report = Callable[[str], None]
 
 def descended(begin: P, stages: Stages[P], until: float, report: Report = lambda _: None) -> P:
     """The point from which no move lowers J; or the last one when the processor time `until` is over."""
-    now, seen = begin, {begin.name()}
+    now = begin
+    seen: set[tuple[Hashable, bool]] = {(begin.name(), False)}
     while True:
         better = _improved(now, stages, seen, until, report)
         if better is None:
@@ -66,10 +68,10 @@ def descended(begin: P, stages: Stages[P], until: float, report: Report = lambda
         now = better
 
 
-def _improved(now: P, stages: Stages[P], seen: set[Hashable], until: float, report: Report) -> P | None:
+def _improved(now: P, stages: Stages[P], seen: set[tuple[Hashable, bool]], until: float, report: Report) -> P | None:
     for stage in stages(now):
         for move in sorted(stage, key=lambda move: move.change)[:TRIES]:
-            name = now.name(move.structure)
+            name = (now.name(move.structure), move.again)
             if name in seen:
                 continue
             if time.process_time() > until:
