@@ -13,7 +13,9 @@ from floquid.fit import chi2_limit, wald_rise
 from floquid.inputs._joint import fitted_together
 from floquid.inputs._modes import InputMode
 from floquid.inputs._point import Point
+from floquid.inputs._real import near_real, real_for
 from floquid.inputs._scores import by_noise_beyond
+from floquid.inputs._solver import linearise
 from floquid.inputs._start import bare_mode, candidates
 from floquid.inputs._structure import Structure
 from floquid.search import Move
@@ -54,6 +56,20 @@ def merges(point: Point) -> Iterator[Move[Structure]]:
             change -= point.price.of_mode(first) + point.price.of_mode(second)
             if change < 0.0:
                 yield Move(change, "merge", now.without([one, two]).joined([whole]))
+
+
+def kinds(point: Point) -> Iterator[Move[Structure]]:
+    """Pairs near an axis, all of one sign together and each alone, as one real multiplier or two."""
+    now, samples, root = point.structure, point.samples, point.scores.spread_root
+    for pairs in near_real(now.modes, lambda: root @ root.T, samples.fundamental, []):
+        rest = now.without(pairs)
+        left = linearise(samples, rest.modes, rest.direct).left
+        starts, turns, reach = real_for([now.modes[number] for number in pairs], samples.fundamental)
+        for exponents in starts:
+            bare = [bare_mode(samples, complex(own), reach, turns, real=True) for own in exponents]
+            with suppress(np.linalg.LinAlgError):
+                trial = rest.joined(fitted_together(samples, left, bare)[1])
+                yield Move(point.price.of(trial) - point.price.of(now), "real", trial)
 
 
 def conjugated(mode: InputMode) -> InputMode:

@@ -94,7 +94,8 @@ class Point:
     def tried(self, move: Move[Structure]) -> Point:
         """The fit of another structure, other modes with the bands that they then need; given up without hope."""
         trial = self.settled(move.structure, below=np.inf if move.again else self.value - move.least)
-        while len(move.structure.modes) != self.n_modes and trial.value >= self.value:
+        other = [mode.real for mode in move.structure.modes] != [mode.real for mode in self.at.modes]
+        while other and trial.value >= self.value:
             best = min(self.bands(trial), key=lambda each: each.change, default=None)
             if best is None or trial.value + HOPE * best.change > self.value:
                 break

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from floquid.inputs._bands import SECONDS, centred, grown, growths, helpful, narrowed, shrinkages
-from floquid.inputs._changes import additions, merges, removals
+from floquid.inputs._changes import additions, kinds, merges, removals
 from floquid.inputs._joint import chosen_together
 from floquid.inputs._modes import InputMode
 from floquid.inputs._point import REST, Point
@@ -37,8 +37,7 @@ def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = l
     bare = [bare_mode(samples, exponent, turns, turns) for exponent in poles[shares >= STABLE].tolist()]
     first = chosen_together(samples, bare, limits.modes)
     begin = Point(samples, limits, solve(samples, first, iterations=3, rough=True), helpful)
-    refused: list[complex] = []
-    now = descended(begin, lambda point: _stages(point, refused), until, report)
+    now = descended(begin, _stages, until, report)
     found = now.at
     if not found.modes:
         return found
@@ -51,15 +50,13 @@ def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = l
     return solve(samples, [_padded(mode, limits) for mode in modes], found.direct)
 
 
-def _stages(point: Point, refused: list[complex]) -> Iterator[Iterable[Move[Structure]]]:
+def _stages(point: Point) -> Iterator[Iterable[Move[Structure]]]:
     """Moves in groups: a group is made only where none of those before lowers J."""
     if point.n_modes:
         yield growths(point)
         yield [*shrinkages(point), *removals(point), *merges(point)]
         yield [point.settling] if point.scores.promised > REST else []
-        real = with_real_ones(point.samples, point.at, point.limits, refused)
-        if real is not point.at:
-            yield [Move(0.0, "real", Structure(real.modes, real.direct))]
+        yield kinds(point)
     if point.n_modes < point.limits.modes:
         yield additions(point)
 
