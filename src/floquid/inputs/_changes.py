@@ -59,17 +59,25 @@ def merges(point: Point) -> Iterator[Move[Structure]]:
 
 
 def kinds(point: Point) -> Iterator[Move[Structure]]:
-    """Pairs near an axis, all of one sign together and each alone, as one real multiplier or two."""
+    """Pairs near an axis as one real multiplier or two: all of one sign, also with the real ones, and each alone."""
     now, samples, root = point.structure, point.samples, point.scores.spread_root
     for pairs in near_real(now.modes, lambda: root @ root.T, samples.fundamental, []):
-        rest = now.without(pairs)
-        left = linearise(samples, rest.modes, rest.direct).left
-        starts, turns, reach = real_for([now.modes[number] for number in pairs], samples.fundamental)
-        for exponents in starts:
-            bare = [bare_mode(samples, complex(own), reach, turns, real=True) for own in exponents]
-            with suppress(np.linalg.LinAlgError):
-                trial = rest.joined(fitted_together(samples, left, bare)[1])
-                yield Move(point.price.of(trial) - point.price.of(now), "real", trial)
+        _, turns, reach = real_for([now.modes[number] for number in pairs], samples.fundamental)
+        beside = [k for k, mode in enumerate(now.modes) if mode.real and mode.turns[0] == turns[0]]
+        for group in (pairs, pairs + beside) if beside else (pairs,):
+            modes = [now.modes[number] for number in group]
+            starts, *_ = real_for(modes, samples.fundamental)
+            turns, reach = (
+                max([band, *(getattr(mode, name) for mode in modes if mode.real)], key=len)
+                for name, band in (("turns", turns), ("reach", reach))
+            )
+            rest = now.without(group)
+            left = linearise(samples, rest.modes, rest.direct).left
+            for exponents in starts:
+                bare = [bare_mode(samples, complex(own), reach, turns, real=True) for own in exponents]
+                with suppress(np.linalg.LinAlgError):
+                    trial = rest.joined(fitted_together(samples, left, bare)[1])
+                    yield Move(point.price.of(trial) - point.price.of(now), "real", trial)
 
 
 def conjugated(mode: InputMode) -> InputMode:

@@ -6,17 +6,13 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
-import numpy as np
-
 from floquid.inputs._bands import SECONDS, centred, grown, growths, helpful, narrowed, shrinkages
 from floquid.inputs._changes import additions, kinds, merges, removals
-from floquid.inputs._joint import chosen_together
 from floquid.inputs._modes import InputMode
 from floquid.inputs._point import REST, Point
 from floquid.inputs._real import with_pairs, with_real_ones
 from floquid.inputs._samples import Samples
-from floquid.inputs._solver import Linearisation, solve
-from floquid.inputs._start import bare_mode, candidates
+from floquid.inputs._solver import Linearisation, linearise, solve
 from floquid.inputs._structure import Limits, Structure
 from floquid.search import Move, descended
 
@@ -31,12 +27,7 @@ LOOSE = 0.02  # the probability at which noise may pass for a harmonic that is f
 def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = lambda _: None) -> Linearisation:
     """The modes by which J is least, with the harmonics by which inputs reach them and outputs see them."""
     until = time.process_time() + SECONDS
-    offset = np.abs(samples.values).max(axis=1) > OFFSET * samples.swing
-    poles, shares = candidates(samples, samples.moving if offset.any() else samples.values)
-    turns = np.arange(-REACH, REACH + 1.0)
-    bare = [bare_mode(samples, exponent, turns, turns) for exponent in poles[shares >= STABLE].tolist()]
-    first = chosen_together(samples, bare, limits.modes)
-    begin = Point(samples, limits, solve(samples, first, iterations=3, rough=True), helpful)
+    begin = Point(samples, limits, linearise(samples, []), helpful)
     now = descended(begin, _stages, until, report)
     found = now.at
     if not found.modes:
