@@ -1,4 +1,4 @@
-"""Search for modes with inputs: the descent of J over structures, from modes that are chosen together."""
+"""Search for modes with inputs: the descent of J over structures, from no mode on."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 from floquid.inputs._bands import SECONDS, centred, grown, growths, helpful, narrowed, shrinkages
-from floquid.inputs._changes import additions, kinds, merges, removals
+from floquid.inputs._changes import additions, kinds, removals
 from floquid.inputs._modes import InputMode
 from floquid.inputs._point import REST, Point
 from floquid.inputs._real import with_pairs, with_real_ones
@@ -16,11 +16,8 @@ from floquid.inputs._solver import Linearisation, linearise, solve
 from floquid.inputs._structure import Limits, Structure
 from floquid.search import Move, descended
 
-REACH = 1  # harmonics of inputs and outputs on either side of the largest that a candidate has at first
-STABLE = 0.35  # the share of the looks at which a candidate comes up from which on a search begins with it
 TOO_NEAR = 0.5  # the distance of two modes over their decay below which they may be one
 ROUNDS = 6  # fits at most, one after another, with real multipliers for a pair of the modes that are found
-OFFSET = 1e4  # the size of a response over what moves in it from which on its offset goes first: squares round the rest
 LOOSE = 0.02  # the probability at which noise may pass for a harmonic that is fitted: one missing does more harm
 
 
@@ -28,8 +25,7 @@ def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = l
     """The modes by which J is least, with the harmonics by which inputs reach them and outputs see them."""
     until = time.process_time() + SECONDS
     begin = Point(samples, limits, linearise(samples, []), helpful)
-    now = descended(begin, _stages, until, report)
-    found = now.at
+    found = descended(begin, _stages, until, report).at
     if not found.modes:
         return found
     loose = replace(limits, harmonic_alarm=LOOSE)
@@ -45,7 +41,7 @@ def _stages(point: Point) -> Iterator[Iterable[Move[Structure]]]:
     """Moves in groups: a group is made only where none of those before lowers J."""
     if point.n_modes:
         yield growths(point)
-        yield [*shrinkages(point), *removals(point), *merges(point)]
+        yield [*shrinkages(point), *removals(point)]
         yield [point.settling] if point.scores.promised > REST else []
         yield kinds(point)
     if point.n_modes < point.limits.modes:
