@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
+from itertools import combinations, pairwise
 
 import numpy as np
 
-from floquid.fit import chi2_limit
+from floquid.fit import chi2_limit, wald_rise
 from floquid.inputs._joint import fitted_together
+from floquid.inputs._modes import InputMode
 from floquid.inputs._point import Point
 from floquid.inputs._real import near_real, real_for
 from floquid.inputs._scores import by_noise_beyond
@@ -31,6 +34,30 @@ def removals(point: Point) -> Iterator[Move[Structure]]:
             yield Move(weight - price, "remove", now.without([number]))
 
 
+def merges(point: Point) -> Iterator[Move[Structure]]:
+    """Two pairs as the stronger one where their exponents agree modulo the fundamental (Wald 1943)."""
+    now, root, omega = point.structure, point.scores.spread_root, point.samples.fundamental
+    ends = np.cumsum([0, *(int(mode.free.sum()) for mode in now.modes)])
+    rows = [np.array([a, a + (b - a) // 2]) for a, b in pairwise(ends)]
+    weights = point.scores.of_modes
+    for pair in combinations([k for k, mode in enumerate(now.modes) if not mode.real], 2):
+        two, one = sorted(pair, key=lambda number: weights[number])
+        for sign in (1.0, -1.0):
+            first, second = now.modes[one], now.modes[two] if sign > 0.0 else conjugated(now.modes[two])
+            gap = second.exponent - first.exponent
+            turn = round(gap.imag / omega)
+            gap -= 1j * turn * omega
+            apart = root[rows[two]] * np.array([[1.0], [sign]]) - root[rows[one]]
+            whole = first
+            for band, shift in (("turns", turn), ("reach", -turn)):
+                both = np.concatenate([getattr(first, band), getattr(second, band) + shift])
+                whole = whole.with_band(band, np.arange(both.min(), both.max() + 1.0))
+            change = wald_rise(np.array([gap.real, gap.imag]), apart @ apart.T) + point.price.of_mode(whole)
+            change -= point.price.of_mode(first) + point.price.of_mode(second)
+            if change < 0.0:
+                yield Move(change, "merge", now.without([one, two]).joined([whole]))
+
+
 def kinds(point: Point) -> Iterator[Move[Structure]]:
     """Pairs near an axis as one real multiplier or two: all of one sign together, and each alone."""
     now, samples, root = point.structure, point.samples, point.scores.spread_root
@@ -43,6 +70,18 @@ def kinds(point: Point) -> Iterator[Move[Structure]]:
             with suppress(np.linalg.LinAlgError):
                 trial = rest.joined(fitted_together(samples, left, bare)[1])
                 yield Move(point.price.of(trial) - point.price.of(now), "real", trial)
+
+
+def conjugated(mode: InputMode) -> InputMode:
+    """The same pair by its other exponent."""
+    return replace(
+        mode,
+        exponent=mode.exponent.conjugate(),
+        turns=-mode.turns[::-1],
+        reach=-mode.reach[::-1],
+        gains=mode.gains[:, ::-1].conj(),
+        initial=mode.initial.conj(),
+    )
 
 
 def additions(point: Point) -> Iterator[Move[Structure]]:

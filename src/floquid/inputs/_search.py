@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
 from floquid.inputs._bands import SECONDS, centred, grown, growths, helpful, narrowed, shrinkages
-from floquid.inputs._changes import additions, kinds, removals
+from floquid.inputs._changes import additions, kinds, merges, removals
 from floquid.inputs._modes import InputMode
 from floquid.inputs._point import REST, Point
 from floquid.inputs._real import with_pairs, with_real_ones
@@ -41,7 +41,7 @@ def _stages(point: Point) -> Iterator[Iterable[Move[Structure]]]:
     """Moves in groups: a group is made only where none of those before lowers J."""
     if point.n_modes:
         yield growths(point)
-        yield [*shrinkages(point), *removals(point)]
+        yield [*shrinkages(point), *removals(point), *merges(point)]
         yield [point.settling] if point.scores.promised > REST else []
         yield kinds(point)
     if point.n_modes < point.limits.modes:
