@@ -25,7 +25,6 @@ from floquid.inputs._result import transfer_of as transfer_of
 from floquid.inputs._samples import Hold
 from floquid.inputs._samples import Samples as Samples
 from floquid.inputs._samples import samples_of as samples_of
-from floquid.inputs._scores import Limits as Limits
 from floquid.inputs._scores import Scores as Scores
 from floquid.inputs._scores import gain_of as gain_of
 from floquid.inputs._scores import period_step as period_step
@@ -39,6 +38,7 @@ from floquid.inputs._solver import solve as solve
 from floquid.inputs._solver import state_slopes as state_slopes
 from floquid.inputs._start import bare_mode as bare_mode
 from floquid.inputs._start import candidates as candidates
+from floquid.inputs._structure import Limits as Limits
 from floquid.inputs._transfer import TransferFunctions, transfer_functions
 from floquid.inputs._transfer import modal_transfer as modal_transfer
 

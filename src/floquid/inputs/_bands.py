@@ -1,104 +1,180 @@
-"""Bands of harmonics of a fit with inputs: what rises above the noise is added, what noise explains is left out."""
+"""Bands of harmonics of a fit with inputs as moves: what scores add, and what Wald's test leaves out."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
-from functools import partial
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.fit import chi2_limit, wald_rise
+from floquid.fit import wald_rise
 from floquid.inputs._modes import InputMode
+from floquid.inputs._point import HOPE, Point
 from floquid.inputs._samples import Samples
-from floquid.inputs._scores import Limits, Scores, driven_by_noise
-from floquid.inputs._solver import Linearisation, columns_of, covariance, solve
+from floquid.inputs._scores import by_noise_beyond
+from floquid.inputs._solver import Linearisation, columns_of
+from floquid.inputs._structure import Limits, Structure
+from floquid.search import Move, descended
 
-ROUGH = 3
-"""Steps of a fit that is not the last."""
-
-GROWTHS = 12
-"""Rounds in which bands may grow."""
-
-MINOR = 0.05
-"""The share of the largest gain of a round below which a harmonic waits for the next."""
-
-STRIDE = 3
-"""Harmonics beyond the end of a band that are looked at in a round."""
-
-NARROW = 1e-12
-"""The probability at which noise may make up for harmonics that are left out together."""
+MINOR = 0.05  # the share of the largest gain of a round below which a harmonic waits for the next
+STRIDE = 3  # harmonics beyond the end of a band that are looked at in a round
+SECONDS = 120.0  # processor time of a search [s] after which the least J is reported as it is
 
 
-def grown(samples: Samples, now: Linearisation, limits: Limits, rounds: int = GROWTHS) -> Linearisation:
-    """The fit with the harmonics beside its bands whose scores rise above the noise."""
-    for _ in range(rounds):
-        scores = Scores(samples, now)
-        wider = _wider(samples, now, limits, scores)
-        direct = _more_direct(samples, now, limits, scores)
-        if all(a is b for a, b in zip(wider, now.modes, strict=True)) and direct == now.direct:
-            return now
-        modes = [centred(samples, mode, now, k) for k, mode in enumerate(wider)]
-        trial = solve(samples, modes, direct, iterations=ROUGH, rough=True)
-        if trial.criterion - now.criterion < driven_by_noise(scores, limits):
-            return now
-        now = trial
-    return now
+@dataclass(frozen=True, slots=True)
+class Edit:
+    """Harmonics more or less at one end of a band, and the change of J that is predicted."""
+
+    change: float
+    mode: int  # its number; -1 of the direct term
+    band: str  # "turns" or "reach"
+    harmonics: tuple[float, ...]
+    more: bool
 
 
-def _wider(samples: Samples, now: Linearisation, limits: Limits, scores: Scores) -> list[InputMode]:
-    """The modes with the harmonics beyond the ends of their bands that the residual asks for, up to `STRIDE`."""
-    seen, reached = [], []
-    for number, mode in enumerate(now.modes):
-        for band, beyond in ((mode.turns, seen), (mode.reach, reached)):
-            ends = [(band[-1], 1.0)] if mode.real else [(band[0], -1.0), (band[-1], 1.0)]
-            for end, way in ends:
-                more = end + way * np.arange(1.0, STRIDE + 1.0)
-                beyond.append((number, more[np.abs(more) <= limits.highest]))
-    extra = [
-        columns_of(samples, replace(now.modes[number], turns=more[k : k + 1]), now.states[number])
-        for number, more in seen
-        for k in range(len(more))
+def growths(point: Point) -> Iterator[Move[Structure]]:
+    """Harmonics beyond the ends of all bands at once, then the best alone."""
+    edits = list(_growths(point))
+    least = max(1e-3, by_noise_beyond(point.scores, point.limits)) if edits else 1e-3
+    if sum(each.change for each in edits) * HOPE > -least:
+        return
+    best = min(edits, key=lambda each: each.change)
+    edits = [each for each in edits if each.change <= MINOR * best.change]
+    yield _move(point, edits, "grow", least)
+    if len(edits) > 1:
+        yield _move(point, [best], "grow one", least)
+
+
+def shrinkages(point: Point) -> Iterator[Move[Structure]]:
+    """Harmonics less at the ends of all bands at once, and of each band alone."""
+    edits = list(_shrinkages(point))
+    if len(edits) > 1:
+        yield _move(point, edits, "shrink", 1e-3)
+    for each in edits:
+        yield _move(point, [each], "shrink one", 1e-3)
+
+
+def helpful(point: Point) -> Iterator[Move[Structure]]:
+    """Bands either way, by which a trial with other modes is helped."""
+    yield from growths(point)
+    yield from shrinkages(point)
+
+
+def _move(point: Point, edits: Iterable[Edit], name: str, least: float) -> Move[Structure]:
+    modes, direct, total = list(point.at.modes), set(point.at.direct), 0.0
+    for edit in edits:
+        total += edit.change
+        if edit.mode < 0:
+            direct = direct | set(edit.harmonics) if edit.more else direct - set(edit.harmonics)
+            continue
+        own = set(getattr(modes[edit.mode], edit.band).tolist())
+        band = own | set(edit.harmonics) if edit.more else own - set(edit.harmonics)
+        modes[edit.mode] = modes[edit.mode].with_band(edit.band, sorted(band))
+    modes = [centred(point.samples, mode, point.at, number) for number, mode in enumerate(modes)]
+    return Move(total, name, Structure(tuple(modes), tuple(sorted(direct))), least)
+
+
+def _growths(point: Point) -> Iterator[Edit]:
+    """Harmonics beyond the ends of bands that scores show, as far as they pay for those between."""
+    at, samples, price = point.at, point.samples, point.price
+    ends = []
+    for number, mode in enumerate(at.modes):
+        for band in ("turns", "reach"):
+            own = getattr(mode, band)
+            for end, way in [(own[-1], 1.0)] if mode.real else [(own[0], -1.0), (own[-1], 1.0)]:
+                beyond = end + way * np.arange(1.0, STRIDE + 1.0)
+                ends.append((number, band, beyond[np.abs(beyond) <= point.limits.highest].tolist()))
+    columns = [
+        columns_of(samples, replace(at.modes[number], turns=np.array([turn])), at.states[number])
+        for number, band, beyond in ends
+        if band == "turns"
+        for turn in beyond
     ]
-    gains = [scores.by_columns(extra), scores.by_inputs([(number, turn) for number, more in reached for turn in more])]
-    least = [chi2_limit(2 * len(rows), limits.harmonic_alarm) for rows in (samples.values, samples.inputs)]
-    most = MINOR * max((float(own.max(initial=0.0)) for own in gains), default=0.0)
-    found = list(now.modes)
-    for kind, beyond in enumerate((seen, reached)):
-        place = 0
-        for number, more in beyond:
-            own = gains[kind][place : place + len(more)]
-            place += len(more)
-            far = np.flatnonzero(own > max(least[kind], most))
-            if not len(far):
-                continue
-            kept, mode = more[: far[-1] + 1], found[number]
-            if kind:
-                for turn in kept.tolist():
-                    mode = with_reach(mode, turn)
-            else:
-                mode = replace(mode, turns=np.sort(np.append(mode.turns, kept)))
-            found[number] = mode
-    return found
+    turn = float(len(at.direct))
+    if turn <= point.limits.highest:
+        both = samples.turned(turn) * samples.inputs
+        columns.append(np.concatenate([both.real, both.imag]) if turn else both.real)
+    seen = point.scores.by_columns(columns).tolist()
+    asked = [(number, turn) for number, band, beyond in ends if band == "reach" for turn in beyond]
+    driven = point.scores.by_inputs(asked).tolist()
+    if turn <= point.limits.highest and price.direct(turn) < seen[-1]:
+        yield Edit(price.direct(turn) - seen[-1], -1, "", (turn,), True)
+    for number, band, beyond in ends:
+        gains, of = (seen, price.seen) if band == "turns" else (driven, price.driven)
+        own, gains[: len(beyond)] = gains[: len(beyond)], []
+        changes = np.cumsum(
+            [of(turn, real=at.modes[number].real) - gain for turn, gain in zip(beyond, own, strict=True)]
+        )
+        if len(changes) and changes.min() < 0.0:
+            best = int(np.argmin(changes))
+            yield Edit(float(changes[best]), number, band, tuple(beyond[: best + 1]), True)
 
 
-def with_reach(mode: InputMode, turn: float) -> InputMode:
-    """With one more harmonic of the inputs, of no gain yet."""
-    place = int(np.searchsorted(mode.reach, turn))
-    gains = np.insert(mode.gains, place, 0.0, axis=1)
-    return replace(mode, reach=np.insert(mode.reach, place, turn), gains=gains)
+def _shrinkages(point: Point) -> Iterator[Edit]:
+    """Harmonics at the ends of bands that cost more than noise without them would."""
+    at, price, place = point.at, point.price, 0
+    root = point.scores.spread_root
+    for number, mode in enumerate(at.modes):
+        block = root[place : place + int(mode.free.sum())]
+        place += len(block)
+        columns, turning = at.slices()[number]
+        spread = block @ block.T
+        weights: tuple[tuple[str, Callable[[NDArray[np.int64]], float], Callable[..., float]], ...] = (
+            ("turns", lambda which, own=(columns, turning): _weight(at, *own, which), price.seen),
+            ("reach", lambda which, own=(mode, spread): _input_weight(*own, which), price.driven),
+        )
+        for band, weight, of in weights:
+            yield from _tails(number, mode, band, weight, of)
+    if at.direct:
+        count = len(point.samples.inputs) * (2 if at.direct[-1] else 1)
+        stop = (at.slices()[-1][0].stop if at.modes else 0) + len(point.samples.inputs) * (2 * len(at.direct) - 1)
+        index = np.arange(stop - count, stop)
+        rise = wald_rise(at.coefficients[index] / at.noise, at.inverse[np.ix_(index, index)])
+        if rise < price.direct(at.direct[-1]):
+            yield Edit(rise - price.direct(at.direct[-1]), -1, "", at.direct[-1:], False)
 
 
-def _more_direct(samples: Samples, now: Linearisation, limits: Limits, scores: Scores) -> tuple[float, ...]:
-    """Harmonics of the direct term, with the next one where the residual asks for it."""
-    turn = float(len(now.direct))
-    if turn > limits.highest:
-        return now.direct
-    both = samples.turned(turn) * samples.inputs
-    extra = np.concatenate([both.real, both.imag]) if turn else both.real
-    limit = chi2_limit(len(extra) * len(samples.values), limits.harmonic_alarm)
-    return (*now.direct, turn) if scores.by_columns([extra])[0] > limit else now.direct
+def _tails(
+    number: int,
+    mode: InputMode,
+    band: str,
+    weight: Callable[[NDArray[np.int64]], float],
+    of: Callable[..., float],
+) -> Iterator[Edit]:
+    """The tails of a band that are best left out, one at each end."""
+    harmonics = getattr(mode, band)
+    kept, count = len(harmonics), len(harmonics)
+    for order in (np.arange(count)[::-1], np.arange(0 if mode.real else count)):
+        best, length, paid = 0.0, 0, 0.0
+        for many in range(1, min(kept, len(order) + 1)):
+            paid += of(float(harmonics[order[many - 1]]), real=mode.real)
+            change = weight(np.sort(order[:many])) - paid
+            if change >= 0.0:
+                break
+            if change < best:
+                best, length = change, many
+        if length:
+            kept -= length
+            yield Edit(best, number, band, tuple(harmonics[order[:length]].tolist()), False)
+
+
+def grown(samples: Samples, now: Linearisation, limits: Limits) -> Linearisation:
+    """The fit with the harmonics beside its bands by which J falls."""
+    return _descended(samples, now, limits, growths)
+
+
+def narrowed(samples: Samples, now: Linearisation, limits: Limits) -> Linearisation:
+    """The fit without the harmonics at the ends of bands by which J rises."""
+    return _descended(samples, now, limits, shrinkages)
+
+
+def _descended(
+    samples: Samples, now: Linearisation, limits: Limits, of: Callable[[Point], Iterator[Move[Structure]]]
+) -> Linearisation:
+    begin = Point(samples, limits, now, of)
+    return descended(begin, lambda point: iter([of(point)]), time.process_time() + SECONDS).at
 
 
 def centred(samples: Samples, mode: InputMode, now: Linearisation, number: int) -> InputMode:
@@ -127,51 +203,6 @@ def centred(samples: Samples, mode: InputMode, now: Linearisation, number: int) 
         gains=found.gains[:, ::-1].conj(),
         initial=found.initial.conj(),
     )
-
-
-def narrowed(samples: Samples, now: Linearisation, limits: Limits) -> Linearisation:
-    """Without the harmonics at the ends of bands that noise explains."""
-    for _ in range(GROWTHS if now.modes else 0):
-        found, spread, place = [], covariance(samples, now), 0
-        for number, mode in enumerate(now.modes):
-            block = slice(place, place + int(mode.free.sum()))
-            place = block.stop
-            columns, turning = now.slices()[number]
-            seen, reached = partial(_weight, now, columns, turning), partial(_input_weight, mode, spread[block, block])
-            turns = _kept(len(mode.turns), mode.real, seen, 2 * len(samples.values), limits.harmonic_alarm)
-            reach = _kept(len(mode.reach), mode.real, reached, 2 * len(samples.inputs), limits.harmonic_alarm)
-            if len(mode.turns[turns]) < len(mode.turns) or len(mode.reach[reach]) < len(mode.reach):
-                found.append(
-                    replace(mode, turns=mode.turns[turns], reach=mode.reach[reach], gains=mode.gains[:, reach])
-                )
-            else:
-                found.append(mode)
-        if all(a is b for a, b in zip(found, now.modes, strict=True)):
-            return now
-        trial = solve(samples, found, now.direct, iterations=ROUGH, rough=True)
-        if now.log_likelihood - trial.log_likelihood > chi2_limit(now.n_parameters - trial.n_parameters, NARROW):
-            return now
-        now = trial
-    return now
-
-
-def _kept(
-    count: int, real: bool, weight: Callable[[NDArray[np.int64]], float], degrees: int, probability: float
-) -> slice:
-    """The part of a band of some harmonics to keep: those beyond, together, are what noise explains.
-
-    `weight` has the squared deviations of some of them from zero, of `degrees` each.
-    """
-    first, last = 0, count
-    while last - first > 1 and weight(np.arange(last - 1, count)) < chi2_limit(
-        degrees * (count - last + 1), probability
-    ):
-        last -= 1
-    while (
-        not real and last - first > 1 and weight(np.arange(first + 1)) < chi2_limit(degrees * (first + 1), probability)
-    ):
-        first += 1
-    return slice(first, last)
 
 
 def _weight(now: Linearisation, columns: slice, turning: NDArray[np.bool_], which: NDArray[np.int64]) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from math import factorial
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt
 from floquid.inputs._block import by_root, parts_of, slopes_along_square
@@ -147,6 +147,15 @@ class InputMode(Rebuilt):
         gains, initial = (first + root * second for first, second in map(_halves, (self.gains, self.initial)))
         exponent = self.exponent.real + root
         return replace(self, exponent=exponent, real=False, gains=gains, initial=initial, square=None)
+
+    def with_band(self, band: str, harmonics: ArrayLike) -> InputMode:
+        """With other harmonics of the outputs ("turns") or of the inputs ("reach"), new ones of no gain yet."""
+        wanted = np.asarray(harmonics, float)
+        if band == "turns":
+            return replace(self, turns=wanted)
+        gains = np.zeros((len(self.gains), len(wanted)), complex)
+        gains[:, np.isin(wanted, self.reach)] = self.gains[:, np.isin(self.reach, wanted)]
+        return replace(self, reach=wanted, gains=gains)
 
     def scaled(self) -> InputMode:
         """With the part of b and z that is largest made 1."""

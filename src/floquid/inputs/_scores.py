@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -13,6 +14,7 @@ from floquid.fit import chi2_limit, inverse_root, score_gain, wald_rise
 from floquid.inputs._modes import InputMode, followed, reached_by
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, carried, linearise, scale_of, slopes_of, state_slopes
+from floquid.inputs._structure import Limits
 
 NUDGE = 1e-6
 """The relative change of ω by which the response's slope is taken."""
@@ -32,26 +34,6 @@ DRAWS = 30
 
 FEW, FAR = 5, 0.25
 """Draws that tell a gain to a quarter of its deviation, and the share of a limit below which they do."""
-
-
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """Limits of a search.
-
-    Parameters
-    ----------
-    mode_alarm, harmonic_alarm
-        The probabilities that noise passes for a mode, and for a harmonic.
-    highest
-        The highest harmonic of input and output.
-    modes
-        Modes that may be found, at most.
-    """
-
-    mode_alarm: float = 1e-9
-    harmonic_alarm: float = 1e-6
-    highest: int = 12
-    modes: int = 20
 
 
 class Scores:
@@ -76,6 +58,10 @@ class Scores:
             matrix += own @ own.T - along @ (self.columns @ own.T)
         self.root = inverse_root(matrix, least, scale=scale_of(samples, now, matrix))
         self.matrix, self.least = matrix, least
+        pull = np.sum([own @ left for own, left in zip(self.slopes, self.left, strict=bool(now.modes))], axis=0)
+        self.promised = float(
+            np.sum((self.root.T @ pull) ** 2) if now.modes else 0.0
+        )  # the gain that the fit itself may still have
 
     def by_columns(self, groups: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
         """The gains by groups of columns, each linear in every channel (columns, samples) (groups,)."""
@@ -193,10 +179,16 @@ class Scores:
         ]
         return values - np.array(taken)
 
+    @cached_property
+    def spread_root(self) -> NDArray[np.float64]:
+        """A root of the covariance of the free parameters; of what the record says nothing of it is large."""
+        return inverse_root(self.matrix, self.least, floor=True, scale=scale_of(self.samples, self.now, self.matrix))
+
+    @cached_property
     def of_modes(self) -> NDArray[np.float64]:
         """Squared deviations of the shape of each mode from zero, all else moving along (Wald tests) (modes,)."""
         found, now = [], self.now
-        root = inverse_root(self.matrix, self.least, floor=True, scale=scale_of(self.samples, now, self.matrix))
+        root = self.spread_root
         for own, _ in now.slices():
             spread = np.kron(np.eye(len(self.left)), now.inverse[own, own])
             along = np.concatenate([part[:, own] for part in self.along], axis=1).T @ root
@@ -254,12 +246,12 @@ def gain_of(scores: Scores, samples: Samples, modes: Sequence[InputMode]) -> flo
     return (2.0 * step - 1.0) / std**2
 
 
-def driven_by_noise(scores: Scores, limits: Limits) -> float:
-    """What the criterion gains by noise that drives the modes, to first order; -∞ where noise of sensors explains all.
+def by_noise_beyond(scores: Scores, limits: Limits) -> float:
+    """The fall of J by noise that drives the modes, as a number more; zero where noise of sensors explains all.
 
     Inputs at any harmonic, and modes at any frequency near, make up for such noise: they must be better than it.
     """
     limit = chi2_limit(1, limits.harmonic_alarm)
     # A few draws do where it is far below.
     gain = 0.0 if scores.by_noise(FEW) < FAR * limit else scores.by_noise()
-    return gain - float(np.log(scores.samples.n_samples)) if gain > limit else -np.inf
+    return max(gain - limit, 0.0)

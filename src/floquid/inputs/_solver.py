@@ -227,10 +227,11 @@ def solve(
     iterations: int = ITERATIONS,
     at_rest: float = 1e-3,
     rough: bool = False,
+    below: float = np.inf,
 ) -> Linearisation:
     """The least squares near these modes: Levenberg-Marquardt, until a step gains less than `at_rest`.
 
-    Rough steps are made in single precision.
+    Rough steps are made in single precision. A fit ends where its cost is `below` a value, or will not come there.
     """
     now, period = linearise(samples, [mode.scaled() for mode in modes], direct), 2.0 * np.pi / samples.fundamental
     if not modes:
@@ -240,10 +241,15 @@ def solve(
         matrix, gradient = normal_equations(samples, at, rough=rough)
         return Normal(matrix=matrix, gradient=gradient, given=scale_of(samples, at, matrix))
 
+    def enough(at: Linearisation, gains: list[float]) -> bool:
+        # The first steps may gain little: they are not yet the rate at which the cost falls.
+        return len(gains) > 2 and not below < at.cost < below + (iterations - len(gains)) * gains[-1]
+
     steps = Steps(
         normal=normal,
         moved=lambda at, step: _moved(samples, at, step),
         limited=lambda at, step, _normal, _damping: _limited(at, step, period),
+        enough=enough if below < np.inf else None,
     )
     return levenberg_marquardt(now, steps, Ends(steps=iterations, gain=at_rest, fall=FALL))
 

@@ -183,9 +183,9 @@ def test_a_little_noise_on_inputs_is_a_warning(share, told):
 
 def test_noise_on_inputs_is_named_where_other_instants_explain_more_too():
     system = mathieu()
-    values, inputs = record_of(system, 2 * PERIODS, PHASES, 0.02, 1)
-    noise = np.random.default_rng(101).standard_normal(inputs.shape)
-    found = identified(values, inputs + 0.1 * np.std(inputs) * noise, system.period)
+    values, inputs = record_of(system, 2 * PERIODS, PHASES, 0.02, 3)
+    noise = np.random.default_rng(103).standard_normal(inputs.shape)
+    found = identified(values, inputs + 0.2 * np.std(inputs) * noise, system.period)
     assert found.reasons[:2] == found.warnings[:2]
     assert "noise on the measured inputs" in found.reasons[0]
     told = [own.code for own in found.findings if own.severity.name == "FAILURE"]

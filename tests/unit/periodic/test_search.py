@@ -8,7 +8,6 @@ from tests.unit.periodic.test_constrain import OMEGA, records, system
 
 from floquid.periodic.least_squares import ModeParameters, forced_entries, record_blocks
 from floquid.periodic.search import Bounds, Point, priced, searched
-from floquid.periodic.search._descend import key
 from floquid.periodic.search._moves import bands, merges, splits, together
 from floquid.periodic.search._near_axis import with_axis_pairs
 from floquid.periodic.search._units import Units, wide_of
@@ -63,7 +62,7 @@ def test_units_gain_and_lose_what_fits_with_and_without_them_do():
 def test_what_bands_are_predicted_to_lower_j_by_they_lower_it_by():
     now = point([-0.06 + 0.9j, -0.05 + 2.2j], [(0, 3), (-3, 0)]).settled()
     for move in bands(now, MOST):
-        other = now.with_entries(move.entries)
+        other = now.with_entries(move.structure)
         assert move.change < 0.0
         assert other.value <= now.value + move.change + 5.0
     assert not list(bands(point([-0.06 + 0.9j, -0.05 + 2.2j], [(-1, 1), (-1, 1)]).settled(), MOST))
@@ -73,8 +72,8 @@ def test_a_structure_is_one_on_every_branch():
     first = ModeParameters.made([-0.06 + 0.9j, -0.05 + 2.2j], [(-1, 1), (0, 1)], OMEGA)
     other = ModeParameters.made([-0.05 + 2.2j - 1j * OMEGA, -0.06 + 0.9j], [(1, 2), (-1, 1)], OMEGA)
     now = point([-0.06 + 0.9j], [(0, 0)])
-    assert key(now, first) == key(now, other)
-    assert key(now, first) != key(now, replace(other, bands=other.bands + np.array([0, 1])))
+    assert now.name(first) == now.name(other)
+    assert now.name(first) != now.name(replace(other, bands=other.bands + np.array([0, 1])))
 
 
 def test_a_mode_that_is_two_is_split_and_two_that_are_one_are_merged():
@@ -82,7 +81,7 @@ def test_a_mode_that_is_two_is_split_and_two_that_are_one_are_merged():
     one = point([-0.055 + 0.9j], [(-1, 2)], truth=[-0.06 + 0.9j, -0.05 + 0.96j + 1j * OMEGA]).settled()
     assert min(splits(one), key=lambda move: move.change).change < 0.0
     halves = point([truth[0], truth[0] + 1j * OMEGA, truth[1]], [(-1, 0), (0, 0), (-1, 1)]).settled()
-    assert [len(move.entries.exponents) for move in merges(halves, MOST)] == [2]
+    assert [len(move.structure.exponents) for move in merges(halves, MOST)] == [2]
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -17,9 +17,9 @@ from floquid.periodic.least_squares import (
     complex_of,
     forced_entries,
 )
-from floquid.periodic.search._moves import Move
 from floquid.periodic.search._objective import Point
 from floquid.periodic.search._peaks import Peak, peaks
+from floquid.search import Move
 
 AT_ONCE = 3  # peaks that are tried together
 PEAKS = 6  # peaks that are looked at

@@ -3,32 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 
-from floquid._arrays import Complexes, Floats, Integers
+from floquid._arrays import Floats
 from floquid.fit import inverse_root, scaled_inverse, wald_rise
 from floquid.periodic.least_squares import ModeParameters
 from floquid.periodic.search._objective import SINGULAR, Point
 from floquid.periodic.search._units import Units, wide_of
+from floquid.search import Move
 
 REACH = 4.0  # times its price up to which it is tried whether the other modes can do without one
 FARTHEST = 0.7  # decays that the halves of a mode start apart at most: scores mislead beyond the width of a line
 REDUCED = 1e-3  # share of the price saved that bands made anew are taken to lower J by: their misfit is not predicted
 ROUNDING = 1e-7  # fundamentals within which two exponents are one, whatever their deviations
 BETTER = 9.0  # the fall of J from which on a branch is the better one, three deviations: few harmonics hardly tell
-
-
-@dataclass(frozen=True, slots=True)
-class Move:
-    """Another structure, and the change of J that is predicted."""
-
-    change: float
-    name: str
-    entries: ModeParameters
-    least: float = 1e-3  # the fall of J from which on it is accepted: what is less is rounding
 
 
 def bands(point: Point, most: int) -> Iterator[Move]:
@@ -247,9 +238,3 @@ def branches(point: Point) -> Iterator[Move]:
             exponents[entry] += 1j * turns * entries.fundamental
             found[entry] -= turns
             yield Move(0.0, "branch", replace(entries, exponents=exponents, bands=found), BETTER)
-
-
-def unfolded(entries: ModeParameters) -> Complexes:
-    """The lowest column of each mode (entries,)."""
-    low: Integers = entries.bands[:, 0]
-    return np.asarray(entries.exponents + 1j * entries.fundamental * (low + entries.offsets), np.complex128)

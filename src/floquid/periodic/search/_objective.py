@@ -25,6 +25,7 @@ from floquid.periodic.least_squares import (
     normal,
     weighted,
 )
+from floquid.search import Move
 
 LONGEST_STEP = 0.3  # the most that an exponent moves in a step [1/period]: beyond, one linearisation says nothing
 STEPS = 12  # steps of one fit: what is far from rest after so many is not near a minimum
@@ -33,6 +34,7 @@ HOPE = 2.0  # times the fall that a full step promises beyond which no fit goes
 FARTHEST = 0.5  # the most that a wider band may move an exponent [1/period]: beyond, the multiplier is another one
 REST = 0.1  # the fall of J below which a fit that is only compared is at rest: a deviation of a third
 NEAR = 0.02  # fundamentals within which a column starts with the coefficients of one that there was
+SAME = 0.06  # the difference of two exponents times the period [1] within which structures count as one
 FASTEST = 12.0  # the decay or growth over a period, in nepers, beyond which a column is a glitch and no mode
 
 
@@ -114,6 +116,32 @@ class Point:
     def period(self) -> float:
         """The period [s]."""
         return 2.0 * np.pi / self.entries.fundamental
+
+    @property
+    def n_modes(self) -> int:
+        """Modes of the structure, a pair counted once."""
+        return int((~self.entries.fixed).sum())
+
+    def name(self, structure: ModeParameters | None = None) -> tuple:
+        """Name of this structure or of another: one for all branches of a mode unless the speed wanders."""
+        entries = self.entries if structure is None else structure
+        omega = entries.fundamental
+        low = entries.exponents + 1j * omega * (entries.bands[:, 0] + entries.offsets)
+        branches = np.rint(entries.exponents.imag / omega) if self.wanders else np.zeros(len(low))
+        widths = entries.bands[:, 1] - entries.bands[:, 0]
+        decays, turns = np.rint(np.array([low.real, low.imag]) * self.period / SAME)
+        names = np.stack([entries.real, decays, turns, widths, branches], axis=1)
+        steady = np.stack([np.round(low.imag * self.period, 6), entries.factors], axis=1)
+        held = entries.fixed
+        return tuple(sorted(map(tuple, names[~held].tolist()))), tuple(sorted(map(tuple, steady[held].tolist())))
+
+    def tried(self, move: Move[ModeParameters]) -> Point:
+        """The fit of another structure; given up where J will not come below this one."""
+        return self.with_entries(move.structure).settled(below=self.value)
+
+    def ended(self, *, unfinished: bool) -> Point:
+        """The same point, the last of a descent."""
+        return replace(self, unfinished=unfinished)
 
     @property
     def at_floor(self) -> bool:

@@ -20,9 +20,9 @@ from floquid.periodic.least_squares import (
     residual_filter,
 )
 from floquid.periodic.search._additions import additions
-from floquid.periodic.search._descend import descended
-from floquid.periodic.search._moves import Move, bands, branches, merges, removals, shared, splits, together
+from floquid.periodic.search._moves import bands, branches, merges, removals, shared, splits, together
 from floquid.periodic.search._objective import Point, Price
+from floquid.search import Move, descended
 
 SECONDS = 120.0  # processor time of a search [s] after which the least J is reported as it is
 LOUD = 100.0  # times the price from which on a line cannot be a peak of noise that is coloured

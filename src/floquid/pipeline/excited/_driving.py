@@ -36,6 +36,9 @@ SMOOTH = 0.15
 HOPELESS = -50.0
 """The gain to first order below which other instants are not fitted."""
 
+ALIKE = 0.1
+"""The criterion of a fit over another within which they are one: fits end where a step gains a hundredth of it."""
+
 STEPS = 10
 """Steps of the fit with other instants."""
 
@@ -104,7 +107,9 @@ def _instants(fit: Uncertainty, scores: Scores) -> tuple[tuple[Finding, ...], Sc
 
     # A direct term comes in by noise, too: as it was said, but without it, is one of those compared.
     plain = now.criterion if plainly else solve(samples, modes, iterations=STEPS).criterion
-    delay, hold = max(others, key=lambda key: others[key][1].criterion)
+    # Inputs that are held and those that act at the samples alone are one fit: the first of them is named.
+    best = max(found.criterion for _, found in others.values())
+    delay, hold = next(key for key, (_, found) in others.items() if found.criterion > best - ALIKE)
     if others[delay, hold][1].criterion > max(plain + UNTOLD, now.criterion):
         told = failure("inputs_instants", delay=delay, hold=hold, given=samples.hold)
         return (told,), Scores(*others[delay, hold], rough=False)

@@ -139,7 +139,7 @@ def _seen(scores: Scores) -> list[tuple[float, int]]:
     """Squared deviations of the shape of each mode from zero, and how many numbers it has."""
     columns, channels = scores.now.slices(), len(scores.left)
     sizes = [channels * (own.stop - own.start) for own, _ in columns]
-    return list(zip(scores.of_modes().tolist(), sizes, strict=True))
+    return list(zip(scores.of_modes.tolist(), sizes, strict=True))
 
 
 def needed(model: PeriodicModel, limits: Limits, seen: Sequence[tuple[float, int]]) -> Finding:

@@ -1,0 +1,104 @@
+"""Moves with inputs from some modes to others: without one, with real multipliers, with one that the residual shows."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import replace
+from itertools import combinations, pairwise
+
+import numpy as np
+
+from floquid.fit import chi2_limit, wald_rise
+from floquid.inputs._joint import fitted_together
+from floquid.inputs._modes import InputMode
+from floquid.inputs._point import Point
+from floquid.inputs._real import near_real, real_for
+from floquid.inputs._scores import by_noise_beyond
+from floquid.inputs._solver import linearise
+from floquid.inputs._start import bare_mode, candidates
+from floquid.inputs._structure import Structure
+from floquid.search import Move
+
+WEAK = 4.0  # times its price up to which it is tried whether the other modes can do without one
+START = (1, 2)  # harmonics of input and output on either side that a candidate has
+NEAR = 0.5  # decays within which two candidates are one
+
+
+def removals(point: Point) -> Iterator[Move[Structure]]:
+    """Without one mode that may cost more than the others lose by it, once they have the harmonics that they need."""
+    now = point.structure
+    for number, weight in enumerate(point.scores.of_modes.tolist()):
+        price = point.price.of_mode(now.modes[number])
+        if weight < WEAK * price:
+            yield Move(weight - price, "remove", now.without([number]))
+
+
+def merges(point: Point) -> Iterator[Move[Structure]]:
+    """Two pairs as the stronger one where their exponents agree modulo the fundamental (Wald 1943)."""
+    now, root, omega = point.structure, point.scores.spread_root, point.samples.fundamental
+    ends = np.cumsum([0, *(int(mode.free.sum()) for mode in now.modes)])
+    rows = [np.array([a, a + (b - a) // 2]) for a, b in pairwise(ends)]
+    weights = point.scores.of_modes
+    for pair in combinations([k for k, mode in enumerate(now.modes) if not mode.real], 2):
+        two, one = sorted(pair, key=lambda number: weights[number])
+        for sign in (1.0, -1.0):
+            first, second = now.modes[one], now.modes[two] if sign > 0.0 else conjugated(now.modes[two])
+            gap = second.exponent - first.exponent
+            turn = round(gap.imag / omega)
+            gap -= 1j * turn * omega
+            apart = root[rows[two]] * np.array([[1.0], [sign]]) - root[rows[one]]
+            whole = first
+            for band, shift in (("turns", turn), ("reach", -turn)):
+                both = np.concatenate([getattr(first, band), getattr(second, band) + shift])
+                whole = whole.with_band(band, np.arange(both.min(), both.max() + 1.0))
+            change = wald_rise(np.array([gap.real, gap.imag]), apart @ apart.T) + point.price.of_mode(whole)
+            change -= point.price.of_mode(first) + point.price.of_mode(second)
+            if change < 0.0:
+                yield Move(change, "merge", now.without([one, two]).joined([whole]))
+
+
+def kinds(point: Point) -> Iterator[Move[Structure]]:
+    """Pairs near an axis as one real multiplier or two: all of one sign together, and each alone."""
+    now, samples, root = point.structure, point.samples, point.scores.spread_root
+    for pairs in near_real(now.modes, lambda: root @ root.T, samples.fundamental, []):
+        rest = now.without(pairs)
+        left = linearise(samples, rest.modes, rest.direct).left
+        starts, turns, reach = real_for([now.modes[number] for number in pairs], samples.fundamental)
+        for exponents in starts:
+            bare = [bare_mode(samples, complex(own), reach, turns, real=True) for own in exponents]
+            with suppress(np.linalg.LinAlgError):
+                trial = rest.joined(fitted_together(samples, left, bare)[1])
+                yield Move(point.price.of(trial) - point.price.of(now), "real", trial)
+
+
+def conjugated(mode: InputMode) -> InputMode:
+    """The same pair by its other exponent."""
+    return replace(
+        mode,
+        exponent=mode.exponent.conjugate(),
+        turns=-mode.turns[::-1],
+        reach=-mode.reach[::-1],
+        gains=mode.gains[:, ::-1].conj(),
+        initial=mode.initial.conj(),
+    )
+
+
+def additions(point: Point) -> Iterator[Move[Structure]]:
+    """With one mode more, of the candidates that explain most of the residual."""
+    samples, now = point.samples, point.structure
+    reach, turns = (np.arange(-most, most + 1.0) for most in START)
+    ranked = []
+    for exponent in candidates(samples, point.at.left)[0].tolist():
+        with suppress(np.linalg.LinAlgError):
+            ranked.append(fitted_together(samples, point.at.left, [bare_mode(samples, exponent, reach, turns)]))
+    least, tried = None, []
+    for gain, (mode,) in sorted(ranked, key=lambda each: -each[0]):
+        numbers = 2 * (mode.gains.size + len(mode.initial)) * len(mode.turns) * len(samples.values)
+        if gain < chi2_limit(numbers, point.limits.mode_alarm):  # what noise may take, all products free
+            break
+        if not any(abs(mode.exponent - other) < NEAR * abs(other.real) for other in tried):
+            tried.append(mode.exponent)
+            if least is None:
+                least = max(1e-3, by_noise_beyond(point.scores, point.limits)) if now.modes else 1e-3
+            yield Move(point.price.of_mode(mode) - gain, "add", now.joined([mode]), least)

@@ -1,0 +1,9 @@
+"""Search over structures by one objective: moves, and the descent that accepts those by which it falls."""
+
+from floquid.search._descend import Move as Move
+from floquid.search._descend import Point as Point
+from floquid.search._descend import Report as Report
+from floquid.search._descend import Stages as Stages
+from floquid.search._descend import descended as descended
+
+__all__: list[str] = []

@@ -1,0 +1,85 @@
+"""Descent of J over structures: each tried once, the best predicted move first, accepted where J falls."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Hashable, Iterable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Generic, Protocol, Self, TypeVar
+
+import numpy as np
+
+TRIES = 12  # moves of one round that are fitted, the best predicted first: what comes later hardly ever helps
+
+Structure = TypeVar("Structure")
+
+
+@dataclass(frozen=True, slots=True)
+class Move(Generic[Structure]):
+    """Another structure, and the change of J that is predicted."""
+
+    change: float
+    name: str
+    structure: Structure
+    least: float = 1e-3  # the fall of J from which on it is accepted: what is less is rounding
+    again: bool = False  # whether it is the same structure, whose fit goes on
+
+
+class Point(Protocol[Structure]):
+    """A structure that is fitted, with its J."""
+
+    @property
+    def value(self) -> float:
+        """J."""
+        ...
+
+    @property
+    def n_modes(self) -> int:
+        """Modes of the structure."""
+        ...
+
+    def name(self, structure: Structure | None = None) -> Hashable:
+        """Name of this structure or of another: one for all branches that are the same."""
+        ...
+
+    def tried(self, move: Move[Structure]) -> Self:
+        """The fit of another structure to the same samples; given up where J will not come below this one."""
+        ...
+
+    def ended(self, *, unfinished: bool) -> Self:
+        """The same point, the last of a descent."""
+        ...
+
+
+P = TypeVar("P", bound=Point)
+Stages = Callable[[P], Iterator[Iterable[Move]]]
+Report = Callable[[str], None]
+
+
+def descended(begin: P, stages: Stages[P], until: float, report: Report = lambda _: None) -> P:
+    """The point from which no move lowers J; or the last one when the processor time `until` is over."""
+    now = begin
+    seen: set[tuple[Hashable, bool]] = {(begin.name(), False)}
+    while True:
+        better = _improved(now, stages, seen, until, report)
+        if better is None:
+            return now.ended(unfinished=time.process_time() > until)
+        now = better
+
+
+def _improved(now: P, stages: Stages[P], seen: set[tuple[Hashable, bool]], until: float, report: Report) -> P | None:
+    for stage in stages(now):
+        for move in sorted(stage, key=lambda move: move.change)[:TRIES]:
+            name = (now.name(move.structure), move.again)
+            if name in seen:
+                continue
+            if time.process_time() > until:
+                return None
+            seen.add(name)
+            with suppress(np.linalg.LinAlgError):
+                trial = now.tried(move)
+                if trial.value < now.value - move.least:
+                    report(f"searching for modes: {trial.n_modes} found")
+                    return trial
+    return None
