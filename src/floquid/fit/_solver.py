@@ -135,15 +135,12 @@ class Ends:
         The gain of a step below which it is the last.
     patience
         Such steps after which a fit ends although the whole step lets expect twice that.
-    fall
-        The least factor of the damping after an accepted step: less where a fit has few of them.
     """
 
     steps: int
     deviations: float = 0.0
     gain: float = -np.inf
     patience: int = 1
-    fall: float = FALL
 
 
 def levenberg_marquardt(start: Point, of: Steps[Point], ends: Ends) -> Point:
@@ -171,7 +168,7 @@ def levenberg_marquardt(start: Point, of: Steps[Point], ends: Ends) -> Point:
         now, growth = trial, 2.0
         gains.append(gained)
         if expected > 0.0:
-            damping *= max(ends.fall, 1.0 - (2.0 * min(gained / expected, 1.0) - 1.0) ** 3)
+            damping *= max(FALL, 1.0 - (2.0 * min(gained / expected, 1.0) - 1.0) ** 3)
         small += gained < ends.gain
         idle = gained < ends.gain and (small >= ends.patience or normal.promised(pull) <= 2.0 * ends.gain)
         still = normal.size(step) < ends.deviations or np.abs(step).max() < AT_ONCE

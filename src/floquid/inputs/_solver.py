@@ -28,9 +28,6 @@ EXACT = 1e-5
 LONGEST_STEP = 0.3
 """The most that an exponent may move in a step, over one period."""
 
-FALL = 0.01
-"""The least factor of the damping after a step: rough fits have three, and what a rejected one added stayed by 1/3."""
-
 ITERATIONS = 25
 """Steps at most."""
 
@@ -251,7 +248,7 @@ def solve(
         limited=lambda at, step, _normal, _damping: _limited(at, step, period),
         enough=enough if below < np.inf else None,
     )
-    return levenberg_marquardt(now, steps, Ends(steps=iterations, gain=at_rest, fall=FALL))
+    return levenberg_marquardt(now, steps, Ends(steps=iterations, gain=at_rest))
 
 
 def scale_of(samples: Samples, at: Linearisation, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
