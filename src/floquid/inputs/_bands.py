@@ -16,11 +16,10 @@ from floquid.inputs._samples import Samples
 from floquid.inputs._scores import by_noise_beyond
 from floquid.inputs._solver import Linearisation, columns_of
 from floquid.inputs._structure import Limits, Structure
-from floquid.search import Move, descended
+from floquid.search import SECONDS, Move, descended
 
 MINOR = 0.05  # the share of the largest gain of a round below which a harmonic waits for the next
 STRIDE = 3  # harmonics beyond the end of a band that are looked at in a round
-SECONDS = 120.0  # processor time of a search [s] after which the least J is reported as it is
 
 
 @dataclass(frozen=True, slots=True)

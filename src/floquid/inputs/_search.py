@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
-from floquid.inputs._bands import SECONDS, centred, grown, growths, helpful, narrowed, shrinkages
+from floquid.inputs._bands import centred, grown, growths, helpful, narrowed, shrinkages
 from floquid.inputs._changes import additions, kinds, merges, removals
 from floquid.inputs._modes import InputMode
 from floquid.inputs._point import REST, Point
@@ -14,26 +14,29 @@ from floquid.inputs._real import with_real_ones
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, linearise, solve
 from floquid.inputs._structure import Limits, Structure
-from floquid.search import Move, descended
+from floquid.search import SECONDS, Move, descended
 
 TOO_NEAR = 0.5  # the distance of two modes over their decay below which they may be one
 ROUNDS = 6  # fits at most, one after another, with real multipliers for a pair of the modes that are found
 LOOSE = 0.02  # the probability at which noise may pass for a harmonic that is fitted: one missing does more harm
 
 
-def searched(samples: Samples, limits: Limits, report: Callable[[str], None] = lambda _: None) -> Linearisation:
-    """The modes by which J is least, with the harmonics by which inputs reach them and outputs see them."""
+def searched(
+    samples: Samples, limits: Limits, report: Callable[[str], None] = lambda _: None
+) -> tuple[Linearisation, bool]:
+    """The modes by which J is least, with their harmonics, and whether the budget of time was over before."""
     until = time.process_time() + SECONDS
     begin = Point(samples, limits, linearise(samples, []), helpful)
-    found = descended(begin, _stages, until, report).at
+    least = descended(begin, _stages, until, report)
+    found = least.at
     if not found.modes:
-        return found
+        return found, least.unfinished
     loose = replace(limits, harmonic_alarm=LOOSE)
     report(f"searching for modes: harmonics of {len(found.modes)}")
     found = narrowed(samples, grown(samples, found, loose), loose)
     found = with_real_ones(samples, found, loose, rounds=ROUNDS)
     modes = [centred(samples, mode, found, number) for number, mode in enumerate(found.modes)]
-    return solve(samples, [_padded(mode, limits) for mode in modes], found.direct)
+    return solve(samples, [_padded(mode, limits) for mode in modes], found.direct), least.unfinished
 
 
 def _stages(point: Point) -> Iterator[Iterable[Move[Structure]]]:

@@ -82,6 +82,8 @@ class Fit(Rebuilt):
         The filter of each channel along the record that made its noise white (channels, taps); None where it was.
     findings
         What speaks for the modes found (notes), and against them (warnings).
+    ended
+        Warning that the time of the search was over, where it was.
     """
 
     model: PeriodicModel
@@ -94,6 +96,7 @@ class Fit(Rebuilt):
     misfit: float | None = None
     whitening: Floats | None = None
     findings: tuple[Finding, ...] = ()
+    ended: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
         self._freeze(noise=("channels", "hits"))
@@ -208,7 +211,7 @@ def fit(
         beside = base.picked([]) if samples.projected else base
         first = Point.at(samples.search, *price_of(samples.search, beside), beside.joined(begin))
         point = searched(first, bounds, report)
-    endless = point.unfinished
+    ended = (warning("out_of_time", seconds=bounds.seconds),) if point.unfinished else ()
     if samples.projected:
         # The forced response was at every phase for itself: now it has the harmonics that are there.
         point = Point.at(samples.final, *price_of(samples.final, base), base.joined(point.entries))
@@ -227,9 +230,16 @@ def fit(
         found = without_noise(found)
     found = read_apart(found)
     _check_order(found, order)
-    endless = search and (endless or int((~found.solution.entries.fixed).sum()) >= MOST_ENTRIES)
     return _result(
-        found, records, clocks, samples, taps, free_period=free_period, noise_floor=noise_floor, endless=endless
+        found,
+        records,
+        clocks,
+        samples,
+        taps,
+        free_period=free_period,
+        noise_floor=noise_floor,
+        search=search,
+        ended=ended,
     )
 
 
@@ -295,11 +305,12 @@ def _result(
     *,
     free_period: bool,
     noise_floor: float,
-    endless: bool,
+    search: bool,
+    ended: tuple[Finding, ...],
 ) -> Fit:
     """The result of a search, as it is reported."""
     names = records[0].channels
-    colour = (coloured(found) if taps is None else ()) + ((_ended(found),) if endless else ())
+    colour = (coloured(found) if taps is None else ()) + (_endless(found) if search else ())
     try:
         model = model_of(
             found.blocks,
@@ -326,6 +337,7 @@ def _result(
         misfit=found.misfit,
         whitening=taps,
         findings=(*_interference(found, names), *evidence(found), *colour),
+        ended=ended,
     )
 
 
@@ -346,9 +358,11 @@ def _interference(found: SearchResult, channels: Sequence[Channel]) -> tuple[Fin
     return tuple(notes)
 
 
-def _ended(found: SearchResult) -> Finding:
-    """Finding that the search ended by its limits of modes or of time alone."""
-    return warning("search_ended", number=int((~found.solution.entries.fixed).sum()))
+def _endless(found: SearchResult) -> tuple[Finding, ...]:
+    """Finding that the search ended by its limit of modes alone; empty where it did not."""
+    if int((~found.solution.entries.fixed).sum()) < MOST_ENTRIES:
+        return ()
+    return (warning("search_ended", number=MOST_ENTRIES),)
 
 
 def _most(records: Sequence[Record], period: float) -> int:

@@ -1,5 +1,6 @@
 """Search over structures by one objective: moves, and the descent that accepts those by which it falls."""
 
+from floquid.search._descend import SECONDS as SECONDS
 from floquid.search._descend import Move as Move
 from floquid.search._descend import Point as Point
 from floquid.search._descend import Report as Report

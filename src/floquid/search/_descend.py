@@ -11,6 +11,7 @@ from typing import Generic, Protocol, Self, TypeVar
 import numpy as np
 
 TRIES = 12  # moves of one round that are fitted, the best predicted first: what comes later hardly ever helps
+SECONDS = 120.0  # processor time of a search [s] after which the least J so far is reported: ten dear records
 
 Structure = TypeVar("Structure")
 

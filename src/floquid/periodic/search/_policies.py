@@ -22,9 +22,8 @@ from floquid.periodic.least_squares import (
 from floquid.periodic.search._additions import additions
 from floquid.periodic.search._moves import bands, branches, merges, removals, shared, splits, together
 from floquid.periodic.search._objective import Point, Price
-from floquid.search import Move, descended
+from floquid.search import SECONDS, Move, descended
 
-SECONDS = 120.0  # processor time of a search [s] after which the least J is reported as it is
 LOUD = 100.0  # times the price from which on a line cannot be a peak of noise that is coloured
 STRONG = 0.1  # the sum of squared correlations from which on the residual is coloured noise and no weak mode
 WORSE = 1.1  # the growth of the price by errors of the angle at which a search goes on with it

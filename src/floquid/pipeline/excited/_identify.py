@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from floquid._checks import input_error
 from floquid.core import Provenance, Record
 from floquid.errors import IdentificationError
+from floquid.findings import warning
 from floquid.inputs import (
     Limits,
     Linearisation,
@@ -30,6 +31,7 @@ from floquid.pipeline.excited._analysis import DrivenAnalysis, finished
 from floquid.pipeline.excited._prepare import OF, Parted, parted, refuse_others
 from floquid.pipeline.excited._verdict import at_limit, verdict
 from floquid.pipeline.preparation import blas_threads, clocked, own_names, refuse_driven, settings_of
+from floquid.search import SECONDS
 
 HIGHEST = 24
 """Harmonics of inputs and outputs at most."""
@@ -107,7 +109,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
         highest=max(min(HIGHEST, int(0.5 * phases) - 1), 0) if settings.harmonics is None else settings.harmonics,
     )
     report("searching for modes")
-    found = searched(samples, limits, report)
+    found, unfinished = searched(samples, limits, report)
     free = None
     if settings.harmonics is None and at_limit(found, limits) and limits.highest < HIGHEST:
         report("fitting matrices at each phase")
@@ -124,6 +126,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     fit = Uncertainty(samples, found)
     provenance = Provenance.merge(tuple(record.provenance for record in records))
     model = model_of(fit, own.outputs, own.inputs, provenance, near.as_read)
+    late = (warning("out_of_time", seconds=SECONDS),) if unfinished else ()
     held_out = np.full(len(own.outputs), np.nan)
     if settings.validate:
         report("predicting samples left out")
@@ -135,7 +138,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
         fit=fit,
         noise=found.noise[:, None],
         held_out=held_out,
-        findings=(*verdict(own, fit, model, held_out, limits, None if free else HIGHEST), *near.findings),
+        findings=(*verdict(own, fit, model, held_out, limits, None if free else HIGHEST), *near.findings, *late),
     )
     return finished(analysis, own.periods_per_revolution, report)
 
