@@ -344,6 +344,7 @@ def test_a_period_that_is_far_off_fails_with_its_own(values, share):
     assert not found.passed
 
 
+@pytest.mark.slow
 def test_a_period_that_is_off_fails_where_more_modes_make_the_innovations_white():
     values = ambient_of(SYSTEM, 1000, PHASES, 0.05, 1)
     found = identify_ambient(record_from(values), period=0.95 * SYSTEM.period)
@@ -383,6 +384,7 @@ def test_a_drift_is_no_mode(values):
     assert told[0].numbers["frequencies"] == pytest.approx([hertz.min()])
 
 
+@pytest.mark.slow
 def test_a_line_of_the_mains_is_no_mode(values):
     """It came out as a mode of one harmonic, likely the excitation's own, and passed."""
     time = np.arange(values.shape[1]) * SYSTEM.period / PHASES
