@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from tests.unit.periodic.test_constrain import OMEGA, records, system
 
+from floquid.fit import chi2_limit
 from floquid.periodic.least_squares import ModeParameters, forced_entries, record_blocks
-from floquid.periodic.search import Bounds, Point, priced, searched
+from floquid.periodic.search import Bounds, Point, lines, priced, searched
 from floquid.periodic.search._moves import bands, merges, splits, together
 from floquid.periodic.search._near_axis import with_axis_pairs
 from floquid.periodic.search._units import Units, wide_of
@@ -122,3 +123,14 @@ def test_modes_near_one_axis_on_lines_of_their_own_stay_modes_of_their_own(seed)
     decays = np.unique(np.round(result.exponents.real, 6))
     assert np.abs(decays[:, None] - np.real(truth)).min(axis=0).max() < 0.02
     assert near.value < found.value + near.price.harmonics(np.ones(8, bool)).sum()
+
+
+@pytest.mark.parametrize("alarm", [1e-9, 1e-3])
+def test_a_line_alone_costs_the_limit_of_its_numbers(alarm):
+    """An exponent and an amplitude, each at a limit of its own, cost half as much again: weak lines were not found."""
+    measured = records(system([-0.06 + 0.9j], channels=2), noise=0.01, n_cycles=60, seed=1)
+    blocks, omega, _ = record_blocks(measured, [record.clock for record in measured], 1.0)
+    found = lines(blocks, forced_entries([], omega), 5, alarm)
+    assert len(found.entries.exponents) == 3  # the mode has three harmonics
+    one = found.price.of(found.entries.picked([0]))
+    assert one == pytest.approx(chi2_limit(2 + 2 * 2, alarm))

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import Floats
+from floquid.fit import chi2_limit
 from floquid.periodic.least_squares import (
     FLOOR,
     PLAIN,
@@ -102,8 +103,11 @@ def lines(
     blocks: Sequence[Block], base: ModeParameters, most: int, false_alarm: float, report: Log = lambda _: None
 ) -> Point:
     """The lines of one LTI system, each exponential alone, beside what is fitted in any case."""
-    nothing = np.zeros(0)
-    floors, price = priced(blocks, base, FLOOR, mode_alarm=false_alarm, harmonic_alarm=false_alarm)
+    nothing, seen = np.zeros(0), 2 * sum(len(block.rows) for block in blocks)
+    # A line is one unit: its exponent costs what two numbers more add to the limit of its amplitudes.
+    added = chi2_limit(seen + 2, false_alarm) - chi2_limit(seen, false_alarm)
+    mode_alarm = float(np.exp(-0.5 * added))  # the χ² of two numbers
+    floors, price = priced(blocks, base, FLOOR, mode_alarm=mode_alarm, harmonic_alarm=false_alarm)
 
     def stages(point: Point) -> Iterator[Iterable[Move]]:
         yield removals(point)
