@@ -29,7 +29,7 @@ class Reading:
 
 
 def read_axis(mean: float, square: float, covariance: Floats, half_turns: int, fundamental: float) -> Reading:
-    """What is reported of two exponents, from their mean and squared half-difference as `readings` has them."""
+    """Read two exponents as they are reported from their mean and squared half-difference, as `readings` has them."""
     std = float(np.sqrt(max(covariance[1, 1], 0.0)))
     return Reading(
         readings(mean, square, covariance, half_turns, fundamental)[1],

@@ -21,7 +21,7 @@ Function: TypeAlias = Callable[[complex], NDArray]
 
 
 def parts_of(function: Function, square: float, decay: float) -> NDArray:
-    """Both parts of a function of j (2, …), by its values at ±√q; it varies on a `decay` [1/s]."""
+    """Parts of a function of j (2, …) from its values at ±√q; it varies on a `decay` [1/s]."""
     return _through_zero(lambda own: _parts(function, own), square, decay)
 
 

@@ -73,7 +73,7 @@ def kinds(point: Point) -> Iterator[Move[Structure]]:
 
 
 def conjugated(mode: InputMode) -> InputMode:
-    """The same pair by its other exponent."""
+    """Name a pair by the conjugate of its exponent."""
     return replace(
         mode,
         exponent=mode.exponent.conjugate(),

@@ -137,7 +137,7 @@ class InputMode(Rebuilt):
         )
 
     def distance(self, step: NDArray[np.float64], least: float) -> float:
-        """How far a step (parameters,) moves the exponents [1/s]; of a block at q = 0 as at √|q| = `least`."""
+        """Distance that a step (parameters,) moves the exponents [1/s]; of a block at q = 0 as at √|q| = `least`."""
         if self.square is None:
             return float(abs(step[0] + (0j if self.real else 1j * step[len(step) // 2])))
         return float(abs(step[0]) + abs(step[-1]) / (2.0 * max(np.sqrt(abs(self.square)), least)))
@@ -177,7 +177,7 @@ class InputMode(Rebuilt):
 
 
 def _halves(values: NDArray) -> list[NDArray]:
-    """What belongs to each state of a block."""
+    """Parts of numbers that belong to each state of a block."""
     return np.split(values, 2)
 
 
@@ -277,7 +277,7 @@ def _slopes_of_block(samples: Samples, mode: InputMode) -> NDArray:
 
 
 def _both(samples: Samples, mode: InputMode, of: Callable[[InputMode], NDArray]) -> NDArray:
-    """Both parts of a function of a block's mode of one exponent (2, …)."""
+    """Parts of a function of a block's mode of one exponent (2, …)."""
     assert mode.square is not None
     return parts_of(lambda root: of(mode.at(root)), mode.square, _varying(samples, mode))
 

@@ -106,5 +106,5 @@ class Point:
         return trial
 
     def ended(self, *, unfinished: bool) -> Point:
-        """The same point, the last of a descent."""
+        """Mark the point as the last of a descent."""
         return replace(self, unfinished=unfinished)

@@ -49,7 +49,7 @@ class Point(Protocol[Structure]):
         ...
 
     def ended(self, *, unfinished: bool) -> Self:
-        """The same point, the last of a descent."""
+        """Mark the point as the last of a descent."""
         ...
 
 

@@ -1,4 +1,4 @@
-"""What the spectrum of the residual holds: further harmonics of modes, of the forced response, and modes."""
+"""Structures from peaks of the residual: further harmonics of modes, of the forced response, and modes."""
 
 from __future__ import annotations
 

@@ -230,7 +230,7 @@ def _places(entries: ModeParameters) -> dict[int, list[int]]:
 
 
 def branches(point: Point) -> Iterator[Move]:
-    """Each mode with its frequency counted from another harmonic: at a speed that wanders, another response."""
+    """Count the frequency of each mode from another harmonic: at a speed that wanders, another response."""
     entries = point.entries
     for entry in np.flatnonzero(~entries.fixed & ~entries.real):
         for turns in (-1, 1):

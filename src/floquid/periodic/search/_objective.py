@@ -104,12 +104,12 @@ class Point:
         return _weighted(self.blocks, self.floors, self.price, entries, eliminated(self.blocks, entries, start))
 
     def with_entries(self, entries: ModeParameters) -> Point:
-        """The same samples with other modes."""
+        """Take other modes for the samples."""
         linear = eliminated(self.blocks, entries, carried(self.solution, entries))
         return _weighted(self.blocks, self.floors, self.price, entries, linear)
 
     def renamed(self, entries: ModeParameters) -> Point:
-        """The same fit with entries whose columns are the same functions in the same order."""
+        """Rename the entries of the fit: columns stay the same functions in the same order."""
         return replace(self, solution=replace(self.solution, entries=entries))
 
     @property
@@ -140,7 +140,7 @@ class Point:
         return self.with_entries(move.structure).settled(below=self.value)
 
     def ended(self, *, unfinished: bool) -> Point:
-        """The same point, the last of a descent."""
+        """Mark the point as the last of a descent."""
         return replace(self, unfinished=unfinished)
 
     @property

@@ -34,7 +34,7 @@ Log = Callable[[str], None]
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """What a search is held to."""
+    """Limits of a search: harmonics, modes, forced responses and time."""
 
     most: int  # the highest harmonic of the axis that the sampling shows
     modes: int  # modes at most, a pair counted once
