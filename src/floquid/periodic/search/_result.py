@@ -23,7 +23,7 @@ class SearchResult:
     as_read: dict[int, complex] = field(default_factory=dict)  # deviations of exponents near an axis, by entry
     apart: dict[int, float] = field(default_factory=dict)  # of pairs of open kind how far apart both exponents may be
     hidden: dict[float, float] = field(default_factory=dict)
-    """Distance from a real multiplier within which noise hides a second one [1/s], by the turns a period of that one."""
+    """Distance from a real multiplier within which noise hides a second one [1/s], by its turns a period."""
 
 
 def kept_with(found: SearchResult, kept: Mask, solution: Solution) -> SearchResult:

@@ -15,7 +15,7 @@ class Units:
     """Columns of a fit with wide bands, of which those of narrower bands are in."""
 
     def __init__(self, point: Point, wide: Point, bands: Integers | None = None) -> None:
-        """Take columns from a `point` and its exponents with `wide` bands; those in are its own, or the `bands` given."""
+        """Take columns of a `point` with `wide` bands; those in are its own, or the `bands` given."""
         entries = wide.entries
         self._columns, self._sines = entries.columns(), entries.sines()
         self._bands, self._fixed = np.array(point.entries.bands if bands is None else bands), entries.fixed
