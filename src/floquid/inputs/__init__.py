@@ -10,10 +10,6 @@ from floquid.inputs._joint import fitted_together as fitted_together
 from floquid.inputs._modes import InputMode as InputMode
 from floquid.inputs._modes import answering as answering
 from floquid.inputs._modes import input_gain as input_gain
-from floquid.inputs._near_axis import read_near_axis as read_near_axis
-from floquid.inputs._real import near_real as near_real
-from floquid.inputs._real import noise_explains as noise_explains
-from floquid.inputs._real import real_for as real_for
 from floquid.inputs._result import Term as Term
 from floquid.inputs._result import Uncertainty as Uncertainty
 from floquid.inputs._result import assembled as assembled
@@ -25,12 +21,6 @@ from floquid.inputs._result import transfer_of as transfer_of
 from floquid.inputs._samples import Hold
 from floquid.inputs._samples import Samples as Samples
 from floquid.inputs._samples import samples_of as samples_of
-from floquid.inputs._scores import Scores as Scores
-from floquid.inputs._scores import gain_of as gain_of
-from floquid.inputs._scores import period_step as period_step
-from floquid.inputs._scores import phase_step as phase_step
-from floquid.inputs._search import nearly_one as nearly_one
-from floquid.inputs._search import searched as searched
 from floquid.inputs._solver import Linearisation as Linearisation
 from floquid.inputs._solver import linearise as linearise
 from floquid.inputs._solver import slopes_of as slopes_of
@@ -38,8 +28,18 @@ from floquid.inputs._solver import solve as solve
 from floquid.inputs._solver import state_slopes as state_slopes
 from floquid.inputs._start import bare_mode as bare_mode
 from floquid.inputs._start import candidates as candidates
-from floquid.inputs._structure import Limits as Limits
 from floquid.inputs._transfer import TransferFunctions, transfer_functions
 from floquid.inputs._transfer import modal_transfer as modal_transfer
+from floquid.inputs.search import Limits as Limits
+from floquid.inputs.search import Scores as Scores
+from floquid.inputs.search import gain_of as gain_of
+from floquid.inputs.search import near_real as near_real
+from floquid.inputs.search import nearly_one as nearly_one
+from floquid.inputs.search import noise_explains as noise_explains
+from floquid.inputs.search import period_step as period_step
+from floquid.inputs.search import phase_step as phase_step
+from floquid.inputs.search import read_near_axis as read_near_axis
+from floquid.inputs.search import real_for as real_for
+from floquid.inputs.search import searched as searched
 
 __all__ = ["Hold", "TransferFunctions", "transfer_functions"]

@@ -10,8 +10,8 @@ from tests.contracts.likelihoods._input_modes import input_mode, moved_modes, na
 from tests.contracts.likelihoods._point import Data, Group, Mode, Normal
 
 from floquid.inputs import Linearisation, Samples, Scores, linearise, samples_of, solve
-from floquid.inputs._bands import _input_weight, _weight
 from floquid.inputs._solver import columns_of, covariance, normal_equations
+from floquid.inputs.search._bands import _input_weight, _weight
 
 DIRECT = (0.0,)
 

@@ -9,10 +9,10 @@ from tests.unit.inputs.test_start import samples_from
 
 from floquid.fit import chi2_limit
 from floquid.inputs import Limits, linearise
-from floquid.inputs._bands import growths, helpful, shrinkages
-from floquid.inputs._changes import additions, removals
-from floquid.inputs._point import Point
-from floquid.inputs._structure import Structure
+from floquid.inputs.search._bands import growths, helpful, shrinkages
+from floquid.inputs.search._changes import additions, removals
+from floquid.inputs.search._point import Point
+from floquid.inputs.search._structure import Structure
 
 LIMITS = Limits()
 

@@ -5,8 +5,9 @@ import pytest
 from tests.driven import Driven, creeping, pulls, record_of
 
 from floquid import Record, identify_driven
-from floquid.inputs import _near_axis, bare_mode, read_near_axis, samples_of, solve
+from floquid.inputs import bare_mode, read_near_axis, samples_of, solve
 from floquid.inputs._solver import covariance
+from floquid.inputs.search import _near_axis
 
 PHASES = 16
 

@@ -9,8 +9,8 @@ from tests.unit.inputs.test_start import samples_from
 
 from floquid.inputs import samples_of, solve
 from floquid.inputs._joint import chosen_together
-from floquid.inputs._scores import Scores
 from floquid.inputs._start import bare_mode
+from floquid.inputs.search._scores import Scores
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from floquid.inputs import InputMode, linearise, samples_of, slopes_of, state_slopes
 from floquid.inputs._modes import reached_by, state_of
-from floquid.inputs._near_axis import block_of_pair, block_of_reals, ordinary
+from floquid.inputs.search._near_axis import block_of_pair, block_of_reals, ordinary
 
 STEP, OMEGA = 0.17, 1.3
 

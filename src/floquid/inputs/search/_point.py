@@ -14,9 +14,9 @@ from functools import cached_property
 import numpy as np
 
 from floquid.inputs._samples import Samples
-from floquid.inputs._scores import Scores
 from floquid.inputs._solver import Linearisation, solve
-from floquid.inputs._structure import Limits, Price, Structure
+from floquid.inputs.search._scores import Scores
+from floquid.inputs.search._structure import Limits, Price, Structure
 from floquid.search import Move
 
 STEPS = 12  # steps of one fit: what is far from rest after so many is not near a minimum

@@ -6,14 +6,14 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
-from floquid.inputs._bands import centred, grown, growths, helpful, narrowed, shrinkages
-from floquid.inputs._changes import additions, kinds, merges, removals
 from floquid.inputs._modes import InputMode
-from floquid.inputs._point import REST, Point
-from floquid.inputs._real import with_real_ones
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, linearise, solve
-from floquid.inputs._structure import Limits, Structure
+from floquid.inputs.search._bands import centred, grown, growths, helpful, narrowed, shrinkages
+from floquid.inputs.search._changes import additions, kinds, merges, removals
+from floquid.inputs.search._point import REST, Point
+from floquid.inputs.search._real import with_real_ones
+from floquid.inputs.search._structure import Limits, Structure
 from floquid.search import SECONDS, Move, descended
 
 TOO_NEAR = 0.5  # the distance of two modes over their decay below which they may be one

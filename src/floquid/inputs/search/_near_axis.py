@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 from floquid.core import WITHIN, kind_open, read_axis
 from floquid.findings import Finding
 from floquid.fit import DEVIATIONS, chi2_limit
-from floquid.inputs._bands import centred
 from floquid.inputs._modes import InputMode, runs_away
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, covariance, linearise, solve
+from floquid.inputs.search._bands import centred
 
 OFF = 0.02
 """The least √|q| over the decay with which a block begins: b of the second state of a pair is over it."""

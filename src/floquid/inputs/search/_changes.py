@@ -12,12 +12,12 @@ import numpy as np
 from floquid.fit import chi2_limit, wald_rise
 from floquid.inputs._joint import fitted_together
 from floquid.inputs._modes import InputMode
-from floquid.inputs._point import Point
-from floquid.inputs._real import near_real, real_for
-from floquid.inputs._scores import by_noise_beyond
 from floquid.inputs._solver import linearise
 from floquid.inputs._start import bare_mode, candidates
-from floquid.inputs._structure import Structure
+from floquid.inputs.search._point import Point
+from floquid.inputs.search._real import near_real, real_for
+from floquid.inputs.search._scores import by_noise_beyond
+from floquid.inputs.search._structure import Structure
 from floquid.search import Move
 
 WEAK = 4.0  # times its price up to which it is tried whether the other modes can do without one

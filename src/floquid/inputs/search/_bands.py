@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from floquid.fit import wald_rise
 from floquid.inputs._modes import InputMode
-from floquid.inputs._point import HOPE, Point
 from floquid.inputs._samples import Samples
-from floquid.inputs._scores import by_noise_beyond
 from floquid.inputs._solver import Linearisation, columns_of
-from floquid.inputs._structure import Limits, Structure
+from floquid.inputs.search._point import HOPE, Point
+from floquid.inputs.search._scores import by_noise_beyond
+from floquid.inputs.search._structure import Limits, Structure
 from floquid.search import SECONDS, Move, descended
 
 MINOR = 0.05  # the share of the largest gain of a round below which a harmonic waits for the next

@@ -14,7 +14,7 @@ from floquid.fit import chi2_limit, inverse_root, score_gain, wald_rise
 from floquid.inputs._modes import InputMode, followed, reached_by
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, carried, linearise, scale_of, slopes_of, state_slopes
-from floquid.inputs._structure import Limits
+from floquid.inputs.search._structure import Limits
 
 NUDGE = 1e-6
 """The relative change of ω by which the response's slope is taken."""

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.fit import chi2_limit
-from floquid.inputs._bands import grown, narrowed
 from floquid.inputs._joint import fitted_together
 from floquid.inputs._modes import InputMode
-from floquid.inputs._near_axis import half_of
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, covariance, linearise, solve
 from floquid.inputs._start import bare_mode
-from floquid.inputs._structure import Limits
+from floquid.inputs.search._bands import grown, narrowed
+from floquid.inputs.search._near_axis import half_of
+from floquid.inputs.search._structure import Limits
 
 AS_REAL = 8
 """Steps of a fit with real multipliers for pairs."""
