@@ -70,6 +70,11 @@ MODEL: dict[str, str | Callable[..., str]] = {
     "orbit_subtracted": "The periodic orbit that the file holds was subtracted.",
     "bad_samples": "Samples that are not the response's bend exponents and shapes: mark them as missing (NaN).",
     "more_gaps": "There are {number} more stretches of missing samples.",
+    "begins_later": lambda periods: (
+        f"The first period{f's, {periods},' if periods > 1 else ''} of each hit hold{'s' * (periods == 1)} what is gone "
+        f"after {'them' if periods > 1 else 'it'}, and {'were' if periods > 1 else 'was'} left out: modes that decay "
+        "within a period, or what is not linear there (`skip=0` keeps all)."
+    ),
     "skipped": "The first {periods:g} periods were left out.",
     "no_response": "Channel {channel} is a {quantity}, taken for no response and left out: if it is one, name all "
     "channels to use (`channels=`).",

@@ -16,6 +16,7 @@ from floquid.pipeline._analysis import Analysis, clocks_of
 from floquid.pipeline._complete import completed, free_residues, samples_of
 from floquid.pipeline._dependent_channels import of_sums
 from floquid.pipeline._doubts import order_too_low, wrong_period_fitted, wrong_period_lifted
+from floquid.pipeline._first_period import promised, without_first
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._start import Lifting, Start, cut
 from floquid.pipeline._starts import OPENINGS, POLES, criterion, determined, explains
@@ -97,7 +98,31 @@ def identify(
 
 
 def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
-    """The chain from the responses with their clocks on, from the first start that leads to a model.
+    """The chain from the responses with their clocks on.
+
+    Where what the model leaves of the first period stands out, the records without it are identified, too: they count
+    where that lowers the criterion, the samples left out being numbers that fit exactly.
+    """
+    best = _best(prepared, report)
+    alarm, left_out = prepared.settings.mode_false_alarm, 0
+    chosen = prepared.settings
+    while chosen.skip is None and chosen.all_found and promised(best.fitted, prepared.clocks, alarm) > 0.0:
+        try:
+            report("leaving the first period out")
+            shorter, alone = without_first(prepared)
+            trial = _best(shorter, report)
+        except IdentificationError:
+            break
+        if criterion(trial.fitted, alarm, alone) >= criterion(best.fitted, alarm):
+            break
+        prepared, best, left_out = shorter, trial, left_out + 1
+    if left_out:
+        prepared = replace(prepared, findings=(*prepared.findings, warning("begins_later", periods=left_out)))
+    return completed(prepared, best.start, best.model, best.fitted, best.settings, best.doubts, report)
+
+
+def _best(prepared: Prepared, report: Callable[[str], None]) -> Candidate:
+    """The best fit from the first start that leads to a model.
 
     Of the fits from one start, that of the least criterion counts. What poles of lifted responses lead to is returned
     whatever it leaves, and their refusal is raised where no other start leads to a model.
@@ -117,8 +142,7 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
         except IdentificationError as error:
             refusal = error if usual else refusal
         if found:
-            best = min(found, key=lambda candidate: criterion(candidate.fitted, prepared.settings.mode_false_alarm))
-            return completed(prepared, best.start, best.model, best.fitted, best.settings, best.doubts, report)
+            return min(found, key=lambda own: criterion(own.fitted, prepared.settings.mode_false_alarm))
     assert refusal is not None
     raise refusal
 
@@ -176,8 +200,7 @@ def _fits(prepared: Prepared, cutting: Lifting, start: Start, report: Callable[[
     twice = model is not None and distinct < model.order
     if model is None or (settings.constrained and model.covariance is not None):
         # Of a period that is trusted against the response, harmonics come apart: they are no modes to be looked for.
-        free = settings.order is None and settings.identifier is None and settings.harmonics is None
-        search = model is None or (free and not doubt)
+        search = model is None or (settings.all_found and not doubt)
         if search or not twice:
             try:
                 fitted = _fitted(prepared, cutting, start, model, settings, search, report)

@@ -119,7 +119,8 @@ class Settings(Brief):
     find_hits
         Look for impacts in each record, and take each free response after one as a hit of its own.
     skip
-        Periods left out after each impact, or at the start of each record, where the response is not linear yet.
+        Periods left out after each impact, or at the start of each record, where the response is not linear yet. None
+        leaves out first periods of free responses that hold what is gone after them.
     repair
         Leave out clipped samples, spikes and channels that stand still, and cut a record where it was hit again.
     validate
@@ -153,7 +154,7 @@ class Settings(Brief):
     forced: str = "auto"
     orbit: bool = True
     find_hits: bool = False
-    skip: float = 0.0
+    skip: float | None = None
     repair: bool = True
     validate: bool = True
 
@@ -177,7 +178,7 @@ class Settings(Brief):
         self._check_form()
         self._check_clock()
         object.__setattr__(self, "forced", _forced_text(self.forced))
-        if finite(self.skip, "skip", of) < 0.0:
+        if self.skip is not None and finite(self.skip, "skip", of) < 0.0:
             raise input_error("skip", of, "not be negative", f"is {self.skip:g}", "It counts periods.")
         for name in ("constrained", "trust_period", "estimate_period", "orbit", "find_hits", "repair", "validate"):
             self._check_flag(name)
@@ -268,6 +269,11 @@ class Settings(Brief):
         if len(named) > 1 and named != ["period", "estimate_period"]:
             must, got = "not be given beside another clock", f"{' and '.join(named)} are"
             raise input_error(named[1], of, must, got, "Say in one way what ties the record to the period.")
+
+    @property
+    def all_found(self) -> bool:
+        """True where order and harmonics are found, and no algorithm is chosen."""
+        return self.order is None and self.identifier is None and self.harmonics is None
 
     @property
     def forced_harmonics(self) -> str | tuple[int, ...]:

@@ -96,9 +96,7 @@ OPENINGS: tuple[AbstractOpening, ...] = (Ensembles(HALF), POLES, Ensembles(), Av
 
 def by_default(prepared: Prepared, cutting: Lifting) -> bool:
     """True where neither order, harmonics nor algorithm are chosen, and samples are whole a period."""
-    settings = prepared.settings
-    chosen = settings.order is not None or settings.identifier is not None or settings.harmonics is not None
-    return settings.constrained and not chosen and cutting.synchronous
+    return prepared.settings.constrained and prepared.settings.all_found and cutting.synchronous
 
 
 def with_pooled_noise(lifted: Lifted) -> Lifted:
@@ -126,13 +124,14 @@ def explains(fitted: Fit, start: Start) -> bool:
     return determined(fitted.model) and left < MISFIT
 
 
-def criterion(fitted: Fit, alarm: float) -> float:
+def criterion(fitted: Fit, alarm: float, alone: int = 0) -> float:
     r"""Criterion of a fit: what it leaves, and a price for its modes.
 
     .. math:: J = \sum_{c,h} N_h \log \frac{\mathrm{RSS}_{c,h}}{N_h} + \sum_r \chi^2_{n_r}(\alpha)
 
     with n_r the numbers of a mode: its coefficients in all channels and hits, or where residues are free at each phase
-    those of an outer product of shape and hit.
+    those of an outer product of shape and hit. Samples before those fitted, `alone` in each hit, are numbers that fit
+    exactly.
     """
     from scipy.special import chdtri
 
@@ -146,6 +145,7 @@ def criterion(fitted: Fit, alarm: float) -> float:
     else:
         phases = round(model.period * fitted.free[0].sample_rate)
         numbers = sizes * (channels * phases + hits)
-    used = numbers.sum() / (channels * hits)
-    squares = fitted.noise**2 * np.maximum(1.0 - used / lengths, 1.0 / lengths)
-    return float(np.sum(lengths * np.log(squares)) + np.sum(chdtri(numbers, alarm)))
+    used, whole = numbers.sum() / (channels * hits), lengths + alone
+    squares = fitted.noise**2 * np.maximum(1.0 - used / lengths, 1.0 / lengths) * lengths / whole
+    price = np.sum(chdtri(numbers, alarm)) + (chdtri(channels * hits * alone, alarm) if alone else 0.0)
+    return float(np.sum(whole * np.log(squares)) + price)

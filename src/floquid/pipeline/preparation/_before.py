@@ -95,10 +95,18 @@ def later(records: tuple[Record, ...], skip: float) -> tuple[tuple[Record, ...],
         if samples > record.n_samples - 2:
             got = f"is {skip:g} periods, and a record holds {record.duration / period:.4g}"
             raise input_error("skip", "identify", "leave most of each record", got, "Skip less.")
-        values = record.values[:, samples:]
-        values.flags.writeable = False
-        cut.append(replace(record, values=values, start=record.start + samples / record.sample_rate))
+        cut += from_sample([record], samples)
     return tuple(cut), (note("skipped", periods=skip),)
+
+
+def from_sample(records: Sequence[Record], first: int) -> tuple[Record, ...]:
+    """The records from a sample on."""
+    cut = []
+    for record in records:
+        values = record.values[:, first:]
+        values.flags.writeable = False
+        cut.append(replace(record, values=values, start=record.start + first / record.sample_rate))
+    return tuple(cut)
 
 
 def responses_of(records: tuple[Record, ...], settings: Settings) -> tuple[tuple[Record, ...], tuple[Finding, ...]]:
@@ -172,7 +180,7 @@ def hits_of(
         period = record.clock.period if isinstance(record.clock, ConstantPeriod) else None
         if period is None and record.clock is not None:
             period = shaft_angle(record).period
-        parts = split_hits(record, instants, skip=settings.skip * (period or 0.0))
+        parts = split_hits(record, instants, skip=(settings.skip or 0.0) * (period or 0.0))
         if not parts:
             raise IdentificationError(
                 "No free response is long enough after the impacts found. Give the records of single hits, or less "
