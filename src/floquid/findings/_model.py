@@ -40,6 +40,14 @@ def _impacts(instants: Sequence[float], hits: int) -> str:
     )
 
 
+def _begins_later(periods: int) -> str:
+    first = "The first period of each hit holds" if periods == 1 else f"The first {periods} periods of each hit hold"
+    return (
+        f"{first} what is gone after {'it' if periods == 1 else 'them'}: modes that decay within a period, or what is "
+        f"not linear there. {'It was' if periods == 1 else 'They were'} left out (`skip=0` keeps all)."
+    )
+
+
 def _fails(misfit: float, order: bool, harmonics: bool, forced: bool) -> str:
     ways = ["let the order be found, or ask for a higher one (`order=`)"] * order
     ways += ["allow more harmonics (`harmonics=`)"] * harmonics
@@ -70,11 +78,7 @@ MODEL: dict[str, str | Callable[..., str]] = {
     "orbit_subtracted": "The periodic orbit that the file holds was subtracted.",
     "bad_samples": "Samples that are not the response's bend exponents and shapes: mark them as missing (NaN).",
     "more_gaps": "There are {number} more stretches of missing samples.",
-    "begins_later": lambda periods: (
-        f"The first period{f's, {periods},' if periods > 1 else ''} of each hit hold{'s' * (periods == 1)} what is gone "
-        f"after {'them' if periods > 1 else 'it'}, and {'were' if periods > 1 else 'was'} left out: modes that decay "
-        "within a period, or what is not linear there (`skip=0` keeps all)."
-    ),
+    "begins_later": _begins_later,
     "skipped": "The first {periods:g} periods were left out.",
     "no_response": "Channel {channel} is a {quantity}, taken for no response and left out: if it is one, name all "
     "channels to use (`channels=`).",

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from floquid.core import ConstantPeriod
-from floquid.errors import IdentificationError
 from floquid.fit import chi2_limit
 from floquid.periodic import Fit, unexplained
 from floquid.pipeline.preparation import Prepared, from_sample
@@ -34,15 +33,8 @@ def promised(fitted: Fit, clocks: Sequence[ConstantPeriod | ShaftAngle], alarm: 
 
 
 def without_first(prepared: Prepared) -> tuple[Prepared, int]:
-    """The records without their first period, and the samples of a hit left out.
-
-    Raises IdentificationError where hardly anything is left.
-    """
-    samples = max(
-        int(np.ceil(clock.period * record.sample_rate))
-        for clock, record in zip(prepared.clocks, prepared.responses, strict=True)
-    )
-    if min(record.n_samples for record in prepared.responses) < 3 * samples:
-        raise IdentificationError("the record holds hardly more than its first period")
+    """The records without their first period, and the samples of a hit left out."""
+    pairs = zip(prepared.clocks, prepared.responses, strict=True)
+    samples = max(int(np.ceil(clock.period * record.sample_rate)) for clock, record in pairs)
     records, responses = (from_sample(own, samples) for own in (prepared.records, prepared.responses))
     return replace(prepared, records=records, responses=responses), samples

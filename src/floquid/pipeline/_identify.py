@@ -6,6 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, overload
 
+import numpy as np
+
 from floquid.core import PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, texts, warning
@@ -100,22 +102,35 @@ def identify(
 def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
     """The chain from the responses with their clocks on.
 
-    Where what the model leaves of the first period stands out, the records without it are identified, too: they count
-    where that lowers the criterion, the samples left out being numbers that fit exactly.
+    Where what the model leaves of the first period stands out, or the records are refused, those without it are
+    identified, too. They count where that lowers the criterion, the samples left out being numbers that fit exactly;
+    in place of a refusal where their model leaves noise.
     """
-    best = _best(prepared, report)
-    alarm, left_out = prepared.settings.mode_false_alarm, 0
-    chosen = prepared.settings
-    while chosen.skip is None and chosen.all_found and promised(best.fitted, prepared.clocks, alarm) > 0.0:
+    chosen, left_out = prepared.settings, 0
+    alarm, refusal = chosen.mode_false_alarm, None
+    try:
+        best = _best(prepared, report)
+    except IdentificationError as error:
+        best, refusal = None, error
+    while chosen.skip is None and chosen.all_found:
+        if best is None:
+            limit = np.inf
+        elif promised(best.fitted, prepared.clocks, alarm) > 0.0:
+            limit = criterion(best.fitted, alarm)
+        else:
+            break
         try:
             report("leaving the first period out")
             shorter, alone = without_first(prepared)
             trial = _best(shorter, report)
         except IdentificationError:
             break
-        if criterion(trial.fitted, alarm, alone) >= criterion(best.fitted, alarm):
+        if not (criterion(trial.fitted, alarm, alone) < limit and (best or explains(trial.fitted, trial.start))):
             break
         prepared, best, left_out = shorter, trial, left_out + 1
+    if best is None:
+        assert refusal is not None
+        raise refusal
     if left_out:
         prepared = replace(prepared, findings=(*prepared.findings, warning("begins_later", periods=left_out)))
     return completed(prepared, best.start, best.model, best.fitted, best.settings, best.doubts, report)

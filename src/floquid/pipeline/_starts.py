@@ -100,13 +100,13 @@ def by_default(prepared: Prepared, cutting: Lifting) -> bool:
 
 
 def with_pooled_noise(lifted: Lifted) -> Lifted:
-    """The responses with the noise of each channel as all hits tell it together."""
+    """The responses with the noise of each channel: of a hit alone where it is long, or as all tell it together."""
     values, lengths = lifted.by_channel(np.moveaxis(lifted.responses.values, 2, 0)), lifted.responses.lengths
     blocks = (
-        np.concatenate([values[:length, channel, :, hit].T for hit, length in enumerate(lengths)], axis=1)
+        [values[:length, channel, :, hit].T for hit, length in enumerate(lengths)]
         for channel in range(lifted.n_channels)
     )
-    return lifted.with_noise(np.tile(pooled_noise(blocks)[:, None], lifted.n_hits))
+    return lifted.with_noise(pooled_noise(blocks))
 
 
 def determined(model: PeriodicModel | None) -> bool:
@@ -127,11 +127,12 @@ def explains(fitted: Fit, start: Start) -> bool:
 def criterion(fitted: Fit, alarm: float, alone: int = 0) -> float:
     r"""Criterion of a fit: what it leaves, and a price for its modes.
 
-    .. math:: J = \sum_{c,h} N_h \log \frac{\mathrm{RSS}_{c,h}}{N_h} + \sum_r \chi^2_{n_r}(\alpha)
+    .. math:: J = \sum_{c,h} N_h \log \frac{\mathrm{RSS}_{c,h}}{N_h} - N \log (1 - q/N),
+              \qquad q = \sum_r \chi^2_{n_r}(\alpha)
 
     with n_r the numbers of a mode: its coefficients in all channels and hits, or where residues are free at each phase
     those of an outer product of shape and hit. Samples before those fitted, `alone` in each hit, are numbers that fit
-    exactly.
+    exactly. Of N samples, numbers that noise gives q off the sum of squares over its variance leave it 1 - q/N.
     """
     from scipy.special import chdtri
 
@@ -148,4 +149,7 @@ def criterion(fitted: Fit, alarm: float, alone: int = 0) -> float:
     used, whole = numbers.sum() / (channels * hits), lengths + alone
     squares = fitted.noise**2 * np.maximum(1.0 - used / lengths, 1.0 / lengths) * lengths / whole
     price = np.sum(chdtri(numbers, alarm)) + (chdtri(channels * hits * alone, alarm) if alone else 0.0)
-    return float(np.sum(whole * np.log(squares)) + price)
+    number = channels * whole.sum()
+    if price >= number:
+        return np.inf
+    return float(np.sum(whole * np.log(squares)) - number * np.log1p(-price / number))

@@ -210,6 +210,8 @@ def lines_of(model: PeriodicModel, highest: float) -> tuple[Integers, Integers]:
             continue
         low, high = model.harmonics[row][[0, -1]]
         near = np.concatenate([np.arange(low - BESIDE, low), np.arange(high + 1, high + 1 + BESIDE)])
+        # One that is as many lines from the other end as there are samples a period folds onto it.
+        near = near[(near > high - 2.0 * highest + 0.5) & (near < low + 2.0 * highest - 0.5)]
         at = model.exponents[mode].imag / model.fundamental + near
         near = near[(np.abs(at) < highest) & ((at > 0) | ~np.full(at.shape, alone))]
         modes.append(np.full(len(near), mode))

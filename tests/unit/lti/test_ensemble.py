@@ -62,9 +62,31 @@ def test_a_long_response_is_not_brief():
     assert not brief(TimeResponses(values=values, dt=1.0, noise=np.full((40, 1), 1e-3)), 3)
 
 
+def test_long_inputs_tell_their_own_noise_and_short_ones_that_of_all():
+    generator = np.random.default_rng(2)
+
+    def block(samples, noise):
+        signal = generator.standard_normal((32, 4)) @ generator.standard_normal((4, samples)) * 50.0
+        return signal + noise * generator.standard_normal((32, samples))
+
+    ((loud, quiet, first, second),) = pooled_noise([[block(40, 0.9), block(40, 0.3), block(6, 0.9), block(6, 0.3)]])
+    assert abs(loud / 0.9 - 1.0) < 0.2
+    assert abs(quiet / 0.3 - 1.0) < 0.2
+    assert quiet < first == second < loud
+
+
+@pytest.mark.parametrize("modes", [0, 6, 12])
+def test_the_noise_does_not_depend_on_the_number_of_modes(modes):
+    generator, found = np.random.default_rng(3), []
+    for _ in range(12):
+        signal = generator.standard_normal((40, modes)) @ generator.standard_normal((modes, 36)) * 50.0
+        found.append(pooled_noise([[signal + generator.standard_normal((40, 36))]])[0, 0])
+    assert abs(np.mean(found) - 1.0) < 0.06
+
+
 @pytest.mark.parametrize("samples", [48, 200])
 def test_the_noise_that_all_inputs_tell(samples):
     generator = np.random.default_rng(1)
     signal = generator.standard_normal((32, 4)) @ generator.standard_normal((4, samples)) * 50.0
-    (sigma,) = pooled_noise([signal + 0.3 * generator.standard_normal((32, samples))])
+    ((sigma,),) = pooled_noise([[signal + 0.3 * generator.standard_normal((32, samples))]])
     assert abs(sigma / 0.3 - 1.0) < 0.15

@@ -9,7 +9,7 @@ from tests.unit.periodic.test_constrain import OMEGA, records, system
 from floquid.fit import chi2_limit
 from floquid.periodic.least_squares import ModeParameters, forced_entries, record_blocks
 from floquid.periodic.search import Bounds, Point, lines, priced, searched
-from floquid.periodic.search._moves import bands, merges, splits, together
+from floquid.periodic.search._moves import bands, doubles, merges, splits, together
 from floquid.periodic.search._near_axis import with_axis_pairs
 from floquid.periodic.search._units import Units, wide_of
 
@@ -58,6 +58,20 @@ def test_units_gain_and_lose_what_fits_with_and_without_them_do():
             for block, one, two in zip(now.blocks, now.solution.linear, other.solution.linear, strict=True)
         )
         assert gains[column] == pytest.approx(abs(change), rel=1e-5, abs=1e-6)
+
+
+def test_modes_nearer_than_they_decay_are_two_where_one_was_fitted():
+    truth = (-0.06 + 0.9j, -0.064 + 0.905j)
+    now = point([-0.06 + 0.9j], [(-1, 1)], truth=truth, noise=1e-3).settled()
+    (double,) = doubles(now)
+    found = now.tried(double)
+    assert found.value < now.value + double.change < now.value
+    assert found.n_modes == 2
+
+
+def test_one_mode_is_not_doubled():
+    now = point([-0.06 + 0.9j], [(-1, 1)], truth=(-0.06 + 0.9j,), noise=1e-3).settled()
+    assert not list(doubles(now))
 
 
 def test_what_bands_are_predicted_to_lower_j_by_they_lower_it_by():

@@ -18,6 +18,7 @@ from floquid.search import Move
 REACH = 4.0  # times its price up to which it is tried whether the other modes can do without one
 FARTHEST = 0.7  # decays that the halves of a mode start apart at most: scores mislead beyond the width of a line
 REDUCED = 1e-3  # share of the price saved that bands made anew are taken to lower J by: their misfit is not predicted
+APART = 0.1  # decays by which the halves of a doubled mode start apart: near enough to be the derivative of one
 ROUNDING = 1e-7  # fundamentals within which two exponents are one, whatever their deviations
 BETTER = 9.0  # the fall of J from which on a branch is the better one, three deviations: few harmonics hardly tell
 
@@ -114,6 +115,30 @@ def splits(point: Point) -> Iterator[Move]:
                 moved = (complex(step[-4], step[-3]), complex(step[-2], step[-1]))
                 harmonic = int(columns.harmonics[own[place]])
                 yield Move(price - gain + left, "split", _cut(entries, int(entry), harmonic, moved))
+
+
+def doubles(point: Point) -> Iterator[Move]:
+    """A mode in two on one harmonic: modes that are nearer than they decay are one until both are fitted."""
+    entries = point.entries
+    columns, strengths = entries.columns(), _strengths(point)
+    for entry in np.flatnonzero(~entries.fixed & ~entries.real):
+        own = np.flatnonzero(columns.modes == entry)
+        harmonic = int(columns.harmonics[own[np.argmax(strengths[own])]])
+        value = entries.exponents[entry] + APART * entries.exponents[entry].real
+        beside = ModeParameters.made([value], [(harmonic, harmonic)], entries.fundamental)
+        trial = entries.joined(beside)
+        change = point.with_entries(trial).value - point.value
+        if change < 0.0:
+            yield Move(change, "double", trial)
+
+
+def _strengths(point: Point) -> Floats:
+    """Energy of the coefficients of each column over the noise of the rows (columns,)."""
+    parts = [
+        np.sum((linear.coefficients / block.noise) ** 2, axis=1)
+        for block, linear in zip(point.blocks, point.solution.linear, strict=True)
+    ]
+    return np.sum(np.split(np.sum(parts, axis=0), 2), axis=0)
 
 
 def _gain(matrix: Floats, gradient: Floats) -> tuple[Floats, float]:

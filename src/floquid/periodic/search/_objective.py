@@ -209,6 +209,8 @@ def _weighted(
 ) -> Point:
     """The point of coefficients, weighted by the residual."""
     level = [part.left / b.n_samples + low**2 for b, part, low in zip(blocks, linear, floors, strict=True)]
+    # Columns that are all but one another leave rounding, below zero where it is more than the noise.
+    level = [np.where(variance > 0.0, variance, np.inf) for variance in level]
     blocks = tuple(block.with_noise(np.sqrt(variance)) for block, variance in zip(blocks, level, strict=True))
     misfit = sum(b.n_samples * float(np.log(variance).sum()) for b, variance in zip(blocks, level, strict=True))
     return Point(blocks, floors, price, weighted(blocks, entries, linear), misfit)

@@ -21,7 +21,7 @@ from floquid.periodic.least_squares import (
     residual_filter,
 )
 from floquid.periodic.search._additions import additions
-from floquid.periodic.search._moves import bands, branches, merges, removals, shared, splits, together
+from floquid.periodic.search._moves import bands, branches, doubles, merges, removals, shared, splits, together
 from floquid.periodic.search._objective import Point, Price
 from floquid.search import SECONDS, Move, descended
 
@@ -79,6 +79,8 @@ def _stages(point: Point, bounds: Bounds) -> Iterator[Iterable[Move]]:
     if point.wanders:  # on a wrong branch a mode leaves lines of its own
         yield branches(point)
     yield _modes(point, bounds)
+    if _room(point, bounds) and bounds.width is None:
+        yield doubles(point)
     yield from additions(point, bounds.forced, bounds.most, room=_room(point, bounds), width=bounds.width)
 
 

@@ -16,6 +16,6 @@ from floquid.pipeline.preparation._prepare import (
 from floquid.pipeline.preparation._refuse import NO_NEWS, name_of, refuse_few, refuse_period, refuse_unlike
 
 __all__ = [
-    "NO_NEWS", "NO_RESPONSE", "Prepared", "blas_threads", "clocked", "faults_of", "from_sample", "name_of", "prepare", "refuse_driven",
-    "refuse_few", "refuse_period", "refuse_unlike", "settings_of", "uneven_speed", "without_clock",
+    "NO_NEWS", "NO_RESPONSE", "Prepared", "blas_threads", "clocked", "faults_of", "from_sample", "name_of", "prepare",
+    "refuse_driven", "refuse_few", "refuse_period", "refuse_unlike", "settings_of", "uneven_speed", "without_clock",
 ]  # fmt: skip

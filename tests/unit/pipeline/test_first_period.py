@@ -1,0 +1,65 @@
+"""A first period with values of its own: left out where modes that are gone after it bend the others, else kept."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from floquid import ConstantPeriod, Record, identify
+from floquid.core import PeriodicModel
+from floquid.errors import IdentificationError
+from floquid.pipeline._first_period import promised
+
+PERIOD, PHASES, OMEGA = 1.0, 24, 2.0 * np.pi
+SLOW = complex(-0.08, 0.31 * OMEGA)
+FAST = tuple(complex(-decay, turn * OMEGA) for decay, turn in ((15.0, 2.2), (13.0, 1.4), (14.0, 4.7), (16.0, 7.3)))
+"""Gone within a period: noise hides what is left of them after it."""
+
+
+def decays(*exponents: complex, seed: int = 0, noise: float = 0.002, periods: int = 60) -> list[Record]:
+    """Two hits on five channels of modes with three harmonics each."""
+    generator = np.random.default_rng(seed)
+    times, harmonics = np.arange(PHASES * periods) * PERIOD / PHASES, np.arange(-1, 2)
+    lines = np.exp(1j * OMEGA * np.outer(harmonics, times))
+    shapes = generator.standard_normal((len(exponents), 5, 3, 2)) @ np.array([1.0, 1j])
+    records = []
+    for _ in range(2):
+        values = np.zeros((5, len(times)))
+        for exponent, shape in zip(exponents, shapes, strict=True):
+            begin = complex(*generator.standard_normal(2))
+            values += (begin * (shape @ lines) * np.exp(exponent * times)).real
+        values += noise * np.abs(values).max() * generator.standard_normal(values.shape)
+        clock = ConstantPeriod(period=PERIOD)
+        records.append(Record(values=values, sample_rate=PHASES / PERIOD, clock=clock, channels=list("abcde")))
+    return records
+
+
+def pulls(model: PeriodicModel) -> NDArray[np.float64]:
+    """The error of the nearest exponent over its deviation, its real and its imaginary part."""
+    gaps = model.exponents - SLOW
+    gaps = gaps.real + 1j * (gaps.imag - OMEGA * np.rint(gaps.imag / OMEGA))
+    nearest = int(np.argmin(np.abs(gaps)))
+    assert model.exponent_std is not None
+    gap, std = gaps[nearest], model.exponent_std[nearest]
+    return np.abs([gap.real / std.real, gap.imag / std.imag])
+
+
+@pytest.mark.parametrize("seed", [0, 3, 4])
+def test_modes_that_are_gone_after_a_period_do_not_bend_the_others(seed):
+    analysis = identify(decays(SLOW, *FAST, seed=seed))
+    assert analysis.passed, analysis.reasons
+    assert analysis.model.order == 2
+    assert pulls(analysis.model).max() < 4.0
+    assert any("first period" in words for words in analysis.warnings)
+    assert analysis.records[0].start == pytest.approx(PERIOD)
+
+
+def test_all_is_kept_where_that_is_asked_for():
+    with pytest.raises(IdentificationError, match="does not repeat with the period given"):
+        identify(decays(SLOW, *FAST), skip=0, validate=False)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_first_period_like_the_others_promises_nothing(seed):
+    analysis = identify(decays(SLOW, seed=seed), validate=False)
+    assert promised(analysis.fit, analysis.clocks, 1e-9) < 0.0
+    assert analysis.records[0].start == 0.0
