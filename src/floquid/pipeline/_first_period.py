@@ -2,34 +2,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from floquid.core import ConstantPeriod
 from floquid.fit import chi2_limit
+from floquid.lifting import floor_of
 from floquid.periodic import Fit, unexplained
+from floquid.pipeline._analysis import clocks_of
 from floquid.pipeline.preparation import Prepared, from_sample
-from floquid.sync import ShaftAngle
 
 
-def promised(fitted: Fit, clocks: Sequence[ConstantPeriod | ShaftAngle], alarm: float) -> float:
+def promised(fitted: Fit, prepared: Prepared) -> float:
     r"""Fall of the criterion where the first period of each hit has values of its own, these modes staying.
 
     .. math:: \sum_{c,h} N_h \log \frac{\mathrm{RSS}_{c,h}}{\mathrm{RSS}_{c,h} - \mathrm{RSS}^{(1)}_{c,h}} - \chi^2_n
 
-    with n the number of their samples: what noise exceeds with the probability `alarm` is no fall.
+    with n the number of their samples: what noise exceeds with the probability allowed for a mode is no fall, nor is
+    what is below the least noise.
     """
+    clocks, settings = clocks_of(fitted.free, prepared.shafts), prepared.settings
+    floor = floor_of((row for record in fitted.free for row in record.values), settings.noise_floor)
     gain, numbers = 0.0, 0
     for record, left in zip(fitted.free, unexplained(fitted.model, fitted.free, clocks), strict=True):
         first = int(np.ceil(fitted.model.period * record.sample_rate))
-        squares, there = np.nan_to_num(left) ** 2, np.isfinite(left)
-        whole, rest = squares.sum(axis=1), squares[:, first:].sum(axis=1)
-        told = rest > 0.0
-        gain += float(there.sum(axis=1)[told] @ np.log(whole[told] / rest[told]))
-        numbers += int(there[:, :first].sum())
-    return gain - chi2_limit(max(numbers, 1), alarm)
+        squares, samples = np.nan_to_num(left) ** 2, np.isfinite(left).sum(axis=1)
+        least = samples * (floor * np.nanmax(np.abs(record.values), axis=1)) ** 2
+        whole, rest = (least + part.sum(axis=1) for part in (squares, squares[:, first:]))
+        gain += float(samples @ np.log(whole / rest))
+        numbers += int(np.isfinite(left[:, :first]).sum())
+    return gain - chi2_limit(max(numbers, 1), settings.mode_false_alarm)
 
 
 def without_first(prepared: Prepared) -> tuple[Prepared, int]:

@@ -6,8 +6,6 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, overload
 
-import numpy as np
-
 from floquid.core import PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, texts, warning
@@ -102,35 +100,26 @@ def identify(
 def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
     """The chain from the responses with their clocks on.
 
-    Where what the model leaves of the first period stands out, or the records are refused, those without it are
-    identified, too. They count where that lowers the criterion, the samples left out being numbers that fit exactly;
-    in place of a refusal where their model leaves noise.
+    Where what the model leaves of the first period stands out, the records without it are identified, too: they count
+    where that lowers the criterion, the samples left out being numbers that fit exactly.
     """
-    chosen, left_out = prepared.settings, 0
-    alarm, refusal = chosen.mode_false_alarm, None
-    try:
-        best = _best(prepared, report)
-    except IdentificationError as error:
-        best, refusal = None, error
-    while chosen.skip is None and chosen.all_found:
-        if best is None:
-            limit = np.inf
-        elif promised(best.fitted, prepared.clocks, alarm) > 0.0:
-            limit = criterion(best.fitted, alarm)
-        else:
-            break
+    best, left_out = _best(prepared, report), 0
+    chosen, alarm = prepared.settings, prepared.settings.mode_false_alarm
+    while chosen.skip is None and chosen.all_found and promised(best.fitted, prepared) > 0.0:
+        report("leaving the first period out")
+        shorter, alone = without_first(prepared)
         try:
-            report("leaving the first period out")
-            shorter, alone = without_first(prepared)
             trial = _best(shorter, report)
         except IdentificationError:
             break
-        if not (criterion(trial.fitted, alarm, alone) < limit and (best or explains(trial.fitted, trial.start))):
+        if criterion(trial.fitted, alarm, alone) >= criterion(best.fitted, alarm):
             break
         prepared, best, left_out = shorter, trial, left_out + 1
-    if best is None:
-        assert refusal is not None
-        raise refusal
+    if best.wrong_period is not None and not chosen.trust_period:
+        raise IdentificationError(
+            f"{best.wrong_period}\n  Correct the period, the sampling rate or the time column; `estimate_period=True` "
+            "finds the period from the response. If you know the period to be right, pass `trust_period=True`."
+        )
     if left_out:
         prepared = replace(prepared, findings=(*prepared.findings, warning("begins_later", periods=left_out)))
     return completed(prepared, best.start, best.model, best.fitted, best.settings, best.doubts, report)
@@ -152,7 +141,7 @@ def _best(prepared: Prepared, report: Callable[[str], None]) -> Candidate:
         try:
             for start in opening.starts(prepared, cutting, report):
                 for candidate in fits(prepared, cutting, start, report):
-                    if usual or explains(candidate.fitted, candidate.start):
+                    if usual or (explains(candidate.fitted, candidate.start) and not candidate.wrong_period):
                         found.append(candidate)
         except IdentificationError as error:
             refusal = error if usual else refusal
@@ -170,7 +159,13 @@ class Candidate:
     model: PeriodicModel | None
     fitted: Fit
     settings: Settings
-    doubts: tuple[Finding, ...]
+    missing: tuple[Finding, ...] = ()  # findings on modes that the order given leaves out
+    wrong_period: Finding | None = None
+
+    @property
+    def doubts(self) -> tuple[Finding, ...]:
+        """All that speaks against it."""
+        return self.missing if self.wrong_period is None else (*self.missing, self.wrong_period)
 
 
 def _brief_fits(
@@ -185,20 +180,20 @@ def _brief_fits(
         report("expanding the shapes in harmonics")
         modal, width = held_shapes(start.modal, start.lifted, false_alarm=settings.harmonic_false_alarm)
         model = assemble(modal, start.lifted, harmonics=width)
-        yield Candidate(start, model, free_residues(prepared, cutting, start, model), settings, ())
+        yield Candidate(start, model, free_residues(prepared, cutting, start, model), settings)
         lifted = start.lifted
         costly = lifted.n_channels * (lifted.n_hits * (2 * width + 1) - lifted.n_phases) > lifted.n_hits
     if not costly or not determined(model):
         fitted = _fitted(prepared, cutting, start, model, settings, True, report)
-        doubt = _refused(prepared, wrong_period_fitted(fitted, start.lifted, prepared, report))
-        yield Candidate(start, model, fitted, settings, () if doubt is None else (doubt,))
+        wrong = wrong_period_fitted(fitted, start.lifted, prepared, report)
+        yield Candidate(start, model, fitted, settings, wrong_period=wrong)
 
 
 def _fits(prepared: Prepared, cutting: Lifting, start: Start, report: Callable[[str], None]) -> Iterator[Candidate]:
     """The fit of the samples from poles of lifted responses, or these with residues free at each phase."""
     settings = prepared.settings
     settings = settings if start.floor is None else replace(settings, noise_floor=start.floor)
-    model, missing, doubt = None, [], None
+    model, missing, wrong = None, [], None
     if start.modal is not None:
         report("expanding the shapes in harmonics")
         model = assemble(
@@ -208,14 +203,15 @@ def _fits(prepared: Prepared, cutting: Lifting, start: Start, report: Callable[[
             own = order_too_low(settings.order, judge(start.lifted.responses, start.modal))
             missing = [] if own is None else [own]
         # Modes that are missing turn in what is left as a wrong period would.
-        doubt = None if missing else _refused(prepared, wrong_period_lifted(model, start.lifted, prepared))
+        wrong = None if missing else wrong_period_lifted(model, start.lifted, prepared)
     distinct, fitted = 0 if model is None else model.order, None
     if model is not None and start.modal is not None and start.modal.outer_products:
         distinct = distinct_multipliers(model)
     twice = model is not None and distinct < model.order
-    if model is None or (settings.constrained and model.covariance is not None):
+    constrained = model is None or (settings.constrained and model.covariance is not None)
+    if constrained and (settings.trust_period or not wrong):
         # Of a period that is trusted against the response, harmonics come apart: they are no modes to be looked for.
-        search = model is None or (settings.all_found and not doubt)
+        search = model is None or (settings.all_found and not wrong)
         if search or not twice:
             try:
                 fitted = _fitted(prepared, cutting, start, model, settings, search, report)
@@ -226,22 +222,12 @@ def _fits(prepared: Prepared, cutting: Lifting, start: Start, report: Callable[[
                 missing.append(warning("order_not_held"))
         if twice and fitted is not None and fitted.model.order <= distinct:
             fitted = None  # two modes have one multiplier indeed, and only residues free in each hit tell them apart
-        if fitted is not None and not (doubt or missing):
-            doubt = _refused(prepared, wrong_period_fitted(fitted, start.lifted, prepared, report))
+        if fitted is not None and not (wrong or missing):
+            wrong = wrong_period_fitted(fitted, start.lifted, prepared, report)
     if fitted is None:
         assert model is not None
         fitted = free_residues(prepared, cutting, start, model)
-    yield Candidate(start, model, fitted, settings, (*missing, *([] if doubt is None else [doubt])))
-
-
-def _refused(prepared: Prepared, doubt: Finding | None) -> Finding | None:
-    """The same, where the period is trusted all the same."""
-    if doubt is not None and not prepared.settings.trust_period:
-        raise IdentificationError(
-            f"{doubt}\n  Correct the period, the sampling rate or the time column; `estimate_period=True` finds the "
-            "period from the response. If you know the period to be right, pass `trust_period=True`."
-        )
-    return doubt
+    yield Candidate(start, model, fitted, settings, tuple(missing), wrong)
 
 
 def _fitted(

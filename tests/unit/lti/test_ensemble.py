@@ -75,15 +75,6 @@ def test_long_inputs_tell_their_own_noise_and_short_ones_that_of_all():
     assert quiet < first == second < loud
 
 
-@pytest.mark.parametrize("modes", [0, 6, 12])
-def test_the_noise_does_not_depend_on_the_number_of_modes(modes):
-    generator, found = np.random.default_rng(3), []
-    for _ in range(12):
-        signal = generator.standard_normal((40, modes)) @ generator.standard_normal((modes, 36)) * 50.0
-        found.append(pooled_noise([[signal + generator.standard_normal((40, 36))]])[0, 0])
-    assert abs(np.mean(found) - 1.0) < 0.06
-
-
 @pytest.mark.parametrize("samples", [48, 200])
 def test_the_noise_that_all_inputs_tell(samples):
     generator = np.random.default_rng(1)

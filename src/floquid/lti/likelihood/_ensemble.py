@@ -37,7 +37,6 @@ EDGE = 2.0  # above the largest singular value that noise has in the mean: one i
 RESOLVED = 0.1  # the share of a direction's squares that must be signal for the noise to be taken off
 DEAD = 1e-6  # a multiplier below which a mode is gone at the next sample
 LOUD = 6.0  # deviations of its energy by which noise is not exceeded
-DRAWS = 4  # draws of white noise that its singular values are taken from: to two percent
 MOST = 24  # poles that are looked for at most
 
 
@@ -202,9 +201,10 @@ def pooled_noise(blocks: Iterable[Sequence[Floats]]) -> Floats:
 
     .. math:: \hat\sigma = s_{(1/4)} / \bar s_{(1/4)}
 
-    s the lower quartile of the singular values of a block (rows, samples) that are within the edge of noise, over that
-    of white noise of unit variance and as many rows and columns less as there are values beyond it. A block of twice as
-    many samples as that tells its own, the others have that of all side by side (outputs, inputs).
+    s the lower quartile of the singular values of a block (rows, samples), over that of white noise of unit variance
+    and the same size. A block of twice as many samples as it has values beyond the edge of noise tells its own, the
+    others have that of all side by side (outputs, inputs). That holds where the modes are fewer than three quarters of
+    the samples of all inputs together: the samples of one may be few.
     """
     sigma = []
     for several in blocks:
@@ -216,15 +216,9 @@ def pooled_noise(blocks: Iterable[Sequence[Floats]]) -> Floats:
 
 def _noise_of(block: Floats) -> tuple[float, int]:
     """The standard deviation of white noise on a block, and the number of singular values that are none of noise."""
-    block = block if len(block) <= block.shape[1] else block.T
-    values = np.sqrt(np.maximum(np.linalg.eigvalsh(block @ block.T), 0.0))
-    white = np.random.default_rng(0).standard_normal((DRAWS, *block.shape))
-    rank = 0
-    while True:
-        rows, columns = (size - rank for size in block.shape)
-        unit = np.sqrt(np.linalg.eigvalsh(white[:, :rows, :columns] @ np.swapaxes(white[:, :rows, :columns], 1, 2)))
-        sigma = float(np.quantile(values[:rows], 0.25) / np.mean(np.quantile(unit, 0.25, axis=1)))
-        beyond = int((values > (np.sqrt(block.shape).sum() + EDGE) * sigma).sum())
-        if beyond <= rank or 4 * beyond > 3 * len(values):
-            return sigma, beyond
-        rank = beyond
+    small = block if len(block) <= block.shape[1] else block.T
+    values = np.sqrt(np.maximum(np.linalg.eigvalsh(small @ small.T), 0.0))
+    white = np.random.default_rng(0).standard_normal((4, *small.shape))
+    unit = np.sqrt(np.linalg.eigvalsh(white @ np.swapaxes(white, 1, 2)))
+    sigma = float(np.quantile(values, 0.25) / np.mean(np.quantile(unit, 0.25, axis=1)))
+    return sigma, int((values > (np.sqrt(block.shape).sum() + EDGE) * sigma).sum())
