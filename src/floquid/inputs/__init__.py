@@ -35,7 +35,6 @@ from floquid.inputs.search import Scores as Scores
 from floquid.inputs.search import gain_of as gain_of
 from floquid.inputs.search import near_real as near_real
 from floquid.inputs.search import nearly_one as nearly_one
-from floquid.inputs.search import noise_explains as noise_explains
 from floquid.inputs.search import period_step as period_step
 from floquid.inputs.search import phase_step as phase_step
 from floquid.inputs.search import read_near_axis as read_near_axis

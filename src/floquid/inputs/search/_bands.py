@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
@@ -16,10 +15,10 @@ from floquid.inputs._solver import Linearisation, columns_of
 from floquid.inputs.search._point import HOPE, Point
 from floquid.inputs.search._scores import by_noise_beyond
 from floquid.inputs.search._structure import Limits, Structure
-from floquid.search import SECONDS, Move, descended
+from floquid.search import Move
 
+NEXT = 3  # harmonics beyond the end of a band that are looked at while modes are searched for: others at the end
 MINOR = 0.05  # the share of the largest gain of a round below which a harmonic waits for the next
-STRIDE = 3  # harmonics beyond the end of a band that are looked at in a round
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,9 +32,9 @@ class Edit:
     more: bool
 
 
-def growths(point: Point) -> Iterator[Move[Structure]]:
-    """Harmonics beyond the ends of all bands at once, then the best alone."""
-    edits = list(_growths(point))
+def growths(point: Point, beyond: int = NEXT) -> Iterator[Move[Structure]]:
+    """Harmonics `beyond` the ends of all bands at most, at once, then the best alone."""
+    edits = list(_growths(point, beyond))
     least = max(1e-3, by_noise_beyond(point.scores, point.limits)) if edits else 1e-3
     if sum(each.change for each in edits) * HOPE > -least:
         return
@@ -75,7 +74,7 @@ def _move(point: Point, edits: Iterable[Edit], name: str, least: float) -> Move[
     return Move(total, name, Structure(tuple(modes), tuple(sorted(direct))), least)
 
 
-def _growths(point: Point) -> Iterator[Edit]:
+def _growths(point: Point, most: int) -> Iterator[Edit]:
     """Harmonics beyond the ends of bands that scores show, as far as they pay for those between."""
     at, samples, price = point.at, point.samples, point.price
     ends = []
@@ -83,8 +82,7 @@ def _growths(point: Point) -> Iterator[Edit]:
         for band in ("turns", "reach"):
             own = getattr(mode, band)
             for end, way in [(own[-1], 1.0)] if mode.real else [(own[0], -1.0), (own[-1], 1.0)]:
-                beyond = end + way * np.arange(1.0, STRIDE + 1.0)
-                ends.append((number, band, beyond[np.abs(beyond) <= point.limits.highest].tolist()))
+                ends.append((number, band, _beyond(end, way, most, point.limits.highest)))
     columns = [
         columns_of(samples, replace(at.modes[number], turns=np.array([turn])), at.states[number])
         for number, band, beyond in ends
@@ -109,6 +107,12 @@ def _growths(point: Point) -> Iterator[Edit]:
         if len(changes) and changes.min() < 0.0:
             best = int(np.argmin(changes))
             yield Edit(float(changes[best]), number, band, tuple(beyond[: best + 1]), True)
+
+
+def _beyond(end: float, way: float, most: int, highest: int) -> list[float]:
+    """Harmonics beyond the end of a band."""
+    beyond = end + way * np.arange(1.0, most + 1.0)
+    return beyond[np.abs(beyond) <= highest].tolist()
 
 
 def _shrinkages(point: Point) -> Iterator[Edit]:
@@ -157,23 +161,6 @@ def _tails(
         if length:
             kept -= length
             yield Edit(best, number, band, tuple(harmonics[order[:length]].tolist()), False)
-
-
-def grown(samples: Samples, now: Linearisation, limits: Limits) -> Linearisation:
-    """The fit with the harmonics beside its bands by which J falls."""
-    return _descended(samples, now, limits, growths)
-
-
-def narrowed(samples: Samples, now: Linearisation, limits: Limits) -> Linearisation:
-    """The fit without the harmonics at the ends of bands by which J rises."""
-    return _descended(samples, now, limits, shrinkages)
-
-
-def _descended(
-    samples: Samples, now: Linearisation, limits: Limits, of: Callable[[Point], Iterator[Move[Structure]]]
-) -> Linearisation:
-    begin = Point(samples, limits, now, of)
-    return descended(begin, lambda point: iter([of(point)]), time.process_time() + SECONDS).at
 
 
 def centred(samples: Samples, mode: InputMode, now: Linearisation, number: int) -> InputMode:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import combinations, pairwise
@@ -12,15 +12,17 @@ import numpy as np
 from floquid.fit import chi2_limit, wald_rise
 from floquid.inputs._joint import fitted_together
 from floquid.inputs._modes import InputMode
-from floquid.inputs._solver import linearise
+from floquid.inputs._solver import linearise, solve
 from floquid.inputs._start import bare_mode, candidates
+from floquid.inputs.search._near_axis import block_of_pair, block_of_reals, half_of, ordinary
 from floquid.inputs.search._point import Point
-from floquid.inputs.search._real import near_real, real_for
+from floquid.inputs.search._real import NARROWEST, real_for
 from floquid.inputs.search._scores import by_noise_beyond
 from floquid.inputs.search._structure import Structure
 from floquid.search import Move
 
 WEAK = 4.0  # times its price up to which it is tried whether the other modes can do without one
+BLOCK = 1  # steps of a block
 START = (1, 2)  # harmonics of input and output on either side that a candidate has
 NEAR = 0.5  # decays within which two candidates are one
 
@@ -59,17 +61,54 @@ def merges(point: Point) -> Iterator[Move[Structure]]:
 
 
 def kinds(point: Point) -> Iterator[Move[Structure]]:
-    """Pairs near an axis as one real multiplier or two: all of one sign together, and each alone."""
-    now, samples, root = point.structure, point.samples, point.scores.spread_root
-    for pairs in near_real(now.modes, lambda: root @ root.T, samples.fundamental, []):
-        rest = now.without(pairs)
-        left = linearise(samples, rest.modes, rest.direct).left
-        starts, turns, reach = real_for([now.modes[number] for number in pairs], samples.fundamental)
-        for exponents in starts:
-            bare = [bare_mode(samples, complex(own), reach, turns, real=True) for own in exponents]
-            with suppress(np.linalg.LinAlgError):
-                trial = rest.joined(fitted_together(samples, left, bare)[1])
-                yield Move(point.price.of(trial) - point.price.of(now), "real", trial)
+    """Pairs near an axis as real multipliers, and two real multipliers of one sign as a pair.
+
+    Two real multipliers and a pair are one block of two states: one step of its fit says which of them it is.
+    """
+    now, samples = point.structure, point.samples
+    for numbers in [*_near_axis(now.modes, samples.fundamental), *_twins(now.modes)]:
+        own, rest = [now.modes[number] for number in numbers], now.without(numbers)
+        if len(numbers) == 2:
+            block = block_of_reals(own, samples.fundamental)
+        else:
+            block = block_of_pair(samples, *own)
+            (exponents, *_), turns, reach = real_for(own, samples.fundamental)
+            bare = [bare_mode(samples, complex(each), reach, turns, real=True) for each in exponents]
+            without = linearise(samples, rest.modes, rest.direct)
+            gain, single = fitted_together(samples, without.left, bare)
+            move = _kind(point, "single", rest.joined(single), without.cost - gain)
+            if move.change < 0.0:
+                yield move
+        with suppress(np.linalg.LinAlgError):
+            at = solve(samples, [*rest.modes, block], rest.direct, iterations=BLOCK, rough=True)
+            square = at.modes[-1].square
+            assert square is not None
+            if (square > 0.0) != own[0].real:
+                parts = ordinary(samples, at.modes[-1])
+                yield _kind(point, "kind", replace(rest, modes=at.modes[:-1]).joined(parts), at.cost)
+
+
+def _near_axis(modes: Sequence[InputMode], omega: float) -> Iterator[list[int]]:
+    for number, mode in enumerate(modes):
+        away = abs(mode.exponent.imag - half_of(mode, omega) * omega)
+        if not mode.real and away <= max(abs(mode.exponent.real), NARROWEST * omega):
+            yield [number]
+
+
+def _kind(point: Point, name: str, structure: Structure, cost: float) -> Move[Structure]:
+    change = point.price.of(structure) - point.price.of(point.structure) + cost - point.at.cost
+    return Move(change, name, structure)
+
+
+def _twins(modes: Sequence[InputMode]) -> Iterator[list[int]]:
+    """The two real multipliers of each sign that are nearest to each other."""
+    for lowest in (0.0, 0.5):
+        order = sorted(
+            (k for k, mode in enumerate(modes) if mode.real and mode.lowest == lowest),
+            key=lambda k: modes[k].exponent.real,
+        )
+        twos = [list(two) for two in pairwise(order)]
+        yield from sorted(twos, key=lambda two: float(np.ptp([modes[k].exponent.real for k in two])))[:1]
 
 
 def conjugated(mode: InputMode) -> InputMode:

@@ -9,15 +9,13 @@ from dataclasses import replace
 from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, linearise, solve
-from floquid.inputs.search._bands import centred, grown, growths, helpful, narrowed, shrinkages
+from floquid.inputs.search._bands import centred, growths, helpful, shrinkages
 from floquid.inputs.search._changes import additions, kinds, merges, removals
 from floquid.inputs.search._point import REST, Point
-from floquid.inputs.search._real import with_real_ones
 from floquid.inputs.search._structure import Limits, Structure
 from floquid.search import SECONDS, Move, descended
 
 TOO_NEAR = 0.5  # the distance of two modes over their decay below which they may be one
-ROUNDS = 6  # fits at most, one after another, with real multipliers for a pair of the modes that are found
 LOOSE = 0.02  # the probability at which noise may pass for a harmonic that is fitted: one missing does more harm
 
 
@@ -26,15 +24,13 @@ def searched(
 ) -> tuple[Linearisation, bool]:
     """The modes by which J is least, with their harmonics, and whether the budget of time was over before."""
     until = time.process_time() + SECONDS
-    begin = Point(samples, limits, linearise(samples, []), helpful)
-    least = descended(begin, _stages, until, report)
-    found = least.at
-    if not found.modes:
-        return found, least.unfinished
+    least = descended(Point(samples, limits, linearise(samples, []), helpful), _stages, until, report)
+    if not least.n_modes:
+        return least.at, least.unfinished
+    report(f"searching for modes: harmonics of {least.n_modes}")
     loose = replace(limits, harmonic_alarm=LOOSE)
-    report(f"searching for modes: harmonics of {len(found.modes)}")
-    found = narrowed(samples, grown(samples, found, loose), loose)
-    found = with_real_ones(samples, found, loose, rounds=ROUNDS)
+    least = descended(replace(least, limits=loose), _last_stages, until, report)
+    found = least.at
     modes = [centred(samples, mode, found, number) for number, mode in enumerate(found.modes)]
     return solve(samples, [_padded(mode, limits) for mode in modes], found.direct), least.unfinished
 
@@ -48,6 +44,16 @@ def _stages(point: Point) -> Iterator[Iterable[Move[Structure]]]:
         yield kinds(point)
     if point.n_modes < point.limits.modes:
         yield additions(point)
+
+
+def _last_stages(point: Point) -> Iterator[Iterable[Move[Structure]]]:
+    """Moves by which the modes stay, of bands and of kinds."""
+    yield growths(point)
+    yield shrinkages(point)
+    yield [point.settling] if point.scores.promised > REST else []
+    yield kinds(point)
+    # Weak harmonics may lie between the end of a band and strong ones.
+    yield growths(point, 2 * point.limits.highest)
 
 
 def nearly_one(samples: Samples, now: Linearisation) -> bool:
