@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -32,9 +32,9 @@ class Edit:
     more: bool
 
 
-def growths(point: Point, beyond: int = NEXT) -> Iterator[Move[Structure]]:
-    """Harmonics `beyond` the ends of all bands at most, at once, then the best alone."""
-    edits = list(_growths(point, beyond))
+def growths(point: Point) -> Iterator[Move[Structure]]:
+    """Harmonics beyond the ends of all bands at once, then the best alone."""
+    edits = list(_growths(point))
     least = max(1e-3, by_noise_beyond(point.scores, point.limits)) if edits else 1e-3
     if sum(each.change for each in edits) * HOPE > -least:
         return
@@ -43,6 +43,17 @@ def growths(point: Point, beyond: int = NEXT) -> Iterator[Move[Structure]]:
     yield _move(point, edits, "grow", least)
     if len(edits) > 1:
         yield _move(point, [best], "grow one", least)
+
+
+def far_growths(point: Point) -> Iterator[Move[Structure]]:
+    """Harmonics of the outputs anywhere beyond the end of one band: weak ones may lie before strong ones.
+
+    Those of the inputs are not looked for there: far ones make up for noise that drives the modes.
+    """
+    edits = list(_growths(point, ("turns",), 2 * point.limits.highest))
+    if edits:
+        best = min(edits, key=lambda each: each.change)
+        yield _move(point, [best], "grow far", max(1e-3, by_noise_beyond(point.scores, point.limits)))
 
 
 def shrinkages(point: Point) -> Iterator[Move[Structure]]:
@@ -74,15 +85,16 @@ def _move(point: Point, edits: Iterable[Edit], name: str, least: float) -> Move[
     return Move(total, name, Structure(tuple(modes), tuple(sorted(direct))), least)
 
 
-def _growths(point: Point, most: int) -> Iterator[Edit]:
+def _growths(point: Point, bands: Sequence[str] = ("turns", "reach"), most: int = NEXT) -> Iterator[Edit]:
     """Harmonics beyond the ends of bands that scores show, as far as they pay for those between."""
     at, samples, price = point.at, point.samples, point.price
     ends = []
     for number, mode in enumerate(at.modes):
-        for band in ("turns", "reach"):
+        for band in bands:
             own = getattr(mode, band)
             for end, way in [(own[-1], 1.0)] if mode.real else [(own[0], -1.0), (own[-1], 1.0)]:
-                ends.append((number, band, _beyond(end, way, most, point.limits.highest)))
+                beyond = end + way * np.arange(1.0, most + 1.0)
+                ends.append((number, band, beyond[np.abs(beyond) <= point.limits.highest].tolist()))
     columns = [
         columns_of(samples, replace(at.modes[number], turns=np.array([turn])), at.states[number])
         for number, band, beyond in ends
@@ -107,12 +119,6 @@ def _growths(point: Point, most: int) -> Iterator[Edit]:
         if len(changes) and changes.min() < 0.0:
             best = int(np.argmin(changes))
             yield Edit(float(changes[best]), number, band, tuple(beyond[: best + 1]), True)
-
-
-def _beyond(end: float, way: float, most: int, highest: int) -> list[float]:
-    """Harmonics beyond the end of a band."""
-    beyond = end + way * np.arange(1.0, most + 1.0)
-    return beyond[np.abs(beyond) <= highest].tolist()
 
 
 def _shrinkages(point: Point) -> Iterator[Edit]:

@@ -71,14 +71,15 @@ class Scores:
         beyond = (
             extra - ((extra @ self.columns.T).astype(float) @ self.now.inverse).astype(self.precision) @ self.columns
         )
-        pull, information = (beyond @ self.left.T).astype(float), (beyond @ beyond.T).astype(float)
+        pull = (beyond @ self.left.T).astype(float)
         size = np.einsum("kn,kn->k", extra, extra).astype(float)
         mixed = [self.root.T @ (own @ beyond.T) for own in self.slopes]
         found, place, channels = [], 0, len(self.left)
         for own in groups:
             rows = slice(place, place + len(own))
             place += len(own)
-            left = np.asarray(np.kron(np.eye(channels), information[rows, rows]), np.float64)
+            information = (beyond[rows] @ beyond[rows].T).astype(float)
+            left = np.asarray(np.kron(np.eye(channels), information), np.float64)
             if mixed:
                 both = np.concatenate([part[:, rows] for part in mixed], axis=1)
                 left -= both.T @ both
@@ -104,7 +105,8 @@ class Scores:
             drives.append(reached_by(samples, alone)[: (2 if own.real else 1) * many])
         counts = [len(own) if now.modes[m].real else 2 * len(own) for own, (m, _) in zip(drives, asked, strict=True)]
         ends = np.cumsum([0, *counts])
-        information, pull, size = np.zeros((ends[-1], ends[-1])), np.zeros(ends[-1]), np.zeros(ends[-1])
+        places = [slice(a, b) for a, b in pairwise(ends.tolist())]
+        information, pull, size = [np.zeros((count, count)) for count in counts], np.zeros(ends[-1]), np.zeros(ends[-1])
         mixed = np.zeros((self.root.shape[1], ends[-1]))
         for channel, (own, along) in enumerate(zip(self.slopes, self.along, strict=True)):
             rows = np.empty((ends[-1], samples.n_samples), self.precision)
@@ -114,14 +116,17 @@ class Scores:
                 real = now.modes[mode].real
                 rows[ends[k] : ends[k + 1]] = moved.real if real else np.concatenate([moved.real, -moved.imag])
             seen = (rows @ self.columns.T).astype(float)
-            products = rows @ rows.T
-            size += np.diag(products)
-            information += products - seen @ now.inverse @ seen.T
+            size += np.einsum("kn,kn->k", rows, rows)
+            for place, block in zip(places, information, strict=True):
+                block += rows[place] @ rows[place].T - seen[place] @ now.inverse @ seen[place].T
             mixed += self.root.T @ (own @ rows.T - along @ seen.T)
             pull += rows @ self.left[channel]
-        left = information - mixed.T @ mixed
-        places = [slice(a, b) for a, b in pairwise(ends.tolist())]
-        return np.array([score_gain(pull[own], left[own, own], self.least, before=size[own]) for own in places])
+        return np.array(
+            [
+                score_gain(pull[place], block - mixed[:, place].T @ mixed[:, place], self.least, before=size[place])
+                for place, block in zip(places, information, strict=True)
+            ]
+        )
 
     def by_noise(self, draws: int = DRAWS) -> float:
         r"""The gain by noise that drives the modes, zero where there is less of what it leaves than white noise has.

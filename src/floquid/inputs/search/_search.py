@@ -9,7 +9,7 @@ from dataclasses import replace
 from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, linearise, solve
-from floquid.inputs.search._bands import centred, growths, helpful, shrinkages
+from floquid.inputs.search._bands import centred, far_growths, growths, helpful, shrinkages
 from floquid.inputs.search._changes import additions, kinds, merges, removals
 from floquid.inputs.search._point import REST, Point
 from floquid.inputs.search._structure import Limits, Structure
@@ -52,8 +52,7 @@ def _last_stages(point: Point) -> Iterator[Iterable[Move[Structure]]]:
     yield shrinkages(point)
     yield [point.settling] if point.scores.promised > REST else []
     yield kinds(point)
-    # Weak harmonics may lie between the end of a band and strong ones.
-    yield growths(point, 2 * point.limits.highest)
+    yield far_growths(point)
 
 
 def nearly_one(samples: Samples, now: Linearisation) -> bool:
