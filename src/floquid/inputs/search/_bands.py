@@ -35,11 +35,15 @@ class Edit:
 def growths(point: Point) -> Iterator[Move[Structure]]:
     """Harmonics beyond the ends of all bands at once, then the best alone."""
     edits = list(_growths(point))
-    least = max(1e-3, by_noise_beyond(point.scores, point.limits)) if edits else 1e-3
-    if sum(each.change for each in edits) * HOPE > -least:
+    promised = -sum(each.change for each in edits)
+    least = max(1e-3, by_noise_beyond(point.scores, point.limits, promised)) if edits else 1e-3
+    if promised * HOPE < least:
         return
     best = min(edits, key=lambda each: each.change)
     edits = [each for each in edits if each.change <= MINOR * best.change]
+    fewer = list(_shrinkages(point))
+    if fewer:
+        yield _move(point, [*edits, *fewer], "bands", least)
     yield _move(point, edits, "grow", least)
     if len(edits) > 1:
         yield _move(point, [best], "grow one", least)
@@ -53,7 +57,8 @@ def far_growths(point: Point) -> Iterator[Move[Structure]]:
     edits = list(_growths(point, ("turns",), 2 * point.limits.highest))
     if edits:
         best = min(edits, key=lambda each: each.change)
-        yield _move(point, [best], "grow far", max(1e-3, by_noise_beyond(point.scores, point.limits)))
+        least = max(1e-3, by_noise_beyond(point.scores, point.limits, -best.change))
+        yield _move(point, [best], "grow far", least)
 
 
 def shrinkages(point: Point) -> Iterator[Move[Structure]]:

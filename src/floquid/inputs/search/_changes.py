@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import combinations, pairwise
@@ -124,20 +124,34 @@ def conjugated(mode: InputMode) -> InputMode:
 
 
 def additions(point: Point) -> Iterator[Move[Structure]]:
-    """With one mode more, of the candidates that explain most of the residual."""
-    samples, now = point.samples, point.structure
+    """With modes more, of the candidates that explain most of the residual: those apart at once, and each alone."""
+    samples, now, alarm = point.samples, point.structure, point.limits.mode_alarm
     reach, turns = (np.arange(-most, most + 1.0) for most in START)
     ranked = []
     for exponent in candidates(samples, point.at.left)[0].tolist():
+        bare = bare_mode(samples, exponent, reach, turns)
         with suppress(np.linalg.LinAlgError):
-            ranked.append(fitted_together(samples, point.at.left, [bare_mode(samples, exponent, reach, turns)]))
-    least, tried = None, []
-    for gain, (mode,) in sorted(ranked, key=lambda each: -each[0]):
-        numbers = 2 * (mode.gains.size + len(mode.initial)) * len(mode.turns) * len(samples.values)
-        if gain < chi2_limit(numbers, point.limits.mode_alarm):  # what noise may take, all products free
-            break
-        if not any(abs(mode.exponent - other) < NEAR * abs(other.real) for other in tried):
+            gain, (mode,) = fitted_together(samples, point.at.left, [bare])
+            numbers = 2 * (mode.gains.size + len(mode.initial)) * len(turns) * len(samples.values)
+            if gain >= chi2_limit(numbers, alarm):  # what noise may take, all products free
+                ranked.append((gain, mode))
+    if not ranked:
+        return
+    ranked.sort(key=lambda each: -each[0])
+    omega = samples.fundamental
+    least = max(1e-3, by_noise_beyond(point.scores, point.limits, ranked[0][0])) if now.modes else 1e-3
+    tried: list[complex] = []
+    for gain, mode in ranked:
+        if apart(mode.exponent, tried, omega):
             tried.append(mode.exponent)
-            if least is None:
-                least = max(1e-3, by_noise_beyond(point.scores, point.limits)) if now.modes else 1e-3
             yield Move(point.price.of_mode(mode) - gain, "add", now.joined([mode]), least)
+
+
+def apart(exponent: complex, others: Iterable[complex], omega: float) -> bool:
+    """True where an exponent is further than half a decay from others, modulo the fundamental."""
+    for other in others:
+        gaps = [exponent - other, exponent - other.conjugate()]
+        near = min(abs(gap - 1j * omega * round(gap.imag / omega)) for gap in gaps)
+        if near < NEAR * min(abs(exponent.real), abs(other.real)):
+            return False
+    return True

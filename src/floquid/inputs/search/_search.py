@@ -10,12 +10,11 @@ from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, linearise, solve
 from floquid.inputs.search._bands import centred, far_growths, growths, helpful, shrinkages
-from floquid.inputs.search._changes import additions, kinds, merges, removals
+from floquid.inputs.search._changes import additions, apart, kinds, merges, removals
 from floquid.inputs.search._point import REST, Point
 from floquid.inputs.search._structure import Limits, Structure
 from floquid.search import SECONDS, Move, descended
 
-TOO_NEAR = 0.5  # the distance of two modes over their decay below which they may be one
 LOOSE = 0.02  # the probability at which noise may pass for a harmonic that is fitted: one missing does more harm
 
 
@@ -57,14 +56,8 @@ def _last_stages(point: Point) -> Iterator[Iterable[Move[Structure]]]:
 
 def nearly_one(samples: Samples, now: Linearisation) -> bool:
     """True where two modes of a fit differ by less than they decay, apart from a multiple of the fundamental."""
-    omega, found = samples.fundamental, [mode.exponent for mode in now.modes]
-    for number, one in enumerate(found):
-        for other in found[:number]:
-            gaps = [one - other, one - other.conjugate()]
-            near = min(abs(gap - 1j * omega * round(gap.imag / omega)) for gap in gaps)
-            if near < TOO_NEAR * min(abs(one.real), abs(other.real)):
-                return True
-    return False
+    found = [mode.exponent for mode in now.modes]
+    return not all(apart(each, found[:number], samples.fundamental) for number, each in enumerate(found))
 
 
 def _padded(mode: InputMode, limits: Limits) -> InputMode:
