@@ -14,7 +14,7 @@ from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, columns_of
 from floquid.inputs.search._point import HOPE, Point
 from floquid.inputs.search._scores import by_noise_beyond
-from floquid.inputs.search._structure import Limits, Structure
+from floquid.inputs.search._structure import Structure
 from floquid.search import Move
 
 NEXT = 3  # harmonics beyond the end of a band that are looked at while modes are searched for: others at the end
@@ -33,20 +33,18 @@ class Edit:
 
 
 def growths(point: Point) -> Iterator[Move[Structure]]:
-    """Harmonics beyond the ends of all bands at once, then the best alone."""
+    """Harmonics beyond the ends of all bands, with those that go, alone, and the best alone."""
     edits = list(_growths(point))
-    promised = -sum(each.change for each in edits)
-    least = max(1e-3, by_noise_beyond(point.scores, point.limits, promised)) if edits else 1e-3
-    if promised * HOPE < least:
+    if not edits:
         return
+    least = max(1e-3, by_noise_beyond(point.scores, point.limits, -sum(each.change for each in edits)))
     best = min(edits, key=lambda each: each.change)
     edits = [each for each in edits if each.change <= MINOR * best.change]
     fewer = list(_shrinkages(point))
-    if fewer:
-        yield _move(point, [*edits, *fewer], "bands", least)
-    yield _move(point, edits, "grow", least)
-    if len(edits) > 1:
-        yield _move(point, [best], "grow one", least)
+    for name, own in (("bands", [*edits, *fewer]), ("grow", edits), ("grow one", [best])):
+        move = _move(point, own, name, least)
+        if move.change * HOPE < -least:
+            yield move
 
 
 def far_growths(point: Point) -> Iterator[Move[Structure]]:
