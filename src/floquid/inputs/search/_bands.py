@@ -32,18 +32,20 @@ class Edit:
     more: bool
 
 
-def growths(point: Point) -> Iterator[Move[Structure]]:
-    """Harmonics beyond the ends of all bands, with those that go, alone, and the best alone."""
+def growths(point: Point, *, alone: bool = True) -> Iterator[Move[Structure]]:
+    """Harmonics beyond the ends of all bands at once, unless `alone` with those that go, then the best alone."""
     edits = list(_growths(point))
     if not edits:
         return
     least = max(1e-3, by_noise_beyond(point.scores, point.limits, -sum(each.change for each in edits)))
     best = min(edits, key=lambda each: each.change)
     edits = [each for each in edits if each.change <= MINOR * best.change]
-    fewer = list(_shrinkages(point))
-    for name, own in (("bands", [*edits, *fewer]), ("grow", edits), ("grow one", [best])):
-        move = _move(point, own, name, least)
-        if move.change * HOPE < -least:
+    fewer = [] if alone else list(_shrinkages(point))
+    # What is gained by those that go does not count for the others, which noise may have made.
+    gone = -sum(each.change for each in fewer)
+    for name, own, more in (("bands", [*edits, *fewer], gone), ("grow", edits, 0.0), ("grow one", [best], 0.0)):
+        move = _move(point, own, name, least + more)
+        if (move.change + more) * HOPE < -least:
             yield move
 
 

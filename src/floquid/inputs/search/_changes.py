@@ -15,7 +15,7 @@ from floquid.inputs._modes import InputMode
 from floquid.inputs._solver import linearise, solve
 from floquid.inputs._start import bare_mode, candidates
 from floquid.inputs.search._near_axis import block_of_pair, block_of_reals, half_of, ordinary
-from floquid.inputs.search._point import Point
+from floquid.inputs.search._point import HOPE, Point
 from floquid.inputs.search._real import NARROWEST, real_for
 from floquid.inputs.search._scores import by_noise_beyond
 from floquid.inputs.search._structure import Structure
@@ -144,7 +144,9 @@ def additions(point: Point) -> Iterator[Move[Structure]]:
     for gain, mode in ranked:
         if apart(mode.exponent, tried, omega):
             tried.append(mode.exponent)
-            yield Move(point.price.of_mode(mode) - gain, "add", now.joined([mode]), least)
+            change = point.price.of_mode(mode) - gain
+            if change * HOPE < -least:
+                yield Move(change, "add", now.joined([mode]), least)
 
 
 def apart(exponent: complex, others: Iterable[complex], omega: float) -> bool:

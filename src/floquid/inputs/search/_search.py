@@ -37,7 +37,7 @@ def searched(
 def _stages(point: Point) -> Iterator[Iterable[Move[Structure]]]:
     """Moves in groups: a group is made only where none of those before lowers J."""
     if point.n_modes:
-        yield growths(point)
+        yield growths(point, alone=False)
         yield [*shrinkages(point), *removals(point), *merges(point)]
         yield [point.settling] if point.scores.promised > REST else []
         yield kinds(point)
@@ -47,7 +47,7 @@ def _stages(point: Point) -> Iterator[Iterable[Move[Structure]]]:
 
 def _last_stages(point: Point) -> Iterator[Iterable[Move[Structure]]]:
     """Moves by which the modes stay, of bands and of kinds."""
-    yield growths(point)
+    yield growths(point, alone=False)
     yield shrinkages(point)
     yield [point.settling] if point.scores.promised > REST else []
     yield kinds(point)
