@@ -14,17 +14,15 @@ from floquid.inputs._joint import fitted_together
 from floquid.inputs._modes import InputMode
 from floquid.inputs._solver import linearise, solve
 from floquid.inputs._start import bare_mode, candidates
-from floquid.inputs.search._near_axis import block_of_pair, block_of_reals, half_of, ordinary
+from floquid.inputs.search._near_axis import block_of_pair, block_of_reals, near_axis, ordinary
 from floquid.inputs.search._point import HOPE, Point
-from floquid.inputs.search._real import NARROWEST, real_for
 from floquid.inputs.search._scores import by_noise_beyond
 from floquid.inputs.search._structure import Structure
 from floquid.search import Move
 
 WEAK = 4.0  # times its price up to which it is tried whether the other modes can do without one
-BLOCK = 1  # steps of a block
 START = (1, 2)  # harmonics of input and output on either side that a candidate has
-NEAR = 0.5  # decays within which two candidates are one
+NEAR = 0.5  # decays within which two modes may be one
 
 
 def removals(point: Point) -> Iterator[Move[Structure]]:
@@ -49,50 +47,49 @@ def merges(point: Point) -> Iterator[Move[Structure]]:
             gap = second.exponent - first.exponent
             turn = round(gap.imag / omega)
             gap -= 1j * turn * omega
-            apart = root[rows[two]] * np.array([[1.0], [sign]]) - root[rows[one]]
+            between = root[rows[two]] * np.array([[1.0], [sign]]) - root[rows[one]]
             whole = first
             for band, shift in (("turns", turn), ("reach", -turn)):
                 both = np.concatenate([getattr(first, band), getattr(second, band) + shift])
                 whole = whole.with_band(band, np.arange(both.min(), both.max() + 1.0))
-            change = wald_rise(np.array([gap.real, gap.imag]), apart @ apart.T) + point.price.of_mode(whole)
+            change = wald_rise(np.array([gap.real, gap.imag]), between @ between.T) + point.price.of_mode(whole)
             change -= point.price.of_mode(first) + point.price.of_mode(second)
             if change < 0.0:
                 yield Move(change, "merge", now.without([one, two]).joined([whole]))
 
 
 def kinds(point: Point) -> Iterator[Move[Structure]]:
-    """Pairs near an axis as real multipliers, and two real multipliers of one sign as a pair.
+    """A pair near an axis as one real multiplier or two, and two real multipliers of one sign as a pair.
 
-    Two real multipliers and a pair are one block of two states: one step of its fit says which of them it is.
+    A pair and two real multipliers are one block of two states: a step of its fit tells the sign of its q.
     """
     now, samples = point.structure, point.samples
-    for numbers in [*_near_axis(now.modes, samples.fundamental), *_twins(now.modes)]:
-        own, rest = [now.modes[number] for number in numbers], now.without(numbers)
-        if len(numbers) == 2:
-            block = block_of_reals(own, samples.fundamental)
-        else:
-            block = block_of_pair(samples, *own)
-            (exponents, *_), turns, reach = real_for(own, samples.fundamental)
-            bare = [bare_mode(samples, complex(each), reach, turns, real=True) for each in exponents]
+    for number, mode in enumerate(now.modes):
+        if near_axis(mode, samples.fundamental):
+            block, rest = block_of_pair(samples, mode), now.without([number])
             without = linearise(samples, rest.modes, rest.direct)
-            gain, single = fitted_together(samples, without.left, bare)
+            bare = bare_mode(samples, complex(mode.exponent.real), block.reach, block.turns, real=True)
+            gain, single = fitted_together(samples, without.left, [bare])
             move = _kind(point, "single", rest.joined(single), without.cost - gain)
             if move.change < 0.0:
                 yield move
-        with suppress(np.linalg.LinAlgError):
-            at = solve(samples, [*rest.modes, block], rest.direct, iterations=BLOCK, rough=True)
-            square = at.modes[-1].square
-            assert square is not None
-            if (square > 0.0) != own[0].real:
-                parts = ordinary(samples, at.modes[-1])
-                yield _kind(point, "kind", replace(rest, modes=at.modes[:-1]).joined(parts), at.cost)
+            yield from _other_kind(point, rest, block)
+    for two in _twins(now.modes):
+        block = block_of_reals([now.modes[number] for number in two], samples.fundamental)
+        yield from _other_kind(point, now.without(two), block)
 
 
-def _near_axis(modes: Sequence[InputMode], omega: float) -> Iterator[list[int]]:
-    for number, mode in enumerate(modes):
-        away = abs(mode.exponent.imag - half_of(mode, omega) * omega)
-        if not mode.real and away <= max(abs(mode.exponent.real), NARROWEST * omega):
-            yield [number]
+def _other_kind(point: Point, rest: Structure, block: InputMode) -> Iterator[Move[Structure]]:
+    """A block as the other kind than it is, where q changes its sign in a step."""
+    samples, square = point.samples, block.square
+    with suppress(np.linalg.LinAlgError):
+        at = solve(samples, [*rest.modes, block], rest.direct, iterations=1, rough=True)
+        *modes, moved = at.modes
+        assert square is not None
+        assert moved.square is not None
+        if (moved.square > 0.0) != (square > 0.0):
+            trial = replace(rest, modes=(*modes, *ordinary(samples, moved)))
+            yield _kind(point, "kind", trial, at.cost)
 
 
 def _kind(point: Point, name: str, structure: Structure, cost: float) -> Move[Structure]:
@@ -103,12 +100,12 @@ def _kind(point: Point, name: str, structure: Structure, cost: float) -> Move[St
 def _twins(modes: Sequence[InputMode]) -> Iterator[list[int]]:
     """The two real multipliers of each sign that are nearest to each other."""
     for lowest in (0.0, 0.5):
-        order = sorted(
-            (k for k, mode in enumerate(modes) if mode.real and mode.lowest == lowest),
-            key=lambda k: modes[k].exponent.real,
-        )
-        twos = [list(two) for two in pairwise(order)]
-        yield from sorted(twos, key=lambda two: float(np.ptp([modes[k].exponent.real for k in two])))[:1]
+        alike = [number for number, mode in enumerate(modes) if mode.real and mode.lowest == lowest]
+        alike.sort(key=lambda number: modes[number].exponent.real)
+        gaps = np.diff([modes[number].exponent.real for number in alike])
+        if len(gaps):
+            first = int(np.argmin(gaps))
+            yield alike[first : first + 2]
 
 
 def conjugated(mode: InputMode) -> InputMode:
@@ -124,7 +121,7 @@ def conjugated(mode: InputMode) -> InputMode:
 
 
 def additions(point: Point) -> Iterator[Move[Structure]]:
-    """With modes more, of the candidates that explain most of the residual: those apart at once, and each alone."""
+    """With one mode more, of the candidates that explain most of the residual."""
     samples, now, alarm = point.samples, point.structure, point.limits.mode_alarm
     reach, turns = (np.arange(-most, most + 1.0) for most in START)
     ranked = []
@@ -138,15 +135,13 @@ def additions(point: Point) -> Iterator[Move[Structure]]:
     if not ranked:
         return
     ranked.sort(key=lambda each: -each[0])
-    omega = samples.fundamental
     least = max(1e-3, by_noise_beyond(point.scores, point.limits, ranked[0][0])) if now.modes else 1e-3
     tried: list[complex] = []
     for gain, mode in ranked:
-        if apart(mode.exponent, tried, omega):
+        change = point.price.of_mode(mode) - gain
+        if change * HOPE < -least and apart(mode.exponent, tried, samples.fundamental):
             tried.append(mode.exponent)
-            change = point.price.of_mode(mode) - gain
-            if change * HOPE < -least:
-                yield Move(change, "add", now.joined([mode]), least)
+            yield Move(change, "add", now.joined([mode]), least)
 
 
 def apart(exponent: complex, others: Iterable[complex], omega: float) -> bool:

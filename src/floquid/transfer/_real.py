@@ -1,4 +1,4 @@
-"""Real multipliers of a fit with inputs, for which a pair of conjugates, or two, may stand."""
+"""Real multipliers of a fit to transfer functions, for which a pair of conjugates, or two, may stand."""
 
 from __future__ import annotations
 
@@ -7,14 +7,10 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.inputs._modes import InputMode
-from floquid.inputs.search._near_axis import half_of
+from floquid.inputs import InputMode, half_of, near_axis
 
 OFF_AXIS = 20.0
 """Deviations off the axis from which on a multiplier is not tried as a real one."""
-
-NARROWEST = 1e-3
-"""The distance off the axis, over the fundamental, within which one is tried however little it decays."""
 
 SAME = 0.05
 """The distance of two exponents over their decay below which they are one."""
@@ -36,10 +32,10 @@ def near_real(
     near: dict[float, list[int]] = {}
     for number, mode in enumerate(modes):
         imag, place = place + int(mode.free.sum()) // 2, place + int(mode.free.sum())
+        if not near_axis(mode, omega):
+            continue
         half = half_of(mode, omega)
         away = abs(mode.exponent.imag - half * omega)
-        if mode.real or away > max(abs(mode.exponent.real), NARROWEST * omega):
-            continue
         if any(abs(mode.exponent - other) < SAME * abs(other.real) for other in refused):
             continue
         spread = parameters() if spread is None else spread
