@@ -42,7 +42,7 @@ def test_a_pair_of_conjugates():
     assert found.passed
 
 
-@pytest.mark.parametrize("outputs", [4, 6])
+@pytest.mark.parametrize("outputs", [4, 6, 20])
 def test_a_short_record_of_many_outputs(outputs):
     seen, system = np.random.default_rng(1).standard_normal((outputs, 4)), two_masses()
     system = replace(system, B=lambda t, b=system.B: b(t)[:, :1], C=lambda _: seen)
