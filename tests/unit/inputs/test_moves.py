@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.driven import creeping, lag, mathieu, two_masses
+from tests.driven import creeping, lag, mathieu, mathieu_and_lag, two_masses
 from tests.unit.inputs.test_start import samples_from
 
 from floquid.fit import chi2_limit
-from floquid.inputs import Limits, bare_mode, fitted_together, linearise
+from floquid.inputs import Limits, bare_mode, fitted_together, linearise, searched
 from floquid.inputs.search._bands import far_growths, growths, helpful, shrinkages
 from floquid.inputs.search._changes import additions, kinds, removals
 from floquid.inputs.search._point import Point
@@ -116,6 +116,12 @@ def test_a_pair_that_stands_for_one_real_multiplier_becomes_it():
     assert point.tried(move).value < point.value - 0.5 * point.price.of(point.structure) + point.price.of(
         move.structure
     )
+
+
+def test_a_real_multiplier_beside_a_pair_is_found():
+    found, unfinished = searched(samples_from(mathieu_and_lag(), 160, 20, 0.02), LIMITS)
+    assert not unfinished
+    assert sorted(mode.real for mode in found.modes) == [False, True]
 
 
 def test_a_strong_harmonic_beyond_weak_ones_is_found():

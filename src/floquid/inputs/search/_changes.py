@@ -12,7 +12,7 @@ import numpy as np
 from floquid.fit import chi2_limit, wald_rise
 from floquid.inputs._joint import fitted_together
 from floquid.inputs._modes import InputMode
-from floquid.inputs._solver import linearise, solve
+from floquid.inputs._solver import solve
 from floquid.inputs._start import bare_mode, candidates
 from floquid.inputs.search._near_axis import block_of_pair, block_of_reals, near_axis, ordinary
 from floquid.inputs.search._point import HOPE, Point
@@ -67,10 +67,12 @@ def kinds(point: Point) -> Iterator[Move[Structure]]:
     for number, mode in enumerate(now.modes):
         if near_axis(mode, samples.fundamental):
             block, rest = block_of_pair(samples, mode), now.without([number])
-            without = linearise(samples, rest.modes, rest.direct)
             bare = bare_mode(samples, complex(mode.exponent.real), block.reach, block.turns, real=True)
-            gain, single = fitted_together(samples, without.left, [bare])
-            move = _kind(point, "single", rest.joined(single), without.cost - gain)
+            columns, squares = point.at.slices()[number][0], point.at.noise**2
+            alone = point.at.left + point.at.coefficients[columns].T @ point.at.columns[columns]
+            loss = samples.n_samples * float(np.sum(np.log(np.maximum(np.mean(alone**2, axis=1) / squares, 1.0))))
+            gain, single = fitted_together(samples, alone, [bare])
+            move = _kind(point, "single", rest.joined(single), point.at.cost + loss - gain)
             if move.change < 0.0:
                 yield move
             yield from _other_kind(point, rest, block)
