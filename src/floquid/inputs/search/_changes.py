@@ -22,6 +22,7 @@ from floquid.search import Move
 
 WEAK = 4.0  # times its price up to which it is tried whether the other modes can do without one
 START = (1, 2)  # harmonics of input and output on either side that a candidate has
+APART = (0.7, 1.4)  # decays of two real multipliers, over that of a pair, from which those far from it are found
 NEAR = 0.5  # decays within which two modes may be one
 
 
@@ -67,14 +68,16 @@ def kinds(point: Point) -> Iterator[Move[Structure]]:
     for number, mode in enumerate(now.modes):
         if near_axis(mode, samples.fundamental):
             block, rest = block_of_pair(samples, mode), now.without([number])
-            bare = bare_mode(samples, complex(mode.exponent.real), block.reach, block.turns, real=True)
             columns, squares = point.at.slices()[number][0], point.at.noise**2
             alone = point.at.left + point.at.coefficients[columns].T @ point.at.columns[columns]
             loss = samples.n_samples * float(np.sum(np.log(np.maximum(np.mean(alone**2, axis=1) / squares, 1.0))))
-            gain, single = fitted_together(samples, alone, [bare])
-            move = _kind(point, "single", rest.joined(single), point.at.cost + loss - gain)
-            if move.change < 0.0:
-                yield move
+            for name, shares in (("single", (1.0,)), ("two", APART)):
+                decays = [complex(share * mode.exponent.real) for share in shares]
+                bare = [bare_mode(samples, own, block.reach, block.turns, real=True) for own in decays]
+                gain, real = fitted_together(samples, alone, bare)
+                move = _kind(point, name, rest.joined(real), point.at.cost + loss - gain)
+                if move.change < 0.0:
+                    yield move
             yield from _other_kind(point, rest, block)
     for two in _twins(now.modes):
         block = block_of_reals([now.modes[number] for number in two], samples.fundamental)
