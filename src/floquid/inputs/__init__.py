@@ -33,13 +33,12 @@ from floquid.inputs._transfer import modal_transfer as modal_transfer
 from floquid.inputs.search import Limits as Limits
 from floquid.inputs.search import Scores as Scores
 from floquid.inputs.search import gain_of as gain_of
-from floquid.inputs.search import near_real as near_real
+from floquid.inputs.search import half_of as half_of
+from floquid.inputs.search import near_axis as near_axis
 from floquid.inputs.search import nearly_one as nearly_one
-from floquid.inputs.search import noise_explains as noise_explains
 from floquid.inputs.search import period_step as period_step
 from floquid.inputs.search import phase_step as phase_step
 from floquid.inputs.search import read_near_axis as read_near_axis
-from floquid.inputs.search import real_for as real_for
 from floquid.inputs.search import searched as searched
 
 __all__ = ["Hold", "TransferFunctions", "transfer_functions"]

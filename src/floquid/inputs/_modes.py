@@ -221,7 +221,7 @@ def state_of(samples: Samples, mode: InputMode) -> NDArray:
     """
     if mode.square is not None:
         return _both(samples, mode, lambda own: state_of(samples, own)).real
-    drive = mode.gains.ravel() @ _drives(samples, mode, mode.exponent)
+    drive = _driven(samples, mode, _shares(samples, mode, mode.exponent))
     initial, decay = mode.initial, complex(np.exp(mode.exponent * samples.step))
     if mode.real:
         return _recursion(samples, decay.real, drive.real) + initial.real @ _begun(samples, mode)
@@ -239,7 +239,7 @@ def reached_by(samples: Samples, mode: InputMode) -> NDArray:
         both = np.concatenate([alone[:, :size], by_root(alone[:, :size], mode.square)], axis=1)
         begun = np.concatenate([alone[:, size:], by_root(alone[:, size:], mode.square)], axis=1)
         return np.moveaxis(np.concatenate([both.real, -both.imag, begun.real], axis=1), 0, 1)
-    drives, decay = _drives(samples, mode, mode.exponent), complex(np.exp(mode.exponent * samples.step))
+    drives, decay = _drives(samples, mode), complex(np.exp(mode.exponent * samples.step))
     if mode.real:
         # A real state has the real part of each drive by the real part of b, less the imaginary one by the other.
         parts = np.concatenate([drives.real, -drives.imag])
@@ -291,8 +291,8 @@ def _varying(samples: Samples, mode: InputMode) -> float:
 def _late(samples: Samples, mode: InputMode, state: NDArray) -> NDArray:
     """The derivative of a mode's state by λ (samples,)."""
     nudge = 1e-6 / samples.step
-    up, down = (_drives(samples, mode, mode.exponent + sign * nudge) for sign in (1.0, -1.0))
-    drive = mode.gains.ravel() @ (up - down) / (2.0 * nudge)
+    up, down = (_shares(samples, mode, mode.exponent + sign * nudge) for sign in (1.0, -1.0))
+    drive = _driven(samples, mode, (up - down) / (2.0 * nudge))
     decay = complex(np.exp(mode.exponent * samples.step))
     if mode.real:
         return _recursion(samples, decay.real, samples.step * decay.real * state + drive.real)
@@ -321,16 +321,35 @@ def _begun(samples: Samples, mode: InputMode) -> NDArray:
     return found
 
 
-def _drives(samples: Samples, mode: InputMode, exponent: complex) -> NDArray[np.complex128]:
+def _shares(samples: Samples, mode: InputMode, exponent: complex) -> NDArray[np.complex128]:
+    """Shares of each modulated input in the next state, by its sample and by the next one (reach, 2)."""
+    of = samples.fundamental, samples.step, samples.hold
+    return np.array([input_gain(exponent, turn, *of) for turn in mode.reach.tolist()], np.complex128).reshape(-1, 2)
+
+
+def _driven(samples: Samples, mode: InputMode, shares: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """What all modulated inputs by their shares and b add to the state at the next sample (samples,)."""
+    sums = np.zeros((2, samples.n_samples), complex)
+    for turn, gains, own in zip(mode.reach.tolist(), mode.gains.T, shares, strict=True):
+        turned = (gains @ samples.inputs) * samples.turned(turn)
+        sums[0] += own[0] * turned
+        if own[1]:
+            sums[1] += own[1] * turned
+    sums[0, :-1] += sums[1, 1:]
+    return sums[0]
+
+
+def _drives(samples: Samples, mode: InputMode) -> NDArray[np.complex128]:
     """What each modulated input adds to the state at the next sample (inputs · reach, samples)."""
-    found = []
-    for own in samples.inputs:
-        for turn in mode.reach.tolist():
-            now, then = input_gain(exponent, turn, samples.fundamental, samples.step, samples.hold)
-            turned = samples.turned(turn) * own
-            # The sample after the last of a record drives nothing that is there.
-            found.append(now * turned + (then * np.append(turned[1:], 0.0) if then else 0.0))
-    return np.asarray(found, np.complex128).reshape(-1, samples.n_samples)
+    found = np.empty((len(samples.inputs), len(mode.reach), samples.n_samples), complex)
+    for place, (turn, (now, then)) in enumerate(
+        zip(mode.reach.tolist(), _shares(samples, mode, mode.exponent), strict=True)
+    ):
+        turned = samples.turned(turn) * samples.inputs
+        np.multiply(turned, now, out=found[:, place])
+        if then:  # the sample after the last of a record drives nothing that is there
+            found[:, place, :-1] += then * turned[:, 1:]
+    return found.reshape(-1, samples.n_samples)
 
 
 def _recursion(samples: Samples, decay: complex, drives: NDArray) -> NDArray:

@@ -174,16 +174,22 @@ def slopes_of(
 
     Of the precision that the derivatives of the states have.
     """
-    found = []
-    for number, (mode, slopes) in enumerate(zip(at.modes, states, strict=True)):
+    masks = [mode.free for mode in at.modes]
+    precision = np.float32 if all(own.dtype in (np.float32, np.complex64) for own in states) else np.float64
+    found, place = np.empty((sum(int(own.sum()) for own in masks), samples.n_samples), precision), 0
+    for number, (mode, slopes, free) in enumerate(zip(at.modes, states, masks, strict=True)):
         shape = at.shape(number)[:, channel].reshape(mode.states, -1)
-        whole = weight * carried(samples, shape, mode.turns.tolist())
-        precision = np.complex64 if slopes.dtype in (np.float32, np.complex64) else np.complex128
-        moved = whole.astype(precision) * slopes.reshape(len(slopes), mode.states, -1)
+        whole = (weight * carried(samples, shape, mode.turns.tolist())).astype(np.result_type(precision, 1j))
+        moved = whole * slopes.reshape(len(slopes), mode.states, -1)
         moved = moved[:, 0] if mode.states == 1 else moved.sum(axis=1)
-        both = moved.real if mode.real else np.concatenate([moved.real, -moved.imag])
-        found.append(both[mode.free])
-    return np.concatenate(found)
+        halves = (
+            [(moved.real, free)] if mode.real else [(moved.real, free[: len(moved)]), (-moved.imag, free[len(moved) :])]
+        )
+        for part, own in halves:
+            stop = place + int(own.sum())
+            np.compress(own, part, axis=0, out=found[place:stop])
+            place = stop
+    return found
 
 
 def normal_equations(

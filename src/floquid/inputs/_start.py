@@ -31,7 +31,10 @@ DEEPEST = 60
 """Poles that the past and the future can tell, about."""
 
 MANY, STRONGEST = 15, 8
-"""Signals of a kind that leave six block rows for the poles, at most, and of more the sums that are looked at."""
+"""Signals of a kind that are looked at as they are, at most, and the sums of more that are."""
+
+FEWEST = 6
+"""Block rows that tell poles, at least: a record too short for them with all outputs has them with fewer sums."""
 
 MOST_ROWS = 0.5
 """Rows of the past and the future over the columns, at most."""
@@ -101,15 +104,21 @@ def candidates(
 def _poles(samples: Samples, response: NDArray[np.float64], thinned: int) -> list[NDArray[np.complex128]]:
     """Poles of several orders, by past outputs and inputs as instruments (Verhaegen 1994); none of too few samples."""
     taps = _low_pass(thinned)
-    count = len(response)
     lengths = [(own.stop - own.start - len(taps) + thinned) // thinned for own in samples.records]
+    most = MOST_ROWS * sum(max(n - 2 * FEWEST + 1, 0) for n in lengths) / (2 * FEWEST)
+    room = int(most) - len(samples.inputs) * (1 + 2 * SIDEBANDS[-1])
+    if room < 1:
+        return []
+    if len(response) > room:
+        response = _sums(response, room)
+    count = len(response)
     looks = []
     for sidebands in SIDEBANDS:
         signals = len(samples.inputs) * (1 + 2 * sidebands) + count
         depth = min(int(np.ceil(DEEPEST / count)) + 2, 40)
-        while depth >= 6 and 2 * depth * signals > MOST_ROWS * sum(max(n - 2 * depth + 1, 0) for n in lengths):
-            depth -= 2
-        if depth < 6:
+        while depth >= FEWEST and 2 * depth * signals > MOST_ROWS * sum(max(n - 2 * depth + 1, 0) for n in lengths):
+            depth -= 2 if depth > FEWEST + 1 else 1
+        if depth < FEWEST:
             continue
         looks.append((sidebands, depth))
         if (depth - 1) * count >= ORDERS[1]:
@@ -147,12 +156,15 @@ def _poles(samples: Samples, response: NDArray[np.float64], thinned: int) -> lis
 
 
 def _strongest(signals: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The first singular vectors of many signals, each counted by its rms; few signals as they are (…, samples)."""
-    if len(signals) <= MANY:
-        return signals
+    """The strongest sums of many signals; few signals as they are (…, samples)."""
+    return signals if len(signals) <= MANY else _sums(signals, STRONGEST)
+
+
+def _sums(signals: NDArray[np.float64], most: int) -> NDArray[np.float64]:
+    """The first singular vectors of signals, each counted by its rms (most, samples)."""
     size = np.sqrt(np.mean(signals**2, axis=1, keepdims=True))
     scaled = signals / np.where(size > 0.0, size, 1.0)
-    return np.asarray(np.linalg.eigh(scaled @ scaled.T)[1][:, -STRONGEST:].T @ scaled, np.float64)
+    return np.asarray(np.linalg.eigh(scaled @ scaled.T)[1][:, -most:].T @ scaled, np.float64)
 
 
 def _low_pass(thinned: int) -> NDArray[np.float64]:

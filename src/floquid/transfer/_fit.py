@@ -13,9 +13,10 @@ from floquid.core import PeriodicModel, Provenance
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, failure, note, texts, warning
 from floquid.fit import SURE
-from floquid.inputs import Hold, Limits, TransferFunctions, assembled, listed, near_real, sealed
+from floquid.inputs import Hold, Limits, TransferFunctions, assembled, listed, sealed
 from floquid.transfer._measured import MeasuredTransfer
 from floquid.transfer._modal import Lines, Modal
+from floquid.transfer._real import near_real
 from floquid.transfer._search import searched
 
 UNKNOWN = 2.0

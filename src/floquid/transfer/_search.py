@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.fit import chi2_limit
-from floquid.inputs import InputMode, Limits, near_real, noise_explains, real_for
+from floquid.inputs import InputMode, Limits
 from floquid.transfer._modal import Fitted, Lines, Modal, eliminated, fitted, promised
+from floquid.transfer._real import near_real, real_for
 
 DECAYS = 10
 """Decays of the grid, from a part of the distance of lines to their range."""
@@ -27,6 +28,9 @@ ROUGH = 8
 
 LOOSE = 0.02
 """The probability at which noise may pass for what rings at the begin: one that is missing does more harm."""
+
+REAL = 1e-3
+"""The probability at which noise may move a real multiplier off the axis."""
 
 FAR = 1e3
 """The size of an exponent over the highest frequency of the lines from which on a fit ran away from them."""
@@ -198,7 +202,8 @@ def _with_real_ones(lines: Lines, now: Fitted, limits: Limits, refused: list[com
             best = _grown(lines, best, limits)
             rise = (best.cost - now.cost) / _level(lines, now)
             # These fits are not narrowed: numbers more are no argument against one that is better.
-            if noise_explains(rise, max(now.n_parameters - best.n_parameters, 0)):
+            fewer = max(now.n_parameters - best.n_parameters, 0)
+            if rise < (chi2_limit(fewer, REAL) if fewer else 0.0):
                 return _with_real_ones(lines, best, limits, refused)
     return now
 

@@ -1,9 +1,8 @@
 """Search for modes with measured inputs: bands, kinds and numbers of modes by one objective."""
 
+from floquid.inputs.search._near_axis import half_of as half_of
+from floquid.inputs.search._near_axis import near_axis as near_axis
 from floquid.inputs.search._near_axis import read_near_axis as read_near_axis
-from floquid.inputs.search._real import near_real as near_real
-from floquid.inputs.search._real import noise_explains as noise_explains
-from floquid.inputs.search._real import real_for as real_for
 from floquid.inputs.search._scores import Scores as Scores
 from floquid.inputs.search._scores import gain_of as gain_of
 from floquid.inputs.search._scores import period_step as period_step

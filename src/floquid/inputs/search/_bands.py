@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,11 +14,11 @@ from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, columns_of
 from floquid.inputs.search._point import HOPE, Point
 from floquid.inputs.search._scores import by_noise_beyond
-from floquid.inputs.search._structure import Limits, Structure
-from floquid.search import SECONDS, Move, descended
+from floquid.inputs.search._structure import Structure
+from floquid.search import Move
 
+NEXT = 3  # harmonics beyond the end of a band that are looked at while modes are searched for: others at the end
 MINOR = 0.05  # the share of the largest gain of a round below which a harmonic waits for the next
-STRIDE = 3  # harmonics beyond the end of a band that are looked at in a round
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,17 +32,33 @@ class Edit:
     more: bool
 
 
-def growths(point: Point) -> Iterator[Move[Structure]]:
-    """Harmonics beyond the ends of all bands at once, then the best alone."""
+def growths(point: Point, *, alone: bool = True) -> Iterator[Move[Structure]]:
+    """Harmonics beyond the ends of all bands at once, unless `alone` with those that go, then the best alone."""
     edits = list(_growths(point))
-    least = max(1e-3, by_noise_beyond(point.scores, point.limits)) if edits else 1e-3
-    if sum(each.change for each in edits) * HOPE > -least:
+    if not edits:
         return
+    least = max(1e-3, by_noise_beyond(point.scores, point.limits, -sum(each.change for each in edits)))
     best = min(edits, key=lambda each: each.change)
     edits = [each for each in edits if each.change <= MINOR * best.change]
-    yield _move(point, edits, "grow", least)
-    if len(edits) > 1:
-        yield _move(point, [best], "grow one", least)
+    fewer = [] if alone else list(_shrinkages(point))
+    # What is gained by those that go does not count for the others, which noise may have made.
+    gone = -sum(each.change for each in fewer)
+    for name, own, more in (("bands", [*edits, *fewer], gone), ("grow", edits, 0.0), ("grow one", [best], 0.0)):
+        move = _move(point, own, name, least + more)
+        if (move.change + more) * HOPE < -least:
+            yield move
+
+
+def far_growths(point: Point) -> Iterator[Move[Structure]]:
+    """Harmonics of the outputs anywhere beyond the end of one band: weak ones may lie before strong ones.
+
+    Those of the inputs are not looked for there: far ones make up for noise that drives the modes.
+    """
+    edits = list(_growths(point, ("turns",), 2 * point.limits.highest))
+    if edits:
+        best = min(edits, key=lambda each: each.change)
+        least = max(1e-3, by_noise_beyond(point.scores, point.limits, -best.change))
+        yield _move(point, [best], "grow far", least)
 
 
 def shrinkages(point: Point) -> Iterator[Move[Structure]]:
@@ -75,15 +90,15 @@ def _move(point: Point, edits: Iterable[Edit], name: str, least: float) -> Move[
     return Move(total, name, Structure(tuple(modes), tuple(sorted(direct))), least)
 
 
-def _growths(point: Point) -> Iterator[Edit]:
+def _growths(point: Point, bands: Sequence[str] = ("turns", "reach"), most: int = NEXT) -> Iterator[Edit]:
     """Harmonics beyond the ends of bands that scores show, as far as they pay for those between."""
     at, samples, price = point.at, point.samples, point.price
     ends = []
     for number, mode in enumerate(at.modes):
-        for band in ("turns", "reach"):
+        for band in bands:
             own = getattr(mode, band)
             for end, way in [(own[-1], 1.0)] if mode.real else [(own[0], -1.0), (own[-1], 1.0)]:
-                beyond = end + way * np.arange(1.0, STRIDE + 1.0)
+                beyond = end + way * np.arange(1.0, most + 1.0)
                 ends.append((number, band, beyond[np.abs(beyond) <= point.limits.highest].tolist()))
     columns = [
         columns_of(samples, replace(at.modes[number], turns=np.array([turn])), at.states[number])
@@ -157,23 +172,6 @@ def _tails(
         if length:
             kept -= length
             yield Edit(best, number, band, tuple(harmonics[order[:length]].tolist()), False)
-
-
-def grown(samples: Samples, now: Linearisation, limits: Limits) -> Linearisation:
-    """The fit with the harmonics beside its bands by which J falls."""
-    return _descended(samples, now, limits, growths)
-
-
-def narrowed(samples: Samples, now: Linearisation, limits: Limits) -> Linearisation:
-    """The fit without the harmonics at the ends of bands by which J rises."""
-    return _descended(samples, now, limits, shrinkages)
-
-
-def _descended(
-    samples: Samples, now: Linearisation, limits: Limits, of: Callable[[Point], Iterator[Move[Structure]]]
-) -> Linearisation:
-    begin = Point(samples, limits, now, of)
-    return descended(begin, lambda point: iter([of(point)]), time.process_time() + SECONDS).at
 
 
 def centred(samples: Samples, mode: InputMode, now: Linearisation, number: int) -> InputMode:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import combinations, pairwise
@@ -12,17 +12,18 @@ import numpy as np
 from floquid.fit import chi2_limit, wald_rise
 from floquid.inputs._joint import fitted_together
 from floquid.inputs._modes import InputMode
-from floquid.inputs._solver import linearise
+from floquid.inputs._solver import solve
 from floquid.inputs._start import bare_mode, candidates
-from floquid.inputs.search._point import Point
-from floquid.inputs.search._real import near_real, real_for
+from floquid.inputs.search._near_axis import block_of_pair, block_of_reals, near_axis, ordinary
+from floquid.inputs.search._point import HOPE, Point
 from floquid.inputs.search._scores import by_noise_beyond
 from floquid.inputs.search._structure import Structure
 from floquid.search import Move
 
 WEAK = 4.0  # times its price up to which it is tried whether the other modes can do without one
 START = (1, 2)  # harmonics of input and output on either side that a candidate has
-NEAR = 0.5  # decays within which two candidates are one
+APART = (0.7, 1.4)  # decays of two real multipliers, over that of a pair, from which those far from it are found
+NEAR = 0.5  # decays within which two modes may be one
 
 
 def removals(point: Point) -> Iterator[Move[Structure]]:
@@ -47,29 +48,69 @@ def merges(point: Point) -> Iterator[Move[Structure]]:
             gap = second.exponent - first.exponent
             turn = round(gap.imag / omega)
             gap -= 1j * turn * omega
-            apart = root[rows[two]] * np.array([[1.0], [sign]]) - root[rows[one]]
+            between = root[rows[two]] * np.array([[1.0], [sign]]) - root[rows[one]]
             whole = first
             for band, shift in (("turns", turn), ("reach", -turn)):
                 both = np.concatenate([getattr(first, band), getattr(second, band) + shift])
                 whole = whole.with_band(band, np.arange(both.min(), both.max() + 1.0))
-            change = wald_rise(np.array([gap.real, gap.imag]), apart @ apart.T) + point.price.of_mode(whole)
+            change = wald_rise(np.array([gap.real, gap.imag]), between @ between.T) + point.price.of_mode(whole)
             change -= point.price.of_mode(first) + point.price.of_mode(second)
             if change < 0.0:
                 yield Move(change, "merge", now.without([one, two]).joined([whole]))
 
 
 def kinds(point: Point) -> Iterator[Move[Structure]]:
-    """Pairs near an axis as one real multiplier or two: all of one sign together, and each alone."""
-    now, samples, root = point.structure, point.samples, point.scores.spread_root
-    for pairs in near_real(now.modes, lambda: root @ root.T, samples.fundamental, []):
-        rest = now.without(pairs)
-        left = linearise(samples, rest.modes, rest.direct).left
-        starts, turns, reach = real_for([now.modes[number] for number in pairs], samples.fundamental)
-        for exponents in starts:
-            bare = [bare_mode(samples, complex(own), reach, turns, real=True) for own in exponents]
-            with suppress(np.linalg.LinAlgError):
-                trial = rest.joined(fitted_together(samples, left, bare)[1])
-                yield Move(point.price.of(trial) - point.price.of(now), "real", trial)
+    """A pair near an axis as one real multiplier or two, and two real multipliers of one sign as a pair.
+
+    A pair and two real multipliers are one block of two states: a step of its fit tells the sign of its q.
+    """
+    now, samples = point.structure, point.samples
+    for number, mode in enumerate(now.modes):
+        if near_axis(mode, samples.fundamental):
+            block, rest = block_of_pair(samples, mode), now.without([number])
+            columns, squares = point.at.slices()[number][0], point.at.noise**2
+            alone = point.at.left + point.at.coefficients[columns].T @ point.at.columns[columns]
+            loss = samples.n_samples * float(np.sum(np.log(np.maximum(np.mean(alone**2, axis=1) / squares, 1.0))))
+            for name, shares in (("single", (1.0,)), ("two", APART)):
+                decays = [complex(share * mode.exponent.real) for share in shares]
+                bare = [bare_mode(samples, own, block.reach, block.turns, real=True) for own in decays]
+                gain, real = fitted_together(samples, alone, bare)
+                move = _kind(point, name, rest.joined(real), point.at.cost + loss - gain)
+                if move.change < 0.0:
+                    yield move
+            yield from _other_kind(point, rest, block)
+    for two in _twins(now.modes):
+        block = block_of_reals([now.modes[number] for number in two], samples.fundamental)
+        yield from _other_kind(point, now.without(two), block)
+
+
+def _other_kind(point: Point, rest: Structure, block: InputMode) -> Iterator[Move[Structure]]:
+    """A block as the other kind than it is, where q changes its sign in a step."""
+    samples, square = point.samples, block.square
+    with suppress(np.linalg.LinAlgError):
+        at = solve(samples, [*rest.modes, block], rest.direct, iterations=1, rough=True)
+        *modes, moved = at.modes
+        assert square is not None
+        assert moved.square is not None
+        if (moved.square > 0.0) != (square > 0.0):
+            trial = replace(rest, modes=(*modes, *ordinary(samples, moved)))
+            yield _kind(point, "kind", trial, at.cost)
+
+
+def _kind(point: Point, name: str, structure: Structure, cost: float) -> Move[Structure]:
+    change = point.price.of(structure) - point.price.of(point.structure) + cost - point.at.cost
+    return Move(change, name, structure)
+
+
+def _twins(modes: Sequence[InputMode]) -> Iterator[list[int]]:
+    """The two real multipliers of each sign that are nearest to each other."""
+    for lowest in (0.0, 0.5):
+        alike = [number for number, mode in enumerate(modes) if mode.real and mode.lowest == lowest]
+        alike.sort(key=lambda number: modes[number].exponent.real)
+        gaps = np.diff([modes[number].exponent.real for number in alike])
+        if len(gaps):
+            first = int(np.argmin(gaps))
+            yield alike[first : first + 2]
 
 
 def conjugated(mode: InputMode) -> InputMode:
@@ -86,19 +127,33 @@ def conjugated(mode: InputMode) -> InputMode:
 
 def additions(point: Point) -> Iterator[Move[Structure]]:
     """With one mode more, of the candidates that explain most of the residual."""
-    samples, now = point.samples, point.structure
+    samples, now, alarm = point.samples, point.structure, point.limits.mode_alarm
     reach, turns = (np.arange(-most, most + 1.0) for most in START)
     ranked = []
     for exponent in candidates(samples, point.at.left)[0].tolist():
+        bare = bare_mode(samples, exponent, reach, turns)
         with suppress(np.linalg.LinAlgError):
-            ranked.append(fitted_together(samples, point.at.left, [bare_mode(samples, exponent, reach, turns)]))
-    least, tried = None, []
-    for gain, (mode,) in sorted(ranked, key=lambda each: -each[0]):
-        numbers = 2 * (mode.gains.size + len(mode.initial)) * len(mode.turns) * len(samples.values)
-        if gain < chi2_limit(numbers, point.limits.mode_alarm):  # what noise may take, all products free
-            break
-        if not any(abs(mode.exponent - other) < NEAR * abs(other.real) for other in tried):
+            gain, (mode,) = fitted_together(samples, point.at.left, [bare])
+            numbers = 2 * (mode.gains.size + len(mode.initial)) * len(turns) * len(samples.values)
+            if gain >= chi2_limit(numbers, alarm):  # what noise may take, all products free
+                ranked.append((gain, mode))
+    if not ranked:
+        return
+    ranked.sort(key=lambda each: -each[0])
+    least = max(1e-3, by_noise_beyond(point.scores, point.limits, ranked[0][0])) if now.modes else 1e-3
+    tried: list[complex] = []
+    for gain, mode in ranked:
+        change = point.price.of_mode(mode) - gain
+        if change * HOPE < -least and apart(mode.exponent, tried, samples.fundamental):
             tried.append(mode.exponent)
-            if least is None:
-                least = max(1e-3, by_noise_beyond(point.scores, point.limits)) if now.modes else 1e-3
-            yield Move(point.price.of_mode(mode) - gain, "add", now.joined([mode]), least)
+            yield Move(change, "add", now.joined([mode]), least)
+
+
+def apart(exponent: complex, others: Iterable[complex], omega: float) -> bool:
+    """True where an exponent is further than half a decay from others, modulo the fundamental."""
+    for other in others:
+        gaps = [exponent - other, exponent - other.conjugate()]
+        near = min(abs(gap - 1j * omega * round(gap.imag / omega)) for gap in gaps)
+        if near < NEAR * min(abs(exponent.real), abs(other.real)):
+            return False
+    return True

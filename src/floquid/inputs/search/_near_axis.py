@@ -26,6 +26,9 @@ from floquid.inputs.search._bands import centred
 OFF = 0.02
 """The least √|q| over the decay with which a block begins: b of the second state of a pair is over it."""
 
+NARROWEST = 1e-3
+"""The distance off an axis, over the fundamental, that counts as near however little a pair decays."""
+
 WORSE = 1e-3
 """The probability at which noise may make a block worse than what it stands for."""
 
@@ -60,6 +63,12 @@ def read_near_axis(samples: Samples, now: Linearisation) -> NearAxis:
 def half_of(mode: InputMode, omega: float) -> float:
     """The multiple of half the fundamental that a mode is nearest to, in fundamentals."""
     return mode.lowest if mode.real else 0.5 * round(2.0 * mode.exponent.imag / omega)
+
+
+def near_axis(mode: InputMode, omega: float) -> bool:
+    """True of a pair that is no further off an axis than it decays: it may be one real multiplier, or two."""
+    away = abs(mode.exponent.imag - half_of(mode, omega) * omega)
+    return not mode.real and away <= max(abs(mode.exponent.real), NARROWEST * omega)
 
 
 def _couples(samples: Samples, now: Linearisation) -> Iterator[list[int]]:

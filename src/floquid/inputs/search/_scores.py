@@ -71,14 +71,15 @@ class Scores:
         beyond = (
             extra - ((extra @ self.columns.T).astype(float) @ self.now.inverse).astype(self.precision) @ self.columns
         )
-        pull, information = (beyond @ self.left.T).astype(float), (beyond @ beyond.T).astype(float)
+        pull = (beyond @ self.left.T).astype(float)
         size = np.einsum("kn,kn->k", extra, extra).astype(float)
         mixed = [self.root.T @ (own @ beyond.T) for own in self.slopes]
         found, place, channels = [], 0, len(self.left)
         for own in groups:
             rows = slice(place, place + len(own))
             place += len(own)
-            left = np.asarray(np.kron(np.eye(channels), information[rows, rows]), np.float64)
+            information = (beyond[rows] @ beyond[rows].T).astype(float)
+            left = np.asarray(np.kron(np.eye(channels), information), np.float64)
             if mixed:
                 both = np.concatenate([part[:, rows] for part in mixed], axis=1)
                 left -= both.T @ both
@@ -97,31 +98,39 @@ class Scores:
         now, samples, drives = self.now, self.samples, []
         if inputs is not None:
             samples = replace(samples, inputs=inputs)
-        many = len(samples.inputs)
+        many, inner = len(samples.inputs), np.result_type(self.precision, 1j)
         for mode, turn in asked:
             own = now.modes[mode]
             alone = replace(own, reach=np.array([turn]), gains=np.ones((many, 1), complex))
-            drives.append(reached_by(samples, alone)[: (2 if own.real else 1) * many])
+            driven = reached_by(samples, alone)[: (2 if own.real else 1) * many]
+            drives.append(driven.astype(self.precision if own.real else inner))
         counts = [len(own) if now.modes[m].real else 2 * len(own) for own, (m, _) in zip(drives, asked, strict=True)]
         ends = np.cumsum([0, *counts])
-        information, pull, size = np.zeros((ends[-1], ends[-1])), np.zeros(ends[-1]), np.zeros(ends[-1])
+        places = [slice(a, b) for a, b in pairwise(ends.tolist())]
+        information, pull, size = [np.zeros((count, count)) for count in counts], np.zeros(ends[-1]), np.zeros(ends[-1])
         mixed = np.zeros((self.root.shape[1], ends[-1]))
         for channel, (own, along) in enumerate(zip(self.slopes, self.along, strict=True)):
             rows = np.empty((ends[-1], samples.n_samples), self.precision)
-            for k, (part, (mode, _)) in enumerate(zip(drives, asked, strict=True)):
-                shape, turns = now.shape(mode)[:, channel], now.modes[mode].turns.tolist()
-                moved = self.weights[channel] * carried(samples, shape, turns) * part
-                real = now.modes[mode].real
-                rows[ends[k] : ends[k + 1]] = moved.real if real else np.concatenate([moved.real, -moved.imag])
+            shapes = {
+                mode: self.weights[channel]
+                * carried(samples, now.shape(mode)[:, channel], now.modes[mode].turns.tolist())
+                for mode in {mode for mode, _ in asked}
+            }
+            for place, part, (mode, _) in zip(places, drives, asked, strict=True):
+                moved = shapes[mode].astype(inner) * part
+                rows[place] = moved.real if now.modes[mode].real else np.concatenate([moved.real, -moved.imag])
             seen = (rows @ self.columns.T).astype(float)
-            products = rows @ rows.T
-            size += np.diag(products)
-            information += products - seen @ now.inverse @ seen.T
+            size += np.einsum("kn,kn->k", rows, rows)
+            for place, block in zip(places, information, strict=True):
+                block += rows[place] @ rows[place].T - seen[place] @ now.inverse @ seen[place].T
             mixed += self.root.T @ (own @ rows.T - along @ seen.T)
             pull += rows @ self.left[channel]
-        left = information - mixed.T @ mixed
-        places = [slice(a, b) for a, b in pairwise(ends.tolist())]
-        return np.array([score_gain(pull[own], left[own, own], self.least, before=size[own]) for own in places])
+        return np.array(
+            [
+                score_gain(pull[place], block - mixed[:, place].T @ mixed[:, place], self.least, before=size[place])
+                for place, block in zip(places, information, strict=True)
+            ]
+        )
 
     def by_noise(self, draws: int = DRAWS) -> float:
         r"""The gain by noise that drives the modes, zero where there is less of what it leaves than white noise has.
@@ -130,37 +139,42 @@ class Scores:
         takes some of what is near its modes, whatever the noise: how much, draws of white noise tell. The rest is a sum
         of white noise by what was before: its spread is the size of these slopes, less what the fit takes of them.
         """
-        heard = self.now.heard
-        if not (heard.any() and self.now.modes):
+        if not (self.now.heard.any() and self.now.modes):
             return 0.0
-        shapes = [
-            carried(self.samples, self.now.shape(number).T[heard] * self.weights[heard, None], mode.turns.tolist())
-            for number, mode in enumerate(self.now.modes)
-        ]
-        pulls, slopes = self._pulls(self.left, heard, shapes)
-        sizes = np.sqrt(np.einsum("mcn,mcn->m", slopes, slopes)) + TINY
-        beyond = sum(
-            self._unfitted((own / size).astype(self.precision)) for own, size in zip(slopes, sizes, strict=True)
-        )
-        generator, drawn = np.random.default_rng(0), np.zeros((4, draws, len(shapes)))
+        pulls, sizes, beyond = self._by_noise
+        generator, drawn = np.random.default_rng(0), np.zeros((4, draws, len(pulls)))
         for draw in range(draws):
             whole = generator.standard_normal(self.left.shape, self.precision)
             for place, own in ((0, self._unfitted(whole)), (2, whole)):
-                drawn[place, draw], found = self._pulls(own, heard, shapes)
+                drawn[place, draw], found = self._pulls(own)
                 drawn[place + 1, draw] = np.einsum("mcn,mcn->m", found, found) + TINY
         # Of a whole draw the mean is none: less that, what is taken is told three times as well.
         taken = drawn[0] / np.sqrt(drawn[1]) - drawn[2] / np.sqrt(drawn[3].mean(axis=0))
-        return max(float(np.sum(pulls / sizes - taken.mean(axis=0)) / (np.linalg.norm(beyond) + TINY)), 0.0) ** 2
+        return max(float(np.sum(pulls / sizes - taken.mean(axis=0)) / (beyond + TINY)), 0.0) ** 2
 
-    def _pulls(
-        self, left: NDArray, heard: NDArray[np.bool_], shapes: Sequence[NDArray[np.complex128]]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The gradient by noise that drives each mode, of what is left in the channels heard (modes,), and its slopes.
+    @cached_property
+    def _by_noise(self) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+        """The gradient by noise that drives each mode, the size of its slopes, and that of their sum beside the fit."""
+        pulls, slopes = self._pulls(self.left)
+        sizes = np.sqrt(np.einsum("mcn,mcn->m", slopes, slopes)) + TINY
+        return pulls, sizes, float(np.linalg.norm(self._unfitted(np.tensordot(1.0 / sizes, slopes, 1))))
 
-        Those are (modes, channels, samples); the modes are seen with these shapes (channels heard, samples).
+    @cached_property
+    def _heard(self) -> list[NDArray[np.complex128]]:
+        """The shapes of the modes over the noise, in the channels heard (channels heard, samples)."""
+        heard = self.now.heard
+        return [
+            carried(self.samples, self.now.shape(number).T[heard] * self.weights[heard, None], mode.turns.tolist())
+            for number, mode in enumerate(self.now.modes)
+        ]
+
+    def _pulls(self, left: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The gradient by noise that drives each mode, of what is left (channels, samples) (modes,), and its slopes.
+
+        Those are (modes, channels, samples), nothing where what is left is no noise.
         """
-        slopes = np.zeros((len(shapes), *left.shape))
-        for number, (mode, shape) in enumerate(zip(self.now.modes, shapes, strict=True)):
+        heard, slopes = self.now.heard, np.zeros((len(self.now.modes), *left.shape))
+        for number, (mode, shape) in enumerate(zip(self.now.modes, self._heard, strict=True)):
             slopes[number, heard] = (
                 shape * followed(self.samples, mode, np.sum(shape.conj() * left[heard], axis=0))
             ).real
@@ -246,12 +260,12 @@ def gain_of(scores: Scores, samples: Samples, modes: Sequence[InputMode]) -> flo
     return (2.0 * step - 1.0) / std**2
 
 
-def by_noise_beyond(scores: Scores, limits: Limits) -> float:
+def by_noise_beyond(scores: Scores, limits: Limits, promised: float = 0.0) -> float:
     """The fall of J by noise that drives the modes, as a number more; zero where noise of sensors explains all.
 
     Inputs at any harmonic, and modes at any frequency near, make up for such noise: they must be better than it.
     """
     limit = chi2_limit(1, limits.harmonic_alarm)
-    # A few draws do where it is far below.
-    gain = 0.0 if scores.by_noise(FEW) < FAR * limit else scores.by_noise()
-    return max(gain - limit, 0.0)
+    # A few draws do where it is far below, or below what is promised.
+    gain = scores.by_noise(FEW)
+    return max((gain if gain < FAR * max(limit, promised) else scores.by_noise()) - limit, 0.0)

@@ -9,15 +9,12 @@ from dataclasses import replace
 from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, linearise, solve
-from floquid.inputs.search._bands import centred, grown, growths, helpful, narrowed, shrinkages
-from floquid.inputs.search._changes import additions, kinds, merges, removals
+from floquid.inputs.search._bands import centred, far_growths, growths, helpful, shrinkages
+from floquid.inputs.search._changes import additions, apart, kinds, merges, removals
 from floquid.inputs.search._point import REST, Point
-from floquid.inputs.search._real import with_real_ones
 from floquid.inputs.search._structure import Limits, Structure
 from floquid.search import SECONDS, Move, descended
 
-TOO_NEAR = 0.5  # the distance of two modes over their decay below which they may be one
-ROUNDS = 6  # fits at most, one after another, with real multipliers for a pair of the modes that are found
 LOOSE = 0.02  # the probability at which noise may pass for a harmonic that is fitted: one missing does more harm
 
 
@@ -26,15 +23,13 @@ def searched(
 ) -> tuple[Linearisation, bool]:
     """The modes by which J is least, with their harmonics, and whether the budget of time was over before."""
     until = time.process_time() + SECONDS
-    begin = Point(samples, limits, linearise(samples, []), helpful)
-    least = descended(begin, _stages, until, report)
-    found = least.at
-    if not found.modes:
-        return found, least.unfinished
+    least = descended(Point(samples, limits, linearise(samples, []), helpful), _stages, until, report)
+    if not least.n_modes:
+        return least.at, least.unfinished
+    report(f"searching for modes: harmonics of {least.n_modes}")
     loose = replace(limits, harmonic_alarm=LOOSE)
-    report(f"searching for modes: harmonics of {len(found.modes)}")
-    found = narrowed(samples, grown(samples, found, loose), loose)
-    found = with_real_ones(samples, found, loose, rounds=ROUNDS)
+    least = descended(replace(least, limits=loose), _last_stages, until, report)
+    found = least.at
     modes = [centred(samples, mode, found, number) for number, mode in enumerate(found.modes)]
     return solve(samples, [_padded(mode, limits) for mode in modes], found.direct), least.unfinished
 
@@ -42,7 +37,7 @@ def searched(
 def _stages(point: Point) -> Iterator[Iterable[Move[Structure]]]:
     """Moves in groups: a group is made only where none of those before lowers J."""
     if point.n_modes:
-        yield growths(point)
+        yield growths(point, alone=False)
         yield [*shrinkages(point), *removals(point), *merges(point)]
         yield [point.settling] if point.scores.promised > REST else []
         yield kinds(point)
@@ -50,16 +45,19 @@ def _stages(point: Point) -> Iterator[Iterable[Move[Structure]]]:
         yield additions(point)
 
 
+def _last_stages(point: Point) -> Iterator[Iterable[Move[Structure]]]:
+    """Moves by which the modes stay, of bands and of kinds."""
+    yield growths(point, alone=False)
+    yield shrinkages(point)
+    yield [point.settling] if point.scores.promised > REST else []
+    yield kinds(point)
+    yield far_growths(point)
+
+
 def nearly_one(samples: Samples, now: Linearisation) -> bool:
     """True where two modes of a fit differ by less than they decay, apart from a multiple of the fundamental."""
-    omega, found = samples.fundamental, [mode.exponent for mode in now.modes]
-    for number, one in enumerate(found):
-        for other in found[:number]:
-            gaps = [one - other, one - other.conjugate()]
-            near = min(abs(gap - 1j * omega * round(gap.imag / omega)) for gap in gaps)
-            if near < TOO_NEAR * min(abs(one.real), abs(other.real)):
-                return True
-    return False
+    found = [mode.exponent for mode in now.modes]
+    return not all(apart(each, found[:number], samples.fundamental) for number, each in enumerate(found))
 
 
 def _padded(mode: InputMode, limits: Limits) -> InputMode:
