@@ -26,6 +26,8 @@ def grown(samples: Samples, now: Predictor, limits: Limits, rounds: int = ROUNDS
     While modes are missing few rounds are enough: bands would grow to make up for them.
     """
     for _ in range(rounds if now.modes else 0):
+        if limits.over:
+            break
         padded = rebuilt(samples, now, [mode.padded(STRIDE, limits.highest) for mode in now.modes])
         assert padded is not None
         normal = normal_of(samples, padded, rough=True)
@@ -66,7 +68,7 @@ def narrowed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     """
     period, most = 2.0 * np.pi / samples.fundamental, sum(len(mode.turns) + len(mode.reach) for mode in now.modes)
     spread: NDArray[np.float64] | None = None
-    while most:
+    while most and not limits.over:
         spread = inverse_of(normal_of(samples, now, rough=True), anchored(now)) if spread is None else spread
         bands, step = _narrower(now, spread, limits, most)
         gone = sum(int(np.sum(~kept)) for band in bands for kept in band)

@@ -53,7 +53,7 @@ def least(trial: Predictor, now: Predictor, limits: Limits) -> float:
 
 def needed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     """Without modes that noise explains once all others are fitted again."""
-    now = _few(samples, now, limits)
+    now = now if limits.over else _few(samples, now, limits)
     while len(now.modes) > 1:
         less = _one_less(samples, now, limits)
         if less is None:
@@ -65,7 +65,7 @@ def needed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
 def _one_less(samples: Samples, now: Predictor, limits: Limits) -> Predictor | None:
     """The fit with a mode less that explains as much with the harmonics that it then needs; None where none does."""
     starts = _fewer(samples, now, limits)
-    while some := list(islice(starts, TOGETHER)):
+    while not limits.over and (some := list(islice(starts, TOGETHER))):
         trials = [solve(samples, start, rough=True, least=least(start, now, limits)) for start in some]
         for trial in sorted(trials, key=lambda own: -own.log_likelihood):
             best = _as_good(samples, now, trial, limits)

@@ -130,4 +130,5 @@ def _placed(old: NDArray[np.float64], values: NDArray, new: NDArray[np.float64])
 def _longer(band: NDArray[np.float64], by: float, highest: float, real: bool) -> NDArray[np.float64]:
     more = np.arange(1.0, by + 1.0)
     both = np.concatenate([[] if real else band[0] - more[::-1], band, band[-1] + more])
-    return both[np.abs(both) <= highest]
+    # On another branch a band may reach beyond the highest harmonic: it keeps what it has.
+    return both[(both >= min(band[0], -highest)) & (both <= max(band[-1], highest))]

@@ -48,7 +48,7 @@ def with_real_ones(
             decay = abs(mode.exponent.real)
             far = max(NEAR * decay, OFF_AXIS * std)
             # Two that decay are never farther from their mean than it decays; inputs in a loop hold others, too.
-            if mode.real or away > (far if len(samples.inputs) else min(far, decay)):
+            if mode.real or limits.over or away > (far if len(samples.inputs) else min(far, decay)):
                 continue
             # A real multiplier needs harmonics that the pair did without.
             some = [own.padded(1.0, limits.highest) for own in as_real(samples, now, [mode], half, count)]

@@ -145,12 +145,14 @@ def phase_step(fit: Fit, number: int) -> tuple[float, float]:
 
 def _step(fit: Fit, moved: Sequence[Samples]) -> tuple[float, float]:
     """The step of what was moved by `SHIFT` to either side, to first order, and its deviation."""
-    samples, at, ends = fit.samples, fit.at, []
-    for own in moved:
-        end = predicted(own, at.modes, at.columns, at.initial, growing=True)
-        assert end is not None
-        ends.append(end.innovations)
-    slope = (ends[0] - ends[1]) / (2.0 * SHIFT)
+    samples, at = fit.samples, fit.at
+    ends = [predicted(own, at.modes, at.columns, at.initial, growing=True) for own in moved]
+    # A fit that was ended early may be the last that does not diverge, and have neighbours on one side alone.
+    sides = sum(end is not None for end in ends)
+    if not sides:
+        return 0.0, float(np.inf)
+    later, earlier = (at.innovations if end is None else end.innovations for end in ends)
+    slope = (later - earlier) / (sides * SHIFT)
     pulled = gradient(samples, at, slope)
     white = at.white(slope)
     information = float(np.sum(white**2) - pulled @ fit.parameters @ pulled)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -29,6 +30,7 @@ from floquid.inputs import (
     input_gain,
 )
 from floquid.inputs import solve as solve_driven
+from floquid.search import SECONDS
 
 STABLE = (0.5, 0.3, 0.2)
 """Shares of the looks at which a candidate comes up, from which on a search begins with it: until all is white."""
@@ -63,32 +65,33 @@ def searched(
     first: NDArray[np.float64],
     limits: Limits,
     report: Callable[[str], None] = lambda _: None,
-) -> tuple[Predictor, list[float]]:
+) -> tuple[Predictor, list[float], bool]:
     """The predictor of the modes that rise above the noise, from outputs alone or with measured inputs.
 
     With it, of a mode that may be of another kind (a pair that may be two real multipliers, or either of such two),
     how far lasting modes move, in deviations, where it is fitted as that kind: infinite where none lasts, zero where
-    the kind is known. It begins with first innovations (channels, samples). Units do not matter: all is done on signals
-    of rms 1.
+    the kind is known. Last, whether the budget of time was over before the search ended. It begins with first
+    innovations (channels, samples). Units do not matter: all is done on signals of rms 1.
     """
     outputs = _none(samples).noise
     inputs, known = (np.sqrt(np.mean(own**2, axis=1, keepdims=True)) for own in (samples.inputs, samples.known))
     of_one = replace(
         samples, values=samples.values / outputs, inputs=samples.inputs / inputs, known=samples.known / known
     )
-    found, undecided = _searched(of_one, first / outputs, limits, report)
+    limits = replace(limits, until=time.process_time() + SECONDS)
+    found, undecided, unfinished = _searched(of_one, first / outputs, limits, report)
     modes = [
         replace(mode, shape=outputs * mode.shape, gains=mode.gains / np.concatenate([inputs, outputs]))
         for mode in found.modes
     ]
     at = predicted(samples, modes, outputs * found.columns / known.T, found.initial)
     assert at is not None
-    return reweighed(samples, at), undecided
+    return reweighed(samples, at), undecided, unfinished
 
 
 def _searched(
     samples: Samples, first: NDArray[np.float64], limits: Limits, report: Callable[[str], None]
-) -> tuple[Predictor, list[float]]:
+) -> tuple[Predictor, list[float], bool]:
     driven = replace(samples, inputs=np.concatenate([samples.inputs, first]), hold="none")
     none = now = replace(_none(samples), whitening=whitening_of(samples, first))
     of_known, period = replace(driven, values=none.innovations), 2.0 * np.pi / samples.fundamental
@@ -101,16 +104,17 @@ def _searched(
         trial = None if trial is None else grown(samples, trial, limits, rounds=1)
         if trial is not None and better(trial, now, limits):
             now = trial
-        if now.modes and white(samples, now, limits.mode_alarm):
+        if limits.over or (now.modes and white(samples, now, limits.mode_alarm)):
             break
     # Of modes that are gone within a period free matrices at each phase are a start, too.
-    if all(-mode.exponent.real * period > GONE for mode in now.modes) and not white(samples, now, limits.mode_alarm):
+    brief = all(-mode.exponent.real * period > GONE for mode in now.modes)
+    if brief and not (limits.over or white(samples, now, limits.mode_alarm)):
         trial = _with(samples, of_known, none, _of_phases(driven, limits.highest), limits)
         trial = None if trial is None else narrowed(samples, trial, limits)
         if trial is not None and trial.criterion > now.criterion:
             now = trial
     report(f"searching for modes: {len(now.modes)} found")
-    while len(now.modes) < limits.modes and not white(samples, now, limits.mode_alarm):
+    while len(now.modes) < limits.modes and not (limits.over or white(samples, now, limits.mode_alarm)):
         more = _with_one_more(samples, driven, now, poles, limits)
         if more is None:
             break
@@ -132,7 +136,16 @@ def _searched(
         fewer = needed(samples, now, loose)
     now = _with_partners(samples, driven, now, loose)
     undecided += [0.0] * (len(now.modes) - len(undecided))
+    now, unfinished = _to_the_end(samples, now, loose, report)
+    return centred(samples, now), undecided, unfinished
+
+
+def _to_the_end(
+    samples: Samples, now: Predictor, limits: Limits, report: Callable[[str], None]
+) -> tuple[Predictor, bool]:
+    """The fit with a harmonic more at each end of the bands, and whether the time was over before."""
     for more_left in reversed(range(LAST)):
+        unfinished = limits.over
         report(f"fitting {len(now.modes)} modes")
         wide = rebuilt(samples, now, [mode.padded(1.0, limits.highest) for mode in now.modes]) or now
         start = reweighed(samples, wide)
@@ -140,9 +153,11 @@ def _searched(
         more = max(wide.n_parameters - now.n_parameters, 1)
         if wide.log_likelihood - start.log_likelihood < chi2_limit(more, limits.mode_alarm) or not more_left:
             break
+        if unfinished := limits.over:
+            break
         # Rough fits had stopped short of it: harmonics are to be looked for again.
-        now = narrowed(samples, grown(samples, wide, loose, rounds=2), loose)
-    return centred(samples, wide), undecided
+        now = narrowed(samples, grown(samples, wide, limits, rounds=2), limits)
+    return wide, unfinished
 
 
 def _with_one_more(
@@ -161,7 +176,7 @@ def _with_one_more(
             beside.append(fitted_together(own, now.innovations, [_bare(own, pole)], acting=0))
     for gain, modes in [*beside, *ranked[:TRIED]]:
         products = 2 * modes[0].turns.size * (modes[0].gains.size + len(samples.records))
-        if gain < chi2_limit(len(now.innovations) * products, limits.mode_alarm):
+        if limits.over or gain < chi2_limit(len(now.innovations) * products, limits.mode_alarm):
             continue
         trial = _with(samples, own, now, modes, limits)
         trial = None if trial is None else climbed(samples, trial)
@@ -180,7 +195,7 @@ def _with_partners(samples: Samples, driven: Samples, now: Predictor, limits: Li
     real = [mode for mode in now.modes if mode.real]
     for half in (0.0, 0.5):
         near = [mode for mode in real if mode.axis == half]
-        if len(near) != 1 or -near[0].exponent.real * period > GONE or len(now.modes) >= limits.modes:
+        if len(near) != 1 or -near[0].exponent.real * period > GONE or len(now.modes) >= limits.modes or limits.over:
             continue
         own = replace(driven, inputs=np.concatenate([samples.inputs, now.innovations]), values=now.innovations)
         poles = [complex(near[0].exponent.real - share / period, half * omega) for share in PARTNERS]

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from floquid.fit import directions
-from floquid.innovations import _bands, _products, _real
+from floquid.innovations import _bands, _products, _real, _result
 from floquid.innovations._covariance import colour, whitening_of
 from floquid.innovations._fewer import alike, needed
 from floquid.innovations._gain import stable_gains
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import FORGOTTEN, TOGETHER, gradient, matrices, predicted, slopes
 from floquid.innovations._products import as_real, merged
-from floquid.innovations._result import Fit, sized
+from floquid.innovations._result import Fit, period_step, sized
 from floquid.innovations._solve import LONGEST_STEP, bend, held, moved, normal_of, places, solve
 from floquid.inputs import Limits, samples_of
 
@@ -244,6 +244,7 @@ def test_of_copies_of_a_mode_one_stays(number):
     twice[number] = replace(own, shape=20.0 * own.shape)
     found = predicted(samples, twice, whole.columns, np.zeros((1, sum(mode.rows for mode in twice))))
     assert [number, 2] in alike(found.modes, OMEGA)
+    assert needed(samples, found, Limits(highest=3, until=0.0)) is found
     left = needed(samples, found, Limits(highest=3))
     assert [mode.real for mode in left.modes].count(number == 1) == 1
     assert len(left.modes) == 2
@@ -262,6 +263,7 @@ def test_pairs_that_are_gone_within_a_period_are_two_real_multipliers_where_thes
     parts = ((0.05j, 0.6), (-0.05 + 0j, 0.4))
     copies = [replace(pair, exponent=pair.exponent + off, shape=share * shape) for off, share in parts]
     found = predicted(samples, copies, np.zeros((2, 1)), np.zeros((1, 4)))
+    assert needed(samples, found, Limits(highest=3, until=0.0)) is found
     left = needed(samples, found, Limits(highest=3))
     assert [mode.real for mode in left.modes] == [True, True]
     assert left.log_likelihood > whole.log_likelihood - 1.0
@@ -356,5 +358,38 @@ def test_a_pair_that_two_real_multipliers_explain_as_well_is_told():
         values = response_of([pair], noise, inputs, times, np.zeros(3))
         samples = samples_of([values], [inputs], [0.0], step=STEP, fundamental=OMEGA, hold="none")
         start = solve(samples, predicted(samples, [pair], np.zeros((1, 1)), np.zeros((1, 2))))
+        assert _real.with_real_ones(samples, start, Limits(until=0.0)) == (start, [0.0])
         found, undecided = _real.with_real_ones(samples, start, Limits())
         assert [own > 0.0 for own in undecided] == [told] * len(found.modes)
+
+
+def test_bands_change_only_while_there_is_time():
+    generator, times, turns = np.random.default_rng(0), STEP * np.arange(2000), np.arange(-1.0, 2.0)
+    shape, gains = np.array([[0.3j, 1.0, 0.2]]), np.array([[0.09, 0.3 + 0.15j, 0.12j]])
+    pair = Mode(exponent=-0.1 + 0.4j, real=False, turns=turns, shape=shape, reach=turns, gains=gains)
+    noise, inputs = generator.standard_normal((1, 2000)), np.zeros((0, 2000))
+    values = response_of([pair], noise, inputs, times, np.zeros(3))
+    samples = samples_of([values], [inputs], [0.0], step=STEP, fundamental=OMEGA, hold="none")
+    for change, mode in ((_bands.grown, pair.widened(turns[1:], turns)), (_bands.narrowed, pair.padded(1.0, 3.0))):
+        start = solve(samples, predicted(samples, [mode], np.zeros((1, 1)), np.zeros((1, 2))))
+        assert change(samples, start, Limits(highest=3, until=0.0)) is start
+        assert change(samples, start, Limits(highest=3)).n_parameters != start.n_parameters
+
+
+def test_the_period_of_a_fit_at_the_edge_of_divergence_is_told_from_one_side(case, monkeypatch):
+    """A search that was ended left a fit there, and the chain with an error."""
+    samples, at, _ = case
+    fit, diverging = Fit(samples, at), set()
+    whole = period_step(fit)
+
+    def edge(own, *given, **more):
+        above = own.fundamental > samples.fundamental
+        return None if above in diverging else predicted(own, *given, **more)
+
+    monkeypatch.setattr(_result, "predicted", edge)
+    for above in (True, False):
+        diverging.add(above)
+        assert period_step(fit) == pytest.approx(whole, rel=1e-4)
+        diverging.clear()
+    diverging.update({True, False})
+    assert period_step(fit) == (0.0, np.inf)

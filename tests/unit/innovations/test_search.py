@@ -9,6 +9,7 @@ from tests.driven import Driven, ambient_of, parted, pulls, two_masses
 from floquid import ConstantPeriod, IdentificationError, Record, identify_ambient
 from floquid.innovations import first_innovations
 from floquid.innovations._covariance import whitening_of
+from floquid.innovations._mode import Mode
 from floquid.inputs import candidates, samples_of
 
 OUTPUTS = 64
@@ -70,3 +71,15 @@ def test_shares_of_other_channels_are_not_as_many_as_samples():
     """The matrix of thirteen columns a channel was singular where there were fewer samples."""
     _, samples = many(15)
     assert np.isfinite(whitening_of(samples, np.random.default_rng(2).standard_normal(samples.values.shape))).all()
+
+
+@pytest.mark.parametrize(
+    ("band", "wider"), [([1, 2, 3, 4], [-1, 0, 1, 2, 3, 4]), ([5, 6], [3, 4, 5, 6]), ([-4, -3], [-4, -3, -2, -1])]
+)
+def test_a_band_beyond_the_highest_harmonic_keeps_what_it_has(band, wider):
+    """On another branch a band goes further; without its end the linearisation had other parameters than the fit."""
+    turns, values = np.array(band, float), np.ones((2, len(band)), complex)
+    mode = Mode(exponent=-0.1 + 0.3j, real=False, turns=turns, shape=values, reach=turns, gains=values)
+    padded = mode.padded(2.0, 3.0)
+    assert padded.turns.tolist() == padded.reach.tolist() == wider
+    assert np.count_nonzero(padded.shape) == np.count_nonzero(padded.gains) == values.size

@@ -4,11 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.driven import mathieu, record_of
+from tests.driven import ambient_of, mathieu, parted, record_of
 
-from floquid import ConstantPeriod, Record, identify
+from floquid import ConstantPeriod, IdentificationError, Record, identify
+from floquid.findings import Severity
+from floquid.innovations import _search
+from floquid.inputs import Limits
 from floquid.periodic import _fit_records
-from floquid.pipeline.excited import _identify
+from floquid.pipeline.excited import _ambient, _identify
 from floquid.systems import JeffcottRotor
 
 
@@ -26,13 +29,22 @@ def driven():
     }
 
 
+def ambient(system=None, seed=0):
+    system = system or mathieu()
+    values, clock = ambient_of(system, 300, 16, 0.02, seed, warm=40), ConstantPeriod(period=system.period)
+    channels = [f"c{k}" for k in range(len(values))]
+    record = Record(values=values, sample_rate=16 / clock.period, clock=clock, channels=channels)
+    return record, {"excitation": "ambient", "validate": False}
+
+
 @pytest.mark.parametrize(
     ("made", "module", "late"),
     [
         (free, _fit_records, lambda point: replace(point, unfinished=True)),
         (driven, _identify, lambda found: (found[0], True)),
+        (ambient, _ambient, lambda found: (*found[:2], True)),
     ],
-    ids=["free", "inputs"],
+    ids=["free", "inputs", "outputs alone"],
 )
 def test_a_search_whose_time_is_over_is_told_to_be(made, module, late, monkeypatch):
     record, options = made()
@@ -40,3 +52,54 @@ def test_a_search_whose_time_is_over_is_told_to_be(made, module, late, monkeypat
     own = module.searched
     monkeypatch.setattr(module, "searched", lambda *given: late(own(*given)))
     assert any("processor time" in text for text in identify(record, **options).warnings)
+
+
+def test_outputs_alone_without_time_have_the_modes_of_the_first_start_and_say_so(monkeypatch):
+    record, options = ambient()
+    starts, whole = [], _search._with
+    monkeypatch.setattr(_search, "_with", lambda *given: starts.append(whole(*given)) or starts[-1])
+    monkeypatch.setattr(_search, "white", lambda *_: False)
+    identify(record, **options)
+    assert len(starts) > 1
+    starts.clear()
+    monkeypatch.setattr(_search, "SECONDS", 0.0)
+    monkeypatch.setattr(_search, "_with_one_more", None)
+    found = identify(record, **options)
+    assert len(starts) == 1
+    assert found.model.order > 0
+    late = [finding for finding in found.findings if finding.code == "out_of_time"]
+    assert [finding.severity for finding in late] == [Severity.WARNING]
+
+
+def test_outputs_alone_without_a_mode_before_the_time_is_over_are_refused_for_it(monkeypatch):
+    record, options = ambient()
+    monkeypatch.setattr(_search, "SECONDS", 0.0)
+    monkeypatch.setattr(_search, "_with", lambda *_: None)
+    monkeypatch.setattr(_search, "_of_phases", None)
+    with pytest.raises(IdentificationError, match="processor time"):
+        identify(record, **options)
+
+
+@pytest.mark.parametrize(
+    ("stage", "made", "fits"),
+    [("_with_one_more", mathieu, 0), ("_with_partners", parted, 0), ("_to_the_end", mathieu, 1)],
+)
+def test_a_stage_whose_time_is_over_fits_nothing_but_what_is_reported(stage, made, fits, monkeypatch):
+    record, options = ambient(made(), seed=8)
+    own, begun, counts = getattr(_search, stage), [], []
+
+    def late(*given):
+        before = len(begun)
+        ended = own(*(replace(one, until=0.0) if isinstance(one, Limits) else one for one in given))
+        counts.append(len(begun) - before)
+        return ended
+
+    for name in ("_with", "solve"):
+        fit = getattr(_search, name)
+        monkeypatch.setattr(_search, name, lambda *given, fit=fit, **more: begun.append(1) or fit(*given, **more))
+    monkeypatch.setattr(_search, "chi2_limit", lambda *_: -1e9)
+    monkeypatch.setattr(_search, "white", lambda *_: stage != "_with_one_more")
+    monkeypatch.setattr(_search, stage, late)
+    identify(record, **options)
+    assert counts
+    assert set(counts) == {fits}

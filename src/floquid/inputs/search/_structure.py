@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
@@ -23,12 +25,20 @@ class Limits:
         The highest harmonic of input and output.
     modes
         Modes that may be found, at most.
+    until
+        The processor time at which a search of outputs alone ends [s].
     """
 
     mode_alarm: float = 1e-9
     harmonic_alarm: float = 1e-6
     highest: int = 12
     modes: int = 20
+    until: float = math.inf
+
+    @property
+    def over(self) -> bool:
+        """True once the processor time of the search is used up."""
+        return time.process_time() > self.until
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -50,6 +50,7 @@ from floquid.pipeline.excited._verdict import (
     undriven,
 )
 from floquid.pipeline.preparation import blas_threads, clocked, own_names, settings_of
+from floquid.search import SECONDS
 
 OF = "identify_ambient"
 
@@ -154,9 +155,10 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     first = first_innovations(samples, acting)
     _refuse_copies(first, own)
     report("searching for modes")
-    found, undecided = searched(samples, first, limits, report)
+    found, undecided, unfinished = searched(samples, first, limits, report)
+    late = (warning("out_of_time", seconds=SECONDS),) if unfinished else ()
     if not found.modes:
-        raise no_mode(samples, found, limits.mode_alarm)
+        raise no_mode(samples, found, limits.mode_alarm, late)
     report("estimating deviations")
     fit = Fit(samples, found, acting)
     provenance = Provenance.merge(tuple(record.provenance for record in records))
@@ -188,6 +190,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
             *of_angle(own, found.columns, np.sqrt(np.mean(found.innovations**2, axis=1))),
             *of_phases(samples, [phase_step(fit, number) for number in range(1, len(own.records))]),
             *([warning("inputs_modes", most=limits.modes)] if len(found.modes) >= limits.modes else []),
+            *late,
         ),
     )
     return finished(analysis, own.periods_per_revolution, report)

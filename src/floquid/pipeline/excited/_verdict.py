@@ -84,14 +84,16 @@ def at_limit(found: Linearisation, limits: Limits) -> bool:
     return bool(widest >= limits.highest)
 
 
-def no_mode(samples: Samples, found: Predictor, alarm: float) -> IdentificationError:
-    """The refusal of outputs alone without a mode: they are white, or no mode could be fitted to their colour."""
+def no_mode(samples: Samples, found: Predictor, alarm: float, late: Sequence[Finding]) -> IdentificationError:
+    """The refusal of outputs alone without a mode: they are white, no mode fits their colour, or time was over."""
     begin, (share, chance) = "Identification ended without a result:", colour(samples, found)
     if chance > alarm:
         return IdentificationError(
             f"{begin} no mode rises above the noise. The response is white, or the record is too short: damping that "
             "is random excitation's alone needs hundreds of periods."
         )
+    if late:
+        return IdentificationError(f"{begin} {late[0].clause}.")
     return IdentificationError(
         f"{begin} the {len(samples.values)} outputs are not white (squared correlations sum to {share:.2g}), and no "
         "mode could be fitted to them. Name fewer outputs (`channels=`), or measure for longer."
