@@ -19,6 +19,9 @@ APART = 5.0
 SIGNIFICANT = 1e-3
 """The share of a mode's largest coefficient from which on a harmonic counts in the bound."""
 
+ROUNDED = 1e-9
+"""The share of a slope's square below which what is outside the span of the shapes is rounding."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
@@ -170,6 +173,20 @@ def bound(
     ndarray
         Deviations, real + 1j imaginary part (modes,) [1/s]; the latter is 0 for a real multiplier.
     """
+    return deviations(information(modes, times, angles, sigma, turns), modes.real)
+
+
+def information(
+    modes: Modes,
+    times: NDArray[np.float64],
+    angles: NDArray[np.float64],
+    sigma: NDArray[np.float64],
+    turns: Sequence[float] = (),
+) -> NDArray[np.float64]:
+    """Fisher's information of the real parts of exponents, then of the imaginary parts of pairs, as `bound` takes it.
+
+    That of several hits is the sum, each with shapes of its own.
+    """
     sizes = np.abs(modes.coefficients).max(axis=1)
     columns = [
         np.exp(exponent * times + 1j * m * angles)
@@ -182,18 +199,28 @@ def bound(
     linear = linear[size > 1e-9 * size.max()] / size[size > 1e-9 * size.max(), None]
     inverse = np.linalg.pinv(linear @ linear.T, rcond=1e-11, hermitian=True)
     turning = np.flatnonzero(~modes.real)
-    count = len(modes.exponents)
-    information = np.zeros((count + len(turning),) * 2)
+    total = np.zeros((len(modes.exponents) + len(turning),) * 2)
     shapes = np.exp(1j * np.multiply.outer(modes.harmonics, angles))
     for channel, deviation in enumerate(sigma):
         slopes = 2.0 * times * (modes.coefficients[:, channel] @ shapes) * np.exp(np.outer(modes.exponents, times))
         slopes = np.concatenate([slopes.real, -slopes[turning].imag])
-        mixed = slopes @ linear.T
-        information += (slopes @ slopes.T - mixed @ inverse @ mixed.T) / deviation**2
-    scale = np.sqrt(np.diag(information))
-    least = np.sqrt(np.diag(np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12, hermitian=True))) / scale
-    found = least[:count].astype(complex)
-    found[turning] += 1j * least[count:]
+        mixed, whole = slopes @ linear.T, slopes @ slopes.T
+        part = whole - mixed @ inverse @ mixed.T
+        # What shapes that are free can take up but for rounding is no information.
+        none = np.diag(part) < ROUNDED * np.diag(whole)
+        part[none], part[:, none] = 0.0, 0.0
+        total += part / deviation**2
+    return total
+
+
+def deviations(total: NDArray[np.float64], real: NDArray[np.bool_]) -> NDArray[np.complex128]:
+    """The least deviations by Fisher's information, real + 1j imaginary part (modes,) [1/s]; infinite without any."""
+    known = np.diag(total) > 0.0
+    scale, least = np.sqrt(np.diag(total)[known]), np.full(len(total), np.inf)
+    inner = total[np.ix_(known, known)] / np.outer(scale, scale)
+    least[known] = np.sqrt(np.diag(np.linalg.pinv(inner, rcond=1e-12, hermitian=True))) / scale
+    found = least[: len(real)].astype(complex)
+    found[~real] = least[: len(real)][~real] + 1j * least[len(real) :]
     return found
 
 
