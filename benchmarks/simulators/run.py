@@ -27,7 +27,7 @@ NEAR = 1e-3
 SLOW = 10.0
 """Times the lifted fit's processor seconds that an identification may take."""
 
-LIMIT = 600.0
+LIMIT = 120.0
 """Processor seconds after which an identification is ended."""
 
 MACHINES: dict[str, Callable[[], Machine]] = {
@@ -49,7 +49,7 @@ class Row:
     `outcome` is "passed", "failed" (the verdict), "refused" or "no answer". `must` counts the true exponents that the
     bound lets be seen, `found` those of them within four deviations, `false` the confident exponents that are none.
     `bounds` are the least deviations of the true exponents over their decays, `off` their distances to those of the
-    model over the same, `pulls` these distances in deviations of the model; infinite where it has none.
+    model over the same, `pulls` the errors in deviations of the model, the larger of both parts; infinite without any.
     """
 
     machine: str
@@ -161,7 +161,7 @@ def pulls_of(
         # A real multiplier has no deviation off its axis.
         exact = part < 1e-9 * fundamental
         with np.errstate(divide="ignore", invalid="ignore"):
-            pulls.append(np.where(exact, 0.0, part / deviation))
+            pulls.append(np.where(np.isfinite(deviation), np.where(exact, 0.0, part / deviation), np.inf))
     return np.maximum(*pulls), np.hypot(*parts)
 
 

@@ -26,14 +26,12 @@ def soft_blade() -> Machine:
     A(t) is the trigonometric polynomial of first order through the linearisations at three azimuths.
     """
     found = floquet.read_openfast(str(LINEARISED))
-    orders = np.arange(-1, 2)
-    turned = np.exp(1j * np.outer(np.asarray(found.azimuths), orders))
-    parts = np.einsum("kp,ijp->kij", np.linalg.inv(turned), found.A)
-    states = parts.shape[1]
+    orders, parts = found.harmonics()
+    states = len(parts)
     displacements = states // 2 + states % 2
 
     def matrix(t: float) -> Floats:
-        a = np.real(np.tensordot(np.exp(1j * orders * found.rotor_speed * t), parts, 1))
+        a = np.real(parts @ np.exp(1j * orders * found.rotor_speed * t))
         a[displacements, 0] *= SOFT
         return a
 
