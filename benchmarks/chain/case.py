@@ -217,8 +217,9 @@ def deviations(total: NDArray[np.float64], real: NDArray[np.bool_]) -> NDArray[n
     """The least deviations by Fisher's information, real + 1j imaginary part (modes,) [1/s]; infinite without any."""
     known = np.diag(total) > 0.0
     scale, least = np.sqrt(np.diag(total)[known]), np.full(len(total), np.inf)
-    inner = total[np.ix_(known, known)] / np.outer(scale, scale)
-    least[known] = np.sqrt(np.diag(np.linalg.pinv(inner, rcond=1e-12, hermitian=True))) / scale
+    values, vectors = np.linalg.eigh(total[np.ix_(known, known)] / np.outer(scale, scale))
+    # A direction without information has a very large variance, where a pseudoinverse has none.
+    least[known] = np.sqrt(vectors**2 @ (1.0 / np.maximum(values, 1e-12))) / scale
     found = least[: len(real)].astype(complex)
     found[~real] = least[: len(real)][~real] + 1j * least[len(real) :]
     return found

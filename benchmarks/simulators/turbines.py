@@ -164,7 +164,7 @@ def gravity() -> Machine:
         periods=periods,
         transitions=differences(run, start, steps),
         outputs=np.tile(np.eye(8)[:4], (phases, 1, 1)),
-        blow=np.array([2e-4, 2e-4, 2e-4, 2e-3, 1e-3, 1e-3, 1e-3, 4e-3]),
+        blow=7e-5 * np.array([1.0, 1.0, 1.0, 10.0, 5.0, 5.0, 5.0, 20.0]),
         orbit=orbit,
         known=True,
         motion=motion,

@@ -113,7 +113,7 @@ def gait() -> tuple[Floats, float]:
 
 
 @cache
-def walker(push: float = 5e-5) -> Machine:
+def walker(push: float = 1e-5) -> Machine:
     """The walker: angles and rates of the leg that stands and of the one that swings, sampled between its contacts.
 
     `push` is the deviation of the angles [rad]; that of the rates is three times as large [rad/s].
