@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from benchmarks.chain.case import Modes, deviations, information
+from benchmarks.chain.case import Modes, beside, deviations, significant, span_of
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
@@ -104,14 +104,35 @@ class Machine:
     def least(self, starts: Floats, sigma: Floats) -> tuple[Complexes, Complexes]:
         """The exponents of the modes and their Cramér-Rao deviations, conjugates both, from all hits (modes,).
 
-        Each hit has shapes of its own, of the significant harmonics, and an orbit where the machine has one.
+        Unknown beside them are the significant harmonics of each mode's shape, its amplitude in each hit, and an orbit
+        where the machine has one.
         """
         times = self.period * np.arange(self.phases * self.periods) / self.phases
-        turns = np.arange(self.phases // 2 + 1) if self.orbit is not None else ()
-        modes = [self.modes(start) for start in starts]
-        total = sum(information(each, times, self.fundamental * times, sigma, turns) for each in modes)
-        least = deviations(np.asarray(total), modes[0].real)
-        return modes[0].listed(modes[0].exponents), modes[0].listed(least)
+        angles, hits = self.fundamental * times, [self.modes(start) for start in starts]
+        first, blocks = hits[0], np.eye(len(hits))
+        real, exponents = first.real, first.exponents
+        sizes = [np.sum(each.coefficients * first.coefficients.conj(), axis=(1, 2)) for each in hits]
+        ratios = np.array([size / sizes[0] for size in sizes])
+        columns = [
+            np.outer(ratios[:, mode], np.exp(exponents[mode] * times + 1j * m * angles)).ravel()
+            for mode, own in enumerate(significant(first))
+            for m in first.harmonics[own]
+        ]
+        turns = range(self.phases // 2 + 1) if self.orbit is not None else ()
+        columns += [np.outer(own, np.exp(1j * turn * angles)).ravel() for turn in turns for own in blocks]
+        basis, total = span_of(columns), 0.0
+        decays = np.exp(np.outer(exponents, times))
+        shapes = np.exp(1j * np.multiply.outer(first.harmonics, angles))
+        for channel, deviation in enumerate(sigma):
+            parts = np.array([2.0 * (each.coefficients[:, channel] @ shapes) * decays for each in hits])
+            moved = [np.moveaxis(times * parts, 0, 1).reshape(len(exponents), -1)]
+            moved += [np.einsum("h,mt->mht", own, parts[hit]).reshape(len(exponents), -1)
+                      for hit, own in enumerate(blocks) if hit]  # fmt: skip
+            slopes = np.concatenate([part for each in moved for part in (each.real, -each[~real].imag)])
+            outside = beside(slopes, basis)
+            total = total + outside @ outside.T / deviation**2
+        least = deviations(np.asarray(total), real)
+        return first.listed(exponents), first.listed(least)
 
     def records(self, noise: float, seed: int) -> tuple[list[Record], Floats, Floats]:
         """One record a hit with white noise of a share of the largest free response; initial states, deviations."""
