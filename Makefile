@@ -76,7 +76,7 @@ edge: $(INSTALLED) ## exponents across the edges of locks, free and with measure
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.edge --jobs 2 --out build/edge.json
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.edge --records inputs --jobs 2 --out build/edge_inputs.json
 
-simulators: $(INSTALLED) ## free responses of simulated machines, ten draws each at 1 and 0.1 % noise (into build/simulators.json)
+simulators: $(INSTALLED) ## free responses of simulated machines, ten draws each at 1 and 0.1 % noise (into build/simulators.json; half an hour on two cores)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.simulators --jobs 2 --out build/simulators.json
 
 frozen: $(INSTALLED) ## decisions on records of all kinds, compared with those kept in benchmarks/frozen/ (four minutes on two cores)

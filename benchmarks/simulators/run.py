@@ -30,6 +30,9 @@ SLOW = 10.0
 LIMIT = 120.0
 """Processor seconds after which an identification is ended."""
 
+TOLD = 140
+"""Characters that are kept of each reason for a verdict."""
+
 MACHINES: dict[str, Callable[[], Machine]] = {
     "soft_blade": turbines.soft_blade,
     "two_blades": turbines.two_blades,
@@ -93,7 +96,7 @@ def timed(records: list[Record], **options: object) -> tuple[floquid.Analysis | 
         with threadpool_limits(limits=1), limited(LIMIT):
             analysis = floquid.identify(records, **options)
             outcome = "passed" if analysis.passed else "failed"
-            message = "; ".join(analysis.reasons) if not analysis.passed else ""
+            message = " | ".join(reason[:TOLD] for reason in analysis.reasons) if not analysis.passed else ""
     except OutOfTime:
         outcome = "no answer"
     except FloquidError as error:
@@ -115,7 +118,7 @@ def judged(name: str, noise: float, seed: int) -> Row:
         "noise": noise,
         "seed": seed,
         "outcome": outcome,
-        "message": message[:400],
+        "message": message,
         "true": len(truth),
         "must": int(must.sum()),
         "seconds": seconds,

@@ -24,8 +24,13 @@ def test_modes_make_up_the_response(make):
     assert_allclose(2.0 * whole.real, free, atol=1e-9 * np.abs(free).max())
 
 
-def test_the_walker_comes_back_and_angular_momentum_about_the_foot_that_lands_is_kept():
-    state, period = walker.gait()
+@pytest.fixture(scope="module")
+def gait():
+    return walker.gait()
+
+
+def test_the_walker_comes_back_and_angular_momentum_about_the_foot_that_lands_is_kept(gait):
+    state, period = gait
     after = solve_ivp(walker.rates, (0.0, period), state, method="DOP853", rtol=1e-11, atol=1e-13).y[:, -1]
     assert abs(walker.landing(0.0, after)) < 1e-8
     assert_allclose(walker.stepped_over(after), state, atol=1e-7)
@@ -44,8 +49,8 @@ def test_the_walker_comes_back_and_angular_momentum_about_the_foot_that_lands_is
     assert_allclose(momentum(walker.stepped_over(after), "stand"), momentum(after, "swing"), rtol=1e-9)
 
 
-def test_energy_of_the_walker_is_kept_between_contacts():
-    state, period = walker.gait()
+def test_energy_of_the_walker_is_kept_between_contacts(gait):
+    state, period = gait
     path = solve_ivp(walker.rates, (0.0, 0.9 * period), state, method="DOP853", rtol=1e-11, atol=1e-13).y
 
     def energy(x):
@@ -59,13 +64,14 @@ def test_energy_of_the_walker_is_kept_between_contacts():
     assert_allclose(energy(path[:, -1]), energy(state), rtol=1e-9)
 
 
-def test_the_orbit_in_gravity_repeats_and_its_exponents_are_those_of_a_linearisation():
-    machine = turbines.gravity()
-    start = np.zeros(8)
-    assert np.abs(machine.motion(start)).max() < 1e-9 * np.abs(machine.orbit).max()
-    # Liouville: the sum of the exponents is the mean trace of the linearisation.
-    determinant = np.linalg.det(machine.transitions[-1])
-    assert_allclose(np.sum(machine.exponents).real * machine.period, np.log(determinant), rtol=1e-6)
+@pytest.mark.slow
+@pytest.mark.parametrize("make", [turbines.gravity, walker.walker])
+def test_small_motions_about_an_orbit_are_those_of_the_transitions(make):
+    machine = make()
+    start = 0.1 * machine.blow * np.random.default_rng(0).standard_normal(len(machine.blow))
+    whole, linear = machine.free(start), replace(machine, motion=None).free(start)
+    assert np.abs(whole - linear).max() < 1e-3 * np.abs(linear).max()
+    assert np.abs(machine.free(0.0 * start)).max() < 1e-2 * np.abs(linear).max()
 
 
 def test_a_wrong_model_is_called_false(monkeypatch):
