@@ -229,7 +229,7 @@ def _subtracted(
 
 
 def _harmonics(lifted: Lifted, roots: Sequence[float], amplitudes: Floats, noise: Floats, spread: Floats) -> set[float]:
-    """Turns a period of the harmonics of known columns that rise above the noise."""
+    """Turns a period of the harmonics of known columns that rise above the noise, up to half of the samples."""
     half, omega = lifted.n_phases // 2, 2.0 * np.pi / lifted.period
     limit, found = chi2_limit(2 * lifted.n_channels, CERTAIN), set()
     for column, root in enumerate(roots):
@@ -239,5 +239,5 @@ def _harmonics(lifted: Lifted, roots: Sequence[float], amplitudes: Floats, noise
         power = np.abs(shapes @ kernel.T) ** 2
         scale = noise[:, None] * spread[column] / (2.0 * lifted.n_phases)
         seen = (power / scale).sum(axis=0) > limit
-        found |= {abs(float(turn)) for turn in turns[seen] if abs(turn) < 0.5 * lifted.n_phases - 1e-6}
+        found |= {abs(float(turn)) for turn in turns[seen] if abs(turn) <= 0.5 * lifted.n_phases}
     return found
