@@ -14,7 +14,7 @@ import numpy as np
 from floquid._arrays import Complexes, Floats
 from floquid.fit import chi2_limit
 from floquid.lifting import Lifted, largest_values, whitened, whitening_filter
-from floquid.lti import ERA, ModalModel, TimeResponses
+from floquid.lti import ERA, ModalModel
 
 GENEROUS = 64  # poles that take any free response with them; at most one in three cycles
 FEWEST = 8  # cycles below which what is known is not told from a free response, for each of its multipliers
@@ -224,7 +224,7 @@ def _subtracted(
         found.append(_harmonics(lifted, names, amplitudes[:, : len(names)], noise, spread[: len(names)]))
     turns = sorted({turn for each in found for turn in each})
     values.flags.writeable = False
-    free = TimeResponses(values=values, dt=data.dt, noise=data.noise, lengths=data.lengths)
+    free = replace(data, values=values, taken=known.basis(int(data.lengths.max())))
     return replace(lifted, responses=free), tuple(turns)
 
 
