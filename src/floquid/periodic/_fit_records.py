@@ -23,6 +23,7 @@ from floquid.periodic._forced_part import (
     free_records,
     without_noise,
 )
+from floquid.periodic._sampling import below, half_of
 from floquid.periodic.least_squares import (
     Block,
     LiftedBlock,
@@ -52,7 +53,6 @@ from floquid.sync import ShaftAngle
 HIGHEST = 64  # the highest harmonic of the revolution that a forced response is looked for at
 MOST_ENTRIES = 24  # modes, a pair counted once, that are looked for at most
 QUIET = 1e-4  # the noise over the largest value below which it is rounding, or what modes make of something else
-WHOLE = 2e-6  # samples a period up to which a number of them is taken for a whole one
 SURELY = 10.0  # a peak so far above the limit is no noise
 
 
@@ -257,7 +257,7 @@ class _Samples:
     @property
     def most(self) -> int:
         """The highest harmonic of a mode: it lies below half of the samples a period."""
-        return _below(self.half)
+        return below(self.half)
 
     @property
     def projected(self) -> bool:
@@ -284,7 +284,7 @@ class _Samples:
             search = LiftedBlock.all_of(lifted, [known.basis(n) for n in lengths]) if known else final
             return _Samples(search, final, 2.0 * np.pi / lifted.period, nu, 0.5 * lifted.n_phases)
         blocks, fundamental, nu = record_blocks(records, clocks, nu)
-        return _Samples(blocks, blocks, fundamental, nu, _half(records, 2.0 * np.pi / fundamental))
+        return _Samples(blocks, blocks, fundamental, nu, half_of(records, 2.0 * np.pi / fundamental))
 
 
 class OrderError(IdentificationError):
@@ -369,25 +369,6 @@ def _endless(found: SearchResult) -> tuple[Finding, ...]:
     if int((~found.solution.entries.fixed).sum()) < MOST_ENTRIES:
         return ()
     return (warning("search_ended", number=MOST_ENTRIES),)
-
-
-def most_harmonics(records: Sequence[Record], period: float) -> int:
-    """The highest harmonic of the period below half of the lowest sampling rate."""
-    return _below(_half(records, period))
-
-
-def _below(half: float) -> int:
-    """The highest harmonic below half of the samples a period."""
-    return max(int(np.ceil(half)) - 1, 0)
-
-
-def _half(records: Sequence[Record], period: float) -> float:
-    """Half of the samples a period at the lowest rate, a whole number of them where it is one but for rounding."""
-    least = min(record.sample_rate for record in records) * period
-    if least < 2.0:
-        remedy = "Check the period and the sampling rate."
-        raise input_error("period", "fit", "be two sampling intervals or more", f"it is {least:.3g} of them", remedy)
-    return 0.5 * (round(least) if abs(least - round(least)) < WHOLE else least)
 
 
 def _no_mode(found: SearchResult) -> str:

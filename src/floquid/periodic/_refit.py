@@ -12,7 +12,7 @@ from floquid._arrays import Complexes, Floats
 from floquid._checks import input_error, noise_array
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.lifting import Lifted
-from floquid.periodic._fit_records import most_harmonics
+from floquid.periodic._sampling import most_harmonics
 from floquid.periodic.least_squares import (
     AT_REST,
     Block,
