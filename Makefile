@@ -24,7 +24,7 @@ export PYTHONDONTWRITEBYTECODE :=
 export PYTHONPYCACHEPREFIX := $(CURDIR)/$(VENV)/bytecode
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test slow kill pages bench peers order adversary turbine drawn structure methods frozen edge fuzz platform lint format docs requirements upgrade clean
+.PHONY: help install demo test slow kill pages bench peers order adversary turbine drawn structure methods frozen edge simulators fuzz platform lint format docs requirements upgrade clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 22
@@ -75,6 +75,9 @@ edge: $(INSTALLED) ## exponents across the edges of locks, free and with measure
 	mkdir -p build
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.edge --jobs 2 --out build/edge.json
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.edge --records inputs --jobs 2 --out build/edge_inputs.json
+
+simulators: $(INSTALLED) ## free responses of simulated machines, ten draws each at 1 and 0.1 % noise (into build/simulators.json; half an hour on two cores)
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.simulators --jobs 2 --out build/simulators.json
 
 frozen: $(INSTALLED) ## decisions on records of all kinds, compared with those kept in benchmarks/frozen/ (four minutes on two cores)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.frozen --jobs 2

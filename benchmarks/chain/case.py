@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.linalg import qr
 
 from floquid import Record
 
@@ -18,6 +19,9 @@ APART = 5.0
 
 SIGNIFICANT = 1e-3
 """The share of a mode's largest coefficient from which on a harmonic counts in the bound."""
+
+ROUNDED = 1e-9
+"""The share of a column's size below which what is outside the span of others is rounding."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -170,30 +174,57 @@ def bound(
     ndarray
         Deviations, real + 1j imaginary part (modes,) [1/s]; the latter is 0 for a real multiplier.
     """
-    sizes = np.abs(modes.coefficients).max(axis=1)
     columns = [
         np.exp(exponent * times + 1j * m * angles)
-        for exponent, size in zip(modes.exponents, sizes, strict=True)
-        for m in modes.harmonics[size > SIGNIFICANT * size.max()]
+        for exponent, own in zip(modes.exponents, significant(modes), strict=True)
+        for m in modes.harmonics[own]
     ]
-    columns += [np.exp(1j * turn * angles) for turn in turns]
-    linear = np.concatenate([np.real(columns), np.imag(columns)])
-    size = np.linalg.norm(linear, axis=1)
-    linear = linear[size > 1e-9 * size.max()] / size[size > 1e-9 * size.max(), None]
-    inverse = np.linalg.pinv(linear @ linear.T, rcond=1e-11, hermitian=True)
-    turning = np.flatnonzero(~modes.real)
-    count = len(modes.exponents)
-    information = np.zeros((count + len(turning),) * 2)
+    basis = span_of([*columns, *(np.exp(1j * turn * angles) for turn in turns)])
+    total: NDArray[np.float64] | float = 0.0
     shapes = np.exp(1j * np.multiply.outer(modes.harmonics, angles))
     for channel, deviation in enumerate(sigma):
         slopes = 2.0 * times * (modes.coefficients[:, channel] @ shapes) * np.exp(np.outer(modes.exponents, times))
-        slopes = np.concatenate([slopes.real, -slopes[turning].imag])
-        mixed = slopes @ linear.T
-        information += (slopes @ slopes.T - mixed @ inverse @ mixed.T) / deviation**2
-    scale = np.sqrt(np.diag(information))
-    least = np.sqrt(np.diag(np.linalg.pinv(information / np.outer(scale, scale), rcond=1e-12, hermitian=True))) / scale
-    found = least[:count].astype(complex)
-    found[turning] += 1j * least[count:]
+        outside = beside(np.concatenate([slopes.real, -slopes[~modes.real].imag]), basis)
+        total = total + outside @ outside.T / deviation**2
+    return deviations(np.asarray(total), modes.real)
+
+
+def significant(modes: Modes) -> NDArray[np.bool_]:
+    """Which harmonics of each mode count in the bound (modes, harmonics)."""
+    sizes = np.abs(modes.coefficients).max(axis=1)
+    return sizes > SIGNIFICANT * sizes.max(axis=1, keepdims=True)
+
+
+def span_of(columns: Sequence[NDArray[np.complex128]]) -> NDArray[np.float64]:
+    """An orthonormal basis of what the real and imaginary parts of columns make up (samples, rank)."""
+    linear = np.concatenate([np.real(columns), np.imag(columns)])
+    size = np.linalg.norm(linear, axis=1)
+    seen = size > ROUNDED * size.max()
+    basis, triangle, _ = qr((linear[seen] / size[seen, None]).T, mode="economic", pivoting=True)
+    reach = np.abs(np.diag(triangle))
+    return basis[:, reach > ROUNDED * reach[0]]
+
+
+def beside(slopes: NDArray[np.float64], basis: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The part of slopes (slopes, samples) outside the span of a basis; zero where it is rounding."""
+    outside = slopes - (slopes @ basis) @ basis.T
+    outside -= (outside @ basis) @ basis.T
+    outside[np.linalg.norm(outside, axis=1) < ROUNDED * np.linalg.norm(slopes, axis=1)] = 0.0
+    return outside
+
+
+def deviations(total: NDArray[np.float64], real: NDArray[np.bool_]) -> NDArray[np.complex128]:
+    """The least deviations by Fisher's information, real + 1j imaginary part (modes,) [1/s]; infinite without any.
+
+    Parameters are the real parts of the exponents, the imaginary parts of those of pairs, and whatever else is unknown.
+    """
+    known = np.diag(total) > 0.0
+    scale, least = np.sqrt(np.diag(total)[known]), np.full(len(total), np.inf)
+    values, vectors = np.linalg.eigh(total[np.ix_(known, known)] / np.outer(scale, scale))
+    # A direction without information has a very large variance, where a pseudoinverse has none.
+    least[known] = np.sqrt(vectors**2 @ (1.0 / np.maximum(values, 1e-12))) / scale
+    found = least[: len(real)].astype(complex)
+    found[~real] = least[: len(real)][~real] + 1j * least[len(real) : len(real) + int(np.sum(~real))]
     return found
 
 

@@ -113,7 +113,7 @@ class Lifted(Rebuilt):
         """The same responses with another noise (channels, hits)."""
         at_least = self.floor * largest_values(self.responses.values, self.n_channels)
         spread, now = np.repeat(np.maximum(noise, at_least), self.n_phases, axis=0), self.responses
-        return replace(self, responses=TimeResponses(values=now.values, dt=now.dt, noise=spread, lengths=now.lengths))
+        return replace(self, responses=replace(now, noise=spread))
 
 
 def lift(cycles: Cycles | Sequence[Cycles], *, floor: float = ROUNDING, noise: Floats | None = None) -> Lifted:

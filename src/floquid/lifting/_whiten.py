@@ -87,6 +87,10 @@ def whitened(lifted: Lifted, taps: Floats) -> Lifted:
             )
         )
     found = lift(hits, floor=0.0)
+    if lifted.responses.taken is not None:
+        # A cycle later steady responses and drifts are sums of the same functions.
+        taken = lifted.responses.taken[: found.responses.values.shape[2]]
+        found = replace(found, responses=replace(found.responses, taken=taken))
     # What the record cannot be believed below goes through the filter too.
     largest, left = (largest_values(one.responses.values, lifted.n_channels) for one in (lifted, found))
     floor = lifted.floor * largest * np.linalg.norm(taps, axis=1)[:, None] / left

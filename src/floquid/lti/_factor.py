@@ -31,12 +31,16 @@ Rows = Callable[[], Iterator[Floats]]  # the rows of a matrix W (rows, width), s
 
 @dataclass(frozen=True, slots=True)
 class Factor:
-    """One block of responses of equal length: `values` F (samples, rank) with F Fᵀ = Y Yᵀ, from `columns` responses."""
+    """One block of responses of equal length: `values` F (samples, rank) with F Fᵀ = Y Yᵀ, from `columns` responses.
+
+    `taken` are functions of time that were taken off the responses (samples, functions), if any were.
+    """
 
     values: Floats
     columns: int
     energy: float
     triangular: bool = False
+    taken: Floats | None = None
 
     @staticmethod
     def of(values: Floats, columns: int, *, triangular: bool = False) -> Factor:
@@ -51,7 +55,8 @@ class Factor:
         part = Factor.of(self.values[:samples, :rank], self.columns, triangular=self.triangular)
         # What leading directions leave out is noise, as much at one time as at another.
         left_out = self.energy - float(np.einsum("ij,ij->", self.values, self.values))
-        return replace(part, energy=part.energy + left_out * samples / len(self.values))
+        taken = None if self.taken is None else self.taken[:samples]
+        return replace(part, energy=part.energy + left_out * samples / len(self.values), taken=taken)
 
 
 def scaled_blocks(data: TimeResponses, inputs: Integers, samples: int) -> Iterator[Floats]:
@@ -104,7 +109,8 @@ def product_noise(noise: Floats) -> Floats:
 def factors(data: TimeResponses, samples: int | None = None) -> tuple[Factor, ...]:
     """One factor for each length, of at most `samples` samples, the longest first."""
     ends = np.minimum(data.lengths, samples or data.values.shape[2])
-    return tuple(_factor(data, np.flatnonzero(ends == end), int(end)) for end in np.unique(ends)[::-1])
+    found = (_factor(data, np.flatnonzero(ends == end), int(end)) for end in np.unique(ends)[::-1])
+    return tuple(replace(each, taken=None if data.taken is None else data.taken[: len(each.values)]) for each in found)
 
 
 def factor(responses: Floats) -> Factor:

@@ -43,15 +43,25 @@ class TimeResponses(Rebuilt):
         The standard deviation of the white noise on each response (outputs, inputs); 1 where not given.
     lengths
         The number of samples of each input (inputs,); all of them where not given.
+    taken
+        Functions of time that were taken off every response, so that no noise is left along them (samples, functions);
+        None where nothing was.
     """
 
     values: Floats
     dt: float
     noise: Floats
     lengths: Integers
+    taken: Floats | None
 
     def __init__(
-        self, *, values: ArrayLike, dt: float, noise: ArrayLike | None = None, lengths: ArrayLike | None = None
+        self,
+        *,
+        values: ArrayLike,
+        dt: float,
+        noise: ArrayLike | None = None,
+        lengths: ArrayLike | None = None,
+        taken: ArrayLike | None = None,
     ) -> None:
         of = "TimeResponses"
         array = frozen_array(values, "values", of, axes=("outputs", "inputs", "samples"))
@@ -71,6 +81,8 @@ class TimeResponses(Rebuilt):
         put(self, "dt", positive(dt, "dt", of, unit="s"))
         put(self, "noise", std)
         put(self, "lengths", ends)
+        off = None if taken is None else frozen_array(taken, "taken", of, axes=(samples, "functions"))
+        put(self, "taken", off)
 
     @property
     def n_outputs(self) -> int:

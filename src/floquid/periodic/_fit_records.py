@@ -23,6 +23,7 @@ from floquid.periodic._forced_part import (
     free_records,
     without_noise,
 )
+from floquid.periodic._sampling import below, half_of
 from floquid.periodic.least_squares import (
     Block,
     LiftedBlock,
@@ -189,11 +190,11 @@ def fit(
         must = f"be at most {most}, below half of the samples a period"
         raise input_error("harmonics", "fit", must, f"is {harmonics}", "Ask for fewer, or sample faster.")
     nu, omega = samples.nu, samples.fundamental
-    base = forced_base(forced_turns(forced, known, most, nu), omega, wanders=samples.wanders)
+    base = forced_base(forced_turns(forced, known, samples.half, nu), omega, wanders=samples.wanders)
     bounds = Bounds(
         most=most,
         modes=MOST_ENTRIES if order is None else (order + 1) // 2,
-        forced=np.arange(1, int(min(HIGHEST, most * nu)) + 1) / nu if auto else np.zeros(0),
+        forced=np.arange(1, int(min(HIGHEST, samples.half * nu)) + 1) / nu if auto else np.zeros(0),
         width=harmonics,
         search=search,
         angle_std=angle_std(clocks, records),
@@ -251,7 +252,12 @@ class _Samples:
     final: tuple[Block, ...]
     fundamental: float
     nu: float
-    most: int
+    half: float  # half of the samples a period: a forced response may lie there, of which only one phase is seen
+
+    @property
+    def most(self) -> int:
+        """The highest harmonic of a mode: it lies below half of the samples a period."""
+        return below(self.half)
 
     @property
     def projected(self) -> bool:
@@ -276,9 +282,9 @@ class _Samples:
             final = LiftedBlock.all_of(lifted)
             lengths = lifted.responses.lengths.tolist()
             search = LiftedBlock.all_of(lifted, [known.basis(n) for n in lengths]) if known else final
-            return _Samples(search, final, 2.0 * np.pi / lifted.period, nu, (lifted.n_phases - 1) // 2)
+            return _Samples(search, final, 2.0 * np.pi / lifted.period, nu, 0.5 * lifted.n_phases)
         blocks, fundamental, nu = record_blocks(records, clocks, nu)
-        return _Samples(blocks, blocks, fundamental, nu, _most(records, 2.0 * np.pi / fundamental))
+        return _Samples(blocks, blocks, fundamental, nu, half_of(records, 2.0 * np.pi / fundamental))
 
 
 class OrderError(IdentificationError):
@@ -363,15 +369,6 @@ def _endless(found: SearchResult) -> tuple[Finding, ...]:
     if int((~found.solution.entries.fixed).sum()) < MOST_ENTRIES:
         return ()
     return (warning("search_ended", number=MOST_ENTRIES),)
-
-
-def _most(records: Sequence[Record], period: float) -> int:
-    """The highest harmonic of the period below half of the lowest sampling rate."""
-    least = min(record.sample_rate for record in records) * period
-    if least < 2.0:
-        remedy = "Check the period and the sampling rate."
-        raise input_error("period", "fit", "be two sampling intervals or more", f"it is {least:.3g} of them", remedy)
-    return max(int(np.ceil(0.5 * least - 1e-6)) - 1, 0)
 
 
 def _no_mode(found: SearchResult) -> str:

@@ -99,9 +99,9 @@ SLOW = 1.0  # nepers over the record below which a real multiplier may be taken 
 
 
 def forced_turns(
-    forced: str | Sequence[int], known: Known | None, most: int, nu: float
+    forced: str | Sequence[int], known: Known | None, most: float, nu: float
 ) -> tuple[list[float], bool] | None:
-    """Turns a period of the harmonics that are fitted in any case, and whether a drift is; None without any."""
+    """Turns a period of the harmonics fitted in any case, at most `most`, and whether a drift is; None without any."""
     if known is not None and isinstance(forced, str) and forced == "auto":
         return (sorted({0.0, *(turn for turn in known.turns if turn <= most)}), known.drift) if known else None
     listed = _listed(forced, most, nu)
@@ -109,7 +109,7 @@ def forced_turns(
     return None if listed is None else ([0.0, *(j / nu for j in listed)], drift)
 
 
-def _listed(forced: str | Sequence[int], most: int, nu: float) -> tuple[int, ...] | None:
+def _listed(forced: str | Sequence[int], most: float, nu: float) -> tuple[int, ...] | None:
     """The harmonics of the revolution that are fitted in any case; None without a forced response."""
     remedy = 'Pass "auto", "none" or harmonics of the revolution, as (1, 2).'
     if isinstance(forced, str):

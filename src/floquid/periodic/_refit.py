@@ -12,7 +12,7 @@ from floquid._arrays import Complexes, Floats
 from floquid._checks import input_error, noise_array
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.lifting import Lifted
-from floquid.periodic._fit_records import _most
+from floquid.periodic._sampling import most_harmonics
 from floquid.periodic.least_squares import (
     AT_REST,
     Block,
@@ -93,7 +93,7 @@ def refit(
         blocks = through(blocks, whitening)
     most = None
     if wider:
-        most = _most(records, model.period) if lifted is None else (lifted.n_phases - 1) // 2
+        most = most_harmonics(records, model.period) if lifted is None else (lifted.n_phases - 1) // 2
     entries = replace(ModeParameters.of(model), free_period=free_period)
     return model_of(
         blocks,

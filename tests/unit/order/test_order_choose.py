@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from floquid.lti import AMI, ERA, MaximumLikelihood, Outcome, TimeResponses, white_noise_std
-from floquid.lti._factor import factor
+from floquid.lti._factor import factor, factors
 from floquid.lti._poles import PoleSet
 from floquid.lti.likelihood._residual import Residual, filtered, whitening_of
 from floquid.order import choose, judge
@@ -210,6 +210,42 @@ def test_whitening_makes_white():
     assert taps[1] / taps[0] == pytest.approx(-0.8, abs=0.03)
     assert abs(Residual.of(PoleSet.empty(), [filtered(made, taps)]).colour()) < 5.0
     assert whitening_of(Residual.of(PoleSet.empty(), [factor(white())])) is None
+
+
+TAKEN = {
+    "what is steady": lambda times: [np.ones_like(times)],
+    "what alternates": lambda times: [np.cos(np.pi * times)],
+    "a drift": lambda times: [np.ones_like(times), times],
+    "a steady tone": lambda times: [np.cos(2.0 * np.pi * times / 5.0), np.sin(2.0 * np.pi * times / 5.0)],
+}
+
+
+def without(noise, functions, *, told=True):
+    """Residual of noise (samples, outputs) without functions of time, with or without the knowledge of them."""
+    basis, _ = np.linalg.qr(np.stack(functions(np.arange(len(noise), dtype=float)), axis=1))
+    values = noise - basis @ (basis.T @ noise)
+    data = TimeResponses(values=values.T[:, None], dt=1.0, taken=basis if told else None)
+    return Residual.of(PoleSet.empty(), factors(data))
+
+
+@pytest.mark.parametrize("functions", TAKEN.values(), ids=TAKEN)
+@pytest.mark.parametrize("samples", [60, 140])
+def test_what_was_taken_off_is_no_colour(functions, samples):
+    noise = white(samples, 800)
+    left = without(noise, functions)
+    assert abs(left.colour()) < 4.0
+    assert whitening_of(left) is None
+    assert np.abs(left.autocorrelation(8)[1:]).max() < 4.5 / np.sqrt(noise.size)
+    assert without(noise, functions, told=False).colour() > 8.0
+
+
+@pytest.mark.parametrize("functions", TAKEN.values(), ids=TAKEN)
+def test_colour_beside_what_was_taken_off_is_whitened(functions):
+    left = without(coloured(0.8, samples=140, outputs=400), functions)
+    taps = whitening_of(left)
+    # Such noise is loudest at rest: a drift takes more of it than white noise would lose.
+    assert taps[1] / taps[0] == pytest.approx(-0.8, abs=0.05)
+    assert abs(left.filtered(taps).colour()) < 8.0
 
 
 def test_a_decay_left_over_is_not_taken_for_noise():

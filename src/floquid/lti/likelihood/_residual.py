@@ -35,7 +35,10 @@ ORDERS = (1, 2, 4, 8)  # the lengths of whitening filters tried
 
 @dataclass(frozen=True, slots=True)
 class Residual:
-    """The residual of one block (samples, rank), an orthonormal basis of what was fitted, and its responses' number."""
+    """The residual of one block (samples, rank), an orthonormal basis of what was fitted, and its responses' number.
+
+    The first `taken` columns of the basis are those of what was taken off the responses before.
+    """
 
     values: Floats
     fitted: Floats
@@ -44,33 +47,37 @@ class Residual:
     variance: float  # the mean square left, over that of the noise as it was stated, where it is judged; otherwise 1
     judged: bool
     """True where it is noise: neither rounding, far below the noise that was stated, nor a response that dies away."""
+    taken: int = 0
 
     @staticmethod
     def of(poles: PoleSet, factors: Sequence[Factor]) -> Residual:
         """Residual of the longest block, over its own mean deviation."""
         samples = min(LONGEST, len(factors[0].values))
         block = factors[0].cut(samples - samples % EVENLY if samples > FEW * EVENLY else samples)
-        q = np.zeros((len(block.values), 0))
-        if len(poles):
-            q, _ = np.linalg.qr(real_powers(poles, len(block.values)))
+        taken = np.zeros((len(block.values), 0)) if block.taken is None else block.taken
+        # What was taken off belongs to the fit: no noise is left there either, whichever samples are looked at.
+        own = real_powers(poles, len(block.values)) if len(poles) else taken[:, :0]
+        q, _ = np.linalg.qr(np.concatenate([taken, own], axis=1))
         left = block.values - q @ (q.T @ block.values)
         free = max((len(left) - q.shape[1]) * block.columns, 1)
         size = np.sqrt(max(np.einsum("nj,nj->", left, left), np.finfo(float).tiny) / free)
         left /= size
         judged = bool(size > LEAST and _lasts(left, q))
         independent = _independent(left, q, block.columns) if judged else 1.0
-        return Residual(left, q, block.columns, independent, float(size**2) if judged else 1.0, judged)
+        variance = float(size**2) if judged else 1.0
+        return Residual(left, q, block.columns, independent, variance, judged, taken.shape[1])
 
     def filtered(self, taps: Floats) -> Residual:
         """The residual of filtered responses, near enough: what was fitted is filtered with them."""
         values, fitted = convolved(self.values, taps), convolved(self.fitted, taps)
-        return Residual(values, np.linalg.qr(fitted)[0], self.columns, self.independent, self.variance, self.judged)
+        return replace(self, values=values, fitted=np.linalg.qr(fitted)[0])
 
     def autocorrelation(self, lags: int) -> Floats:
-        """The mean over responses and times (lags + 1,), 1 at lag zero."""
-        size = 2 * len(self.values)
-        power = np.sum(np.abs(np.fft.rfft(self.values, size, axis=0)) ** 2, axis=1)
-        sums = np.fft.irfft(power, size)[: lags + 1]
+        """The mean over responses and times (lags + 1,), 1 at lag zero.
+
+        White noise from which k of n lines were taken has -k/n or so at all lags: it gets back what was taken.
+        """
+        sums = _lagged(self.values, lags) + self.columns * _lagged(self.fitted[:, : self.taken], lags)
         return sums / sums[0]
 
     def colour(self) -> float:
@@ -101,6 +108,13 @@ class Residual:
         many = self.columns * self.independent * weights[judged]
         excess = np.sum((share - 1.0) ** 2 * many - 1.0)
         return float(excess / np.sqrt(np.sum(2.0 + 6.0 / many)))
+
+
+def _lagged(values: Floats, lags: int) -> Floats:
+    """Sums of products of values so many samples apart, of all columns (lags + 1,)."""
+    size = 2 * len(values)
+    power = np.sum(np.abs(np.fft.rfft(values, size, axis=0)) ** 2, axis=1)
+    return np.fft.irfft(power, size)[: lags + 1]
 
 
 def _lasts(left: Floats, fitted: Floats) -> bool:
@@ -166,4 +180,5 @@ def filtered(block: Factor, taps: Floats) -> Factor:
         return block
     outside = block.energy - float(np.einsum("ij,ij->", block.values, block.values))
     made = Factor.of(convolved(block.values, taps), block.columns)
-    return replace(made, energy=made.energy + outside)
+    taken = None if block.taken is None else convolved(block.taken, taps)
+    return replace(made, energy=made.energy + outside, taken=taken)

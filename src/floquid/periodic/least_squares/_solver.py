@@ -215,7 +215,7 @@ def _linear(block: Block, columns: Columns, sines: Mask, start: Floats | None) -
         found = block.sums(columns, complex_of(full))
         gram, mixed, slopes, late = _by_functions(found, columns, own)
         inverse = np.zeros((size, size))
-        inverse[np.ix_(kept, kept)], safe = _inverse(gram[np.ix_(kept, kept)])
+        inverse[np.ix_(kept, kept)], safe = _inverse(gram[np.ix_(kept, kept)], _sizes(gram, columns)[kept])
         step = inverse @ found.seen[own]
         gained = np.sum(step * found.seen[own], axis=0)
         coefficients = coefficients + step
@@ -248,11 +248,24 @@ def _by_functions(found: Sums, columns: Columns, own: Integers) -> tuple[Floats,
     return found.gram[np.ix_(own, own)], mixed, slopes, residual
 
 
-def _inverse(matrix: Floats) -> tuple[Floats, bool]:
-    """The inverse of a Gram matrix, directions that are rounding left out; and whether its columns are well apart."""
+def _sizes(gram: Floats, columns: Columns) -> Floats:
+    """The sums of squares of the cosines and sines, of a forced response the larger of the two for both (2 columns,).
+
+    At half of the sampling rate all samples are at one phase of a turn: the other is rounding, and is left at zero.
+    """
+    size = np.diag(gram)
+    half = len(size) // 2
+    forced = np.tile(columns.exponents[columns.modes[:half]] == 0.0, 2)
+    return np.where(forced, np.maximum(size, np.roll(size, half)), size)
+
+
+def _inverse(matrix: Floats, size: Floats) -> tuple[Floats, bool]:
+    """The inverse of a Gram matrix, directions that are rounding left out; and whether its columns are well apart.
+
+    `size` are the squares (columns,) that tell what rounding is.
+    """
     if not len(matrix):
         return matrix, True
-    size = np.diag(matrix)
     scale = np.sqrt(np.where(size > GONE, size, 1.0))
     scaled = matrix / np.outer(scale, scale)
     try:

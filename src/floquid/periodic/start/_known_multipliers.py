@@ -14,7 +14,7 @@ import numpy as np
 from floquid._arrays import Complexes, Floats
 from floquid.fit import chi2_limit
 from floquid.lifting import Lifted, largest_values, whitened, whitening_filter
-from floquid.lti import ERA, ModalModel, TimeResponses
+from floquid.lti import ERA, ModalModel
 
 GENEROUS = 64  # poles that take any free response with them; at most one in three cycles
 FEWEST = 8  # cycles below which what is known is not told from a free response, for each of its multipliers
@@ -224,12 +224,12 @@ def _subtracted(
         found.append(_harmonics(lifted, names, amplitudes[:, : len(names)], noise, spread[: len(names)]))
     turns = sorted({turn for each in found for turn in each})
     values.flags.writeable = False
-    free = TimeResponses(values=values, dt=data.dt, noise=data.noise, lengths=data.lengths)
+    free = replace(data, values=values, taken=known.basis(int(data.lengths.max())))
     return replace(lifted, responses=free), tuple(turns)
 
 
 def _harmonics(lifted: Lifted, roots: Sequence[float], amplitudes: Floats, noise: Floats, spread: Floats) -> set[float]:
-    """Turns a period of the harmonics of known columns that rise above the noise."""
+    """Turns a period of the harmonics of known columns that rise above the noise, up to half of the samples."""
     half, omega = lifted.n_phases // 2, 2.0 * np.pi / lifted.period
     limit, found = chi2_limit(2 * lifted.n_channels, CERTAIN), set()
     for column, root in enumerate(roots):
@@ -239,5 +239,5 @@ def _harmonics(lifted: Lifted, roots: Sequence[float], amplitudes: Floats, noise
         power = np.abs(shapes @ kernel.T) ** 2
         scale = noise[:, None] * spread[column] / (2.0 * lifted.n_phases)
         seen = (power / scale).sum(axis=0) > limit
-        found |= {abs(float(turn)) for turn in turns[seen] if abs(turn) < 0.5 * lifted.n_phases - 1e-6}
+        found |= {abs(float(turn)) for turn in turns[seen] if abs(turn) <= 0.5 * lifted.n_phases}
     return found

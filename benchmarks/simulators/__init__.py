@@ -1,0 +1,1 @@
+"""Free responses of simulated machines, identified and held against their own equations."""
