@@ -47,8 +47,8 @@ HELD = 6
 SHRUNK = (1.0, 0.5, 0.2, 0.05)
 """Factors of the gains of new modes at which a predictor is tried."""
 
-REAL = 1e-9
-"""The share of ω within which the frequency of a candidate is that of a real multiplier."""
+REAL = 0.01
+"""Decays off an axis within which a candidate is a real multiplier: the gains of a pair would all but cancel."""
 
 PARTNERS = (0.1, 0.3, 1.0)
 """Decays over a period, beyond that of a real multiplier that lasts, at which a second one is looked for."""
@@ -248,9 +248,9 @@ def _with(
 
 
 def _bare(driven: Samples, exponent: complex) -> InputMode:
-    """A candidate with one harmonic on either side; a real multiplier where its frequency is one's."""
+    """A candidate with one harmonic on either side; a real multiplier where it is all but on an axis."""
     half = 0.5 * round(2.0 * exponent.imag / driven.fundamental)
-    if abs(exponent.imag - half * driven.fundamental) > REAL * driven.fundamental:
+    if abs(exponent.imag - half * driven.fundamental) > REAL * abs(exponent.real):
         turns = np.arange(-1.0, 2.0)
         return bare_mode(driven, exponent, turns, turns)
     turns = np.arange(half % 1.0, 2.0)
