@@ -320,6 +320,7 @@ def test_records_of_other_channels_or_units_are_refused(values):
             identify_ambient([one, other])
 
 
+@pytest.mark.slow
 def test_a_record_at_another_phase_than_the_first_fails(values):
     """A shift of the clock has to come out, and one that is said to stay without a word."""
     other = ambient_of(SYSTEM, 250, PHASES, 0.02, 1)
@@ -354,6 +355,7 @@ def test_a_period_that_is_off_fails_where_more_modes_make_the_innovations_white(
     assert not found.passed
 
 
+@pytest.mark.slow
 def test_narrow_lines_are_no_period():
     """Of a structure that does not change, in noise as large as its response, 60 samples a period."""
     drive = np.random.default_rng(1).standard_normal((4, 9000))

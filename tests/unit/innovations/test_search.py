@@ -26,6 +26,7 @@ def many(periods, phases=20, noise=0.02):
     return wide, samples_of([values], [nothing], [0.0], step=wide.period / phases, fundamental=1.0)
 
 
+@pytest.mark.slow
 def test_a_real_multiplier_that_grows_has_its_partner():
     """Without it what was left looked white, and the growth was 3.2 of its deviations off."""
     system = parted()

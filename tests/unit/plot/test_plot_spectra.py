@@ -362,7 +362,7 @@ def test_the_circles_of_the_record_are_named_by_the_angle(found, turns, phase, w
 # All of them.
 
 
-@pytest.mark.slow
+@pytest.mark.pages
 def test_every_figure_is_drawn_without_overlap(found, pair):
     names = {"a name of some length": pair["AMI"], "another one, longer by some": pair["max. likelihood"]}
     states = {name: analysis.state for name, analysis in pair.items()}
