@@ -105,7 +105,9 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
     """
     best, left_out = _best(prepared, report), 0
     chosen, alarm = prepared.settings, prepared.settings.mode_false_alarm
-    while chosen.skip is None and chosen.all_found and promised(best.fitted, prepared) > 0.0:
+    free = chosen.skip is None and chosen.all_found
+    # A record that is believed down to a share of its largest value is nowhere linear: no period would be the last.
+    while free and best.start.floor is None and promised(best.fitted, prepared) > 0.0:
         report("leaving the first period out")
         shorter, alone = without_first(prepared)
         try:
