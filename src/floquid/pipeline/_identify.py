@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, overload
@@ -23,6 +24,7 @@ from floquid.pipeline._starts import OPENINGS, POLES, criterion, determined, exp
 from floquid.pipeline._validated import validated
 from floquid.pipeline.excited import AmbientAnalysis, DrivenAnalysis, identify_ambient, identify_driven
 from floquid.pipeline.preparation import Prepared, blas_threads, own_names, prepare, settings_of
+from floquid.search import SECONDS
 
 
 @overload
@@ -105,9 +107,12 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
     """
     best, left_out = _best(prepared, report), 0
     chosen, alarm = prepared.settings, prepared.settings.mode_false_alarm
-    free = chosen.skip is None and chosen.all_found
+    free, until, said = chosen.skip is None and chosen.all_found, time.process_time() + SECONDS, list[Finding]()
     # A record that is believed down to a share of its largest value is nowhere linear: no period would be the last.
     while free and best.start.floor is None and promised(best.fitted, prepared) > 0.0:
+        if time.process_time() > until:
+            said.append(warning("out_of_time", seconds=SECONDS))
+            break
         report("leaving the first period out")
         shorter, alone = without_first(prepared)
         try:
@@ -123,7 +128,8 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
             "finds the period from the response. If you know the period to be right, pass `trust_period=True`."
         )
     if left_out:
-        prepared = replace(prepared, findings=(*prepared.findings, warning("begins_later", periods=left_out)))
+        said.append(warning("begins_later", periods=left_out))
+    prepared = replace(prepared, findings=(*prepared.findings, *said))
     return completed(prepared, best.start, best.model, best.fitted, best.settings, best.doubts, report)
 
 

@@ -65,3 +65,10 @@ def test_a_first_period_like_the_others_promises_nothing(seed):
     analysis = identify(records, validate=False)
     assert promised(analysis.fit, prepare(records)) < 0.0
     assert analysis.records[0].start == 0.0
+
+
+def test_no_more_periods_are_left_out_once_the_time_is_over(monkeypatch):
+    monkeypatch.setattr("floquid.pipeline._identify.SECONDS", 0.0)
+    analysis = identify(decays(SLOW, *FAST, seed=3), trust_period=True, validate=False)
+    assert analysis.records[0].start == 0.0
+    assert any("ended after 0 s of processor time" in words for words in analysis.warnings)
