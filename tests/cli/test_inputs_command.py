@@ -8,7 +8,7 @@ import pytest
 from scipy.io import loadmat
 from tests.driven import imbalance_of, mathieu, record_of
 
-from floquid import Channel, Record, load, reconstruct
+from floquid import Channel, Record, load
 from floquid.cli import run
 from floquid.cli._options import FREE
 from floquid.cli._terminal import print_analysis
@@ -95,7 +95,7 @@ def test_the_state_matrix_is_printed_saved_and_exported(file, tmp_path, capsys, 
     assert "Deviation: the largest" not in " ".join(said.split())
     monkeypatch.setenv("COLUMNS", "80")
     # A model that fails has no deviations.
-    print_analysis(replace(kept, state=reconstruct(kept.model, ["x"])))
+    print_analysis(replace(kept, state=kept.state.without_deviations()))
     said = capsys.readouterr().out
     assert "B(t): smallest" in said
     assert "deviation" not in said[said.index("A(t)") :].lower()
@@ -170,7 +170,10 @@ def test_transfer_functions_as_text_json_table_and_picture(file, tmp_path, capsy
         (["identify", "FILE", "--period", PERIOD, "--inputs", "G"], "--inputs"),
         (["identify", "FILE", "--period", PERIOD, "--inputs", "F", "--hold", "second"], "--hold"),
         (["identify", "FILE", "--period", PERIOD, "--inputs", "F", "--states", "z"], "`--states` must"),
-        (["identify", "FILE", "--period", PERIOD, "--inputs", "F", "--states", "x", "--form", "delayed"], "`--form`"),
+        (
+            ["identify", "FILE", "--period", PERIOD, "--inputs", "F", "--states", "x", "--structure", "6"],
+            "`--structure`",
+        ),
         (["identify", "FILE", "--period", PERIOD, "--excitation", "ambient", "--states", "z"], "`--states` must"),
     ],
 )
@@ -190,19 +193,19 @@ def test_without_a_period_what_tells_it_is_named(file, words, capsys):
 @pytest.mark.parametrize("words", [["--inputs", "F"], ["--excitation", "ambient"]])
 def test_options_of_free_responses_are_refused_in_the_words_of_the_command(file, words, capsys):
     command = ["identify", str(file), "--period", PERIOD, *words]
-    free = ["--order 4", "--structure auto --states x", "--skip 1", "--no-repair", "--find-hits", "--trust-period"]
+    free = ["--order 4", "--skip 1", "--no-repair", "--find-hits", "--trust-period"]
     for own in free:
         assert run([*command, *own.split()]) == 2
         said = capsys.readouterr().err
         assert f"`{own.split()[0].replace('--no-', '--')}` must be left as it is" in said
-        assert "--periods-per-rev, --pulses-per-rev, --states, --system-times" in said
+        assert "--periods-per-rev, --pulses-per-rev, --states, --structure, --system-times" in said
 
 
 def test_the_help_says_which_options_are_of_free_responses(capsys):
     assert set(FREE) == {own.name for own in fields(Settings)} - {*TAKEN, "excitation"}
     assert run(["identify", "--help"]) == 0
     said = " ".join(capsys.readouterr().out.replace("│", "").split())
-    for first in ("--estimate-period, --orbit", "--order, --identifier", "--delay, --structure"):
+    for first in ("--estimate-period, --orbit", "--order, --identifier"):
         assert f"Not with --inputs or --excitation ambient, but of free responses alone: {first}" in said
 
 

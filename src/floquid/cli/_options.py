@@ -109,7 +109,7 @@ READING = {  # what is said of records beside the settings
 
 FREE = (
     *("estimate_period", "orbit", "find_hits", "skip", "repair", "trust_period", "noise_floor"),
-    *("order", "identifier", "constrained", "delay", "structure", "output_error"),
+    *("order", "identifier", "constrained"),
 )
 """Settings that count for free responses alone."""
 

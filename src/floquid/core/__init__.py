@@ -9,6 +9,9 @@ from floquid.core._channel import Channel, Quantity, channels_named
 from floquid.core._clock import AzimuthSignal, Clock, ConstantPeriod, PulseTimes, TachometerSignal
 from floquid.core._cycles import Cycles
 from floquid.core._estimates import Estimates
+from floquid.core._estimates import Gains as Gains
+from floquid.core._modelled import Driven as Driven
+from floquid.core._modelled import modelled as modelled
 from floquid.core._periodic_model import ModelInputs, PeriodicModel
 from floquid.core._provenance import Provenance
 from floquid.core._record import Record

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,11 +12,42 @@ from floquid._checks import Rebuilt, finite, input_error, positive
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Gains(Rebuilt):
+    """Coefficients by which measured inputs drive the modes of `Estimates`, and how they move with its parameters.
+
+    Raises InputError where a shape is not possible.
+
+    Parameters
+    ----------
+    harmonics
+        The integers l, ascending (harmonics,).
+    coefficients
+        b (modes, inputs, harmonics) [1/s over the units of the inputs]; of a real multiplier those below zero, too.
+    slopes
+        Derivatives of b by the parameters p of the estimates (modes, inputs, harmonics, parameters).
+    """
+
+    harmonics: Integers
+    coefficients: Complexes
+    slopes: Complexes
+
+    def __post_init__(self) -> None:
+        self._freeze(dtype=np.int64, harmonics=("harmonics",))
+        self._freeze(dtype=np.complex128, coefficients=("modes", "inputs", len(self.harmonics)))
+        self._freeze(dtype=np.complex128, slopes=(*self.coefficients.shape, "parameters"))
+
+    def std(self, covariance: Floats) -> Complexes:
+        """Deviations of b (modes, inputs, harmonics), by the covariance of p: real part of the real part."""
+        return _deviations(self.slopes, covariance)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Estimates(Rebuilt):
     r"""Exponents and every coefficient of a fit, with their joint covariance.
 
-    The parameters are p = (Re λ, Im λ, ω), and one *term* (r, m) is the coefficient B of harmonic m of mode r. Errors
-    are those of p and, independent of them, the noise of each row, a row being one channel in one hit:
+    The parameters are p = (Re λ, Im λ, ω, others), others being all else that errors of several rows have in common, as
+    gains of inputs. One *term* (r, m) is the coefficient B of harmonic m of mode r. Errors are those of p and,
+    independent of them, the noise of each row, a row being one channel in one hit:
 
     .. math:: \delta B_{k,c,h} = \sum_p S_{k,c,h,p}\, \delta p + g_{k,c,h}\, e_{k,c,h}, \qquad
               \mathrm{cov}\,[\Re e; \Im e]_{c,h} = V_{b(c,h)}
@@ -38,9 +69,10 @@ class Estimates(Rebuilt):
     coefficients
         B (terms, channels, hits) [units of the channels].
     covariance
-        Of p: real parts, imaginary parts, fundamental (2 modes + 1, 2 modes + 1); zero where one is no parameter.
+        Of p: real parts, imaginary parts, fundamental, others (parameters, parameters), at least 2 modes + 1; zero
+        where one is no parameter.
     slopes
-        S (terms, channels, hits, 2 modes + 1).
+        S (terms, channels, hits, parameters).
     spread, blocks
         V, of real parts, then imaginary parts (blocks, 2 terms, 2 terms), and b: the V of each row (channels, hits).
     scales
@@ -50,6 +82,8 @@ class Estimates(Rebuilt):
         known at these coefficients alone.
     bend
         f (terms, channels, hits), the relative slope of the filter that the responses went through; None for none.
+    gains
+        How measured inputs drive the modes; None where none were measured.
     """
 
     exponents: Complexes
@@ -65,12 +99,13 @@ class Estimates(Rebuilt):
     scales: Complexes
     drift: Floats | None = None
     bend: Complexes | None = None
+    gains: Gains | None = None
 
     def __post_init__(self) -> None:
         of, put = "Estimates", object.__setattr__
         self._freeze(dtype=np.complex128, exponents=("modes",))
         self._freeze(dtype=np.int64, modes=("terms",))
-        lam, modes, n, parts = self.exponents, self.modes, len(self.modes), 2 * len(self.exponents) + 1
+        lam, modes, n = self.exponents, self.modes, len(self.modes)
         self._freeze(dtype=np.complex128, coefficients=(n, "channels", "hits"))
         put(self, "fundamental", positive(self.fundamental, "fundamental", of, unit="rad/s"))
         real = np.array(self.real, bool)
@@ -78,12 +113,22 @@ class Estimates(Rebuilt):
         put(self, "real", real)
         shape, square = self.coefficients.shape, (2 * n, 2 * n)
         self._freeze(dtype=np.int64, harmonics=(n,), blocks=shape[1:])
-        self._freeze(covariance=(parts, parts), spread=("blocks", *square), drift=(len(self.spread), *square))
+        parts = max(len(np.atleast_1d(self.covariance)), 2 * len(lam) + 1)
+        self._freeze(covariance=(parts, parts))
+        self._freeze(spread=("blocks", *square), drift=(len(self.spread), *square))
         self._freeze(dtype=np.complex128, slopes=(*shape, parts), scales=shape, bend=shape)
         if real.shape != lam.shape or (n and (modes.min() < 0 or modes.max() >= len(lam))):
             raise input_error("modes", of, "name modes of `exponents`", f"are {np.unique(modes).tolist()}")
         if self.blocks.size and (self.blocks.min() < 0 or self.blocks.max() >= len(self.spread)):
             raise input_error("blocks", of, "name blocks of `spread`", f"are {np.unique(self.blocks).tolist()}")
+        if self.gains is not None and self.gains.slopes.shape[::3] != (len(lam), parts):
+            must = f"have the {len(lam)} modes and {parts} parameters of the estimates"
+            raise input_error("gains", of, must, f"have {self.gains.slopes.shape[::3]}")
+
+    @property
+    def fundamental_place(self) -> int:
+        """The place of ω among the parameters, behind both parts of the exponents."""
+        return 2 * len(self.exponents)
 
     @property
     def rates(self) -> Complexes:
@@ -107,12 +152,20 @@ class Estimates(Rebuilt):
 
     @property
     def rate_slopes(self) -> Complexes:
-        """Derivatives of the rate of each term with respect to the parameters (terms, 2 modes + 1)."""
+        """Derivatives of the rate of each term with respect to the parameters (terms, parameters)."""
+        slopes = self.exponent_slopes[self.modes]
+        slopes[:, self.fundamental_place] += 1j * self.harmonics
+        return slopes
+
+    @property
+    def exponent_slopes(self) -> Complexes:
+        """Derivatives of the exponents with respect to the parameters (modes, parameters)."""
         count = len(self.exponents)
-        own = (self.modes[:, None] == np.arange(count)).astype(float)
-        turns = self.harmonics + 0.5 * self.half_turns[self.modes]
-        parts = [own, 1j * own * ~self.real, 1j * turns[:, None]]
-        return np.concatenate(parts, axis=1, dtype=np.complex128)
+        slopes = np.zeros((count, len(self.covariance)), complex)
+        own = np.arange(count)
+        slopes[own, own], slopes[own, count + own] = 1.0, 1j * ~self.real
+        slopes[:, self.fundamental_place] = 0.5j * self.half_turns
+        return slopes
 
     def std(self) -> Complexes:
         """Deviations of the coefficients (terms, channels, hits): real part of the real, imaginary of the imaginary."""
@@ -123,8 +176,8 @@ class Estimates(Rebuilt):
         g, s = self.scales, self.slopes
         real = g.real**2 * up + g.imag**2 * down - 2.0 * g.real * g.imag * both
         imag = g.imag**2 * up + g.real**2 * down + 2.0 * g.real * g.imag * both
-        real += np.einsum("kchp,kchp->kch", s.real @ self.covariance, s.real)
-        imag += np.einsum("kchp,kchp->kch", s.imag @ self.covariance, s.imag)
+        shared = _deviations(s, self.covariance)
+        real, imag = real + shared.real**2, imag + shared.imag**2
         return np.sqrt(np.maximum(real, 0.0)) + 1j * np.sqrt(np.maximum(imag, 0.0))
 
     def noise_covariance(self, channel: int, hit: int) -> Floats:
@@ -132,6 +185,12 @@ class Estimates(Rebuilt):
         g = self.scales[:, channel, hit]
         turn = np.block([[np.diag(g.real), -np.diag(g.imag)], [np.diag(g.imag), np.diag(g.real)]])
         return turn @ self.spread[self.blocks[channel, hit]] @ turn.T
+
+    def row_covariance(self, channel: int, hit: int) -> Floats:
+        """Covariance of the coefficients of a row, `channel` and `hit`, by all errors (2 terms, 2 terms)."""
+        own = self.slopes[:, channel, hit]
+        both = np.concatenate([own.real, own.imag])
+        return self.noise_covariance(channel, hit) + both @ self.covariance @ both.T
 
     def slopes_at(self, coefficients: Complexes, channel: int, hit: int) -> Complexes:
         r"""The slopes S of one row for other coefficients than those estimated (terms, 2 modes + 1).
@@ -158,25 +217,26 @@ class Estimates(Rebuilt):
         by_coefficients: Complexes,
         by_rates: Complexes | None = None,
         by_exponents: Complexes | None = None,
+        by_parameters: Floats | None = None,
     ) -> Floats:
         r"""The variance of real quantities f, to first order (quantities,).
 
         .. math:: \delta f = \Re \Big(\sum_k \frac{\partial f}{\partial B_k} \delta B_k +
                   \sum_k \frac{\partial f}{\partial s_k} \delta s_k + \sum_r \frac{\partial f}{\partial \lambda_r}
-                  \delta \lambda_r\Big)
+                  \delta \lambda_r\Big) + \sum_p \frac{\partial f}{\partial p} \delta p
 
         with s the rates of the terms. A slope is that of the term and of its mirror image together: `by_coefficients`
-        (quantities, terms, channels, hits), `by_rates` (quantities, terms), `by_exponents` (quantities, modes).
+        (quantities, terms, channels, hits), `by_rates` (quantities, terms), `by_exponents` (quantities, modes),
+        `by_parameters` (quantities, parameters) of what depends on p beside them.
         """
         flat = by_coefficients.reshape(len(by_coefficients), -1)
         total = (flat @ self.slopes.reshape(flat.shape[1], -1)).real
         if by_rates is not None:
             total += (by_rates @ self.rate_slopes).real
         if by_exponents is not None:
-            own, count = np.asarray(by_exponents), len(self.exponents)
-            total[:, :count] += own.real
-            total[:, count:-1] -= own.imag * ~self.real
-            total[:, -1] -= own.imag @ (0.5 * self.half_turns)
+            total += (by_exponents @ self.exponent_slopes).real
+        if by_parameters is not None:
+            total += by_parameters
         variance = np.einsum("qp,qp->q", total @ self.covariance, total)
         used = by_coefficients.any(axis=(0, 1))
         for block, spread in enumerate(self.spread):
@@ -195,7 +255,8 @@ class Estimates(Rebuilt):
         place = np.full(len(self.exponents), -1)
         place[kept] = np.arange(len(kept))
         own = [k for mode in kept for k in chosen if self.modes[k] == mode]
-        parts = np.concatenate([kept, kept + len(self.exponents), [2 * len(self.exponents)]])
+        others = np.arange(self.fundamental_place, len(self.covariance))
+        parts = np.concatenate([kept, kept + len(self.exponents), others])
         both = np.concatenate([own, np.array(own, int) + len(self.modes)]).astype(int)
         return Estimates(
             exponents=self.exponents[kept],
@@ -211,6 +272,26 @@ class Estimates(Rebuilt):
             scales=self.scales[own],
             drift=None if self.drift is None else self.drift[:, both][:, :, both],
             bend=None if self.bend is None else self.bend[own],
+            gains=None if self.gains is None else self._gains_of(self.gains, kept, parts),
+        )
+
+    @staticmethod
+    def _gains_of(gains: Gains, kept: Integers, parts: Integers) -> Gains:
+        return Gains(
+            harmonics=gains.harmonics,
+            coefficients=gains.coefficients[kept],
+            slopes=gains.slopes[kept][..., parts],
+        )
+
+    def moved(self, step: Floats) -> Estimates:
+        """The estimates after a step of their parameters (parameters,)."""
+        gains = self.gains
+        return replace(
+            self,
+            exponents=self.exponents + self.exponent_slopes @ step,
+            fundamental=self.fundamental + float(step[self.fundamental_place]),
+            coefficients=self.coefficients + self.slopes @ step,
+            gains=None if gains is None else replace(gains, coefficients=gains.coefficients + gains.slopes @ step),
         )
 
     def term(self, mode: int, harmonic: int) -> int | None:
@@ -220,4 +301,17 @@ class Estimates(Rebuilt):
 
     def period_std(self) -> float:
         """The deviation of the period [s]; zero where it was given."""
-        return finite(2.0 * np.pi / self.fundamental**2 * np.sqrt(self.covariance[-1, -1]), "covariance", "Estimates")
+        return finite(2.0 * np.pi / self.fundamental**2 * self.fundamental_std, "covariance", "Estimates")
+
+    @property
+    def fundamental_std(self) -> float:
+        """The deviation of ω [rad/s]; zero where the period was given."""
+        return float(np.sqrt(self.covariance[self.fundamental_place, self.fundamental_place]))
+
+
+def _deviations(slopes: Complexes, covariance: Floats) -> Complexes:
+    """Deviations by slopes (…, parameters): that of the real part as the real part, of the imaginary the imaginary."""
+    real, imag = (
+        np.sqrt(np.maximum(np.sum((own @ covariance) * own, axis=-1), 0.0)) for own in (slopes.real, slopes.imag)
+    )
+    return np.asarray(real + 1j * imag, np.complex128)

@@ -257,17 +257,15 @@ class PeriodicModel(Drawn, Rebuilt):
         if self.covariance is None:
             return None
         own, n = self.estimates, self.order
-        if own is None or own.covariance[-1, -1] == 0.0:
+        if own is None or own.fundamental_std == 0.0:
             slope = self.multipliers * self.period
             turned = np.moveaxis(np.array([[slope.real, -slope.imag], [slope.imag, slope.real]]), 2, 0)
             parts = np.array([self.covariance[r::n, r::n] for r in range(n)]).reshape(n, 2, 2)
             return turned @ parts @ turned.transpose(0, 2, 1)
         # Half the fundamental, in a real multiplier, turns by half a turn a period whatever the period is.
-        lam = np.where(own.real, own.exponents.real, own.exponents)
         slope = self.multipliers[self.modes_of(own)] * self.period
-        by = np.concatenate(
-            [np.diag(slope), np.diag(1j * slope * ~own.real), -(slope * lam / own.fundamental)[:, None]], 1
-        )
+        by = slope[:, None] * own.exponent_slopes
+        by[:, own.fundamental_place] -= slope * own.exponents / own.fundamental
         both = np.stack([by.real, by.imag], axis=1)
         known = both @ own.covariance @ both.transpose(0, 2, 1)
         straight, mirrored = (

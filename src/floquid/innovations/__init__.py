@@ -22,6 +22,7 @@ from floquid.innovations._predictor import Predictor as Predictor
 from floquid.innovations._predictor import predicted as predicted
 from floquid.innovations._products import gap_of as gap_of
 from floquid.innovations._result import Fit as Fit
+from floquid.innovations._result import estimates_at as estimates_at
 from floquid.innovations._result import model_of as model_of
 from floquid.innovations._result import period_step as period_step
 from floquid.innovations._result import phase_step as phase_step

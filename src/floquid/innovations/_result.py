@@ -10,21 +10,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
-from floquid.core import Channel, PeriodicModel, Provenance
+from floquid.core import Channel, Estimates, PeriodicModel, Provenance, modelled
+from floquid.errors import IdentificationError
 from floquid.fit import Normal, wald_rise
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, gradient, predicted
 from floquid.innovations._solve import inverse_of, normal_of, places
 from floquid.inputs import (
+    Errors,
     InputMode,
     Samples,
     Term,
     TransferFunctions,
-    assembled,
+    driven_of,
+    estimates_of,
     input_gain,
-    listed,
     modal_transfer,
     sealed,
+    selection_of,
     terms_of,
 )
 
@@ -179,49 +182,117 @@ def sized(fit: Fit) -> Fit:
     return replace(fit, at=replace(fit.at, modes=tuple(modes), initial=initial, states=states))
 
 
-def _deviations(fit: Fit, number: int) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Deviations of b (inputs, reach) and of the shape (channels, turns) of a mode, its largest coefficient held."""
-    mode, samples = fit.at.modes[number], fit.samples
-    spread = fit.parameters[fit.places[number], fit.places[number]]
-    largest = int(np.argmax(np.abs(mode.shape / fit.at.noise)))
-    held = mode.shape.flat[largest]
-
-    def values(at: Mode) -> NDArray[np.complex128]:
-        by = at.shape.flat[largest] / held
-        by = abs(by) if mode.real else by
-        gains = _as_input_mode(at, samples, np.zeros(0, complex)).gains
-        return np.concatenate([gains.ravel() * by, at.shape.ravel() / by])
-
-    slopes = []
-    for parameter, std in enumerate(np.sqrt(np.maximum(np.diag(spread), 0.0))):
-        step = np.zeros(len(spread))
-        step[parameter] = NUDGE * std
-        slopes.append((values(mode.moved(step)) - values(mode.moved(-step))) / (2.0 * step[parameter] or 1.0))
-    by = np.array([[own.real, own.imag] for own in slopes])
-    real, imag = np.sqrt(np.maximum(np.einsum("pcq,pr,rcq->cq", by, spread, by), 0.0))
-    both, count = real + 1j * imag, len(samples.inputs) * len(mode.reach)
-    return both[:count].reshape(-1, len(mode.reach)), both[count:].reshape(mode.shape.shape)
-
-
 def model_of(fit: Fit, channels: Sequence[Channel], inputs: Sequence[Channel], provenance: Provenance) -> PeriodicModel:
     """The periodic model of a fit, each mode with its conjugate, with deviations; the states have an rms of 1."""
-    fit, parts, row = sized(fit), [], 0
-    for number, mode in enumerate(fit.at.modes):
-        gain_std, shape_std = _deviations(fit, number)
-        rows = np.zeros((2, len(fit.parameters)))
-        rows[range(mode.rows), range(fit.places[number].start, fit.places[number].start + mode.rows)] = 1.0
-        initial = np.zeros(len(fit.samples.records), complex)
-        initial.real = fit.at.initial[:, row]
-        if not mode.real:
-            initial.imag = fit.at.initial[:, row + 1]
+    fit = sized(fit)
+    modes = _input_modes(fit)
+    direct = {}
+    if fit.acting:
+        direct[0] = fit.at.columns[:, fit.at.columns.shape[1] - len(inputs) :].astype(complex)
+    samples = fit.samples
+    return modelled(
+        _estimates(fit, modes),
+        unselected=_estimates(fit, modes, held=False),
+        channels=channels,
+        provenance=provenance,
+        driven=driven_of(modes, inputs, direct, len(channels), samples.fundamental, samples.first_times),
+    )
+
+
+def _input_modes(fit: Fit) -> list[InputMode]:
+    """The modes of a fit as those of measured inputs alone, with their states at the begin of each record."""
+    modes, row = [], 0
+    for mode in fit.at.modes:
+        initial = fit.at.initial[:, row].astype(complex)
+        initial.imag = 0.0 if mode.real else fit.at.initial[:, row + 1]
         row += mode.rows
-        own = _as_input_mode(mode, fit.samples, initial)
-        both = (mode.shape, shape_std)
-        parts.append(listed(own, both, gain_std, rows, fit.samples.fundamental, fit.samples.first_times))
-    turns = np.zeros(int(fit.acting > 0), np.int64)
-    direct = fit.at.columns[:, fit.at.columns.shape[1] - len(inputs) :, None].astype(complex)[..., : len(turns)]
-    period = 2.0 * np.pi / fit.samples.fundamental
-    return assembled(parts, fit.parameters, period, channels, inputs, (turns, direct), provenance)
+        modes.append(_as_input_mode(mode, fit.samples, initial))
+    return modes
+
+
+def estimates_at(fit: Fit, exponents: NDArray[np.complex128]) -> Estimates:
+    """The estimates of a fit linearised anew at exponents (modes,) [1/s].
+
+    One step of Gauss and Newton from there, as `floquid.periodic.estimate_at` has it.
+
+    Raises IdentificationError where the predictor diverges there.
+    """
+    pairs = zip(fit.at.modes, exponents.tolist(), strict=True)
+    modes = [replace(mode, exponent=complex(value.real) if mode.real else value) for mode, value in pairs]
+    at = predicted(fit.samples, modes, fit.at.columns, fit.at.initial, fit.at.whitening)
+    if at is None:
+        raise IdentificationError("The predictor diverges where the record was linearised anew.")
+    here = sized(replace(fit, at=at))
+    step = here.parameters @ here.normal.gradient
+    return _estimates(here, _input_modes(here), step, held=False)
+
+
+def _estimates(
+    fit: Fit, modes: Sequence[InputMode], step: NDArray[np.float64] | None = None, *, held: bool = True
+) -> Estimates:
+    """Exponents, shapes and gains with their joint covariance, of the modes of a fit as those of inputs alone.
+
+    The scale of a state is free. With `held` the largest coefficient of each mode has no deviation; without, every
+    coefficient has one, as what is fitted to them needs. After a step of all parameters, to first order, where one is
+    given.
+    """
+    known, seen, free, amplitudes = [np.zeros((0, len(fit.parameters)))], [], [], []
+    for number, (mode, own) in enumerate(zip(fit.at.modes, modes, strict=True)):
+        exponent, gains, shape = _slopes(fit, number, own, held=held)
+        begun, turning = np.zeros(len(own.initial), bool), np.tile(mode.reach > 0.0, len(own.gains))
+        if mode.real:
+            known.append(np.concatenate([exponent.real[None], gains.real, gains.imag[turning]]))
+            free.append(np.concatenate([[True], np.ones(len(gains), bool), turning, begun]))
+        else:
+            known.append(np.concatenate([exponent.real[None], gains.real, exponent.imag[None], gains.imag]))
+            free.append(np.tile(np.concatenate([np.ones(1 + len(gains), bool), begun]), 2))
+        turning = (mode.turns > 0.0) | (not mode.real)
+        seen.append(np.concatenate([shape.real, shape.imag[:, turning]], axis=1))
+        amplitudes.append(shape)
+    rows = np.concatenate(known)
+    by = np.concatenate([rows, np.concatenate(seen, axis=1).reshape(-1, rows.shape[1])])
+    errors = Errors.of_joint(by @ fit.parameters @ by.T, len(rows), len(fit.samples.values))
+    found = estimates_of(modes, [mode.shape for mode in fit.at.modes], errors, fit.samples.fundamental, free)
+    if step is None:
+        return found
+    others = np.zeros(len(errors.parameters) - len(rows))
+    moved = found.moved(selection_of(modes, free, len(errors.parameters)) @ np.append(rows @ step, others))
+    half = np.concatenate([np.where((mode.turns > 0.0) | (not mode.real), 0.5, 1.0) for mode in modes])
+    shapes = np.concatenate([(own @ step).T for own in amplitudes])
+    return replace(moved, coefficients=found.coefficients + (half[:, None] * shapes)[:, :, None])
+
+
+def _slopes(
+    fit: Fit, number: int, own: InputMode, *, held: bool
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128], NDArray[np.complex128]]:
+    """Derivatives of λ, of b (inputs · reach) and of the shape (channels, turns) by all parameters of a fit, last."""
+    mode, samples, place = fit.at.modes[number], fit.samples, fit.places[number]
+    width, count, size = len(fit.parameters), own.gains.size, mode.shape.size
+    exponent, gains, shape = (
+        np.zeros(width, complex),
+        np.zeros((count, width), complex),
+        np.zeros((size, width), complex),
+    )
+    exponent[place.start : place.start + mode.rows] = (1.0, 1j)[: mode.rows]
+    nudge, omega = 1e-6 / samples.step, samples.fundamental
+    up, now, down = (
+        np.array([input_gain(mode.exponent + by, turn, omega, samples.step, samples.hold)[0] for turn in mode.reach])
+        for by in (nudge, 0.0, -nudge)
+    )
+    first = place.start + mode.rows + np.arange(count)
+    each = np.tile(now, len(own.gains))
+    gains[np.arange(count), first], gains[np.arange(count), first + mode.gains.size] = 1.0 / each, 1j / each
+    gains -= np.outer((own.gains * (up - down) / (2.0 * nudge * now)).ravel(), exponent)
+    last = place.stop - 2 * size + np.arange(size)
+    shape[np.arange(size), last], shape[np.arange(size), last + size] = 1.0, 1j
+    if not held:
+        return exponent, gains, shape.reshape(*mode.shape.shape, width)
+    largest = int(np.argmax(np.abs(mode.shape / fit.at.noise)))
+    scale = shape[largest] / mode.shape.flat[largest]
+    scale = scale.real if mode.real else scale
+    shape -= np.outer(mode.shape.ravel(), scale)
+    gains += np.outer(own.gains.ravel(), scale)
+    return exponent, gains, shape.reshape(*mode.shape.shape, width)
 
 
 def transfer_of(

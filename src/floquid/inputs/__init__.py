@@ -4,19 +4,22 @@
 make a model and transfer functions of both: `floquid.identify_driven` is the chain.
 """
 
+from floquid.inputs._estimates import Errors as Errors
+from floquid.inputs._estimates import Term as Term
+from floquid.inputs._estimates import driven_of as driven_of
+from floquid.inputs._estimates import estimates_of as estimates_of
+from floquid.inputs._estimates import selection_of as selection_of
+from floquid.inputs._estimates import terms_of as terms_of
 from floquid.inputs._free import fitted_freely as fitted_freely
 from floquid.inputs._joint import chosen_together as chosen_together
 from floquid.inputs._joint import fitted_together as fitted_together
 from floquid.inputs._modes import InputMode as InputMode
 from floquid.inputs._modes import answering as answering
 from floquid.inputs._modes import input_gain as input_gain
-from floquid.inputs._result import Term as Term
 from floquid.inputs._result import Uncertainty as Uncertainty
-from floquid.inputs._result import assembled as assembled
-from floquid.inputs._result import listed as listed
+from floquid.inputs._result import estimates_at as estimates_at
 from floquid.inputs._result import model_of as model_of
 from floquid.inputs._result import sealed as sealed
-from floquid.inputs._result import terms_of as terms_of
 from floquid.inputs._result import transfer_of as transfer_of
 from floquid.inputs._samples import Hold
 from floquid.inputs._samples import Samples as Samples

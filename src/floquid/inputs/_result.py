@@ -11,14 +11,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
-from floquid.core import Channel, ModelInputs, PeriodicModel, Provenance, with_deviations
+from floquid.core import Channel, Estimates, PeriodicModel, Provenance, modelled
+from floquid.inputs._estimates import Errors, driven_of, estimates_of, selection_of, terms_of
 from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
-from floquid.inputs._solver import Linearisation, covariance, slopes_of, state_slopes
+from floquid.inputs._solver import (
+    Linearisation,
+    covariance,
+    linearise,
+    normal_equations,
+    slopes_of,
+    solve,
+    state_slopes,
+)
 from floquid.inputs._transfer import TransferFunctions, modal_transfer
 
-Term = tuple[complex, NDArray[np.int64], NDArray[np.complex128], NDArray[np.int64], NDArray[np.complex128]]
-"""λ, the harmonics m, c (outputs, harmonics), the harmonics l, b (inputs, harmonics)."""
+FURTHER = 3
+"""Harmonics beyond those fitted that A(t) with a structure is fitted to as well: that they are small is knowledge."""
+
+FEW = 3
+"""Steps of that fit: what has hardly any information may go on for ever."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,12 +79,25 @@ class Uncertainty(Rebuilt):
             place = stop
         return found
 
-    def spread_over(self, number: int, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Rows of numbers, one a parameter of a mode free or not, among the free ones of all (rows, parameters)."""
-        found = np.zeros((len(values), len(self.parameters)))
-        place, free = self.places[number]
-        found[:, place] = values[:, free]
-        return found
+    @cached_property
+    def unselected(self) -> Uncertainty:
+        """The same fit with several harmonics more at each end of the bands of the outputs."""
+        modes = [mode.with_band("turns", _longer(mode)) for mode in self.at.modes]
+        return Uncertainty(self.samples, solve(self.samples, modes, self.at.direct, iterations=FEW))
+
+    @cached_property
+    def estimates(self) -> Estimates:
+        """Exponents, shapes and gains with their joint covariance."""
+        at = self.at
+        errors = Errors(
+            parameters=self.parameters,
+            slopes=self.slopes,
+            spread=at.inverse[None],
+            blocks=np.zeros(len(at.noise), np.int64),
+            scales=at.noise,
+        )
+        shapes = [at.shape(number).T for number in range(len(at.modes))]
+        return estimates_of(at.modes, shapes, errors, self.samples.fundamental)
 
 
 def sealed(one: Any) -> None:
@@ -95,201 +120,39 @@ def model_of(
 
     Deviations of exponents near an axis are those `as_read`, by the numbers of their modes, where they are given.
     """
-    at, read = found.at, as_read or {}
-    std = [read.get(k, complex(np.nan, np.nan)) for k, mode in enumerate(at.modes) for _ in range(2 - mode.real)]
-    turns = _all_of([np.array([-turn, turn], np.int64) for turn in map(int, at.direct)])
-    model = assembled(
-        [_part_of(found, number) for number in range(len(at.modes))],
-        found.parameters,
-        2.0 * np.pi / found.samples.fundamental,
-        channels,
-        inputs,
-        (turns, _direct(at, len(channels), len(inputs), turns)),
-        provenance,
-    )
-    assert model.covariance is not None
-    return replace(model, covariance=with_deviations(model.covariance, np.array(std))) if read else model
-
-
-def assembled(
-    parts: Sequence[Part],
-    spread: NDArray[np.float64],
-    period: float,
-    channels: Sequence[Channel],
-    inputs: Sequence[Channel],
-    direct: tuple[NDArray[np.int64], NDArray[np.complex128]],
-    provenance: Provenance,
-) -> PeriodicModel:
-    """The periodic model of modes, of pairs both, with the covariance of all parameters (parameters, parameters).
-
-    `direct` are the harmonics n and D (outputs, inputs, harmonics). Without inputs the model has none.
-    """
-    order = sum(1 if part.real else 2 for part in parts)
-    harmonics = _all_of([sign * part.harmonics for part in parts for sign in (1, -1)])
-    reach = _all_of([sign * part.reach for part in parts for sign in (1, -1)])
-    coefficients = np.zeros((order, len(channels), 1, len(harmonics)), complex)
-    coefficient_std = np.zeros_like(coefficients)
-    gains = np.zeros((order, len(inputs), len(reach)), complex)
-    gain_std = np.zeros_like(gains)
-    initial = np.zeros((order, len(parts[0].initial) if parts else 0), complex)
-    exponents, rows = np.zeros(order, complex), np.zeros((2 * order, len(spread)))
-    place = 0
-    for part in parts:
-        for conjugate in (False,) if part.real else (False, True):
-            sign = -1 if conjugate else 1
-            where = np.searchsorted(harmonics, sign * part.harmonics)
-            coefficients[place][:, 0, where] = part.coefficients.conj() if conjugate else part.coefficients
-            coefficient_std[place][:, 0, where] = part.coefficient_std
-            where = np.searchsorted(reach, sign * part.reach)
-            gains[place][:, where] = part.gains.conj() if conjugate else part.gains
-            gain_std[place][:, where] = part.gain_std
-            exponents[place] = part.exponent.conjugate() if conjugate else part.exponent
-            initial[place] = part.initial.conj() if conjugate else part.initial
-            rows[place], rows[order + place] = part.rows[0], sign * part.rows[1]
-            place += 1
-    own = None
-    if inputs:
-        own = ModelInputs(
-            channels=tuple(inputs),
-            coefficients=gains,
-            harmonics=reach,
-            coefficient_std=gain_std,
-            direct=direct[1],
-            direct_harmonics=direct[0],
-            initial=initial,
-        )
-    return PeriodicModel(
-        exponents=exponents,
-        coefficients=coefficients,
-        harmonics=harmonics,
-        period=period,
+    at, samples = found.at, found.samples
+    place, direct = at.slices()[-1][0].stop if at.modes else 0, {}
+    for turn in map(int, at.direct):
+        own = at.coefficients[place : place + (1 + (turn > 0)) * len(inputs)].T
+        place += own.shape[1]
+        direct[turn] = 0.5 * (own[:, : len(inputs)] + 1j * own[:, len(inputs) :]) if turn else own.astype(complex)
+    return modelled(
+        found.estimates,
         channels=channels,
-        covariance=rows @ spread @ rows.T,
-        coefficient_std=coefficient_std,
         provenance=provenance,
-        inputs=own,
+        driven=driven_of(at.modes, inputs, direct, len(channels), samples.fundamental, samples.first_times),
+        as_read=as_read,
     )
 
 
-def _all_of(parts: Sequence[NDArray[np.int64]]) -> NDArray[np.int64]:
-    """Every whole number from the least to the largest of some (numbers,)."""
-    both = np.concatenate([np.zeros(0, np.int64), *parts])
-    return np.arange(both.min(), both.max() + 1) if len(both) else both
+def estimates_at(fit: Uncertainty, exponents: NDArray[np.complex128]) -> Estimates:
+    """The estimates of a fit with several harmonics more, linearised anew at exponents (modes,) [1/s].
 
-
-def _direct(at: Linearisation, channels: int, inputs: int, turns: NDArray[np.int64]) -> NDArray[np.complex128]:
-    """D (channels, inputs, harmonics) of the columns of the direct term."""
-    found = np.zeros((channels, inputs, len(turns)), complex)
-    place = at.slices()[-1][0].stop if at.modes else 0
-    for turn in at.direct:
-        real = at.coefficients[place : place + inputs].T
-        place += inputs
-        if not turn:
-            found[:, :, turns == 0] += real[:, :, None]
-            continue
-        value = 0.5 * (real + 1j * at.coefficients[place : place + inputs].T)
-        place += inputs
-        found[:, :, turns == turn] += value[:, :, None]
-        found[:, :, turns == -turn] += value.conj()[:, :, None]
-    return found
-
-
-def _part_of(found: Uncertainty, number: int) -> Part:
-    """A mode of the fit as a model lists it."""
-    at, mode = found.at, found.at.modes[number]
-    shape, (columns, turning) = at.shape(number).T, at.slices()[number]
-    size, width = mode.gains.size, len(mode.free)
-    unit = np.eye(width)
-    std = np.zeros(shape.shape, complex)
-    for channel in range(len(shape)):
-        by = np.zeros((columns.stop - columns.start, len(at.columns)))
-        by[:, columns] = np.eye(len(by))
-        both = np.sqrt(found.variance(channel, np.zeros((len(by), len(found.parameters))), by))
-        std[channel] = both[: len(turning)]
-        std[channel, turning] += 1j * both[len(turning) :]
-    place, free = found.places[number]
-    spread = np.zeros(width)
-    spread[free] = np.sqrt(np.diag(found.parameters)[place])
-    later = 1 + size if mode.real else 1 + width // 2
-    gain_std = (spread[1 : 1 + size] + 1j * spread[later : later + size]).reshape(mode.gains.shape)
-    imag = (
-        np.zeros((1, len(found.parameters)))
-        if mode.real
-        else found.spread_over(number, unit[width // 2 : width // 2 + 1])
-    )
-    rows = np.concatenate([found.spread_over(number, unit[:1]), imag])
-    samples = found.samples
-    return listed(mode, (shape, std), gain_std, rows, samples.fundamental, samples.first_times)
-
-
-@dataclass(frozen=True, eq=False)
-class Part:
-    """One mode as a model lists it: a pair once, a real multiplier with all its harmonics."""
-
-    real: bool
-    exponent: complex
-    rows: NDArray[np.float64]
-    """Derivatives of Re λ and Im λ by the parameters of the fit (2, parameters)."""
-    harmonics: NDArray[np.int64]
-    coefficients: NDArray[np.complex128]
-    coefficient_std: NDArray[np.complex128]
-    reach: NDArray[np.int64]
-    gains: NDArray[np.complex128]
-    gain_std: NDArray[np.complex128]
-    initial: NDArray[np.complex128]
-
-
-def listed(
-    mode: InputMode,
-    shape: tuple[NDArray[np.complex128], NDArray[np.complex128]],
-    gain_std: NDArray[np.complex128],
-    rows: NDArray[np.float64],
-    fundamental: float,
-    begins: NDArray[np.float64],
-) -> Part:
-    """A mode as a model lists it, of amplitudes 2 c and their deviations (outputs, turns), and those of its gains.
-
-    `begins` are the times at which the records begin.
+    One step of Gauss and Newton from there, as `floquid.periodic.estimate_at` has it.
     """
-    initial, std = mode.initial, 0.5 * shape[1]
-    exponent, harmonics, coefficients, reach, gains = terms_of(mode, shape[0], fundamental)[0]
-    if mode.real:
-        begin = mode.turns[0] % 1.0
-        std = _mirrored(mode.turns, shape[1], -begin, deviations=True)[1]
-        gain_std = _mirrored(mode.reach, gain_std, begin, deviations=True)[1]
-        initial = initial * np.exp(1j * begin * fundamental * begins)
-    return Part(mode.real, exponent, rows, harmonics, coefficients, std, reach, gains, gain_std, initial)
+    wide = fit.unselected
+    pairs = zip(wide.at.modes, exponents.tolist(), strict=True)
+    modes = [replace(mode, exponent=complex(value.real) if mode.real else value) for mode, value in pairs]
+    here = Uncertainty(wide.samples, linearise(wide.samples, modes, wide.at.direct))
+    step = here.parameters @ normal_equations(here.samples, here.at)[1]
+    return here.estimates.moved(selection_of(here.at.modes) @ step)
 
 
-def _mirrored(
-    turns: NDArray[np.float64], values: NDArray[np.complex128], shift: float, *, deviations: bool = False
-) -> tuple[NDArray[np.int64], NDArray[np.complex128]]:
-    """Harmonics of a real signal's amplitudes (rows, turns), those below zero too, all moved by a shift."""
-    down = turns > 0.0
-    own = np.where(down, 0.5, 1.0) * values
-    both = np.concatenate([-turns[down][::-1], turns]) + shift
-    below = own[:, down][:, ::-1]
-    found = np.concatenate([below if deviations else below.conj(), own], axis=1)
-    return np.rint(both).astype(np.int64), found
-
-
-def terms_of(mode: InputMode, shape: NDArray[np.complex128], fundamental: float) -> list[Term]:
-    """A mode of a fit as modes of a model, with amplitudes 2 c (outputs, turns): a pair as two."""
-    if mode.real:
-        begin = mode.turns[0] % 1.0
-        seen, reached = _mirrored(mode.turns, shape, -begin), _mirrored(mode.reach, mode.gains, begin)
-        return [(mode.exponent.real + 1j * begin * fundamental, *seen, *reached)]
-    turns, reach = mode.turns.astype(np.int64), mode.reach.astype(np.int64)
-    return [
-        (mode.exponent, turns, 0.5 * shape, reach, mode.gains),
-        (
-            mode.exponent.conjugate(),
-            -turns[::-1],
-            0.5 * shape.conj()[:, ::-1],
-            -reach[::-1],
-            mode.gains.conj()[:, ::-1],
-        ),
-    ]
+def _longer(mode: InputMode) -> NDArray[np.float64]:
+    """The harmonics of a mode at the outputs with `FURTHER` more at each end."""
+    more = np.arange(1.0, FURTHER + 1.0)
+    below = [] if mode.real else mode.turns[0] - more[::-1]
+    return np.concatenate([below, mode.turns, mode.turns[-1] + more])
 
 
 def transfer_of(

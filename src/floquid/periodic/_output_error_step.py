@@ -23,7 +23,6 @@ from floquid.periodic.least_squares import (
     linearise,
     parts_of,
     record_blocks,
-    stepped,
     through,
 )
 from floquid.sync import ShaftAngle
@@ -78,7 +77,7 @@ def estimate_at(
         must, got = "have the joint covariance of its coefficients (`estimates`)", "has none"
         raise input_error("model", OF, must, got, "Identify with maximum likelihood and `constrained=True`.")
     start = frozen_array(exponents, "exponents", OF, axes=(len(known.exponents),), dtype=np.complex128)
-    entries = replace(ModeParameters.of_terms(known, start), free_period=bool(known.covariance[-1, -1] > 0.0))
+    entries = replace(ModeParameters.of_terms(known, start), free_period=known.fundamental_std > 0.0)
     if lifted is not None:
         blocks: Sequence[Block] = LiftedBlock.all_of(lifted)
     else:
@@ -92,7 +91,7 @@ def estimate_at(
         step = parts_of(entries) @ np.linalg.solve(found.information, found.gradient)
     except np.linalg.LinAlgError:
         raise IdentificationError("The record does not determine the exponents where it was linearised anew.") from None
-    return stepped(here, step).picked(modes=np.arange(len(start)))
+    return here.moved(step).picked(modes=np.arange(len(start)))
 
 
 def _record_blocks(

@@ -7,7 +7,7 @@ import numpy as np
 from floquid._arrays import Floats, Integers, Mask
 from floquid.core import Estimates, PeriodicModel
 from floquid.errors import IdentificationError
-from floquid.fit import chi2_limit
+from floquid.fit import chi2_limit, scaled_inverse, unit_scale
 from floquid.reconstruction._modal_matrix import Jacobian, Shapes, Terms, at_once, by_system, modal_at
 
 FALSE_ALARM = 1e-3
@@ -35,7 +35,7 @@ def chosen(model: PeriodicModel, shapes: Shapes, terms: Terms) -> Mask:
     own = terms.estimates
     rows = (shapes.weights != 0).any(axis=(0, 1, 2))
     score = scores(own, rows)
-    band = _grown(model, own, score, int(rows.sum()) * own.blocks.shape[1])
+    band = _grown(model, own, score)
     order = _nested(own, score, band)
     if not len(order):
         return band
@@ -55,21 +55,42 @@ def chosen(model: PeriodicModel, shapes: Shapes, terms: Terms) -> Mask:
 
 
 def scores(estimates: Estimates, rows: Mask) -> Floats:
-    """The sum of squares of each term over its deviations in some of the channels (terms,).
+    """The sum of squares of each term over its deviations in some of the channels, over its limit (terms,).
 
-    Without such a harmonic it is a chi-square of two degrees of freedom a channel and hit.
+    Without such a harmonic it is a chi-square of two degrees of freedom a channel and hit, which passes the limit by
+    chance at `FALSE_ALARM` over all that are tried. Terms whose rates differ by less than they decay are tested
+    together: of a pair near an axis, and of two exponents that are nearly one, the difference of two large coefficients
+    alone is known.
     """
-    std, value = estimates.std()[:, rows], estimates.coefficients[:, rows]
-    real = np.divide(value.real, std.real, out=np.zeros(value.shape), where=std.real > 0)
-    turning = np.broadcast_to(estimates.turning[:, None, None] & (std.imag > 0), value.shape)
-    imag = np.divide(value.imag, std.imag, out=np.zeros(value.shape), where=turning)
-    return np.sum(real**2 + imag**2, axis=(1, 2))
+    own = np.flatnonzero(rows)
+    groups, squares = _together(estimates), np.zeros(len(estimates.modes))
+    for channel in own:
+        for hit in range(estimates.blocks.shape[1]):
+            value, whole = estimates.coefficients[:, channel, hit], estimates.row_covariance(int(channel), hit)
+            both = np.concatenate([value.real, value.imag])
+            for term, group in enumerate(groups):
+                part = np.concatenate([group, group + len(value)])
+                part = part[np.diag(whole)[part] > 0.0]
+                squares[term] += both[part] @ scaled_inverse(whole[np.ix_(part, part)]) @ both[part]
+    level = FALSE_ALARM / (2 * max(len(estimates.exponents), 1))
+    responses = 2 * len(own) * estimates.blocks.shape[1]
+    limits = {size: chi2_limit(responses * size, level) for size in {len(group) for group in groups}}
+    return np.array([square / limits[len(group)] for square, group in zip(squares, groups, strict=True)])
 
 
-def _grown(model: PeriodicModel, estimates: Estimates, score: Floats, responses: int) -> Mask:
+def _together(estimates: Estimates) -> list[Integers]:
+    """The terms, its own among them, whose rates a record hardly tells from that of each term, mirror images too."""
+    rates, decays = estimates.rates, np.abs(estimates.exponents.real)[estimates.modes]
+    straight, mirrored = (np.abs(np.subtract.outer(rates, other)) for other in (rates, rates.conj()))
+    mirrored[:, estimates.real[estimates.modes]] = np.inf  # its mirror image is of its own mode, and no other number
+    near = np.minimum(straight, mirrored) < np.minimum.outer(decays, decays)
+    np.fill_diagonal(near, val=True)
+    return [np.flatnonzero(own) for own in near]
+
+
+def _grown(model: PeriodicModel, estimates: Estimates, score: Floats) -> Mask:
     """A contiguous band of each mode about its strongest term, as far as it rises above the noise (terms,)."""
     kept, band = model.kept_terms(estimates), np.zeros(len(score), bool)
-    limit = chi2_limit(2 * responses, FALSE_ALARM / (2 * len(estimates.exponents)))
     for mode in range(len(estimates.exponents)):
         own = np.flatnonzero(estimates.modes == mode)
         own = own[np.argsort(estimates.harmonics[own])]
@@ -78,7 +99,7 @@ def _grown(model: PeriodicModel, estimates: Estimates, score: Floats, responses:
         for side, step in ((0, -1), (1, 1)):
             while True:
                 ahead = [ends[side] + step * k for k in range(1, GAP + 2)]
-                ahead = [k for k in ahead if 0 <= k < len(own) and score[own[k]] > limit]
+                ahead = [k for k in ahead if 0 <= k < len(own) and score[own[k]] > 1.0]
                 ahead = [k for k in ahead if abs(k - ends[side]) == 1 or kept[own[k]]]
                 if not ahead:
                     break
@@ -168,7 +189,21 @@ def sizes_left_out(estimates: Estimates, kept: Mask, rows: Mask) -> Floats:
     return sizes
 
 
-def spread_of(sizes: Floats, slopes: Jacobian) -> Floats:
-    """The variance that coefficients of these sizes and of any phase add to the elements (times, states, states)."""
-    squares = np.abs(slopes.by_coefficient) ** 2
-    return 0.5 * (squares.reshape(*squares.shape[:3], -1) @ sizes.ravel() ** 2)
+def spread_of(sizes: Floats, slopes: Jacobian, estimates: Estimates) -> Floats:
+    """The variance that coefficients of these sizes add to the elements of a matrix (times, states, columns).
+
+    They are of any phase, but correlated as their estimates are: large coefficients of two modes that are nearly one
+    cancel.
+    """
+    found = np.zeros(slopes.by_rate.shape[:3])
+    for channel, hit in np.argwhere(sizes.any(axis=0)).tolist():
+        left = np.flatnonzero(sizes[:, channel, hit])
+        part = np.concatenate([left, left + len(sizes)])
+        whole = estimates.row_covariance(channel, hit)[np.ix_(part, part)]
+        scale = unit_scale(whole)
+        size = np.tile(sizes[left, channel, hit], 2) * np.where(np.diag(whole) > 0.0, np.sqrt(0.5), 0.0)
+        moment = whole / np.outer(scale, scale) * np.outer(size, size)
+        own = slopes.by_coefficient[..., left, channel, hit]
+        both = np.concatenate([own.real, -own.imag], axis=-1)
+        found += np.sum((both @ moment) * both, axis=-1)
+    return np.maximum(found, 0.0)

@@ -55,7 +55,7 @@ def hidden_in(problem: Problem, name: str, chosen: Point, basis: Basis) -> tuple
     first = np.linalg.lstsq(every, own @ chosen.parameters[:n] + (known - start).ravel(), rcond=None)[0]
     parameters = np.concatenate([first, chosen.parameters[n:]])
     try:
-        point = at(problem, parameters, chosen.amplitudes, chosen.fundamental, chosen.modes)
+        point = at(problem, parameters, chosen.amplitudes, chosen.fundamental, chosen.modes, chosen.others)
         covariance = covariance_of(point)
     except (IdentificationError, np.linalg.LinAlgError):
         return None, warning("structure_conditional", name=name)

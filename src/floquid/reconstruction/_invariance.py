@@ -68,6 +68,16 @@ class Problem:
         """Real numbers of one hit: two of a pair, one of a real multiplier."""
         return int(2 * (~self.estimates.real).sum() + self.estimates.real.sum())
 
+    @property
+    def n_others(self) -> int:
+        """Parameters of the estimates of which a structure says nothing: gains of inputs, errors in common."""
+        return int((self.parts > self.estimates.fundamental_place).sum())
+
+    @property
+    def n_omega(self) -> int:
+        """1 where the fundamental is a parameter."""
+        return int(self.estimates.fundamental_place in self.parts)
+
 
 @dataclass(frozen=True, slots=True)
 class Point:
@@ -75,6 +85,7 @@ class Point:
 
     parameters: Array
     amplitudes: Array  # (modes, hits)
+    others: Array  # how far each other parameter is from its estimate (others,)
     fundamental: float
     modes: tuple[Mode, ...]
     rest: Array  # the whitened differences
@@ -125,9 +136,14 @@ def _inverse_root(matrix: Array) -> Array:
 
 
 def at(
-    problem: Problem, parameters: Array, amplitudes: NDArray | None, fundamental: float, near: tuple[Mode, ...]
+    problem: Problem,
+    parameters: Array,
+    amplitudes: NDArray | None,
+    fundamental: float,
+    near: tuple[Mode, ...],
+    others: Array | None = None,
 ) -> Point:
-    """Everything at these parameters; amplitudes None are those of least squares."""
+    """Everything at these parameters; amplitudes None are those of least squares, others None those estimated."""
     own, basis = problem.estimates, problem.basis
     matrices = basis.at(parameters[: len(basis.names)])
     modes, slopes = [], []
@@ -136,21 +152,18 @@ def at(
         modes.append(found)
         by = slopes_of(basis.matrices, matrices, found, jacobian, fundamental)
         slopes.append(by.with_gap(len(parameters) - len(basis.names)))
-    point = Point(parameters, np.zeros(0), fundamental, tuple(modes), np.zeros(0), np.zeros((0, 0)), tuple(slopes))
+    others = np.zeros(problem.n_others) if others is None else others
+    empty = np.zeros(0)
+    point = Point(parameters, empty, others, fundamental, tuple(modes), empty, np.zeros((0, 0)), tuple(slopes))
     if amplitudes is None:
         unit = np.ones((len(modes), own.coefficients.shape[2]), complex)
         rest, by = _differences(problem, point, unit)
-        n = len(parameters) + _n_omega(problem)
+        n = len(parameters) + problem.n_omega + problem.n_others
         step = np.linalg.lstsq(by[:, n:], rest, rcond=None)[0]
         amplitudes = _amplitudes(problem, step)
     point = replace(point, amplitudes=amplitudes)
     rest, by = _differences(problem, point, amplitudes)
     return replace(point, rest=rest, slopes=by)
-
-
-def _n_omega(problem: Problem) -> int:
-    """1 where the fundamental is a parameter."""
-    return int(problem.parts[-1] == 2 * len(problem.estimates.exponents)) if len(problem.parts) else 0
 
 
 def _amplitudes(problem: Problem, values: Array) -> Array:
@@ -166,22 +179,27 @@ def _amplitudes(problem: Problem, values: Array) -> Array:
 def _differences(problem: Problem, point: Point, amplitudes: Array) -> tuple[Array, Array]:
     """The whitened differences of estimates and structure, and the slopes of what the structure predicts.
 
-    The unknowns are the parameters, ω where it is one, and the amplitudes.
+    The unknowns are the parameters, ω where it is one, the other parameters of the estimates, and the amplitudes.
     """
     own, count = problem.estimates, len(problem.estimates.exponents)
-    n, omega = len(point.parameters), _n_omega(problem)
-    unknowns = n + omega + problem.n_amplitudes * amplitudes.shape[1]
+    n, omega, place_of_omega = len(point.parameters), problem.n_omega, problem.estimates.fundamental_place
+    ahead = n + omega + problem.n_others
+    unknowns = ahead + problem.n_amplitudes * amplitudes.shape[1]
     moved = np.arange(n + 1 if omega else n)
-    # p: real parts, imaginary parts, ω.
+    # p: real parts, imaginary parts, ω, others.
     predicted = np.array([mode.exponent for mode in point.modes])
     by_exponent = np.array([slope.exponent[moved] for slope in point.mode_slopes])
     whole = own.exponents - predicted
-    off = np.concatenate([np.real(whole), np.imag(whole), [own.fundamental - point.fundamental]])
-    by_parts = np.zeros((2 * count + 1, unknowns))
-    by_parts[:count, : n + omega], by_parts[count:-1, : n + omega] = np.real(by_exponent), np.imag(by_exponent)
+    others = problem.parts[problem.parts > place_of_omega]
+    off, by_parts = np.zeros(len(own.covariance)), np.zeros((len(own.covariance), unknowns))
+    off[: place_of_omega + 1] = *np.real(whole), *np.imag(whole), own.fundamental - point.fundamental
+    off[others] = -point.others
+    by_parts[:count, : n + omega] = np.real(by_exponent)
+    by_parts[count:place_of_omega, : n + omega] = np.imag(by_exponent)
     if omega:
-        by_parts[-1, n] = 1.0
-    fixed = np.setdiff1d(np.arange(2 * count + 1), problem.parts)
+        by_parts[place_of_omega, n] = 1.0
+    by_parts[others, np.arange(n + omega, ahead)] = 1.0
+    fixed = np.setdiff1d(np.arange(len(off)), problem.parts)
     off[fixed], by_parts[fixed] = 0.0, 0.0
     rest = [problem.root @ off[problem.parts]]
     slopes = [problem.root @ by_parts[problem.parts]]
@@ -195,7 +213,7 @@ def _differences(problem: Problem, point: Point, amplitudes: Array) -> tuple[Arr
             away = own.coefficients[:, channel, hit] - q * base - along @ off
             by = np.zeros((len(own.modes), unknowns), complex)
             by[:, : n + omega] = q[:, None] * by_base
-            place = n + omega + hit * problem.n_amplitudes
+            place = ahead + hit * problem.n_amplitudes
             for mode in range(count):
                 rows = own.modes == mode
                 by[rows, place + mode] = base[rows]
@@ -243,13 +261,19 @@ def _predicted(problem: Problem, point: Point, channel: int, moved: Integers) ->
 
 def fitted(problem: Problem, parameters: Array, near: tuple[Mode, ...]) -> Point:
     """The least squares near these parameters, by Levenberg-Marquardt; IdentificationError where there is none."""
-    n, omega = len(parameters), _n_omega(problem)
+    ends = np.cumsum([len(parameters), problem.n_omega, problem.n_others])
 
     def moved(now: Point, step: Array) -> Point | None:
-        fundamental = now.fundamental + (float(step[n]) if omega else 0.0)
-        amplitudes = now.amplitudes + _amplitudes(problem, step[n + omega :])
+        own, omega, others, amplitudes = np.split(step, ends)
         with suppress(IdentificationError, np.linalg.LinAlgError):
-            return at(problem, now.parameters + step[:n], amplitudes, fundamental, now.modes)
+            return at(
+                problem,
+                now.parameters + own,
+                now.amplitudes + _amplitudes(problem, amplitudes),
+                now.fundamental + float(omega.sum()),
+                now.modes,
+                now.others + others,
+            )
         return None
 
     steps = Steps(

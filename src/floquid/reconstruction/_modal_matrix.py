@@ -164,17 +164,18 @@ def condition_of(modal: Complexes) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Jacobian:
-    """Slopes of the elements of a matrix (states, states) at some instants."""
+    """Slopes of the elements of a matrix (states, columns) at some instants."""
 
-    by_coefficient: Complexes  # (times, states, states, terms, channels, hits)
-    by_rate: Complexes  # (times, states, states, terms)
-    by_exponent: Complexes | None = None  # (times, states, states, modes of the estimates)
+    by_coefficient: Complexes  # (times, states, columns, terms, channels, hits)
+    by_rate: Complexes  # (times, states, columns, terms)
+    by_exponent: Complexes | None = None  # (times, states, columns, modes of the estimates)
+    by_parameter: Floats | None = None  # (times, states, columns, parameters of the estimates)
 
     def __sub__(self, other: Jacobian) -> Jacobian:
         return Jacobian(self.by_coefficient - other.by_coefficient, self.by_rate - other.by_rate)
 
     def loosened(self, matrix: Floats, loose: Complexes) -> Jacobian:
-        """With what the errors E of states from all channels do: δA = DA - AD, D = diag(E, E).
+        """With what the errors E of states from all channels do: δA = DA - AD, D = diag(E, E), and δB = DB.
 
         `loose` are the slopes of E (displacements, displacements, terms, channels, hits).
         """
@@ -183,8 +184,9 @@ class Jacobian:
             unit = np.zeros((count, count))
             unit[i, j] = 1.0
             off = np.kron(np.eye(2), unit)
-            total += np.multiply.outer(off @ matrix - matrix @ off, loose[i, j])
-        return Jacobian(total, self.by_rate, self.by_exponent)
+            square = matrix.shape[-1] == 2 * count and self.by_parameter is None
+            total += np.multiply.outer(off @ matrix - (matrix @ off if square else 0.0), loose[i, j])
+        return replace(self, by_coefficient=total)
 
     def variance(self, estimates: Estimates) -> Floats:
         """The variance of the elements (times, states, states)."""
@@ -194,6 +196,7 @@ class Jacobian:
             by_coefficients=self.by_coefficient.reshape(count, *self.by_coefficient.shape[3:]),
             by_rates=self.by_rate.reshape(count, -1),
             by_exponents=None if self.by_exponent is None else self.by_exponent.reshape(count, -1),
+            by_parameters=None if self.by_parameter is None else self.by_parameter.reshape(count, -1),
         ).reshape(shape)
 
 
@@ -256,4 +259,30 @@ def by_transition(shapes: Shapes, modal: Modal, times: Floats, t: slice, terms: 
         _outer(by_channel, left, shapes.hits[r]),
         np.einsum("tki,tkj->tijk", by_rate, left),
         np.einsum("tir,rj->tijr", grown, first[modes]),
+    )
+
+
+def by_inputs(shapes: Shapes, modal: Modal, times: Floats, t: slice, terms: Terms) -> Jacobian:
+    r"""The slopes of B at the instants `times[t]`.
+
+    .. math:: \delta B = \delta\Psi\, b + \Psi\, \delta b
+    """
+    own, r, m = terms.estimates, terms.modes, terms.places
+    assert own.gains is not None
+    kept = shapes.kept[r, m]
+    weights, slopes = shapes.weights[r, m], shapes.slopes[r, m]
+    turned = np.exp(1j * shapes.fundamental * np.multiply.outer(times[t], own.gains.harmonics))
+    phase = np.exp(1j * shapes.fundamental * np.multiply.outer(times[t], shapes.harmonics[m]))
+    entries = np.array([r[np.flatnonzero(own.modes == entry)[0]] for entry in range(len(own.exponents))])
+    # The shapes have a factor of their own, as those of several hits have.
+    factor = shapes.hits[entries, 0]
+    gains = np.einsum("ril,tl->tri", own.gains.coefficients, turned) / factor[:, None]
+    left = gains[:, own.modes] * (own.multiplicity * kept * phase)[..., None]
+    moved = np.einsum("kic,kc->ki", slopes, shapes.coefficients[r, :, m] * kept[:, None])
+    pairs = np.where(own.real, 1.0, 2.0) / factor
+    by_gain = np.einsum("tsr,r,rilp,tl->tsip", modal.modal[t][..., entries], pairs, own.gains.slopes, turned)
+    return Jacobian(
+        _outer(np.broadcast_to(weights, (len(phase), *weights.shape)), left, shapes.hits[r]),
+        np.einsum("ki,tkj->tijk", moved, left),
+        by_parameter=by_gain.real,
     )

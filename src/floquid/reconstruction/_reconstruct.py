@@ -18,6 +18,7 @@ from floquid.reconstruction._modal_matrix import (
     Terms,
     at_once,
     at_terms,
+    by_inputs,
     by_system,
     by_transition,
     modal_at,
@@ -62,7 +63,7 @@ def reconstruct(
 
     .. math:: B(t) = \Psi(t)\, b(t), \qquad C(t) = c(t)\, \Psi(t)^{-1}, \qquad D(t)
 
-    in all channels; deviations of these are the result's to give (`DrivenAnalysis.reconstruct`).
+    in all channels; B with deviations.
 
     Raises InputError where a channel is unknown, is not a motion, or the channels chosen cannot span the modes; or an
     option is not possible; IdentificationError where the shapes of the modes in the chosen channels are linearly
@@ -97,35 +98,38 @@ def reconstruct(
     modal = modal_at(shapes, instants, coordinates.said)
     growth = np.exp(np.multiply.outer(instants - instants[0], model.exponents))
     transition = (modal.modal * growth[:, None, :]) @ modal.inverse[0]
-    system_std: Floats | None = None
-    transition_std: Floats | None = None
+    values = {
+        "transition": transition.real,
+        "system": modal.system.real,
+        **_input_output(model, shapes, modal, instants),
+    }
+    std: dict[str, Floats] = {}
     if terms is not None:
         own, rows = terms.estimates, (shapes.weights != 0).any(axis=(0, 1, 2))
         sizes = sizes_left_out(own, kept, rows)
         loose = None if coordinates.loose is None else at_terms(coordinates.loose, model, terms)
         wider = terms.mask(kept | (sizes > 0).any(axis=(1, 2)), shapes)
-        system_std, transition_std = np.zeros(modal.system.shape), np.zeros(modal.system.shape)
+        slopes_of = {"system": by_system, "transition": by_transition}
+        if "inputs" in values and own.gains is not None:
+            slopes_of["inputs"] = by_inputs
+        std = {f"{name}_std": np.zeros(values[name].shape) for name in slopes_of}
         for t in at_once(shapes, instants, terms):
-            pairs = ((system_std, by_system, modal.system), (transition_std, by_transition, transition))
-            for std, slopes_of, matrices in pairs:
-                slopes = slopes_of(shapes, modal, instants, t, terms)
+            for name, made in slopes_of.items():
+                slopes = made(shapes, modal, instants, t, terms)
                 if loose is not None:
-                    slopes = slopes.loosened(matrices[t].real, loose)
-                variance = slopes.variance(own)
-                std[t] = np.sqrt(variance + spread_of(sizes, slopes_of(wider, modal, instants, t, terms)))
+                    slopes = slopes.loosened(values[name][t], loose)
+                hidden = spread_of(sizes, made(wider, modal, instants, t, terms), own)
+                std[f"{name}_std"][t] = np.sqrt(slopes.variance(own) + hidden)
         if coordinates.form == "second-order":  # displacements change at their velocities
-            system_std[:, : len(coordinates.states) // 2] = 0.0
+            std["system_std"][:, : len(coordinates.states) // 2] = 0.0
     return StateModel(
         times=instants,
-        transition=transition.real,
-        system=modal.system.real,
         condition=modal.condition,
         states=coordinates.names,
         coordinates=coordinates.words,
-        system_std=system_std,
-        transition_std=transition_std,
         provenance=model.provenance.then(f"state matrix in {coordinates.words}"),
-        **_input_output(model, shapes, modal, instants),
+        **values,
+        **std,
     )
 
 
@@ -141,7 +145,8 @@ def _input_output(model: PeriodicModel, shapes: Shapes, modal: Modal, times: Flo
     # The shapes have a factor of their own, as those of several hits have.
     factor = shapes.hits[:, 0]
     gains = np.einsum("ril,tl->tri", own.coefficients, turned) / factor[:, None]
-    seen = np.einsum("rct,r->tcr", model.shapes(times)[:, :, 0], factor)
+    phases = np.exp(1j * model.fundamental * np.multiply.outer(times, shapes.harmonics))
+    seen = np.einsum("rcm,rm,tm->tcr", shapes.coefficients, shapes.kept, phases)
     return {
         "inputs": (modal.modal @ gains).real,
         "outputs": (seen @ modal.inverse).real,

@@ -21,7 +21,7 @@ from floquid.reconstruction._hidden import Hidden, hidden_in
 from floquid.reconstruction._invariance import Point, Problem, Seen, covariance_of, fitted, found_structure, problem_of
 from floquid.reconstruction._modal_matrix import modal_at, shapes_of
 from floquid.reconstruction._propagation import transition_of, variances
-from floquid.reconstruction._reconstruct import coordinates_of, instants_of
+from floquid.reconstruction._reconstruct import Form, coordinates_of, instants_of, reconstruct
 from floquid.reconstruction._state_model import Refinement, StateModel
 from floquid.reconstruction._states import Names
 from floquid.reconstruction._structure import AbstractStructure, Basis
@@ -118,7 +118,18 @@ def refine(
         if point.p_value < refuse:
             raise IdentificationError(_contradicted(point, refuse, wider))
     hidden, tests = ((), ()) if given else _hidden(fit, structure, point, basis)
-    return _refinement(fit, structure, basis, point, instants_of(times, model.period, OF), (*findings, *tests), hidden)
+    instants = instants_of(times, model.period, OF)
+    found = _refinement(fit, structure, basis, point, instants, (*findings, *tests), hidden)
+    return found if model.inputs is None else _with_inputs(found, fit, states)
+
+
+def _with_inputs(found: Refinement, fit: _Fit, states: Names) -> Refinement:
+    """With B, C and D in the same states, as the shapes have them."""
+    form: Form = "second-order" if found.structure.degree == 2 else "first-order"
+    displacements = fit.coordinates.names[: len(fit.coordinates.states) // found.structure.degree]
+    free = reconstruct(fit.model, displacements if states == "all" else states, form=form, times=found.state.times)
+    parts = {name: getattr(free, name) for name in ("inputs", "outputs", "direct", "inputs_std")}
+    return replace(found, state=replace(found.state, **parts))
 
 
 @dataclass(frozen=True, slots=True)

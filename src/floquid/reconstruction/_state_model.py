@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -59,6 +59,10 @@ class StateModel(Drawn, Rebuilt):
 
     def _figures(self) -> Drawings:
         return {"system_elements": (self, {})}
+
+    def without_deviations(self) -> StateModel:
+        """The same matrices, of a model that leaves more than noise: there is nothing to quote."""
+        return replace(self, system_std=None, transition_std=None, inputs_std=None)
 
     def __post_init__(self) -> None:
         of, put = "StateModel", object.__setattr__

@@ -6,6 +6,7 @@ from floquid.core import (
     AzimuthSignal,
     Channel,
     Estimates,
+    Gains,
     ModelInputs,
     PeriodicModel,
     Provenance,
@@ -33,7 +34,14 @@ EXCITED: dict[type, str] = {DrivenAnalysis: "driven", AmbientAnalysis: "ambient"
 LINES: dict[type, str] = {MeasuredTransfer: "measured", TransferFit: "fitted"}
 """Transfer functions measured line by line, and modes fitted to them, likewise."""
 
-ABSENT = ("estimates", "unselected", "inputs", "composites", "state")  # groups that a file does not have for None
+ABSENT = (
+    "estimates",
+    "unselected",
+    "inputs",
+    "gains",
+    "composites",
+    "state",
+)  # groups that a file does not have for None
 FLAGS = ("constrained", "kept", "passed", "real", "speed_dependent", "steady")
 """HDF5 has no truth values: these are 0 and 1."""
 
@@ -167,13 +175,19 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "modes": "terms",
         "harmonics": "terms",
         "coefficients": f"terms, channels, hits; {_UNIT}",
-        "covariance": "2 modes + 1, 2 modes + 1; 1/s^2",
-        "slopes": f"terms, channels, hits, 2 modes + 1; {_UNIT} times s",
+        "covariance": "parameters, parameters; 1/s^2",
+        "slopes": f"terms, channels, hits, parameters; {_UNIT} times s",
         "spread": "blocks, 2 terms, 2 terms",
         "blocks": "channels, hits",
         "scales": f"terms, channels, hits; {_UNIT}",
         "drift": "blocks, 2 terms, 2 terms; s",
         "bend": "terms, channels, hits; s",
+        "gains": Gains,
+    },
+    Gains: {
+        "harmonics": "harmonics of the inputs",
+        "coefficients": "modes, inputs, harmonics of the inputs; 1/s over that of the input",
+        "slopes": "modes, inputs, harmonics of the inputs, parameters",
     },
     Fit: {
         "noise": f"channels, hits; {_UNIT}",

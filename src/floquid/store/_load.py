@@ -89,6 +89,8 @@ def _read_excited(file: Any, kind: str) -> ExcitedAnalysis:
     found = get_fields(file, made)
     if sum(1 if get(mode, "real") else 2 for mode in modes) != found["model"].order:
         raise DamagedError("fit/modes are not those of the model")
+    if "refinement" in file:
+        found["refinement"] = _refinement(file["refinement"], found["state"])
     if made is AmbientAnalysis:
         parts = get(group, "columns", "channels, columns"), get(group, "initial", "records, states")
         fit = ambient_fit(records, settings, [get_object(mode, Mode) for mode in modes], *parts)

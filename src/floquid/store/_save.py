@@ -70,6 +70,7 @@ def _put_excited(file: Any, analysis: ExcitedAnalysis) -> None:
     """What records whose excitation goes on give: the fit is its modes, and what cannot be made of them again."""
     file.attrs["kind"] = EXCITED[type(analysis)]
     put_object(file, analysis)
+    _put_refinement(file, analysis)
     group = file.create_group("fit")
     if isinstance(analysis.fit, Uncertainty):
         put(group, "direct", analysis.fit.at.direct, "harmonics")
@@ -100,7 +101,7 @@ def _put_free(file: Any, analysis: Analysis) -> None:
     for number, shaft in enumerate(analysis.shafts, start=1):
         put_object(file.create_group(f"shafts/hit{number}"), shaft)
     _put_fit(file.create_group("fit"), analysis)
-    for name in ("modal", "model", "periodicity", "choice", "validation", "refinement"):
+    for name in ("modal", "model", "periodicity", "choice", "validation"):
         thing = getattr(analysis, name)
         if thing is not None:
             put_object(file.create_group(name), thing)
@@ -110,10 +111,18 @@ def _put_free(file: Any, analysis: Analysis) -> None:
         put(file, "state", None)
     else:
         put_object(file.create_group("state"), analysis.state)
-    if analysis.refinement is not None:
-        put(file["refinement"], "structure", text_of(analysis.refinement.structure))
-        if analysis.refinement.state is not analysis.state:
-            put_object(file.create_group("refinement/state"), analysis.refinement.state)
+    _put_refinement(file, analysis)
+
+
+def _put_refinement(file: Any, analysis: Analysis | ExcitedAnalysis) -> None:
+    """A(t) that was fitted with a structure, if one was asked for."""
+    found = analysis.refinement
+    if found is None:
+        return
+    put_object(file.create_group("refinement"), found)
+    put(file["refinement"], "structure", text_of(found.structure))
+    if found.state is not analysis.state:
+        put_object(file.create_group("refinement/state"), found.state)
 
 
 def _put_record(group: Any, record: Record) -> None:

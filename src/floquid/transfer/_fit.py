@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt, frozen_array, input_error
-from floquid.core import PeriodicModel, Provenance
+from floquid.core import PeriodicModel, Provenance, modelled
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, failure, note, texts, warning
 from floquid.fit import SURE
-from floquid.inputs import Hold, Limits, TransferFunctions, assembled, listed, sealed
+from floquid.inputs import Errors, Hold, Limits, TransferFunctions, driven_of, estimates_of, sealed
 from floquid.transfer._measured import MeasuredTransfer
 from floquid.transfer._modal import Lines, Modal
 from floquid.transfer._real import near_real
@@ -206,7 +206,7 @@ def fit_transfer(
     misfit = degrees > 0 and ratio > WORSE and chdtrc(degrees, found.cost) < SURE
     for one in (found.modal, *found.modal.modes):
         sealed(one)
-    model = _model(lines, found.modal, covariance, own, period)
+    model = _model(lines, found.modal, covariance, own)
     assert model.exponent_std is not None
     unknown = ~(UNKNOWN * model.exponent_std.real < np.abs(model.exponents.real))
     hertz = np.unique(np.abs(model.exponents.imag[unknown])) / (2.0 * np.pi)
@@ -240,34 +240,14 @@ def _flattened(measured: MeasuredTransfer | TransferFunctions, model: PeriodicMo
     return [told("modes_of_lines_flattened", frequencies=hertz.tolist(), window=window)] if hertz.size else []
 
 
-def _model(
-    lines: Lines, modal: Modal, covariance: NDArray[np.float64], own: TransferFunctions, period: float
-) -> PeriodicModel:
+def _model(lines: Lines, modal: Modal, covariance: NDArray[np.float64], own: TransferFunctions) -> PeriodicModel:
     """The periodic model of a fit, each mode with its conjugate, with deviations."""
-    std, parts, place = np.sqrt(np.diag(covariance)), [], 0
     free = sum(int(mode.free.sum()) for mode in modal.modes)
-    amplitudes = std[free:].reshape(len(own.outputs), -1)
-    # Deviations of real and imaginary parts come out of their numbers as amplitudes do.
-    shapes = modal.with_amplitudes(amplitudes).shapes
-    for mode, shape, shape_std in zip(modal.modes, modal.shapes, shapes, strict=True):
-        index = np.full(len(mode.free), -1)
-        index[mode.free] = place + np.arange(int(mode.free.sum()))
-        place += int(mode.free.sum())
-        spread = np.where(mode.free, std[index], 0.0)
-        size, width = mode.gains.size, len(mode.free)
-        later = 1 + size if mode.real else 1 + width // 2
-        gain_std = (spread[1 : 1 + size] + 1j * spread[later : later + size]).reshape(mode.gains.shape)
-        rows = np.zeros((2, free))
-        rows[0, index[0]] = 1.0
-        if not mode.real:
-            rows[1, index[width // 2]] = 1.0
-        begins = lines.echoes[1][: len(mode.initial)]
-        parts.append(listed(mode, (shape, shape_std), gain_std, rows, lines.fundamental, begins))
-    turns = np.arange(-len(modal.direct) + 1, len(modal.direct)) if modal.direct else np.zeros(0, np.int64)
-    direct = np.zeros((len(own.outputs), len(own.inputs), len(turns)), complex)
-    for turn, value in enumerate(modal.direct):
-        direct[:, :, turns == turn] += value[:, :, None]
-        if turn:
-            direct[:, :, turns == -turn] += value.conj()[:, :, None]
-    spread = covariance[:free, :free]
-    return assembled(parts, spread, period, own.outputs, own.inputs, (turns, direct), Provenance())
+    whole = Errors.of_joint(covariance, free, len(own.outputs))
+    begins, direct = lines.echoes[1][: len(modal.modes[0].initial)], dict(enumerate(modal.direct))
+    return modelled(
+        estimates_of(modal.modes, modal.shapes, whole, lines.fundamental),
+        channels=own.outputs,
+        provenance=Provenance(),
+        driven=driven_of(modal.modes, own.inputs, direct, len(own.outputs), lines.fundamental, begins),
+    )

@@ -84,7 +84,7 @@ def test_the_matrix_of_the_system_comes_of_outputs_alone(analysis):
     found = reconstruct(analysis.model, ["x"], times=8)
     truth = np.array([SYSTEM.A(t) for t in found.times])
     assert np.abs(found.system - truth).max() < 0.25
-    assert found.system_std is None
+    assert np.abs((found.system - truth)[:, 1] / found.system_std[:, 1]).max() < 4.0
     with pytest.raises(InputError, match="states"):
         reconstruct(analysis.model, ["x", "x"])
 

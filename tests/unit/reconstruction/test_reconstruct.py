@@ -14,8 +14,9 @@ from scipy.stats import chi2
 from floquid import floquet, identify
 from floquid.core import Channel, PeriodicModel
 from floquid.errors import IdentificationError, InputError
+from floquid.fit import chi2_limit
 from floquid.reconstruction import StateModel, reconstruct
-from floquid.reconstruction._bands import scores, sizes_left_out, spread_of
+from floquid.reconstruction._bands import FALSE_ALARM, scores, sizes_left_out, spread_of
 from floquid.reconstruction._modal_matrix import by_system, modal_at, shapes_of, terms_of
 from floquid.reconstruction._reconstruct import coordinates_of
 from floquid.systems import JeffcottRotor
@@ -416,7 +417,7 @@ def test_what_sizes_of_any_phase_do(oracle):
     shapes, terms = shapes_of(known.model, coordinates, own), terms_of(known.model, own)
     times, sizes = np.array([0.3, 1.1]), 1e-6 * np.arange(5.0).reshape(5, 1, 1)
     modal = modal_at(shapes, times)
-    found = spread_of(sizes, by_system(shapes, modal, times, slice(1, 2), terms))[0]
+    found = spread_of(sizes, by_system(shapes, modal, times, slice(1, 2), terms), own)[0]
     total, count = 0.0, 64
     for term in range(5):
         for phase in np.exp(2j * np.pi * np.arange(count) / count):
@@ -428,7 +429,7 @@ def test_what_sizes_of_any_phase_do(oracle):
 
 
 def test_scores_of_noise_are_chi_squares(oracle):
-    """Of two degrees of freedom a row, one for what does not turn."""
+    """Of two degrees of freedom a row, one for what does not turn, over their limit."""
     known = oracle.known(oracle.systems["overdamped"], oracle.displacements(1, (0, 1, 2)), hits=2, width=3)
     own = known.estimates
     nothing = changed(known.model, coefficients=0.0 * known.model.coefficients, estimates=replace_values(own))
@@ -436,7 +437,7 @@ def test_scores_of_noise_are_chi_squares(oracle):
     generator = np.random.default_rng(1)
     rows = np.array([True, False, True])
     found = np.array([scores(noise.drawn(generator).estimates, rows) for _ in range(300)])
-    expected = np.where(own.turning, 2.0, 1.0) * 4
+    expected = np.where(own.turning, 2.0, 1.0) * 4 / chi2_limit(8, FALSE_ALARM / (2 * len(own.exponents)))
     assert_allclose(found.mean(axis=0), expected, rtol=0.25)
 
 

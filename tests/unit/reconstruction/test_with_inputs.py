@@ -8,9 +8,11 @@ from tests.driven import mathieu, record_of, two_masses
 
 import floquid
 from floquid import Record, reconstruct
+from floquid.core import Driven, modelled
 from floquid.findings import failure
+from floquid.fit import covariance_root
 from floquid.floquet import PeriodicSystem, SampledMatrix, harmonic_transfer, simulate
-from floquid.inputs import transfer_functions
+from floquid.inputs import model_of, transfer_functions
 
 LINES = np.array([0.05, 0.13, 0.31, 0.6])
 TURNS = (-2, -1, 0, 1, 2)
@@ -44,7 +46,7 @@ def cases(found):
 
 def test_transfer_functions_of_the_matrices_are_those_of_the_model(cases):
     for _, outputs, model in cases:
-        system = system_of(reconstruct(model, outputs, times=128), model.period)
+        system = system_of(reconstruct(model, outputs, harmonics="model", times=128), model.period)
         found = harmonic_transfer(system, 2.0 * np.pi * LINES)
         wanted = transfer_functions(model, LINES, TURNS).values
         places = np.searchsorted(found.harmonics, TURNS)
@@ -95,14 +97,65 @@ def test_the_true_matrices_are_within_their_deviations(found):
 def test_deviations_are_those_of_the_joint_errors(found):
     """Four times the noise are four times the deviations; those of the errors of one channel alone are less."""
     _, outputs, analysis = found[1]
-    own, at = analysis.fit, analysis.fit.at
-    louder = replace(analysis, fit=replace(own, at=replace(at, noise=4.0 * at.noise)))
-    half = replace(analysis, fit=replace(own, at=replace(at, noise=at.noise * [1.0, 1e-6])))
-    one, four, less = (each.reconstruct(outputs, times=3) for each in (analysis, louder, half))
+
+    def with_noise(by):
+        own = replace(analysis.fit, at=replace(analysis.fit.at, noise=analysis.fit.at.noise * by))
+        model = model_of(own, analysis.model.channels, analysis.inputs, analysis.provenance)
+        return reconstruct(model, outputs, harmonics="model", times=3)
+
+    one, four, less = (with_noise(by) for by in (1.0, 4.0, np.array([1.0, 1e-6])))
     for name in ("system_std", "transition_std", "inputs_std"):
-        assert np.allclose(getattr(four, name), 4.0 * getattr(one, name), rtol=0.02)
+        assert np.allclose(getattr(four, name), 4.0 * getattr(one, name), rtol=1e-6, atol=1e-12)
         assert (getattr(less, name) <= getattr(one, name) + 1e-9).all()
         assert (getattr(less, name) < 0.9 * getattr(one, name)).any()
+
+
+def test_deviations_are_those_of_differences_along_the_errors(found):
+    """What parameters and amplitudes do to A, Φ and B, one error after another, by a model rebuilt for each."""
+    _, outputs, analysis = found[1]
+    state = reconstruct(analysis.model, outputs, harmonics="model", times=3)
+    own = analysis.model.estimates
+    variances = dict.fromkeys(("system", "transition", "inputs"), 0.0)
+    steps = [(column, None) for column in covariance_root(own.covariance).T]
+    for channel in range(len(outputs)):
+        steps += [
+            (np.zeros(len(own.covariance)), (channel, column))
+            for column in covariance_root(own.noise_covariance(channel, 0)).T
+        ]
+    for by, noise in steps:
+        up, down = (
+            reconstruct(_moved(analysis.model, sign * by, noise, sign), outputs, harmonics="model", times=3)
+            for sign in (0.1, -0.1)
+        )
+        variances = {
+            name: variance + ((getattr(up, name) - getattr(down, name)) / 0.2) ** 2
+            for name, variance in variances.items()
+        }
+    for name, variance in variances.items():
+        std, right = getattr(state, f"{name}_std"), np.sqrt(variance)
+        right[:, : len(outputs)] *= name != "system"
+        assert np.allclose(std, right, rtol=0.02, atol=1e-6 * std.max())
+
+
+def _moved(model, step, noise, sign):
+    own, coefficients = model.estimates, model.estimates.coefficients + model.estimates.slopes @ step
+    if noise is not None:
+        channel, column = noise
+        both = sign * column
+        coefficients[:, channel, 0] += both[: len(own.modes)] + 1j * both[len(own.modes) :]
+    moved = replace(
+        own,
+        exponents=own.exponents + own.exponent_slopes @ step,
+        coefficients=coefficients,
+        gains=replace(own.gains, coefficients=own.gains.coefficients + own.gains.slopes @ step),
+    )
+    driven = Driven(
+        channels=model.inputs.channels,
+        direct=model.inputs.direct,
+        direct_harmonics=model.inputs.direct_harmonics,
+        initial=np.zeros((len(own.exponents), 1)),
+    )
+    return modelled(moved, channels=model.channels, provenance=model.provenance, driven=driven)
 
 
 def test_a_model_that_fails_has_no_deviations(found):
@@ -114,6 +167,10 @@ def test_a_model_that_fails_has_no_deviations(found):
     assert good.inputs_std is not None
 
 
-def test_another_form_is_refused(found):
-    with pytest.raises(floquid.InputError, match=r"`form` of .* must be .*, but is 'delayed'"):
-        found[0][2].reconstruct(["y"], form="delayed")
+def test_delayed_states_of_one_channel_have_the_same_multipliers(found):
+    system, _, analysis = found[1]
+    state = analysis.reconstruct(["x"], form="delayed", times=np.linspace(0.0, system.period, 3))
+    assert state.system_std.max() > 0.0
+    monodromy = np.linalg.eigvals(state.transition[-1])
+    wanted = analysis.model.multipliers
+    assert np.abs(monodromy[:, None] - wanted).min(axis=0).max() < 1e-8

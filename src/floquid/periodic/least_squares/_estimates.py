@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid.core import Channel, Estimates, PeriodicModel, Provenance, with_deviations
+from floquid.core import Channel, Estimates, PeriodicModel, Provenance, modelled
 from floquid.errors import IdentificationError
 from floquid.periodic.expansion import GAP, bands_at, select_bands
 from floquid.periodic.least_squares._parameters import ModeParameters
@@ -148,60 +148,34 @@ def model_of(
     Up to `most` fundamentals of the axis can be seen; None where no wider bands are to be fitted. Deviations of
     exponents near an axis are those `as_read`, by their entries, where they are given.
     """
-    own, whole_bands = np.flatnonzero(~found.entries.fixed), bands
-    estimates = estimates_of(blocks, found)
-    entries, both = found.entries.picked(own), _shapes(found.entries, estimates)
-    harmonics, bands = both.harmonics, bands[own]
-    mirror = -entries.half_turns[:, None] - bands[:, ::-1]
-    outer = np.stack([np.minimum(bands[:, 0], mirror[:, 0]), np.maximum(bands[:, 1], mirror[:, 1])], 1)
-    ends = np.where(entries.real[:, None], outer, bands)
-    kept = ((harmonics >= ends[:, :1]) & (harmonics <= ends[:, 1:]))[:, None, None, :]
-    width = int(max(-harmonics[0], harmonics[-1]))
-    whole = np.arange(-width, width + 1)
-    place = slice(int(harmonics[0] + width), int(harmonics[-1] + width) + 1)
-    size = np.abs(entries.exponents + 1j * entries.fundamental * entries.offsets)
-    rows = [(entry, False) for entry in np.argsort(size, kind="stable")]
-    rows = [row for entry, _ in rows for row in ((entry, False), (entry, True))[: 1 if entries.real[entry] else 2]]
-    exponents = np.zeros(len(rows), complex)
-    out, out_std = np.zeros((2, len(rows), *both.coefficients.shape[1:3], len(whole)), complex)
-    of_parts = np.zeros((2 * len(rows), len(found.gradient)))
-    pairs = np.flatnonzero(~entries.real)
-    for r, (entry, conjugate) in enumerate(rows):
-        value = entries.exponents[entry] + 1j * entries.fundamental * entries.offsets[entry]
-        shape, deviation = np.zeros((2, *out.shape[1:]), complex)
-        shape[..., place] = both.coefficients[own[entry]] * kept[entry]
-        deviation[..., place] = both.std[own[entry]] * kept[entry]
-        exponents[r] = value.conjugate() if conjugate else value
-        out[r] = shape[..., ::-1].conj() if conjugate else shape
-        out_std[r] = deviation[..., ::-1] if conjugate else deviation
-        of_parts[r, entry] = 1.0
-        if not entries.real[entry]:
-            of_parts[len(rows) + r, len(own) + int(np.searchsorted(pairs, entry))] = -1.0 if conjugate else 1.0
-        elif entries.free_period:
-            of_parts[len(rows) + r, -1] = entries.offsets[entry]
-    used = (out != 0).any(axis=(0, 1, 2)) | (whole == 0)
-    covariance = of_parts @ found.covariance() @ of_parts.T
-    if not (np.isfinite(covariance).all() and (np.diag(covariance) >= 0.0).all()):
-        raise IdentificationError("A mode is not determined at all: with its residues held, it has no deviation.")
-    read = [(as_read or {}).get(int(own[entry]), complex(np.nan, np.nan)) for entry, _ in rows]
-    covariance = with_deviations(covariance, np.array(read)) if as_read else covariance
-    return PeriodicModel(
-        exponents=exponents,
-        coefficients=out[..., used],
-        harmonics=whole[used],
-        period=2.0 * np.pi / entries.fundamental,
+    own = _in_order(found.entries)
+    estimates = estimates_of(blocks, found).picked(modes=own)
+    low, high = bands[own].T
+    # Of a real multiplier the harmonics that turn backwards are mirror images.
+    mirror = -estimates.half_turns - low
+    high = np.where(estimates.real, np.maximum(high, mirror), high)[estimates.modes]
+    kept = (estimates.harmonics >= low[estimates.modes]) & (estimates.harmonics <= high)
+    return modelled(
+        estimates,
+        kept=kept,
         channels=channels,
-        covariance=covariance,
-        coefficient_std=out_std[..., used],
-        estimates=estimates.picked(modes=own[np.argsort(size, kind="stable")]),
-        unselected=None if most is None else unselected(blocks, found, whole_bands, most),
         provenance=provenance,
+        unselected=None if most is None else unselected(blocks, found, bands, most),
+        as_read={number: as_read[int(entry)] for number, entry in enumerate(own) if int(entry) in as_read}
+        if as_read
+        else None,
     )
+
+
+def _in_order(entries: ModeParameters) -> Integers:
+    """The entries that are not fixed, the smallest exponent first."""
+    free = np.flatnonzero(~entries.fixed)
+    size = np.abs(entries.exponents + 1j * entries.fundamental * entries.offsets)[free]
+    return free[np.argsort(size, kind="stable")]
 
 
 def unselected(blocks: Sequence[Block], found: Solution, bands: Integers, most: int) -> Estimates | None:
     """The estimates of the same fit with more harmonics beyond the bands reported; None where there is no such fit."""
-    free = np.flatnonzero(~found.entries.fixed)
     try:
         wide = linearise(blocks, replace(found.entries, bands=bands).padded(GAP + 1, most))
         scale = np.sqrt(np.maximum(np.diag(wide.information), 0.0))
@@ -214,17 +188,4 @@ def unselected(blocks: Sequence[Block], found: Solution, bands: Integers, most: 
         whole = estimates_of(blocks, wide)
     except (IdentificationError, np.linalg.LinAlgError):
         return None
-    size = np.abs(found.entries.exponents + 1j * found.entries.fundamental * found.entries.offsets)[free]
-    return whole.picked(modes=free[np.argsort(size, kind="stable")])
-
-
-def stepped(here: Estimates, step: Floats) -> Estimates:
-    """Estimates after a step of the real parts, the imaginary parts and the fundamental (2 modes + 1,)."""
-    count = len(here.exponents)
-    turned = 0.5 * here.half_turns * step[-1]
-    return replace(
-        here,
-        exponents=here.exponents + step[:count] + 1j * (step[count:-1] + turned),
-        fundamental=here.fundamental + float(step[-1]),
-        coefficients=here.coefficients + here.slopes @ step,
-    )
+    return whole.picked(modes=_in_order(found.entries))

@@ -12,17 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid._show import Drawings, Drawn, Told
-from floquid.core import Channel, ConstantPeriod, PeriodicModel, Provenance, Record
+from floquid.core import Channel, ConstantPeriod, Estimates, PeriodicModel, Provenance, Record
 from floquid.errors import FloquidError
 from floquid.findings import Finding, Severity, failure, texts, warning
 from floquid.innovations import Fit, transfer_of
-from floquid.inputs import TransferFunctions, Uncertainty
+from floquid.innovations import estimates_at as ambient_estimates_at
+from floquid.inputs import TransferFunctions, Uncertainty, estimates_at
 from floquid.inputs import transfer_of as transfer_with_inputs
 from floquid.pipeline._settings import Settings
-from floquid.pipeline._state import states_of
+from floquid.pipeline._state import state_of
 from floquid.pipeline.excited._lines import MOST_PERIODS
-from floquid.pipeline.excited._state_matrix import refuse_delayed, state_matrix_of
-from floquid.reconstruction import Names, StateModel, reconstruct
+from floquid.reconstruction import Form, Names, Refinement, StateModel, reconstruct
 
 HELD_OUT = 1.4
 """The error of prediction on samples left out, over the noise, from which on a model does not pass."""
@@ -76,6 +76,8 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
     state
         Φ, A(t) and B(t) with deviations, when states were asked for; None where they do not fit the modes, which a
         finding says.
+    refinement
+        The fit of A(t) with a structure, when one was asked for; its `state` is this one.
     """
 
     settings: Settings
@@ -86,6 +88,7 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
     held_out: NDArray[np.float64]
     findings: tuple[Finding, ...] = ()
     state: StateModel | None = None
+    refinement: Refinement | None = None
 
     def __post_init__(self) -> None:
         self._freeze(noise=("outputs", 1))
@@ -186,7 +189,9 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
         self,
         states: Names,
         *,
-        form: Literal["second-order", "first-order"] = "second-order",
+        form: Form = "second-order",
+        delay: float | None = None,
+        harmonics: Literal["auto", "model"] | int = "auto",
         times: ArrayLike | int = 50,
     ) -> StateModel:
         r"""The state transition matrix, A(t), and of measured inputs B(t), C(t) and D(t), in chosen channels.
@@ -194,22 +199,15 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
         .. math:: \dot x = A(t)\, x + B(t)\, u, \qquad A(t) = (\dot\Psi + \Psi\Lambda)\, \Psi^{-1}, \qquad
                   B(t) = \Psi(t)\, b(t)
 
-        as `floquid.reconstruct` gives them, with deviations of Φ, A and B by the joint errors of the fit, to first
-        order; without them where the model fails. Raises what that does, and InputError where the form is another one.
-
-        Parameters
-        ----------
-        states
-            The channels that are the displacements, half as many as there are modes; or all states in first-order form.
-        form
-            "second-order": displacements, then their velocities. "first-order": the channels as they are.
-        times
-            Instants after phase zero [s], or how many equally spaced ones over a period.
+        as `floquid.reconstruct` gives them, which has the parameters and the errors; without deviations where the
+        model fails: what it leaves is no noise.
         """
-        refuse_delayed(form, f"{type(self).__name__}.reconstruct")
-        if self.failed:  # what it leaves is no noise: there are no deviations to quote
-            return reconstruct(self.model, states, form=form, times=times)
-        return state_matrix_of(self.model, self.fit, states, form, times)
+        found = reconstruct(self.model, states, form=form, delay=delay, harmonics=harmonics, times=times)
+        return found.without_deviations() if self.failed else found
+
+    @abstractmethod
+    def again(self, exponents: NDArray[np.complex128]) -> Estimates:
+        """The estimates of the model, the records linearised anew at exponents (modes of the estimates,) [1/s]."""
 
     @abstractmethod
     def _transfer(
@@ -226,11 +224,15 @@ class DrivenAnalysis(ExcitedAnalysis):
 
     Parameters
     ----------
-    settings, records, model, fit, noise, held_out, findings, state
+    settings, records, model, fit, noise, held_out, findings, state, refinement
         Those of every `ExcitedAnalysis`.
     """
 
     fit: Uncertainty
+
+    def again(self, exponents: NDArray[np.complex128]) -> Estimates:
+        """The estimates of the model, the records linearised anew at exponents (modes of the estimates,) [1/s]."""
+        return estimates_at(self.fit, exponents)
 
     def _transfer(
         self, hertz: NDArray[np.float64], harmonics: NDArray[np.int64], *, sampled: bool
@@ -246,7 +248,7 @@ class AmbientAnalysis(ExcitedAnalysis):
 
     Parameters
     ----------
-    settings, records, model, fit, noise, held_out, findings, state
+    settings, records, model, fit, noise, held_out, findings, state, refinement
         Those of every `ExcitedAnalysis`, the fit in innovations form.
     lengths
         Duration of a record that gives the damping of each mode to 10 % (modes,) [s].
@@ -262,6 +264,10 @@ class AmbientAnalysis(ExcitedAnalysis):
     def _figures(self) -> Drawings:
         return super(AmbientAnalysis, self)._figures() | {"harmonic_spectra": (self, {})}
 
+    def again(self, exponents: NDArray[np.complex128]) -> Estimates:
+        """The estimates of the model, the records linearised anew at exponents (modes of the estimates,) [1/s]."""
+        return ambient_estimates_at(self.fit, exponents)
+
     def _transfer(
         self, hertz: NDArray[np.float64], harmonics: NDArray[np.int64], *, sampled: bool
     ) -> TransferFunctions:
@@ -276,14 +282,14 @@ def finished(analysis: Kind, periods_of_turn: float, report: Callable[[str], Non
     analysis = replace(analysis, findings=(*analysis.findings, *_lines_found(analysis, periods_of_turn)))
     if not analysis.settings.states:
         return analysis
-    report("rebuilding the state matrix")
-    names, form = states_of(analysis.model.channels, analysis.settings), analysis.settings.form
     try:
-        state = analysis.reconstruct(names, form=form, times=analysis.settings.system_times)  # type: ignore[arg-type]
+        state, refinement = state_of(analysis.model, analysis.settings, analysis.again, report)
     except FloquidError as error:  # how many states the modes need was not known before the search
         missing = warning("states_unfit", reason=str(error).splitlines()[0])
         return replace(analysis, findings=(*analysis.findings, missing))
-    return replace(analysis, state=state)
+    if analysis.failed and state is not None:  # what the model leaves is no noise
+        state = state.without_deviations()
+    return replace(analysis, state=state, refinement=refinement)
 
 
 def _lines_found(analysis: ExcitedAnalysis, periods_of_turn: float) -> tuple[Finding, ...]:

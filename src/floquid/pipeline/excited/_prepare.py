@@ -16,7 +16,6 @@ from floquid.inputs import Hold, Samples, samples_of
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import check_states
 from floquid.pipeline.excited._lines import Lines
-from floquid.pipeline.excited._state_matrix import refuse_delayed
 from floquid.pipeline.preparation import NO_RESPONSE, faults_of, refuse_period, refuse_unlike
 from floquid.sync import ShaftAngle, shaft_angle
 
@@ -25,7 +24,7 @@ OF = "identify_driven"
 TAKEN = (
     *("period", "tach", "azimuth", "channels", "inputs", "hold", "harmonics", "forced", "validate"),
     *("mode_false_alarm", "harmonic_false_alarm", "pulses_per_revolution", "periods_per_revolution"),
-    *("states", "form", "system_times"),
+    *("states", "form", "delay", "structure", "output_error", "system_times"),
 )
 """Settings that count where the excitation goes on."""
 
@@ -81,7 +80,7 @@ class Parted:
 
 
 def refuse_others(settings: Settings, of: str, *also: str) -> None:
-    """Refuse options that do not count where the excitation goes on, `TAKEN` and others do, and delayed states.
+    """Refuse options that do not count where the excitation goes on: `TAKEN` and others do.
 
     Raises
     ------
@@ -93,7 +92,6 @@ def refuse_others(settings: Settings, of: str, *also: str) -> None:
         if getattr(settings, name) != getattr(usual, name):
             must, got = "be left as it is where the excitation goes on", f"is {getattr(settings, name)!r:.60}"
             raise input_error(name, of, must, got, f"What counts here: {', '.join(sorted(TAKEN))}.")
-    refuse_delayed(settings.form, of)
 
 
 def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parted:
