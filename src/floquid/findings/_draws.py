@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from floquid.findings._phrases import both
+
 QUANTITIES = {
     "exponents": "exponents",
     "multipliers": "multipliers",
@@ -13,6 +15,7 @@ QUANTITIES = {
     "period": "period",
     "system": "A(t)",
     "transition": "Φ(t, t0)",
+    "inputs": "B(t)",
 }
 """Words for the quantities."""
 
@@ -44,7 +47,7 @@ def _wide(names: Sequence[str], ratios: Sequence[float], misfit: bool) -> str:
     said = [f"{QUANTITIES[name]} ({r:.3g} times as large in the median)" for name, r in zip(names, ratios, strict=True)]
     beside = "what is left beside noise" if misfit else "what is left out of the model may do"
     return (
-        f"The deviations of {' and '.join(said)} are larger than the draws spread, as they should be: they also count "
+        f"The deviations of {both(said)} are larger than the draws spread, as they should be: they also count "
         f"{beside}, which no draw shows."
     )
 

@@ -22,12 +22,9 @@ from floquid.innovations._predictor import Predictor as Predictor
 from floquid.innovations._predictor import predicted as predicted
 from floquid.innovations._products import gap_of as gap_of
 from floquid.innovations._result import Fit as Fit
-from floquid.innovations._result import estimates_at as estimates_at
-from floquid.innovations._result import model_of as model_of
 from floquid.innovations._result import period_step as period_step
 from floquid.innovations._result import phase_step as phase_step
 from floquid.innovations._result import terms_of_mode as terms_of_mode
-from floquid.innovations._result import transfer_of as transfer_of
 from floquid.innovations._search import searched as searched
 from floquid.innovations._solve import solve as solve
 

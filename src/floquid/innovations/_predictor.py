@@ -148,6 +148,18 @@ def predicted(
     return Predictor(tuple(modes), columns, initial, innovations, states, whitening)
 
 
+def responding(samples: Samples, at: Predictor, innovations: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Outputs of the modes of a predictor with other innovations (channels, samples), from its first states on."""
+    system, gains, seen, drive = matrices(samples, at.modes)
+    drive = drive + np.einsum("kni,ik->kn", gains, innovations)
+    transitions = np.broadcast_to(system, (samples.n_samples, *system.shape))
+    states = [
+        _carried(first, transitions[own][:-1], drive[own][:-1])[0]
+        for first, own in zip(at.initial, samples.records, strict=True)
+    ]
+    return np.einsum("kin,kn->ik", seen, np.concatenate(states)) + at.columns @ samples.known + innovations
+
+
 def _carried(
     first: NDArray[np.float64], transitions: NDArray[np.float64], drive: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -14,8 +14,8 @@ from floquid.core import Channel, Estimates, PeriodicModel, Provenance, modelled
 from floquid.errors import IdentificationError
 from floquid.fit import Normal, wald_rise
 from floquid.innovations._mode import Mode
-from floquid.innovations._predictor import Predictor, gradient, predicted
-from floquid.innovations._solve import inverse_of, normal_of, places
+from floquid.innovations._predictor import Predictor, gradient, predicted, responding
+from floquid.innovations._solve import inverse_of, normal_of, places, solve
 from floquid.inputs import (
     Errors,
     InputMode,
@@ -26,6 +26,7 @@ from floquid.inputs import (
     estimates_of,
     input_gain,
     modal_transfer,
+    runs_away,
     sealed,
     selection_of,
     terms_of,
@@ -69,6 +70,119 @@ class Fit(Rebuilt):
     def parameters(self) -> NDArray[np.float64]:
         """Covariance of all parameters, zero along the scales of the states (parameters, parameters)."""
         return inverse_of(self.normal)
+
+    def model(self, channels: Sequence[Channel], inputs: Sequence[Channel], provenance: Provenance) -> PeriodicModel:
+        """The periodic model of a fit, each mode with its conjugate, with deviations; the states have an rms of 1."""
+        fit = sized(self)
+        modes = _input_modes(fit)
+        direct = {}
+        if fit.acting:
+            direct[0] = fit.at.columns[:, fit.at.columns.shape[1] - len(inputs) :].astype(complex)
+        samples = fit.samples
+        return modelled(
+            _estimates(fit, modes),
+            unselected=_estimates(fit, modes, held=False),
+            channels=channels,
+            provenance=provenance,
+            driven=driven_of(modes, inputs, direct, len(channels), samples.fundamental, samples.first_times),
+        )
+
+    def estimates_at(self, exponents: NDArray[np.complex128]) -> Estimates:
+        """The estimates of a fit linearised anew at exponents (modes,) [1/s].
+
+        One step of Gauss and Newton from there, as `floquid.periodic.estimate_at` has it.
+
+        Raises IdentificationError where the predictor diverges there.
+        """
+        pairs = zip(self.at.modes, exponents.tolist(), strict=True)
+        modes = [replace(mode, exponent=complex(value.real) if mode.real else value) for mode, value in pairs]
+        at = predicted(self.samples, modes, self.at.columns, self.at.initial, self.at.whitening)
+        if at is None:
+            raise IdentificationError("The predictor diverges where the record was linearised anew.")
+        here = sized(replace(self, at=at))
+        step = here.parameters @ here.normal.gradient
+        return _estimates(here, _input_modes(here), step, held=False)
+
+    def transfer(
+        self,
+        channels: Sequence[Channel],
+        inputs: Sequence[Channel],
+        frequencies_hz: NDArray[np.float64],
+        harmonics: NDArray[np.int64],
+        *,
+        sampled: bool = False,
+    ) -> TransferFunctions:
+        """The harmonic transfer functions of a fit in innovations form with their deviations, to first order."""
+        omega = 2.0 * np.pi * frequencies_hz
+        samples, omega_0 = self.samples, self.samples.fundamental
+        shape = (len(harmonics), len(channels), len(inputs), len(omega))
+        held = (self.samples.step, self.samples.hold) if sampled else None
+
+        def transferred(mode: Mode) -> NDArray[np.complex128]:
+            parts = [
+                modal_transfer(exponent, omega_0, (turns, c), (reach, b), harmonics, omega, held)
+                for exponent, turns, c, reach, b in terms_of_mode(mode, samples)
+            ]
+            return np.sum(parts, axis=0)
+
+        values = np.zeros(shape, complex)
+        slopes = np.zeros((len(self.parameters), *shape), complex)
+        spread = np.sqrt(np.maximum(np.diag(self.parameters), 0.0))
+        for mode, place in zip(self.at.modes, self.places, strict=True):
+            values += transferred(mode)
+            for index, parameter in enumerate(range(place.start, place.stop)):
+                if spread[parameter] == 0.0:
+                    continue
+                step = np.zeros(place.stop - place.start)
+                step[index] = NUDGE * spread[parameter]
+                slopes[parameter] = (transferred(mode.moved(step)) - transferred(mode.moved(-step))) / (
+                    2.0 * step[index]
+                )
+        columns = self.at.columns.shape[1]
+        first = self.places[-1].stop
+        for output in range(len(channels)):
+            for source in range(self.acting):
+                column = columns - len(inputs) + source
+                values[harmonics == 0, output, source] += self.at.columns[output, column]
+                slopes[first + output * columns + column, harmonics == 0, output, source] = 1.0
+        flat = slopes.reshape(len(slopes), -1)
+        real, imag = (
+            np.sqrt(np.einsum("pq,pr,rq->q", np.asarray(own, float), self.parameters, own, optimize=True))
+            for own in (np.real(flat), np.imag(flat))
+        )
+        return TransferFunctions(
+            frequencies_hz=frequencies_hz,
+            harmonics=harmonics,
+            values=values,
+            std=(real + 1j * imag).reshape(shape),
+            outputs=tuple(channels),
+            inputs=tuple(inputs),
+            step=self.samples.step if sampled else None,
+        )
+
+    def drawn(self, generator: np.random.Generator) -> NDArray[np.float64]:
+        """Outputs made of the fit, with innovations of its covariance (outputs, samples).
+
+        Raises IdentificationError where a mode grows beyond all bounds in the record: that one was held by chance.
+        """
+        samples, at = self.samples, self.at
+        if any(runs_away(samples, mode.exponent) for mode in at.modes):
+            raise IdentificationError("A mode grows over the record by more than a record made of the model can show.")
+        colour = np.linalg.inv(at.root)
+        white = generator.standard_normal((samples.n_samples, len(samples.values)))
+        innovations = np.einsum("kij,kj->ik", colour, white)
+        return responding(samples, at, innovations)
+
+    def refitted(self, values: NDArray[np.float64]) -> Fit:
+        """The same modes and harmonics fitted to other outputs (outputs, samples).
+
+        Raises IdentificationError where their predictor diverges on them.
+        """
+        samples = replace(self.samples, values=values)
+        start = predicted(samples, self.at.modes, self.at.columns, self.at.initial, self.at.whitening)
+        if start is None:
+            raise IdentificationError("The predictor of these modes diverges on these records.")
+        return Fit(samples, solve(samples, start), self.acting)
 
     def short(self, number: int) -> float:
         """How far the exponent of a mode is from the maximum of the likelihood to first order, in deviations."""
@@ -182,23 +296,6 @@ def sized(fit: Fit) -> Fit:
     return replace(fit, at=replace(fit.at, modes=tuple(modes), initial=initial, states=states))
 
 
-def model_of(fit: Fit, channels: Sequence[Channel], inputs: Sequence[Channel], provenance: Provenance) -> PeriodicModel:
-    """The periodic model of a fit, each mode with its conjugate, with deviations; the states have an rms of 1."""
-    fit = sized(fit)
-    modes = _input_modes(fit)
-    direct = {}
-    if fit.acting:
-        direct[0] = fit.at.columns[:, fit.at.columns.shape[1] - len(inputs) :].astype(complex)
-    samples = fit.samples
-    return modelled(
-        _estimates(fit, modes),
-        unselected=_estimates(fit, modes, held=False),
-        channels=channels,
-        provenance=provenance,
-        driven=driven_of(modes, inputs, direct, len(channels), samples.fundamental, samples.first_times),
-    )
-
-
 def _input_modes(fit: Fit) -> list[InputMode]:
     """The modes of a fit as those of measured inputs alone, with their states at the begin of each record."""
     modes, row = [], 0
@@ -208,23 +305,6 @@ def _input_modes(fit: Fit) -> list[InputMode]:
         row += mode.rows
         modes.append(_as_input_mode(mode, fit.samples, initial))
     return modes
-
-
-def estimates_at(fit: Fit, exponents: NDArray[np.complex128]) -> Estimates:
-    """The estimates of a fit linearised anew at exponents (modes,) [1/s].
-
-    One step of Gauss and Newton from there, as `floquid.periodic.estimate_at` has it.
-
-    Raises IdentificationError where the predictor diverges there.
-    """
-    pairs = zip(fit.at.modes, exponents.tolist(), strict=True)
-    modes = [replace(mode, exponent=complex(value.real) if mode.real else value) for mode, value in pairs]
-    at = predicted(fit.samples, modes, fit.at.columns, fit.at.initial, fit.at.whitening)
-    if at is None:
-        raise IdentificationError("The predictor diverges where the record was linearised anew.")
-    here = sized(replace(fit, at=at))
-    step = here.parameters @ here.normal.gradient
-    return _estimates(here, _input_modes(here), step, held=False)
 
 
 def _estimates(
@@ -293,59 +373,3 @@ def _slopes(
     shape -= np.outer(mode.shape.ravel(), scale)
     gains += np.outer(own.gains.ravel(), scale)
     return exponent, gains, shape.reshape(*mode.shape.shape, width)
-
-
-def transfer_of(
-    fit: Fit,
-    channels: Sequence[Channel],
-    inputs: Sequence[Channel],
-    frequencies_hz: NDArray[np.float64],
-    harmonics: NDArray[np.int64],
-    *,
-    sampled: bool = False,
-) -> TransferFunctions:
-    """The harmonic transfer functions of a fit in innovations form with their deviations, to first order."""
-    omega = 2.0 * np.pi * frequencies_hz
-    samples, omega_0 = fit.samples, fit.samples.fundamental
-    shape = (len(harmonics), len(channels), len(inputs), len(omega))
-    held = (fit.samples.step, fit.samples.hold) if sampled else None
-
-    def transferred(mode: Mode) -> NDArray[np.complex128]:
-        parts = [
-            modal_transfer(exponent, omega_0, (turns, c), (reach, b), harmonics, omega, held)
-            for exponent, turns, c, reach, b in terms_of_mode(mode, samples)
-        ]
-        return np.sum(parts, axis=0)
-
-    values = np.zeros(shape, complex)
-    slopes = np.zeros((len(fit.parameters), *shape), complex)
-    spread = np.sqrt(np.maximum(np.diag(fit.parameters), 0.0))
-    for mode, place in zip(fit.at.modes, fit.places, strict=True):
-        values += transferred(mode)
-        for index, parameter in enumerate(range(place.start, place.stop)):
-            if spread[parameter] == 0.0:
-                continue
-            step = np.zeros(place.stop - place.start)
-            step[index] = NUDGE * spread[parameter]
-            slopes[parameter] = (transferred(mode.moved(step)) - transferred(mode.moved(-step))) / (2.0 * step[index])
-    columns = fit.at.columns.shape[1]
-    first = fit.places[-1].stop
-    for output in range(len(channels)):
-        for source in range(fit.acting):
-            column = columns - len(inputs) + source
-            values[harmonics == 0, output, source] += fit.at.columns[output, column]
-            slopes[first + output * columns + column, harmonics == 0, output, source] = 1.0
-    flat = slopes.reshape(len(slopes), -1)
-    real, imag = (
-        np.sqrt(np.einsum("pq,pr,rq->q", np.asarray(own, float), fit.parameters, own, optimize=True))
-        for own in (np.real(flat), np.imag(flat))
-    )
-    return TransferFunctions(
-        frequencies_hz=frequencies_hz,
-        harmonics=harmonics,
-        values=values,
-        std=(real + 1j * imag).reshape(shape),
-        outputs=tuple(channels),
-        inputs=tuple(inputs),
-        step=fit.samples.step if sampled else None,
-    )

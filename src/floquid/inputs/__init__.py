@@ -16,11 +16,9 @@ from floquid.inputs._joint import fitted_together as fitted_together
 from floquid.inputs._modes import InputMode as InputMode
 from floquid.inputs._modes import answering as answering
 from floquid.inputs._modes import input_gain as input_gain
+from floquid.inputs._modes import runs_away as runs_away
 from floquid.inputs._result import Uncertainty as Uncertainty
-from floquid.inputs._result import estimates_at as estimates_at
-from floquid.inputs._result import model_of as model_of
 from floquid.inputs._result import sealed as sealed
-from floquid.inputs._result import transfer_of as transfer_of
 from floquid.inputs._samples import Hold
 from floquid.inputs._samples import Samples as Samples
 from floquid.inputs._samples import samples_of as samples_of

@@ -25,12 +25,7 @@ from floquid.inputs._solver import (
     state_slopes,
 )
 from floquid.inputs._transfer import TransferFunctions, modal_transfer
-
-FURTHER = 3
-"""Harmonics beyond those fitted that A(t) with a structure is fitted to as well: that they are small is knowledge."""
-
-FEW = 3
-"""Steps of that fit: what has hardly any information may go on for ever."""
+from floquid.inputs.search import read_near_axis
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +58,112 @@ class Uncertainty(Rebuilt):
             ]
         )
 
+    def model(
+        self,
+        channels: Sequence[Channel],
+        inputs: Sequence[Channel],
+        provenance: Provenance,
+        as_read: Mapping[int, complex] | None = None,
+    ) -> PeriodicModel:
+        """The periodic model of a fit, each mode with its conjugate, with deviations.
+
+        Deviations of exponents near an axis are those `as_read`, by the numbers of their modes, where they are given.
+        """
+        at, samples = self.at, self.samples
+        place, direct = at.slices()[-1][0].stop if at.modes else 0, {}
+        for turn in map(int, at.direct):
+            own = at.coefficients[place : place + (1 + (turn > 0)) * len(inputs)].T
+            place += own.shape[1]
+            direct[turn] = 0.5 * (own[:, : len(inputs)] + 1j * own[:, len(inputs) :]) if turn else own.astype(complex)
+        return modelled(
+            self.estimates,
+            channels=channels,
+            provenance=provenance,
+            driven=driven_of(at.modes, inputs, direct, len(channels), samples.fundamental, samples.first_times),
+            as_read=as_read,
+        )
+
+    def estimates_at(self, exponents: NDArray[np.complex128]) -> Estimates:
+        """The estimates of a fit, linearised anew at exponents (modes,) [1/s].
+
+        One step of Gauss and Newton from there, as `floquid.periodic.estimate_at` has it.
+        """
+        pairs = zip(self.at.modes, exponents.tolist(), strict=True)
+        modes = [replace(mode, exponent=complex(value.real) if mode.real else value) for mode, value in pairs]
+        here = Uncertainty(self.samples, linearise(self.samples, modes, self.at.direct))
+        step = here.parameters @ normal_equations(here.samples, here.at)[1]
+        return here.estimates.moved(selection_of(here.at.modes) @ step)
+
+    def transfer(
+        self,
+        channels: Sequence[Channel],
+        inputs: Sequence[Channel],
+        frequencies_hz: NDArray[np.float64],
+        harmonics: NDArray[np.int64],
+        *,
+        sampled: bool = False,
+    ) -> TransferFunctions:
+        """The harmonic transfer functions of a fit with their deviations, to first order in all of its parameters."""
+        at, omega = self.at, 2.0 * np.pi * frequencies_hz
+        fundamental, columns = self.samples.fundamental, len(at.columns)
+        shape = (len(harmonics), len(inputs), len(omega))
+        values = np.zeros((len(harmonics), len(channels), len(inputs), len(omega)), complex)
+        by_parameters = np.zeros((len(self.parameters), len(channels), *shape), complex)
+        by_columns = np.zeros((columns, *shape), complex)
+        held = (self.samples.step, self.samples.hold) if sampled else None
+
+        def transferred(mode: InputMode, amplitudes: NDArray[np.complex128]) -> NDArray[np.complex128]:
+            parts = [
+                modal_transfer(exponent, fundamental, (turns, c), (reach, b), harmonics, omega, held)
+                for exponent, turns, c, reach, b in terms_of(mode, amplitudes, fundamental)
+            ]
+            return np.sum(parts, axis=0)
+
+        for number, mode in enumerate(at.modes):
+            own = at.shape(number).T
+            values += transferred(mode, own)
+            place, turning = at.slices()[number]
+            for column in range(place.start, place.stop):
+                unit = np.zeros((1, len(mode.turns)), complex)
+                later = column - place.start - len(turning)
+                unit[0, column - place.start if later < 0 else np.flatnonzero(turning)[later]] = (
+                    1.0 if later < 0 else 1j
+                )
+                by_columns[column] = transferred(mode, unit)[:, 0]
+            where, free = self.places[number]
+            for parameter, index in zip(range(where.start, where.stop), np.flatnonzero(free), strict=True):
+                step = np.zeros(len(free))
+                step[index] = 1e-3 * np.sqrt(self.parameters[parameter, parameter])
+                moved = transferred(mode.moved(step), own) - transferred(mode.moved(-step), own)
+                by_parameters[parameter] = np.moveaxis(moved, 1, 0) / (2.0 * step[index])
+        _add_direct(at, harmonics, values, by_columns, len(inputs))
+        std = np.zeros_like(values)
+        for channel in range(len(channels)):
+            flat = np.asarray(by_parameters[:, channel].reshape(len(by_parameters), -1).T, np.complex128)
+            linear = np.asarray(by_columns.reshape(columns, -1).T, np.complex128)
+            real = self.variance(channel, flat.real, linear.real)
+            imag = self.variance(channel, flat.imag, linear.imag)
+            std[:, channel] = (np.sqrt(real) + 1j * np.sqrt(imag)).reshape(shape)
+        return TransferFunctions(
+            frequencies_hz=frequencies_hz,
+            harmonics=harmonics,
+            values=values,
+            std=std,
+            outputs=tuple(channels),
+            inputs=tuple(inputs),
+            step=self.samples.step if sampled else None,
+        )
+
+    def drawn(self, generator: np.random.Generator) -> NDArray[np.float64]:
+        """Outputs made of the fit, with noise of its size (outputs, samples)."""
+        clean = self.at.coefficients.T @ self.at.columns
+        return np.asarray(clean + self.at.noise[:, None] * generator.standard_normal(clean.shape))
+
+    def refitted(self, values: NDArray[np.float64]) -> Uncertainty:
+        """The same modes and harmonics fitted to other outputs (outputs, samples) at the same inputs."""
+        samples = replace(self.samples, values=values)
+        return Uncertainty(samples, read_near_axis(samples, solve(samples, self.at.modes, self.at.direct)).at)
+
     def variance(self, channel: int, by_parameters: NDArray, by_columns: NDArray) -> NDArray[np.float64]:
         """The variance of real quantities of one channel, by (quantities, parameters) and (quantities, columns)."""
         whole = by_parameters + by_columns @ self.slopes[channel]
@@ -78,12 +179,6 @@ class Uncertainty(Rebuilt):
             found.append((slice(place, stop), mode.free))
             place = stop
         return found
-
-    @cached_property
-    def unselected(self) -> Uncertainty:
-        """The same fit with several harmonics more at each end of the bands of the outputs."""
-        modes = [mode.with_band("turns", _longer(mode)) for mode in self.at.modes]
-        return Uncertainty(self.samples, solve(self.samples, modes, self.at.direct, iterations=FEW))
 
     @cached_property
     def estimates(self) -> Estimates:
@@ -107,111 +202,6 @@ def sealed(one: Any) -> None:
         for array in value if isinstance(value, tuple) else (value,):
             if isinstance(array, np.ndarray):
                 array.flags.writeable = False
-
-
-def model_of(
-    found: Uncertainty,
-    channels: Sequence[Channel],
-    inputs: Sequence[Channel],
-    provenance: Provenance,
-    as_read: Mapping[int, complex] | None = None,
-) -> PeriodicModel:
-    """The periodic model of a fit, each mode with its conjugate, with deviations.
-
-    Deviations of exponents near an axis are those `as_read`, by the numbers of their modes, where they are given.
-    """
-    at, samples = found.at, found.samples
-    place, direct = at.slices()[-1][0].stop if at.modes else 0, {}
-    for turn in map(int, at.direct):
-        own = at.coefficients[place : place + (1 + (turn > 0)) * len(inputs)].T
-        place += own.shape[1]
-        direct[turn] = 0.5 * (own[:, : len(inputs)] + 1j * own[:, len(inputs) :]) if turn else own.astype(complex)
-    return modelled(
-        found.estimates,
-        channels=channels,
-        provenance=provenance,
-        driven=driven_of(at.modes, inputs, direct, len(channels), samples.fundamental, samples.first_times),
-        as_read=as_read,
-    )
-
-
-def estimates_at(fit: Uncertainty, exponents: NDArray[np.complex128]) -> Estimates:
-    """The estimates of a fit with several harmonics more, linearised anew at exponents (modes,) [1/s].
-
-    One step of Gauss and Newton from there, as `floquid.periodic.estimate_at` has it.
-    """
-    wide = fit.unselected
-    pairs = zip(wide.at.modes, exponents.tolist(), strict=True)
-    modes = [replace(mode, exponent=complex(value.real) if mode.real else value) for mode, value in pairs]
-    here = Uncertainty(wide.samples, linearise(wide.samples, modes, wide.at.direct))
-    step = here.parameters @ normal_equations(here.samples, here.at)[1]
-    return here.estimates.moved(selection_of(here.at.modes) @ step)
-
-
-def _longer(mode: InputMode) -> NDArray[np.float64]:
-    """The harmonics of a mode at the outputs with `FURTHER` more at each end."""
-    more = np.arange(1.0, FURTHER + 1.0)
-    below = [] if mode.real else mode.turns[0] - more[::-1]
-    return np.concatenate([below, mode.turns, mode.turns[-1] + more])
-
-
-def transfer_of(
-    found: Uncertainty,
-    channels: Sequence[Channel],
-    inputs: Sequence[Channel],
-    frequencies_hz: NDArray[np.float64],
-    harmonics: NDArray[np.int64],
-    *,
-    sampled: bool = False,
-) -> TransferFunctions:
-    """The harmonic transfer functions of a fit with their deviations, to first order in all of its parameters."""
-    at, omega = found.at, 2.0 * np.pi * frequencies_hz
-    fundamental, columns = found.samples.fundamental, len(at.columns)
-    shape = (len(harmonics), len(inputs), len(omega))
-    values = np.zeros((len(harmonics), len(channels), len(inputs), len(omega)), complex)
-    by_parameters = np.zeros((len(found.parameters), len(channels), *shape), complex)
-    by_columns = np.zeros((columns, *shape), complex)
-    held = (found.samples.step, found.samples.hold) if sampled else None
-
-    def transferred(mode: InputMode, amplitudes: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        parts = [
-            modal_transfer(exponent, fundamental, (turns, c), (reach, b), harmonics, omega, held)
-            for exponent, turns, c, reach, b in terms_of(mode, amplitudes, fundamental)
-        ]
-        return np.sum(parts, axis=0)
-
-    for number, mode in enumerate(at.modes):
-        own = at.shape(number).T
-        values += transferred(mode, own)
-        place, turning = at.slices()[number]
-        for column in range(place.start, place.stop):
-            unit = np.zeros((1, len(mode.turns)), complex)
-            later = column - place.start - len(turning)
-            unit[0, column - place.start if later < 0 else np.flatnonzero(turning)[later]] = 1.0 if later < 0 else 1j
-            by_columns[column] = transferred(mode, unit)[:, 0]
-        where, free = found.places[number]
-        for parameter, index in zip(range(where.start, where.stop), np.flatnonzero(free), strict=True):
-            step = np.zeros(len(free))
-            step[index] = 1e-3 * np.sqrt(found.parameters[parameter, parameter])
-            moved = transferred(mode.moved(step), own) - transferred(mode.moved(-step), own)
-            by_parameters[parameter] = np.moveaxis(moved, 1, 0) / (2.0 * step[index])
-    _add_direct(at, harmonics, values, by_columns, len(inputs))
-    std = np.zeros_like(values)
-    for channel in range(len(channels)):
-        flat = np.asarray(by_parameters[:, channel].reshape(len(by_parameters), -1).T, np.complex128)
-        linear = np.asarray(by_columns.reshape(columns, -1).T, np.complex128)
-        real = found.variance(channel, flat.real, linear.real)
-        imag = found.variance(channel, flat.imag, linear.imag)
-        std[:, channel] = (np.sqrt(real) + 1j * np.sqrt(imag)).reshape(shape)
-    return TransferFunctions(
-        frequencies_hz=frequencies_hz,
-        harmonics=harmonics,
-        values=values,
-        std=std,
-        outputs=tuple(channels),
-        inputs=tuple(inputs),
-        step=found.samples.step if sampled else None,
-    )
 
 
 def _add_direct(

@@ -21,7 +21,7 @@ from floquid import (
 )
 from floquid.exports import summary
 from floquid.findings import Severity
-from floquid.innovations import Fit, first_innovations, model_of, period_step, predicted, repetition
+from floquid.innovations import Fit, first_innovations, period_step, predicted, repetition
 from floquid.inputs import samples_of
 from floquid.pipeline import Settings
 from floquid.pipeline.excited._ambient import _not_apart, _told
@@ -96,7 +96,7 @@ def test_a_copy_of_a_mode_that_outlasts_a_period_fails(analysis, decay, severity
     copies = [replace(own, exponent=share * exponent, gains=0.5 * own.gains) for share in (1.0, 1.001)]
     at = predicted(fit.samples, copies, fit.at.columns, np.zeros((1, 4)))
     twice = Fit(fit.samples, at, fit.acting)
-    model = model_of(twice, analysis.model.channels, (), analysis.model.provenance)
+    model = twice.model(analysis.model.channels, (), analysis.model.provenance)
     told = _told(twice, model, np.full(4, 0.1), 1.0, np.zeros(2, bool))
     assert [own.severity for own in told if own.code == "ambient_alike"] == [severity]
     # Far from each other over their deviations both are there.
@@ -124,7 +124,7 @@ def test_a_kind_that_is_not_told_fails_but_of_a_mode_gone_in_a_period_that_moves
     at = predicted(fit.samples, [replace(own, gains=0.5 * own.gains), gone], fit.at.columns, np.zeros((1, 4)))
     monkeypatch.setattr(Fit, "varying", lambda *_: (1e3, 4))  # of modes at one place no shape is told
     both = Fit(fit.samples, at, fit.acting)
-    model = model_of(both, analysis.model.channels, (), analysis.model.provenance)
+    model = both.model(analysis.model.channels, (), analysis.model.provenance)
     found = _told(both, model, np.full(4, 0.05), 1.0, np.array([0.0, moves]))
     assert [(own.code, own.severity) for own in found if own.code.startswith("ambient_kind")] == told
 
@@ -157,7 +157,7 @@ def test_a_mode_gone_within_a_period_may_be_the_excitations(analysis, decay, tur
     monkeypatch.setattr(Fit, "varying", lambda *_: (1e3, 4))
     monkeypatch.setattr(Fit, "reached", lambda *_: (reached, 4))
     both = Fit(fit.samples, at, fit.acting)
-    model = model_of(both, analysis.model.channels, (), analysis.model.provenance)
+    model = both.model(analysis.model.channels, (), analysis.model.provenance)
     found = _told(both, model, np.full(4, 0.05), 1.0, np.zeros(2))
     hertz = [abs(exponent) / (2.0 * np.pi)]
     named = [own.numbers["frequencies"] for own in found if own.code == "ambient_fast"]
@@ -175,7 +175,7 @@ def test_a_mode_of_one_harmonic_is_named_but_for_a_negative_multiplier(analysis,
     at = predicted(fit.samples, [replace(own, gains=0.5 * own.gains), one], fit.at.columns, np.zeros((1, 3)))
     monkeypatch.setattr(Fit, "varying", lambda _, number: (1e3, 4) if number == 0 else (0.0, 0))
     both = Fit(fit.samples, at, fit.acting)
-    model = model_of(both, analysis.model.channels, (), analysis.model.provenance)
+    model = both.model(analysis.model.channels, (), analysis.model.provenance)
     found = _told(both, model, np.full(3, 0.05), 1.0, np.zeros(2))
     named = [own.severity for own in found if own.code == "ambient_single"]
     assert named == ([Severity.WARNING] if axis == 0.0 else [])
@@ -191,7 +191,7 @@ def test_a_real_mode_that_lasts_may_be_slow_excitation(analysis, axis, decay, to
     at = predicted(fit.samples, [replace(own, gains=0.5 * own.gains), one], fit.at.columns, np.zeros((1, 3)))
     monkeypatch.setattr(Fit, "varying", lambda *_: (1e3, 4))
     both = Fit(fit.samples, at, fit.acting)
-    model = model_of(both, analysis.model.channels, (), analysis.model.provenance)
+    model = both.model(analysis.model.channels, (), analysis.model.provenance)
     found = _told(both, model, np.full(3, 0.05), 1.0, np.zeros(2))
     assert [own.severity for own in found if own.code == "ambient_real"] == ([Severity.WARNING] if told else [])
 

@@ -12,7 +12,7 @@ from floquid.core import Driven, modelled
 from floquid.findings import failure
 from floquid.fit import covariance_root
 from floquid.floquet import PeriodicSystem, SampledMatrix, harmonic_transfer, simulate
-from floquid.inputs import model_of, transfer_functions
+from floquid.inputs import transfer_functions
 
 LINES = np.array([0.05, 0.13, 0.31, 0.6])
 TURNS = (-2, -1, 0, 1, 2)
@@ -100,7 +100,7 @@ def test_deviations_are_those_of_the_joint_errors(found):
 
     def with_noise(by):
         own = replace(analysis.fit, at=replace(analysis.fit.at, noise=analysis.fit.at.noise * by))
-        model = model_of(own, analysis.model.channels, analysis.inputs, analysis.provenance)
+        model = own.model(analysis.model.channels, analysis.inputs, analysis.provenance)
         return reconstruct(model, outputs, harmonics="model", times=3)
 
     one, four, less = (with_noise(by) for by in (1.0, 4.0, np.array([1.0, 1e-6])))

@@ -19,11 +19,10 @@ from floquid._show import Told
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, texts, warning
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._deviations import widening_of
 from floquid.pipeline.draws._draw_file import DrawFile
-from floquid.pipeline.draws._plan import Plan, plan_of
-from floquid.pipeline.draws._redraw import Draw, drawn
+from floquid.pipeline.draws._redraw import Draw, Redrawn, drawn, redrawn
 from floquid.pipeline.draws._spread import MATERIAL, Spread
+from floquid.pipeline.excited import ExcitedAnalysis
 
 OF = "bootstrap"
 
@@ -45,8 +44,8 @@ class Bootstrap(Told, Rebuilt):
         B (modes, channels, hits, harmonics) [units of the channels]; zero where the model keeps none.
     period
         The period [s]; None where it was given.
-    system, transition
-        A(t) and Φ(t, t0) (times, n, n); None where no states were asked for.
+    system, transition, inputs
+        A(t) and Φ(t, t0) (times, n, n), and B(t) of measured inputs (times, n, inputs); None where there is none.
     n_draws, seed
         How many draws were asked for, and the seed.
     orders
@@ -65,6 +64,7 @@ class Bootstrap(Told, Rebuilt):
     period: Spread | None
     system: Spread | None
     transition: Spread | None
+    inputs: Spread | None
     n_draws: int
     seed: int
     orders: Integers
@@ -178,7 +178,7 @@ class Bootstrap(Told, Rebuilt):
 
 
 def bootstrap(
-    analysis: Analysis,
+    analysis: Analysis | ExcitedAnalysis,
     *,
     draws: int = 200,
     seed: int = 0,
@@ -194,12 +194,13 @@ def bootstrap(
 
     with ŷ the response as it was fitted (harmonics that the model does not keep included) at the samples of the record,
     and e white noise of unit variance, or coloured by the inverse of the filter that whitened the record (Efron and
-    Tibshirani 1993, "An Introduction to the Bootstrap", section 6.5). In each draw the same modes with the same bands
-    of harmonics are fitted anew, from the model on, and A(t) is built from that fit as the analysis built it, with the
-    structure that it has. What the draws show of the deviations that the fit itself gave is said in words: those are
-    right to first order in the noise alone. The deviations of A(t) and Φ without a structure also count the harmonics
-    that are left out, which are in no draw: the draws may spread less than these, but not more. Returns the spread of
-    each quantity, and the verdict.
+    Tibshirani 1993, "An Introduction to the Bootstrap", section 6.5). Measured inputs are those of the record; of
+    outputs alone the innovations are drawn, with their covariance along the period, and go through the model. In each
+    draw the same modes with the same bands of harmonics are fitted anew, from the model on, and A(t) is built from that
+    fit as the analysis built it, with the structure that it has. What the draws show of the deviations that the fit
+    itself gave is said in words: those are right to first order in the noise alone. The deviations of A(t), Φ and B(t)
+    without a structure also count the harmonics that are left out, which are in no draw: the draws may spread less than
+    these, but not more. Returns the spread of each quantity, and the verdict.
 
     Raises InputError where an argument is not possible, the processes cannot be started or die, or the draws cannot be
     kept; IdentificationError where fewer than two draws give the order drawn from, or the model fails.
@@ -207,7 +208,7 @@ def bootstrap(
     Parameters
     ----------
     analysis
-        What `identify` found, or `load` read.
+        What `identify`, `identify_driven` or `identify_ambient` found, or `load` read.
     draws
         B, at least 20. A deviation is then known to 1/√(2B): 5 % of 200 draws.
     seed
@@ -224,8 +225,8 @@ def bootstrap(
     report
         Is told of each draw that is done.
     """
-    if not isinstance(analysis, Analysis):
-        must = "be an Analysis"
+    if not isinstance(analysis, (Analysis, ExcitedAnalysis)):
+        must = "be a result of `identify`, `identify_driven` or `identify_ambient`"
         raise input_error("analysis", OF, must, f"is {describe(analysis)}", "Pass what `identify` gave.")
     if analysis.failed:
         raise IdentificationError(f"{analysis.warnings[0]}\n  Records drawn from it say nothing of how far off it is.")
@@ -234,7 +235,7 @@ def bootstrap(
     if not isinstance(whole, (bool, np.bool_)):
         raise input_error("whole", OF, "be true or false", f"is {describe(whole)}")
     several = _processors() if workers is None else integer(workers, "workers", OF, at_least=1)
-    plan = plan_of(analysis, bool(whole))
+    plan = redrawn(analysis, whole=bool(whole))
     seeds = SeedSequence(first).spawn(count)
     # Each draw has its own stream, whatever the number of draws: those of a shorter run are the first of a longer one.
     found = [] if kept is None else _fitting(kept.read(), plan)[:count]
@@ -250,10 +251,10 @@ def bootstrap(
             if kept is not None and found:
                 kept.write(found)
             raise
-    return _gathered(analysis, found, first, plan.whole)
+    return _gathered(analysis, plan, found, first)
 
 
-def _fitting(draws: list[Draw], plan: Plan) -> list[Draw]:
+def _fitting(draws: list[Draw], plan: Redrawn) -> list[Draw]:
     """The draws, if they can be of this plan."""
     shapes = (plan.model.exponents.shape, plan.model.coefficients.shape, bool(plan.states), bool(plan.states))
     for one in draws:
@@ -276,7 +277,7 @@ def _processors() -> int:
     return (len(affinity(0)) if affinity is not None else os.cpu_count()) or 1
 
 
-def _gathered(analysis: Analysis, found: Sequence[Draw], seed: int, whole: bool) -> Bootstrap:
+def _gathered(analysis: Analysis | ExcitedAnalysis, plan: Redrawn, found: Sequence[Draw], seed: int) -> Bootstrap:
     """The draws together."""
     model, state = analysis.model, analysis.state
     used = [one for one in found if one.exponents is not None]
@@ -292,20 +293,22 @@ def _gathered(analysis: Analysis, found: Sequence[Draw], seed: int, whole: bool)
     size = np.abs(exponents)
     damping = np.divide(-np.real(exponents), size, out=np.zeros_like(size), where=size > 0)
     upper = np.isin(np.arange(model.order), model.upper_modes)
-    period_std = analysis.fit.period_std
-    bent = widening_of(analysis) > 1.0  # what is left beside noise is in the deviations, and in no draw
+    period_std = plan.period_std
+    bent = plan.widened
 
     def spread(name: str, unit: str, estimate: NDArray, values: NDArray, std: NDArray | None, own: NDArray) -> Spread:
         return Spread(name=name, unit=unit, estimate=estimate, draws=values, asymptotic=std, distinct=own, bound=bent)
 
     def of_state(name: str, unit: str) -> Spread | None:
-        if state is None:
+        estimate = None if state is None else getattr(state, name)
+        if state is None or estimate is None:
             return None
-        estimate, values = getattr(state, name), np.array([getattr(one, name) for one in used])
-        # The deviations of the free A(t) also count the harmonics left out, those of a found structure what it hides.
+        values = np.array([getattr(one, name) for one in used])
+        # The deviations of the free A(t) also count the harmonics left out, those of a found structure what it hides;
+        # B(t) is that of the free shapes with a structure, too.
         return replace(
             spread(name, unit, estimate, values, getattr(state, f"{name}_std"), np.array(True)),
-            bound=bent or analysis.refinement is None or bool(analysis.refinement.findings),
+            bound=bent or name == "inputs" or analysis.refinement is None or bool(analysis.refinement.findings),
         )
 
     return Bootstrap(
@@ -330,9 +333,10 @@ def _gathered(analysis: Analysis, found: Sequence[Draw], seed: int, whole: bool)
         else spread("period", "s", np.array(model.period), periods, np.array(period_std), np.array(True)),
         system=of_state("system", "1/s in the units of the states"),
         transition=of_state("transition", ""),
+        inputs=of_state("inputs", "1/s in the units of the states over those of the inputs"),
         n_draws=len(found),
         seed=seed,
         orders=np.array([one.order for one in found], np.int64),
         failures=failures,
-        whole=whole,
+        whole=plan.whole,
     )

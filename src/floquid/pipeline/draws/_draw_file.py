@@ -16,7 +16,7 @@ from floquid.pipeline.draws._redraw import Draw
 
 EVERY = 5.0  # seconds between two writings
 
-_ARRAYS = ("exponents", "coefficients", "system", "transition")
+_ARRAYS = ("exponents", "coefficients", "system", "transition", "inputs")
 
 
 @dataclass(slots=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""Plan of a bootstrap: the model, its response in each record, and how records were fitted."""
+"""Plan of a bootstrap of free responses: the model, its response in each record, and how records were fitted."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._complete import by_cycles, samples_of, why_sampled
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import states_of
+from floquid.pipeline.excited import ExcitedAnalysis
 from floquid.reconstruction import choices, text_of
 from floquid.sync import ShaftAngle
 
@@ -50,7 +51,7 @@ class Plan:
 
 
 def plan_of(analysis: Analysis, whole: bool) -> Plan:
-    """The plan of an analysis."""
+    """The plan of an analysis of free responses."""
     model, fit, shafts, settings = analysis.model, analysis.fit, analysis.shafts, analysis.settings
     bare = replace(model, covariance=None, estimates=None, unselected=None)
     # Free residues have no harmonics to hold: then the poles are refined, and the shapes expanded again. All that was
@@ -67,7 +68,7 @@ def plan_of(analysis: Analysis, whole: bool) -> Plan:
     return Plan(
         model=bare,
         fitted=fitted,
-        **_choices(analysis, bare),
+        **choices_of(analysis, bare),
         clean=tuple(clean),
         noise=fit.noise,
         whole=whole,
@@ -87,7 +88,7 @@ def without_states(settings: Settings) -> Settings:
     return replace(settings, states=(), form="second-order", delay=None, structure="", output_error=False)
 
 
-def _choices(analysis: Analysis, bare: PeriodicModel) -> dict[str, Any]:
+def choices_of(analysis: Analysis | ExcitedAnalysis, bare: PeriodicModel) -> dict[str, Any]:
     """The settings that draws are made with, and what A(t) was built from."""
     settings, model, state = analysis.settings, analysis.model, analysis.state
     if state is None:

@@ -1,4 +1,4 @@
-"""One draw of a bootstrap: a record made of the model and noise, and what is found in it; many of them in processes."""
+"""One draw of a bootstrap: records made of the model and noise, and what is found in them; many in processes."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import pickle
 import signal
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.random import SeedSequence
@@ -18,16 +19,22 @@ from floquid.findings import failure
 from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import MaximumLikelihood, ModalModel, Outcome
 from floquid.periodic import assemble, estimate_at, refit
+from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._complete import again_of
+from floquid.pipeline._deviations import widening_of
 from floquid.pipeline._identify import identify
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import Again, state_of
-from floquid.pipeline.draws._plan import Plan, without_states
+from floquid.pipeline.draws._plan import Plan, choices_of, plan_of, without_states
+from floquid.pipeline.excited import ExcitedAnalysis, identify_ambient, identify_driven
 from floquid.sync import segment
 
 NEVER = 1e-300
 """The probability below which the structure of A(t) is refused: the free model that is drawn from has a misfit already,
 and twice that much is no news of the structure."""
+
+ONE = 1e-9
+"""The distance of a gain from 1, and the deviation of a coefficient over it, below which it is the scale of a state."""
 
 FADED = 1e-8  # the share of its size that coloured noise keeps of its beginning when the record begins
 
@@ -44,8 +51,8 @@ class Draw(Rebuilt):
         λ (modes,) [1/s] and B (modes, channels, hits, harmonics) [units of the channels].
     period
         The period [s].
-    system, transition
-        A(t) and Φ(t, t0) (times, n, n); None where no states were asked for.
+    system, transition, inputs
+        A(t) and Φ(t, t0) (times, n, n), and B(t) of measured inputs (times, n, inputs); None where there is none.
     failure
         Why the draw failed; empty where it did not.
     """
@@ -56,14 +63,130 @@ class Draw(Rebuilt):
     period: float = 0.0
     system: Floats | None = None
     transition: Floats | None = None
+    inputs: Floats | None = None
     failure: str = ""
 
 
-def draw(plan: Plan, seed: SeedSequence) -> Draw:
+class Redrawn(Protocol):
+    """What a draw of a kind of record needs beside its seed."""
+
+    @property
+    def model(self) -> PeriodicModel:
+        """The model drawn from."""
+        ...
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states of A(t); none where there is no A(t)."""
+        ...
+
+    @property
+    def whole(self) -> bool:
+        """True where each draw is identified from the beginning."""
+        ...
+
+    @property
+    def period_std(self) -> float | None:
+        """The deviation of the period [s]; None where it is not fitted."""
+        ...
+
+    @property
+    def widened(self) -> bool:
+        """True where the deviations hold what is left beside noise, which is in no draw."""
+        ...
+
+    def redone(self, generator: np.random.Generator) -> Draw:
+        """What is found in records drawn from the model."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class FreeRedrawn:
+    """Draws of free responses."""
+
+    plan: Plan
+    period_std: float | None
+    widened: bool
+
+    @property
+    def model(self) -> PeriodicModel:
+        """The model drawn from."""
+        return self.plan.model
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the states of A(t); none where there is no A(t)."""
+        return self.plan.states
+
+    @property
+    def whole(self) -> bool:
+        """True where each draw is identified from the beginning."""
+        return self.plan.whole
+
+    def redone(self, generator: np.random.Generator) -> Draw:
+        """What is found in records drawn from the model."""
+        values = noisy(self.plan, generator)
+        return _identified(self.plan, values) if self.whole else _fitted(self.plan, values)
+
+
+@dataclass(frozen=True, slots=True)
+class ExcitedRedrawn:
+    """Draws of records whose excitation goes on: inputs are those measured, noise or innovations are drawn."""
+
+    analysis: ExcitedAnalysis
+    model: PeriodicModel
+    built: PeriodicModel
+    states: tuple[str, ...]
+    settings: Settings
+    whole: bool
+    period_std: None = None
+    widened: bool = False
+
+    @staticmethod
+    def of(analysis: ExcitedAnalysis, whole: bool) -> ExcitedRedrawn:
+        """That of a result."""
+        bare = replace(analysis.model, covariance=None, estimates=None, unselected=None)
+        bare = replace(bare, coefficient_std=analysis.model.coefficient_std)
+        return ExcitedRedrawn(analysis=analysis, model=bare, whole=whole, **choices_of(analysis, bare))
+
+    def redone(self, generator: np.random.Generator) -> Draw:
+        """What is found in records drawn from the model."""
+        analysis, values = self.analysis, self.analysis.fit.drawn(generator)
+        if self.whole:
+            found = self._identified(values)
+            fit, model = found.fit, found.model
+        else:
+            fit = analysis.fit.refitted(values)
+            model = fit.model(self.model.channels, analysis.inputs, self.model.provenance)
+        if model.order != self.model.order:
+            return Draw(model.order)
+        built = None if self.whole or self.built is self.model else selected(self.built, model)
+        return compared(self, model, fit.estimates_at, built)
+
+    def _identified(self, values: Floats) -> ExcitedAnalysis:
+        """The whole identification anew; A(t) comes after: with a structure it might be refused."""
+        names = [channel.name for channel in self.model.channels]
+        records = []
+        for record, own in zip(self.analysis.records, self.analysis.fit.samples.records, strict=True):
+            mixed = np.array(record.values)
+            mixed[[[channel.name for channel in record.channels].index(name) for name in names]] = values[:, own]
+            records.append(replace(record, values=mixed))
+        settings = replace(without_states(self.settings), channels=tuple(names), validate=False)
+        chain = identify_ambient if settings.excitation == "ambient" else identify_driven
+        return chain(records, settings)
+
+
+def redrawn(analysis: Analysis | ExcitedAnalysis, *, whole: bool) -> Redrawn:
+    """What draws of a result need beside their seeds."""
+    if isinstance(analysis, ExcitedAnalysis):
+        return ExcitedRedrawn.of(analysis, whole)
+    return FreeRedrawn(plan_of(analysis, whole), analysis.fit.period_std, widening_of(analysis) > 1.0)
+
+
+def draw(plan: Redrawn, seed: SeedSequence) -> Draw:
     """One draw."""
     try:
-        values = noisy(plan, np.random.default_rng(seed))
-        return _identified(plan, values) if plan.whole else _fitted(plan, values)
+        return plan.redone(np.random.default_rng(seed))
     except (FloquidError, np.linalg.LinAlgError, FloatingPointError) as error:
         return Draw(0, failure=str(error).splitlines()[0] or type(error).__name__)
 
@@ -108,10 +231,13 @@ def _fitted(plan: Plan, values: Sequence[Floats]) -> Draw:
             return estimate_at(found, exponents, lifted=lifted)
         return estimate_at(found, exponents, records=records, clocks=clocks, noise=plan.noise, whitening=plan.whitening)
 
-    return _compared(plan, found, again, _selected(plan, found))
+    built = selected(plan.built, found)
+    if not plan.estimated:
+        built = replace(built, estimates=None, unselected=None)
+    return compared(plan, found, again, built)
 
 
-def _compared(plan: Plan, found: PeriodicModel, again: Again, built: PeriodicModel | None = None) -> Draw:
+def compared(plan: Plan | ExcitedRedrawn, found: PeriodicModel, again: Again, built: PeriodicModel | None) -> Draw:
     """Estimates of a draw: the modes in the order drawn from, and A(t), of the harmonics of a model if given."""
     exponents, coefficients = aligned(plan.model, found)
     held, own = built is not None, found if built is None else built
@@ -126,27 +252,26 @@ def _compared(plan: Plan, found: PeriodicModel, again: Again, built: PeriodicMod
         found.period,
         None if state is None else state.system,
         None if state is None else state.transition,
+        None if state is None else state.inputs,
     )
 
 
-def _selected(plan: Plan, found: PeriodicModel) -> PeriodicModel:
-    """The model with the coefficients alone that A(t) was built from, and without estimates where there were none.
+def selected(built: PeriodicModel, found: PeriodicModel) -> PeriodicModel:
+    """The model found with the coefficients alone that A(t) was built from.
 
     What is fitted beyond them stays in the estimates, as there. The choice is held as the bands are: where what is
     drawn from has a coefficient near the limit, the noise of the record is in it already, and in a draw once more.
     """
-    kept = (plan.built.coefficients != 0).any(axis=(1, 2))
+    kept = (built.coefficients != 0).any(axis=(1, 2))
     mask = np.zeros((found.order, len(found.harmonics)), bool)
-    for one, own, by in _pairs(plan.built, found):
-        mask[one] = np.isin(found.harmonics + by, plan.built.harmonics[kept[own]])
+    for one, own, by in _pairs(built, found):
+        mask[one] = np.isin(found.harmonics + by, built.harmonics[kept[own]])
     wide = mask[:, None, None]
     std = found.coefficient_std
     return replace(
         found,
         coefficients=found.coefficients * wide,
         coefficient_std=None if std is None else std * wide,
-        estimates=found.estimates if plan.estimated else None,
-        unselected=found.unselected if plan.estimated else None,
     )
 
 
@@ -183,19 +308,45 @@ def _identified(plan: Plan, values: Sequence[Floats]) -> Draw:
     found = identify(records, settings)
     if found.model.order != plan.model.order:
         return Draw(found.model.order)
-    return _compared(plan, found.model, again_of(found.fit, found.lifted, found.shafts, found.settings))
+    return compared(plan, found.model, again_of(found.fit, found.lifted, found.shafts, found.settings), None)
 
 
 def aligned(model: PeriodicModel, found: PeriodicModel) -> tuple[Complexes, Complexes]:
-    """The exponents and coefficients found, in the order, on the branches and with the harmonics of `model`."""
+    """The exponents and coefficients found, in the order, on the branches and with the harmonics of `model`.
+
+    The scale of a state that is free is that of `model`.
+    """
     exponents = np.zeros(model.order, complex)
     coefficients = np.zeros(model.coefficients.shape, complex)
     kept = (model.coefficients != 0).any(axis=(1, 2))
     for one, own, by in _pairs(model, found):
         exponents[own] = found.exponents[one] - 1j * found.fundamental * by
         _, there, here = np.intersect1d(found.harmonics + by, model.harmonics[kept[own]], return_indices=True)
-        coefficients[own][..., np.flatnonzero(kept[own])[here]] = found.coefficients[one][..., there]
+        value = found.coefficients[one][..., there] * _scale(model, own, found, one, by)
+        coefficients[own][..., np.flatnonzero(kept[own])[here]] = value
     return exponents, coefficients
+
+
+def _scale(model: PeriodicModel, mode: int, found: PeriodicModel, one: int, turns: int) -> complex:
+    """The factor that gives a mode found the scale of a mode of `model`, whose state is free in records with inputs.
+
+    It is of a coefficient that has no deviation, or of the gain or first state that is 1, where there is one.
+    """
+    known = np.abs(model.coefficients[mode])
+    std = known if model.coefficient_std is None else np.abs(model.coefficient_std[mode])
+    for channel, hit, place in np.argwhere((std <= ONE * known) & (known > 0.0)).tolist():
+        at = np.flatnonzero(found.harmonics + turns == model.harmonics[place])
+        if len(at) and found.coefficients[one, channel, hit, at[0]]:
+            return complex(model.coefficients[mode, channel, hit, place] / found.coefficients[one, channel, hit, at[0]])
+    if model.inputs is None or found.inputs is None:
+        return 1.0
+    ours, theirs = model.inputs, found.inputs
+    for source, place in np.argwhere(np.abs(ours.coefficients[mode] - 1.0) < ONE).tolist():
+        at = np.flatnonzero(theirs.harmonics - turns == ours.harmonics[place])
+        return complex(theirs.coefficients[one, source, at[0]]) if len(at) else 1.0
+    for record in np.flatnonzero(np.abs(ours.initial[mode] - 1.0) < ONE).tolist():
+        return complex(theirs.initial[one, record])
+    return 1.0
 
 
 def _pairs(model: PeriodicModel, found: PeriodicModel) -> Iterator[tuple[int, int, int]]:
@@ -209,7 +360,7 @@ def _pairs(model: PeriodicModel, found: PeriodicModel) -> Iterator[tuple[int, in
         yield one, own, int(turns[one, own])
 
 
-def drawn(plan: Plan, seeds: Sequence[SeedSequence], workers: int) -> Iterator[Draw]:
+def drawn(plan: Redrawn, seeds: Sequence[SeedSequence], workers: int) -> Iterator[Draw]:
     """The draws in the order of their seeds, by so many processes; InputError where one cannot start, or dies."""
     from threadpoolctl import threadpool_limits
 
@@ -233,7 +384,7 @@ def drawn(plan: Plan, seeds: Sequence[SeedSequence], workers: int) -> Iterator[D
         pool.shutdown(wait=True, cancel_futures=True)
 
 
-_PLAN: list[Plan] = []  # that of this worker process
+_PLAN: list[Redrawn] = []  # that of this worker process
 
 
 def _begin(sent: bytes) -> None:
@@ -249,7 +400,7 @@ def _one(seed: SeedSequence) -> Draw:
     return draw(_PLAN[0], seed)
 
 
-def _sent(plan: Plan) -> bytes:
+def _sent(plan: Redrawn) -> bytes:
     try:
         return pickle.dumps(plan)
     except (pickle.PicklingError, AttributeError, TypeError) as error:

@@ -24,7 +24,6 @@ from floquid.innovations import (
     first_innovations,
     gap_of,
     left_over,
-    model_of,
     period_step,
     phase_step,
     predicted,
@@ -162,7 +161,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     report("estimating deviations")
     fit = Fit(samples, found, acting)
     provenance = Provenance.merge(tuple(record.provenance for record in records))
-    model = model_of(fit, own.outputs, own.inputs, provenance)
+    model = fit.model(own.outputs, own.inputs, provenance)
     held_out = np.full(len(own.outputs), np.nan)
     if settings.validate:
         report("predicting samples left out")

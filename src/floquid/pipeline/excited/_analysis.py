@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal, TypeVar
@@ -12,13 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid._show import Drawings, Drawn, Told
-from floquid.core import Channel, ConstantPeriod, Estimates, PeriodicModel, Provenance, Record
+from floquid.core import Channel, ConstantPeriod, PeriodicModel, Provenance, Record
 from floquid.errors import FloquidError
 from floquid.findings import Finding, Severity, failure, texts, warning
-from floquid.innovations import Fit, transfer_of
-from floquid.innovations import estimates_at as ambient_estimates_at
-from floquid.inputs import TransferFunctions, Uncertainty, estimates_at
-from floquid.inputs import transfer_of as transfer_with_inputs
+from floquid.innovations import Fit
+from floquid.inputs import TransferFunctions, Uncertainty
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import state_of
 from floquid.pipeline.excited._lines import MOST_PERIODS
@@ -183,7 +180,8 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
         if not self.inputs:
             raise input_error("self", of, "have measured inputs", "is of outputs alone", "Name them: `inputs=`.")
         hertz = _frequencies_of(frequencies_hz, self.model, self.records, of)
-        return self._transfer(hertz, np.unique(np.atleast_1d(np.asarray(harmonics, np.int64))), sampled=sampled)
+        turns = np.unique(np.atleast_1d(np.asarray(harmonics, np.int64)))
+        return self.fit.transfer(self.model.channels, self.inputs, hertz, turns, sampled=sampled)
 
     def reconstruct(
         self,
@@ -205,15 +203,6 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
         found = reconstruct(self.model, states, form=form, delay=delay, harmonics=harmonics, times=times)
         return found.without_deviations() if self.failed else found
 
-    @abstractmethod
-    def again(self, exponents: NDArray[np.complex128]) -> Estimates:
-        """The estimates of the model, the records linearised anew at exponents (modes of the estimates,) [1/s]."""
-
-    @abstractmethod
-    def _transfer(
-        self, hertz: NDArray[np.float64], harmonics: NDArray[np.int64], *, sampled: bool
-    ) -> TransferFunctions: ...
-
 
 Kind = TypeVar("Kind", bound=ExcitedAnalysis)
 
@@ -229,15 +218,6 @@ class DrivenAnalysis(ExcitedAnalysis):
     """
 
     fit: Uncertainty
-
-    def again(self, exponents: NDArray[np.complex128]) -> Estimates:
-        """The estimates of the model, the records linearised anew at exponents (modes of the estimates,) [1/s]."""
-        return estimates_at(self.fit, exponents)
-
-    def _transfer(
-        self, hertz: NDArray[np.float64], harmonics: NDArray[np.int64], *, sampled: bool
-    ) -> TransferFunctions:
-        return transfer_with_inputs(self.fit, self.model.channels, self.inputs, hertz, harmonics, sampled=sampled)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
@@ -264,15 +244,6 @@ class AmbientAnalysis(ExcitedAnalysis):
     def _figures(self) -> Drawings:
         return super(AmbientAnalysis, self)._figures() | {"harmonic_spectra": (self, {})}
 
-    def again(self, exponents: NDArray[np.complex128]) -> Estimates:
-        """The estimates of the model, the records linearised anew at exponents (modes of the estimates,) [1/s]."""
-        return ambient_estimates_at(self.fit, exponents)
-
-    def _transfer(
-        self, hertz: NDArray[np.float64], harmonics: NDArray[np.int64], *, sampled: bool
-    ) -> TransferFunctions:
-        return transfer_of(self.fit, self.model.channels, self.inputs, hertz, harmonics, sampled=sampled)
-
 
 def finished(analysis: Kind, periods_of_turn: float, report: Callable[[str], None]) -> Kind:
     """The result with findings on modes that are lines, and A(t) in the states of its settings where it has some.
@@ -283,7 +254,7 @@ def finished(analysis: Kind, periods_of_turn: float, report: Callable[[str], Non
     if not analysis.settings.states:
         return analysis
     try:
-        state, refinement = state_of(analysis.model, analysis.settings, analysis.again, report)
+        state, refinement = state_of(analysis.model, analysis.settings, analysis.fit.estimates_at, report)
     except FloquidError as error:  # how many states the modes need was not known before the search
         missing = warning("states_unfit", reason=str(error).splitlines()[0])
         return replace(analysis, findings=(*analysis.findings, missing))

@@ -18,7 +18,6 @@ from floquid.inputs import (
     Uncertainty,
     fitted_freely,
     linearise,
-    model_of,
     read_near_axis,
     searched,
     slopes_of,
@@ -125,7 +124,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     found = near.at
     fit = Uncertainty(samples, found)
     provenance = Provenance.merge(tuple(record.provenance for record in records))
-    model = model_of(fit, own.outputs, own.inputs, provenance, near.as_read)
+    model = fit.model(own.outputs, own.inputs, provenance, near.as_read)
     late = (warning("out_of_time", seconds=SECONDS),) if unfinished else ()
     held_out = np.full(len(own.outputs), np.nan)
     if settings.validate:
