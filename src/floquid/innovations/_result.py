@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
-from floquid.core import Channel, PeriodicModel, Provenance
+from floquid.core import Channel, PeriodicModel, Provenance, with_deviations
 from floquid.fit import Normal, wald_rise
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, gradient, predicted
@@ -203,8 +203,17 @@ def _deviations(fit: Fit, number: int) -> tuple[NDArray[np.complex128], NDArray[
     return both[:count].reshape(-1, len(mode.reach)), both[count:].reshape(mode.shape.shape)
 
 
-def model_of(fit: Fit, channels: Sequence[Channel], inputs: Sequence[Channel], provenance: Provenance) -> PeriodicModel:
-    """The periodic model of a fit, each mode with its conjugate, with deviations; the states have an rms of 1."""
+def model_of(
+    fit: Fit,
+    channels: Sequence[Channel],
+    inputs: Sequence[Channel],
+    provenance: Provenance,
+    as_read: Mapping[int, complex] | None = None,
+) -> PeriodicModel:
+    """The periodic model of a fit, each mode with its conjugate, with deviations; the states have an rms of 1.
+
+    Deviations of exponents near an axis are those `as_read`, by the numbers of their modes, where they are given.
+    """
     fit, parts, row = sized(fit), [], 0
     for number, mode in enumerate(fit.at.modes):
         gain_std, shape_std = _deviations(fit, number)
@@ -221,7 +230,12 @@ def model_of(fit: Fit, channels: Sequence[Channel], inputs: Sequence[Channel], p
     turns = np.zeros(int(fit.acting > 0), np.int64)
     direct = fit.at.columns[:, fit.at.columns.shape[1] - len(inputs) :, None].astype(complex)[..., : len(turns)]
     period = 2.0 * np.pi / fit.samples.fundamental
-    return assembled(parts, fit.parameters, period, channels, inputs, (turns, direct), provenance)
+    model = assembled(parts, fit.parameters, period, channels, inputs, (turns, direct), provenance)
+    if not as_read:
+        return model
+    std = [as_read.get(k, complex(np.nan, np.nan)) for k, mode in enumerate(fit.at.modes) for _ in range(mode.rows)]
+    assert model.covariance is not None
+    return replace(model, covariance=with_deviations(model.covariance, np.array(std)))
 
 
 def transfer_of(

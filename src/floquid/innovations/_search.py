@@ -15,6 +15,7 @@ from floquid.innovations._covariance import reweighed, white, whitening_of
 from floquid.innovations._fewer import GONE, better, needed
 from floquid.innovations._gain import SMALL, stable_gains
 from floquid.innovations._mode import Mode
+from floquid.innovations._near_axis import NearAxis, read_near_axis
 from floquid.innovations._predictor import Predictor, predicted, rebuilt
 from floquid.innovations._real import with_real_ones
 from floquid.innovations._solve import climbed, solve
@@ -65,13 +66,12 @@ def searched(
     first: NDArray[np.float64],
     limits: Limits,
     report: Callable[[str], None] = lambda _: None,
-) -> tuple[Predictor, list[float], bool]:
+) -> tuple[NearAxis, bool]:
     """The predictor of the modes that rise above the noise, from outputs alone or with measured inputs.
 
-    With it, of a mode that may be of another kind (a pair that may be two real multipliers, or either of such two),
-    how far lasting modes move, in deviations, where it is fitted as that kind: infinite where none lasts, zero where
-    the kind is known. Last, whether the budget of time was over before the search ended. It begins with first
-    innovations (channels, samples). Units do not matter: all is done on signals of rms 1.
+    Exponents near an axis are read as those of either kind. With it, whether the budget of time was over before the
+    search ended. It begins with first innovations (channels, samples). Units do not matter: all is done on signals of
+    rms 1.
     """
     outputs = _none(samples).noise
     inputs, known = (np.sqrt(np.mean(own**2, axis=1, keepdims=True)) for own in (samples.inputs, samples.known))
@@ -79,19 +79,20 @@ def searched(
         samples, values=samples.values / outputs, inputs=samples.inputs / inputs, known=samples.known / known
     )
     limits = replace(limits, until=time.process_time() + SECONDS)
-    found, undecided, unfinished = _searched(of_one, first / outputs, limits, report)
+    near, unfinished = _searched(of_one, first / outputs, limits, report)
+    found = near.at
     modes = [
         replace(mode, shape=outputs * mode.shape, gains=mode.gains / np.concatenate([inputs, outputs]))
         for mode in found.modes
     ]
     at = predicted(samples, modes, outputs * found.columns / known.T, found.initial)
     assert at is not None
-    return reweighed(samples, at), undecided, unfinished
+    return replace(near, at=reweighed(samples, at)), unfinished
 
 
 def _searched(
     samples: Samples, first: NDArray[np.float64], limits: Limits, report: Callable[[str], None]
-) -> tuple[Predictor, list[float], bool]:
+) -> tuple[NearAxis, bool]:
     driven = replace(samples, inputs=np.concatenate([samples.inputs, first]), hold="none")
     none = now = replace(_none(samples), whitening=whitening_of(samples, first))
     of_known, period = replace(driven, values=none.innovations), 2.0 * np.pi / samples.fundamental
@@ -128,16 +129,15 @@ def _searched(
     report(f"searching for modes: harmonics of {len(now.modes)}")
     now = narrowed(samples, grown(samples, reweighed(samples, now), loose, rounds=2), loose)
     report("searching for modes: telling pairs from real multipliers")
-    now, undecided = with_real_ones(samples, now, loose)
+    now = with_real_ones(samples, now, loose)
     fewer = needed(samples, now, loose)
     while fewer is not now:
-        most = max(undecided)
-        now, undecided = with_real_ones(samples, fewer, loose, [most if mode.real else 0.0 for mode in fewer.modes])
+        now = with_real_ones(samples, fewer, loose)
         fewer = needed(samples, now, loose)
     now = _with_partners(samples, driven, now, loose)
-    undecided += [0.0] * (len(now.modes) - len(undecided))
     now, unfinished = _to_the_end(samples, now, loose, report)
-    return centred(samples, now), undecided, unfinished
+    now = centred(samples, now)
+    return (NearAxis(now, {}, ()) if unfinished else read_near_axis(samples, now)), unfinished
 
 
 def _to_the_end(

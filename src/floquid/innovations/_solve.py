@@ -121,8 +121,11 @@ def held(at: Predictor, whole: NDArray[np.float64], root: NDArray[np.float64], p
     own = [slice(place.start, place.start + mode.rows) for mode, place in zip(at.modes, places(at.modes), strict=True)]
     step, fixed = whole, np.zeros(len(whole), bool)
     while True:
-        longest = max(own, key=lambda rows: float(np.linalg.norm(step[rows])), default=slice(0))
-        size = float(np.linalg.norm(step[longest])) * period
+        size, longest = max(
+            ((_travel(mode, step[rows], period), rows) for mode, rows in zip(at.modes, own, strict=True)),
+            key=lambda both: both[0],
+            default=(0.0, slice(0)),
+        )
         if size <= 1.001 * LONGEST_STEP:
             return step
         to = np.where(fixed, step, whole)
@@ -144,11 +147,15 @@ def climbed(samples: Samples, now: Predictor) -> Predictor:
 def moved(samples: Samples, at: Predictor, step: NDArray[np.float64], period: float) -> Predictor | None:
     """The predictor a step away, no exponent moving further than `LONGEST_STEP`; None where it diverges."""
     steps = split(at, step)
-    moves = [np.linalg.norm(own[: mode.rows]) for mode, own in zip(at.modes, steps[0], strict=True)]
-    longest = max(moves, default=0.0)
-    share = min(1.0, LONGEST_STEP / max(longest * period, 1e-300))
+    moves = [_travel(mode, own[: mode.rows], period) for mode, own in zip(at.modes, steps[0], strict=True)]
+    share = min(1.0, LONGEST_STEP / max(*moves, 0.0, 1e-300))
     modes = [mode.moved(np.asarray(share * own, np.float64)) for mode, own in zip(at.modes, steps[0], strict=True)]
     return predicted(samples, modes, at.columns + share * steps[1], at.initial + share * steps[2], at.whitening)
+
+
+def _travel(mode: Mode, step: NDArray[np.float64], period: float) -> float:
+    """How far a step of λ, or of σ and q, moves over a period."""
+    return float(np.linalg.norm(step * (period if mode.square is None else np.array([period, period**2]))))
 
 
 def split(at: Predictor, values: NDArray) -> tuple[list[NDArray], NDArray, NDArray]:

@@ -4,6 +4,8 @@
 make a model and transfer functions of both: `floquid.identify_driven` is the chain.
 """
 
+from floquid.inputs._block import parts_of as parts_of
+from floquid.inputs._block import slopes_along_square as slopes_along_square
 from floquid.inputs._free import fitted_freely as fitted_freely
 from floquid.inputs._joint import chosen_together as chosen_together
 from floquid.inputs._joint import fitted_together as fitted_together
