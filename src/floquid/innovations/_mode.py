@@ -140,25 +140,9 @@ class Mode(Rebuilt):
 
     def scaled(self) -> Mode:
         """With a state of such a size that the largest gain is 1."""
-        if self.square is not None:
-            return self._divided()
         largest = self.gains.ravel()[np.argmax(np.abs(self.gains))]
         by = (abs(largest) if self.real else largest) or 1.0
         return replace(self, gains=self.gains / by, shape=self.shape * by)
-
-    def _divided(self) -> Mode:
-        """A block with both states divided by the gain that is largest: the same block."""
-        assert self.square is not None
-        first, second = np.split(self.gains, 2)
-        both = np.array([np.concatenate([part.real.ravel(), part.imag.ravel()]) for part in (first, second)])
-        norms = both[0] ** 2 - self.square * both[1] ** 2
-        # One of which this is zero drives one of two multipliers alone: a block cannot be divided by it.
-        a, b = both[:, int(np.argmax(np.abs(norms)))]
-        norm = (a**2 - self.square * b**2) or 1.0
-        gains = [a * first - self.square * b * second, a * second - b * first]
-        seen, other = np.split(self.shape, 2)
-        shape = [a * seen + b * other, a * other + self.square * b * seen]
-        return replace(self, gains=np.concatenate(gains) / norm, shape=np.concatenate(shape))
 
 
 def _of_block(parts: NDArray, square: float) -> NDArray[np.float64]:

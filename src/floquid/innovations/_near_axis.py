@@ -77,20 +77,36 @@ def near_axis(mode: Mode, variances: NDArray[np.float64], omega: float) -> bool:
 
 def _couples(samples: Samples, now: Predictor) -> Iterator[list[int]]:
     """Numbers of modes that may be of either kind: each pair near an axis, and two real multipliers of one sign."""
-    spread = np.diag(inverse_of(normal_of(samples, now, rough=True)))
+    spread, begins = inverse_of(normal_of(samples, now)), [place.start for place in places(now.modes)]
     reals: dict[float, list[int]] = {}
-    for number, (mode, place) in enumerate(zip(now.modes, places(now.modes), strict=True)):
+    for number, (mode, begin) in enumerate(zip(now.modes, begins, strict=True)):
         if mode.square is not None:
             continue
         if mode.real:
             reals.setdefault(mode.axis, []).append(number)
-        elif near_axis(mode, spread[place], samples.fundamental):
+        elif near_axis(mode, np.diag(spread)[begin:], samples.fundamental):
             yield [number]
     for alike in reals.values():
         alike.sort(key=lambda k: now.modes[k].exponent.real)
-        yield from sorted(
-            map(list, pairwise(alike)), key=lambda two: float(np.ptp([now.modes[k].exponent.real for k in two]))
-        )[:1]
+        nearest = min(
+            pairwise(alike), key=lambda two: float(np.ptp([now.modes[k].exponent.real for k in two])), default=()
+        )
+        rows = [begins[k] for k in nearest]
+        if rows and not _each_for_itself(spread[np.ix_(rows, rows)]):
+            yield list(nearest)
+
+
+def _each_for_itself(covariance: NDArray[np.float64]) -> bool:
+    """True of two real multipliers that are less correlated than their mean and their difference are (2, 2).
+
+    Where they meet they are all but one number; one that is seen well beside one that is hardly seen is not.
+    """
+    by = np.array([[0.5, 0.5], [0.5, -0.5]])
+    both = [
+        abs(float(own[0, 1])) / max(float(np.sqrt(own[0, 0] * own[1, 1])), 1e-300)
+        for own in (covariance, by @ covariance @ by)
+    ]
+    return both[0] < both[1]
 
 
 def _as_block(samples: Samples, now: Predictor, numbers: Sequence[int]) -> Predictor | None:
@@ -111,9 +127,17 @@ def _as_block(samples: Samples, now: Predictor, numbers: Sequence[int]) -> Predi
     std = float(np.sqrt(max(inverse_of(normal_of(samples, trial))[place + 1, place + 1], 0.0)))
     assert square is not None
     if DEBUG:
-        print("block", [m.exponent for m in own], [s and s for s in [trial.modes[-1].exponent, square, std]], now.log_likelihood, trial.log_likelihood, now.n_parameters, trial.n_parameters)
-    # With its deviation off, a pair would be nearer to the next axis: its q is not determined.
-    if not np.sqrt(max(-square, 0.0) + std) < 0.25 * samples.fundamental:
+        print(
+            "block",
+            [m.exponent for m in own],
+            [s and s for s in [trial.modes[-1].exponent, square, std]],
+            now.log_likelihood,
+            trial.log_likelihood,
+            now.n_parameters,
+            trial.n_parameters,
+        )
+    # Where its deviation reaches the next axis, q is not determined.
+    if not np.sqrt(std) < 0.25 * samples.fundamental:
         return None
     # Harmonics that neither kind has cost more than a q that is not open gains.
     away = DEVIATIONS if trial.n_parameters <= now.n_parameters else WITHIN
@@ -148,6 +172,8 @@ def _read_apart(samples: Samples, now: Predictor) -> NearAxis:
         modes += parts
         initial.append(states)
     at = predicted(samples, modes, off.columns, np.concatenate(initial, axis=1), now.whitening, growing=True)
+    if DEBUG:
+        print("apart", now.log_likelihood, off.log_likelihood, at and at.log_likelihood)
     return NearAxis(now if at is None else centred(samples, at), as_read, tuple(findings))
 
 
@@ -173,7 +199,7 @@ def block_of_pair(samples: Samples, mode: Mode, initial: NDArray[np.float64]) ->
     )
     state = (initial[:, 0] + 1j * initial[:, 1]) * np.exp(-1j * half * omega * samples.first_times)
     bands = (np.arange(half % 1.0, band[-1] + 0.5) for band in (turns, reach))
-    return block.widened(*bands), np.stack([state.real, state.imag / away], axis=1)
+    return divided(block.widened(*bands), np.stack([state.real, state.imag / away], axis=1))
 
 
 def block_of_reals(
@@ -196,7 +222,26 @@ def block_of_reals(
         shape=np.concatenate([shape[0] + shape[1], apart * (shape[0] - shape[1])]),
         square=apart**2,
     )
-    return block, np.concatenate([0.5 * (first + second), 0.5 * (first - second) / apart], axis=1)
+    return divided(block, np.concatenate([0.5 * (first + second), 0.5 * (first - second) / apart], axis=1))
+
+
+def divided(block: Mode, initial: NDArray[np.float64]) -> tuple[Mode, NDArray[np.float64]]:
+    """A block and its states, both divided by the gain that is largest: the same block.
+
+    What the second state has over the first is all but a multiple of what that has, where a pair is near its axis.
+    """
+    assert block.square is not None
+    (first, second), (seen, beside) = np.split(block.gains, 2), np.split(block.shape, 2)
+    parts = np.array([np.concatenate([own.real.ravel(), own.imag.ravel()]) for own in (first, second)])
+    # One of which this is zero drives one of two multipliers alone: a block cannot be divided by it.
+    norms = parts[0] ** 2 - block.square * parts[1] ** 2
+    largest = int(np.argmax(np.abs(norms)))
+    (a, b), norm = parts[:, largest], norms[largest] or 1.0
+    gains = (a * first - block.square * b * second, a * second - b * first)
+    states = (a * initial[:, 0] - block.square * b * initial[:, 1], a * initial[:, 1] - b * initial[:, 0])
+    shape = (a * seen + b * beside, a * beside + block.square * b * seen)
+    block = replace(block, gains=np.concatenate(gains) / norm, shape=np.concatenate(shape))
+    return block, np.stack(states, axis=1) / norm
 
 
 def ordinary(samples: Samples, mode: Mode, initial: NDArray[np.float64]) -> tuple[list[Mode], NDArray[np.float64]]:

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, scaled_inverse
+from floquid.fit import ROUNDING, Ends, Normal, Steps, levenberg_marquardt, scaled_inverse
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, gradient, predicted, slopes
 from floquid.inputs import Samples
@@ -18,11 +18,8 @@ Step = NDArray[np.float64]
 LONGEST_STEP = 0.3
 """The most that an exponent may move in a step, over one period."""
 
-ROUNDING = 1e-11
-"""The share of the largest below which a direction of the parameters is rounding: the scale of a state is one."""
-
 SINGLE = 1e-6
-"""That share in single precision."""
+"""The share of the largest below which a direction is rounding in single precision: the scale of a state is one."""
 
 NEARBY, BENT = 0.1, 0.75
 """The share of a step at which the curve of the residual is looked at, and the size of the second derivative over the
@@ -61,7 +58,7 @@ def inverse_of(normal: Normal, free: NDArray[np.bool_] | None = None) -> NDArray
         return np.full_like(normal.matrix, np.nan)
     own = np.flatnonzero(np.ones(len(normal.gradient), bool) if free is None else free)
     found = np.zeros_like(normal.matrix)
-    found[np.ix_(own, own)] = scaled_inverse(normal.matrix[np.ix_(own, own)], ROUNDING)
+    found[np.ix_(own, own)] = scaled_inverse(normal.matrix[np.ix_(own, own)])
     return found
 
 
