@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from floquid.fit import chi2_limit
 from floquid.innovations._bands import centred, grown, narrowed
 from floquid.innovations._covariance import reweighed, white, whitening_of
-from floquid.innovations._fewer import GONE, better, needed
+from floquid.innovations._fewer import GONE, better, needed, stable
 from floquid.innovations._gain import SMALL, stable_gains
 from floquid.innovations._mode import Mode
 from floquid.innovations._near_axis import NearAxis, read_near_axis
@@ -189,7 +189,8 @@ def _with_partners(samples: Samples, driven: Samples, now: Predictor, limits: Li
     """With a real multiplier more beside one that lasts alone on its axis, where noise does not explain it.
 
     Real multipliers come in twos where a pair split. The one that decays faster is weak beside one that grows, and
-    what is left may look white without it; but the deviation of the other is too small then.
+    what is left may look white without it, or beside a mode gone within a period that stands in for it; but the
+    deviation of the other is too small then.
     """
     omega, period = samples.fundamental, 2.0 * np.pi / samples.fundamental
     real = [mode for mode in now.modes if mode.real]
@@ -197,14 +198,35 @@ def _with_partners(samples: Samples, driven: Samples, now: Predictor, limits: Li
         near = [mode for mode in real if mode.axis == half]
         if len(near) != 1 or -near[0].exponent.real * period > GONE or len(now.modes) >= limits.modes or limits.over:
             continue
-        own = replace(driven, inputs=np.concatenate([samples.inputs, now.innovations]), values=now.innovations)
         poles = [complex(near[0].exponent.real - share / period, half * omega) for share in PARTNERS]
-        trials = [fitted_together(own, now.innovations, [_bare(own, pole)], acting=0) for pole in poles]
-        trial = _with(samples, own, now, max(trials, key=lambda one: one[0])[1], limits)
-        trial = None if trial is None else narrowed(samples, climbed(samples, trial), limits)
-        if trial is not None and better(trial, now, limits):
-            now = trial
+        gone = [mode for mode in now.modes if -mode.exponent.real * period > GONE]
+        for stand_in in (None, *gone):
+            trial = _with_one_of(samples, driven, now, stand_in, poles, limits)
+            if trial is not None and better(trial, now, limits):
+                now = trial
+                break
     return now
+
+
+def _with_one_of(
+    samples: Samples,
+    driven: Samples,
+    now: Predictor,
+    without: Mode | None,
+    poles: Sequence[complex],
+    limits: Limits,
+) -> Predictor | None:
+    """The fit with the best of some candidates more, in place of a mode where one is given; None where none is."""
+    start: Predictor | None = now
+    if without is not None:
+        start = stable(samples, now, [mode for mode in now.modes if mode is not without], limits)
+        start = None if start is None else solve(samples, start, rough=True)
+    if start is None or limits.over:
+        return None
+    own = replace(driven, inputs=np.concatenate([samples.inputs, start.innovations]), values=start.innovations)
+    trials = [fitted_together(own, start.innovations, [_bare(own, pole)], acting=0) for pole in poles]
+    trial = _with(samples, own, start, max(trials, key=lambda one: one[0])[1], limits)
+    return None if trial is None else narrowed(samples, climbed(samples, trial), limits)
 
 
 def _none(samples: Samples) -> Predictor:
