@@ -88,25 +88,27 @@ def _couples(samples: Samples, now: Predictor) -> Iterator[list[int]]:
             yield [number]
     for alike in reals.values():
         alike.sort(key=lambda k: now.modes[k].exponent.real)
-        nearest = min(
-            pairwise(alike), key=lambda two: float(np.ptp([now.modes[k].exponent.real for k in two])), default=()
-        )
-        rows = [begins[k] for k in nearest]
-        if rows and not _each_for_itself(spread[np.ix_(rows, rows)]):
+        nearest = min(pairwise(alike), key=lambda two: _gap(now, two), default=())
+        rows = [begins[number] for number in nearest]
+        if rows and not _each_for_itself(_gap(now, nearest), spread[np.ix_(rows, rows)]):
             yield list(nearest)
 
 
-def _each_for_itself(covariance: NDArray[np.float64]) -> bool:
-    """True of two real multipliers that are less correlated than their mean and their difference are (2, 2).
+def _gap(now: Predictor, two: Sequence[int]) -> float:
+    return float(np.ptp([now.modes[number].exponent.real for number in two]))
 
-    Where they meet they are all but one number; one that is seen well beside one that is hardly seen is not.
+
+def _each_for_itself(gap: float, covariance: NDArray[np.float64]) -> bool:
+    """True of two real multipliers that are told apart, and less correlated than their mean and difference (2, 2).
+
+    One that is seen well beside one that is hardly seen has a deviation of its own. Where they meet they are one number.
     """
-    by = np.array([[0.5, 0.5], [0.5, -0.5]])
-    both = [
-        abs(float(own[0, 1])) / max(float(np.sqrt(own[0, 0] * own[1, 1])), 1e-300)
-        for own in (covariance, by @ covariance @ by)
-    ]
-    return both[0] < both[1]
+    by = np.array([[0.5, 0.5], [1.0, -1.0]])
+    turned = by @ covariance @ by.T
+    own, mixed = (
+        abs(float(each[0, 1])) / max(float(np.sqrt(each[0, 0] * each[1, 1])), 1e-300) for each in (covariance, turned)
+    )
+    return own < mixed and gap > WITHIN * float(np.sqrt(turned[1, 1]))
 
 
 def _as_block(samples: Samples, now: Predictor, numbers: Sequence[int]) -> Predictor | None:

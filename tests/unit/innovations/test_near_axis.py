@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from floquid.innovations._mode import Mode
-from floquid.innovations._near_axis import block_of_pair, block_of_reals, ordinary
-from floquid.innovations._predictor import gradient, predicted, slopes
-from floquid.innovations._solve import moved
+from floquid.innovations._near_axis import block_of_pair, block_of_reals, ordinary, read_near_axis
+from floquid.innovations._predictor import gradient, matrices, predicted, slopes
+from floquid.innovations._solve import moved, solve
 from floquid.inputs import samples_of
 
 OMEGA, STEP, COUNT = 1.3, 0.2, 600
@@ -78,3 +78,37 @@ def test_derivatives_of_a_block_are_those_of_differences_through_zero(half, kind
     signals = generator.standard_normal(at.innovations.shape)
     expected = -np.einsum("kcp,ck->p", whole, at.white(signals))
     assert np.abs(gradient(samples, at, signals) - expected).max() < 1e-12 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize(
+    ("far", "open_kind"), [(0.02, True), (0.3, False), (None, True)], ids=["near", "far", "two real multipliers"]
+)
+def test_exponents_near_an_axis_are_read_for_both_kinds(far, open_kind):
+    """A pair that is clear of the axis stays what it is; nearer, both kinds are within the deviations."""
+    generator, times, turns = np.random.default_rng(0), STEP * np.arange(2000), np.arange(-1.0, 2.0)
+    noise = generator.standard_normal((1, 2000))
+    samples = samples_of([noise], [noise[:0]], [0.0], step=STEP, fundamental=OMEGA, hold="none")
+    shape, gains = np.array([[0.3j, 1.0, 0.2]]), np.array([[0.09, 0.3 + 0.15j, 0.12j]])
+    exponent = -0.1 + 1j * (0.5 * OMEGA + (far or 0.02))
+    pair = Mode(exponent=exponent, real=False, turns=turns, shape=shape, reach=turns, gains=gains)
+    block, begun = block_of_pair(samples, pair, np.zeros((1, 2)))
+    modes = [pair] if far else ordinary(samples, replace(block, square=0.02**2), begun)[0]
+    # What has these innovations: sample by sample, from a predictor of nothing.
+    values, state = np.zeros((1, 2000)), np.zeros(2)
+    system, driven, seen, _ = matrices(samples, modes)
+    for number in range(len(times)):
+        values[:, number] = seen[number] @ state + noise[:, number]
+        state = system @ state + driven[number] @ noise[:, number]
+    samples = samples_of([values], [noise[:0]], [0.0], step=STEP, fundamental=OMEGA, hold="none")
+    start = solve(samples, predicted(samples, modes, np.zeros((1, 1)), np.zeros((1, 2))))
+    near = read_near_axis(samples, start)
+    assert [told.code for told in near.findings] == ["kind_open"] * open_kind
+    assert near.at.log_likelihood > start.log_likelihood - 0.1
+    truth = np.array([-0.1 + 1j * (far or 0.0), -0.1 - 1j * (far or 0.0)]) + (0.0 if far else np.array([0.02, -0.02]))
+    for number, std in near.as_read.items():
+        mode = near.at.modes[number]
+        value = mode.exponent - (0.0 if mode.real else 0.5j * OMEGA)
+        gap = truth[np.argmin(np.abs(truth - value))] - value
+        assert abs(gap.real) < 3.0 * std.real
+        assert abs(gap.imag) < 3.0 * std.imag
+    assert bool(near.as_read) == open_kind
