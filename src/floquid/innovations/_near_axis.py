@@ -18,20 +18,16 @@ from floquid.core import WITHIN, kind_open, read_axis
 from floquid.findings import Finding
 from floquid.fit import DEVIATIONS, chi2_limit
 from floquid.innovations._bands import centred
+from floquid.innovations._fewer import stable
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted
-from floquid.innovations._products import folded
+from floquid.innovations._products import as_real, folded
 from floquid.innovations._solve import inverse_of, moved, normal_of, places, solve
-from floquid.inputs import Samples
+from floquid.inputs import Limits, Samples
 
 OFF = 0.02
 """The least √|q| over the decay with which a block begins: what the second state of a pair has is over it."""
 
-BANDS = ("turns", "reach")
-
-import os
-
-DEBUG = os.environ.get("DEBUG")
 WORSE = 1e-3
 """The probability at which noise may make a block worse than what it stands for."""
 
@@ -45,7 +41,7 @@ class NearAxis:
     findings: tuple[Finding, ...]
 
 
-def read_near_axis(samples: Samples, now: Predictor) -> NearAxis:
+def read_near_axis(samples: Samples, now: Predictor, limits: Limits) -> NearAxis:
     """The fit with exponents near an axis read from their mean and squared half-difference, where these are regular.
 
     Each pair, and the two real multipliers of one sign that are nearest to each other, are fitted as a block once.
@@ -59,7 +55,7 @@ def read_near_axis(samples: Samples, now: Predictor) -> NearAxis:
         else:
             return _read_apart(samples, now)
         tried.add(key)
-        now = _as_block(samples, now, numbers) or now
+        now = _as_block(samples, now, numbers, limits) or now
 
 
 def half_of(mode: Mode, omega: float) -> float:
@@ -101,7 +97,7 @@ def _gap(now: Predictor, two: Sequence[int]) -> float:
 def _each_for_itself(gap: float, covariance: NDArray[np.float64]) -> bool:
     """True of two real multipliers that are told apart, and less correlated than their mean and difference (2, 2).
 
-    One that is seen well beside one that is hardly seen has a deviation of its own. Where they meet they are one number.
+    One that is seen well beside one that is hardly seen has a deviation of its own. Where they meet they are one.
     """
     by = np.array([[0.5, 0.5], [1.0, -1.0]])
     turned = by @ covariance @ by.T
@@ -111,33 +107,22 @@ def _each_for_itself(gap: float, covariance: NDArray[np.float64]) -> bool:
     return own < mixed and gap > WITHIN * float(np.sqrt(turned[1, 1]))
 
 
-def _as_block(samples: Samples, now: Predictor, numbers: Sequence[int]) -> Predictor | None:
+def _as_block(samples: Samples, now: Predictor, numbers: Sequence[int], limits: Limits) -> Predictor | None:
     """The fit with a block for one pair or two real multipliers; None where either kind for itself is regular."""
-    own, rows = [now.modes[number] for number in numbers], _rows(now.modes)
-    states = [now.initial[:, rows[number]] for number in numbers]
-    if len(own) == 1:
-        block, initial = block_of_pair(samples, own[0], states[0])
-    else:
-        block, initial = block_of_reals(own, states, samples.fundamental)
-    rest = [k for k in range(len(now.modes)) if k not in numbers]
-    begun = np.concatenate([*(now.initial[:, rows[k]] for k in rest), initial], axis=1)
-    trial = predicted(samples, [*(now.modes[k] for k in rest), block], now.columns, begun, now.whitening)
-    if trial is None:
+    own = [now.modes[number] for number in numbers]
+    start = _begun(samples, now, numbers)
+    if start is None:
+        # The gains of a pair all but on its axis cancel: its first products are those of two real multipliers.
+        rest = [mode for k, mode in enumerate(now.modes) if k not in numbers]
+        reals = as_real(samples, now, own, half_of(own[0], samples.fundamental), 2)
+        reals_at = stable(samples, now, [*rest, *reals], limits) if len(reals) == 2 else None
+        start = None if reals_at is None else _begun(samples, reals_at, [len(rest), len(rest) + 1])
+    if start is None:
         return None
-    trial = solve(samples, trial)
+    trial = solve(samples, start)
     place, square = places(trial.modes)[-1].start, trial.modes[-1].square
     std = float(np.sqrt(max(inverse_of(normal_of(samples, trial))[place + 1, place + 1], 0.0)))
     assert square is not None
-    if DEBUG:
-        print(
-            "block",
-            [m.exponent for m in own],
-            [s and s for s in [trial.modes[-1].exponent, square, std]],
-            now.log_likelihood,
-            trial.log_likelihood,
-            now.n_parameters,
-            trial.n_parameters,
-        )
     # Where its deviation reaches the next axis, q is not determined.
     if not np.sqrt(std) < 0.25 * samples.fundamental:
         return None
@@ -147,6 +132,19 @@ def _as_block(samples: Samples, now: Predictor, numbers: Sequence[int]) -> Predi
         return None
     # It holds what they hold: where it fits worse its fit has not ended.
     return trial if now.log_likelihood - trial.log_likelihood < chi2_limit(1, WORSE) else None
+
+
+def _begun(samples: Samples, now: Predictor, numbers: Sequence[int]) -> Predictor | None:
+    """The predictor with a block for one pair or two real multipliers, behind all others; None where it diverges."""
+    rows = _rows(now.modes)
+    states = [now.initial[:, rows[number]] for number in numbers]
+    if len(numbers) == 1:
+        block, begun = block_of_pair(samples, now.modes[numbers[0]], states[0])
+    else:
+        block, begun = block_of_reals([now.modes[number] for number in numbers], states, samples.fundamental)
+    rest = [k for k in range(len(now.modes)) if k not in numbers]
+    initial = np.concatenate([*(now.initial[:, rows[k]] for k in rest), begun], axis=1)
+    return predicted(samples, [*(now.modes[k] for k in rest), block], now.columns, initial, now.whitening)
 
 
 def _read_apart(samples: Samples, now: Predictor) -> NearAxis:
@@ -174,8 +172,6 @@ def _read_apart(samples: Samples, now: Predictor) -> NearAxis:
         modes += parts
         initial.append(states)
     at = predicted(samples, modes, off.columns, np.concatenate(initial, axis=1), now.whitening, growing=True)
-    if DEBUG:
-        print("apart", now.log_likelihood, off.log_likelihood, at and at.log_likelihood)
     return NearAxis(now if at is None else centred(samples, at), as_read, tuple(findings))
 
 
@@ -211,7 +207,9 @@ def block_of_reals(
     decays = np.array([mode.exponent.real for mode in modes])
     (one, other), (first, second) = ([own[k] for k in np.argsort(-decays)] for own in (modes, states))
     apart = float(max(0.5 * np.ptp(decays), OFF * abs(decays.mean()), 1e-9 * omega))
-    turns, reach = (np.arange(one.axis, max(getattr(mode, name)[-1] for mode in modes) + 0.5) for name in BANDS)
+    turns, reach = (
+        np.arange(one.axis, max(getattr(mode, name)[-1] for mode in modes) + 0.5) for name in ("turns", "reach")
+    )
     one, other = one.widened(turns, reach), other.widened(turns, reach)
     # The size and the sign of a state are free: alike, their difference is small, as it is where they meet.
     by = np.linalg.norm(one.gains) / max(float(np.linalg.norm(other.gains)), 1e-300)

@@ -137,7 +137,7 @@ def _searched(
     now = _with_partners(samples, driven, now, loose)
     now, unfinished = _to_the_end(samples, now, loose, report)
     now = centred(samples, now)
-    return (NearAxis(now, {}, ()) if unfinished else read_near_axis(samples, now)), unfinished
+    return (NearAxis(now, {}, ()) if unfinished else read_near_axis(samples, now, loose)), unfinished
 
 
 def _to_the_end(

@@ -9,7 +9,7 @@ from floquid.innovations._mode import Mode
 from floquid.innovations._near_axis import block_of_pair, block_of_reals, ordinary, read_near_axis
 from floquid.innovations._predictor import gradient, matrices, predicted, slopes
 from floquid.innovations._solve import moved, solve
-from floquid.inputs import samples_of
+from floquid.inputs import Limits, samples_of
 
 OMEGA, STEP, COUNT = 1.3, 0.2, 600
 
@@ -17,7 +17,9 @@ OMEGA, STEP, COUNT = 1.3, 0.2, 600
 def some_mode(generator, exponent, half=None):
     """A pair, or a real multiplier on an axis, of two channels and one input."""
     real = half is not None
-    turns, reach = (np.arange(half, 2.0), np.arange(half, 3.0)) if real else (np.arange(-1.0, 2.0), np.arange(-1.0, 3.0))
+    turns, reach = (
+        (np.arange(half, 2.0), np.arange(half, 3.0)) if real else (np.arange(-1.0, 2.0), np.arange(-1.0, 3.0))
+    )
     shape, gains = (
         0.08 * (generator.standard_normal((rows, len(band))) + 1j * generator.standard_normal((rows, len(band))))
         for rows, band in ((2, turns), (3, reach))
@@ -101,7 +103,7 @@ def test_exponents_near_an_axis_are_read_for_both_kinds(far, open_kind):
         state = system @ state + driven[number] @ noise[:, number]
     samples = samples_of([values], [noise[:0]], [0.0], step=STEP, fundamental=OMEGA, hold="none")
     start = solve(samples, predicted(samples, modes, np.zeros((1, 1)), np.zeros((1, 2))))
-    near = read_near_axis(samples, start)
+    near = read_near_axis(samples, start, Limits())
     assert [told.code for told in near.findings] == ["kind_open"] * open_kind
     assert near.at.log_likelihood > start.log_likelihood - 0.1
     truth = np.array([-0.1 + 1j * (far or 0.0), -0.1 - 1j * (far or 0.0)]) + (0.0 if far else np.array([0.02, -0.02]))
