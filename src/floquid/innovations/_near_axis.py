@@ -240,7 +240,7 @@ def divided(block: Mode, initial: NDArray[np.float64]) -> tuple[Mode, NDArray[np
     gains = (a * first - block.square * b * second, a * second - b * first)
     states = (a * initial[:, 0] - block.square * b * initial[:, 1], a * initial[:, 1] - b * initial[:, 0])
     shape = (a * seen + b * beside, a * beside + block.square * b * seen)
-    block = replace(block, gains=np.concatenate(gains) / norm, shape=np.concatenate(shape))
+    block = replace(block, gains=np.asarray(np.concatenate(gains) / norm, np.complex128), shape=np.concatenate(shape))
     return block, np.stack(states, axis=1) / norm
 
 
