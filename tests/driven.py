@@ -327,7 +327,7 @@ def pulls(system, model):
 
 def excitations(found):
     """The frequencies of the modes that may be the excitation's, as findings say."""
-    codes = ("ambient_single", "ambient_fast", "ambient_real", "ambient_kind_apart")
+    codes = ("ambient_single", "ambient_fast", "ambient_real")
     told = [own for own in found.findings if own.code in codes]
     return {frequency for own in told for frequency in own.numbers["frequencies"]}
 

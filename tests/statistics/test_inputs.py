@@ -76,21 +76,29 @@ def test_two_real_negative_multipliers_are_no_pair_beside_a_third(seed):
     ids=["Mathieu", "the paper's rotor"],
 )
 def test_deviations_of_state_matrices_hold(system, periods, phases, noise):
-    """Of A(t) and B(t) of displacements and velocities; rows of displacements are known."""
-    errors: dict[str, list[np.ndarray]] = {"system": [], "inputs": []}
+    """Of A(t) and B(t) of displacements and velocities; rows of displacements are known.
+
+    With all harmonics that were fitted they are those of the joint errors; with the harmonics chosen they also count
+    what is left out, so that intervals cover at least what they say.
+    """
+    errors: dict[tuple[str, str], list[np.ndarray]] = {}
     for seed in range(DRAWS):
         own = found(system, periods, phases, noise, seed)
         if own.model.order != len(system.A(0.0)):
             continue
         count = own.model.order // 2
-        state = own.reconstruct([f"y{n}" for n in range(count)], times=8)
-        for name, of in (("system", system.A), ("inputs", system.B)):
-            gap = getattr(state, name) - np.array([of(t) for t in state.times])
-            errors[name].append(gap[:, count:] / getattr(state, f"{name}_std")[:, count:])
-    for own in errors.values():
+        for harmonics in ("model", "auto"):
+            state = own.reconstruct([f"y{n}" for n in range(count)], harmonics=harmonics, times=8)
+            for name, of in (("system", system.A), ("inputs", system.B)):
+                gap = getattr(state, name) - np.array([of(t) for t in state.times])
+                pull = gap[:, count:] / getattr(state, f"{name}_std")[:, count:]
+                errors.setdefault((harmonics, name), []).append(pull)
+    for (harmonics, _), own in errors.items():
         assert len(own) >= DRAWS - 1
-        assert 0.8 < np.sqrt(np.mean(np.square(own))) < 1.2
-        assert 0.9 < np.mean(np.abs(own) < 1.96) < 0.99
+        least, most = (0.8, 1.2) if harmonics == "model" else (0.4, 1.1)
+        assert least < np.sqrt(np.mean(np.square(own))) < most
+        covered = np.mean(np.abs(own) < 1.96)
+        assert 0.9 < covered < 0.99 if harmonics == "model" else covered > 0.93
 
 
 @pytest.mark.parametrize("on_input", [0.02, 0.05])

@@ -45,15 +45,6 @@ AMBIENT: dict[str, str | Callable[..., str]] = {
         f"The decay is not determined: {_at(frequencies)}. It dies in a period, or modes make up for one another; "
         "random excitation does not tell how many there are."
     ),
-    "ambient_kind": lambda frequencies: (
-        f"A pair explains as much as two real multipliers: {_at(frequencies)}. The record does not tell which it is, "
-        "and the exponents of one are not those of the other."
-    ),
-    "ambient_kind_apart": lambda frequencies: (
-        f"A pair or two real multipliers, gone within a period: {_at(frequencies)}. The record does not tell which, "
-        "nor whether the system has them or coloured excitation: their exponents are no claim. Modes that last are "
-        "the same beside either."
-    ),
     "ambient_alike": lambda frequencies: (
         f"Nearer to each other than they decay, or than their deviations tell: {_at(frequencies)}. They may be one, or "
         "coloured excitation; what is gone within a period is no claim then."

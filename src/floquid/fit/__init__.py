@@ -1,5 +1,6 @@
 """Algebra, steps and tests that all fits share."""
 
+from floquid.fit._algebra import ROUNDING as ROUNDING
 from floquid.fit._algebra import covariance_root as covariance_root
 from floquid.fit._algebra import directions as directions
 from floquid.fit._algebra import inverse_root as inverse_root

@@ -1,8 +1,8 @@
 """Responses to excitation that nobody measured: a periodic system in innovations form, by prediction errors.
 
 `repetition` tests whether a response repeats with the period given, `searched` finds the modes of `Samples`, with
-measured inputs or without; `Fit` has the deviations of such a predictor, `model_of` and `transfer_of` make a model and
-transfer functions of both: `floquid.identify_ambient` is the chain. `harmonic_spectra` and `h_oma` are the spectra of
+measured inputs or without; `Fit` has the deviations of such a predictor, its model and transfer functions:
+`floquid.identify_ambient` is the chain. `harmonic_spectra` and `h_oma` are the spectra of
 modulated outputs, and operational modal analysis of them.
 """
 
@@ -18,6 +18,7 @@ from floquid.innovations._fewer import GONE as GONE
 from floquid.innovations._fewer import alike as alike
 from floquid.innovations._harmonic_spectra import HarmonicSpectra, HomaForm, h_oma, harmonic_spectra
 from floquid.innovations._mode import Mode as Mode
+from floquid.innovations._near_axis import NearAxis as NearAxis
 from floquid.innovations._predictor import Predictor as Predictor
 from floquid.innovations._predictor import predicted as predicted
 from floquid.innovations._products import gap_of as gap_of

@@ -1,13 +1,15 @@
-"""A mode of the innovations form."""
+"""A mode of the innovations form, and the block of two near an axis."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
+from floquid.inputs import parts_of, slopes_along_square
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -20,6 +22,9 @@ class Mode(Rebuilt):
     v are the measured inputs, then the innovations. Of a real multiplier z and what drives it are real parts, and l
     and m count from 0, or from ½ if it is negative.
 
+    A block has two real states, z + j w with j² = q, and the exponent σ + j: two exponents σ ± √q of either kind. Its
+    gains and its shape are those of both states, those of z first.
+
     Parameters
     ----------
     exponent
@@ -30,6 +35,8 @@ class Mode(Rebuilt):
         The harmonics m, ascending (turns,), and s (channels, turns).
     reach, gains
         The harmonics l, ascending (reach,), and g (inputs + channels, reach).
+    square
+        q of a block [1/s²], whose exponent is σ; it is `real`, its states are.
     """
 
     exponent: complex
@@ -38,11 +45,12 @@ class Mode(Rebuilt):
     shape: NDArray[np.complex128]
     reach: NDArray[np.float64]
     gains: NDArray[np.complex128]
+    square: float | None = None
 
     @property
     def rows(self) -> int:
         """Real states."""
-        return 1 if self.real else 2
+        return 1 if self.real and self.square is None else 2
 
     @property
     def axis(self) -> float:
@@ -61,14 +69,37 @@ class Mode(Rebuilt):
         return np.concatenate([np.zeros(self.rows), *parts])
 
     def moved(self, step: NDArray[np.float64]) -> Mode:
-        """With the parameters moved by a step: λ, gains, shape, of each the real parts and then the imaginary ones."""
+        """With the parameters moved by a step: λ, or σ and q, gains, shape, real parts before imaginary ones."""
         of_exponent, of_gains, of_shape = np.split(step, np.cumsum(self.sizes)[:2])
         return replace(
             self,
             exponent=self.exponent + complex(of_exponent[0], 0.0 if self.real else of_exponent[-1]),
+            square=None if self.square is None else self.square + float(of_exponent[-1]),
             gains=self.gains + as_complex(of_gains).reshape(self.gains.shape),
             shape=self.shape + as_complex(of_shape).reshape(self.shape.shape),
         )
+
+    def transition(self, step: float) -> NDArray[np.float64]:
+        """The real states after a step, by those before (rows, rows)."""
+        if self.square is None:
+            decay = np.exp(self.exponent * step)
+            return np.array([[decay.real, -decay.imag], [decay.imag, decay.real]])[: self.rows, : self.rows]
+        return _of_block(parts_of(self._ahead(step), self.square, 1.0 / step), self.square)
+
+    def transition_slopes(self, step: float) -> NDArray[np.float64]:
+        """Derivatives of the transition by Re λ and Im λ, or by σ and q (rows, rows, rows)."""
+        late = step * self.transition(step)
+        if self.square is None:
+            return np.array([late, late @ [[0.0, -1.0], [1.0, 0.0]]] if self.rows == 2 else [late])
+        ahead = self._ahead(step)
+        by_square = slopes_along_square(ahead, lambda root: step * ahead(root), self.square, 1.0 / step)
+        odd = float(np.real(parts_of(ahead, self.square, 1.0 / step)[1]))
+        along_square = _of_block(by_square, self.square)
+        along_square[0, 1] += odd
+        return np.array([late, along_square])
+
+    def _ahead(self, step: float) -> Callable[[complex], NDArray]:
+        return lambda root: np.asarray(np.exp((self.exponent + root) * step))
 
     def widened(self, turns: NDArray[np.float64], reach: NDArray[np.float64]) -> Mode:
         """With these harmonics, zero where there were none (turns,), (reach,)."""
@@ -112,6 +143,12 @@ class Mode(Rebuilt):
         largest = self.gains.ravel()[np.argmax(np.abs(self.gains))]
         by = (abs(largest) if self.real else largest) or 1.0
         return replace(self, gains=self.gains / by, shape=self.shape * by)
+
+
+def _of_block(parts: NDArray, square: float) -> NDArray[np.float64]:
+    """The product with a number of two parts as a matrix of both states (2, 2)."""
+    even, odd = np.real(parts)
+    return np.array([[even, square * odd], [odd, even]])
 
 
 def as_complex(parts: NDArray[np.float64]) -> NDArray[np.complex128]:

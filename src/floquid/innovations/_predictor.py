@@ -104,7 +104,7 @@ def _free(mode: Mode) -> int:
     fixed = np.count_nonzero(mode.turns == 0.0) * len(mode.shape) + np.count_nonzero(mode.reach == 0.0) * len(
         mode.gains
     )
-    return sum(mode.sizes) - (1 + int(fixed) if mode.real else 2)
+    return sum(mode.sizes) - mode.rows - (int(fixed) if mode.real else 0)
 
 
 def predicted(
@@ -207,17 +207,14 @@ def matrices(
     gains, seen = np.zeros((count, size, channels)), np.zeros((count, channels, size))
     drive, place = np.zeros((count, size)), 0
     for mode in modes:
-        decay = np.exp(mode.exponent * samples.step)
+        own = slice(place, place + mode.rows)
         gain = np.tensordot(turning(samples, mode.reach), mode.gains, (0, 1))
         shape = np.tensordot(turning(samples, mode.turns), mode.shape, (0, 1))
-        reached = np.einsum("ki,ik->k", gain[:, :inputs], samples.inputs)
-        system[place, place], gains[:, place], seen[:, :, place] = decay.real, gain[:, inputs:].real, shape.real
-        drive[:, place] = reached.real
-        if not mode.real:
-            system[place, place + 1], system[place + 1, place] = -decay.imag, decay.imag
-            system[place + 1, place + 1] = decay.real
-            gains[:, place + 1], seen[:, :, place + 1] = gain[:, inputs:].imag, -shape.imag
-            drive[:, place + 1] = reached.imag
+        gain = np.stack([gain.real] if mode.real else [gain.real, gain.imag], axis=1).reshape(count, mode.rows, -1)
+        shape = np.stack([shape.real] if mode.real else [shape.real, -shape.imag], axis=1).reshape(count, mode.rows, -1)
+        system[own, own] = mode.transition(samples.step)
+        gains[:, own], seen[:, :, own] = gain[..., inputs:], shape.swapaxes(1, 2)
+        drive[:, own] = np.einsum("kri,ik->kr", gain[..., :inputs], samples.inputs)
         place += mode.rows
     return system, gains, seen, drive
 
@@ -267,14 +264,21 @@ def _signals(samples: Samples, at: Predictor, own: slice) -> Iterator[tuple[int,
     """Signals that each channel holds a share of, and the place of the shares, channels first (signals, samples)."""
     place = row = 0
     for mode in at.modes:
-        state = at.states[own, row] + (0j if mode.real else 1j * at.states[own, row + mode.rows - 1])
-        carried = turning(samples, mode.turns, own) * state
         place += mode.rows + 2 * mode.gains.size
-        yield place, carried.real
-        yield place + mode.shape.size, -carried.imag
+        states = _states(mode, at.states[own, row : row + mode.rows])
+        for number, state in enumerate(states):
+            carried = turning(samples, mode.turns, own) * state
+            first = place + number * (mode.shape.size // len(states))
+            yield first, carried.real
+            yield first + mode.shape.size, -carried.imag
         place += 2 * mode.shape.size
         row += mode.rows
     yield place, samples.known[:, own]
+
+
+def _states(mode: Mode, rows: NDArray[np.float64]) -> list[NDArray]:
+    """The state of a pair as one that is complex, real ones each for itself, of rows (samples, rows)."""
+    return list(rows.T) if mode.real else [rows[:, 0] + 1j * rows[:, 1]]
 
 
 def _force(forcing: NDArray, samples: Samples, at: Predictor, own: slice) -> None:
@@ -283,19 +287,18 @@ def _force(forcing: NDArray, samples: Samples, at: Predictor, own: slice) -> Non
     drives = np.concatenate([samples.inputs[:, own], at.innovations[:, own]])
     place = row = 0
     for mode in at.modes:
-        state = at.states[own, row] + (0j if mode.real else 1j * at.states[own, row + mode.rows - 1])
-        late = samples.step * np.exp(mode.exponent * samples.step) * state
-        forcing[:, row, place] = late.real
-        if not mode.real:
-            forcing[:, row + 1, place], forcing[:, row, place + 1] = late.imag, -late.imag
-            forcing[:, row + 1, place + 1] = late.real
+        late = np.einsum("pij,kj->kip", mode.transition_slopes(samples.step), at.states[own, row : row + mode.rows])
+        forcing[:, row : row + mode.rows, place : place + mode.rows] = late
         place += mode.rows
-        driven = (drives[:, None] * turning(samples, mode.reach, own)).reshape(mode.gains.size, -1).T
-        real, imag = slice(place, place + mode.gains.size), slice(place + mode.gains.size, place + 2 * mode.gains.size)
-        forcing[:, row, real], forcing[:, row, imag] = driven.real, -driven.imag
-        if not mode.real:
-            forcing[:, row + 1, real], forcing[:, row + 1, imag] = driven.imag, driven.real
-        place = imag.stop + 2 * mode.shape.size
+        driven = (drives[:, None] * turning(samples, mode.reach, own)).reshape(-1, late.shape[0]).T
+        width, whole = driven.shape[1], mode.gains.size
+        for number in range(whole // width):  # a block has gains of each of its states
+            real = slice(place + number * width, place + number * width + width)
+            imag = slice(real.start + whole, real.stop + whole)
+            forcing[:, row + number, real], forcing[:, row + number, imag] = driven.real, -driven.imag
+            if not mode.real:
+                forcing[:, row + 1, real], forcing[:, row + 1, imag] = driven.imag, driven.real
+        place += 2 * (whole + mode.shape.size)
         row += mode.rows
 
 
@@ -318,13 +321,12 @@ def gradient(samples: Samples, at: Predictor, of: NDArray[np.float64]) -> NDArra
     found: list[NDArray[np.float64]] = []
     row = 0
     for mode in at.modes:
-        last = row + mode.rows - 1
-        state = at.states[:, row] + (0j if mode.real else 1j * at.states[:, last])
-        own = behind[:, row] - (0j if mode.real else 1j * behind[:, last])
-        late = -samples.step * np.exp(mode.exponent * samples.step) * (own @ state)
-        driven = -((drives * own) @ turning(samples, mode.reach).T).ravel()
-        seen_by = (shares @ (turning(samples, mode.turns) * state).T).ravel()
-        found += [np.array([late.real, -late.imag])[: mode.rows]]
+        rows = slice(row, row + mode.rows)
+        slopes = mode.transition_slopes(samples.step)
+        found += [-np.einsum("pij,kj,ki->p", slopes, at.states[:, rows], behind[:, rows], optimize=True)]
+        states, pulls = _states(mode, at.states[:, rows]), _states(mode, behind[:, rows])
+        driven = -np.ravel([(drives * own.conj()) @ turning(samples, mode.reach).T for own in pulls])
+        seen_by = np.ravel([shares @ (turning(samples, mode.turns) * state).T for state in states])
         found += [driven.real, -driven.imag, seen_by.real, -seen_by.imag]
         row += mode.rows
     return np.concatenate([*found, (shares @ samples.known.T).ravel(), np.ravel(begun)])

@@ -79,8 +79,8 @@ def as_real(samples: Samples, now: Predictor, modes: Sequence[Mode], half: float
         own = half + round(mode.exponent.imag / omega - half)
         gains = gains * np.exp(-1j * own * omega * samples.step)
         for part in (1.0, 1j):
-            seen.append(_folded(mode.turns + own, part * shape))
-            driven.append(_folded(mode.reach - own, gains / part))
+            seen.append(folded(mode.turns + own, part * shape))
+            driven.append(folded(mode.reach - own, gains / part))
     turns, reach = (np.arange(half % 1.0, max(band[-1] for band, _ in own) + 0.25) for own in (seen, driven))
     left, values, right = np.linalg.svd(_rows(seen, turns).T @ _rows(driven, reach), full_matrices=False)
     decay = float(np.mean([mode.exponent.real for mode in modes]))
@@ -111,7 +111,7 @@ def _rows(parts: Sequence[tuple[NDArray[np.float64], NDArray]], band: NDArray[np
     return np.concatenate([np.real(found), np.imag(found)], axis=1).reshape(len(parts), -1)
 
 
-def _folded(turns: NDArray[np.float64], values: NDArray) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
+def folded(turns: NDArray[np.float64], values: NDArray) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
     """Harmonics from zero on, and amplitudes whose real part is that of some of both signs (..., turns)."""
     found = np.unique(np.abs(turns))
     folded = np.zeros((*values.shape[:-1], len(found)), complex)

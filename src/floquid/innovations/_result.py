@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -14,11 +14,13 @@ from floquid.core import Channel, Estimates, PeriodicModel, Provenance, modelled
 from floquid.errors import IdentificationError
 from floquid.fit import Normal, wald_rise
 from floquid.innovations._mode import Mode
+from floquid.innovations._near_axis import read_near_axis
 from floquid.innovations._predictor import Predictor, gradient, predicted, responding
 from floquid.innovations._solve import inverse_of, normal_of, places, solve
 from floquid.inputs import (
     Errors,
     InputMode,
+    Limits,
     Samples,
     Term,
     TransferFunctions,
@@ -71,8 +73,17 @@ class Fit(Rebuilt):
         """Covariance of all parameters, zero along the scales of the states (parameters, parameters)."""
         return inverse_of(self.normal)
 
-    def model(self, channels: Sequence[Channel], inputs: Sequence[Channel], provenance: Provenance) -> PeriodicModel:
-        """The periodic model of a fit, each mode with its conjugate, with deviations; the states have an rms of 1."""
+    def model(
+        self,
+        channels: Sequence[Channel],
+        inputs: Sequence[Channel],
+        provenance: Provenance,
+        as_read: Mapping[int, complex] | None = None,
+    ) -> PeriodicModel:
+        """The periodic model of a fit, each mode with its conjugate, with deviations; the states have an rms of 1.
+
+        Deviations of exponents near an axis are those `as_read`, by the numbers of their modes, where they are given.
+        """
         fit = sized(self)
         modes = _input_modes(fit)
         direct = {}
@@ -85,6 +96,7 @@ class Fit(Rebuilt):
             channels=channels,
             provenance=provenance,
             driven=driven_of(modes, inputs, direct, len(channels), samples.fundamental, samples.first_times),
+            as_read=as_read,
         )
 
     def estimates_at(self, exponents: NDArray[np.complex128]) -> Estimates:
@@ -182,7 +194,8 @@ class Fit(Rebuilt):
         start = predicted(samples, self.at.modes, self.at.columns, self.at.initial, self.at.whitening)
         if start is None:
             raise IdentificationError("The predictor of these modes diverges on these records.")
-        return Fit(samples, solve(samples, start), self.acting)
+        limits = Limits(highest=int(max(np.abs(mode.turns).max() for mode in self.at.modes)))
+        return Fit(samples, read_near_axis(samples, solve(samples, start), limits).at, self.acting)
 
     def short(self, number: int) -> float:
         """How far the exponent of a mode is from the maximum of the likelihood to first order, in deviations."""

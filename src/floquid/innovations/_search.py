@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 from floquid.fit import chi2_limit
 from floquid.innovations._bands import centred, grown, narrowed
 from floquid.innovations._covariance import reweighed, white, whitening_of
-from floquid.innovations._fewer import GONE, better, needed
+from floquid.innovations._fewer import GONE, better, needed, stable
 from floquid.innovations._gain import SMALL, stable_gains
 from floquid.innovations._mode import Mode
+from floquid.innovations._near_axis import NearAxis, read_near_axis
 from floquid.innovations._predictor import Predictor, predicted, rebuilt
 from floquid.innovations._real import with_real_ones
 from floquid.innovations._solve import climbed, solve
@@ -65,13 +66,12 @@ def searched(
     first: NDArray[np.float64],
     limits: Limits,
     report: Callable[[str], None] = lambda _: None,
-) -> tuple[Predictor, list[float], bool]:
+) -> tuple[NearAxis, bool]:
     """The predictor of the modes that rise above the noise, from outputs alone or with measured inputs.
 
-    With it, of a mode that may be of another kind (a pair that may be two real multipliers, or either of such two),
-    how far lasting modes move, in deviations, where it is fitted as that kind: infinite where none lasts, zero where
-    the kind is known. Last, whether the budget of time was over before the search ended. It begins with first
-    innovations (channels, samples). Units do not matter: all is done on signals of rms 1.
+    Exponents near an axis are read as those of either kind. With it, whether the budget of time was over before the
+    search ended. It begins with first innovations (channels, samples). Units do not matter: all is done on signals of
+    rms 1.
     """
     outputs = _none(samples).noise
     inputs, known = (np.sqrt(np.mean(own**2, axis=1, keepdims=True)) for own in (samples.inputs, samples.known))
@@ -79,19 +79,20 @@ def searched(
         samples, values=samples.values / outputs, inputs=samples.inputs / inputs, known=samples.known / known
     )
     limits = replace(limits, until=time.process_time() + SECONDS)
-    found, undecided, unfinished = _searched(of_one, first / outputs, limits, report)
+    near, unfinished = _searched(of_one, first / outputs, limits, report)
+    found = near.at
     modes = [
         replace(mode, shape=outputs * mode.shape, gains=mode.gains / np.concatenate([inputs, outputs]))
         for mode in found.modes
     ]
     at = predicted(samples, modes, outputs * found.columns / known.T, found.initial)
     assert at is not None
-    return reweighed(samples, at), undecided, unfinished
+    return replace(near, at=reweighed(samples, at)), unfinished
 
 
 def _searched(
     samples: Samples, first: NDArray[np.float64], limits: Limits, report: Callable[[str], None]
-) -> tuple[Predictor, list[float], bool]:
+) -> tuple[NearAxis, bool]:
     driven = replace(samples, inputs=np.concatenate([samples.inputs, first]), hold="none")
     none = now = replace(_none(samples), whitening=whitening_of(samples, first))
     of_known, period = replace(driven, values=none.innovations), 2.0 * np.pi / samples.fundamental
@@ -128,16 +129,15 @@ def _searched(
     report(f"searching for modes: harmonics of {len(now.modes)}")
     now = narrowed(samples, grown(samples, reweighed(samples, now), loose, rounds=2), loose)
     report("searching for modes: telling pairs from real multipliers")
-    now, undecided = with_real_ones(samples, now, loose)
+    now = with_real_ones(samples, now, loose)
     fewer = needed(samples, now, loose)
     while fewer is not now:
-        most = max(undecided)
-        now, undecided = with_real_ones(samples, fewer, loose, [most if mode.real else 0.0 for mode in fewer.modes])
+        now = with_real_ones(samples, fewer, loose)
         fewer = needed(samples, now, loose)
     now = _with_partners(samples, driven, now, loose)
-    undecided += [0.0] * (len(now.modes) - len(undecided))
     now, unfinished = _to_the_end(samples, now, loose, report)
-    return centred(samples, now), undecided, unfinished
+    now = centred(samples, now)
+    return (NearAxis(now, {}, ()) if unfinished else read_near_axis(samples, now, loose)), unfinished
 
 
 def _to_the_end(
@@ -189,7 +189,8 @@ def _with_partners(samples: Samples, driven: Samples, now: Predictor, limits: Li
     """With a real multiplier more beside one that lasts alone on its axis, where noise does not explain it.
 
     Real multipliers come in twos where a pair split. The one that decays faster is weak beside one that grows, and
-    what is left may look white without it; but the deviation of the other is too small then.
+    what is left may look white without it, or beside a mode gone within a period that stands in for it; but the
+    deviation of the other is too small then.
     """
     omega, period = samples.fundamental, 2.0 * np.pi / samples.fundamental
     real = [mode for mode in now.modes if mode.real]
@@ -197,14 +198,35 @@ def _with_partners(samples: Samples, driven: Samples, now: Predictor, limits: Li
         near = [mode for mode in real if mode.axis == half]
         if len(near) != 1 or -near[0].exponent.real * period > GONE or len(now.modes) >= limits.modes or limits.over:
             continue
-        own = replace(driven, inputs=np.concatenate([samples.inputs, now.innovations]), values=now.innovations)
         poles = [complex(near[0].exponent.real - share / period, half * omega) for share in PARTNERS]
-        trials = [fitted_together(own, now.innovations, [_bare(own, pole)], acting=0) for pole in poles]
-        trial = _with(samples, own, now, max(trials, key=lambda one: one[0])[1], limits)
-        trial = None if trial is None else narrowed(samples, climbed(samples, trial), limits)
-        if trial is not None and better(trial, now, limits):
-            now = trial
+        gone = [mode for mode in now.modes if -mode.exponent.real * period > GONE]
+        for stand_in in (None, *gone):
+            trial = _with_one_of(samples, driven, now, stand_in, poles, limits)
+            if trial is not None and better(trial, now, limits):
+                now = trial
+                break
     return now
+
+
+def _with_one_of(
+    samples: Samples,
+    driven: Samples,
+    now: Predictor,
+    without: Mode | None,
+    poles: Sequence[complex],
+    limits: Limits,
+) -> Predictor | None:
+    """The fit with the best of some candidates more, in place of a mode where one is given; None where none is."""
+    start: Predictor | None = now
+    if without is not None:
+        start = stable(samples, now, [mode for mode in now.modes if mode is not without], limits)
+        start = None if start is None else solve(samples, start, rough=True)
+    if start is None or limits.over:
+        return None
+    own = replace(driven, inputs=np.concatenate([samples.inputs, start.innovations]), values=start.innovations)
+    trials = [fitted_together(own, start.innovations, [_bare(own, pole)], acting=0) for pole in poles]
+    trial = _with(samples, own, start, max(trials, key=lambda one: one[0])[1], limits)
+    return None if trial is None else narrowed(samples, climbed(samples, trial), limits)
 
 
 def _none(samples: Samples) -> Predictor:

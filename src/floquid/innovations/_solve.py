@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, scaled_inverse
+from floquid.fit import ROUNDING, Ends, Normal, Steps, levenberg_marquardt, scaled_inverse
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, gradient, predicted, slopes
 from floquid.inputs import Samples
@@ -18,11 +18,8 @@ Step = NDArray[np.float64]
 LONGEST_STEP = 0.3
 """The most that an exponent may move in a step, over one period."""
 
-ROUNDING = 1e-11
-"""The share of the largest below which a direction of the parameters is rounding: the scale of a state is one."""
-
 SINGLE = 1e-6
-"""That share in single precision."""
+"""The share of the largest below which a direction is rounding in single precision: the scale of a state is one."""
 
 NEARBY, BENT = 0.1, 0.75
 """The share of a step at which the curve of the residual is looked at, and the size of the second derivative over the
@@ -61,7 +58,7 @@ def inverse_of(normal: Normal, free: NDArray[np.bool_] | None = None) -> NDArray
         return np.full_like(normal.matrix, np.nan)
     own = np.flatnonzero(np.ones(len(normal.gradient), bool) if free is None else free)
     found = np.zeros_like(normal.matrix)
-    found[np.ix_(own, own)] = scaled_inverse(normal.matrix[np.ix_(own, own)], ROUNDING)
+    found[np.ix_(own, own)] = scaled_inverse(normal.matrix[np.ix_(own, own)])
     return found
 
 
@@ -121,8 +118,11 @@ def held(at: Predictor, whole: NDArray[np.float64], root: NDArray[np.float64], p
     own = [slice(place.start, place.start + mode.rows) for mode, place in zip(at.modes, places(at.modes), strict=True)]
     step, fixed = whole, np.zeros(len(whole), bool)
     while True:
-        longest = max(own, key=lambda rows: float(np.linalg.norm(step[rows])), default=slice(0))
-        size = float(np.linalg.norm(step[longest])) * period
+        size, longest = max(
+            ((_travel(mode, step[rows], period), rows) for mode, rows in zip(at.modes, own, strict=True)),
+            key=lambda both: both[0],
+            default=(0.0, slice(0)),
+        )
         if size <= 1.001 * LONGEST_STEP:
             return step
         to = np.where(fixed, step, whole)
@@ -144,11 +144,15 @@ def climbed(samples: Samples, now: Predictor) -> Predictor:
 def moved(samples: Samples, at: Predictor, step: NDArray[np.float64], period: float) -> Predictor | None:
     """The predictor a step away, no exponent moving further than `LONGEST_STEP`; None where it diverges."""
     steps = split(at, step)
-    moves = [np.linalg.norm(own[: mode.rows]) for mode, own in zip(at.modes, steps[0], strict=True)]
-    longest = max(moves, default=0.0)
-    share = min(1.0, LONGEST_STEP / max(longest * period, 1e-300))
+    moves = [_travel(mode, own[: mode.rows], period) for mode, own in zip(at.modes, steps[0], strict=True)]
+    share = min(1.0, LONGEST_STEP / max(*moves, 0.0, 1e-300))
     modes = [mode.moved(np.asarray(share * own, np.float64)) for mode, own in zip(at.modes, steps[0], strict=True)]
     return predicted(samples, modes, at.columns + share * steps[1], at.initial + share * steps[2], at.whitening)
+
+
+def _travel(mode: Mode, step: NDArray[np.float64], period: float) -> float:
+    """How far a step of λ, or of σ and q, moves over a period."""
+    return float(np.linalg.norm(step * (period if mode.square is None else np.array([period, period**2]))))
 
 
 def split(at: Predictor, values: NDArray) -> tuple[list[NDArray], NDArray, NDArray]:

@@ -1,9 +1,11 @@
 """Responses to measured inputs: modes, the way inputs reach them, and harmonic transfer functions.
 
-`searched` finds the modes of `Samples`, `Uncertainty` has the deviations of such a fit, `model_of` and `transfer_of`
-make a model and transfer functions of both: `floquid.identify_driven` is the chain.
+`searched` finds the modes of `Samples`, `Uncertainty` has the deviations of such a fit, its model and transfer
+functions: `floquid.identify_driven` is the chain.
 """
 
+from floquid.inputs._block import parts_of as parts_of
+from floquid.inputs._block import slopes_along_square as slopes_along_square
 from floquid.inputs._estimates import Errors as Errors
 from floquid.inputs._estimates import Term as Term
 from floquid.inputs._estimates import driven_of as driven_of

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from floquid.fit import directions
-from floquid.innovations import _bands, _products, _real, _result
+from floquid.innovations import _bands, _products, _result
 from floquid.innovations._covariance import colour, whitening_of
 from floquid.innovations._fewer import alike, needed
 from floquid.innovations._gain import stable_gains
@@ -346,21 +346,6 @@ def test_the_covariance_along_a_period_is_found():
     assert np.abs(found[:, 1, 1] * deviation - 1.0).max() < 0.1
     assert np.abs(found[:, 1, 0] / found[:, 1, 1] + share).max() < 0.1
     assert abs(np.log(np.linalg.det(found)).mean()) < 1e-9
-
-
-def test_a_pair_that_two_real_multipliers_explain_as_well_is_told():
-    generator, times, turns = np.random.default_rng(0), STEP * np.arange(2000), np.arange(-1.0, 2.0)
-    shape, gains = np.array([[0.3j, 1.0, 0.2]]), np.array([[0.09, 0.3 + 0.15j, 0.12j]])
-    noise, inputs = generator.standard_normal((1, 2000)), np.zeros((0, 2000))
-    for far, told in ((0.02, True), (0.3, False)):
-        exponent = -0.1 + 1j * (0.5 * OMEGA + far)
-        pair = Mode(exponent=exponent, real=False, turns=turns, shape=shape, reach=turns, gains=gains)
-        values = response_of([pair], noise, inputs, times, np.zeros(3))
-        samples = samples_of([values], [inputs], [0.0], step=STEP, fundamental=OMEGA, hold="none")
-        start = solve(samples, predicted(samples, [pair], np.zeros((1, 1)), np.zeros((1, 2))))
-        assert _real.with_real_ones(samples, start, Limits(until=0.0)) == (start, [0.0])
-        found, undecided = _real.with_real_ones(samples, start, Limits())
-        assert [own > 0.0 for own in undecided] == [told] * len(found.modes)
 
 
 def test_bands_change_only_while_there_is_time():

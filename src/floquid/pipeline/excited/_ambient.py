@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from itertools import combinations
 
@@ -61,9 +61,6 @@ CLEARLY = 2.0
 
 A response that is hardly periodic scores at many periods, by up to 1.6 times what it does at its own.
 """
-
-MOVED = 1.0
-"""Deviations that lasting modes may move where a doubtful one is fitted as the other kind, which then is no matter."""
 
 SHORT = (0.5, 2.0)
 """Deviations of an exponent from the maximum of the likelihood, from which on that is told, and it is no estimate."""
@@ -154,14 +151,15 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     first = first_innovations(samples, acting)
     _refuse_copies(first, own)
     report("searching for modes")
-    found, undecided, unfinished = searched(samples, first, limits, report)
+    near, unfinished = searched(samples, first, limits, report)
+    found = near.at
     late = (warning("out_of_time", seconds=SECONDS),) if unfinished else ()
     if not found.modes:
         raise no_mode(samples, found, limits.mode_alarm, late)
     report("estimating deviations")
     fit = Fit(samples, found, acting)
     provenance = Provenance.merge(tuple(record.provenance for record in records))
-    model = fit.model(own.outputs, own.inputs, provenance)
+    model = fit.model(own.outputs, own.inputs, provenance, near.as_read)
     held_out = np.full(len(own.outputs), np.nan)
     if settings.validate:
         report("predicting samples left out")
@@ -181,7 +179,8 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
             *done_beside(own),
             *undriven(model),
             needed(model, limits, [fit.seen(number) for number in range(len(found.modes))]),
-            *_told(fit, model, relative, duration, np.array(undecided)),
+            *_told(fit, model, relative, duration, near.as_read),
+            *near.findings,
             *_against(samples, found, held_out, other),
             # Blows that nobody measured are excitation, not faults.
             *(replace(told, severity=Severity.WARNING) for told in of_outliers(found.innovations, own)),
@@ -244,7 +243,7 @@ def _held_out(samples: Samples, found: Predictor) -> NDArray[np.float64]:
 
 
 def _told(
-    fit: Fit, model: PeriodicModel, relative: NDArray[np.float64], duration: float, undecided: NDArray[np.float64]
+    fit: Fit, model: PeriodicModel, relative: NDArray[np.float64], duration: float, as_read: Collection[int]
 ) -> tuple[Finding, ...]:
     """Findings on the modes: how long a record their damping needs, which may be the excitation's, which nearly one.
 
@@ -261,13 +260,13 @@ def _told(
     places = np.cumsum([0, *(mode.rows for mode in fit.at.modes)])[:-1]
     shares, hertz = relative[places], np.abs(model.exponents[places]) / (2.0 * np.pi)
     decays, own = np.abs(model.exponents[places].real), _own(fit)
-    groups = [np.array(group) for group in alike(fit.at.modes, model.fundamental) if len(group) > 1]
+    # Two that were read from one block are two, however near.
+    groups = [
+        np.array(group)
+        for group in alike(fit.at.modes, model.fundamental)
+        if len(set(group) - set(as_read)) > 0 and len(group) > 1
+    ]
     found += _no_estimates(fit, model, shares, own, groups)
-    undecided = np.where(varying, undecided, 0.0)
-    apart = (undecided < MOVED) & (decays * model.period > GONE)
-    for told, code, which in ((failure, "ambient_kind", ~apart), (warning, "ambient_kind_apart", apart)):
-        if (which & (undecided > 0.0)).any():
-            found.append(told(code, frequencies=hertz[which & (undecided > 0.0)].tolist()))
     longest = max(np.diff(fit.samples.begins)) * fit.samples.step
     still, low = ~own & (_away(fit) * longest < STILL), hertz * 2.0 * np.pi * longest < STILL
     for told, which in ((failure, still & low), (warning, still & ~low)):  # a line of the period may be a mode's
@@ -280,7 +279,7 @@ def _told(
     no_axis = np.array([mode.axis == 0.0 for mode in fit.at.modes])
     single = ~(still | line.any()) & ~np.array(varying) & any(varying) & no_axis  # a line spoils what is said of others
     gone, real = decays * model.period > GONE, np.array([mode.real for mode in fit.at.modes])
-    fast, lasts = gone & ~single & (undecided == 0.0) & ~own, real & ~(gone | single | still | line | own)
+    fast, lasts = gone & ~single & ~own, real & ~(gone | single | still | line | own)
     for code, which in (("ambient_single", single), ("ambient_fast", fast), ("ambient_real", lasts)):
         if which.any():
             found.append(warning(code, frequencies=hertz[which].tolist()))
@@ -296,7 +295,9 @@ def _told(
                 seconds=float(periods[worst] * model.period),
             )
         )
-    same = _not_apart(fit, shares * decays, decays * model.period < GONE)
+    same = _not_apart(
+        fit, shares * decays, (decays * model.period < GONE) & ~np.isin(range(len(decays)), list(as_read))
+    )
     if groups or same:
         told = failure if same or any(_one(fit, model, group, shares) for group in groups) else warning
         found.append(told("ambient_alike", frequencies=hertz[np.unique(np.concatenate([*groups, *same]))].tolist()))
