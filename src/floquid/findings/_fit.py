@@ -137,7 +137,8 @@ FIT: dict[str, str | Callable[..., str]] = {
     "search_ended": "The search for modes was ended at {number}, a pair counted once, with more to be found: most of "
     "them are noise that is not white along the record, or what a nonlinearity leaves.",
     "out_of_time": "The search for modes was ended after {seconds:.4g} s of processor time: modes or harmonics may be "
-    "missing, and a pair may be two real multipliers. A shorter record, or fewer channels, end sooner.",
+    "missing, and a pair may be two real multipliers. Give it longer (`seconds`); a shorter record, or fewer channels, "
+    "end sooner.",
     "undamped_lines": _undamped,
     "line_families": _families,
     "beside_steady": lambda turns: (

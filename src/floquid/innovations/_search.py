@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -31,7 +30,6 @@ from floquid.inputs import (
     input_gain,
 )
 from floquid.inputs import solve as solve_driven
-from floquid.search import SECONDS
 
 STABLE = (0.5, 0.3, 0.2)
 """Shares of the looks at which a candidate comes up, from which on a search begins with it: until all is white."""
@@ -78,8 +76,7 @@ def searched(
     of_one = replace(
         samples, values=samples.values / outputs, inputs=samples.inputs / inputs, known=samples.known / known
     )
-    limits = replace(limits, until=time.process_time() + SECONDS)
-    near, unfinished = _searched(of_one, first / outputs, limits, report)
+    near, unfinished = _searched(of_one, first / outputs, limits.begun(), report)
     found = near.at
     modes = [
         replace(mode, shape=outputs * mode.shape, gains=mode.gains / np.concatenate([inputs, outputs]))

@@ -48,6 +48,7 @@ from floquid.periodic.search import (
     searched_white,
 )
 from floquid.periodic.start import Known
+from floquid.search import SECONDS
 from floquid.sync import ShaftAngle
 
 HIGHEST = 64  # the highest harmonic of the revolution that a forced response is looked for at
@@ -129,6 +130,7 @@ def fit(
     noise_floor: float = 1e-10,
     mode_false_alarm: float = 1e-9,
     harmonic_false_alarm: float = 1e-6,
+    seconds: float = SECONDS,
     report: Callable[[str], None] = lambda _: None,
 ) -> Fit:
     r"""Modes and forced response of records at the times at which they were sampled.
@@ -177,6 +179,8 @@ def fit(
         The share of the largest free response that the noise is taken to be at least.
     mode_false_alarm, harmonic_false_alarm
         The probabilities that noise passes for a mode, and for a harmonic of any mode.
+    seconds
+        The processor time after which the search ends with the best found so far [s].
     report
         Is told of each stage.
     """
@@ -198,6 +202,7 @@ def fit(
         width=harmonics,
         search=search,
         angle_std=angle_std(clocks, records),
+        seconds=seconds,
     )
     begin = forced_entries([], omega) if start is None else replace(start, fundamental=omega)
     if harmonics is not None:

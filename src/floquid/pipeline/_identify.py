@@ -24,7 +24,6 @@ from floquid.pipeline._starts import OPENINGS, POLES, criterion, determined, exp
 from floquid.pipeline._validated import validated
 from floquid.pipeline.excited import AmbientAnalysis, DrivenAnalysis, identify_ambient, identify_driven
 from floquid.pipeline.preparation import Prepared, blas_threads, own_names, prepare, settings_of
-from floquid.search import SECONDS
 
 
 @overload
@@ -107,11 +106,11 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
     """
     best, left_out = _best(prepared, report), 0
     chosen, alarm = prepared.settings, prepared.settings.mode_false_alarm
-    free, until, said = chosen.skip is None and chosen.all_found, time.process_time() + SECONDS, list[Finding]()
+    free, until, said = chosen.skip is None and chosen.all_found, time.process_time() + chosen.seconds, list[Finding]()
     # A record that is believed down to a share of its largest value is nowhere linear: no period would be the last.
     while free and best.start.floor is None and promised(best.fitted, prepared) > 0.0:
         if time.process_time() > until:
-            said.append(warning("out_of_time", seconds=SECONDS))
+            said.append(warning("out_of_time", seconds=chosen.seconds))
             break
         report("leaving the first period out")
         shorter, alone = without_first(prepared)
@@ -268,5 +267,6 @@ def _fitted(
         noise_floor=floor_of((row for record in records for row in record.values), settings.noise_floor),
         mode_false_alarm=settings.mode_false_alarm,
         harmonic_false_alarm=settings.harmonic_false_alarm,
+        seconds=settings.seconds,
         report=report,
     )

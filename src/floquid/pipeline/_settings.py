@@ -15,6 +15,7 @@ from floquid.errors import InputError
 from floquid.inputs import Hold
 from floquid.lti import AMI, ERA, LSCF, AbstractIdentifier, MaximumLikelihood, PolyLSCF
 from floquid.reconstruction import MOST_TIMES, AbstractStructure, FirstOrder, Form, structure_of, text_of
+from floquid.search import SECONDS
 
 ALL = "all"  # name of all channels as states, each state a weighted sum of them
 Excitation: TypeAlias = Literal["none", "ambient"]
@@ -94,6 +95,8 @@ class Settings(Brief):
         The probability at which noise may pass for a mode. The `identifier` given has its own.
     harmonic_false_alarm
         The probability that noise passes for a harmonic anywhere. Over all harmonics of all modes together.
+    seconds
+        The processor time after which a search for modes ends with the best found so far, which a warning says [s].
     noise_floor
         The least share of a channel's largest value that the noise is taken to be. It is the level down to which the
         record can be believed.
@@ -143,6 +146,7 @@ class Settings(Brief):
     identifier: AbstractIdentifier | None = None
     mode_false_alarm: float = 1e-9
     harmonic_false_alarm: float = 1e-6
+    seconds: float = SECONDS
     noise_floor: float = 1e-10
     constrained: bool = True
     trust_period: bool = False
@@ -182,6 +186,7 @@ class Settings(Brief):
             raise input_error("skip", of, "not be negative", f"is {self.skip:g}", "It counts periods.")
         for name in ("constrained", "trust_period", "estimate_period", "orbit", "find_hits", "repair", "validate"):
             self._check_flag(name)
+        object.__setattr__(self, "seconds", positive(self.seconds, "seconds", of, unit="s"))
         for name in ("mode_false_alarm", "harmonic_false_alarm", "noise_floor"):
             if not 0.0 < positive(getattr(self, name), name, of) < 1.0:
                 raise input_error(name, of, "lie between 0 and 1", f"is {getattr(self, name)}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 
@@ -13,7 +12,7 @@ from floquid.inputs.search._bands import centred, far_growths, growths, helpful,
 from floquid.inputs.search._changes import additions, apart, kinds, merges, removals
 from floquid.inputs.search._point import REST, Point
 from floquid.inputs.search._structure import Limits, Structure
-from floquid.search import SECONDS, Move, descended
+from floquid.search import Move, descended
 
 LOOSE = 0.02  # the probability at which noise may pass for a harmonic that is fitted: one missing does more harm
 
@@ -22,7 +21,7 @@ def searched(
     samples: Samples, limits: Limits, report: Callable[[str], None] = lambda _: None
 ) -> tuple[Linearisation, bool]:
     """The modes by which J is least, with their harmonics, and whether the budget of time was over before."""
-    until = time.process_time() + SECONDS
+    until = limits.begun().until
     least = descended(Point(samples, limits, linearise(samples, []), helpful), _stages, until, report)
     if not least.n_modes:
         return least.at, least.unfinished

@@ -11,6 +11,7 @@ import numpy as np
 
 from floquid.fit import chi2_limit
 from floquid.inputs._modes import InputMode
+from floquid.search import SECONDS
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,15 +26,22 @@ class Limits:
         The highest harmonic of input and output.
     modes
         Modes that may be found, at most.
+    seconds
+        The processor time of a search [s].
     until
-        The processor time at which a search of outputs alone ends [s].
+        That at which it ends, once it has begun [s].
     """
 
     mode_alarm: float = 1e-9
     harmonic_alarm: float = 1e-6
     highest: int = 12
     modes: int = 20
+    seconds: float = SECONDS
     until: float = math.inf
+
+    def begun(self) -> Limits:
+        """The limits of a search that begins now."""
+        return replace(self, until=time.process_time() + self.seconds)
 
     @property
     def over(self) -> bool:

@@ -49,7 +49,6 @@ from floquid.pipeline.excited._verdict import (
     undriven,
 )
 from floquid.pipeline.preparation import blas_threads, clocked, own_names, settings_of
-from floquid.search import SECONDS
 
 OF = "identify_ambient"
 
@@ -146,14 +145,19 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     phases = 2.0 * np.pi / (samples.fundamental * samples.step)
     other = 0.0 if own.shafts else _other_period(samples)
     highest = max(min(HIGHEST, int(0.5 * phases) - 1), 0) if settings.harmonics is None else settings.harmonics
-    limits = Limits(mode_alarm=settings.mode_false_alarm, harmonic_alarm=settings.harmonic_false_alarm, highest=highest)
+    limits = Limits(
+        mode_alarm=settings.mode_false_alarm,
+        harmonic_alarm=settings.harmonic_false_alarm,
+        highest=highest,
+        seconds=settings.seconds,
+    )
     report("taking first innovations from an autoregression")
     first = first_innovations(samples, acting)
     _refuse_copies(first, own)
     report("searching for modes")
     near, unfinished = searched(samples, first, limits, report)
     found = near.at
-    late = (warning("out_of_time", seconds=SECONDS),) if unfinished else ()
+    late = (warning("out_of_time", seconds=settings.seconds),) if unfinished else ()
     if not found.modes:
         raise no_mode(samples, found, limits.mode_alarm, late)
     report("estimating deviations")

@@ -30,7 +30,6 @@ from floquid.pipeline.excited._analysis import DrivenAnalysis, finished
 from floquid.pipeline.excited._prepare import OF, Parted, parted, refuse_others
 from floquid.pipeline.excited._verdict import at_limit, verdict
 from floquid.pipeline.preparation import blas_threads, clocked, own_names, refuse_driven, settings_of
-from floquid.search import SECONDS
 
 HIGHEST = 24
 """Harmonics of inputs and outputs at most."""
@@ -105,6 +104,7 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     limits = Limits(
         mode_alarm=settings.mode_false_alarm,
         harmonic_alarm=settings.harmonic_false_alarm,
+        seconds=settings.seconds,
         highest=max(min(HIGHEST, int(0.5 * phases) - 1), 0) if settings.harmonics is None else settings.harmonics,
     )
     report("searching for modes")
@@ -114,6 +114,9 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
         report("fitting matrices at each phase")
         free = _if_better(fitted_freely(samples), found)
         found = free or found
+    late = (warning("out_of_time", seconds=settings.seconds),) if unfinished else ()
+    if not found.modes and late:
+        raise IdentificationError(f"Identification ended without a result: {late[0].clause}.")
     if not found.modes:
         raise IdentificationError(
             "Identification ended without a result: no mode that the inputs reach, or that rings at the begin, rises "
@@ -125,7 +128,6 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     fit = Uncertainty(samples, found)
     provenance = Provenance.merge(tuple(record.provenance for record in records))
     model = fit.model(own.outputs, own.inputs, provenance, near.as_read)
-    late = (warning("out_of_time", seconds=SECONDS),) if unfinished else ()
     held_out = np.full(len(own.outputs), np.nan)
     if settings.validate:
         report("predicting samples left out")

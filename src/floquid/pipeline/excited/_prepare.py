@@ -23,7 +23,7 @@ OF = "identify_driven"
 
 TAKEN = (
     *("period", "tach", "azimuth", "channels", "inputs", "hold", "harmonics", "forced", "validate"),
-    *("mode_false_alarm", "harmonic_false_alarm", "pulses_per_revolution", "periods_per_revolution"),
+    *("mode_false_alarm", "harmonic_false_alarm", "seconds", "pulses_per_revolution", "periods_per_revolution"),
     *("states", "form", "delay", "structure", "output_error", "system_times"),
 )
 """Settings that count where the excitation goes on."""
