@@ -198,7 +198,7 @@ def test_options_of_free_responses_are_refused_in_the_words_of_the_command(file,
         assert run([*command, *own.split()]) == 2
         said = capsys.readouterr().err
         assert f"`{own.split()[0].replace('--no-', '--')}` must be left as it is" in said
-        assert "--periods-per-rev, --pulses-per-rev, --states, --structure, --system-times" in said
+        assert "--periods-per-rev, --pulses-per-rev, --seconds, --states, --structure, --system-times" in said
 
 
 def test_the_help_says_which_options_are_of_free_responses(capsys):
@@ -258,3 +258,17 @@ def test_candidates_for_inputs_by_name_and_by_unit(tmp_path, capsys):
     assert "(--inputs motor,shaker_command,hammer)" in said
     # After a blow the response is free.
     assert f"Next: floquid identify {path} --channels x" in said
+
+
+def test_a_structure_is_printed_written_and_drawn_from(file, tmp_path, capsys):
+    out = tmp_path / "result"
+    words = ["identify", str(file), "--period", PERIOD, "--inputs", "F", "--states", "x", "--structure", "auto"]
+    assert run([*words, "--out", str(out)]) == 0
+    said = capsys.readouterr().out
+    assert "Structure found: symmetric stiffness with 1 harmonic; damping constant" in said
+    assert "its 0 numbers" not in said
+    assert "B(t): smallest" in said
+    structure = json.loads((out / "summary.json").read_text(encoding="utf-8"))["system"]["structure"]
+    assert structure is not None
+    assert run(["bootstrap", str(out), "--draws", "20", "--workers", "1", "--format", "json"]) == 0
+    assert json.loads(capsys.readouterr().out)["holds"] is True

@@ -275,7 +275,7 @@ def print_state(console: Console, analysis: Analysis | ExcitedAnalysis) -> None:
     console.print(f"Condition number of the modes' shapes in these states: {state.condition.max():.3g} at most.")
     if not second or "+" in state.coordinates or "all" in analysis.settings.states:
         console.print(f"The states are {state.coordinates}.")
-    if isinstance(analysis, Analysis) and analysis.refinement is not None:
+    if analysis.refinement is not None:
         print_structure(console, analysis.refinement)
 
 

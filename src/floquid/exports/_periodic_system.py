@@ -50,7 +50,7 @@ def to_periodic_system(
     if states is None:
         names, stacks = _floquet_coordinates(model, of)
     else:
-        state = reconstruct(model, states, times=integer(n_phases, "n_phases", of, at_least=1))
+        state = reconstruct(model, states, harmonics="model", times=integer(n_phases, "n_phases", of, at_least=1))
         names, stacks = state.states, (state.system, state.inputs, state.outputs, state.direct)
     A, B, C, D = (
         None if stack is None or not stack.size else SampledMatrix(values=np.moveaxis(stack, 0, 2), period=model.period)

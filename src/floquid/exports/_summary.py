@@ -91,7 +91,7 @@ def _excited(analysis: ExcitedAnalysis) -> dict[str, Any]:
         },
         "noise": analysis.noise[:, 0],
         "lengths": analysis.lengths if isinstance(analysis, AmbientAnalysis) else None,
-        "system": None if analysis.state is None else _system(analysis.state, None),
+        "system": None if analysis.state is None else _system(analysis.state, analysis.refinement),
         "held_out_error": analysis.held_out,
         "passed": analysis.passed,
         "warnings": analysis.warnings,

@@ -270,7 +270,8 @@ def _hidden(
     found = []
     for name, other in structure.wider():
         problem = fit.problem(other.basis(basis.known.shape[-1]), width)
-        found.append(hidden_in(problem, name, point, basis))
+        if len(problem.basis.names) > len(basis.names):  # of one displacement no matrix is other than symmetric
+            found.append(hidden_in(problem, name, point, basis))
     return tuple(own for own, _ in found if own is not None), tuple(finding for _, finding in found)
 
 

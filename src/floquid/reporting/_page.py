@@ -60,7 +60,6 @@ def page(case: Case, *, title: str | None, truth: Truth | None) -> str:
         responses_left=len(analysis.model.channels) * len(analysis.records) - len(responses(case)),
         hits=[hit + 1 for hit in case.hits] if len(analysis.records) > 1 else [],
         state=analysis.state,
-        delayed=True,
         refinement=analysis.refinement,
         parameters=[] if analysis.refinement is None else words.parameters(analysis.refinement),
         synchronisation=slip_words(found),
