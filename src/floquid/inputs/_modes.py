@@ -19,8 +19,11 @@ SERIES = 1e-4
 LINEAR = np.array([(n + 1.0) / factorial(n + 2) for n in reversed(range(14))])
 """The series of a linear input, the highest power first: to double precision below ½, where differences cancel."""
 
-RUNAWAY = 20.0
-"""The growth of a mode over a record [nepers] beyond which its state is run backwards, from the end of the record."""
+RUNAWAY = 3.0
+"""The growth of a mode over a record [nepers] beyond which its state is run backwards, from the end of the record.
+
+Forwards the errors of inputs and innovations grow with it: a mode that a feedback holds would be no candidate.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -306,7 +309,7 @@ def followed(samples: Samples, mode: InputMode, drive: NDArray[np.complex128]) -
 
 
 def runs_away(samples: Samples, exponent: complex) -> bool:
-    """True of a mode that a feedback must hold: by itself it would grow beyond what a record could hold."""
+    """True of a mode that grows by so much over a record that its state is run backwards."""
     return exponent.real * samples.step * max(own.stop - own.start for own in samples.records) > RUNAWAY
 
 

@@ -75,11 +75,16 @@ class Uncertainty(Rebuilt):
             own = at.coefficients[place : place + (1 + (turn > 0)) * len(inputs)].T
             place += own.shape[1]
             direct[turn] = 0.5 * (own[:, : len(inputs)] + 1j * own[:, len(inputs) :]) if turn else own.astype(complex)
+        firsts = [record.start for record in samples.records]
+        modes = [
+            replace(mode, initial=np.asarray(state[firsts], np.complex128))
+            for mode, state in zip(at.modes, at.states, strict=True)
+        ]
         return modelled(
             self.estimates,
             channels=channels,
             provenance=provenance,
-            driven=driven_of(at.modes, inputs, direct, len(channels), samples.fundamental, samples.first_times),
+            driven=driven_of(modes, inputs, direct, len(channels), samples.fundamental, samples.first_times),
             as_read=as_read,
         )
 

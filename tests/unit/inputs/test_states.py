@@ -9,7 +9,8 @@ import pytest
 from scipy import linalg
 from scipy.integrate import solve_ivp
 
-from floquid.inputs import InputMode, linearise, samples_of, slopes_of, state_slopes
+from floquid.core import Provenance
+from floquid.inputs import InputMode, Uncertainty, linearise, samples_of, slopes_of, state_slopes
 from floquid.inputs._modes import reached_by, state_of
 from floquid.inputs.search._near_axis import block_of_pair, block_of_reals, ordinary
 
@@ -70,8 +71,8 @@ def test_a_mode_that_a_feedback_holds_ends_where_it_is_said(real):
     assert np.isclose(state[-1], wanted.initial[0])
     assert np.abs(state).max() < 20.0
     at = replace(wanted, initial=np.array([state[0] + 0j]))
-    first = samples_of([own.values[:, :20]], [own.inputs[:, :20]], [0.4], step=STEP, fundamental=OMEGA, hold="zero")
-    assert np.allclose(state_of(first, at), state[:20], atol=1e-9)
+    first = samples_of([own.values[:, :8]], [own.inputs[:, :8]], [0.4], step=STEP, fundamental=OMEGA, hold="zero")
+    assert np.allclose(state_of(first, at), state[:8], atol=1e-9)
 
 
 @pytest.mark.parametrize("real", [False, True])
@@ -205,3 +206,12 @@ def test_a_mode_that_no_input_reaches_asks_nothing_of_lapack(rate, real, monkeyp
         parts = reached_by(at, unreached)
         assert parts.shape == (1, at.n_samples)
         assert np.abs(free - unreached.initial[0] * parts[0]).max() < 1e-12
+
+
+@pytest.mark.parametrize("rate", [0.05, 0.5])
+def test_first_states_of_a_model_are_those_at_the_first_samples(rate):
+    """Of a mode that grows by 5 nepers the fit has the last one."""
+    own = samples("zero")
+    at = linearise(own, [mode(real=False, rate=rate)])
+    model = Uncertainty(own, at).model(["a", "b"], [f"u{k}" for k in range(len(own.inputs))], Provenance())
+    assert np.allclose(model.inputs.initial[0], at.states[0][[record.start for record in own.records]])
