@@ -25,6 +25,9 @@ class Estimates(Rebuilt):
     imaginary part alone is here, and of a real multiplier the harmonics that turn forwards: the others are their mirror
     images.
 
+    Where all hits share one shape (`shared`), the errors e are those of a channel, the same in each of its hits, and p
+    has further parameters behind ω that move coefficients alone: the states of modes in hits.
+
     Raises InputError where a shape or a value is not possible.
 
     Parameters
@@ -38,9 +41,10 @@ class Estimates(Rebuilt):
     coefficients
         B (terms, channels, hits) [units of the channels].
     covariance
-        Of p: real parts, imaginary parts, fundamental (2 modes + 1, 2 modes + 1); zero where one is no parameter.
+        Of p: real parts, imaginary parts, fundamental, states (parameters, parameters), 2 modes + 1 of them or more;
+        zero where one is no parameter.
     slopes
-        S (terms, channels, hits, 2 modes + 1).
+        S (terms, channels, hits, parameters).
     spread, blocks
         V, of real parts, then imaginary parts (blocks, 2 terms, 2 terms), and b: the V of each row (channels, hits).
     scales
@@ -50,6 +54,8 @@ class Estimates(Rebuilt):
         known at these coefficients alone.
     bend
         f (terms, channels, hits), the relative slope of the filter that the responses went through; None for none.
+    shared
+        True where the hits share one shape: the rows of one channel have one error e.
     """
 
     exponents: Complexes
@@ -65,6 +71,7 @@ class Estimates(Rebuilt):
     scales: Complexes
     drift: Floats | None = None
     bend: Complexes | None = None
+    shared: bool = False
 
     def __post_init__(self) -> None:
         of, put = "Estimates", object.__setattr__
@@ -78,6 +85,7 @@ class Estimates(Rebuilt):
         put(self, "real", real)
         shape, square = self.coefficients.shape, (2 * n, 2 * n)
         self._freeze(dtype=np.int64, harmonics=(n,), blocks=shape[1:])
+        parts = max(parts, len(np.atleast_1d(self.covariance))) if self.shared else parts
         self._freeze(covariance=(parts, parts), spread=("blocks", *square), drift=(len(self.spread), *square))
         self._freeze(dtype=np.complex128, slopes=(*shape, parts), scales=shape, bend=shape)
         if real.shape != lam.shape or (n and (modes.min() < 0 or modes.max() >= len(lam))):
@@ -107,11 +115,12 @@ class Estimates(Rebuilt):
 
     @property
     def rate_slopes(self) -> Complexes:
-        """Derivatives of the rate of each term with respect to the parameters (terms, 2 modes + 1)."""
+        """Derivatives of the rate of each term with respect to the parameters (terms, parameters)."""
         count = len(self.exponents)
+        states = np.zeros((len(self.modes), len(self.covariance) - 2 * count - 1))
         own = (self.modes[:, None] == np.arange(count)).astype(float)
         turns = self.harmonics + 0.5 * self.half_turns[self.modes]
-        parts = [own, 1j * own * ~self.real, 1j * turns[:, None]]
+        parts = [own, 1j * own * ~self.real, 1j * turns[:, None], states]
         return np.concatenate(parts, axis=1, dtype=np.complex128)
 
     def std(self) -> Complexes:
@@ -134,7 +143,7 @@ class Estimates(Rebuilt):
         return turn @ self.spread[self.blocks[channel, hit]] @ turn.T
 
     def slopes_at(self, coefficients: Complexes, channel: int, hit: int) -> Complexes:
-        r"""The slopes S of one row for other coefficients than those estimated (terms, 2 modes + 1).
+        r"""The slopes S of one row for other coefficients than those estimated (terms, parameters).
 
         .. math:: S = -g\, W \Big(\frac{\partial s}{\partial p}\, g^{-1} B\Big) - f\, \frac{\partial s}{\partial p} B
 
@@ -175,13 +184,15 @@ class Estimates(Rebuilt):
         if by_exponents is not None:
             own, count = np.asarray(by_exponents), len(self.exponents)
             total[:, :count] += own.real
-            total[:, count:-1] -= own.imag * ~self.real
-            total[:, -1] -= own.imag @ (0.5 * self.half_turns)
+            total[:, count : 2 * count] -= own.imag * ~self.real
+            total[:, 2 * count] -= own.imag @ (0.5 * self.half_turns)
         variance = np.einsum("qp,qp->q", total @ self.covariance, total)
         used = by_coefficients.any(axis=(0, 1))
         for block, spread in enumerate(self.spread):
             own = used & (self.blocks == block)
             seen = by_coefficients[:, :, own] * self.scales[:, own]
+            if self.shared:
+                seen = seen.sum(axis=2, keepdims=True)  # the rows of a block are the hits of a channel
             both = np.concatenate([seen.real, -seen.imag], axis=1).swapaxes(1, 2)
             variance += np.sum((both @ spread) * both, axis=(1, 2))
         return np.maximum(variance, 0.0)
@@ -195,7 +206,9 @@ class Estimates(Rebuilt):
         place = np.full(len(self.exponents), -1)
         place[kept] = np.arange(len(kept))
         own = [k for mode in kept for k in chosen if self.modes[k] == mode]
-        parts = np.concatenate([kept, kept + len(self.exponents), [2 * len(self.exponents)]])
+        parts = np.concatenate(
+            [kept, kept + len(self.exponents), np.arange(2 * len(self.exponents), len(self.covariance))]
+        )
         both = np.concatenate([own, np.array(own, int) + len(self.modes)]).astype(int)
         return Estimates(
             exponents=self.exponents[kept],
@@ -211,6 +224,7 @@ class Estimates(Rebuilt):
             scales=self.scales[own],
             drift=None if self.drift is None else self.drift[:, both][:, :, both],
             bend=None if self.bend is None else self.bend[own],
+            shared=self.shared,
         )
 
     def term(self, mode: int, harmonic: int) -> int | None:
@@ -218,6 +232,11 @@ class Estimates(Rebuilt):
         found = np.flatnonzero((self.modes == mode) & (self.harmonics == harmonic))
         return int(found[0]) if len(found) else None
 
+    @property
+    def fundamental_variance(self) -> float:
+        """The variance of the fundamental [rad²/s²]; zero where the period was given."""
+        return float(self.covariance[2 * len(self.exponents), 2 * len(self.exponents)])
+
     def period_std(self) -> float:
         """The deviation of the period [s]; zero where it was given."""
-        return finite(2.0 * np.pi / self.fundamental**2 * np.sqrt(self.covariance[-1, -1]), "covariance", "Estimates")
+        return finite(2.0 * np.pi / self.fundamental**2 * np.sqrt(self.fundamental_variance), "covariance", "Estimates")

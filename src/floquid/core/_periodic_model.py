@@ -209,6 +209,11 @@ class PeriodicModel(Drawn, Rebuilt):
         return self.coefficients.shape[2]
 
     @property
+    def one_shape(self) -> bool:
+        """True where all hits share the shapes of the modes, each with a state of its own."""
+        return self.estimates is not None and self.estimates.shared
+
+    @property
     def fundamental(self) -> float:
         """The fundamental angular frequency ω = 2π/T [rad/s]."""
         return 2.0 * np.pi / self.period
@@ -257,7 +262,7 @@ class PeriodicModel(Drawn, Rebuilt):
         if self.covariance is None:
             return None
         own, n = self.estimates, self.order
-        if own is None or own.covariance[-1, -1] == 0.0:
+        if own is None or own.fundamental_variance == 0.0:
             slope = self.multipliers * self.period
             turned = np.moveaxis(np.array([[slope.real, -slope.imag], [slope.imag, slope.real]]), 2, 0)
             parts = np.array([self.covariance[r::n, r::n] for r in range(n)]).reshape(n, 2, 2)
@@ -269,7 +274,8 @@ class PeriodicModel(Drawn, Rebuilt):
             [np.diag(slope), np.diag(1j * slope * ~own.real), -(slope * lam / own.fundamental)[:, None]], 1
         )
         both = np.stack([by.real, by.imag], axis=1)
-        known = both @ own.covariance @ both.transpose(0, 2, 1)
+        rates = slice(by.shape[1])  # of one shape for all hits states are parameters, too
+        known = both @ own.covariance[rates, rates] @ both.transpose(0, 2, 1)
         straight, mirrored = (
             np.abs(np.subtract.outer(self.exponents, side)) for side in (own.exponents, own.exponents.conj())
         )

@@ -46,13 +46,13 @@ from floquid.periodic.search import (
     read_apart,
     searched,
     searched_white,
+    with_one_shape,
 )
 from floquid.periodic.start import Known
 from floquid.sync import ShaftAngle
 
 HIGHEST = 64  # the highest harmonic of the revolution that a forced response is looked for at
 MOST_ENTRIES = 24  # modes, a pair counted once, that are looked for at most
-QUIET = 1e-4  # the noise over the largest value below which it is rounding, or what modes make of something else
 SURELY = 10.0  # a peak so far above the limit is no noise
 
 
@@ -229,7 +229,7 @@ def fit(
         raise IdentificationError(_no_mode(found))
     if auto:
         found = without_noise(found)
-    found = read_apart(found)
+    found = with_one_shape(read_apart(found), harmonic_false_alarm)
     _check_order(found, order)
     return _result(
         found,
@@ -326,13 +326,14 @@ def _result(
             provenance=Provenance.merge(tuple(record.provenance for record in records)),
             most=samples.most,
             as_read=found.as_read,
+            one=found.one,
         )
     except IdentificationError as error:
         raise IdentificationError(" ".join([str(error), *texts(colour)])) from None
     period_std = None
     if free_period:
-        omega = found.solution.entries.fundamental
-        period_std = float(2.0 * np.pi / omega**2 * np.sqrt(found.solution.covariance()[-1, -1]))
+        spread = found.solution.covariance() if found.one is None else found.one.of_rates()
+        period_std = float(2.0 * np.pi / model.fundamental**2 * np.sqrt(spread[-1, -1]))
     return Fit(
         model=model,
         forced=forced_of(found, samples.nu, names, wanders=samples.wanders),

@@ -41,7 +41,18 @@ def evidence(found: SearchResult) -> tuple[Finding, ...]:
         *doubles(found),
         *near_axis(found),
         *combinations(found),
+        *agreement(found),
     )
+
+
+def agreement(found: SearchResult) -> tuple[Finding, ...]:
+    """Findings on hits that share their shapes, or do not; empty of one hit."""
+    if found.one is not None:
+        return (note("one_shape", hits=found.one.states.shape[1]),)
+    off = found.disagreement
+    if off is None:
+        return ()
+    return (warning("hits_disagree", frequency=_hertz(off.exponent), share=off.share, probability=off.probability),)
 
 
 def _hertz(exponent: complex) -> float:
