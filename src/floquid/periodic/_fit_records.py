@@ -184,7 +184,7 @@ def fit(
         raise input_error("free_period", "fit", "be false with a tachometer", "is true", "The shaft tells the period.")
     auto = isinstance(forced, str) and forced == "auto"
     doubled = auto and periods_per_revolution == 1.0 and known is not None and 0.5 in known.roots
-    samples = _Samples.of(records, clocks, lifted, known, 2.0 if doubled else periods_per_revolution)
+    samples = Samples.of(records, clocks, lifted, known, 2.0 if doubled else periods_per_revolution)
     most = samples.most
     if harmonics is not None and harmonics > most:
         must = f"be at most {most}, below half of the samples a period"
@@ -231,7 +231,7 @@ def fit(
         found = without_noise(found)
     found = with_one_shape(read_apart(found), harmonic_false_alarm)
     _check_order(found, order)
-    return _result(
+    return result_of(
         found,
         records,
         clocks,
@@ -245,7 +245,7 @@ def fit(
 
 
 @dataclass(frozen=True, slots=True)
-class _Samples:
+class Samples:
     """The samples as blocks: those that modes are searched with, and those of the final fit."""
 
     search: tuple[Block, ...]
@@ -276,15 +276,15 @@ class _Samples:
         lifted: Lifted | None,
         known: Known | None,
         nu: float,
-    ) -> _Samples:
+    ) -> Samples:
         """Blocks of lifted responses where there are any, else of the records."""
         if lifted is not None and not (known is not None and known.drift):
             final = LiftedBlock.all_of(lifted)
             lengths = lifted.responses.lengths.tolist()
             search = LiftedBlock.all_of(lifted, [known.basis(n) for n in lengths]) if known else final
-            return _Samples(search, final, 2.0 * np.pi / lifted.period, nu, 0.5 * lifted.n_phases)
+            return Samples(search, final, 2.0 * np.pi / lifted.period, nu, 0.5 * lifted.n_phases)
         blocks, fundamental, nu = record_blocks(records, clocks, nu)
-        return _Samples(blocks, blocks, fundamental, nu, half_of(records, 2.0 * np.pi / fundamental))
+        return Samples(blocks, blocks, fundamental, nu, half_of(records, 2.0 * np.pi / fundamental))
 
 
 class OrderError(IdentificationError):
@@ -302,19 +302,20 @@ def _check_order(found: SearchResult, order: int | None) -> None:
         )
 
 
-def _result(
+def result_of(
     found: SearchResult,
     records: Sequence[Record],
     clocks: Sequence[ConstantPeriod | ShaftAngle],
-    samples: _Samples,
+    samples: Samples,
     taps: Floats | None,
     *,
     free_period: bool,
     noise_floor: float,
     search: bool,
     ended: tuple[Finding, ...],
+    noise: Floats | None = None,
 ) -> Fit:
-    """The result of a search, as it is reported."""
+    """The result of a search, as it is reported; its noise is what is left, unless it is given."""
     names = records[0].channels
     colour = (coloured(found) if taps is None else ()) + (_endless(found) if search else ())
     try:
@@ -337,7 +338,7 @@ def _result(
     return Fit(
         model=model,
         forced=forced_of(found, samples.nu, names, wanders=samples.wanders),
-        noise=noise_of(found.blocks, found.solution, noise_floor),
+        noise=noise_of(found.blocks, found.solution, noise_floor) if noise is None else noise,
         free=free_records(records, clocks, found, samples.nu),
         period_std=period_std,
         own_period=None if isinstance(clocks[0], ShaftAngle) else period_step(found.solution),

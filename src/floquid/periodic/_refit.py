@@ -161,29 +161,30 @@ def unexplained(model: PeriodicModel, records: Sequence[Record], clocks: Clocks)
     left = [np.full(record.values.shape, np.nan) for record in records]
     for block in seen(model.period, records, clocks):
         taken = np.flatnonzero(~np.isnan(records[block.hit].values[block.rows[0]]))
-        _, residual = block.residual(entries.columns(), _scaled(model, entries, block))
+        _, residual = block.residual(entries.columns(), scaled(model, entries, block))
         left[block.hit][np.ix_(block.rows, taken)] = residual
     return tuple(left)
 
 
 def _evaluated(model: PeriodicModel, blocks: Sequence[Block], entries: ModeParameters) -> Solution:
     """The linearisation at a model's exponents, started from its coefficients."""
-    return linearise(blocks, entries, tuple(reals_of(_scaled(model, entries, block)) for block in blocks))
+    return linearise(blocks, entries, tuple(reals_of(scaled(model, entries, block)) for block in blocks))
 
 
 def _shared(model: PeriodicModel, blocks: Sequence[Block], found: Solution) -> OneShape:
     """The fit of one shape for all hits at a model's exponents, states and shapes."""
-    values = [2.0 * _scaled(model, found.entries, block) for block in blocks]
+    values = [2.0 * scaled(model, found.entries, block) for block in blocks]
     return OneShape.near(blocks, found.entries, found.linear, values).with_states()
 
 
-def _scaled(model: PeriodicModel, entries: ModeParameters, block: Block) -> Complexes:
+def scaled(model: PeriodicModel, entries: ModeParameters, block: Block) -> Complexes:
     """The coefficients of a model on the scaled columns of a block, after its filter (columns, rows)."""
     columns = entries.columns()
-    place = np.searchsorted(model.harmonics, columns.harmonics)
+    place = np.searchsorted(model.harmonics, columns.harmonics).clip(0, len(model.harmonics) - 1)
+    known = model.harmonics[place] == columns.harmonics
     own = np.array(model.upper_modes, np.int64)[columns.modes]
     # A column without a sine counts once, the others with their conjugates.
-    share = np.where(entries.sines(), 1.0, 0.5) * block.scales(columns)
+    share = np.where(entries.sines(), 1.0, 0.5) * block.scales(columns) * known
     coefficients = model.coefficients[own, :, block.hit, place][:, block.rows] * share[:, None]
     return coefficients * block.gain(columns.rates).T
 

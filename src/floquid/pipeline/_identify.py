@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Literal, overload
+
+import numpy as np
 
 from floquid.core import PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, texts, warning
 from floquid.lifting import floor_of
 from floquid.order import judge
-from floquid.periodic import Fit, ModeParameters, OrderError, assemble, distinct_multipliers, fit, groups, held_shapes
+from floquid.periodic import Fit, ModeParameters, OrderError, assemble, distinct_multipliers, fit, fit_shapes, groups, held_shapes
 from floquid.pipeline._analysis import Analysis, clocks_of
 from floquid.pipeline._complete import completed, free_residues, samples_of
 from floquid.pipeline._dependent_channels import of_sums
@@ -189,12 +192,29 @@ def _brief_fits(
         modal, width = held_shapes(start.modal, start.lifted, false_alarm=settings.harmonic_false_alarm)
         model = assemble(modal, start.lifted, harmonics=width)
         yield Candidate(start, model, free_residues(prepared, cutting, start, model), settings)
+        if not start.known and not prepared.shafts and start.lifted.n_hits > 1:
+            with suppress(IdentificationError, np.linalg.LinAlgError):
+                yield Candidate(start, model, _of_shapes(prepared, start, model, report), settings)
         lifted = start.lifted
         costly = lifted.n_channels * (lifted.n_hits * (2 * width + 1) - lifted.n_phases) > lifted.n_hits
     if not costly or not determined(model):
         fitted = _fitted(prepared, cutting, start, model, settings, True, report)
         wrong = wrong_period_fitted(fitted, start.lifted, prepared, report)
         yield Candidate(start, model, fitted, settings, wrong_period=wrong)
+
+
+def _of_shapes(prepared: Prepared, start: Start, model: PeriodicModel, report: Callable[[str], None]) -> Fit:
+    """The fit of the samples with one shape for all hits, started at outer products."""
+    settings = prepared.settings
+    records = samples_of(prepared.records, prepared.shafts, settings)
+    return fit_shapes(
+        records,
+        clocks_of(records, prepared.shafts),
+        model,
+        start.whole,
+        noise_floor=floor_of((row for record in records for row in record.values), settings.noise_floor),
+        report=report,
+    )
 
 
 def _fits(prepared: Prepared, cutting: Lifting, start: Start, report: Callable[[str], None]) -> Iterator[Candidate]:

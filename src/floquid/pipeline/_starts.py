@@ -130,8 +130,8 @@ def criterion(fitted: Fit, alarm: float, alone: int = 0) -> float:
     .. math:: J = \sum_{c,h} N_h \log \frac{\mathrm{RSS}_{c,h}}{N_h} - N \log (1 - q/N),
               \qquad q = \sum_r \chi^2_{n_r}(\alpha)
 
-    with n_r the numbers of a mode: its coefficients in all channels and hits, or where residues are free at each phase
-    those of an outer product of shape and hit. Samples before those fitted, `alone` in each hit, are numbers that fit
+    with n_r the numbers of a mode: its coefficients in all channels and hits, or of one shape for all hits those of
+    an outer product of shape and hit, where residues are free at each phase of all phases. Samples before those fitted, `alone` in each hit, are numbers that fit
     exactly. Of N samples, numbers that noise gives q off the sum of squares over its variance leave it 1 - q/N.
     """
     from scipy.special import chdtri
@@ -142,7 +142,7 @@ def criterion(fitted: Fit, alarm: float, alone: int = 0) -> float:
     sizes = np.array([1 if model.real[mode] else 2 for mode in model.upper_modes])
     if fitted.constrained:
         kept = (model.coefficients != 0).any(axis=(1, 2))[list(model.upper_modes)].sum(axis=1)
-        numbers = sizes * (kept * channels * hits + 1)
+        numbers = sizes * (kept * channels + hits if model.one_shape else kept * channels * hits + 1)
     else:
         phases = round(model.period * fitted.free[0].sample_rate)
         numbers = sizes * (channels * phases + hits)

@@ -1,7 +1,14 @@
 """The constrained fit: parameters, blocks of samples, the solver, and what its solution says."""
 
 from floquid.periodic.least_squares._blocks_of_records import record_blocks
-from floquid.periodic.least_squares._estimates import chosen_bands, estimates_of, model_of, parts_of, shapes, stepped
+from floquid.periodic.least_squares._estimates import (
+    chosen_bands,
+    estimates_of,
+    model_of,
+    parts_of,
+    shapes,
+    stepped,
+)
 from floquid.periodic.least_squares._lifted_block import KeptCycles, LiftedBlock
 from floquid.periodic.least_squares._one_shape import OneShape
 from floquid.periodic.least_squares._parameters import ModeParameters, forced_entries

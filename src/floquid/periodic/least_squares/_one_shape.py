@@ -10,16 +10,16 @@ strongest hit stays as it is. Columns that are fixed, as a forced response, are 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Indices, Integers
-from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, scaled_inverse
+from floquid.fit import Ends, Normal, Steps, chi2_limit, levenberg_marquardt, scaled_inverse
 from floquid.periodic.least_squares._parameters import ModeParameters
 from floquid.periodic.least_squares._sample_block import Block
-from floquid.periodic.least_squares._solver import AT_REST, LONGEST_STEP, ROUNDING, Linear, eliminated
+from floquid.periodic.least_squares._solver import AT_REST, LONGEST_STEP, ROUNDING, Linear, Solution, eliminated, weighted
 
 ITERATIONS = 60  # steps at most
 RIDGES = (0.0, 1e-4, 1e-2)
@@ -310,6 +310,69 @@ class OneShape:
         """Covariance of the parameters that move exponents; `further` is added to their variances."""
         found = self.covariance[: self.n_rates, : self.n_rates]
         return found if further is None else found + np.diag(further)
+
+    @property
+    def used(self) -> list[Floats]:
+        """Numbers that the fit takes of each block (rows,): of shapes by their leverage, of states a share a channel."""
+        states, rates = np.where(self.entries.real, 1, 2)[~self.entries.fixed].sum(), self.n_rates
+        whole = sum(len(block.rows) for block in self.blocks)
+        beside = 2 * (len(self.entries.sines()) - len(self.own))
+        found = []
+        for block, own, turn in zip(self.blocks, self.reduced, self.turns, strict=True):
+            gram = turn.T @ own.gram @ turn
+            lever = np.einsum("cij,ji->c", self.inverse[block.rows], gram) / block.noise**2
+            found.append(lever + states / self.n_channels + rates / whole + beside)
+        return found
+
+    def with_noise(self, least: Sequence[Floats]) -> OneShape:
+        """The same with the noise that it leaves, at least `least` of each block (rows,)."""
+        blocks = []
+        for block, left, used, low in zip(self.blocks, self.left, self.used, least, strict=True):
+            noise = np.sqrt(np.maximum(left, 0.0) / np.maximum(block.n_samples - used, 1.0))
+            blocks.append(block.with_noise(np.maximum(noise, low)))
+        return OneShape(tuple(blocks), self.entries, self.linear, self.states, self.held)
+
+    def as_solution(self) -> Solution:
+        """The linearisation with residues free in each hit, with the coefficients of this fit."""
+        found = weighted(self.blocks, self.entries, self.linear)
+        linear = tuple(
+            replace(each, coefficients=_parts(values.conj()), left=left)
+            for each, values, left in zip(self.linear, self.coefficients, self.left, strict=True)
+        )
+        return replace(found, linear=linear, cost=self.cost)
+
+    def with_bands(self, bands: Integers) -> OneShape:
+        """The same exponents and states with other bands of harmonics."""
+        entries = replace(self.entries, bands=bands)
+        linear = tuple(eliminated(self.blocks, entries))
+        return OneShape(self.blocks, entries, linear, self.states, self.held)
+
+    def narrowed(self, alarm: float) -> Integers:
+        """The bands without the harmonics at their ends that noise explains with the probability `alarm`, one by one.
+
+        Each is asked beside all that are left: of modes that share their lines, harmonics may be needed together.
+        """
+        columns, bands = self.entries.columns(), self.entries.bands.copy()
+        harmonics, inverse, shapes = columns.harmonics[self.own], self.inverse.copy(), self.shapes.T.copy()
+        bands[:, 0] = np.where(self.entries.real, np.maximum(bands[:, 0], -(self.entries.half_turns // 2)), bands[:, 0])
+        while True:
+            best = (1.0, 0, 0, np.zeros(0, np.int64))
+            for entry in np.unique(self.modes):
+                low, high = bands[entry]
+                for harmonic, side in ((low, 0), (high, 1)) if low < high else ():
+                    column = int(np.flatnonzero((self.modes == entry) & (harmonics == harmonic))[0])
+                    rows = np.flatnonzero(np.isin(self.kept, (column, len(self.own) + column)))
+                    own = inverse[:, rows][:, :, rows]
+                    cost = np.einsum("cr,cr->", shapes[:, rows], np.linalg.solve(own, shapes[:, rows, None])[..., 0])
+                    share = float(cost) / chi2_limit(len(rows) * self.n_channels, alarm)
+                    best = min(best, (share, int(entry), side, rows), key=lambda each: each[0])
+            share, entry, side, rows = best
+            if not len(rows):
+                return bands
+            taken = inverse[:, :, rows] @ np.linalg.inv(inverse[:, rows][:, :, rows])
+            shapes = shapes - np.einsum("cnr,cr->cn", taken, shapes[:, rows])
+            inverse = inverse - taken @ inverse[:, rows]
+            bands[entry, side] += 1 if side == 0 else -1
 
     def agreement(self, free: float) -> float:
         """Probability that noise makes as much of a difference to the cost of free residues, `free`."""
