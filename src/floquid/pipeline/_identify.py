@@ -192,7 +192,7 @@ def _brief_fits(
         modal, width = held_shapes(start.modal, start.lifted, false_alarm=settings.harmonic_false_alarm)
         model = assemble(modal, start.lifted, harmonics=width)
         yield Candidate(start, model, free_residues(prepared, cutting, start, model), settings)
-        if not start.known and not prepared.shafts and start.lifted.n_hits > 1:
+        if not start.known and not prepared.shafts and start.lifted.n_hits >= model.order:
             with suppress(IdentificationError, np.linalg.LinAlgError):
                 yield Candidate(start, model, _of_shapes(prepared, start, model, report), settings)
         lifted = start.lifted

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from floquid.core import PeriodicModel
+from floquid.fit import SURE, chi2_limit
 from floquid.lifting import Lifted, unlift
 from floquid.lti import ERA, Ensemble, TimeResponses, brief, pooled_noise
 from floquid.periodic import Fit, ModeParameters
@@ -116,12 +117,32 @@ def determined(model: PeriodicModel | None) -> bool:
     return bool((model.exponent_std.real < UNDETERMINED * np.abs(model.exponents.real)).all())
 
 
+def lasting(fitted: Fit) -> bool:
+    r"""True where each mode rises above the noise after its first period.
+
+    .. math:: \sum_{c,h} \frac{1}{\sigma_{c,h}^2} \sum_m |B_{m,c,h}|^2 \sum_{t_k \ge T} 2\, e^{2 \Re \lambda t_k}
+
+    Within one period a shape with enough harmonics stands for any exponent.
+    """
+    model, weights = fitted.model, 1.0 / fitted.noise**2
+    limit = chi2_limit(2 * weights.size, SURE)
+    for mode in model.upper_modes:
+        rate, power = float(model.exponents[mode].real), 0.0
+        for hit, record in enumerate(fitted.free):
+            first = int(np.ceil(model.period * record.sample_rate))
+            left = np.exp(2.0 * rate * np.arange(first, record.n_samples) / record.sample_rate).sum()
+            power += 2.0 * left * float(weights[:, hit] @ np.sum(np.abs(model.coefficients[mode, :, hit]) ** 2, axis=1))
+        if power < limit:
+            return False
+    return True
+
+
 def explains(fitted: Fit, start: Start) -> bool:
     """True where a fit leaves noise, and determines its modes."""
     left = fitted.misfit
     if left is None:
         left = float(np.sqrt(np.mean((fitted.noise / start.raw.noise) ** 2)))
-    return determined(fitted.model) and left < MISFIT
+    return determined(fitted.model) and left < MISFIT and (lasting(fitted) or not fitted.model.one_shape)
 
 
 def criterion(fitted: Fit, alarm: float, alone: int = 0) -> float:
