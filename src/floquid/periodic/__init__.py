@@ -5,8 +5,8 @@ python-control and back.
 """
 
 from floquid.periodic._control import from_control, to_control
-from floquid.periodic._fit_shapes import fit_shapes
 from floquid.periodic._fit_records import Fit, OrderError, fit
+from floquid.periodic._fit_shapes import fit_shapes
 from floquid.periodic._forced_part import ForcedResponse
 from floquid.periodic._output_error_step import estimate_at
 from floquid.periodic._refit import instants, line_amplitudes, own_period, refit, unexplained, without_lines

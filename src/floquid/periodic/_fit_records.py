@@ -229,7 +229,7 @@ def fit(
         raise IdentificationError(_no_mode(found))
     if auto:
         found = without_noise(found)
-    found = with_one_shape(read_apart(found), harmonic_false_alarm)
+    found = with_one_shape(read_apart(found), harmonic_false_alarm, noise_floor, most)
     _check_order(found, order)
     return result_of(
         found,

@@ -78,7 +78,7 @@ def estimate_at(
         must, got = "have the joint covariance of its coefficients (`estimates`)", "has none"
         raise input_error("model", OF, must, got, "Identify with maximum likelihood and `constrained=True`.")
     start = frozen_array(exponents, "exponents", OF, axes=(len(known.exponents),), dtype=np.complex128)
-    entries = replace(ModeParameters.of_terms(known, start), free_period=bool(known.covariance[-1, -1] > 0.0))
+    entries = replace(ModeParameters.of_terms(known, start), free_period=known.fundamental_variance > 0.0)
     if lifted is not None:
         blocks: Sequence[Block] = LiftedBlock.all_of(lifted)
     else:

@@ -15,7 +15,17 @@ from floquid.errors import IdentificationError
 from floquid.findings import Finding, texts, warning
 from floquid.lifting import floor_of
 from floquid.order import judge
-from floquid.periodic import Fit, ModeParameters, OrderError, assemble, distinct_multipliers, fit, fit_shapes, groups, held_shapes
+from floquid.periodic import (
+    Fit,
+    ModeParameters,
+    OrderError,
+    assemble,
+    distinct_multipliers,
+    fit,
+    fit_shapes,
+    groups,
+    held_shapes,
+)
 from floquid.pipeline._analysis import Analysis, clocks_of
 from floquid.pipeline._complete import completed, free_residues, samples_of
 from floquid.pipeline._dependent_channels import of_sums

@@ -151,9 +151,10 @@ def criterion(fitted: Fit, alarm: float, alone: int = 0) -> float:
     .. math:: J = \sum_{c,h} N_h \log \frac{\mathrm{RSS}_{c,h}}{N_h} - N \log (1 - q/N),
               \qquad q = \sum_r \chi^2_{n_r}(\alpha)
 
-    with n_r the numbers of a mode: its coefficients in all channels and hits, or of one shape for all hits those of
-    an outer product of shape and hit, where residues are free at each phase of all phases. Samples before those fitted, `alone` in each hit, are numbers that fit
-    exactly. Of N samples, numbers that noise gives q off the sum of squares over its variance leave it 1 - q/N.
+    with n_r the numbers of a mode: its coefficients in all channels and hits, or those of an outer product of shape
+    and hit where hits share shapes. Where residues are free at each phase, a shape has a number a phase. Samples before
+    those fitted, `alone` in each hit, are numbers that fit exactly. Of N samples, numbers that noise gives q off the
+    sum of squares over its variance leave it 1 - q/N.
     """
     from scipy.special import chdtri
 

@@ -35,7 +35,7 @@ def chosen(model: PeriodicModel, shapes: Shapes, terms: Terms) -> Mask:
     own = terms.estimates
     rows = (shapes.weights != 0).any(axis=(0, 1, 2))
     score = scores(own, rows)
-    band = _grown(model, own, score, int(rows.sum()) * own.blocks.shape[1])
+    band = _grown(model, own, score, int(rows.sum()) * (1 if own.shared else own.blocks.shape[1]))
     order = _nested(own, score, band)
     if not len(order):
         return band
@@ -57,13 +57,15 @@ def chosen(model: PeriodicModel, shapes: Shapes, terms: Terms) -> Mask:
 def scores(estimates: Estimates, rows: Mask) -> Floats:
     """The sum of squares of each term over its deviations in some of the channels (terms,).
 
-    Without such a harmonic it is a chi-square of two degrees of freedom a channel and hit.
+    Without such a harmonic it is a chi-square of two degrees of freedom a channel and hit. Where hits share their
+    shapes, a hit tells no more than the one that tells most.
     """
     std, value = estimates.std()[:, rows], estimates.coefficients[:, rows]
     real = np.divide(value.real, std.real, out=np.zeros(value.shape), where=std.real > 0)
     turning = np.broadcast_to(estimates.turning[:, None, None] & (std.imag > 0), value.shape)
     imag = np.divide(value.imag, std.imag, out=np.zeros(value.shape), where=turning)
-    return np.sum(real**2 + imag**2, axis=(1, 2))
+    by_hit = np.sum(real**2 + imag**2, axis=1)
+    return by_hit.max(axis=1, initial=0.0) if estimates.shared else by_hit.sum(axis=1)
 
 
 def _grown(model: PeriodicModel, estimates: Estimates, score: Floats, responses: int) -> Mask:

@@ -30,7 +30,7 @@ def variances(
     """
     n = len(basis.names)
     # An estimated period moves the exponents too.
-    moving = len(point.parameters) + int(estimates.covariance[-1, -1] > 0)
+    moving = len(point.parameters) + int(estimates.fundamental_variance > 0)
     by_mode = np.array([slope.exponent[:moving] for slope in point.mode_slopes])
     _, by_system = basis.in_time(point.fundamental * times)
     _, by_transition, _ = _transition(estimates, basis, point, times)

@@ -16,26 +16,23 @@ from functools import cached_property
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Indices, Integers
-from floquid.fit import Ends, Normal, Steps, chi2_limit, levenberg_marquardt, scaled_inverse
+from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, scaled_inverse
 from floquid.periodic.least_squares._parameters import ModeParameters
+from floquid.periodic.least_squares._reduced import Reduced, complex_parts, real_parts, reduced, smaller, times
 from floquid.periodic.least_squares._sample_block import Block
-from floquid.periodic.least_squares._solver import AT_REST, LONGEST_STEP, ROUNDING, Linear, Solution, eliminated, weighted
+from floquid.periodic.least_squares._solver import (
+    AT_REST,
+    LONGEST_STEP,
+    ROUNDING,
+    Linear,
+    Solution,
+    eliminated,
+    weighted,
+)
 
 ITERATIONS = 60  # steps at most
 RIDGES = (0.0, 1e-4, 1e-2)
 """Shares of each column's size added to its Gram matrix: residues that are hardly determined get smaller."""
-
-
-@dataclass(frozen=True, slots=True)
-class Reduced:
-    """Sums of one block with its fixed columns eliminated; numbers are real parts, then imaginary parts."""
-
-    gram: Floats  # products of the columns (2 columns, 2 columns)
-    mixed: Floats  # products of the columns with all columns times t (2 columns, 2 all)
-    slopes: Floats  # products of all columns times t (2 all, 2 all)
-    late: Floats  # products of those with the residual of free residues (2 all, rows)
-    seen: Complexes  # coefficients of free residues (all, rows)
-    back: Floats  # coefficients of the fixed columns by those of the others (2 fixed, 2 columns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,7 +67,7 @@ class OneShape:
         """
         found = []
         for ridge in RIDGES:
-            values = [_complex(_smaller(own, ridge)) for own in linear]
+            values = [complex_parts(smaller(own, ridge)) for own in linear]
             found.append(OneShape.near(blocks, entries, linear, values).with_states())
         return min(found, key=lambda one: one.cost)
 
@@ -112,16 +109,12 @@ class OneShape:
     @cached_property
     def reduced(self) -> tuple[Reduced, ...]:
         """The sums of each block without its fixed columns."""
-        return tuple(_reduced(block, linear, self.entries, self.own) for block, linear in self._pairs)
-
-    @property
-    def _pairs(self) -> list[tuple[Block, Linear]]:
-        return list(zip(self.blocks, self.linear, strict=True))
+        return tuple(reduced(linear, self.entries, self.own) for linear in self.linear)
 
     @cached_property
     def turns(self) -> list[Floats]:
         """The states of each block's hit as a matrix on shapes (2 columns, numbers of a shape)."""
-        return [_times(self.states[self.modes, block.hit])[:, self.kept] for block in self.blocks]
+        return [times(self.states[self.modes, block.hit])[:, self.kept] for block in self.blocks]
 
     @cached_property
     def information(self) -> Floats:
@@ -146,7 +139,7 @@ class OneShape:
         """The shapes, least squares by the states (numbers, channels)."""
         total = np.zeros((len(self.kept), self.n_channels))
         for block, own, turn in zip(self.blocks, self.reduced, self.turns, strict=True):
-            total[:, block.rows] += turn.T @ own.gram @ _parts(own.seen[self.own]) / block.noise**2
+            total[:, block.rows] += turn.T @ own.gram @ real_parts(own.seen[self.own]) / block.noise**2
         return np.einsum("cij,jc->ic", self.inverse, total)
 
     @cached_property
@@ -165,7 +158,7 @@ class OneShape:
             parts = turn @ self.shapes[:, block.rows]
             values[self.own] = parts[: len(self.own)] + 1j * parts[len(self.own) :]
             beside = np.setdiff1d(np.arange(len(values)), self.own)
-            shift = own.back @ _parts(values[self.own] - seen)
+            shift = own.back @ real_parts(values[self.own] - seen)
             values[beside] -= shift[: len(beside)] + 1j * shift[len(beside) :]
             found.append(values)
         return found
@@ -175,7 +168,7 @@ class OneShape:
         """The sum of squares left of each block (rows,)."""
         found = []
         for linear, own, values in zip(self.linear, self.reduced, self.coefficients, strict=True):
-            off = _parts(values[self.own] - own.seen[self.own])
+            off = real_parts(values[self.own] - own.seen[self.own])
             found.append(linear.left + np.sum(off * (own.gram @ off), axis=0))
         return found
 
@@ -209,17 +202,22 @@ class OneShape:
         member = (self.modes == entry[:, None]).astype(float)
         for block, own, turn, values in zip(self.blocks, self.reduced, self.turns, self.coefficients, strict=True):
             weight = 1.0 / block.noise**2
-            place = np.concatenate([np.arange(count), *(count + part * size + entry * hits + block.hit for part in (0, 1))])
+            place = np.concatenate(
+                [np.arange(count), *(count + part * size + entry * hits + block.hit for part in (0, 1))]
+            )
             moved = rate[:, :, None] * values
             by_rate = np.concatenate([moved.real, moved.imag], axis=1)  # (parameters, 2 all, rows)
             shape = member[:, :, None] * self.complex_shapes[:, block.rows]
             by_state = np.concatenate(
                 [np.concatenate([part.real, part.imag], axis=1) for part in (shape, 1j * shape)]
             )  # (2 states, 2 columns, rows)
-            off = _parts(values[self.own] - own.seen[self.own])
+            off = real_parts(values[self.own] - own.seen[self.own])
             late = own.late - own.mixed.T @ off
             pull = np.concatenate(
-                [np.einsum("pkc,kc,c->p", by_rate, late, weight), -np.einsum("akc,kc,c->a", by_state, own.gram @ off, weight)]
+                [
+                    np.einsum("pkc,kc,c->p", by_rate, late, weight),
+                    -np.einsum("akc,kc,c->a", by_state, own.gram @ off, weight),
+                ]
             )
             on_columns = np.concatenate(
                 [np.einsum("ik,pkc->pic", own.mixed, by_rate), np.einsum("ik,akc->aic", own.gram, by_state)]
@@ -313,7 +311,7 @@ class OneShape:
 
     @property
     def used(self) -> list[Floats]:
-        """Numbers that the fit takes of each block (rows,): of shapes by their leverage, of states a share a channel."""
+        """Numbers that the fit takes of each block (rows,): leverage of shapes, and a share of states and exponents."""
         states, rates = np.where(self.entries.real, 1, 2)[~self.entries.fixed].sum(), self.n_rates
         whole = sum(len(block.rows) for block in self.blocks)
         beside = 2 * (len(self.entries.sines()) - len(self.own))
@@ -336,7 +334,7 @@ class OneShape:
         """The linearisation with residues free in each hit, with the coefficients of this fit."""
         found = weighted(self.blocks, self.entries, self.linear)
         linear = tuple(
-            replace(each, coefficients=_parts(values.conj()), left=left)
+            replace(each, coefficients=real_parts(values.conj()), left=left)
             for each, values, left in zip(self.linear, self.coefficients, self.left, strict=True)
         )
         return replace(found, linear=linear, cost=self.cost)
@@ -347,54 +345,6 @@ class OneShape:
         linear = tuple(eliminated(self.blocks, entries))
         return OneShape(self.blocks, entries, linear, self.states, self.held)
 
-    def narrowed(self, alarm: float) -> Integers:
-        """The bands without the harmonics at their ends that noise explains with the probability `alarm`, one by one.
-
-        Each is asked beside all that are left: of modes that share their lines, harmonics may be needed together.
-        """
-        columns, bands = self.entries.columns(), self.entries.bands.copy()
-        harmonics, inverse, shapes = columns.harmonics[self.own], self.inverse.copy(), self.shapes.T.copy()
-        bands[:, 0] = np.where(self.entries.real, np.maximum(bands[:, 0], -(self.entries.half_turns // 2)), bands[:, 0])
-        while True:
-            best = (1.0, 0, 0, np.zeros(0, np.int64))
-            for entry in np.unique(self.modes):
-                low, high = bands[entry]
-                for harmonic, side in ((low, 0), (high, 1)) if low < high else ():
-                    column = int(np.flatnonzero((self.modes == entry) & (harmonics == harmonic))[0])
-                    rows = np.flatnonzero(np.isin(self.kept, (column, len(self.own) + column)))
-                    own = inverse[:, rows][:, :, rows]
-                    cost = np.einsum("cr,cr->", shapes[:, rows], np.linalg.solve(own, shapes[:, rows, None])[..., 0])
-                    share = float(cost) / chi2_limit(len(rows) * self.n_channels, alarm)
-                    best = min(best, (share, int(entry), side, rows), key=lambda each: each[0])
-            share, entry, side, rows = best
-            if not len(rows):
-                return bands
-            taken = inverse[:, :, rows] @ np.linalg.inv(inverse[:, rows][:, :, rows])
-            shapes = shapes - np.einsum("cnr,cr->cn", taken, shapes[:, rows])
-            inverse = inverse - taken @ inverse[:, rows]
-            bands[entry, side] += 1 if side == 0 else -1
-
-    def agreement(self, free: float) -> float:
-        """Probability that noise makes as much of a difference to the cost of free residues, `free`."""
-        from scipy.special import chdtrc
-
-        numbers = int(self.entries.sines()[self.own].sum()) + len(self.own)
-        degrees = numbers * sum(len(block.rows) for block in self.blocks) - self.n_numbers
-        return float(chdtrc(degrees, max(self.cost - free, 0.0))) if degrees > 0 else 1.0
-
-    def difference(self) -> tuple[int, float]:
-        """The entry whose free residues differ most from one shape, and that over its response, in amplitude."""
-        off, size = np.zeros((2, len(self.entries.exponents)))
-        for block, own, values in zip(self.blocks, self.reduced, self.coefficients, strict=True):
-            for entry in np.unique(self.modes):
-                rows = np.flatnonzero(np.tile(self.modes == entry, 2))
-                gram = own.gram[np.ix_(rows, rows)]
-                for total, part in ((off, values[self.own] - own.seen[self.own]), (size, values[self.own])):
-                    each = _parts(part)[rows]
-                    total[entry] += float(np.sum(each * (gram @ each) / block.noise**2))
-        worst = int(np.argmax(off))
-        return worst, float(np.sqrt(off[worst] / max(size[worst], np.finfo(float).tiny)))
-
     @property
     def n_numbers(self) -> int:
         """Numbers of all shapes and states."""
@@ -403,52 +353,3 @@ class OneShape:
 
 def _growing(entries: ModeParameters) -> Complexes:
     return np.where(entries.exponents.real > 0.0, entries.exponents, 0.0)
-
-
-def _complex(coefficients: Floats) -> Complexes:
-    """α - iβ (columns, rows)."""
-    n = len(coefficients) // 2
-    return coefficients[:n] - 1j * coefficients[n:]
-
-
-def _smaller(linear: Linear, ridge: float) -> Floats:
-    """Coefficients with a share of each column's size added to the Gram matrix (2 columns, rows)."""
-    if ridge == 0.0:
-        return linear.coefficients
-    size = np.diag(linear.gram)
-    wider = linear.gram + ridge * np.diag(np.where(size > 0.0, size, 1.0))
-    return np.asarray(np.linalg.solve(wider, linear.gram @ linear.coefficients), np.float64)
-
-
-def _parts(values: Complexes) -> Floats:
-    return np.concatenate([values.real, values.imag])
-
-
-def _times(states: Complexes) -> Floats:
-    """The product with complex numbers, as a matrix on real parts, then imaginary parts (2 n, 2 n)."""
-    real, imag = np.diag(states.real), np.diag(states.imag)
-    return np.block([[real, -imag], [imag, real]])
-
-
-def _reduced(block: Block, linear: Linear, entries: ModeParameters, own: Indices) -> Reduced:
-    """The sums of a block, its fixed columns eliminated."""
-    n, sines = len(entries.sines()), entries.sines()
-    signs = np.repeat([1.0, -1.0], n)
-    turn = signs[:, None] * signs
-    gram, mixed = turn * linear.gram, turn * linear.mixed
-    slopes = turn * (linear.curvature + linear.mixed.T @ linear.inverse @ linear.mixed)
-    late = signs[:, None] * linear.slope
-    beside = np.setdiff1d(np.arange(n), own)
-    here, there = np.concatenate([own, n + own]), np.concatenate([beside, n + beside])
-    inverse = np.zeros((len(there),) * 2)
-    kept = np.flatnonzero(np.concatenate([np.ones(len(beside), bool), sines[beside]]))
-    inverse[np.ix_(kept, kept)] = scaled_inverse(gram[np.ix_(there, there)][np.ix_(kept, kept)], ROUNDING)
-    back = inverse @ gram[np.ix_(there, here)]
-    return Reduced(
-        gram=gram[np.ix_(here, here)] - gram[np.ix_(here, there)] @ back,
-        mixed=mixed[here] - back.T @ mixed[there],
-        slopes=slopes - mixed[there].T @ inverse @ mixed[there],
-        late=late,
-        seen=_complex(linear.coefficients),
-        back=back,
-    )
