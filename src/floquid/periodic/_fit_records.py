@@ -39,6 +39,7 @@ from floquid.periodic.search import (
     Point,
     SearchResult,
     coloured,
+    disagreement,
     evidence,
     finished,
     period_step,
@@ -83,8 +84,8 @@ class Fit(Rebuilt):
         The filter of each channel along the record that made its noise white (channels, taps); None where it was.
     findings
         What speaks for the modes found (notes), and against them (warnings).
-    ended
-        Warning that the time of the search was over, where it was.
+    warnings
+        Warnings that speak against no mode: the time of the search was over, hits disagree on the shapes.
     """
 
     model: PeriodicModel
@@ -97,7 +98,7 @@ class Fit(Rebuilt):
     misfit: float | None = None
     whitening: Floats | None = None
     findings: tuple[Finding, ...] = ()
-    ended: tuple[Finding, ...] = ()
+    warnings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
         self._freeze(noise=("channels", "hits"))
@@ -345,7 +346,7 @@ def result_of(
         misfit=found.misfit,
         whitening=taps,
         findings=(*_interference(found, names), *evidence(found), *colour),
-        ended=ended,
+        warnings=(*ended, *disagreement(found)),
     )
 
 

@@ -242,7 +242,7 @@ def _fits(prepared: Prepared, cutting: Lifting, start: Start, report: Callable[[
             missing = [] if own is None else [own]
         # Modes that are missing turn in what is left as a wrong period would.
         wrong = None if missing else wrong_period_lifted(model, start.lifted, prepared)
-    distinct, fitted = 0 if model is None else model.order, None
+    distinct, fitted, warnings = 0 if model is None else model.order, None, ()
     if model is not None and start.modal is not None and start.modal.outer_products:
         distinct = distinct_multipliers(model)
     twice = model is not None and distinct < model.order
@@ -259,12 +259,13 @@ def _fits(prepared: Prepared, cutting: Lifting, start: Start, report: Callable[[
                 # Poles that are none run away where residues are constrained.
                 missing.append(warning("order_not_held"))
         if twice and fitted is not None and fitted.model.order <= distinct:
-            fitted = None  # two modes have one multiplier indeed, and only residues free in each hit tell them apart
+            # Two modes have one multiplier indeed, and only residues free in each hit tell them apart.
+            fitted, warnings = None, fitted.warnings
         if fitted is not None and not (wrong or missing):
             wrong = wrong_period_fitted(fitted, start.lifted, prepared, report)
     if fitted is None:
         assert model is not None
-        fitted = free_residues(prepared, cutting, start, model)
+        fitted = replace(free_residues(prepared, cutting, start, model), warnings=warnings)
     yield Candidate(start, model, fitted, settings, tuple(missing), wrong)
 
 

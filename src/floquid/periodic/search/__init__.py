@@ -1,6 +1,6 @@
 """Search for modes and their harmonics: one objective, one list of moves, and the final fit."""
 
-from floquid.periodic.search._evidence import coloured, combinations_of, evidence
+from floquid.periodic.search._evidence import coloured, combinations_of, disagreement, evidence
 from floquid.periodic.search._final import finished
 from floquid.periodic.search._near_axis import read_apart
 from floquid.periodic.search._objective import Point, Price

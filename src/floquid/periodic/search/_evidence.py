@@ -41,14 +41,12 @@ def evidence(found: SearchResult) -> tuple[Finding, ...]:
         *doubles(found),
         *near_axis(found),
         *combinations(found),
-        *agreement(found),
+        *(() if found.one is None else (note("one_shape", hits=found.one.states.shape[1]),)),
     )
 
 
-def agreement(found: SearchResult) -> tuple[Finding, ...]:
-    """Findings on hits that share their shapes, or do not; empty of one hit."""
-    if found.one is not None:
-        return (note("one_shape", hits=found.one.states.shape[1]),)
+def disagreement(found: SearchResult) -> tuple[Finding, ...]:
+    """Warning that hits do not share their shapes; empty where they do, or where that is not known."""
     off = found.disagreement
     if off is None:
         return ()

@@ -16,6 +16,7 @@ from floquid.periodic.least_squares import (
     Block,
     ModeParameters,
     OneShape,
+    Residual,
     eliminated,
     least_noise,
     linearise,
@@ -56,13 +57,26 @@ def with_one_shape(found: SearchResult, false_alarm: float, floor: float, most: 
         probability = agreement(one, found)
         away = np.abs(one.entries.exponents - entries.exponents) * 2.0 * np.pi / entries.fundamental
         if probability > false_alarm and (away < FARTHEST).all():
-            return replace(found, one=one, bands=bands)
+            misfit = misfit_of_all(found.blocks, found.residuals)
+            return replace(found, one=one, bands=bands, misfit=misfit)
         if all((block.noise < QUIET * block.largest).all() for block in found.blocks):
             return found
         entry, share = difference(one)
         value = complex(entries.exponents[entry] + 1j * entries.fundamental * entries.offsets[entry])
         return replace(found, disagreement=Disagreement(value, share, probability))
     return found
+
+
+def misfit_of_all(blocks: Sequence[Block], rest: Sequence[Residual]) -> float:
+    """The rms of the residual of all hits over the level of its noise, the largest of all channels.
+
+    Of a brief hit alone that level is known to a tenth.
+    """
+    squares = np.zeros((2, 1 + max(int(block.rows.max()) for block in blocks)))
+    for block, each in zip(blocks, rest, strict=True):
+        squares[0, block.rows] += (block.noise / each.noise) ** 2
+        squares[1, block.rows] += 1.0
+    return float(np.sqrt(np.max(squares[0] / np.maximum(squares[1], 1.0))))
 
 
 def grown(one: OneShape, least: Sequence[Floats], most: int) -> OneShape:
@@ -95,12 +109,7 @@ def of_shapes(
     solution = one.as_solution()
     rest = residuals_of(one.blocks, solution, floor)
     peak = strongest(one.blocks, rest, 2.0 * np.pi / entries.fundamental, EXPECTED)
-    # Of a brief hit alone the level is known to a tenth: all hits of a channel tell it together.
-    excess, count = np.zeros((2, one.n_channels))
-    for block, each in zip(one.blocks, rest, strict=True):
-        excess[block.rows] += (block.noise / each.noise) ** 2
-        count[block.rows] += 1
-    misfit = float(np.sqrt(np.max(excess / count)))
+    misfit = misfit_of_all(one.blocks, rest)
     return SearchResult(one.blocks, solution, one.entries.bands, peak, tuple(rest), misfit, one=one)
 
 
