@@ -34,7 +34,7 @@ LINES: dict[type, str] = {MeasuredTransfer: "measured", TransferFit: "fitted"}
 """Transfer functions measured line by line, and modes fitted to them, likewise."""
 
 ABSENT = ("estimates", "unselected", "inputs", "composites", "state")  # groups that a file does not have for None
-FLAGS = ("constrained", "kept", "passed", "real", "speed_dependent", "steady")
+FLAGS = ("constrained", "kept", "passed", "real", "shared", "speed_dependent", "steady")
 """HDF5 has no truth values: these are 0 and 1."""
 
 TEXTS = (
