@@ -171,7 +171,7 @@ def test_the_quick_fit_and_that_of_lifted_responses_are_the_same():
     drawn_ones = zip(plan.records, noisy(plan, default_rng(SeedSequence(3))), strict=True)
     records = [dataclasses.replace(like, values=values) for like, values in drawn_ones]
     lifted = draws_of._lifted(plan.lifted, plan.settings, records)
-    held = refit(plan.fitted, lifted=lifted)
+    held = refit(plan.fitted, lifted=lifted, one_shape=plan.one_shape)
     assert_allclose(quick.exponents, held.exponents, rtol=1e-9)
 
 
