@@ -44,8 +44,8 @@ def test_errors_are_as_stated_and_near_the_bound(hits):
     assert 0.85 < np.sqrt(np.mean(pulls**2)) < 1.15
     assert 0.92 < np.mean(np.abs(pulls) < 1.96) < 0.98
     assert 0.92 < np.mean(shares) < 0.98
-    # A harmonic more on each side of every band is fitted than there are, and shared lines are hard to part.
-    assert np.mean(ratios) < 1.3
+    # A harmonic more on each side of every band is fitted than there are. Residues of each hit: 2.1 and 3.6 times it.
+    assert np.mean(ratios) < 1.5
 
 
 def probabilities(hits, draws, *, known, other=None):

@@ -99,7 +99,7 @@ def _folds(model: PeriodicModel, cycles: Sequence[Integers]) -> Folds | None:
     last = max(int(own.max()) for own in cycles)
     first, end = _predictable(model, last + 1)
     folds = min(FOLDS, (end - first) // 2)
-    if model.one_shape and (first > 0 or folds < 2):
+    if model.one_shape and folds < 2:
         return _of_hits(cycles, last + 1)
     if folds < 2:
         return None

@@ -35,6 +35,7 @@ QUIET = 1e-4
 BRIEF = 0.5  # decay over a period, in nepers, from which on harmonics that are left out bend exponents
 
 GROWTHS = 8  # harmonics on each side by which bands may grow beyond those of the start
+ROUGH = 0.1  # deviations that the last step of a fit may have that another follows
 ROUNDS = 3  # fits, each with the noise that the one before it leaves: weights settle at once
 
 
@@ -84,12 +85,12 @@ def grown(one: OneShape, least: Sequence[Floats], most: int) -> OneShape:
     bands = narrowed(one, LOOSE)
     for _ in range(GROWTHS):
         padded = replace(one.entries, bands=bands).padded(GAP + 1, most).bands
-        wide = one.with_bands(padded).solved().with_noise(least)
+        wide = one.with_bands(padded).solved(at_rest=ROUGH).with_noise(least)
         kept = narrowed(wide, LOOSE)
         if (kept[:, 0] >= bands[:, 0]).all() and (kept[:, 1] <= bands[:, 1]).all():
             break
         one, bands = wide, kept
-    return one.with_bands(bands).solved().with_noise(least).solved()
+    return one.with_bands(bands).solved(at_rest=ROUGH).with_noise(least).solved()
 
 
 def of_shapes(
@@ -104,7 +105,7 @@ def of_shapes(
     least = least_noise(blocks, linearise(blocks, entries.picked([])), floor)
     one = OneShape.near(blocks, entries, eliminated(blocks, entries), values).with_states()
     for _ in range(ROUNDS):
-        one = one.with_noise(least).solved()
+        one = one.with_noise(least).solved(at_rest=ROUGH)
     one = grown(one, least, most)
     solution = one.as_solution()
     rest = residuals_of(one.blocks, solution, floor)
