@@ -114,7 +114,7 @@ def _disagree(frequency: float, share: float, probability: float) -> str:
     chance = "below 1e-99" if probability < 1e-99 else f"{probability:.2g}"
     return (
         f"The hits disagree on the shape of the mode at {frequency:.4g} Hz by {100.0 * share:.2g} % (by chance: "
-        f"{chance}), so each hit has a shape of its own. Two modes may share its multiplier, or its shape may depend "
+        f"{chance}), so no one shape was fitted. Two modes may share its multiplier, or its shape may depend "
         "on the amplitude of the blow. Identify each hit alone and compare."
     )
 

@@ -52,7 +52,7 @@ def completed(
     model = replace(fitted.model, provenance=lifted.provenance)
     fitted = replace(fitted, model=model)
     most = max(hit.n_cycles for hit in cycles)
-    if model.order >= (most if whole else most - 1):
+    if model.order >= (most if whole else most - 1) and not model.one_shape:
         raise IdentificationError(
             f"The record holds {most} whole periods, too few for the {model.order} "
             "poles that were found in it. Record longer, or check the period."

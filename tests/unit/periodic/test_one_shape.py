@@ -11,6 +11,8 @@ from floquid.periodic import refit
 from floquid.periodic.least_squares import ModeParameters, OneShape, eliminated, forced_entries, record_blocks
 from floquid.periodic.least_squares._estimates import estimates_of_shapes
 from floquid.periodic.search._one_shape import narrowed
+from floquid.pipeline._starts import lasting
+from floquid.validation._held_out import _of_hits
 
 PAIRS = [-0.2 + 2.1j, -0.35 + 4.0j]
 
@@ -168,7 +170,9 @@ def test_hits_that_disagree_are_told_and_keep_shapes_of_their_own(hits):
     found = identify(hits.records(0, other=other))
     (warned,) = (finding for finding in found.findings if finding.code == "hits_disagree")
     assert warned.numbers["frequency"] == pytest.approx(2.1 / (2.0 * np.pi), rel=1e-2)
-    assert not found.model.one_shape
+    # Outer products part what is left: two modes of one multiplier, with residues free at each phase.
+    assert not found.fit.constrained
+    assert found.model.order == 6
     assert "The hits disagree on the shape of the mode at 0.3339 Hz by 5.2 %" in str(warned)
     assert "hits_disagree" not in [finding.code for finding in identify(hits.records(0)).findings]
 
@@ -199,8 +203,33 @@ def test_one_hit_says_nothing_of_shapes(hits):
 
 
 def test_brief_hits_pass():
-    """Decays of a neper a period: the cycle that holds most of a mode is left out of some hits, and told by others."""
-    brief = replace(Hits.drawn([-1.0 + 1.6j], 6, 6, noise=0.01), phases=16)
+    """Four periods of twelve hits hold four poles that die in two: each hit alone would be too short."""
+    brief = Hits.drawn([-2.0 + 1.6j, -1.0 + 0.9j], 12, 4, phases=16, noise=0.01)
     found = identify(brief.records(0))
+    assert found.fit.constrained
     assert found.model.one_shape
     assert found.passed, found.reasons
+    own = [int(np.argmin(np.abs(found.model.exponents - value))) for value in brief.exponents]
+    off, std = found.model.exponents[own] - brief.exponents, found.model.exponent_std[own]
+    assert (np.abs(off.real) < 4.0 * std.real).all()
+    assert (np.abs(off.imag) < 4.0 * std.imag).all()
+    assert (std.real < 0.01).all()
+
+
+def test_a_mode_that_is_gone_after_its_first_period_has_no_exponent():
+    found = identify(Hits.drawn([-2.0 + 1.6j], 8, 4, phases=16, noise=0.01).records(0), validate=False).fit
+    assert lasting(found)
+    model = found.model
+    assert not lasting(replace(found, model=replace(model, exponents=model.exponents - 8.0, estimates=None)))
+
+
+@pytest.mark.parametrize("hits", [2, 3, 12])
+def test_each_part_of_brief_hits_is_left_out_once(hits):
+    cycles = [np.repeat([0, 1, -1], [16, 16, 8])] * hits
+    folds = _of_hits(cycles, 2)
+    whole = np.sum([list(fold) for fold in folds.masks], axis=0)
+    assert (whole == (np.array(cycles) >= 0)).all()
+    for fold in folds.masks:
+        assert not np.all([mask.any() for mask in fold])
+        # What is left of each hit tells its states.
+        assert all((~mask & (own == 0)).sum() >= 8 for mask, own in zip(fold, cycles, strict=True))
