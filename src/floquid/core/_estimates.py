@@ -45,9 +45,10 @@ class Gains(Rebuilt):
 class Estimates(Rebuilt):
     r"""Exponents and every coefficient of a fit, with their joint covariance.
 
-    The parameters are p = (Re λ, Im λ, ω, others), others being all else that errors of several rows have in common, as
-    gains of inputs. One *term* (r, m) is the coefficient B of harmonic m of mode r. Errors are those of p and,
-    independent of them, the noise of each row, a row being one channel in one hit:
+    The parameters are p = (Re λ, Im λ, ω, others), others being all else that errors of several rows have in common:
+    gains of inputs, or the states of hits that share their shapes. One *term* (r, m) is the coefficient B of harmonic m
+    of mode r. Errors are those of p and, independent of them, the noise of each row, a row being one channel in one
+    hit:
 
     .. math:: \delta B_{k,c,h} = \sum_p S_{k,c,h,p}\, \delta p + g_{k,c,h}\, e_{k,c,h}, \qquad
               \mathrm{cov}\,[\Re e; \Im e]_{c,h} = V_{b(c,h)}
@@ -55,6 +56,9 @@ class Estimates(Rebuilt):
     so that a model of many channels is never one dense matrix (decision 0014). Of a conjugate pair the mode of positive
     imaginary part alone is here, and of a real multiplier the harmonics that turn forwards: the others are their mirror
     images.
+
+    Where all hits share one shape (`shared`), the errors e are those of a channel, the same in each of its hits, and p
+    has further parameters behind ω that move coefficients alone: the states of modes in hits.
 
     Raises InputError where a shape or a value is not possible.
 
@@ -84,6 +88,8 @@ class Estimates(Rebuilt):
         f (terms, channels, hits), the relative slope of the filter that the responses went through; None for none.
     gains
         How measured inputs drive the modes; None where none were measured.
+    shared
+        True where the hits share one shape: the rows of one channel have one error e.
     """
 
     exponents: Complexes
@@ -100,6 +106,7 @@ class Estimates(Rebuilt):
     drift: Floats | None = None
     bend: Complexes | None = None
     gains: Gains | None = None
+    shared: bool = False
 
     def __post_init__(self) -> None:
         of, put = "Estimates", object.__setattr__
@@ -193,7 +200,7 @@ class Estimates(Rebuilt):
         return self.noise_covariance(channel, hit) + both @ self.covariance @ both.T
 
     def slopes_at(self, coefficients: Complexes, channel: int, hit: int) -> Complexes:
-        r"""The slopes S of one row for other coefficients than those estimated (terms, 2 modes + 1).
+        r"""The slopes S of one row for other coefficients than those estimated (terms, parameters).
 
         .. math:: S = -g\, W \Big(\frac{\partial s}{\partial p}\, g^{-1} B\Big) - f\, \frac{\partial s}{\partial p} B
 
@@ -242,6 +249,8 @@ class Estimates(Rebuilt):
         for block, spread in enumerate(self.spread):
             own = used & (self.blocks == block)
             seen = by_coefficients[:, :, own] * self.scales[:, own]
+            if self.shared:
+                seen = seen.sum(axis=2, keepdims=True)  # the rows of a block are the hits of a channel
             both = np.concatenate([seen.real, -seen.imag], axis=1).swapaxes(1, 2)
             variance += np.sum((both @ spread) * both, axis=(1, 2))
         return np.maximum(variance, 0.0)
@@ -273,6 +282,7 @@ class Estimates(Rebuilt):
             drift=None if self.drift is None else self.drift[:, both][:, :, both],
             bend=None if self.bend is None else self.bend[own],
             gains=None if self.gains is None else self._gains_of(self.gains, kept, parts),
+            shared=self.shared,
         )
 
     @staticmethod

@@ -62,6 +62,7 @@ class ModelInputs(Rebuilt):
         self._freeze(dtype=np.complex128, initial=(len(self.coefficients), "records"))
 
 
+PRODUCT = 1e-9  # share of the first singular value below which the second is rounding: a shape times a state
 SAME = 1e-9  # share of the fundamental within which two exponents are one
 
 
@@ -207,6 +208,15 @@ class PeriodicModel(Drawn, Rebuilt):
     def n_hits(self) -> int:
         """The number of initial conditions (hits)."""
         return self.coefficients.shape[2]
+
+    @property
+    def one_shape(self) -> bool:
+        """True where all hits share the shapes of the modes, each with a state of its own; false of one hit."""
+        rows = np.moveaxis(self.coefficients, 2, 3).reshape(self.order, -1, self.n_hits)
+        if self.n_hits < 2 or not self.order:
+            return False
+        values = np.linalg.svd(rows, compute_uv=False)
+        return bool((values[:, 1] < PRODUCT * values[:, 0]).all())
 
     @property
     def fundamental(self) -> float:

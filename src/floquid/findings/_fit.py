@@ -110,6 +110,15 @@ def _families(lines: int, spacings: int, families: int, frequency: float, odds: 
     )
 
 
+def _disagree(frequency: float, share: float, probability: float) -> str:
+    chance = "below 1e-99" if probability < 1e-99 else f"{probability:.2g}"
+    return (
+        f"The hits disagree on the shape of the mode at {frequency:.4g} Hz by {100.0 * share:.2g} % (by chance: "
+        f"{chance}), so no one shape was fitted. Two modes may share its multiplier, or its shape may depend "
+        "on the amplitude of the blow. Identify each hit alone and compare."
+    )
+
+
 FIT: dict[str, str | Callable[..., str]] = {
     "all_needed": _needed,
     "strongest_peak": _peak,
@@ -121,6 +130,8 @@ FIT: dict[str, str | Callable[..., str]] = {
     "this record does not show: it was fitted beside the modes and taken off.",
     "cluster": "The mode at {frequency:.4g} Hz is most likely a cluster of several that fold onto one another: its "
     "harmonics ask for different exponents. Its deviation covers them.",
+    "one_shape": "The {hits} hits share one shape of each mode: they differ by its state in each hit alone.",
+    "hits_disagree": _disagree,
     "double": "The modes at {first:.4g} Hz and {second:.4g} Hz are whole numbers of fundamentals apart within "
     "{decays:g} of their decay: they may be one mode with harmonics that its band leaves out.",
     "one_that_moves": "The modes at {first:.4g} Hz and {second:.4g} Hz have one shape and are nearer to each other "

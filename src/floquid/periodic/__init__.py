@@ -6,6 +6,7 @@ python-control and back.
 
 from floquid.periodic._control import from_control, to_control
 from floquid.periodic._fit_records import Fit, OrderError, fit
+from floquid.periodic._fit_shapes import fit_shapes
 from floquid.periodic._forced_part import ForcedResponse
 from floquid.periodic._output_error_step import estimate_at
 from floquid.periodic._refit import instants, line_amplitudes, own_period, refit, unexplained, without_lines
@@ -36,6 +37,7 @@ __all__ = [
     "ModeParameters", "OrderError", "PartialTests", "PeriodCandidate", "PeriodEstimate", "Periodicity", "Synchrony",
     "assemble",
     "combinations_of", "distinct_multipliers", "drift", "estimate_at", "estimate_period", "fit",
+    "fit_shapes",
     "from_control", "fse", "generous_poles", "groups", "held_shapes", "instants", "line_amplitudes", "own_period",
     "participation", "periodicity", "physical_exponents", "refit", "select_bands", "spacing", "synchrony", "to_control",
     "unexplained", "without_known", "without_lines",

@@ -39,6 +39,7 @@ from floquid.periodic.search import (
     Point,
     SearchResult,
     coloured,
+    disagreement,
     evidence,
     finished,
     period_step,
@@ -46,6 +47,7 @@ from floquid.periodic.search import (
     read_apart,
     searched,
     searched_white,
+    with_one_shape,
 )
 from floquid.periodic.start import Known
 from floquid.search import SECONDS
@@ -53,7 +55,6 @@ from floquid.sync import ShaftAngle
 
 HIGHEST = 64  # the highest harmonic of the revolution that a forced response is looked for at
 MOST_ENTRIES = 24  # modes, a pair counted once, that are looked for at most
-QUIET = 1e-4  # the noise over the largest value below which it is rounding, or what modes make of something else
 SURELY = 10.0  # a peak so far above the limit is no noise
 
 
@@ -84,8 +85,8 @@ class Fit(Rebuilt):
         The filter of each channel along the record that made its noise white (channels, taps); None where it was.
     findings
         What speaks for the modes found (notes), and against them (warnings).
-    ended
-        Warning that the time of the search was over, where it was.
+    warnings
+        Warnings that speak against no mode: the time of the search was over, hits disagree on the shapes.
     """
 
     model: PeriodicModel
@@ -98,7 +99,7 @@ class Fit(Rebuilt):
     misfit: float | None = None
     whitening: Floats | None = None
     findings: tuple[Finding, ...] = ()
-    ended: tuple[Finding, ...] = ()
+    warnings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
         self._freeze(noise=("channels", "hits"))
@@ -188,7 +189,7 @@ def fit(
         raise input_error("free_period", "fit", "be false with a tachometer", "is true", "The shaft tells the period.")
     auto = isinstance(forced, str) and forced == "auto"
     doubled = auto and periods_per_revolution == 1.0 and known is not None and 0.5 in known.roots
-    samples = _Samples.of(records, clocks, lifted, known, 2.0 if doubled else periods_per_revolution)
+    samples = Samples.of(records, clocks, lifted, known, 2.0 if doubled else periods_per_revolution)
     most = samples.most
     if harmonics is not None and harmonics > most:
         must = f"be at most {most}, below half of the samples a period"
@@ -234,9 +235,9 @@ def fit(
         raise IdentificationError(_no_mode(found))
     if auto:
         found = without_noise(found)
-    found = read_apart(found)
+    found = with_one_shape(read_apart(found), harmonic_false_alarm, noise_floor, most)
     _check_order(found, order)
-    return _result(
+    return result_of(
         found,
         records,
         clocks,
@@ -250,7 +251,7 @@ def fit(
 
 
 @dataclass(frozen=True, slots=True)
-class _Samples:
+class Samples:
     """The samples as blocks: those that modes are searched with, and those of the final fit."""
 
     search: tuple[Block, ...]
@@ -281,15 +282,15 @@ class _Samples:
         lifted: Lifted | None,
         known: Known | None,
         nu: float,
-    ) -> _Samples:
+    ) -> Samples:
         """Blocks of lifted responses where there are any, else of the records."""
         if lifted is not None and not (known is not None and known.drift):
             final = LiftedBlock.all_of(lifted)
             lengths = lifted.responses.lengths.tolist()
             search = LiftedBlock.all_of(lifted, [known.basis(n) for n in lengths]) if known else final
-            return _Samples(search, final, 2.0 * np.pi / lifted.period, nu, 0.5 * lifted.n_phases)
+            return Samples(search, final, 2.0 * np.pi / lifted.period, nu, 0.5 * lifted.n_phases)
         blocks, fundamental, nu = record_blocks(records, clocks, nu)
-        return _Samples(blocks, blocks, fundamental, nu, half_of(records, 2.0 * np.pi / fundamental))
+        return Samples(blocks, blocks, fundamental, nu, half_of(records, 2.0 * np.pi / fundamental))
 
 
 class OrderError(IdentificationError):
@@ -307,19 +308,20 @@ def _check_order(found: SearchResult, order: int | None) -> None:
         )
 
 
-def _result(
+def result_of(
     found: SearchResult,
     records: Sequence[Record],
     clocks: Sequence[ConstantPeriod | ShaftAngle],
-    samples: _Samples,
+    samples: Samples,
     taps: Floats | None,
     *,
     free_period: bool,
     noise_floor: float,
     search: bool,
     ended: tuple[Finding, ...],
+    noise: Floats | None = None,
 ) -> Fit:
-    """The result of a search, as it is reported."""
+    """The result of a search, as it is reported; its noise is what is left, unless it is given."""
     names = records[0].channels
     colour = (coloured(found) if taps is None else ()) + (_endless(found) if search else ())
     try:
@@ -331,24 +333,25 @@ def _result(
             provenance=Provenance.merge(tuple(record.provenance for record in records)),
             most=samples.most,
             as_read=found.as_read,
+            one=found.one,
         )
     except IdentificationError as error:
         raise IdentificationError(" ".join([str(error), *texts(colour)])) from None
     period_std = None
     if free_period:
-        omega = found.solution.entries.fundamental
-        period_std = float(2.0 * np.pi / omega**2 * np.sqrt(found.solution.covariance()[-1, -1]))
+        spread = found.solution.covariance() if found.one is None else found.one.of_rates()
+        period_std = float(2.0 * np.pi / model.fundamental**2 * np.sqrt(spread[-1, -1]))
     return Fit(
         model=model,
         forced=forced_of(found, samples.nu, names, wanders=samples.wanders),
-        noise=noise_of(found.blocks, found.solution, noise_floor),
+        noise=noise_of(found.blocks, found.solution, noise_floor) if noise is None else noise,
         free=free_records(records, clocks, found, samples.nu),
         period_std=period_std,
         own_period=None if isinstance(clocks[0], ShaftAngle) else period_step(found.solution),
         misfit=found.misfit,
         whitening=taps,
         findings=(*_interference(found, names), *evidence(found), *colour),
-        ended=ended,
+        warnings=(*ended, *disagreement(found)),
     )
 
 

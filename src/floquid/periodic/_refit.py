@@ -19,6 +19,7 @@ from floquid.periodic.least_squares import (
     KeptCycles,
     LiftedBlock,
     ModeParameters,
+    OneShape,
     RecordBlock,
     Solution,
     complex_of,
@@ -47,6 +48,7 @@ def refit(
     at_rest: float = AT_REST,
     free_period: bool = False,
     wider: bool = False,
+    one_shape: bool = False,
 ) -> PeriodicModel:
     r"""The same modes with the same bands of harmonics, fitted anew to records as they were sampled, or lifted.
 
@@ -80,6 +82,8 @@ def refit(
         Whether the period is fitted too, where constant periods tie the records to the phase.
     wider
         Whether the fit with several harmonics more on each side of every band is made too (`unselected`).
+    one_shape
+        Whether all hits share the shapes of the modes, as those of the model do: B is a shape times a state.
     """
     if free_period and any(isinstance(clock, ShaftAngle) for clock in clocks):
         must, got = "be false where the angle of a shaft is measured", "is true"
@@ -95,13 +99,20 @@ def refit(
     if wider:
         most = most_harmonics(records, model.period) if lifted is None else (lifted.n_phases - 1) // 2
     entries = replace(ModeParameters.of(model), free_period=free_period)
+    found, one = _evaluated(model, blocks, entries), None
+    if one_shape:
+        one = _shared(model, blocks, found).solved(at_rest=at_rest)
+        found = linearise(blocks, one.entries, tuple(own.coefficients for own in one.linear)) if wider else found
+    else:
+        found = solve(blocks, found, at_rest=at_rest)
     return model_of(
         blocks,
-        solve(blocks, _evaluated(model, blocks, entries), at_rest=at_rest),
+        found,
         entries.bands,
         channels=model.channels,
         provenance=model.provenance,
         most=most,
+        one=one,
     )
 
 
@@ -126,11 +137,15 @@ def own_period(
     now = _evaluated(model, blocks, replace(ModeParameters.of(model), free_period=True))
     if now.information[-1, -1] <= 0.0:
         return None
-    covariance = now.covariance()
-    if not 0.0 < covariance[-1, -1] < model.fundamental**2:
+    covariance, gradient = now.covariance(), now.gradient
+    if model.one_shape:
+        one = _shared(model, blocks, now)
+        covariance, gradient = one.normal_inverse, one.normal.gradient
+    last = len(now.gradient) - 1
+    if not 0.0 < covariance[last, last] < model.fundamental**2:
         return None
-    step = float((covariance @ now.gradient)[-1])
-    return -step / model.fundamental, float(np.sqrt(covariance[-1, -1])) / model.fundamental
+    step = float(covariance[last] @ gradient)
+    return -step / model.fundamental, float(np.sqrt(covariance[last, last])) / model.fundamental
 
 
 def unexplained(model: PeriodicModel, records: Sequence[Record], clocks: Clocks) -> tuple[Floats, ...]:
@@ -146,23 +161,30 @@ def unexplained(model: PeriodicModel, records: Sequence[Record], clocks: Clocks)
     left = [np.full(record.values.shape, np.nan) for record in records]
     for block in seen(model.period, records, clocks):
         taken = np.flatnonzero(~np.isnan(records[block.hit].values[block.rows[0]]))
-        _, residual = block.residual(entries.columns(), _scaled(model, entries, block))
+        _, residual = block.residual(entries.columns(), scaled(model, entries, block))
         left[block.hit][np.ix_(block.rows, taken)] = residual
     return tuple(left)
 
 
 def _evaluated(model: PeriodicModel, blocks: Sequence[Block], entries: ModeParameters) -> Solution:
     """The linearisation at a model's exponents, started from its coefficients."""
-    return linearise(blocks, entries, tuple(reals_of(_scaled(model, entries, block)) for block in blocks))
+    return linearise(blocks, entries, tuple(reals_of(scaled(model, entries, block)) for block in blocks))
 
 
-def _scaled(model: PeriodicModel, entries: ModeParameters, block: Block) -> Complexes:
+def _shared(model: PeriodicModel, blocks: Sequence[Block], found: Solution) -> OneShape:
+    """The fit of one shape for all hits at a model's exponents, states and shapes."""
+    values = [2.0 * scaled(model, found.entries, block) for block in blocks]
+    return OneShape.near(blocks, found.entries, found.linear, values).with_states()
+
+
+def scaled(model: PeriodicModel, entries: ModeParameters, block: Block) -> Complexes:
     """The coefficients of a model on the scaled columns of a block, after its filter (columns, rows)."""
     columns = entries.columns()
-    place = np.searchsorted(model.harmonics, columns.harmonics)
+    place = np.searchsorted(model.harmonics, columns.harmonics).clip(0, len(model.harmonics) - 1)
+    known = model.harmonics[place] == columns.harmonics
     own = np.array(model.upper_modes, np.int64)[columns.modes]
     # A column without a sine counts once, the others with their conjugates.
-    share = np.where(entries.sines(), 1.0, 0.5) * block.scales(columns)
+    share = np.where(entries.sines(), 1.0, 0.5) * block.scales(columns) * known
     coefficients = model.coefficients[own, :, block.hit, place][:, block.rows] * share[:, None]
     return coefficients * block.gain(columns.rates).T
 

@@ -52,7 +52,7 @@ def completed(
     model = replace(fitted.model, provenance=lifted.provenance)
     fitted = replace(fitted, model=model)
     most = max(hit.n_cycles for hit in cycles)
-    if model.order >= (most if whole else most - 1):
+    if model.order >= (most if whole else most - 1) and not model.one_shape:
         raise IdentificationError(
             f"The record holds {most} whole periods, too few for the {model.order} "
             "poles that were found in it. Record longer, or check the period."
@@ -92,7 +92,7 @@ def completed(
             *(() if start.floor is None else (note("believed_down_to", floor=start.floor),)),
             *_done(fitted, why_sampled(fitted, shafts, settings), settings.periods_per_revolution),
             *(own for own in (fails, *doubts, misfit(fitted), *uneven_speed(shafts), blurred) if own is not None),
-            *fitted.ended,
+            *fitted.warnings,
             *ambiguity(choice),
             *(() if changed else combinations_of(model, lifted.noise, nonlinear=start.floor is not None)),
             *doubts_of(model, wanders=any(shaft.wander > 0.0 for shaft in shafts)),

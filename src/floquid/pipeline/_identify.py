@@ -4,15 +4,28 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Literal, overload
+
+import numpy as np
 
 from floquid.core import PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, texts, warning
 from floquid.lifting import floor_of
 from floquid.order import judge
-from floquid.periodic import Fit, ModeParameters, OrderError, assemble, distinct_multipliers, fit, groups, held_shapes
+from floquid.periodic import (
+    Fit,
+    ModeParameters,
+    OrderError,
+    assemble,
+    distinct_multipliers,
+    fit,
+    fit_shapes,
+    groups,
+    held_shapes,
+)
 from floquid.pipeline._analysis import Analysis, clocks_of
 from floquid.pipeline._complete import completed, free_residues, samples_of
 from floquid.pipeline._dependent_channels import of_sums
@@ -188,12 +201,29 @@ def _brief_fits(
         modal, width = held_shapes(start.modal, start.lifted, false_alarm=settings.harmonic_false_alarm)
         model = assemble(modal, start.lifted, harmonics=width)
         yield Candidate(start, model, free_residues(prepared, cutting, start, model), settings)
+        if not start.known and not prepared.shafts and start.lifted.n_hits >= model.order:
+            with suppress(IdentificationError, np.linalg.LinAlgError):
+                yield Candidate(start, model, _of_shapes(prepared, start, model, report), settings)
         lifted = start.lifted
         costly = lifted.n_channels * (lifted.n_hits * (2 * width + 1) - lifted.n_phases) > lifted.n_hits
     if not costly or not determined(model):
         fitted = _fitted(prepared, cutting, start, model, settings, True, report)
         wrong = wrong_period_fitted(fitted, start.lifted, prepared, report)
         yield Candidate(start, model, fitted, settings, wrong_period=wrong)
+
+
+def _of_shapes(prepared: Prepared, start: Start, model: PeriodicModel, report: Callable[[str], None]) -> Fit:
+    """The fit of the samples with one shape for all hits, started at outer products."""
+    settings = prepared.settings
+    records = samples_of(prepared.records, prepared.shafts, settings)
+    return fit_shapes(
+        records,
+        clocks_of(records, prepared.shafts),
+        model,
+        start.whole,
+        noise_floor=floor_of((row for record in records for row in record.values), settings.noise_floor),
+        report=report,
+    )
 
 
 def _fits(prepared: Prepared, cutting: Lifting, start: Start, report: Callable[[str], None]) -> Iterator[Candidate]:
@@ -211,7 +241,7 @@ def _fits(prepared: Prepared, cutting: Lifting, start: Start, report: Callable[[
             missing = [] if own is None else [own]
         # Modes that are missing turn in what is left as a wrong period would.
         wrong = None if missing else wrong_period_lifted(model, start.lifted, prepared)
-    distinct, fitted = 0 if model is None else model.order, None
+    distinct, fitted, warnings = 0 if model is None else model.order, None, ()
     if model is not None and start.modal is not None and start.modal.outer_products:
         distinct = distinct_multipliers(model)
     twice = model is not None and distinct < model.order
@@ -228,12 +258,13 @@ def _fits(prepared: Prepared, cutting: Lifting, start: Start, report: Callable[[
                 # Poles that are none run away where residues are constrained.
                 missing.append(warning("order_not_held"))
         if twice and fitted is not None and fitted.model.order <= distinct:
-            fitted = None  # two modes have one multiplier indeed, and only residues free in each hit tell them apart
+            # Two modes have one multiplier indeed, and only residues free in each hit tell them apart.
+            fitted, warnings = None, fitted.warnings
         if fitted is not None and not (wrong or missing):
             wrong = wrong_period_fitted(fitted, start.lifted, prepared, report)
     if fitted is None:
         assert model is not None
-        fitted = free_residues(prepared, cutting, start, model)
+        fitted = replace(free_residues(prepared, cutting, start, model), warnings=warnings)
     yield Candidate(start, model, fitted, settings, tuple(missing), wrong)
 
 

@@ -9,6 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from floquid.core import PeriodicModel
+from floquid.fit import SURE, chi2_limit
 from floquid.lifting import Lifted, unlift
 from floquid.lti import ERA, Ensemble, TimeResponses, brief, pooled_noise
 from floquid.periodic import Fit, ModeParameters
@@ -116,12 +117,32 @@ def determined(model: PeriodicModel | None) -> bool:
     return bool((model.exponent_std.real < UNDETERMINED * np.abs(model.exponents.real)).all())
 
 
+def lasting(fitted: Fit) -> bool:
+    r"""True where each mode rises above the noise after its first period.
+
+    .. math:: \sum_{c,h} \frac{1}{\sigma_{c,h}^2} \sum_m |B_{m,c,h}|^2 \sum_{t_k \ge T} 2\, e^{2 \Re \lambda t_k}
+
+    Within one period a shape with enough harmonics stands for any exponent.
+    """
+    model, weights = fitted.model, 1.0 / fitted.noise**2
+    limit = chi2_limit(2 * weights.size, SURE)
+    for mode in model.upper_modes:
+        rate, power = float(model.exponents[mode].real), 0.0
+        for hit, record in enumerate(fitted.free):
+            first = int(np.ceil(model.period * record.sample_rate))
+            left = np.exp(2.0 * rate * np.arange(first, record.n_samples) / record.sample_rate).sum()
+            power += 2.0 * left * float(weights[:, hit] @ np.sum(np.abs(model.coefficients[mode, :, hit]) ** 2, axis=1))
+        if power < limit:
+            return False
+    return True
+
+
 def explains(fitted: Fit, start: Start) -> bool:
     """True where a fit leaves noise, and determines its modes."""
     left = fitted.misfit
     if left is None:
         left = float(np.sqrt(np.mean((fitted.noise / start.raw.noise) ** 2)))
-    return determined(fitted.model) and left < MISFIT
+    return determined(fitted.model) and left < MISFIT and (lasting(fitted) or not fitted.model.one_shape)
 
 
 def criterion(fitted: Fit, alarm: float, alone: int = 0) -> float:
@@ -130,9 +151,10 @@ def criterion(fitted: Fit, alarm: float, alone: int = 0) -> float:
     .. math:: J = \sum_{c,h} N_h \log \frac{\mathrm{RSS}_{c,h}}{N_h} - N \log (1 - q/N),
               \qquad q = \sum_r \chi^2_{n_r}(\alpha)
 
-    with n_r the numbers of a mode: its coefficients in all channels and hits, or where residues are free at each phase
-    those of an outer product of shape and hit. Samples before those fitted, `alone` in each hit, are numbers that fit
-    exactly. Of N samples, numbers that noise gives q off the sum of squares over its variance leave it 1 - q/N.
+    with n_r the numbers of a mode: its coefficients in all channels and hits, or those of an outer product of shape
+    and hit where hits share shapes. Where residues are free at each phase, a shape has a number a phase. Samples before
+    those fitted, `alone` in each hit, are numbers that fit exactly. Of N samples, numbers that noise gives q off the
+    sum of squares over its variance leave it 1 - q/N.
     """
     from scipy.special import chdtri
 
@@ -142,7 +164,7 @@ def criterion(fitted: Fit, alarm: float, alone: int = 0) -> float:
     sizes = np.array([1 if model.real[mode] else 2 for mode in model.upper_modes])
     if fitted.constrained:
         kept = (model.coefficients != 0).any(axis=(1, 2))[list(model.upper_modes)].sum(axis=1)
-        numbers = sizes * (kept * channels * hits + 1)
+        numbers = sizes * (kept * channels + hits if model.one_shape else kept * channels * hits + 1)
     else:
         phases = round(model.period * fitted.free[0].sample_rate)
         numbers = sizes * (channels * phases + hits)

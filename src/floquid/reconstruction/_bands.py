@@ -60,22 +60,23 @@ def scores(estimates: Estimates, rows: Mask) -> Floats:
     Without such a harmonic it is a chi-square of two degrees of freedom a channel and hit, which passes the limit by
     chance at `FALSE_ALARM` over all that are tried. Terms whose rates differ by less than they decay are tested
     together: of a pair near an axis, and of two exponents that are nearly one, the difference of two large coefficients
-    alone is known.
+    alone is known. Where hits share their shapes, a hit tells no more than the one that tells most.
     """
-    own = np.flatnonzero(rows)
-    groups, squares = _together(estimates), np.zeros(len(estimates.modes))
+    own, hits = np.flatnonzero(rows), estimates.blocks.shape[1]
+    groups, squares = _together(estimates), np.zeros((len(estimates.modes), hits))
     for channel in own:
-        for hit in range(estimates.blocks.shape[1]):
+        for hit in range(hits):
             value, whole = estimates.coefficients[:, channel, hit], estimates.row_covariance(int(channel), hit)
             both = np.concatenate([value.real, value.imag])
             for term, group in enumerate(groups):
                 part = np.concatenate([group, group + len(value)])
                 part = part[np.diag(whole)[part] > 0.0]
-                squares[term] += both[part] @ scaled_inverse(whole[np.ix_(part, part)]) @ both[part]
+                squares[term, hit] += both[part] @ scaled_inverse(whole[np.ix_(part, part)]) @ both[part]
     level = FALSE_ALARM / (2 * max(len(estimates.exponents), 1))
-    responses = 2 * len(own) * estimates.blocks.shape[1]
+    told = squares.max(axis=1, initial=0.0) if estimates.shared else squares.sum(axis=1)
+    responses = 2 * len(own) * (1 if estimates.shared else hits)
     limits = {size: chi2_limit(responses * size, level) for size in {len(group) for group in groups}}
-    return np.array([square / limits[len(group)] for square, group in zip(squares, groups, strict=True)])
+    return np.array([square / limits[len(group)] for square, group in zip(told, groups, strict=True)])
 
 
 def _together(estimates: Estimates) -> list[Integers]:

@@ -37,9 +37,9 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
                                     (modes, records); estimates/ and
                                     unselected/, the fit with its joint covariance: exponents, real (modes,),
                                     fundamental, modes, harmonics (terms,), coefficients, scales (terms, channels,
-                                    hits), covariance, slopes (terms, channels, hits, 2 modes + 1), spread (blocks,
-                                    2 terms, 2 terms), blocks (channels, hits), drift, as spread, and bend, as scales;
-                                    absent where there is none
+                                    hits), covariance, slopes (terms, channels, hits, parameters), spread (blocks,
+                                    2 terms, 2 terms), blocks (channels, hits), drift, as spread, bend, as scales, and
+                                    shared, where all hits have one shape; absent where there is none
     /validation/                    passed (1 or 0), findings, fit, held_out_error, colour (channels, hits), tones
                                     (channels, hits, tones) left at turns, lines (channels, hits, lines) left at
                                     harmonics of modes; metrics/, limits/ and failing/, of fit, held_out_error,

@@ -42,7 +42,7 @@ ABSENT = (
     "composites",
     "state",
 )  # groups that a file does not have for None
-FLAGS = ("constrained", "kept", "passed", "real", "speed_dependent", "steady")
+FLAGS = ("constrained", "kept", "passed", "real", "shared", "speed_dependent", "steady")
 """HDF5 has no truth values: these are 0 and 1."""
 
 TEXTS = (
@@ -182,6 +182,7 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "scales": f"terms, channels, hits; {_UNIT}",
         "drift": "blocks, 2 terms, 2 terms; s",
         "bend": "terms, channels, hits; s",
+        "shared": "",
         "gains": Gains,
     },
     Gains: {

@@ -23,7 +23,7 @@ from floquid.periodic import refit
 from floquid.pipeline import Spread, bootstrap, identify
 from floquid.pipeline.draws import _redraw as draws_of
 from floquid.pipeline.draws._plan import plan_of
-from floquid.pipeline.draws._redraw import aligned, draw, drawn, noisy
+from floquid.pipeline.draws._redraw import FreeRedrawn, aligned, draw, drawn, noisy
 from floquid.reconstruction import reconstruct, text_of
 from floquid.systems import JeffcottRotor
 
@@ -165,13 +165,13 @@ def test_modes_are_paired_whatever_their_order_and_branch():
 
 def test_the_quick_fit_and_that_of_lifted_responses_are_the_same():
     plan = plan_of(analysis("two hits"), False)
-    quick = draw(plan, SeedSequence(3))
+    quick = draw(FreeRedrawn(plan, None, False), SeedSequence(3))
     bands = (plan.fitted.coefficients != 0).any(axis=(0, 1, 2))
     assert bands.sum() > (plan.model.coefficients != 0).any(axis=(0, 1, 2)).sum()
     drawn_ones = zip(plan.records, noisy(plan, default_rng(SeedSequence(3))), strict=True)
     records = [dataclasses.replace(like, values=values) for like, values in drawn_ones]
     lifted = draws_of._lifted(plan.lifted, plan.settings, records)
-    held = refit(plan.fitted, lifted=lifted)
+    held = refit(plan.fitted, lifted=lifted, one_shape=plan.one_shape)
     assert_allclose(quick.exponents, held.exponents, rtol=1e-9)
 
 
@@ -270,7 +270,7 @@ def test_the_harmonics_of_a_t_and_the_delay_are_held():
         own = dataclasses.replace(plan.built, estimates=None)
         again = reconstruct(own, plan.settings.states, form=plan.settings.form, delay=plan.settings.delay, times=5)
         assert_allclose(again.system, state.system, atol=1e-9)
-        several = [draw(plan, seed) for seed in SeedSequence(3).spawn(5)]
+        several = [draw(FreeRedrawn(plan, None, False), seed) for seed in SeedSequence(3).spawn(5)]
         assert [one.failure for one in several] == [""] * 5
         assert plan.states == whole.state.states
     assert plan.settings.delay > 0.0
@@ -279,7 +279,7 @@ def test_the_harmonics_of_a_t_and_the_delay_are_held():
 
 def test_states_that_come_out_otherwise_are_a_failure():
     plan = dataclasses.replace(plan_of(analysis(), False), states=("X", "Y", "d/dt X", "d/dt Z"))
-    failure = draw(plan, SeedSequence(0)).failure
+    failure = draw(FreeRedrawn(plan, None, False), SeedSequence(0)).failure
     assert failure == "The states of A(t) came out as X, Y, d/dt X, d/dt Y, and not as X, Y, d/dt X, d/dt Z."
 
 
@@ -551,7 +551,7 @@ def test_the_whole_again_has_clock_and_forced_response_as_they_were():
     assert rows == (0, 2, 3, 4)
     left = whole.records[0].values[list(rows)] - plan.clean[0]
     assert_allclose(left.std(axis=1), whole.noise[:, 0], rtol=0.1)
-    one = draw(plan, SeedSequence(0))
+    one = draw(FreeRedrawn(plan, None, False), SeedSequence(0))
     off = (one.exponents - whole.model.exponents) / whole.model.exponent_std.real
     assert 0.1 < np.abs(off).max() < 6.0
 
@@ -561,7 +561,7 @@ def test_a_draw_of_the_whole_is_an_identification_of_its_record():
     (seed,) = SeedSequence(5).spawn(1)
     (values,) = noisy(plan, default_rng(seed))
     again = identify(dataclasses.replace(analysis("gaps").records[0], values=values), states=["X", "Y"], validate=False)
-    one = draw(plan, seed)
+    one = draw(FreeRedrawn(plan, None, False), seed)
     assert_allclose(one.exponents, again.model.exponents, rtol=1e-12)
     assert_allclose(one.system, again.state.system[::10], rtol=1e-9, atol=1e-12)
 
@@ -596,7 +596,10 @@ def test_bad_arguments(options, message):
 
 
 def test_what_is_no_analysis_is_refused():
-    with pytest.raises(InputError, match="`analysis` of `bootstrap` must be an Analysis, but is an array"):
+    with pytest.raises(
+        InputError,
+        match="`analysis` of `bootstrap` must be a result of .*, but is an array",
+    ):
         bootstrap(np.zeros(3))
 
 
@@ -623,7 +626,7 @@ def test_a_period_that_was_found_is_fitted_anew():
 
 def test_a_period_that_was_found_is_found_anew_from_the_beginning():
     plan = plan_of(analysis("own period"), True)
-    one = draw(plan, SeedSequence(2))
+    one = draw(FreeRedrawn(plan, None, False), SeedSequence(2))
     assert one.failure == ""
     assert 0.0 < abs(one.period - plan.model.period) < 6.0 * analysis("own period").fit.period_std
 

@@ -144,7 +144,7 @@ def test_the_region_of_a_multiplier_has_the_period_in_it(found):
     own = found.model.estimates
     covariance = np.array(own.covariance)
     spread = 1e-3  # of ω, far above what the exponents have
-    covariance[-1, -1] += (spread * own.fundamental) ** 2
+    covariance[2 * len(own.exponents), 2 * len(own.exponents)] += (spread * own.fundamental) ** 2
     fields = {name: getattr(own, name) for name in Estimates.__dataclass_fields__}
     model = replace(found.model, estimates=Estimates(**{**fields, "covariance": covariance}))
     edges = views.multiplier_ellipses(model)

@@ -3,8 +3,10 @@
 from floquid.periodic.least_squares._blocks_of_records import record_blocks
 from floquid.periodic.least_squares._estimates import chosen_bands, estimates_of, model_of, parts_of, shapes
 from floquid.periodic.least_squares._lifted_block import KeptCycles, LiftedBlock
+from floquid.periodic.least_squares._one_shape import OneShape
 from floquid.periodic.least_squares._parameters import ModeParameters, forced_entries
 from floquid.periodic.least_squares._record_block import GappyBlock, RecordBlock
+from floquid.periodic.least_squares._reduced import real_parts
 from floquid.periodic.least_squares._residual import (
     FLOOR,
     Residual,

@@ -12,6 +12,7 @@ from floquid._arrays import Complexes, Floats, Integers
 from floquid.core import Channel, Estimates, PeriodicModel, Provenance, modelled
 from floquid.errors import IdentificationError
 from floquid.periodic.expansion import GAP, bands_at, select_bands
+from floquid.periodic.least_squares._one_shape import OneShape
 from floquid.periodic.least_squares._parameters import ModeParameters
 from floquid.periodic.least_squares._sample_block import Block
 from floquid.periodic.least_squares._solver import Solution, linearise, solve
@@ -80,6 +81,59 @@ def estimates_of(blocks: Sequence[Block], found: Solution) -> Estimates:
     )
 
 
+def estimates_of_shapes(one: OneShape, further: Floats | None = None) -> Estimates:
+    """Coefficients of the modes of a fit of one shape for all hits, with their joint covariance.
+
+    `further` is added to the variances of the parameters that move exponents.
+    """
+    entries, own, count = one.entries, one.own, len(one.entries.exponents)
+    columns, sines, parameters = entries.columns(), entries.sines(), entries.parameters()
+    n, rates = len(own), one.n_rates
+    shape = (n, one.n_channels, one.states.shape[1])
+    coefficients, scales, bend = np.zeros((3, *shape), complex)
+    slopes = np.zeros((*shape, len(one.whole[1])), complex)
+    rate = np.where(parameters.turns[:, None], 1j, 1.0) * parameters.weights[:, own]
+    spread, along = np.zeros((one.n_channels, 2 * n, 2 * n)), np.zeros((one.n_channels, 2 * n, len(one.whole[1])))
+    spread[np.ix_(np.arange(one.n_channels), one.kept, one.kept)] = one.inverse
+    along[:, one.kept] = -one.inverse @ one.whole[2]
+    moved = np.moveaxis(along[:, :n] + 1j * along[:, n:], 0, 1)  # of the shapes (columns, channels, parameters)
+    first = rates + one.modes * one.states.shape[1]  # the real part of the state of a column's mode in the first hit
+    for block in one.blocks:
+        gain = block.gain(columns.rates)[:, own].T
+        relative = block.gain(columns.rates, slope=True)[:, own].T / gain
+        factor = np.where(sines, 0.5, 1.0)[own, None] / gain / block.scales(columns)[own, None]
+        state, seen = one.states[one.modes, block.hit][:, None], one.complex_shapes[:, block.rows]
+        own_slopes = state[..., None] * moved[:, block.rows]
+        for part, unit in ((0, 1.0), (one.states.size, 1j)):
+            own_slopes[np.arange(n), :, first + part + block.hit] += unit * seen
+        coefficients[:, block.rows, block.hit] = state * seen * factor
+        own_slopes *= factor[..., None]
+        own_slopes[..., :rates] -= np.einsum("kc,kc,pk->kcp", state * seen * factor, relative, rate)
+        slopes[:, block.rows, block.hit] = own_slopes
+        scales[:, block.rows, block.hit] = state * factor
+        bend[:, block.rows, block.hit] = relative
+    place = np.zeros((2 * count + 1 + len(one.free), len(one.whole[1])))
+    place[: 2 * count + 1, :rates] = parts_of(entries)
+    place[2 * count + 1 + np.arange(len(one.free)), rates + one.free] = 1.0
+    covariance = one.covariance.copy()
+    covariance[:rates, :rates] = one.of_rates(further)
+    return Estimates(
+        exponents=entries.exponents + 1j * entries.fundamental * entries.offsets * entries.real,
+        real=entries.real,
+        fundamental=entries.fundamental,
+        modes=columns.modes[own],
+        harmonics=columns.harmonics[own],
+        coefficients=coefficients,
+        covariance=place @ covariance @ place.T,
+        slopes=np.matmul(slopes, place.T, dtype=np.complex128),
+        spread=spread,
+        blocks=np.tile(np.arange(one.n_channels)[:, None], (1, shape[2])),
+        scales=scales,
+        bend=bend if bend.any() else None,
+        shared=True,
+    )
+
+
 def parts_of(entries: ModeParameters) -> Floats:
     """Selection of real parts, imaginary parts and the fundamental from the parameters (2 entries + 1, parameters)."""
     decays, pairs = np.flatnonzero(~entries.fixed), np.flatnonzero(~entries.fixed & ~entries.real)
@@ -142,14 +196,17 @@ def model_of(
     provenance: Provenance,
     most: int | None,
     as_read: Mapping[int, complex] | None = None,
+    one: OneShape | None = None,
 ) -> PeriodicModel:
     """The periodic model of the entries that are not fixed, each with its conjugate, harmonics within the bands.
 
     Up to `most` fundamentals of the axis can be seen; None where no wider bands are to be fitted. Deviations of
-    exponents near an axis are those `as_read`, by their entries, where they are given.
+    exponents near an axis are those `as_read`, by their entries, where they are given. With `one`, the same fit with
+    one shape for all hits, exponents and coefficients are of that.
     """
-    own = _in_order(found.entries)
-    estimates = estimates_of(blocks, found).picked(modes=own)
+    own = _in_order(found.entries if one is None else one.entries)
+    whole = estimates_of(blocks, found) if one is None else estimates_of_shapes(one, found.further)
+    estimates = whole.picked(modes=own)
     low, high = bands[own].T
     # Of a real multiplier the harmonics that turn backwards are mirror images.
     mirror = -estimates.half_turns - low

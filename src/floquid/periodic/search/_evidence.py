@@ -41,7 +41,16 @@ def evidence(found: SearchResult) -> tuple[Finding, ...]:
         *doubles(found),
         *near_axis(found),
         *combinations(found),
+        *(() if found.one is None else (note("one_shape", hits=found.one.states.shape[1]),)),
     )
+
+
+def disagreement(found: SearchResult) -> tuple[Finding, ...]:
+    """Warning that hits do not share their shapes; empty where they do, or where that is not known."""
+    off = found.disagreement
+    if off is None:
+        return ()
+    return (warning("hits_disagree", frequency=_hertz(off.exponent), share=off.share, probability=off.probability),)
 
 
 def _hertz(exponent: complex) -> float:

@@ -5,8 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 from floquid._arrays import Integers, Mask
-from floquid.periodic.least_squares import Block, Residual, Solution
+from floquid.periodic.least_squares import Block, OneShape, Residual, Solution
 from floquid.periodic.search._peaks import Peak
+
+
+@dataclass(frozen=True, slots=True)
+class Disagreement:
+    """Hits that do not share their shapes: the mode that differs most, and its difference over its response."""
+
+    exponent: complex
+    share: float
+    probability: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +33,8 @@ class SearchResult:
     apart: dict[int, float] = field(default_factory=dict)  # of pairs of open kind how far apart both exponents may be
     hidden: dict[float, float] = field(default_factory=dict)
     """Distance from a real multiplier within which noise hides a second one [1/s], by its turns a period."""
+    one: OneShape | None = None  # the same fit with one shape for all hits, where they agree
+    disagreement: Disagreement | None = None  # of the hits, where they do not
 
 
 def kept_with(found: SearchResult, kept: Mask, solution: Solution) -> SearchResult:

@@ -40,6 +40,7 @@ class Plan:
     estimated: bool
     """True where the model has the joint covariance of its coefficients, as those of draws should then have."""
     free_period: bool  # true where the period is fitted too
+    one_shape: bool  # true where all hits share the shapes of the modes
     lifted: Lifted | None
     """The lifted responses, where they hold all that was fitted: then a fit of them is the cheaper one."""
     modal: ModalModel | None  # the modal model, where residues were left free
@@ -74,6 +75,7 @@ def plan_of(analysis: Analysis, whole: bool) -> Plan:
         whole=whole,
         estimated=model.estimates is not None,
         free_period=fit.period_std is not None,
+        one_shape=model.one_shape,
         lifted=analysis.lifted if by_cycles(fit, shafts, settings) else None,
         modal=None if fit.constrained else analysis.modal,
         whitening=fit.whitening,

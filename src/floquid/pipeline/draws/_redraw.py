@@ -219,11 +219,12 @@ def _fitted(plan: Plan, values: Sequence[Floats]) -> Draw:
     clocks = plan.clocks
     if plan.lifted is not None and (plan.modal is not None or plan.lifted.whitening is not None):
         lifted = _lifted(plan.lifted, plan.settings, records)
-        found = refit(plan.fitted, lifted=lifted, wider=True) if plan.modal is None else _free(plan, lifted, plan.modal)
+        shared = {"wider": True, "one_shape": plan.one_shape}
+        found = refit(plan.fitted, lifted=lifted, **shared) if plan.modal is None else _free(plan, lifted, plan.modal)
     else:
         # Of lifted responses the same numbers sooner: nothing but the fit itself is done.
         lifted, wider = None, bool(plan.settings.structure)
-        own = {"noise": plan.noise, "whitening": plan.whitening}
+        own = {"noise": plan.noise, "whitening": plan.whitening, "one_shape": plan.one_shape}
         found = refit(plan.fitted, records, clocks, **own, free_period=plan.free_period, wider=wider)
 
     def again(exponents: Complexes) -> Estimates:
