@@ -25,6 +25,7 @@ class Move(Generic[Structure]):
     structure: Structure
     least: float = 1e-3  # the fall of J from which on it is accepted: what is less is rounding
     again: bool = False  # whether it is the same structure, whose fit goes on
+    helped: bool = False  # whether it gets the harmonics that it needs before it is given up
 
 
 class Point(Protocol[Structure]):

@@ -598,7 +598,7 @@ def test_bad_arguments(options, message):
 def test_what_is_no_analysis_is_refused():
     with pytest.raises(
         InputError,
-        match="`analysis` of `bootstrap` must be a result of .*, but is an array",
+        match=r"`analysis` of `bootstrap` must be a result of .*, but is an array",
     ):
         bootstrap(np.zeros(3))
 

@@ -12,9 +12,10 @@ import numpy as np
 from floquid.fit import chi2_limit, wald_rise
 from floquid.inputs._joint import fitted_together
 from floquid.inputs._modes import InputMode
+from floquid.inputs._samples import Samples
 from floquid.inputs._solver import solve
 from floquid.inputs._start import bare_mode, candidates
-from floquid.inputs.search._near_axis import block_of_pair, block_of_reals, near_axis, ordinary
+from floquid.inputs.search._near_axis import block_of_pair, block_of_reals, half_of, near_axis, ordinary
 from floquid.inputs.search._point import HOPE, Point
 from floquid.inputs.search._scores import by_noise_beyond
 from floquid.inputs.search._structure import Structure
@@ -123,6 +124,31 @@ def conjugated(mode: InputMode) -> InputMode:
         gains=mode.gains[:, ::-1].conj(),
         initial=mode.initial.conj(),
     )
+
+
+def afresh(point: Point) -> Iterator[Move[Structure]]:
+    """Modes with few harmonics and all products fitted together: all, the stronger half, or pairs near an axis as real.
+
+    A fit may have ended beside the least J, with harmonics and modes that make up for one another.
+    """
+    samples, modes, omega = point.samples, point.structure.modes, point.samples.fundamental
+    strong = sorted(np.argsort(-point.scores.of_modes)[: (len(modes) + 1) // 2].tolist())
+    near = [mode for mode in modes if near_axis(mode, omega)]
+    for own, real in ((modes, ()), ([modes[number] for number in strong], ()), (modes if near else (), near)):
+        bare = [_bare(samples, mode, axis=any(mode is one for one in real)) for mode in own]
+        if bare:
+            with suppress(np.linalg.LinAlgError):
+                gain, fitted = fitted_together(samples, samples.values, bare)
+                structure = replace(point.structure, modes=tuple(fitted))
+                yield Move(point.price.of(structure) - gain, "afresh", structure, helped=True)
+
+
+def _bare(samples: Samples, mode: InputMode, *, axis: bool) -> InputMode:
+    """A mode with one harmonic on either side, and no products yet; on the axis that it is nearest to if so said."""
+    most, real = float(START[0]), mode.real or axis
+    low = half_of(mode, samples.fundamental) % 1.0
+    turns = np.arange(low if real else -most, most + 1.0)
+    return bare_mode(samples, complex(mode.exponent.real) if real else mode.exponent, turns, turns, real=real)
 
 
 def additions(point: Point) -> Iterator[Move[Structure]]:

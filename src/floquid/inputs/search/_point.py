@@ -95,7 +95,7 @@ class Point:
         """The fit of another structure, other modes with the bands that they then need; given up without hope."""
         trial = self.settled(move.structure, below=np.inf if move.again else self.value - move.least)
         other = [mode.real for mode in move.structure.modes] != [mode.real for mode in self.at.modes]
-        while other and trial.value >= self.value:
+        while (other or move.helped) and trial.value >= self.value:
             best = min(self.bands(trial), key=lambda each: each.change, default=None)
             if best is None or trial.value + HOPE * best.change > self.value:
                 break

@@ -9,7 +9,7 @@ from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, linearise, solve
 from floquid.inputs.search._bands import centred, far_growths, growths, helpful, shrinkages
-from floquid.inputs.search._changes import additions, apart, kinds, merges, removals
+from floquid.inputs.search._changes import additions, afresh, apart, kinds, merges, removals
 from floquid.inputs.search._point import REST, Point
 from floquid.inputs.search._structure import Limits, Structure
 from floquid.search import Move, descended
@@ -42,6 +42,8 @@ def _stages(point: Point) -> Iterator[Iterable[Move[Structure]]]:
         yield kinds(point)
     if point.n_modes < point.limits.modes:
         yield additions(point)
+    if point.n_modes:
+        yield afresh(point)
 
 
 def _last_stages(point: Point) -> Iterator[Iterable[Move[Structure]]]:
