@@ -22,8 +22,9 @@ from floquid.lti import ERA
 from floquid.periodic import refit
 from floquid.pipeline import Spread, bootstrap, identify
 from floquid.pipeline.draws import _redraw as draws_of
+from floquid.pipeline.draws._align import aligned
 from floquid.pipeline.draws._plan import plan_of
-from floquid.pipeline.draws._redraw import aligned, draw, drawn, noisy
+from floquid.pipeline.draws._redraw import draw, drawn, noisy
 from floquid.reconstruction import reconstruct, text_of
 from floquid.systems import JeffcottRotor
 

@@ -25,6 +25,7 @@ from floquid.pipeline._deviations import widening_of
 from floquid.pipeline._identify import identify
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import Again, state_of
+from floquid.pipeline.draws._align import aligned, pairs
 from floquid.pipeline.draws._plan import Plan, choices_of, plan_of, without_states
 from floquid.pipeline.excited import ExcitedAnalysis, identify_ambient, identify_driven
 from floquid.sync import segment
@@ -32,9 +33,6 @@ from floquid.sync import segment
 NEVER = 1e-300
 """The probability below which the structure of A(t) is refused: the free model that is drawn from has a misfit already,
 and twice that much is no news of the structure."""
-
-ONE = 1e-9
-"""The distance of a gain from 1, and the deviation of a coefficient over it, below which it is the scale of a state."""
 
 FADED = 1e-8  # the share of its size that coloured noise keeps of its beginning when the record begins
 
@@ -264,7 +262,7 @@ def selected(built: PeriodicModel, found: PeriodicModel) -> PeriodicModel:
     """
     kept = (built.coefficients != 0).any(axis=(1, 2))
     mask = np.zeros((found.order, len(found.harmonics)), bool)
-    for one, own, by in _pairs(built, found):
+    for one, own, by in pairs(built, found):
         mask[one] = np.isin(found.harmonics + by, built.harmonics[kept[own]])
     wide = mask[:, None, None]
     std = found.coefficient_std
@@ -309,55 +307,6 @@ def _identified(plan: Plan, values: Sequence[Floats]) -> Draw:
     if found.model.order != plan.model.order:
         return Draw(found.model.order)
     return compared(plan, found.model, again_of(found.fit, found.lifted, found.shafts, found.settings), None)
-
-
-def aligned(model: PeriodicModel, found: PeriodicModel) -> tuple[Complexes, Complexes]:
-    """The exponents and coefficients found, in the order, on the branches and with the harmonics of `model`.
-
-    The scale of a state that is free is that of `model`.
-    """
-    exponents = np.zeros(model.order, complex)
-    coefficients = np.zeros(model.coefficients.shape, complex)
-    kept = (model.coefficients != 0).any(axis=(1, 2))
-    for one, own, by in _pairs(model, found):
-        exponents[own] = found.exponents[one] - 1j * found.fundamental * by
-        _, there, here = np.intersect1d(found.harmonics + by, model.harmonics[kept[own]], return_indices=True)
-        value = found.coefficients[one][..., there] * _scale(model, own, found, one, by)
-        coefficients[own][..., np.flatnonzero(kept[own])[here]] = value
-    return exponents, coefficients
-
-
-def _scale(model: PeriodicModel, mode: int, found: PeriodicModel, one: int, turns: int) -> complex:
-    """The factor that gives a mode found the scale of a mode of `model`, whose state is free in records with inputs.
-
-    It is of a coefficient that has no deviation, or of the gain or first state that is 1, where there is one.
-    """
-    known = np.abs(model.coefficients[mode])
-    std = known if model.coefficient_std is None else np.abs(model.coefficient_std[mode])
-    for channel, hit, place in np.argwhere((std <= ONE * known) & (known > 0.0)).tolist():
-        at = np.flatnonzero(found.harmonics + turns == model.harmonics[place])
-        if len(at) and found.coefficients[one, channel, hit, at[0]]:
-            return complex(model.coefficients[mode, channel, hit, place] / found.coefficients[one, channel, hit, at[0]])
-    if model.inputs is None or found.inputs is None:
-        return 1.0
-    ours, theirs = model.inputs, found.inputs
-    for source, place in np.argwhere(np.abs(ours.coefficients[mode] - 1.0) < ONE).tolist():
-        at = np.flatnonzero(theirs.harmonics - turns == ours.harmonics[place])
-        return complex(theirs.coefficients[one, source, at[0]]) if len(at) else 1.0
-    for record in np.flatnonzero(np.abs(ours.initial[mode] - 1.0) < ONE).tolist():
-        return complex(theirs.initial[one, record])
-    return 1.0
-
-
-def _pairs(model: PeriodicModel, found: PeriodicModel) -> Iterator[tuple[int, int, int]]:
-    """Each mode found, the mode of `model` that it is, and by how many fundamentals its exponent is above that."""
-    from scipy.optimize import linear_sum_assignment
-
-    apart = np.subtract.outer(found.exponents, model.exponents)
-    turns = np.rint(np.imag(apart) / model.fundamental).astype(np.int64)
-    theirs, ours = linear_sum_assignment(np.abs(apart - 1j * model.fundamental * turns))
-    for one, own in zip(theirs.tolist(), ours.tolist(), strict=True):
-        yield one, own, int(turns[one, own])
 
 
 def drawn(plan: Redrawn, seeds: Sequence[SeedSequence], workers: int) -> Iterator[Draw]:
