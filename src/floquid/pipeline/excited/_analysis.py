@@ -197,8 +197,13 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
         .. math:: \dot x = A(t)\, x + B(t)\, u, \qquad A(t) = (\dot\Psi + \Psi\Lambda)\, \Psi^{-1}, \qquad
                   B(t) = \Psi(t)\, b(t)
 
-        as `floquid.reconstruct` gives them, which has the parameters and the errors; without deviations where the
-        model fails: what it leaves is no noise.
+        as `floquid.reconstruct` gives them, which has the errors; without deviations where the model fails: what it
+        leaves is no noise.
+
+        Parameters
+        ----------
+        states, form, delay, harmonics, times
+            Those of `floquid.reconstruct`.
         """
         found = reconstruct(self.model, states, form=form, delay=delay, harmonics=harmonics, times=times)
         return found.without_deviations() if self.failed else found
