@@ -13,7 +13,7 @@ from floquid.cli import run
 pytestmark = pytest.mark.pages
 
 FIGURES = {f"figures/paper_{number}.png" for number in range(2, 9)}
-SHORT = "demo jeffcott --paper --periods 100 --draws 2"
+SHORT = "demo jeffcott --paper --periods 60 --draws 2"
 
 
 @pytest.fixture(scope="module")
