@@ -14,7 +14,7 @@ from floquid.core import Channel, TachometerSignal
 from floquid.lifting import lift
 from floquid.pipeline._complete import by_cycles
 from floquid.pipeline.draws._plan import plan_of
-from floquid.pipeline.draws._redraw import draw
+from floquid.pipeline.draws._redraw import draw, redrawn
 from floquid.readers import write
 from floquid.sync import ShaftAngle
 from floquid.systems import JeffcottRotor, Run
@@ -198,7 +198,7 @@ def test_a_force_that_was_named_for_a_response_stays_one_in_a_draw():
     half = beside(record.select(["X"]), record.values[1], name="Y", quantity="force", unit="N")
     analysis = identify(half, channels=("X", "Y"), validate=False)
     assert [channel.name for channel in analysis.model.channels] == TWO
-    one = draw(plan_of(analysis, whole=True), np.random.SeedSequence(1))
+    one = draw(redrawn(analysis, whole=True), np.random.SeedSequence(1))
     assert one.failure == ""
     assert one.order == analysis.model.order
     # Of one channel alone, the shapes would be those of it twice.
