@@ -26,6 +26,7 @@ def shown(tmp_path_factory):
         return typed(f"{SHORT} --out {folder / 'out'}"), folder / "out"
 
 
+@pytest.mark.slow
 def test_the_folder_holds_the_result_and_the_comparison(shown):
     _, folder = shown
     assert set(contents(folder)) == {*RESULT, "record.npz", "figures/system_elements.png", "paper.md", *FIGURES}
@@ -33,6 +34,7 @@ def test_the_folder_holds_the_result_and_the_comparison(shown):
         assert (folder / name).read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_the_page_shows_every_figure_and_the_table(shown):
     text = (shown[1] / "paper.md").read_text(encoding="utf-8")
     assert set(re.findall(r"!\[.*?\]\((.*?)\)", text)) == FIGURES
@@ -42,6 +44,7 @@ def test_the_page_shows_every_figure_and_the_table(shown):
     assert "| 0.1256637 |" in text
 
 
+@pytest.mark.slow
 def test_the_result_is_that_of_maximum_likelihood(shown):
     _, folder = shown
     analysis = floquid.load(folder / "result.h5")
@@ -51,6 +54,7 @@ def test_the_result_is_that_of_maximum_likelihood(shown):
     assert again == (folder / "summary.json").read_text()
 
 
+@pytest.mark.slow
 def test_the_table_is_printed_whole(shown):
     text, folder = shown
     for words in (

@@ -42,7 +42,7 @@ def drawn(kind, structure=""):
     return bootstrap(found(kind, structure), draws=DRAWS, workers=1)
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("kind", "structure"),
     [("inputs", FORM), ("outputs alone", ""), ("inputs", ""), ("outputs alone", FORM)],
@@ -110,6 +110,7 @@ def test_a_result_that_was_read_gives_the_same_draws(kind, tmp_path):
     assert_allclose(own.coefficients.draws[:20], other.coefficients.draws, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_whole_identification_again():
     brief = identify_driven(record("inputs", periods=25), period=mathieu().period, inputs=["F"])
     checked = bootstrap(brief, draws=20, workers=1, whole=True)

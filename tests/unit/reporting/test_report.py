@@ -174,6 +174,7 @@ def many_channels(n_channels):
     return fq.Record(values=values, sample_rate=phases / period, channels=names, clock=fq.ConstantPeriod(period=period))
 
 
+@pytest.mark.slow
 def test_many_channels_stay_within_the_size(tmp_path):
     found = fq.identify(many_channels(60), validate=False)
     path = fq.report(found, tmp_path / "many.html")
