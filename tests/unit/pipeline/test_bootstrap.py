@@ -601,7 +601,7 @@ def test_bad_arguments(options, message):
 
 
 def test_what_is_no_analysis_is_refused():
-    with pytest.raises(InputError, match="a result of `identify`, `identify_driven` or `identify_ambient`, but is an array"):
+    with pytest.raises(InputError, match="`identify`, `identify_driven` or `identify_ambient`, but is an array"):
         bootstrap(np.zeros(3))
 
 
