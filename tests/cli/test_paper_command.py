@@ -88,6 +88,7 @@ def test_json_is_the_summary_alone_and_the_seed_counts(quick_pictures, here, mon
     assert "paper.md" not in contents(here / "two")
 
 
+@pytest.mark.slow
 def test_a_later_result_leaves_the_comparison_alone(here, shown, quick_pictures):
     """They may be the owner's own files of these names: nothing that this result does not hold is touched."""
     earlier = {name: data for name, data in contents(shown[1]).items() if "paper" in name}
