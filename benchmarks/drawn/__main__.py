@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
-from itertools import repeat
-from pathlib import Path
+from dataclasses import dataclass
 
 import numpy as np
+from benchmarks.draws import add_options, judged_rows, seeds
 from tests.driven import Driven, ambient_of, record_of
 from threadpoolctl import threadpool_limits
 
@@ -191,22 +188,11 @@ def main(arguments: list[str]) -> int:
     parser.add_argument(
         "excitation", choices=("inputs", "ambient"), help="what is measured: inputs too, or outputs alone"
     )
-    parser.add_argument("--draws", type=int, default=100, help="systems")
-    parser.add_argument("--first", type=int, default=0, help="the first seed")
-    parser.add_argument("--jobs", type=int, default=1, help="processes")
-    parser.add_argument("--out", type=Path, help="a JSON file, written anew after every draw")
+    add_options(parser, draws=100)
     options = parser.parse_args(arguments)
     if options.draws < 1 or options.jobs < 1:
         parser.error("--draws and --jobs are 1 or more")
-    rows: list[Row] = []
-    seeds = range(options.first, options.first + options.draws)
-    with ProcessPoolExecutor(options.jobs) as pool:
-        for row in pool.map(judged, seeds, repeat(options.excitation)):
-            rows.append(row)
-            sys.stderr.write(f"{row}\n")
-            if options.out is not None:
-                options.out.parent.mkdir(parents=True, exist_ok=True)
-                options.out.write_text(json.dumps([asdict(each) for each in rows], indent=1) + "\n", encoding="utf-8")
+    rows = judged_rows(judged, [(seed, options.excitation) for seed in seeds(options)], options)
     sys.stdout.write(table(rows) + "\n")
     return 0
 

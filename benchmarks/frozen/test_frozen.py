@@ -28,8 +28,9 @@ def today(tmp_path_factory):
 
 
 @pytest.fixture
-def kept(today, tmp_path):
-    """A folder with that file."""
+def kept(today, tmp_path, monkeypatch):
+    """A folder with that file. Nothing is warmed up for seconds that decide nothing."""
+    monkeypatch.setattr(frozen, "warm", lambda kinds: None)
     (tmp_path / "then.json").write_text(today, encoding="utf-8")
     return tmp_path
 

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict
-from pathlib import Path
 
 import numpy as np
+from benchmarks.draws import add_options, judged_rows, seeds
 from benchmarks.simulators.machine import SEEN
 from benchmarks.simulators.run import MACHINES, Row, judged
 from benchmarks.simulators.turbines import LINEARISED
@@ -51,12 +48,9 @@ def table(rows: Sequence[Row]) -> str:
 
 def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="python -m benchmarks.simulators", description=__doc__)
-    parser.add_argument("--draws", type=int, default=10)
-    parser.add_argument("--first", type=int, default=0, help="the first seed")
-    parser.add_argument("--jobs", type=int, default=1, help="processes")
+    add_options(parser, draws=10)
     parser.add_argument("--only", default="", help=f"comma-separated, of: {', '.join(MACHINES)}; all by default")
     parser.add_argument("--noise", default="0.01,0.001", help="shares of each channel's largest free response")
-    parser.add_argument("--out", type=Path, help="a JSON file, written anew after every draw")
     options = parser.parse_args(arguments)
     names = [name.strip() for name in options.only.split(",") if name.strip()] or list(MACHINES)
     if unknown := [name for name in names if name not in MACHINES]:
@@ -65,16 +59,8 @@ def main(arguments: list[str]) -> int:
         sys.stderr.write("soft_blade is left out: its linearisations are not here\n")
         names.remove("soft_blade")
     noises = [float(share) for share in options.noise.split(",")]
-    seeds = range(options.first, options.first + options.draws)
-    work = [(name, noise, seed) for name in names for noise in noises for seed in seeds]
-    rows: list[Row] = []
-    with ProcessPoolExecutor(options.jobs) as pool:
-        for row in pool.map(judged, *zip(*work, strict=True)) if work else ():
-            rows.append(row)
-            sys.stderr.write(f"{row}\n")
-            if options.out is not None:
-                options.out.parent.mkdir(parents=True, exist_ok=True)
-                options.out.write_text(json.dumps([asdict(each) for each in rows], indent=1) + "\n", encoding="utf-8")
+    work = [(name, noise, seed) for name in names for noise in noises for seed in seeds(options)]
+    rows = judged_rows(judged, work, options)
     sys.stdout.write(table(rows) + "\n")
     return 0
 

@@ -62,7 +62,8 @@ def numbers() -> Iterator[Number]:
 
 
 def _of(name: str, text: str) -> Iterator[Number]:
-    lines, body = text.splitlines(), ast.parse(text).body
+    lines, tree = text.splitlines(), ast.parse(text)
+    body = tree.body
     for place, node in enumerate(body):
         if isinstance(node, ast.Assign) and _is_number(node.value):
             following = body[place + 1] if place + 1 < len(body) else None
@@ -72,7 +73,7 @@ def _of(name: str, text: str) -> Iterator[Number]:
                 value=ast.unparse(node.value),
                 reason=_comment(lines[node.end_lineno - 1 :]) or _docstring(following),
             )
-    for node in ast.walk(ast.parse(text)):
+    for node in ast.walk(tree):
         for value in node.comparators if isinstance(node, ast.Compare) else ():
             if _is_number(value) and ast.unparse(value) not in PLAIN:
                 yield Number(place=f"{name}:{node.lineno}", name="", value=ast.unparse(node), reason="")

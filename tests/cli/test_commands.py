@@ -182,7 +182,10 @@ def test_out_holds_the_result_and_nothing_else(here, quick_pictures):
 
 
 @pytest.mark.pages
-def test_pictures_and_the_page_are_drawn(here):
+def test_pictures_and_the_page_are_drawn(here, monkeypatch):
+    """Some of the figures: `tests/unit/plot` draws each, and `make slow` the README's."""
+    some = ["exponents", "spectra", "time_record"]
+    monkeypatch.setattr("floquid._show.Figures.__dir__", lambda self: some)
     typed(f"{GOOD} --out new")
     found = contents(here / "new")
     assert len([name for name in found if name.endswith(".png")]) > 2

@@ -13,7 +13,7 @@ from floquid.cli import run
 pytestmark = pytest.mark.pages
 
 FIGURES = {f"figures/paper_{number}.png" for number in range(2, 9)}
-SHORT = "demo jeffcott --paper --periods 100 --draws 2"
+SHORT = "demo jeffcott --paper --periods 60 --draws 2"
 
 
 @pytest.fixture(scope="module")
@@ -26,6 +26,7 @@ def shown(tmp_path_factory):
         return typed(f"{SHORT} --out {folder / 'out'}"), folder / "out"
 
 
+@pytest.mark.slow
 def test_the_folder_holds_the_result_and_the_comparison(shown):
     _, folder = shown
     assert set(contents(folder)) == {*RESULT, "record.npz", "figures/system_elements.png", "paper.md", *FIGURES}
@@ -33,6 +34,7 @@ def test_the_folder_holds_the_result_and_the_comparison(shown):
         assert (folder / name).read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_the_page_shows_every_figure_and_the_table(shown):
     text = (shown[1] / "paper.md").read_text(encoding="utf-8")
     assert set(re.findall(r"!\[.*?\]\((.*?)\)", text)) == FIGURES
@@ -42,6 +44,7 @@ def test_the_page_shows_every_figure_and_the_table(shown):
     assert "| 0.1256637 |" in text
 
 
+@pytest.mark.slow
 def test_the_result_is_that_of_maximum_likelihood(shown):
     _, folder = shown
     analysis = floquid.load(folder / "result.h5")
@@ -51,6 +54,7 @@ def test_the_result_is_that_of_maximum_likelihood(shown):
     assert again == (folder / "summary.json").read_text()
 
 
+@pytest.mark.slow
 def test_the_table_is_printed_whole(shown):
     text, folder = shown
     for words in (
@@ -84,6 +88,7 @@ def test_json_is_the_summary_alone_and_the_seed_counts(quick_pictures, here, mon
     assert "paper.md" not in contents(here / "two")
 
 
+@pytest.mark.slow
 def test_a_later_result_leaves_the_comparison_alone(here, shown, quick_pictures):
     """They may be the owner's own files of these names: nothing that this result does not hold is touched."""
     earlier = {name: data for name, data in contents(shown[1]).items() if "paper" in name}

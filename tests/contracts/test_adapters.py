@@ -381,7 +381,7 @@ def test_packages_are_loaded_when_used_and_leave_no_trace():
     assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
 
 
-@pytest.mark.pages
+@pytest.mark.slow
 @pytest.mark.skipif(not all(map(present, PEERS)), reason="needs all three packages")
 def test_the_cells_of_the_page_run(capsys):
     names = {"fq": floquid}

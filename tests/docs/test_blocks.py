@@ -18,12 +18,12 @@ from pathlib import Path
 
 import pytest
 from markdown_it import MarkdownIt
-from tests.cli.conftest import quick_pictures
+from tests.cli.conftest import nothing_is_identified_twice, quick_pictures
 from tests.cli.test_paper_command import SHORT
 
 from floquid.cli import run
 
-__all__ = ["quick_pictures"]
+__all__ = ["nothing_is_identified_twice", "quick_pictures"]
 
 ROOT = Path(__file__).parents[2]
 DOCS = [path for path in sorted((ROOT / "docs").rglob("*.md")) if "_build" not in path.parts]
@@ -65,7 +65,8 @@ PLAIN = re.compile(r"(floquid [\w ./,=:+-]*(?:\"[^\"$`\\\\]*\"[\w ./,=:+-]*)*)(?
 
 INSTEAD = {
     "floquid demo jeffcott --paper": "floquid demo --help",
-    "floquid bootstrap result --draws 40 --out draws": "floquid bootstrap result --draws 20 --out draws",
+    "floquid simulate jeffcott --periods 200 --out run.npz": "floquid simulate jeffcott --periods 60 --out run.npz",
+    "floquid bootstrap result --draws 40 --out draws": "floquid bootstrap result --draws 20 --workers 1 --out draws",
 }
 """What takes long, by what is run instead: `test_paper_command` runs the paper's experiment, of fewer periods."""
 

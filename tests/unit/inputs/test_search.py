@@ -42,7 +42,8 @@ def test_a_pair_of_conjugates():
     assert found.passed
 
 
-@pytest.mark.parametrize("outputs", [4, 6, 20])
+@pytest.mark.first(2)
+@pytest.mark.parametrize("outputs", [4, 20, 6])
 def test_a_short_record_of_many_outputs(outputs):
     seen, system = np.random.default_rng(1).standard_normal((outputs, 4)), two_masses()
     system = replace(system, B=lambda t, b=system.B: b(t)[:, :1], C=lambda _: seen)
@@ -72,7 +73,8 @@ def test_a_record_without_noise_ends_and_is_right():
     assert pulls(mathieu(), found.model).max() < 1.0
 
 
-@pytest.mark.parametrize(("seed", "offset"), [(0, 1e6), (1, 1.1e6)])
+@pytest.mark.first(1)
+@pytest.mark.parametrize(("seed", "offset"), [(1, 1.1e6), (0, 1e6)])
 def test_an_offset_however_large_is_no_mode_and_no_reason_for_more_noise(seed, offset):
     system = mathieu()
     values, inputs = record_of(system, 60, 20, 0.02, seed)
@@ -203,8 +205,8 @@ def test_a_mode_that_no_input_reaches_is_named():
     assert "is reached by no input" in found.warnings[0]
 
 
-@pytest.mark.first(2)
-@pytest.mark.parametrize(("outputs", "forces"), [(1e6, 1.0), (1e-9, 1.0), (1.0, 1e6), (1.0, 1e-9)])
+@pytest.mark.first(1)
+@pytest.mark.parametrize(("outputs", "forces"), [(1e-9, 1e6), (1e6, 1.0), (1e-9, 1.0), (1.0, 1e6), (1.0, 1e-9)])
 def test_units_change_nothing(outputs, forces):
     system = mathieu()
     values, inputs = record_of(system, 60, 20, 0.02, 0)

@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from floquid.findings import Finding, failure
 from floquid.lti import ERA
 from floquid.order import Stability
 from floquid.order import scan as scan_orders
+from floquid.reporting import _page
 from floquid.reporting._case import MOST_CHANNELS, POINTS, case_of
 from floquid.reporting._look import CURVES, DASHES, MARKERS
 from floquid.reporting._modes_figures import _upper, mark_labels
@@ -26,6 +28,8 @@ from floquid.validation import Criterion
 from floquid.views import mode_table, multiplier_ellipses
 
 pytestmark = pytest.mark.pages
+
+TEMPLATES = Path(_page.__file__).parent / "page"
 
 LARGEST = 6_000_000
 """Bytes that a page may have."""
@@ -52,7 +56,15 @@ def test_the_verdict_comes_first(text):
     assert places == sorted(places)
 
 
-def test_options_in_a_reason_are_code(analysis):
+@pytest.fixture
+def no_figures(monkeypatch):
+    """A page of words alone: drawing takes most of its time."""
+    templates = "".join(path.read_text(encoding="utf-8") for path in TEMPLATES.glob("*.jinja"))
+    places = re.findall(r"(?:figures\[|plots\()\"(\w+)\"", templates)
+    monkeypatch.setattr(_page, "_figures", lambda *_: {place: [] for place in places})
+
+
+def test_options_in_a_reason_are_code(analysis, no_figures):
     checked = replace(
         analysis.validation, passed=False, findings=(failure("system_other", pair=None, trace=True, composition=0.0),)
     )
@@ -82,7 +94,7 @@ def test_the_page_is_whole(text):
     assert "default-src 'none'" in text
 
 
-def test_every_mode_stands_with_its_deviation(analysis):
+def test_every_mode_stands_with_its_deviation(analysis, no_figures):
     scale = np.repeat([1.0, 3.0], analysis.model.order)  # of a pair both parts have one deviation
     model = replace(analysis.model, covariance=analysis.model.covariance * np.outer(scale, scale))
     assert model.exponent_std[0].imag > 2.0 * model.exponent_std[0].real
@@ -114,7 +126,7 @@ def said(text):
     return Finding("sentence", "warning", words=text)
 
 
-def test_a_model_that_fails_says_why(analysis):
+def test_a_model_that_fails_says_why(analysis, no_figures):
     found = analysis.validation
     criteria = dict(found.criteria) | {"fit": Criterion(limit=1.5, at_least=True)}
     failed = replace(found, criteria=criteria, passed=False, findings=(said("Half <of it> is missing: look again."),))
@@ -132,7 +144,7 @@ def test_every_criterion_of_the_validation_has_words(analysis):
     assert set(analysis.validation.criteria) <= set(CRITERIA)
 
 
-def test_what_was_not_checked_is_said(analysis):
+def test_what_was_not_checked_is_said(analysis, no_figures):
     words = without_scripts(page(case_of(replace(analysis, validation=None), None), title=None, truth=None))
     assert "was not checked" in words
     assert "passes its checks" not in words
@@ -151,7 +163,7 @@ def test_a_long_record_keeps_its_extremes(analysis):
 def many_channels(n_channels):
     """A record of three modes seen by many channels."""
     rng = np.random.default_rng(5)
-    period, phases, cycles = 1.0, 24, 260
+    period, phases, cycles = 1.0, 24, 120
     times = np.arange(phases * cycles) * period / phases
     exponents = np.array([-0.03 + 2.1j, -0.04 + 9.0j, -0.05 + 16.3j])
     shapes = rng.standard_normal((3, n_channels, 3)) + 1j * rng.standard_normal((3, n_channels, 3))
@@ -162,6 +174,7 @@ def many_channels(n_channels):
     return fq.Record(values=values, sample_rate=phases / period, channels=names, clock=fq.ConstantPeriod(period=period))
 
 
+@pytest.mark.slow
 def test_many_channels_stay_within_the_size(tmp_path):
     found = fq.identify(many_channels(60), validate=False)
     path = fq.report(found, tmp_path / "many.html")
@@ -184,7 +197,7 @@ def test_of_many_elements_those_that_vary_most():
 
 
 def test_without_deviations(tmp_path):
-    record = fq.systems.JeffcottRotor().simulate(n_periods=256, noise=0.02, seed=3)
+    record = fq.systems.JeffcottRotor().simulate(n_periods=100, noise=0.02, seed=3)
     found = fq.identify(record, identifier=ERA(), order=4, harmonics=2, validate=False)
     text = fq.report(found, tmp_path / "era.html").read_text(encoding="utf-8")
     assert "|B| [units of the channels]" in text
@@ -275,7 +288,7 @@ def test_a_pole_belongs_to_the_mode_of_its_decay():
 
 
 def test_with_a_tachometer_what_is_left_is_noise_from_a_file_too(tmp_path):
-    run = Run(n_periods=80, samples_per_period=25.1, wander=0.003, imbalance=0.5, pulse_deg=36.0).record()
+    run = Run(n_periods=40, samples_per_period=25.1, wander=0.003, imbalance=0.5, pulse_deg=36.0).record()
     found = fq.identify(run, tach="tach", periods_per_revolution=2, validate=False)
     curves = response_sources(case_of(found, None))
     left = curves["left"].modes[0]["y"]

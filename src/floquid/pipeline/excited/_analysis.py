@@ -197,22 +197,13 @@ class ExcitedAnalysis(Told, Drawn, Rebuilt):
         .. math:: \dot x = A(t)\, x + B(t)\, u, \qquad A(t) = (\dot\Psi + \Psi\Lambda)\, \Psi^{-1}, \qquad
                   B(t) = \Psi(t)\, b(t)
 
-        as `floquid.reconstruct` gives them, with its errors; without deviations where the model fails: what it leaves
-        is no noise.
+        as `floquid.reconstruct` gives them, which has the errors; without deviations where the model fails: what it
+        leaves is no noise.
 
         Parameters
         ----------
-        states
-            The channels taken as displacements, half as many as there are modes; all states in first-order form.
-        form
-            "second-order": displacements, then their velocities. "first-order": the channels as they are. "delayed":
-            the channels and the same channels later.
-        delay
-            Of "delayed" [s]; None takes the one with the best condition.
-        harmonics
-            "auto": those that make the error of A(t) least; "model": all that were fitted; or -harmonics … harmonics.
-        times
-            Instants after phase zero [s], or how many equally spaced ones over a period.
+        states, form, delay, harmonics, times
+            Those of `floquid.reconstruct`.
         """
         found = reconstruct(self.model, states, form=form, delay=delay, harmonics=harmonics, times=times)
         return found.without_deviations() if self.failed else found
