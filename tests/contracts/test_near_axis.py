@@ -26,8 +26,7 @@ PERIOD, PHASES, CYCLES = 1.3, 12, 110
 OMEGA = 2.0 * np.pi / PERIOD
 TIMES = np.arange(PHASES * CYCLES) * PERIOD / PHASES
 VALUES = np.random.default_rng(0).standard_normal((2, len(TIMES))) + 5.0 * np.exp(-0.02 * TIMES) * np.cos(1.9 * TIMES)
-SQUARES = ((-1e-2, -0.03, (0, 2)), (-1e-9, 0.01, (0, 1)), (0.0, -0.03, (0, 2)), (1e-3, 0.01, (0, 1)))
-"""The square, the decay and the band of a pair: far from the edge, next to it, on it and beyond it."""
+SQUARES = (-1e-2, -1e-9, 0.0, 1e-9, 1e-3)
 
 
 def blocks(kind):
@@ -70,16 +69,18 @@ KINDS = ("lifted", "lifted, a constant off", "even", "few", "by angle", "gaps")
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_gradient_is_a_difference_through_the_edge(kind, half):
     own = blocks(kind)
-    for square, decay, odd in SQUARES:
-        at = entries(square, half, decay, odd)
-        found = linearise(own, at)
-        for place, analytic in enumerate(found.gradient):
-            step = np.zeros(len(found.gradient))
-            size = 1e-8 if place == len(step) - 1 else 1e-6  # of q, in which the response bends far sooner
-            step[place] = size
-            ends = [linearise(own, at.moved(sign * step)).cost for sign in (1.0, -1.0)]
-            bound = 1e-5 * np.abs(found.gradient).max()
-            assert -(ends[0] - ends[1]) / (4.0 * size) == pytest.approx(analytic, abs=bound)
+    for square in SQUARES:
+        for decay, odd in ((-0.03, (0, 2)), (0.01, (0, 1))):
+            at = entries(square, half, decay, odd)
+            found = linearise(own, at)
+            for place, analytic in enumerate(found.gradient):
+                step = np.zeros(len(found.gradient))
+                size = 1e-8 if place == len(step) - 1 else 1e-6  # of q, in which the response bends far sooner
+                step[place] = size
+                ends = [linearise(own, at.moved(sign * step)).cost for sign in (1.0, -1.0)]
+                assert -(ends[0] - ends[1]) / (4.0 * size) == pytest.approx(
+                    analytic, abs=1e-5 * np.abs(found.gradient).max()
+                )
 
 
 def driven(square, half, hold):
@@ -119,7 +120,7 @@ def misfit_of_gradients(square, half, hold):
 
 @pytest.mark.parametrize("half", [0, 1])
 @pytest.mark.parametrize("hold", ["zero", "first", "none"])
-@pytest.mark.parametrize("square", [-1e-3, 0.0, 1e-9])
+@pytest.mark.parametrize("square", [-1e-3, -1e-9, 0.0, 1e-9, 1e-3])
 def test_the_gradient_with_inputs_is_a_difference_through_the_edge(square, hold, half):
     assert misfit_of_gradients(square, half, hold) < 1e-5
 

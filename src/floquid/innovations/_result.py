@@ -186,7 +186,7 @@ class Fit(Rebuilt):
         return responding(samples, at, innovations)
 
     def refitted(self, values: NDArray[np.float64]) -> Fit:
-        """The same modes and harmonics fitted to other outputs (outputs, samples).
+        """Fit these modes and harmonics to other outputs (outputs, samples).
 
         Raises IdentificationError where their predictor diverges on them.
         """

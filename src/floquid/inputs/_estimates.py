@@ -220,7 +220,7 @@ def driven_of(
     fundamental: float,
     begins: NDArray[np.float64],
 ) -> Driven | None:
-    """What inputs do beside driving the modes; None where there are none.
+    """Effects of inputs beside driving the modes; None where there are no inputs.
 
     `direct` has D (outputs, inputs) by harmonics from 0 on, `begins` are the times at which the records begin [s].
     """

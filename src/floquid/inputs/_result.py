@@ -165,7 +165,7 @@ class Uncertainty(Rebuilt):
         return np.asarray(clean + self.at.noise[:, None] * generator.standard_normal(clean.shape))
 
     def refitted(self, values: NDArray[np.float64]) -> Uncertainty:
-        """The same modes and harmonics fitted to other outputs (outputs, samples) at the same inputs."""
+        """Fit these modes and harmonics to other outputs (outputs, samples) at the same inputs."""
         samples = replace(self.samples, values=values)
         return Uncertainty(samples, read_near_axis(samples, solve(samples, self.at.modes, self.at.direct)).at)
 

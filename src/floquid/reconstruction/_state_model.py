@@ -61,7 +61,7 @@ class StateModel(Drawn, Rebuilt):
         return {"system_elements": (self, {})}
 
     def without_deviations(self) -> StateModel:
-        """The same matrices, of a model that leaves more than noise: there is nothing to quote."""
+        """Drop all deviations: a model that leaves more than noise has none to quote."""
         return replace(self, system_std=None, transition_std=None, inputs_std=None)
 
     def __post_init__(self) -> None:

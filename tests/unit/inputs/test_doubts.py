@@ -44,7 +44,6 @@ def test_inputs_at_other_instants_are_named(moved, hold, words):
     assert any(words in text for text in found.warnings)
 
 
-@pytest.mark.first(1)
 @pytest.mark.parametrize(("moved", "seed"), [(1, 6), (-1, 1)])
 def test_short_and_noisy_records_do_not_take_up_a_delay_without_a_word(moved, seed):
     system = mathieu()
@@ -184,7 +183,6 @@ def test_a_little_noise_on_inputs_is_a_warning(share, told):
     assert codes(found) == told
 
 
-@pytest.mark.first(1)
 @pytest.mark.parametrize(("seed", "share"), [(3, 0.2), (1, 0.1)])
 def test_noise_on_inputs_is_named_first_and_no_other_instants_are(seed, share):
     """Samples of the inputs at other instants explained more of these records, too, and were named beside."""

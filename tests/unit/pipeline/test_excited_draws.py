@@ -12,6 +12,8 @@ from tests.driven import ambient_of, mathieu, record_of
 import floquid
 from floquid import Channel, Record, bootstrap, identify_ambient, identify_driven
 from floquid.errors import IdentificationError
+from floquid.findings import failure
+from floquid.pipeline.excited._analysis import finished
 
 DRAWS = 60
 PHASES = 24
@@ -42,7 +44,7 @@ def drawn(kind, structure=""):
     return bootstrap(found(kind, structure), draws=DRAWS, workers=1)
 
 
-@pytest.mark.first(1)
+@pytest.mark.first(2)
 @pytest.mark.parametrize(
     ("kind", "structure"),
     [("inputs", FORM), ("outputs alone", ""), ("inputs", ""), ("outputs alone", FORM)],
@@ -78,6 +80,17 @@ def test_a_structure_is_told_more_of_than_the_free_matrix():
         assert own.state.system_std[:, 1].max() < free.state.system_std[:, 1].max()
         truth = np.array([mathieu().A(time) for time in own.state.times])
         assert (np.abs(own.state.system - truth)[:, 1] < 4.0 * own.state.system_std[:, 1] + 1e-12).all()
+
+
+def test_a_model_that_fails_is_given_no_structure():
+    right = found("inputs", FORM)
+    failing = replace(right, findings=(failure("inputs_undetermined"),), state=None, refinement=None)
+    told = finished(failing, 0.0, lambda _: None)
+    assert (told.state, told.refinement) == (None, None)
+    assert any("one that fails has none to quote" in words for words in told.warnings)
+    free = finished(replace(failing, settings=replace(failing.settings, structure="")), 0.0, lambda _: None)
+    assert free.state is not None
+    assert free.state.system_std is None
 
 
 def test_b_of_t_comes_with_a_structure_too():

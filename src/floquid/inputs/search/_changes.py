@@ -134,13 +134,14 @@ def afresh(point: Point) -> Iterator[Move[Structure]]:
     samples, modes, omega = point.samples, point.structure.modes, point.samples.fundamental
     strong = sorted(np.argsort(-point.scores.of_modes)[: (len(modes) + 1) // 2].tolist())
     near = [mode for mode in modes if near_axis(mode, omega)]
+    least = max(1e-3, by_noise_beyond(point.scores, point.limits))
     for own, real in ((modes, ()), ([modes[number] for number in strong], ()), (modes if near else (), near)):
         bare = [_bare(samples, mode, axis=any(mode is one for one in real)) for mode in own]
         if bare:
             with suppress(np.linalg.LinAlgError):
                 gain, fitted = fitted_together(samples, samples.values, bare)
                 structure = replace(point.structure, modes=tuple(fitted))
-                yield Move(point.price.of(structure) - gain, "afresh", structure, helped=True)
+                yield Move(point.price.of(structure) - gain, "afresh", structure, least, helped=True)
 
 
 def _bare(samples: Samples, mode: InputMode, *, axis: bool) -> InputMode:

@@ -66,7 +66,7 @@ class Draw(Rebuilt):
 
 
 class Redrawn(Protocol):
-    """What a draw of a kind of record needs beside its seed."""
+    """A kind of record to draw from: all that is needed beside a seed."""
 
     @property
     def model(self) -> PeriodicModel:
@@ -94,7 +94,7 @@ class Redrawn(Protocol):
         ...
 
     def redone(self, generator: np.random.Generator) -> Draw:
-        """What is found in records drawn from the model."""
+        """Identify records drawn from the model."""
         ...
 
 
@@ -122,7 +122,7 @@ class FreeRedrawn:
         return self.plan.whole
 
     def redone(self, generator: np.random.Generator) -> Draw:
-        """What is found in records drawn from the model."""
+        """Identify records drawn from the model."""
         values = noisy(self.plan, generator)
         return _identified(self.plan, values) if self.whole else _fitted(self.plan, values)
 
@@ -142,13 +142,13 @@ class ExcitedRedrawn:
 
     @staticmethod
     def of(analysis: ExcitedAnalysis, whole: bool) -> ExcitedRedrawn:
-        """That of a result."""
+        """Draws from a result."""
         bare = replace(analysis.model, covariance=None, estimates=None, unselected=None)
         bare = replace(bare, coefficient_std=analysis.model.coefficient_std)
         return ExcitedRedrawn(analysis=analysis, model=bare, whole=whole, **choices_of(analysis, bare))
 
     def redone(self, generator: np.random.Generator) -> Draw:
-        """What is found in records drawn from the model."""
+        """Identify records drawn from the model."""
         analysis, values = self.analysis, self.analysis.fit.drawn(generator)
         if self.whole:
             found = self._identified(values)
@@ -175,7 +175,7 @@ class ExcitedRedrawn:
 
 
 def redrawn(analysis: Analysis | ExcitedAnalysis, *, whole: bool) -> Redrawn:
-    """What draws of a result need beside their seeds."""
+    """The records to draw of a result, whatever it is of."""
     if isinstance(analysis, ExcitedAnalysis):
         return ExcitedRedrawn.of(analysis, whole)
     return FreeRedrawn(plan_of(analysis, whole), analysis.fit.period_std, widening_of(analysis) > 1.0)

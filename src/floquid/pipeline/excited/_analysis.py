@@ -258,6 +258,9 @@ def finished(analysis: Kind, periods_of_turn: float, report: Callable[[str], Non
     analysis = replace(analysis, findings=(*analysis.findings, *_lines_found(analysis, periods_of_turn)))
     if not analysis.settings.states:
         return analysis
+    if analysis.failed and analysis.settings.structure:
+        why = "A structure is fitted by the deviations of the model, and one that fails has none to quote."
+        return replace(analysis, findings=(*analysis.findings, warning("states_unfit", reason=why)))
     try:
         state, refinement = state_of(analysis.model, analysis.settings, analysis.fit.estimates_at, report)
     except FloquidError as error:  # how many states the modes need was not known before the search
