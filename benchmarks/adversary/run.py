@@ -92,7 +92,7 @@ def judged(kind: str, seed: int) -> Row:
         kind=kind,
         seed=seed,
         outcome="passed" if analysis.validation.passed else "failed",
-        message="; ".join(analysis.validation.reasons),
+        message="; ".join(analysis.reasons),
         wrong=bool(own["false"] or (pulls > OFF).any()),
         told=bool(warned),
         codes=tuple(codes),

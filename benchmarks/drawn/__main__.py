@@ -13,7 +13,7 @@ from benchmarks.draws import add_options, judged_rows, seeds
 from tests.driven import Driven, ambient_of, record_of
 from threadpoolctl import threadpool_limits
 
-from floquid import IdentificationError, Record, identify_ambient, identify_driven
+from floquid import IdentificationError, Record, identify
 
 OFF = 5.0
 """Deviations from which on an exponent is wrong."""
@@ -140,9 +140,9 @@ def judged(seed: int, excitation: str) -> Row:
     try:
         with threadpool_limits(limits=1):
             if excitation == "inputs":
-                found = identify_driven(record, period=system.period, inputs=inputs_of(record))
+                found = identify(record, period=system.period, inputs=inputs_of(record))
             else:
-                found = identify_ambient(record, period=system.period)
+                found = identify(record, period=system.period, excitation="ambient")
     except IdentificationError:
         return Row(seed=seed, states=states, outcome="refused", seconds=time.process_time() - begin)
     seconds, model = time.process_time() - begin, found.model

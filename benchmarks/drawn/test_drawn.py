@@ -26,15 +26,14 @@ def test_the_command_writes_a_row_a_draw_and_finds_fault_with_exponents_that_are
     (row,) = json.loads(out.read_text())
     assert row["outcome"] == "passed"
     assert row["worst"] < drawn.OFF
-    name = "identify_driven" if excitation == "inputs" else "identify_ambient"
-    honest = getattr(drawn, name)
+    honest = drawn.identify
 
     def shifted(*arguments, **options):
         found = honest(*arguments, **options)
         exponents = found.model.exponents + 9.0 * found.model.exponent_std.real
         return replace(found, model=replace(found.model, exponents=exponents, estimates=None))
 
-    monkeypatch.setattr(drawn, name, shifted)
+    monkeypatch.setattr(drawn, "identify", shifted)
     again = drawn.judged(seed, excitation)
     assert again.worst > drawn.OFF
     assert not again.correct

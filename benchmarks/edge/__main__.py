@@ -82,7 +82,7 @@ def judged(family: Family, step: float, seed: int, excitation: str = "free") -> 
     try:
         with threadpool_limits(limits=1):
             if driven:
-                analysis = floquid.identify_driven(record, period=matrix.period, inputs=["force"])
+                analysis = floquid.identify(record, period=matrix.period, inputs=["force"])
             else:
                 analysis = floquid.identify(record, period=matrix.period)
     except FloquidError as error:
@@ -108,7 +108,7 @@ def judged(family: Family, step: float, seed: int, excitation: str = "free") -> 
     )
 
 
-def _told(analysis: floquid.Analysis | floquid.DrivenAnalysis, truth: NDArray[np.complex128]) -> bool:
+def _told(analysis: floquid.Analysis | floquid.Analysis, truth: NDArray[np.complex128]) -> bool:
     """Whether a note says how far from its single real multiplier a second one may be, and both are no farther."""
     findings = analysis.fit.findings if isinstance(analysis, floquid.Analysis) else analysis.findings
     notes = [found.numbers for found in findings if found.code == "hidden_partner"]

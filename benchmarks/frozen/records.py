@@ -58,12 +58,12 @@ CHAINS: Mapping[str, Chain] = {
         function="eliminated",
     ),
     "inputs": Chain(
-        identify=lambda case: floquid.identify_driven(list(case.records), **case.options),
+        identify=lambda case: floquid.identify(list(case.records), **case.options),
         module="floquid.inputs._solver",
         function="linearise",
     ),
     "ambient": Chain(
-        identify=lambda case: floquid.identify_ambient(list(case.records), **case.options),
+        identify=lambda case: floquid.identify(list(case.records), **case.options, excitation="ambient"),
         module="floquid.innovations._solve",
         function="normal_of",
     ),

@@ -130,14 +130,14 @@ def believed(model: fq.PeriodicModel, findings: tuple[Finding, ...]) -> Found:
 def driven(case: Case) -> Found:
     """floquid's chain for measured inputs, with G of samples."""
     names = [f"u{k}" for k in range(len(case.data[1]))]
-    analysis = fq.identify_driven(case.record(), inputs=names, validate=False)
+    analysis = fq.identify(case.record(), inputs=names, validate=False)
     found = believed(analysis.model, analysis.findings)
     return replace(found, transfer=analysis.transfer(None, (-1, 0, 1), sampled=True))
 
 
 def ambient(case: Case) -> Found:
     """floquid's chain for outputs alone."""
-    analysis = fq.identify_ambient(case.record(), validate=False)
+    analysis = fq.identify(case.record(), validate=False, excitation="ambient")
     return believed(analysis.model, analysis.findings)
 
 
@@ -253,7 +253,7 @@ METHODS: tuple[Method, ...] = (
         "Mathieu",
     ),
     Method("plain LTI (ERA, raw)", "juang1985", "free", GIVEN, "lines", raw_free),
-    Method("floquid.identify_driven", "", "driven", FOUND, "λ, A(t), B(t), G" + SURE, driven),
+    Method("floquid.identify", "", "driven", FOUND, "λ, A(t), B(t), G" + SURE, driven),
     Method("Hench; Verhaegen and Yu", "verhaegen1995", "driven", GIVEN, DISCRETE, by_periods),
     Method("Liu; Shi, Law and Li", "liu1997", "driven", GIVEN, DISCRETE, by_experiments),
     Method("Felici et al.", "felici2007", "driven", GIVEN, DISCRETE, by_predictor),
@@ -298,7 +298,7 @@ METHODS: tuple[Method, ...] = (
         "Mathieu",
     ),
     Method(
-        "floquid.identify_ambient",
+        "floquid.identify",
         "",
         "ambient",
         FOUND,

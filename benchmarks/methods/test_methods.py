@@ -37,7 +37,7 @@ EXACT = ("Peters and Wang", "Hench; Verhaegen and Yu", "Liu; Shi, Law and Li", "
 
 
 def bound_of(case):
-    """Deviations of the exponent, real and imaginary; that of outputs alone as of 1000 periods by identify_ambient."""
+    """Deviations of the exponent, real and imaginary; that of outputs alone as of 1000 periods by identify."""
     if case.kind == "free":
         return free_bound(case)[:, 0]
     return driven_bound(case)[:, 0] if case.kind == "driven" else 0.0053 * np.sqrt(1000.0 / case.periods) * np.ones(2)

@@ -15,7 +15,7 @@ import numpy as np
 from tests.driven import coloured, excitations, pulls, two_masses
 from threadpoolctl import threadpool_limits
 
-from floquid import IdentificationError, Record, identify_ambient
+from floquid import IdentificationError, Record, identify
 
 PERIODS, PHASES, NOISE = 400, 20, 0.02
 LASTING = 0.2
@@ -81,7 +81,7 @@ def judged(seed: int) -> Row:
     begin = time.process_time()
     try:
         with threadpool_limits(limits=1):
-            found = identify_ambient(record, period=system.period)
+            found = identify(record, period=system.period, excitation="ambient")
     except IdentificationError:
         return Row(seed=seed, outcome="refused", seconds=time.process_time() - begin)
     seconds, model = time.process_time() - begin, found.model

@@ -17,14 +17,14 @@ def test_the_command_writes_a_row_a_draw_and_finds_fault_with_exponents_that_are
     assert "| draws | 0 to 0 |" in capsys.readouterr().out
     (row,) = json.loads((tmp_path / "new" / "rows.json").read_text())
     assert row["right"]
-    honest = turbine.identify_ambient
+    honest = turbine.identify
 
     def shifted(*arguments, **options):
         found = honest(*arguments, **options)
         exponents = found.model.exponents + 7.0 * found.model.exponent_std.real
         return replace(found, model=replace(found.model, exponents=exponents, estimates=None))
 
-    monkeypatch.setattr(turbine, "identify_ambient", shifted)
+    monkeypatch.setattr(turbine, "identify", shifted)
     row = turbine.judged(0)
     assert row.worst > 5.0
     assert not row.right

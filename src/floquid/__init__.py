@@ -20,15 +20,11 @@ if TYPE_CHECKING:
     from floquid.errors import FloquidError, IdentificationError, InputError
     from floquid.exports import export_modes, to_xarray
     from floquid.pipeline import (
-        AmbientAnalysis,
         Analysis,
         Bootstrap,
-        DrivenAnalysis,
         Settings,
         bootstrap,
         identify,
-        identify_ambient,
-        identify_driven,
         measure_transfer,
     )
     from floquid.readers import from_pandas, from_sep005, from_xarray, read, to_pandas, to_sep005, write
@@ -38,10 +34,10 @@ if TYPE_CHECKING:
     from floquid.transfer import fit_transfer, multisine
 
 __all__ = [
-    "AmbientAnalysis", "Analysis", "AzimuthSignal", "Bootstrap", "Channel", "ConstantPeriod", "DrivenAnalysis",
+    "Analysis", "AzimuthSignal", "Bootstrap", "Channel", "ConstantPeriod",
     "FloquidError", "IdentificationError", "InputError", "PeriodicModel", "PulseTimes", "Record", "Refinement",
     "Settings", "StateModel", "TachometerSignal", "bootstrap", "export_modes", "fit_transfer", "floquet", "from_pandas",
-    "from_sep005", "from_xarray", "identify", "identify_ambient", "identify_driven", "load", "measure_transfer",
+    "from_sep005", "from_xarray", "identify", "load", "measure_transfer",
     "multisine", "read", "reconstruct", "refine", "report", "save", "systems", "to_pandas", "to_sep005", "to_xarray",
     "write",
 ]  # fmt: skip
@@ -50,8 +46,7 @@ _ROOMS = {
     "core": "AzimuthSignal Channel ConstantPeriod PeriodicModel PulseTimes Record TachometerSignal",
     "errors": "FloquidError IdentificationError InputError",
     "exports": "export_modes to_xarray",
-    "pipeline": "AmbientAnalysis Analysis Bootstrap DrivenAnalysis Settings bootstrap "
-    "identify identify_ambient identify_driven measure_transfer",
+    "pipeline": "Analysis Bootstrap Settings bootstrap identify measure_transfer",
     "readers": "from_pandas from_sep005 from_xarray read to_pandas to_sep005 write",
     "reconstruction": "Refinement StateModel reconstruct refine",
     "reporting": "report",

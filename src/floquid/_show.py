@@ -81,11 +81,11 @@ class Told:
 
     def summary(self) -> str:
         """The result as text: the tables and the verdict that the command line prints."""
-        return _late("cli", "text_of")(self)
+        return late("cli", "text_of")(self)
 
     def _repr_html_(self) -> str:
         """The same for a notebook."""
-        return _late("reporting", "fragment")(self)
+        return late("reporting", "fragment")(self)
 
 
 class Drawn:
@@ -114,7 +114,7 @@ class Figures:
     def __getattr__(self, name: str) -> Callable[..., Any]:
         if name not in self._figures:
             raise AttributeError(f"this {self._of} has no figure {name!r}; those it has: {', '.join(dir(self))}")
-        function, (first, options) = _late("plot", name), self._figures[name]
+        function, (first, options) = late("plot", name), self._figures[name]
         draw = update_wrapper(partial(function, first() if callable(first) else first, **options), function)
         del draw.__wrapped__  # or the signature would be that with the first argument
         return cast("Callable[..., Any]", draw)
@@ -126,5 +126,6 @@ class Figures:
         return f"Figures({', '.join(dir(self))})"
 
 
-def _late(room: str, name: str) -> Any:
+def late(room: str, name: str) -> Any:
+    """A name of a room that stands above the caller, imported when it is used."""
     return getattr(import_module(f"floquid.{room}"), name)

@@ -8,6 +8,7 @@ import importlib
 import inspect
 import pkgutil
 import re
+from dataclasses import fields
 from enum import Enum
 
 import pytest
@@ -16,6 +17,7 @@ from numpydoc.docscrape import NumpyDocString
 import floquid
 
 NAMES = [info.name for info in pkgutil.iter_modules(floquid.__path__) if not info.name.startswith("_")]
+SETTINGS = [field.name for field in fields(floquid.Settings)]
 EVERY_ROOM = pytest.mark.parametrize("room", sorted(f"floquid.{name}" for name in NAMES))
 
 
@@ -40,6 +42,8 @@ def undocumented(thing) -> list[str]:
         return []  # nothing of its own to construct
     section = {name.strip("* ") for entry in NumpyDocString(text)["Parameters"] for name in entry.name.split(",")}
     names = [name for name in inspect.signature(thing).parameters if name not in ("self", "cls")]
+    if "options" in getattr(thing, "__annotations__", {}):  # fields of the settings, which document them
+        names = [name for name in names if name not in SETTINGS]
     named = "" if inspect.isclass(thing) else r"\b{}\b" if len(names) == 1 else "`{}`"
     return [name for name in names if name not in section and not (named and re.search(named.format(name), text))]
 

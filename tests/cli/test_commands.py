@@ -27,7 +27,7 @@ from floquid.views import MODE_NOTES
 PERIOD = repr(2.0 * np.pi)
 GOOD = f"identify good.npz --period {PERIOD}"
 COMMANDS = ["bootstrap", "demo", "floquet", "identify", "info", "scan", "simulate"]
-OF_SOME = {"system_elements", "speed"}
+OF_SOME = {"system_elements", "speed", "transfer", "harmonic_spectra"}
 RESULT = {
     "result.h5", "summary.json", "settings.toml", "report.html",
     *(f"figures/{name}.png" for name in FIGURES if name not in OF_SOME),
@@ -112,11 +112,11 @@ def test_json_is_the_summary_alone(here, quick_pictures):
     assert text == (here / "new" / "summary.json").read_text()
     summary = strict_json(text)
     assert list(summary) == [
-        "format", "period", "period_std", "misfit", "failed", "order", "order_choice", "n_cycles", "n_phases",
-        "noise_whitening", "modes", "periodicity", "forced", "interference", "synchronisation", "system", "validation",
-        "warnings", "findings",
+        "format", "excitation", "period", "period_std", "misfit", "failed", "order", "order_choice", "n_cycles",
+        "n_phases", "outputs", "noise", "noise_whitening", "modes", "inputs", "lengths", "periodicity", "forced",
+        "interference", "synchronisation", "system", "validation", "warnings", "findings",
     ]  # fmt: skip
-    assert summary["format"] == "floquid-summary/1"
+    assert summary["format"] == "floquid-summary/2"
     assert summary["period"] == pytest.approx(2.0 * np.pi, rel=1e-15)
     assert (summary["order"], summary["n_cycles"], summary["n_phases"]) == (4, 40, 8)
     assert summary["period_std"] is None

@@ -135,7 +135,7 @@ def test_a_model_that_was_found_to_be_wrong_is_exit_code_one(tmp_path, capsys):
     write(Record(values=np.concatenate([values, inputs]), sample_rate=20.0 / np.pi, channels=["x", "F"]), path)
     assert run(["identify", str(path), "--period", PERIOD, "--inputs", "F", "--no-validate"]) == 1
     both = capsys.readouterr()
-    assert "Modes: order" in both.out
+    assert "Modes of a model that fails: order" in both.out
     assert "noise on the measured inputs" in both.err
 
 

@@ -86,7 +86,7 @@ def assert_whole(folder, old, new):
     for name, data in now.items():
         assert data in (old[name], new.get(name)), f"{name} is neither the old nor the new one"
     assert floquid.load(folder / "result.h5").model.order == 4
-    assert json.loads((folder / "summary.json").read_text())["format"] == "floquid-summary/1"
+    assert json.loads((folder / "summary.json").read_text())["format"] == "floquid-summary/2"
     settle(folder)
     assert visible(folder) in (old, new), "the next command finds one result"
     return now

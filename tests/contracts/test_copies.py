@@ -15,7 +15,7 @@ import pytest
 from tests.driven import ambient_of, mathieu, record_of
 
 import floquid
-from floquid import _arrays, floquet, identify, identify_ambient, identify_driven, systems
+from floquid import _arrays, floquet, identify, systems
 from floquid._checks import Rebuilt
 from floquid.core import AzimuthSignal, Channel, ConstantPeriod, PulseTimes, Record, TachometerSignal
 from floquid.lti import MaximumLikelihood
@@ -95,7 +95,7 @@ def with_inputs():
     values, inputs = record_of(mathieu(), 30, 12, 0.02, 0)
     channels = ["y", Channel(name="F", unit="N")]
     driven = Record(values=np.concatenate([values, inputs]), sample_rate=12.0 / np.pi, channels=channels)
-    return identify_driven(driven, period=np.pi, inputs=["F"])
+    return identify(driven, period=np.pi, inputs=["F"])
 
 
 @functools.cache
@@ -112,9 +112,10 @@ def others():
         "synchronisation": synchronisation(found),
         "families": tuple(families(found)),
         "driven": with_inputs(),
-        "ambient": identify_ambient(
+        "ambient": identify(
             Record(values=ambient_of(mathieu(), 50, 12, 0.02, 0), sample_rate=12.0 / np.pi, channels=["y"]),
             period=np.pi,
+            excitation="ambient",
         ),
         **of_the_oracle(),
     }

@@ -15,7 +15,7 @@ from tests.driven import (
     two_masses,
 )
 
-from floquid import ConstantPeriod, Record, identify_ambient
+from floquid import ConstantPeriod, Record, identify
 
 DRAWS = 20
 HERTZ, HARMONICS = np.array([0.1, 0.22, 0.3]), np.array([-1, 0, 1])
@@ -36,7 +36,7 @@ def test_deviations_hold_of_outputs_alone(system, periods, phases, noise, order)
     for seed in range(DRAWS):
         values = ambient_of(system, periods, phases, noise, seed)
         names = [f"y{k}" for k in range(len(values))]
-        found = identify_ambient(record_from(values, system, phases, names), validate=False)
+        found = identify(record_from(values, system, phases, names), validate=False, excitation="ambient")
         assert found.model.order == order
         assert not excitations(found)
         off.append(pulls(system, found.model))
@@ -77,7 +77,9 @@ def test_deviations_hold_where_other_forces_act_too(system, process, feedback, n
     truth = system.transfer(HERTZ, HARMONICS)
     for seed in range(DRAWS):
         values = in_a_loop(system, 300, 20, seed, process, feedback, noise)
-        found = identify_ambient(record_from(values, system, 20, ["y", "F"]), inputs=["F"], validate=False)
+        found = identify(
+            record_from(values, system, 20, ["y", "F"]), inputs=["F"], validate=False, excitation="ambient"
+        )
         if found.failed:
             missed += 1
             continue
@@ -99,7 +101,9 @@ def test_modes_beside_coloured_excitation_are_right_or_the_model_fails():
     """
     system, off, orders = two_masses(), [], []
     for seed in range(8):
-        found = identify_ambient(record_from(coloured(system, 400, 20, 0.02, seed), system, 20, ["tower", "blade"]))
+        found = identify(
+            record_from(coloured(system, 400, 20, 0.02, seed), system, 20, ["tower", "blade"]), excitation="ambient"
+        )
         if found.passed:
             swinging = np.abs(found.model.exponents.real) < 0.2  # what is faster is the excitation's own
             assert np.count_nonzero(swinging) == 4
@@ -117,7 +121,7 @@ def test_a_mode_that_grows_is_found_with_its_partner():
     system, off = parted(), []
     for seed in range(DRAWS):
         values = ambient_of(system, 300, 16, 0.02, seed, warm=40)
-        found = identify_ambient(record_from(values, system, 16, ["x", "z"]), validate=False)
+        found = identify(record_from(values, system, 16, ["x", "z"]), validate=False, excitation="ambient")
         if found.model.order == 4:
             off.append(pulls(system, found.model))
     assert len(off) >= 16
@@ -129,5 +133,7 @@ def test_real_multipliers_gone_within_a_period_do_not_pass_for_a_pair():
     """Two at half the speed: the record hardly tells them from a pair, whose exponents are others."""
     system = flapping()
     for seed in range(DRAWS):
-        found = identify_ambient(record_from(ambient_of(system, 400, 24, 0.01, seed), system, 24, ["blade"]))
+        found = identify(
+            record_from(ambient_of(system, 400, 24, 0.01, seed), system, 24, ["blade"]), excitation="ambient"
+        )
         assert not found.passed or (pulls(system, found.model) < 4.0).all()

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from tests.driven import engine_record, strayed
 
-from floquid import identify_ambient
+from floquid import identify
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["ambient_rotor", "ambient_blades"])
 def test_every_mode_is_found_and_none_is_false(name):
     record, period, truth, _ = engine_record(name, 0.01, 0)
-    found = identify_ambient(record, period=period)
+    found = identify(record, period=period, excitation="ambient")
     model = found.model
     assert found.passed
     assert model.order == len(truth)

@@ -3,7 +3,7 @@
 import pytest
 from tests.driven import engine_record, strayed
 
-from floquid import identify_driven
+from floquid import identify
 
 DRAWS = 10
 
@@ -14,7 +14,7 @@ DRAWS = 10
 def test_every_mode_is_found_and_none_is_false(name, noise):
     for seed in range(DRAWS if noise else 1):
         record, period, truth, inputs = engine_record(name, noise, seed)
-        found = identify_driven(record, period=period, inputs=inputs)
+        found = identify(record, period=period, inputs=inputs)
         model = found.model
         assert found.passed
         assert model.order == len(truth)

@@ -5,7 +5,7 @@ import pytest
 from scipy.optimize import brentq
 from tests.driven import Driven, record_of
 
-from floquid import Record, identify_driven
+from floquid import Record, identify
 
 STEPS = [0.0, *(sign * step for step in (0.001, 0.003, 0.01, 0.03, 0.1, 0.3) for sign in (1.0, -1.0))]
 DRAWS, PERIODS, PHASES = 8, 160, 16
@@ -46,7 +46,7 @@ def test_intervals_hold_on_either_side_and_at_the_edge(edge):
         for seed in range(DRAWS):
             values, inputs = record_of(locked(depth), PERIODS, PHASES, 0.01, 100 * number + seed)
             record = Record(values=np.concatenate([values, inputs]), sample_rate=PHASES / np.pi, channels=["y", "u"])
-            found = identify_driven(record, period=np.pi, inputs=["u"], validate=False)
+            found = identify(record, period=np.pi, inputs=["u"], validate=False)
             model = found.model
             assert model.order == 2
             assert not found.failed

@@ -26,7 +26,7 @@ def differences(name, seed):
     one = floquid.identify(Record(values=free, sample_rate=rate, channels=outputs, clock=clock)).model
     names = [f"u{k}" for k in range(inputs)]
     record = Record(values=np.vstack([forced, pushed]), sample_rate=rate, channels=[*outputs, *names], clock=clock)
-    other = floquid.identify_driven(record, inputs=names, validate=False).model
+    other = floquid.identify(record, inputs=names, validate=False).model
     assert one.order == other.order
     gap = np.subtract.outer(one.exponents, other.exponents)
     gap = gap - 1j * one.fundamental * np.rint(gap.imag / one.fundamental)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from floquid import Record, identify_driven
+from floquid import Record, identify
 from floquid.inputs import linearise
 
 PHASES, PERIODS, SEEDS = 10, 500, 8
@@ -34,7 +34,7 @@ def test_fresh_input_is_predicted_and_multipliers_lie_within_their_deviations():
         inputs, fresh = generator.standard_normal((2, PHASES * PERIODS))
         values = response(inputs) + 0.1 * generator.standard_normal(PHASES * PERIODS)
         record = Record(values=np.array([values, inputs]), sample_rate=1.0, channels=["y", "u"])
-        found = identify_driven(record, period=float(PHASES), inputs=["u"])
+        found = identify(record, period=float(PHASES), inputs=["u"])
         assert found.passed
         assert found.model.order == 2
         at, samples = found.fit.at, found.fit.samples

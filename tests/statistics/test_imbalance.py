@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.driven import ambient_of, imbalance_of, paper_rotor, pulls, record_of
 
-from floquid import ConstantPeriod, Record, identify_ambient, identify_driven
+from floquid import ConstantPeriod, Record, identify
 
 DRAWS, PERIODS, PHASES = 10, 512, 24
 SYSTEM = paper_rotor()
@@ -15,7 +15,7 @@ def identified(values, names, imbalance, scale, **options):
     values[:4] += imbalance * scale * imbalance_of(SYSTEM, PERIODS, PHASES)
     clock = ConstantPeriod(period=SYSTEM.period)
     record = Record(values=values, sample_rate=PHASES / SYSTEM.period, channels=names[: len(values)], clock=clock)
-    return (identify_driven if options else identify_ambient)(record, periods_per_revolution=2, **options)
+    return identify(record, periods_per_revolution=2, **options or {"excitation": "ambient"})
 
 
 @pytest.mark.parametrize("imbalance", [5.0, 50.0])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.driven import flapping, mathieu, paper_rotor, pulls, record_of, two_masses
 
-from floquid import Channel, Record, identify_driven
+from floquid import Channel, Record, identify
 
 DRAWS = 20
 HERTZ = np.linspace(0.03, 0.4, 12)
@@ -17,7 +17,7 @@ def found(system, periods, phases, noise, seed):
     channels = [Channel(name=f"y{n}", unit="m") for n in range(len(values))]
     channels += [Channel(name=name, unit="N") for name in names]
     record = Record(values=np.concatenate([values, inputs]), sample_rate=phases / system.period, channels=channels)
-    return identify_driven(record, period=system.period, inputs=names, validate=False)
+    return identify(record, period=system.period, inputs=names, validate=False)
 
 
 @pytest.mark.parametrize(
@@ -116,6 +116,6 @@ def test_noise_on_an_input_does_not_pass(system, on_input):
         for own in (inputs, noisy):
             both = np.concatenate([values, own])
             record = Record(values=both, sample_rate=20 / system.period, channels=[*outputs, *names])
-            passed.append(identify_driven(record, period=system.period, inputs=names).passed)
+            passed.append(identify(record, period=system.period, inputs=names).passed)
     assert all(passed[::2])
     assert sum(passed[1::2]) <= 1

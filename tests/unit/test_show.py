@@ -70,7 +70,7 @@ def test_a_repr_says_what_is_not_the_default():
 
 
 def test_the_reprs_of_the_main_results(analysis):
-    assert repr(analysis) == "Analysis(order=4, period=6.283 s, 4 channels, 60 cycles: passes)"
+    assert repr(analysis) == "Analysis(order=4, period=6.283 s, 4 channels, 60 periods: passes)"
     assert repr(replace(analysis, validation=None)).endswith(": not checked)")
     assert repr(replace(analysis, validation=replace(analysis.validation, passed=False))).endswith(": does not pass)")
     assert repr(analysis.records[0]).startswith(
@@ -135,7 +135,7 @@ def test_the_page_of_a_notebook_has_a_row_a_mode(analysis, results):
 def test_the_figures_are_those_of_plot(results):
     """Each function of `plot` gets what it is drawn of, and its signature is that without it."""
     found = results["analysis"]
-    assert set(dir(found.plot)) == set(FIGURES) - {"speed"}
+    assert set(dir(found.plot)) == set(FIGURES) - {"speed", "transfer", "harmonic_spectra"}
     assert dir(found.model.plot) == dir(results["modes"].plot) == ["exponents", "periodic_shapes"]
     assert dir(found.state.plot) == ["system_elements"]
     assert dir(results["scan"].plot) == ["indicators", "stabilisation"]

@@ -33,7 +33,7 @@ from floquid.cli._terminal import plain, print_found, print_warnings, terminal
 from floquid.cli._transfer import multisine, transfer
 from floquid.floquet import FloquetModes, stability
 from floquid.order import OrderScan
-from floquid.pipeline import Analysis, Bootstrap, ExcitedAnalysis
+from floquid.pipeline import Analysis, Bootstrap
 
 WIDTH = 100  # characters of a line of `summary()`
 
@@ -90,12 +90,12 @@ def _end(message: str, code: int) -> int:
     return code
 
 
-def text_of(result: Analysis | ExcitedAnalysis | Bootstrap | OrderScan | FloquetModes) -> str:
+def text_of(result: Analysis | Bootstrap | OrderScan | FloquetModes) -> str:
     """The tables and the verdict of a result that the command line prints, without colours, and with Python's names."""
     file = StringIO()
     console = plain(file, WIDTH)
     match result:
-        case Analysis() | ExcitedAnalysis():
+        case Analysis():
             print_found(console, result)
             print_warnings(console, result.warnings)
         case Bootstrap():

@@ -18,7 +18,7 @@ from floquid._checks import counted, input_error
 from floquid.cli._folder import ResultFolder, maybe_folder, result_file
 from floquid.cli._options import Format, OptionalWhole, OutputFolder, Saved, Seed, Whole
 from floquid.cli._terminal import json_text, new_table, print_files, print_title, print_whole, terminal
-from floquid.pipeline import Analysis, Bootstrap, DrawFile, ExcitedAnalysis, Spread
+from floquid.pipeline import Analysis, Bootstrap, DrawFile, Spread
 from floquid.pipeline import bootstrap as bootstrap_analysis
 from floquid.store import load
 
@@ -68,7 +68,7 @@ def bootstrap(
         key, analysis = _key(file, seed, whole=whole), load(file)
         while key != (now := _key(file, seed, whole=whole)):  # another program has put a new result there meanwhile
             key, analysis = now, load(file)
-        if not isinstance(analysis, (Analysis, ExcitedAnalysis)):
+        if not isinstance(analysis, Analysis):
             raise input_error("RESULT", OF, "be a result of `floquid identify`", "is one of transfer functions")
         kept = None if out is None else DrawFile(path=out / KEPT, key=key)
         if kept is not None and (done := len(kept.read())):

@@ -48,8 +48,6 @@ _OPTIONS = {
     "floquet.read_openfast": {"paths": "`FILES`"},
     "Settings": _SETTINGS,
     "identify": _SETTINGS,
-    "identify_driven": _SETTINGS,
-    "identify_ambient": _SETTINGS,
     "measure_transfer": {
         **_SETTINGS,
         **_alike("method", "harmonics", "repeat", "drop", "reference", "curvature"),

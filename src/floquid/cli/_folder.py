@@ -28,19 +28,16 @@ from floquid.cli._terminal import json_text
 from floquid.core import Record
 from floquid.exports import summary, transfer_rows
 from floquid.io import flush, flush_folder
-from floquid.pipeline import Analysis, ExcitedAnalysis
+from floquid.pipeline import Analysis
 from floquid.plot import FIGURES as DRAWN
 from floquid.readers import write
 from floquid.store import load, save
 
-FIGURES = tuple(f"{name}.png" for name in DRAWN)  # the figures that there may be: some need an A(t), or a tachometer
+FIGURES = tuple(f"{name}.png" for name in DRAWN)  # the figures that there may be
 RESULT = "result.h5"  # the file of an identification: figures beside it are of it
-EXCITED = ("transfer.csv", "figures/transfer.png", "figures/harmonic_spectra.png")
-"""Files of a result whose excitation goes on alone."""
-
-FILES = ("record.npz", RESULT, "summary.json", "settings.toml", "report.html")
+FILES = ("record.npz", RESULT, "summary.json", "settings.toml", "report.html", "transfer.csv")
 # What the files of a result are called in its folder.
-NAMES = (*FILES, *EXCITED, *(f"figures/{name}" for name in FIGURES))
+NAMES = (*FILES, *(f"figures/{name}" for name in FIGURES))
 LOCK = ".floquid-lock"  # held while files take their names
 
 READY, MOVING = ".floquid-ready", ".floquid-moving"
@@ -99,10 +96,10 @@ def result_file(path: Path) -> Path:
     return folder / RESULT if path.is_dir() else path
 
 
-def identified_in(path: Path, of: str) -> Analysis | ExcitedAnalysis:
+def identified_in(path: Path, of: str) -> Analysis:
     """The analysis in a result, or in the folder that it is in."""
     found = load(result_file(path))
-    if not isinstance(found, (Analysis, ExcitedAnalysis)):
+    if not isinstance(found, Analysis):
         remedy = "`floquid transfer --lines` reads it."
         raise input_error("RESULT", of, "be what `floquid identify` wrote", "holds transfer functions", remedy)
     return found
@@ -152,7 +149,7 @@ def _settle(path: Path) -> None:
         _move(moving, path)
     if ready.is_dir():
         if (ready / RESULT).exists():
-            for name in ("report.html", *EXCITED, *(f"figures/{figure}" for figure in FIGURES)):
+            for name in ("report.html", "transfer.csv", *(f"figures/{figure}" for figure in FIGURES)):
                 if not (ready / name).exists():
                     (path / name).unlink(missing_ok=True)
         ready.rename(moving)
@@ -232,7 +229,7 @@ def _unusable(path: Path, got: str) -> Exception:
 
 def write_result(
     folder: ResultFolder,
-    analysis: Analysis | ExcitedAnalysis,
+    analysis: Analysis,
     settings: str,
     report: Callable[[str], None],
     *,
@@ -254,7 +251,7 @@ def write_result(
     save(analysis, place / RESULT)
     folder.write("summary.json", json_text(summary(analysis)))
     folder.write("settings.toml", settings)
-    if isinstance(analysis, ExcitedAnalysis) and analysis.inputs:
+    if analysis.inputs:
         folder.write("transfer.csv", transfer_rows(analysis.transfer()))
     report("drawing the figures")
     (place / "figures").mkdir()

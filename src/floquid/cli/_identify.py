@@ -27,7 +27,6 @@ from floquid.cli._records import check_files, read_records
 from floquid.cli._terminal import json_text, print_analysis, print_folder, progress, terminal
 from floquid.errors import IdentificationError
 from floquid.exports import summary
-from floquid.pipeline import Analysis, ExcitedAnalysis
 from floquid.pipeline import identify as identify_records
 from floquid.reporting import report as write_report
 from floquid.store import load
@@ -77,7 +76,7 @@ def identify(
     stages = STAGES + (5 if out else 0) + (3 if choices.settings.structure else 0)
     with maybe_folder(out, NAMES) as folder, progress(stages) as report:
         records, choices = read_records(files, choices, OF, report)
-        analysis: Analysis | ExcitedAnalysis = identify_records(records, choices.resolved(), report=report)
+        analysis = identify_records(records, choices.resolved(), report=report)
         if folder is not None:
             write_result(folder, analysis, choices.text(), report)
     if format == "json":
@@ -87,13 +86,9 @@ def identify(
         print_folder(out)
     if analysis.failed:
         raise IdentificationError(analysis.warnings[0])
-    if isinstance(analysis, ExcitedAnalysis):
-        passed, reasons = analysis.passed, analysis.warnings
-    else:
-        found = analysis.validation
-        passed, reasons = (True, ()) if found is None else (found.passed, found.reasons or found.unmet)
-    if enforce and not passed:
-        raise CriteriaNotMetError("\n  ".join(["The model does not pass its checks.", *reasons]))
+    if enforce and not analysis.passed:
+        unmet = () if analysis.validation is None else analysis.validation.unmet
+        raise CriteriaNotMetError("\n  ".join(["The model does not pass its checks.", *(analysis.reasons or unmet)]))
 
 
 def report(result: Saved, *, out: OutputFolder = None, title: str | None = None) -> None:

@@ -18,10 +18,12 @@ from floquid._arrays import Floats
 from floquid._bar import bar
 from floquid._checks import counted
 from floquid._json import for_json
+from floquid.findings import Severity, texts
 from floquid.lifting import Lifted
-from floquid.pipeline import Analysis, ExcitedAnalysis
+from floquid.pipeline import Analysis
 from floquid.reconstruction import Refinement
 from floquid.views import (
+    done_words,
     for_command,
     input_unit,
     mode_table,
@@ -97,16 +99,16 @@ def print_files(folder: Path | None, names: Sequence[str], kept: str) -> None:
         terminal().print(f"Written to {folder}/: {', '.join(names)}", soft_wrap=True)
 
 
-def print_analysis(analysis: Analysis | ExcitedAnalysis, *, verbose: bool = False) -> None:
+def print_analysis(analysis: Analysis, *, verbose: bool = False) -> None:
     """The record, the modes, a line for each other finding, A(t) and the warnings; with `verbose` the reasons, too."""
     console = terminal()
     print_found(console, analysis, verbose=verbose)
-    if isinstance(analysis, Analysis) and verbose:
+    if verbose:
         _print_reasons(console, analysis)
     if analysis.state is not None:
         print_state(console, analysis)
-    print_warnings(console, analysis.warnings)
-    if isinstance(analysis, Analysis) and not verbose:
+    print_warnings(console, texts(analysis.findings, Severity.WARNING))
+    if not verbose:
         console.print("`floquid identify --verbose` explains the columns and gives the reasons.", style="dim")
 
 
@@ -116,14 +118,10 @@ def print_warnings(console: Console, warnings: Iterable[object]) -> None:
         console.print(f"Warning: {warning}", style="yellow")
 
 
-def print_found(console: Console, analysis: Analysis | ExcitedAnalysis, *, verbose: bool = False) -> None:
+def print_found(console: Console, analysis: Analysis, *, verbose: bool = False) -> None:
     """Print the record, the modes, a line for each other finding, and the reasons against the model."""
-    free = isinstance(analysis, Analysis)
-    if free:
-        _print_record(console, analysis, verbose=verbose)
-    else:
-        _print_excited_record(console, analysis)
-    modes = "Modes of a model that fails" if free and analysis.failed else "Modes"
+    _print_record(console, analysis, verbose=verbose)
+    modes = "Modes of a model that fails" if analysis.failed else "Modes"
     print_title(console, f"{modes}: order {analysis.model.order}, conjugates counted one by one")
     print_modes(console, analysis)
     _print_legend(console, analysis, verbose=verbose)
@@ -134,18 +132,17 @@ def print_found(console: Console, analysis: Analysis | ExcitedAnalysis, *, verbo
     for name, words in outcome_lines(analysis).items():
         lines.add_row(name, words)
     console.print(lines)
-    for reason in analysis.validation.reasons if free and analysis.validation is not None else ():
+    for reason in analysis.reasons:
         console.print(f"  {reason}", style="yellow")
 
 
-def _print_legend(console: Console, analysis: Analysis | ExcitedAnalysis, *, verbose: bool) -> None:
+def _print_legend(console: Console, analysis: Analysis, *, verbose: bool) -> None:
     """Print a legend of the table of modes: with `verbose` all columns, else what a table cannot say itself."""
     meanings = note_meanings(mode_table(analysis))
-    free = isinstance(analysis, Analysis)
-    without = FAILS if free and analysis.failed else NO_DEVIATIONS
+    without = FAILS if analysis.failed else NO_DEVIATIONS
     deviations = without if analysis.model.exponent_std is None else DEVIATIONS
     parts = [f"±: a conjugate pair; {deviations}"]
-    if free and verbose:
+    if verbose:
         kept = ", as asked for" if analysis.settings.harmonics is not None else " that rise above the noise"
         kept += ", the residues held to them" if analysis.constrained else ""
         parts += [LEGEND, f"m: harmonics of the shape{kept}"]
@@ -159,7 +156,7 @@ def _print_reasons(console: Console, analysis: Analysis) -> None:
         console.print(f"The order is clear. {' '.join(analysis.choice.reasons)}", style="dim")
     for sentence in () if analysis.periodicity is None else analysis.periodicity.sentences:
         console.print(sentence, style="dim")
-    if analysis.validation is not None and analysis.validation.passed and not analysis.validation.findings:
+    if analysis.validation is not None and analysis.passed and not analysis.validation.findings:
         console.print(f"Validation passed: {passed_words(analysis.validation)}", style="dim")
 
 
@@ -175,15 +172,20 @@ def print_folder(folder: Path | None, *others: str) -> None:
 
 def _print_record(console: Console, analysis: Analysis, *, verbose: bool) -> None:
     """Print the size of the records and what was done with them; with `verbose` all of it, and the noise."""
-    first, cycles = analysis.records[0], analysis.cycles
-    samples = counted(f"{first.sample_rate * analysis.model.period:.6g}", "sample")
+    first, model = analysis.records[0], analysis.model
+    samples = counted(f"{first.sample_rate * model.period:.6g}", "sample")
+    if analysis.decay is None:
+        sides = f"{counted(len(analysis.inputs), 'input')} and " if analysis.inputs else ""
+        sides += counted(len(model.channels), "output")
+        periods = f"{sum(record.duration for record in analysis.records) / model.period:.6g} periods in all"
+    else:
+        sides = counted(first.n_channels, "channel")
+        periods = f"{', '.join(str(hit.n_cycles) for hit in analysis.cycles)} periods"
     console.print(
-        f"{counted(len(cycles), 'record')}, {counted(first.n_channels, 'channel')} at {first.sample_rate:.8g} Hz; "
-        f"ω = {analysis.model.fundamental:.6g} rad/s: {samples} a period, "
-        f"{', '.join(str(c.n_cycles) for c in cycles)} periods."
+        f"{counted(len(analysis.records), 'record')}, {sides} at {first.sample_rate:.8g} Hz; "
+        f"ω = {model.fundamental:.6g} rad/s: {samples} a period, {periods}."
     )
-    steps = [step for record in analysis.records for step in record.provenance.steps]
-    done = list(dict.fromkeys([*steps, *analysis.synchronisation]))
+    done = done_words(analysis)
     for sentence in done if verbose else done[:MOST_DONE]:
         console.print(f"  {sentence}")
     if not verbose:
@@ -191,22 +193,13 @@ def _print_record(console: Console, analysis: Analysis, *, verbose: bool) -> Non
             option = " (--verbose)" if isinstance(console, _Terminal) else ""
             console.print(f"  … and {len(done) - MOST_DONE} more{option}.", style="dim")
         return
+    if analysis.decay is None:
+        return
     coloured = analysis.whitening is not None
     title = "Noise found, standard deviation after the whitening filter" if coloured else NOISE
     print_title(console, LEFT if analysis.failed else title)
     console.print(_noise_table(analysis))
     print_whitening(console, analysis)
-
-
-def _print_excited_record(console: Console, analysis: ExcitedAnalysis) -> None:
-    """Print the size of records whose excitation goes on."""
-    first, model = analysis.records[0], analysis.model
-    periods = sum(record.duration for record in analysis.records) / model.period
-    inputs = f"{counted(len(analysis.inputs), 'input')} and " if analysis.inputs else ""
-    console.print(
-        f"{counted(len(analysis.records), 'record')}, {inputs}{counted(len(model.channels), 'output')} at "
-        f"{first.sample_rate:.8g} Hz; ω = {model.fundamental:.6g} rad/s, {periods:.6g} periods in all."
-    )
 
 
 def print_whitening(console: Console, found: Lifted | Analysis) -> None:
@@ -230,7 +223,7 @@ def _noise_table(analysis: Analysis) -> Table:
     return table
 
 
-def print_modes(console: Console, analysis: Analysis | ExcitedAnalysis) -> None:
+def print_modes(console: Console, analysis: Analysis) -> None:
     """The table of modes, with the deviations of f and ζ where it is not too wide for them."""
     table = modes_table(analysis, derived=True)
     table.padding, table.pad_edge = (0, 1, 0, 0), False
@@ -239,7 +232,7 @@ def print_modes(console: Console, analysis: Analysis | ExcitedAnalysis) -> None:
     print_whole(console, table)
 
 
-def modes_table(analysis: Analysis | ExcitedAnalysis, *, derived: bool = False) -> Table:
+def modes_table(analysis: Analysis, *, derived: bool = False) -> Table:
     """The table of modes, if wanted with the deviations of what is derived from exponents."""
     rows = mode_table(analysis, derived=derived)
     noted = not derived or any(row.notes for row in rows)
@@ -250,7 +243,7 @@ def modes_table(analysis: Analysis | ExcitedAnalysis, *, derived: bool = False) 
     return table
 
 
-def print_state(console: Console, analysis: Analysis | ExcitedAnalysis) -> None:
+def print_state(console: Console, analysis: Analysis) -> None:
     """Rows of A(t), and of B(t) where inputs were measured: smallest and largest values over the period, deviations."""
     state = analysis.state
     assert state is not None

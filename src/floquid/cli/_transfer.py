@@ -38,7 +38,7 @@ from floquid.errors import IdentificationError, InputError
 from floquid.exports import export_transfer, fit_entries, import_transfer, measured_entries, transfer_entries
 from floquid.findings import Finding, Severity, as_mapping, texts
 from floquid.inputs import TransferFunctions
-from floquid.pipeline import ExcitedAnalysis, measure_transfer
+from floquid.pipeline import Analysis, measure_transfer
 from floquid.pipeline import identify as identify_records
 from floquid.readers import write
 from floquid.reporting import ENDINGS
@@ -130,7 +130,6 @@ def transfer(
             found, findings, more = result.transfer(hertz, turns), result.findings, fit_entries(result)
         elif method == "model":
             result: Any = identify_records(records, chosen, report=report)
-            assert isinstance(result, ExcitedAnalysis)
             found, findings, more = result.transfer(hertz, turns), result.findings, {}
         else:
             # Of a fit all lines are measured, and G is asked of the modes at the frequencies named.
@@ -268,12 +267,12 @@ def _measured_in(file: Path) -> MeasuredTransfer | TransferFunctions:
     return found
 
 
-def _write(found: TransferFunctions, result: ExcitedAnalysis | MeasuredTransfer | TransferFit, out: Path) -> None:
+def _write(found: TransferFunctions, result: Analysis | MeasuredTransfer | TransferFit, out: Path) -> None:
     """Write transfer functions as a table, as a picture, or with all that they come of."""
     if out.suffix.lower() == ".h5":
         save(result, out)
         return
-    if isinstance(result, (ExcitedAnalysis, TransferFit)) and out.suffix.lower() in ENDINGS:
+    if isinstance(result, (Analysis, TransferFit)) and out.suffix.lower() in ENDINGS:
         write_report(result, out)
         return
     if out.suffix.lower() in (".csv", ".mat") or re.fullmatch(r"\.s\d+p", out.suffix.lower()):

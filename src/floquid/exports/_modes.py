@@ -21,7 +21,7 @@ from floquid.exports._mat import PLAIN, mat_cells, mat_file
 from floquid.exports._summary import mode_entries, summary
 from floquid.exports._uff import uff_bytes
 from floquid.io import as_path, atomic_path
-from floquid.pipeline import Analysis, ExcitedAnalysis
+from floquid.pipeline import Analysis
 from floquid.reconstruction import StateModel
 
 MODE_FORMATS = (".uff", ".unv", ".mat", ".csv", ".json")
@@ -29,7 +29,7 @@ MODE_FORMATS = (".uff", ".unv", ".mat", ".csv", ".json")
 
 
 def export_modes(
-    result: Analysis | ExcitedAnalysis | PeriodicModel,
+    result: Analysis | PeriodicModel,
     path: str | PathLike[str],
     *,
     coordinates: Mapping[str, ArrayLike] | None = None,
@@ -50,13 +50,13 @@ def export_modes(
       heading, or in a column.
     - `.json`: of an analysis the content of `summary.json`, of a model its modes alone.
 
-    `result` is what `identify`, `identify_driven` or `identify_ambient` found, or its `model`; the file `path` may
+    `result` is what `identify` found, or its `model`; the file `path` may
     exist, and is replaced at the end, in one step. `coordinates` say where the nodes of a universal file are: x, y, z
     by the location of channels, or by their names where they have none; others are at the origin. Raises InputError
     where an argument is something else, the suffix is unknown, or the file cannot be written there.
     """
     of = "export_modes"
-    if not isinstance(result, (Analysis, ExcitedAnalysis, PeriodicModel)):
+    if not isinstance(result, (Analysis, PeriodicModel)):
         got = f"is {describe(result)}"
         raise input_error("result", of, "be an Analysis or a PeriodicModel", got, "Pass what `identify` gave.")
     file = as_path(path, of=of)
@@ -80,9 +80,9 @@ def export_modes(
         temporary.write_bytes(content)
 
 
-def _json_bytes(result: Analysis | ExcitedAnalysis | PeriodicModel) -> bytes:
+def _json_bytes(result: Analysis | PeriodicModel) -> bytes:
     content: dict[str, Any]
-    if isinstance(result, (Analysis, ExcitedAnalysis)):
+    if isinstance(result, Analysis):
         content = summary(result)
     else:
         content = {

@@ -6,16 +6,15 @@ from typing import Any
 
 from floquid._arrays import Floats
 from floquid._json import for_json
-from floquid.core import PeriodicModel
+from floquid.core import ModelInputs, PeriodicModel
 from floquid.findings import as_mapping
 from floquid.order import Choice
 from floquid.periodic import ForcedResponse, PartialTests, Periodicity, participation
-from floquid.pipeline import AmbientAnalysis, Analysis, ExcitedAnalysis
+from floquid.pipeline import Analysis
 from floquid.reconstruction import Refinement, StateModel, text_of
-from floquid.validation import Validation
 
 
-def summary(analysis: Analysis | ExcitedAnalysis) -> dict[str, Any]:
+def summary(analysis: Analysis) -> dict[str, Any]:
     """The content of `summary.json`: plain numbers, lists and texts for `json.dump`; what is not computed is None.
 
     Every exponent is listed, conjugates included; a complex number is [real, imaginary]. `participation` is the share
@@ -30,72 +29,55 @@ def summary(analysis: Analysis | ExcitedAnalysis) -> dict[str, Any]:
     A(t) over the period and its deviations, what its states are (`coordinates`), and, where it was fitted with a
     structure, that structure, its parameters, and how well it fits.
 
-    Where the excitation goes on, `inputs` has, of each mode, its `coefficients` b over the inputs' `harmonics` with
-    deviations, and the `direct` term, and is null where none were measured; `system` has B(t), C(t) and D(t)
-    beside A(t), its `inputs`, `outputs` and `direct` (times, …); `lengths` are the durations of a record
-    that would give each damping to 10 % [s], null with measured inputs alone.
+    `excitation` is free, inputs or ambient. `inputs` has, of each mode, its `coefficients` b over the inputs'
+    `harmonics` with deviations, and the `direct` term, and is null where none were measured; `system` then has B(t),
+    C(t) and D(t) beside A(t), its `inputs`, `outputs` and `direct` (times, …). `lengths` are the durations of a record
+    of outputs alone that would give each damping to 10 % [s]. What is of free responses alone is null of others.
 
-    `analysis` is what `identify`, `identify_driven` or `identify_ambient` found.
+    `analysis` is what `identify` found.
     """
-    return for_json(_free(analysis) if isinstance(analysis, Analysis) else _excited(analysis))
-
-
-def _free(analysis: Analysis) -> dict[str, Any]:
-    """The summary of free responses."""
-    model = analysis.model
-    weights = 1.0 / analysis.noise
-    return {
-        "format": "floquid-summary/1",
+    model, decay = analysis.model, analysis.decay
+    choice, tested, forced = analysis.choice, analysis.periodicity, analysis.forced
+    found = {
+        "format": "floquid-summary/2",
+        "excitation": "ambient" if analysis.ambient else "inputs" if analysis.inputs else "free",
         "period": model.period,
         "period_std": analysis.period_std,
         "misfit": analysis.misfit,
         "failed": analysis.failed,
         "order": model.order,
-        "order_choice": None if analysis.choice is None else _choice(analysis.choice),
-        "n_cycles": max(c.n_cycles for c in analysis.cycles),
-        "n_phases": analysis.cycles[0].n_phases,
+        "order_choice": None if choice is None else _choice(choice),
+        "n_cycles": None if decay is None else max(hit.n_cycles for hit in decay.cycles),
+        "n_phases": None if decay is None else decay.cycles[0].n_phases,
+        "outputs": [{"name": channel.name, "unit": channel.unit} for channel in model.channels],
+        "noise": analysis.noise,
         "noise_whitening": analysis.whitening,
-        "modes": mode_entries(model, weights),
-        "periodicity": None if analysis.periodicity is None else _periodicity(analysis.periodicity),
-        "forced": None if analysis.fit.forced is None else _forced(analysis.fit.forced),
-        "interference": [dict(own.numbers) for own in analysis.fit.findings if own.code == "interference"],
+        "modes": mode_entries(model, 1.0 / analysis.noise),
+        "inputs": None if model.inputs is None else _inputs(model.inputs, analysis.settings.hold),
+        "lengths": analysis.lengths,
+        "periodicity": None if tested is None else _periodicity(tested),
+        "forced": None if forced is None else _forced(forced),
+        "interference": [dict(own.numbers) for own in analysis.interference],
         "synchronisation": analysis.synchronisation,
         "system": None if analysis.state is None else _system(analysis.state, analysis.refinement),
-        "validation": None if analysis.validation is None else _validation(analysis.validation),
+        "validation": None if analysis.validation is None else _validation(analysis),
         "warnings": analysis.warnings,
         "findings": [as_mapping(own) for own in analysis.findings],
     }
+    return for_json(found)
 
 
-def _excited(analysis: ExcitedAnalysis) -> dict[str, Any]:
-    """The summary of a record whose excitation goes on."""
-    model, own = analysis.model, analysis.model.inputs
+def _inputs(own: ModelInputs, hold: str) -> dict[str, Any]:
+    """The way of the measured inputs to the modes, and their direct term."""
     return {
-        "format": "floquid-summary-driven/1",
-        "period": model.period,
-        "order": model.order,
-        "outputs": [{"name": channel.name, "unit": channel.unit} for channel in model.channels],
-        "modes": mode_entries(model, 1.0 / analysis.noise),
-        "excitation": analysis.settings.excitation,
-        "inputs": None
-        if own is None
-        else {
-            "channels": [{"name": channel.name, "unit": channel.unit} for channel in own.channels],
-            "hold": analysis.settings.hold,
-            "harmonics": own.harmonics,
-            "coefficients": own.coefficients,
-            "coefficients_std": own.coefficient_std,
-            "direct_harmonics": own.direct_harmonics,
-            "direct": own.direct,
-            "initial": own.initial,
-        },
-        "noise": analysis.noise[:, 0],
-        "lengths": analysis.lengths if isinstance(analysis, AmbientAnalysis) else None,
-        "system": None if analysis.state is None else _system(analysis.state, analysis.refinement),
-        "held_out_error": analysis.held_out,
-        "passed": analysis.passed,
-        "warnings": analysis.warnings,
-        "findings": [as_mapping(finding) for finding in analysis.findings],
+        "channels": [{"name": channel.name, "unit": channel.unit} for channel in own.channels],
+        "hold": hold,
+        "harmonics": own.harmonics,
+        "coefficients": own.coefficients,
+        "coefficients_std": own.coefficient_std,
+        "direct_harmonics": own.direct_harmonics,
+        "direct": own.direct,
+        "initial": own.initial,
     }
 
 
@@ -201,11 +183,14 @@ def _structure(found: Refinement) -> dict[str, Any]:
     }
 
 
-def _validation(validation: Validation) -> dict[str, Any]:
+def _validation(analysis: Analysis) -> dict[str, Any]:
+    validation = analysis.validation
+    assert validation is not None
     return {
-        "passed": validation.passed,
+        "passed": analysis.passed,
         "fit": validation.metrics.get("fit"),
-        "reasons": validation.reasons,
+        "held_out_error": validation.held_out_error,
+        "reasons": analysis.reasons,
         "findings": [as_mapping(own) for own in validation.findings],
         "metrics": validation.metrics,
         "criteria": {

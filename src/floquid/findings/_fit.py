@@ -67,7 +67,7 @@ ORDER: dict[str, str | Callable[..., str]] = {
     "poles_found": "The poles were found.",
     "no_mode": "No mode rises above the noise: the responses cannot be told from white noise. Use a record with a "
     "clear free decay, or start it closer to the blow; of random excitation that goes on use a longer one, with "
-    "`identify_ambient` or `--excitation ambient`.",
+    '`excitation="ambient"`.',
     "too_few_samples": "The responses are too short for the modes in them: the order reached the most that this many "
     "samples can hold. Record more samples, or fix a lower order.",
     "modes_without_end": "Mode after mode was found in what the fit leaves, without an end: the residual is not white "

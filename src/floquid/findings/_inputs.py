@@ -187,15 +187,15 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "inputs_noise": "What is left follows, through the modes, from what was left before (squared scores of "
     "{squares:.3g}; noise of sensors alone stays below {limit:.3g}): something drives the system beside the inputs, "
     "as a force that nobody measured, noise on the measured inputs or a feedback. Deviations are too small. Measure "
-    "the inputs better, or let `identify_ambient` with these inputs, `--excitation ambient`, take account of it.",
+    'the inputs better, or let `excitation="ambient"`, with these inputs, take account of it.',
     "inputs_some_noise": "What is left follows a little, through the modes, from what was left before (squared scores "
     "of {squares:.3g}; noise of sensors alone stays below {limit:.3g} in 99 of 100 records): likely a little noise on "
     "the measured inputs, or a weak force that nobody measured. Deviations are then too small. A longer record tells; "
-    "`identify_ambient` with these inputs takes account of such a force.",
+    '`excitation="ambient"`, with these inputs, takes account of such a force.',
     "inputs_colour": "What is left is not white (squared correlations sum to {squares:.2g}): the noise is coloured or "
     "drives the system itself, the inputs were measured with noise, or what they are between their samples is not what "
-    "`hold` says. Deviations are too small or too large. Of forces beside those measured `identify_ambient`, or "
-    "`--excitation ambient`, takes account.",
+    "`hold` says. Deviations are too small or too large. Of forces beside those measured "
+    '`excitation="ambient"` takes account.',
     "inputs_modes": "The search ended at the most modes that it may find ({most}): there may be more.",
     "inputs_undetermined": "The decay of a mode is not determined: modes make up for one another, or one dies at "
     "once. There may be fewer modes, or others.",
@@ -206,7 +206,7 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "wide is flattened.",
     "measured_flattened": "Polynomials of a higher degree explain {ratio:.3g} times the power of the noise more: a "
     "resonance is flattened, deviations there are too small. Record for longer, or fit a model: "
-    "`identify_driven`.",
+    "`identify` with these `inputs`.",
     "measured_transient": "The first repeat that is used differs from the others by {ratio:.3g} times the power of the "
     "noise at some lines: what rang at the begin is not over, or the input is not the same. What is not linear is "
     "not told beside it. Leave out more than {dropped}.",
@@ -216,16 +216,16 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "degrees of freedom.",
     "modes_of_lines_real": "A pair of modes is within its deviation of the axis of real multipliers: it may be two "
     "real ones, which these lines do not part. Its decay may be off by many deviations. Lines of less noise tell, or "
-    "`identify_driven` on the record itself.",
+    "`identify` on the record itself.",
     "modes_of_lines_undetermined": lambda frequencies: (
         f"The decay is not determined: {_at(frequencies)}. A resonance falls between the lines, or modes make up for "
         "one another: exponents may be wrong, and how many there are. Record for longer, so that lines are closer, or "
-        "use `identify_driven` on the record itself."
+        "use `identify` on the record itself."
     ),
     "modes_of_lines_flattened": lambda frequencies, window: (
         f"Narrower than the {window:.3g} Hz over which the lines were smoothed: {_at(frequencies)}. That flattens a "
         "resonance: decays are too large, and two modes may stand for one. "
-        "Record for longer, or use `identify_driven` on the record itself."
+        "Record for longer, or use `identify` on the record itself."
     ),
     "modes_of_lines_misfit": "The modes leave {ratio:.3g} times the variance of the lines: modes are missing, the "
     "system is not linear, or the deviations of the lines are too small. All deviations are widened by its root.",

@@ -105,7 +105,6 @@ _UNCHECKED = "A(t) could not be checked: {}. Ask for instants evenly over one pe
 
 VERDICT: dict[str, str | Callable[..., str]] = {
     "not_checked": "The model could not be checked: {error}.",
-    "fails": "The model fails: it leaves {misfit:.3g} times the noise of the record.",
     "overflow": "{name} could not be computed: the numbers of the record or the model overflow.",
     "held_out_too_few": "Cycles held out could not be predicted: the response is alive in too few cycles to leave some "
     "out. Record longer, or with less noise.",

@@ -2,7 +2,7 @@
 
 `repetition` tests whether a response repeats with the period given, `searched` finds the modes of `Samples`, with
 measured inputs or without; `Fit` has the deviations of such a predictor, its model and transfer functions:
-`floquid.identify_ambient` is the chain. `harmonic_spectra` and `h_oma` are the spectra of
+`floquid.identify` is the chain. `harmonic_spectra` and `h_oma` are the spectra of
 modulated outputs, and operational modal analysis of them.
 """
 

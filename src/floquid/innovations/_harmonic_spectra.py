@@ -99,7 +99,7 @@ def harmonic_spectra(samples: Samples, harmonics: int = 1, periods: int | None =
 def _check(samples: object, of: str) -> None:
     """Refuse what is no `Samples`, as a record is."""
     if not isinstance(samples, Samples):
-        remedy = f"Those of a record are in what is found of it: `{of}(identify_ambient(record).fit.samples)`."
+        remedy = f'What is found of a record has them: `{of}(identify(record, excitation="ambient").driven.samples)`.'
         raise input_error("samples", of, "be the samples of a result", f"are {describe(samples)}", remedy)
 
 
@@ -149,7 +149,7 @@ def h_oma(
     frequency domain they are transforms of the harmonic power spectra, over that of the segments' window (Allen,
     Sracic, Chauhan and Hansen 2011); in the time domain those of the lifted outputs, a discrete transform of which over
     each period is the modulation. No deviations are given, since errors of correlations are not white: for those there
-    is `floquid.identify_ambient`.
+    is `floquid.identify`.
 
     Returns the model; its poles are exponents on the principal branch. Raises InputError where an option is not
     possible, IdentificationError where a period is no whole number of samples or the speed is not constant.

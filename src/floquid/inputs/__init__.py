@@ -1,7 +1,7 @@
 """Responses to measured inputs: modes, the way inputs reach them, and harmonic transfer functions.
 
 `searched` finds the modes of `Samples`, `Uncertainty` has the deviations of such a fit, its model and transfer
-functions: `floquid.identify_driven` is the chain.
+functions: `floquid.identify` is the chain.
 """
 
 from floquid.inputs._block import parts_of as parts_of

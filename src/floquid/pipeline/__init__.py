@@ -4,14 +4,15 @@ Everything starts from what `prepare` makes of records: the responses, what ties
 `lifted` stops after lifting, and `find_poles` goes on from there to poles and noise.
 `samples_of` are the samples that are fitted, and `lifted_views` what a fit leaves of them, cut into periods and lifted.
 `validated` adds the verdict on a model.
-`identify_driven` is the chain for records with measured inputs, `identify_ambient` that for outputs alone;
 `measure_transfer` measures transfer functions line by line.
 `bootstrap` checks the deviations of an `Analysis` by drawing records from its model.
 """
 
 from floquid.periodic import CONFIDENT
 from floquid.pipeline._analysis import Analysis
+from floquid.pipeline._analysis import Driven as Driven
 from floquid.pipeline._complete import lifted_views, samples_of
+from floquid.pipeline._decay import Decay
 from floquid.pipeline._find_poles import find_poles
 from floquid.pipeline._identify import identify
 from floquid.pipeline._settings import Excitation as Excitation
@@ -20,23 +21,16 @@ from floquid.pipeline._settings import Settings
 from floquid.pipeline._start import lifted
 from floquid.pipeline._validated import validated
 from floquid.pipeline.draws import Bootstrap, Draw, DrawFile, Spread, bootstrap
-from floquid.pipeline.excited import (
-    HELD_OUT,
-    AmbientAnalysis,
-    DrivenAnalysis,
-    ExcitedAnalysis,
-    identify_ambient,
-    identify_driven,
-    measure_transfer,
-)
 from floquid.pipeline.excited import ambient_fit as ambient_fit
 from floquid.pipeline.excited import driven_fit as driven_fit
+from floquid.pipeline.excited import (
+    measure_transfer,
+)
 from floquid.pipeline.excited import predicted_rest as predicted_rest
 from floquid.pipeline.preparation import Prepared, prepare
 from floquid.pipeline.preparation import blas_threads as blas_threads
 
 __all__ = [
-    "CONFIDENT", "HELD_OUT", "AmbientAnalysis", "Analysis", "Bootstrap", "Draw", "DrawFile", "DrivenAnalysis",
-    "ExcitedAnalysis", "Prepared", "Settings", "Spread", "bootstrap", "find_poles", "identify", "identify_ambient",
-    "identify_driven", "lifted", "lifted_views", "measure_transfer", "prepare", "samples_of", "validated",
+    "CONFIDENT", "Analysis", "Bootstrap", "Decay", "Draw", "DrawFile", "Prepared", "Settings", "Spread", "bootstrap",
+    "find_poles", "identify", "lifted", "lifted_views", "measure_transfer", "prepare", "samples_of", "validated",
 ]  # fmt: skip

@@ -16,7 +16,8 @@ from floquid.lifting import Lifted, lift, unlift, whitened
 from floquid.lti import fit_residues
 from floquid.order import Choice
 from floquid.periodic import Fit, combinations_of, estimate_at, periodicity
-from floquid.pipeline._analysis import Analysis, clocks_of
+from floquid.pipeline._analysis import Analysis
+from floquid.pipeline._decay import Decay, clocks_of
 from floquid.pipeline._deviations import model_failure, poles_alone, widened, widening, with_misfit
 from floquid.pipeline._doubts import STILL, ambiguity, doubts_of, misfit, vague_angle
 from floquid.pipeline._noise_colour import ALL_PEAKED
@@ -77,16 +78,11 @@ def completed(
     return Analysis(
         settings=settings,
         records=prepared.records,
-        fit=fitted,
-        cycles=cycles,
-        lifted=lifted,
-        modal=modal,
         model=model,
+        decay=Decay(fit=fitted, cycles=cycles, lifted=lifted, modal=modal, choice=choice, periodicity=tested),
+        shafts=shafts,
         state=state,
         refinement=refinement,
-        choice=choice,
-        shafts=shafts,
-        periodicity=tested,
         findings=(
             *prepared.findings,
             *(() if start.floor is None else (note("believed_down_to", floor=start.floor),)),

@@ -52,7 +52,7 @@ def _sum_of_others(analysis: Analysis) -> dict[str, Any] | None:
     for a sum of the others. Records with hardly any noise are passed over: there, modes that are fewer than channels
     make sums of all of them. None where there is none.
     """
-    records = analysis.fit.free
+    records = analysis.responses
     left = unexplained(analysis.model, records, analysis.clocks)
     if len({record.sample_rate for record in records}) > 1:
         return None

@@ -12,7 +12,8 @@ from floquid.core import Estimates, PeriodicModel, Record
 from floquid.findings import Finding, failure
 from floquid.lti import ModalModel
 from floquid.periodic import Fit, ForcedResponse
-from floquid.pipeline._analysis import Analysis, fails
+from floquid.pipeline._analysis import Analysis
+from floquid.pipeline._decay import fails
 from floquid.pipeline._settings import Settings
 
 BENT = 1.1  # the misfit up to which the deviations are those of the noise alone, in a long record
@@ -34,7 +35,7 @@ def widening(misfit: float | None, records: Sequence[Record]) -> float:
 
 def widening_of(analysis: Analysis) -> float:
     """Factor by which the deviations of an analysis were widened."""
-    return widening(analysis.misfit, analysis.fit.free)
+    return widening(analysis.misfit, analysis.responses)
 
 
 def with_misfit(found: Fit) -> Fit:

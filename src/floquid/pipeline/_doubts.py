@@ -24,7 +24,7 @@ from floquid.periodic import (
     spacing,
     synchrony,
 )
-from floquid.pipeline._analysis import FAILED
+from floquid.pipeline._decay import FAILED
 from floquid.pipeline.preparation import Prepared
 from floquid.sync import ShaftAngle
 

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from typing import Literal, overload
+from typing import Unpack
 
 import numpy as np
 
@@ -26,83 +26,79 @@ from floquid.periodic import (
     groups,
     held_shapes,
 )
-from floquid.pipeline._analysis import Analysis, clocks_of
+from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._complete import completed, free_residues, samples_of
+from floquid.pipeline._decay import clocks_of
 from floquid.pipeline._dependent_channels import of_sums
 from floquid.pipeline._doubts import order_too_low, wrong_period_fitted, wrong_period_lifted
 from floquid.pipeline._first_period import promised, without_first
-from floquid.pipeline._settings import Settings
+from floquid.pipeline._settings import Options, Settings, settings_of, takes_settings
 from floquid.pipeline._start import Lifting, Start, cut
 from floquid.pipeline._starts import OPENINGS, POLES, criterion, determined, explains
 from floquid.pipeline._validated import validated
-from floquid.pipeline.excited import AmbientAnalysis, DrivenAnalysis, identify_ambient, identify_driven
-from floquid.pipeline.preparation import Prepared, blas_threads, own_names, prepare, settings_of
+from floquid.pipeline.excited import identified_ambient, identified_driven, refuse_others
+from floquid.pipeline.preparation import Prepared, blas_threads, clocked, own_names, prepare
+
+OF = "identify"
 
 
-@overload
-def identify(
-    records: Record | Sequence[Record],
-    settings: Settings | None = None,
-    *,
-    excitation: Literal["ambient"],
-    report: Callable[[str], None] = ...,
-    **options: object,
-) -> AmbientAnalysis: ...
-@overload
-def identify(
-    records: Record | Sequence[Record],
-    settings: Settings | None = None,
-    *,
-    inputs: Sequence[str],
-    report: Callable[[str], None] = ...,
-    **options: object,
-) -> DrivenAnalysis: ...
-@overload
-def identify(
-    records: Record | Sequence[Record],
-    settings: Settings | None = None,
-    *,
-    report: Callable[[str], None] = ...,
-    **options: object,
-) -> Analysis: ...
+@takes_settings
 def identify(
     records: Record | Sequence[Record],
     settings: Settings | None = None,
     *,
     report: Callable[[str], None] = lambda _: None,
-    **options: object,
-) -> Analysis | DrivenAnalysis | AmbientAnalysis:
-    """Identify a linear time-periodic system from its free response, or from the excitation that the options name.
+    **options: Unpack[Options],
+) -> Analysis:
+    r"""Identify a linear time-periodic system from its response.
 
-    Cut into periods, lift (eqs. 7-10), find the poles by maximum likelihood with the order tested, take off the delay,
-    expand in harmonics (eqs. 4-12), and, when `states` are named, rebuild A(t) (eqs. 13-21 of Allen 2009, as
-    corrected).
+    .. math:: \dot z_r = \lambda_r z_r + \sum_l e^{i l \omega t} (b_{r,l}\, u + \kappa_{r,l}\, e), \qquad
+              y = \sum_r \sum_m c_{r,m}\, e^{i m \omega t} z_r + \sum_n e^{i n \omega t} D_n u + e
 
-    The result has every intermediate. Raises InputError where a record or an option is not possible,
-    IdentificationError where no mode rises above the noise, the record is too short, or the result would look right and
-    be wrong. A model that leaves many times the noise is returned, but it fails: `Analysis.failed`, its first warning,
-    its verdict.
+    A free response has neither u nor κ: it is cut into periods, lifted (eqs. 7-10 of Allen 2009, as corrected), its
+    poles are found by maximum likelihood with the order tested, shapes are expanded in harmonics (eqs. 4-12), and all
+    is fitted to the samples. With `inputs` the way of what was measured to each mode is found, too. With
+    `excitation="ambient"` that of the innovations e is: random excitation that nobody measured, beside inputs or alone.
+    When `states` are named, A(t) is rebuilt (eqs. 13-21), with inputs B(t), too.
+
+    A model that leaves many times the noise, or against which something was found, is returned, but it fails:
+    `Analysis.failed`, its first warning, its verdict.
 
     Parameters
     ----------
     records
-        One record, or one a hit on the same system.
+        One record, or several of the same system; of free responses one a hit.
     settings
         The options; or give them by name.
     report
         Is told what is being done, a phrase a stage.
     **options
-        Fields of `Settings`. With `inputs` this is `identify_driven`, with `excitation="ambient"` `identify_ambient`:
-        other chains, with results of their own, also where `settings` has them.
+        Fields of `Settings`, which come before those of `settings`.
+
+    Returns
+    -------
+    Analysis
+        The model with deviations, the verdict, and every intermediate.
+
+    Raises
+    ------
+    InputError
+        A record or an option is not possible.
+    IdentificationError
+        No mode rises above the noise, the record is too short, the inputs say nothing of the system, or the result
+        would look right and be wrong.
     """
-    chosen = settings_of(settings, options, "identify")
-    if chosen.excitation == "ambient":
-        return identify_ambient(records, chosen, report=report)
-    if chosen.inputs:
-        return identify_driven(records, chosen, report=report)
+    chosen = settings_of(settings, options, OF)
+    ambient = chosen.excitation == "ambient"
+    if ambient or chosen.inputs:
+        refuse_others(chosen, OF)
+        with own_names(OF):
+            used = clocked(records, chosen, OF)
+            with blas_threads(used):
+                return (identified_ambient if ambient else identified_driven)(used, chosen, report)
     prepared = prepare(records, chosen, report=report)
     faults = prepared.faults
-    with own_names("identify"), blas_threads(prepared.records):
+    with own_names(OF), blas_threads(prepared.records):
         try:
             found = _identified(prepared, report)
         except IdentificationError as error:

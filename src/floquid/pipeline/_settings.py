@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Literal, TypeAlias, get_args
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from inspect import Parameter, signature
+from typing import Any, Literal, TypeAlias, TypedDict, TypeVar, get_args, get_type_hints
 
 import numpy as np
 
-from floquid._checks import answers_slips, finite, input_error, integer, positive
+from floquid._checks import answers_slips, describe, finite, input_error, integer, positive
 from floquid._show import Brief
 from floquid.core import AzimuthSignal
 from floquid.errors import InputError
@@ -286,6 +287,82 @@ class Settings(Brief):
         if self.forced in ("auto", "none"):
             return self.forced
         return tuple(int(word) for word in self.forced.split(","))
+
+
+class RecordOptions(TypedDict, total=False):
+    """Fields of `Settings` that say what records are taken for, as keywords of functions."""
+
+    period: float | None
+    channels: Sequence[str]
+    inputs: Sequence[str]
+    hold: Hold
+    excitation: Excitation
+    noise_floor: float
+    trust_period: bool
+    estimate_period: bool
+    tach: str | None
+    azimuth: str | None
+    pulses_per_revolution: int
+    periods_per_revolution: float
+    forced: str | Sequence[int]
+    orbit: bool
+    find_hits: bool
+    skip: float | None
+    repair: bool
+
+
+class Options(RecordOptions, total=False):
+    """The fields of `Settings` as keywords of functions, with the types that they take."""
+
+    order: int | None
+    harmonics: int | None
+    states: Sequence[str]
+    form: Form
+    delay: float | None
+    structure: AbstractStructure | str
+    output_error: bool
+    system_times: int
+    identifier: AbstractIdentifier | IdentifierName | None
+    mode_false_alarm: float
+    harmonic_false_alarm: float
+    seconds: float
+    constrained: bool
+    validate: bool
+
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def takes_settings(function: Function) -> Function:
+    """A function that takes options by name, with a signature that names each of them with its default."""
+    own = signature(function)
+    before = [one for one in own.parameters.values() if one.kind is not Parameter.VAR_KEYWORD]
+    named, taken = {one.name for one in before}, get_type_hints(Options)
+    options = [
+        Parameter(field.name, Parameter.KEYWORD_ONLY, default=field.default, annotation=taken[field.name])
+        for field in fields(Settings)
+        if field.name not in named
+    ]
+    function.__signature__ = own.replace(parameters=[*before, *options])  # type: ignore[attr-defined]
+    return function
+
+
+EXAMPLE = 'Record(values=y, sample_rate=fs, channels=["x", "y"])'
+"""How a record is made of an array (channels, samples), for messages."""
+
+
+def settings_of(settings: Settings | None, options: Mapping[str, Any], of: str) -> Settings:
+    """The settings with the options given by name put over them."""
+    known = [field.name for field in fields(Settings)]
+    for name in options:
+        if name not in known:
+            must, got = "be a field of Settings", "there is none of that name"
+            remedy = f"Write `{SLIPS[name]}`." if name in SLIPS else f"The fields are: {', '.join(known)}."
+            raise input_error(name, of, must, got, remedy)
+    if not isinstance(settings, Settings | None):
+        remedy = f"Write `{of}({EXAMPLE}, period=T)`."
+        raise input_error("settings", of, "be Settings, or options by name", f"is {describe(settings)}", remedy)
+    return replace(settings or Settings(), **options)  # type: ignore[arg-type]
 
 
 def _forced_text(value: object) -> str:

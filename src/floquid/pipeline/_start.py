@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Unpack
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +20,8 @@ from floquid.periodic import Known, ModeParameters, without_known
 from floquid.pipeline._doubts import quiet
 from floquid.pipeline._find_poles import UnsettledError, find_poles
 from floquid.pipeline._noise_colour import first_filter
-from floquid.pipeline._settings import Settings
-from floquid.pipeline.preparation import Prepared, blas_threads, prepare, refuse_few, settings_of
+from floquid.pipeline._settings import Options, Settings, settings_of, takes_settings
+from floquid.pipeline.preparation import Prepared, blas_threads, prepare, refuse_few
 from floquid.sync import ShaftAngle, resample, segment
 
 FLOORS = (1e-4, 1e-3)
@@ -244,12 +245,13 @@ def steady_clock(clock: ConstantPeriod | ShaftAngle, record: Record, period: flo
     return ConstantPeriod(period=period, origin=float(begin[0]))
 
 
+@takes_settings
 def lifted(
     records: Record | Sequence[Record] | Prepared,
     settings: Settings | None = None,
     *,
     report: Callable[[str], None] = lambda _: None,
-    **options: object,
+    **options: Unpack[Options],
 ) -> Lifted:
     """The lifted responses of records, with the noise of each channel and hit: what `identify` searches for poles.
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from floquid.errors import FloquidError
 from floquid.findings import failure
-from floquid.pipeline._analysis import FAILED, Analysis
+from floquid.pipeline._analysis import Analysis
+from floquid.pipeline._decay import FAILED
 from floquid.validation import Criterion, Validation, validate
 
 
@@ -19,12 +20,12 @@ def validated(analysis: Analysis, *, report: Callable[[str], None] = lambda _: N
     A verdict that cannot be had is one against the model, and says why. `analysis` is what `identify` found, or `load`
     read; `report` is told of each stage.
     """
-    forced = analysis.fit.forced
+    forced = analysis.forced
     nu = analysis.settings.periods_per_revolution if forced is None else forced.revolution / analysis.model.period
     try:
         verdict = validate(
             analysis.model,
-            analysis.fit.free,
+            analysis.responses,
             analysis.clocks,
             noise=analysis.noise,
             state=analysis.state,
@@ -52,13 +53,9 @@ def _with_misfit(verdict: Validation, analysis: Analysis) -> Validation:
     """The verdict with what the fit leaves as one more number: a model that fails does not pass, whatever else does."""
     if analysis.misfit is None:
         return verdict
-    findings = verdict.findings
-    if analysis.failed:
-        findings = (failure("fails", misfit=analysis.misfit), *findings)
     return replace(
         verdict,
         metrics={**verdict.metrics, "misfit": analysis.misfit},
         criteria={**verdict.criteria, "misfit": Criterion(limit=FAILED)},
         passed=verdict.passed and not analysis.failed,
-        findings=findings,
     )

@@ -71,7 +71,7 @@ def time_record(
     """
     of = "time_record"
     index(hit, "hit", of, len(analysis.cycles))
-    record, cycles = analysis.fit.free[hit], analysis.cycles[hit]
+    record, cycles = analysis.responses[hit], analysis.cycles[hit]
     row = 0 if channel is None else channels_named(record.channels, [channel], argument="channel", of=of)[0]
     index(phase, "phase", of, cycles.n_phases)
     integer(inset_cycles, "inset_cycles", of, at_least=1)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from floquid._checks import input_error
 from floquid.io import as_path, atomic_path
-from floquid.pipeline import Analysis, ExcitedAnalysis
+from floquid.pipeline import Analysis
 from floquid.plot._style import style
 
 if TYPE_CHECKING:
@@ -31,10 +31,12 @@ FIGURES = (
     "coefficients",
     "synthesis",
     "synchronisation",
+    "harmonic_spectra",
+    "transfer",
     "system_elements",
     "speed",
 )
-"""The names of the figures that there may be of free responses, in the order in which `save_figures` writes them."""
+"""The names of the figures that there may be, in the order in which `save_figures` writes them."""
 
 MOST_CHANNELS = 6  # channels of the figure of residues
 
@@ -43,7 +45,7 @@ _NO_DATE = {"png": {"Software": None}, "svg": {"Date": None}, "pdf": {"CreationD
 
 
 def save_figures(
-    analysis: Analysis | ExcitedAnalysis,
+    analysis: Analysis,
     folder: str | PathLike[str],
     *,
     truth: tuple[ArrayLike, ArrayLike] | None = None,
@@ -63,7 +65,7 @@ def save_figures(
     Parameters
     ----------
     analysis
-        What `identify`, `identify_driven` or `identify_ambient` found.
+        What `identify` found.
     folder
         An existing folder; files of the same names in it are replaced.
     truth
@@ -82,9 +84,8 @@ def save_figures(
 
     written, plots = [], analysis.plot
     options: dict[str, dict[str, Any]] = {"system_elements": {"truth": truth}}
-    if isinstance(analysis, Analysis):
-        options |= _options(analysis)
-    for name in sorted(dir(plots), key=lambda name: FIGURES.index(name) if name in FIGURES else len(FIGURES)):
+    options |= _options(analysis)
+    for name in sorted(dir(plots), key=FIGURES.index):
         # The matrices are many and small: threads inside BLAS would wait for each other, as in `identify`.
         with threadpool_limits(limits=1, user_api="blas"):
             figure = getattr(plots, name)(**options.get(name, {}))

@@ -10,7 +10,7 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid._checks import index, input_error, integer, positive
 from floquid.core import channels_named
-from floquid.pipeline import AmbientAnalysis, Analysis
+from floquid.pipeline import Analysis
 from floquid.plot._style import (
     BLACK,
     BLUE,
@@ -231,7 +231,7 @@ def _unit(units: set[str]) -> str:
 
 
 def harmonic_spectra(
-    analysis: AmbientAnalysis, *, harmonics: int = 1, periods: int | None = None, limit: float | None = None
+    analysis: Analysis, *, harmonics: int = 1, periods: int | None = None, limit: float | None = None
 ) -> Figure:
     r"""Singular values of the harmonic power spectra of a record of outputs alone, and the lines of its modes.
 
@@ -243,12 +243,12 @@ def harmonic_spectra(
     is another mode. Lines are those of the model, the strongest of each mode thick. Channels of different units are
     divided by their rms.
 
-    Raises InputError where this is no result of outputs alone, or an option is not possible.
+    Raises InputError where the responses are free, or an option is not possible.
 
     Parameters
     ----------
     analysis
-        What `identify_ambient` found.
+        What `identify` found of records whose excitation goes on.
     harmonics
         M: outputs are modulated by -M to M.
     periods
@@ -257,8 +257,8 @@ def harmonic_spectra(
         The highest frequency [Hz]; half of the fundamental above the highest line where not given.
     """
     of = "harmonic_spectra"
-    if not isinstance(analysis, AmbientAnalysis):
-        raise input_error("analysis", of, "be a result of `identify_ambient`", f"is {type(analysis).__name__}")
+    if not isinstance(analysis, Analysis):
+        raise input_error("analysis", of, "be an Analysis", f"is {analysis!r:.60}", "Pass what `identify` gives.")
     found = spectra_of_modes(analysis, harmonics, periods)
     end = found.end if limit is None else min(float(found.frequencies_hz[-1]), positive(limit, "limit", of, unit="Hz"))
     inside = found.frequencies_hz <= end

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from floquid.order import OrderScan
-from floquid.pipeline import Analysis, ExcitedAnalysis
+from floquid.pipeline import Analysis
 from floquid.views import shortened
 
 MOST_CHANNELS = 8  # channels that one figure can tell apart; the result file holds all
@@ -20,7 +20,7 @@ POINTS = 3000  # the most points of a curve: a long record keeps its envelope
 class Case:
     """An analysis and what of it is shown."""
 
-    analysis: Any  # an Analysis, or an ExcitedAnalysis
+    analysis: Any  # an Analysis, or what shows modes of lines as one
     scan: OrderScan | None  # the poles of several orders; None where there are none
     why: str  # why there are none
     modes: tuple[int, ...]  # one mode of each pair
@@ -46,7 +46,7 @@ class Case:
         return [self.analysis.model.channels[row].unit for row in self.channels]
 
 
-def case_of(analysis: Analysis | ExcitedAnalysis, scan: OrderScan | None = None, why: str = "") -> Case:
+def case_of(analysis: Analysis, scan: OrderScan | None = None, why: str = "") -> Case:
     """Choose what is shown."""
     model = analysis.model
     modes = tuple(model.upper_modes)

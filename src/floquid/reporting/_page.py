@@ -9,12 +9,20 @@ from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
 from floquid._show import Told
+from floquid.findings import Severity, texts
 from floquid.pipeline import Analysis
 from floquid.reporting import _words as words
 from floquid.reporting._case import Case
-from floquid.reporting._chosen_figures import (
-    family_source,
-    link_responses,
+from floquid.reporting._chosen_figures import family_source, harmonic_source, link_responses
+from floquid.reporting._driven_figures import (
+    harmonic_figure,
+    left_out_figures,
+    matrix_rows,
+    measured_beside,
+    measured_figures,
+    paths_of,
+    reach_figures,
+    transfer_figures,
 )
 from floquid.reporting._look import Figure
 from floquid.reporting._modes_figures import mode_figures, mode_source
@@ -34,42 +42,120 @@ from floquid.reporting._record_figures import (
 )
 from floquid.reporting._stabilisation_figures import indicator_figures, stabilisation_figures
 from floquid.reporting._system_figures import Truth, system_figures
-from floquid.views import Synchronisation, for_command, mode_table, note_meanings
+from floquid.views import for_command, mode_table, note_meanings, spectra_of_modes
 
 if TYPE_CHECKING:
     from jinja2 import Environment
+
+PLACES = (
+    *("shape", "coefficients", "spectrum", "stabilisation", "unfolded", "indicators", "plane", "composite", "harmonic"),
+    *("transfer", "measured", "reach", "record", "synchronisation", "left_out", "system", "driving", "speed"),
+)
+"""Places of figures on the page."""
+
+NOTHING: dict[str, Any] = {
+    **dict.fromkeys(("reasons", "checks", "evidence", "responses", "synchronisation", "noise", "noise_titles"), ()),
+    **dict.fromkeys(("lengths", "inputs", "matrix", "harmonics", "beside", "hits", "parameters"), ()),
+    **dict.fromkeys(("responses_left", "paths_shown", "paths_left"), 0),
+    **dict.fromkeys(("ambient", "held_out", "with_system", "fails"), False),
+    **dict.fromkeys(("state", "refinement")),
+}
+"""Content that not every page has."""
 
 LONGEST = 60  # the longest name of a source that fits a heading, in characters
 
 
 def page(case: Case, *, title: str | None, truth: Truth | None) -> str:
-    """The whole page of free responses as text."""
-    found = slips(case)
-    analysis = case.analysis
-    return rendered(
-        "page.html.jinja",
-        case,
-        _figures(case, found, truth),
-        title,
-        **_verdict(analysis),
-        **_modes(analysis),
-        summary=words.summary_line(case),
-        checks=words.checks(analysis),
-        evidence=words.evidence(analysis),
-        responses=[response_name(case, *one) for one in responses(case)],
-        responses_left=len(analysis.model.channels) * len(analysis.records) - len(responses(case)),
-        hits=[hit + 1 for hit in case.hits] if len(analysis.records) > 1 else [],
-        state=analysis.state,
-        refinement=analysis.refinement,
-        parameters=[] if analysis.refinement is None else words.parameters(analysis.refinement),
-        synchronisation=slip_words(found),
-        steps=words.steps(analysis),
-        noise=words.noise_rows(analysis),
+    """The whole page of an analysis as text: sections by what it has."""
+    analysis: Analysis = case.analysis
+    titles, noise = words.noise_table(analysis)
+    content = (
+        _verdict(analysis)
+        | _modes(analysis)
+        | {
+            "summary": words.summary_line(case),
+            "checks": words.checks(analysis),
+            "evidence": words.evidence(analysis),
+            "lengths": words.lengths(analysis),
+            "ambient": analysis.ambient,
+            "inputs": analysis.inputs,
+            "hits": [hit + 1 for hit in case.hits] if analysis.model.n_hits > 1 else [],
+            "with_system": True,
+            "state": analysis.state,
+            "refinement": analysis.refinement,
+            "parameters": [] if analysis.refinement is None else words.parameters(analysis.refinement),
+            "steps": words.steps(analysis),
+            "noise": noise,
+            "noise_titles": titles,
+        }
     )
+    figures, more = (decay_part if analysis.driven is None else driven_part)(case)
+    figures |= system_figures(analysis, truth)
+    figures["speed"] = [speed_figure(shaft) for shaft in analysis.shafts[:1]]
+    return rendered(case, figures, title, **content | more)
 
 
-def rendered(name: str, case: Case, figures: dict[str, list[Figure]], title: str | None, **content: Any) -> str:
-    """The template of a name with these figures by their places, and with what pages of all analyses have."""
+def decay_part(case: Case) -> tuple[dict[str, list[Figure]], dict[str, Any]]:
+    """Figures by their places, and content, that free responses alone have."""
+    found, analysis = slips(case), case.analysis
+    modes, curves, family = mode_source(case), response_sources(case), family_source(case)
+    figures = mode_figures(case, modes, family) | {
+        "record": record_figures(case, curves),
+        "spectrum": [spectrum_figure(case, curves, family)],
+        "composite": [composite_figure(case)],
+        "synchronisation": [made for made in (synchronisation_figure(found),) if made is not None],
+    }
+    if case.scan is not None:
+        folded, unfolded = stabilisation_figures(case, modes)
+        figures |= {"stabilisation": [folded], "unfolded": [unfolded], "indicators": indicator_figures(case)}
+    shown = [*figures["record"], *figures["spectrum"]]
+    names = [response_label, response_label, spectrum_label]
+    labels = [[name(case, number) for number in range(len(responses(case)))] for name in names]
+    # What no figure draws has to hang on one to be found on the page.
+    shown[0].tags = [link_responses(list(curves.values()), [made.yaxis[0] for made in shown], labels)]
+    content = {
+        "responses": [response_name(case, *one) for one in responses(case)],
+        "responses_left": len(analysis.model.channels) * len(analysis.records) - len(responses(case)),
+        "synchronisation": slip_words(found),
+    }
+    return figures, content
+
+
+def driven_part(case: Case) -> tuple[dict[str, list[Figure]], dict[str, Any]]:
+    """Figures by their places, and content, that records whose excitation goes on alone have."""
+    analysis, chosen = case.analysis, []
+    record, held_out = left_out_figures(case)
+    content: dict[str, Any] = {"held_out": held_out}
+    figures: dict[str, list[Figure]] = {"left_out": record}
+    if analysis.ambient:
+        spectra = spectra_of_modes(analysis)
+        chosen = [harmonic_source(spectra)]
+        figures["harmonic"] = [harmonic_figure(spectra, *chosen)]
+    figures |= mode_figures(case, mode_source(case), *chosen)
+    if not analysis.inputs:
+        return figures, content
+    found = analysis.transfer()
+    paths = paths_of(found, analysis.noise, analysis.driven.samples.input_size)
+    figures |= {"transfer": transfer_figures(found, paths), "reach": reach_figures(case)}
+    measured = measured_beside(analysis, found)
+    if isinstance(measured, str):
+        beside = [measured]
+    else:
+        beside, lines = [str(finding) for finding in measured.findings], measured.transfer
+        at, drawn = (analysis.transfer(hertz, lines.harmonics, sampled=True) for hertz in (lines.frequencies_hz, None))
+        figures["measured"] = measured_figures(lines, at, drawn, paths)
+    content |= {
+        "matrix": matrix_rows(found, paths),
+        "harmonics": found.harmonics.tolist(),
+        "beside": beside,
+        "paths_shown": len(paths),
+        "paths_left": len(analysis.inputs) * len(analysis.model.channels) - len(paths),
+    }
+    return figures, content
+
+
+def rendered(case: Case, figures: dict[str, list[Figure]], title: str | None, **content: Any) -> str:
+    """The page with these figures by their places; what `content` does not have, the page does without."""
     from bokeh.resources import Resources
 
     from floquid._version import __version__
@@ -82,21 +168,21 @@ def rendered(name: str, case: Case, figures: dict[str, list[Figure]], title: str
     analysis = case.analysis
     return (
         _environment()
-        .get_template(name)
+        .get_template("page.html.jinja")
         .render(
-            **content,
+            **NOTHING | content,
             title=title or _title(case),
             version=__version__,
             bokeh="\n".join(Resources(mode="inline", components=["bokeh"]).js_raw),
             embedded=_embedded(models),
             style=_asset("page.css"),
             behaviour=_asset("page.js"),
-            figures=drawn,
+            figures=dict.fromkeys(PLACES, ()) | drawn,
             case=case,
             told=analysis.model.unselected is not None,
             shaped=analysis.model.estimates is not None,
             given=analysis.settings.harmonics is not None,
-            warnings=analysis.warnings,
+            warnings=texts(analysis.findings, Severity.WARNING),
             left_out=len(analysis.model.channels) - len(case.channels),
             sources=words.sources(analysis),
             settings=words.settings_rows(analysis),
@@ -111,7 +197,7 @@ def fragment(result: Told) -> str:
     return (
         _environment()
         .get_template("fragment.html.jinja")
-        .render(**_verdict(result), **_modes(result), warnings=result.warnings)
+        .render(**_verdict(result), **_modes(result), warnings=texts(result.findings, Severity.WARNING))
     )
 
 
@@ -129,8 +215,7 @@ def _environment() -> Environment:
 def _verdict(analysis: Analysis) -> dict[str, Any]:
     """The verdict as the templates have it."""
     mark, sentence = words.verdict(analysis)
-    reasons = [] if analysis.validation is None else analysis.validation.reasons
-    return {"mark": mark, "sentence": sentence, "under": words.under_verdict(analysis), "reasons": reasons}
+    return {"mark": mark, "sentence": sentence, "under": words.under_verdict(analysis), "reasons": analysis.reasons}
 
 
 def _modes(analysis: Analysis) -> dict[str, Any]:
@@ -138,32 +223,6 @@ def _modes(analysis: Analysis) -> dict[str, Any]:
     rows = mode_table(analysis)
     bands = analysis.model.exponent_std is not None
     return {"rows": rows, "meanings": note_meanings(rows), "bands": bands, "fails": analysis.failed}
-
-
-def _figures(case: Case, found: list[Synchronisation], truth: Truth | None) -> dict[str, list[Figure]]:
-    """Every figure by its place on the page, linked."""
-    analysis = case.analysis
-    modes, curves, family = mode_source(case), response_sources(case), family_source(case)
-    figures = mode_figures(case, modes, family) | {
-        "stabilisation": [],
-        "unfolded": [],
-        "indicators": [],
-        "speed": [speed_figure(shaft) for shaft in analysis.shafts[:1]],
-        "record": record_figures(case, curves),
-        "spectrum": [spectrum_figure(case, curves, family)],
-        "composite": [composite_figure(case)],
-        "synchronisation": [made for made in (synchronisation_figure(found),) if made is not None],
-    }
-    if case.scan is not None:
-        folded, unfolded = stabilisation_figures(case, modes)
-        figures |= {"stabilisation": [folded], "unfolded": [unfolded], "indicators": indicator_figures(case)}
-    figures |= system_figures(analysis, truth)
-    shown = [*figures["record"], *figures["spectrum"]]
-    names = [response_label, response_label, spectrum_label]
-    labels = [[name(case, number) for number in range(len(responses(case)))] for name in names]
-    # What no figure draws has to hang on one to be found on the page.
-    shown[0].tags = [link_responses(list(curves.values()), [made.yaxis[0] for made in shown], labels)]
-    return figures
 
 
 def _with_code(text: str) -> Any:

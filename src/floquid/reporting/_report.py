@@ -12,10 +12,9 @@ from floquid._checks import input_error, timed_matrices
 from floquid.errors import IdentificationError, InputError
 from floquid.io import as_path, atomic_path
 from floquid.order import OrderScan
-from floquid.order import scan as scan_orders
-from floquid.pipeline import Analysis, ExcitedAnalysis, blas_threads
+from floquid.pipeline import Analysis, blas_threads
 from floquid.reporting._case import case_of
-from floquid.reporting._excited_page import excited_page, lines_page
+from floquid.reporting._lines_page import lines_page
 from floquid.reporting._page import page
 from floquid.transfer import TransferFit
 
@@ -23,7 +22,7 @@ ENDINGS = (".html", ".htm")
 
 
 def report(
-    analysis: Analysis | ExcitedAnalysis | TransferFit,
+    analysis: Analysis | TransferFit,
     path: str | PathLike[str],
     *,
     title: str | None = None,
@@ -42,7 +41,7 @@ def report(
     Parameters
     ----------
     analysis
-        What `identify`, `identify_driven`, `identify_ambient` or `fit_transfer` found, or `load` read.
+        What `identify` or `fit_transfer` found, or `load` read.
     path
         The file, ending in .html; it is replaced, whole or not at all.
     title
@@ -53,7 +52,7 @@ def report(
         Called with what is about to be done, in words.
     """
     of = "report"
-    if not isinstance(analysis, (Analysis, ExcitedAnalysis, TransferFit)):
+    if not isinstance(analysis, (Analysis, TransferFit)):
         must, got = "be an Analysis", f"is a {type(analysis).__name__}"
         raise input_error("analysis", of, must, got, "Pass what `identify` or `load` gives.")
     place = as_path(path, of=of)
@@ -68,26 +67,24 @@ def report(
     if title is not None and not isinstance(title, str):
         raise input_error("title", of, "be a text", f"is a {type(title).__name__}")
     with atomic_path(place, of=of) as temporary:  # refused before the page is drawn
-        if isinstance(analysis, Analysis):
-            progress("scanning the order")
-            case = case_of(analysis, *_scan(analysis))
+        if isinstance(analysis, TransferFit):
+            progress("drawing the report")
+            text = lines_page(analysis, title=title)
+        else:
+            case = case_of(analysis, *_scan(analysis, progress))
             progress("drawing the report")
             text = page(case, title=title, truth=known)
-        else:
-            progress("drawing the report")
-            if isinstance(analysis, TransferFit):
-                text = lines_page(analysis, title=title)
-            else:
-                text = excited_page(case_of(analysis), title=title, truth=known)
         temporary.write_text(text, encoding="utf-8")
     return place
 
 
-def _scan(analysis: Analysis) -> tuple[OrderScan | None, str]:
+def _scan(analysis: Analysis, progress: Callable[[str], None]) -> tuple[OrderScan | None, str]:
     """The poles of several orders, or why there are none: a record may be too short for them."""
-    responses = analysis.lifted.responses
+    if analysis.decay is None:
+        return None, ""
+    progress("scanning the order")
     try:
-        with blas_threads([responses]):
-            return scan_orders(responses), ""
+        with blas_threads([analysis.lifted.responses]):
+            return analysis.scan(), ""
     except (InputError, IdentificationError) as error:
         return None, str(error)

@@ -6,7 +6,7 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid.core import PeriodicModel
-from floquid.pipeline import Analysis, ExcitedAnalysis
+from floquid.pipeline import Analysis
 from floquid.reconstruction import StateModel
 from floquid.reporting._look import BLUE, VERMILION, Figure, legend_above, new_figure
 from floquid.views import INTERVAL, closed_period, element_unit, input_unit
@@ -36,7 +36,7 @@ def element_name(letter: str, i: int, j: int) -> str:
     return f"{letter}{i + 1}{j + 1}" if max(i, j) < 9 else f"{letter}{i + 1},{j + 1}"
 
 
-def system_figures(analysis: Analysis | ExcitedAnalysis, truth: Truth | None) -> dict[str, list[Figure]]:
+def system_figures(analysis: Analysis, truth: Truth | None) -> dict[str, list[Figure]]:
     """A figure an element of A(t), and of B(t), against the phase, by their places on the page."""
     state, model = analysis.state, analysis.model
     if state is None:

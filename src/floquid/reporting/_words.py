@@ -10,7 +10,7 @@ import numpy as np
 
 from floquid._checks import counted
 from floquid.findings import Severity, texts
-from floquid.pipeline import Analysis, ExcitedAnalysis
+from floquid.pipeline import Analysis
 from floquid.reconstruction import Refinement
 from floquid.reporting._case import Case
 from floquid.views import (
@@ -24,8 +24,8 @@ from floquid.views import (
 
 CRITERIA = {  # what each number of the validation is, and its unit
     "fit": ("share of the response predicted in cycles left out", "%"),
-    "held_out_error": ("error of that prediction over the noise, worst response", "-"),
-    "held_out_stretch": ("the same over a stretch of the record", "-"),
+    "held_out_error": ("error of prediction on samples left out over what is expected, worst response", "-"),
+    "held_out_stretch": ("error of that prediction over a stretch of the record", "-"),
     "period": ("own period against the period used, in standard deviations", "-"),
     "mode": ("power of the weakest mode over the most that a fit makes of noise", "-"),
     "tone": ("largest amplitude left at a harmonic of the revolution, over the noise", "-"),
@@ -38,6 +38,9 @@ CRITERIA = {  # what each number of the validation is, and its unit
     "remainder": ("share of the response that these checks find left, in amplitude", "%"),
     "composition": ("largest relative difference of Φ(t + T), integrated, and Φ(t) Φ(T)", "-"),
 }
+
+
+MANY = 1e6  # periods from which on their number says no more
 
 
 def verdict(analysis: Analysis) -> tuple[str, str]:
@@ -58,7 +61,7 @@ def under_verdict(analysis: Analysis) -> str:
     """Meaning of the verdict for a reader."""
     found = analysis.validation
     if analysis.failed:
-        return "What it leaves of the record is many times the noise: do not use the numbers below."
+        return "Do not use the numbers below:"
     if found is None:
         return "Identify with validation to know whether it can be believed."
     if found.passed and found.findings:
@@ -94,14 +97,18 @@ def minus(text: str) -> str:
 def summary_line(case: Case) -> str:
     """The record and the result in one sentence."""
     analysis, model = case.analysis, case.analysis.model
-    counts = [str(cycles.n_cycles) for cycles in analysis.cycles]
-    hits = " and ".join([", ".join(counts[:-1]), counts[-1]] if len(counts) > 1 else counts)
-    first = analysis.records[0]
+    periods = sum(record.duration for record in analysis.records) / model.period
+    counts, told = f"{periods:.6g}", "in all "
+    if analysis.decay is not None:
+        cycles = [str(hit.n_cycles) for hit in analysis.cycles]
+        counts, told = " and ".join([", ".join(cycles[:-1]), cycles[-1]] if len(cycles) > 1 else cycles), ""
+    sides = [counted(len(model.channels), "channel" if analysis.decay is not None else "output")]
+    sides += [counted(len(analysis.inputs), "measured input")] if analysis.inputs else []
     records, modes = counted(len(analysis.records), "record"), counted(len(case.modes), "mode")
-    channels = counted(len(model.channels), "channel")
     return (
-        f"{modes} (order {model.order}) found in {records} of {channels}, {hits} periods of {period_words(analysis)} s "
-        f"(ω/2π = {1.0 / model.period:.6g} Hz), {first.sample_rate * model.period:.4g} samples a period."
+        f"{modes} (order {model.order}) found in {records} of {' and '.join(sides)}, {counts} periods {told}of "
+        f"{period_words(analysis)} s (ω/2π = {1.0 / model.period:.6g} Hz), "
+        f"{analysis.records[0].sample_rate * model.period:.4g} samples a period."
     )
 
 
@@ -118,11 +125,11 @@ def evidence(analysis: Analysis) -> list[tuple[str, list[str]]]:
     return found
 
 
-def steps(analysis: Analysis | ExcitedAnalysis) -> list[str]:
+def steps(analysis: Analysis) -> list[str]:
     """Steps done to the records, in order, each once."""
     done = [step for record in analysis.records for step in record.provenance.steps]
     done += texts(analysis.findings, Severity.NOTE)
-    if isinstance(analysis, Analysis) and (words := whitening_words(analysis)):
+    if words := whitening_words(analysis):
         done.append(words)
     done += [step for step in analysis.model.provenance.steps if step not in done]
     return list(dict.fromkeys(_sentence(step) for step in done))
@@ -133,25 +140,47 @@ def _sentence(step: str) -> str:
     return (step[:1].upper() + step[1:]).rstrip(".") + "."
 
 
-def sources(analysis: Analysis | ExcitedAnalysis) -> list[str]:
+def sources(analysis: Analysis) -> list[str]:
     """Sources of the records."""
     return list(dict.fromkeys(source for record in analysis.records for source in record.provenance.sources))
 
 
-def noise_rows(analysis: Analysis) -> list[tuple[str, str, list[str]]]:
-    """Of each channel its name, its unit, and the noise found in each hit with its share of the peak."""
+def noise_table(analysis: Analysis) -> tuple[list[str], list[tuple[str, str, list[str]]]]:
+    """The noise found: titles of columns, and of each channel its name, its unit and its cells.
+
+    Of free responses the noise in each hit with its share of the peak; where the excitation goes on, what is left of
+    each output, and its error on samples left out.
+    """
+    channels = analysis.model.channels
+    if analysis.decay is None:
+        of = "innovations, " if analysis.ambient else ""
+        titles, cells = [f"{of}standard deviation"], [[f"{noise:.3g}"] for noise in analysis.noise[:, 0]]
+        if analysis.validation is not None:
+            titles.append("error on samples left out, over that expected")
+            for row, error in zip(cells, analysis.validation.held_out_error[:, 0], strict=True):
+                row.append(f"{error:.3g}")
+        return titles, [(own.name, own.unit, row) for own, row in zip(channels, cells, strict=True)]
     rows, noise = [], raw_noise(analysis)
-    for number, channel in enumerate(analysis.model.channels):
+    for number, channel in enumerate(channels):
         cells = []
         for hit, cycles in enumerate(analysis.cycles):
             own = float(noise[number, hit])
             peak = float(np.abs(cycles.values[number]).max())
             cells.append(f"{own:.3g} ({100.0 * own / peak:.2g} %)" if peak > 0 else f"{own:.3g}")
         rows.append((channel.name, channel.unit, cells))
-    return rows
+    hits = len(analysis.cycles)
+    return ["standard deviation (of the peak)"] if hits == 1 else [f"hit {n}" for n in range(1, hits + 1)], rows
 
 
-def settings_rows(analysis: Analysis | ExcitedAnalysis) -> list[tuple[str, str]]:
+def lengths(analysis: Analysis) -> list[str]:
+    """The periods of a record that gives the damping of each mode to 10 %, a mode of each pair; none if unknown."""
+    if analysis.lengths is None:
+        return []
+    periods = analysis.lengths[list(analysis.model.upper_modes)] / analysis.model.period
+    return [f"{float(f'{own:.3g}'):.0f}" if own < MANY else f"more than {MANY:.0f}" for own in periods]
+
+
+def settings_rows(analysis: Analysis) -> list[tuple[str, str]]:
     """Every option of the pipeline by its name."""
     return [(field.name, _told(getattr(analysis.settings, field.name))) for field in fields(analysis.settings)]
 

@@ -2,34 +2,20 @@
 
 `result.h5` is an HDF5 file, so MATLAB, Julia and others read it too. Nothing in it is code: loading runs nothing.
 
-Attributes of the file: `format` is "floquid-result", `version` is 3, `floquid` is the version of floquid that wrote it.
+Attributes of the file: `format` is "floquid-result", `version` is 4, `floquid` is the version of floquid that wrote it.
 Every array names its `axes`, slowest first (as C and Python have them), and its `unit` if it has one. Real
 numbers are float64, integers int64, texts UTF-8. A complex number is a compound of float64 `r` and `i`. A dataset
 without content (a null dataspace) stands for None: "not estimated", or "not given". The datasets are::
 
     /findings                       what was done and what a reader must know: JSON, as in summary.json
-    /fit/                           noise (channels, hits), period_std, own_period (the difference and its deviation),
-                                    constrained (1 where residues were constrained to their harmonics), misfit (what
-                                    they then leave over the noise), whitening (channels, taps) where the noise was
-                                    coloured, findings; forced/, the forced response, where there is one: harmonics of
-                                    the revolution, coefficients, coefficient_std, offset, offset_std, drift, drift_std,
-                                    revolution, speed_dependent; free/hit1, ..., what was fitted without it, each as in
-                                    records/, where that is not the response that the records have
     /shafts/hit1, hit2, .../        the angle of the shaft where it was measured: the pulses' times, residuals, lines
                                     and kept, jitter, geometry, counts, wander, steady, findings, and spline/ (first,
                                     last, slope, knots, coefficients, degree, covariance)
-    /periodicity/                   of a model whose periodicity was tested: statistic, degrees, p_value, level, power,
-                                    spacing_p, harmonics, exponents (modes,), channels, sizes and limits (modes,
-                                    harmonics), untested (cases, 2), locked; by_harmonic/, by_mode/ and by_channel/,
-                                    each of statistics, degrees, p_values, adjusted (parts,)
     /settings/                      period, channels, order, harmonics, ...: one dataset a field of `Settings`
     /records/hit1, hit2, .../       the records used, as they were measured: values (channels, samples), sample_rate,
                                     start, period and origin of the clock, or clock/ in place of a constant period
                                     (kind, channel or times, pulses and periods per revolution), orbit where there is
                                     one, channels/, provenance/
-    /modal/                         multipliers (modes,), residues (modes, outputs, inputs), dt, covariance,
-                                    residue_spread, residue_slope, residual_std, outcome (a name), stats/
-    /choice/                        findings for and against the order, where it was found
     /model/                         exponents (modes,), coefficients (modes, channels, hits, harmonics), harmonics,
                                     period, covariance, coefficient_std, channels/, provenance/; inputs/ where some were
                                     measured: channels/, coefficients (modes, inputs, harmonics), harmonics,
@@ -48,8 +34,8 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
                                     are the least allowed; absent where nothing was validated
     /state/                         times, transition (times, n, n), system (times, n, n), condition, states,
                                     system_std, transition_std, coordinates (what the states are, in words), inputs,
-                                    outputs, direct and inputs_std where inputs were measured, provenance/; a null
-                                    dataset when no A(t) was asked for
+                                    outputs, direct and inputs_std where inputs were measured, provenance/; absent
+                                    when no A(t) was asked for
     /refinement/                    of an A(t) that was fitted with a structure: structure (a text), parameters, names,
                                     covariance, exponents, exponent_std (modes,), chi_square, degrees, p_value,
                                     findings; state/ where it is not that of the file; absent where no structure was
@@ -57,15 +43,32 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
     .../channels/                   name, quantity, unit, location, direction, each (channels,)
     .../provenance/                 sources, steps
 
-A result of records whose excitation goes on has the attribute `kind`, "driven" or "ambient", and of these groups
-settings, records, model and findings alone, and state where an A(t) was asked for; and::
+Of free responses there is beside these::
 
-    /noise, /held_out, /lengths     of each channel, of each channel, and of each mode of outputs alone
-    /fit/modes/mode1, mode2, .../   exponent, real (1 of a real one), turns (harmonics,), reach (harmonics of
-                                    inputs,), gains; initial (records,), sizes of "driven", shape (channels,
-                                    harmonics) of "ambient"
-    /fit/direct                     of "driven": harmonics of the direct term
-    /fit/columns, /fit/initial      of "ambient": coefficients of the known columns, first states (records, states)
+    /decay/fit/                     noise (channels, hits), period_std, own_period (the difference and its deviation),
+                                    constrained (1 where residues were constrained to their harmonics), misfit (what
+                                    they then leave over the noise), whitening (channels, taps) where the noise was
+                                    coloured, findings; forced/, the forced response, where there is one: harmonics of
+                                    the revolution, coefficients, coefficient_std, offset, offset_std, drift, drift_std,
+                                    revolution, speed_dependent; free/hit1, ..., what was fitted without it, each as in
+                                    records/, where that is not the response that the records have
+    /decay/modal/                   multipliers (modes,), residues (modes, outputs, inputs), dt, covariance,
+                                    residue_spread, residue_slope, residual_std, outcome (a name), stats/
+    /decay/choice/                  findings for and against the order, where it was found
+    /decay/periodicity/             of a model whose periodicity was tested: statistic, degrees, p_value, level, power,
+                                    spacing_p, harmonics, exponents (modes,), channels, sizes and limits (modes,
+                                    harmonics), untested (cases, 2), locked; by_harmonic/, by_mode/ and by_channel/,
+                                    each of statistics, degrees, p_values, adjusted (parts,)
+
+The cycles and the lifted responses are not in the file: they are made of the free response again. Of records whose
+excitation goes on there is instead::
+
+    /driven/modes/mode1, mode2, .../    exponent, real (1 of a real one), turns (harmonics,), reach (harmonics of
+                                        inputs,), gains; initial (records,) and sizes of measured inputs, shape
+                                        (channels, harmonics) of random excitation
+    /driven/direct                      of measured inputs: harmonics of the direct term
+    /driven/columns, /driven/initial    of random excitation: coefficients of the known columns, first states (records,
+                                        states)
 
 The columns and the covariance of such a fit are made of its modes and records again.
 
@@ -75,11 +78,10 @@ Transfer functions measured line by line have the `kind` "measured", and modes f
                                     outputs/ and inputs/ as channels/, step (null of continuous time)
     /period, /method, /noise, /coherence, /nonlinear, /echoes, /begins    of `MeasuredTransfer`, beside /transfer/
     /model/, /covariance, /hold, /begins, /chi_square, /degrees           of `TransferFit`, beside /measured/
-    /fit/modes/mode1, ...           as of "driven", with shape (outputs, harmonics)
+    /fit/modes/mode1, ...           as of measured inputs, with shape (outputs, harmonics)
     /fit/direct0, direct1, ...      the direct term at each harmonic (outputs, inputs)
 
-The cycles and the lifted responses are not in the file: they are made of the free response again. Files of earlier
-versions of the layout, which no release of floquid wrote, are refused.
+Files of earlier versions of the layout, which no release of floquid wrote, are refused.
 """
 
 from floquid.store._load import load

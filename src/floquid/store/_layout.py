@@ -19,20 +19,17 @@ from floquid.inputs import InputMode, TransferFunctions
 from floquid.lti import Composites, ModalModel
 from floquid.order import Choice
 from floquid.periodic import Fit, ForcedResponse, PartialTests, Periodicity
-from floquid.pipeline import AmbientAnalysis, DrivenAnalysis
+from floquid.pipeline import Analysis
 from floquid.reconstruction import Refinement, StateModel
 from floquid.sync import AngleSpline, ShaftAngle
 from floquid.transfer import MeasuredTransfer, TransferFit
 from floquid.validation import Validation
 
 FORMAT = "floquid-result"
-VERSION = 3
-
-EXCITED: dict[type, str] = {DrivenAnalysis: "driven", AmbientAnalysis: "ambient"}
-"""Results of records whose excitation goes on, by the attribute `kind` of their files; free responses have none."""
+VERSION = 4
 
 LINES: dict[type, str] = {MeasuredTransfer: "measured", TransferFit: "fitted"}
-"""Transfer functions measured line by line, and modes fitted to them, likewise."""
+"""Transfer functions measured line by line, and modes fitted to them, by the attribute `kind` of their files."""
 
 ABSENT = (
     "estimates",
@@ -105,21 +102,7 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "direct_harmonics": "harmonics",
         "initial": "modes, records",
     },
-    DrivenAnalysis: {
-        "model": PeriodicModel,
-        "noise": f"channels, one; {_UNIT}",
-        "held_out": "channels",
-        "findings": "findings",
-        "state": StateModel,
-    },
-    AmbientAnalysis: {
-        "model": PeriodicModel,
-        "noise": f"channels, one; {_UNIT}",
-        "held_out": "channels",
-        "lengths": "modes; s",
-        "findings": "findings",
-        "state": StateModel,
-    },
+    Analysis: {"model": PeriodicModel, "state": StateModel, "findings": "findings"},
     TransferFunctions: {
         "frequencies_hz": "frequencies; Hz",
         "harmonics": "harmonics",

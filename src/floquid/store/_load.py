@@ -16,10 +16,9 @@ from floquid.lti import ModalModel, Outcome
 from floquid.order import Choice
 from floquid.periodic import Fit, ForcedResponse, Periodicity
 from floquid.pipeline import (
-    AmbientAnalysis,
     Analysis,
-    DrivenAnalysis,
-    ExcitedAnalysis,
+    Decay,
+    Driven,
     Settings,
     ambient_fit,
     blas_threads,
@@ -28,16 +27,15 @@ from floquid.pipeline import (
     samples_of,
 )
 from floquid.reconstruction import AbstractStructure, Refinement, StateModel, structure_of
-from floquid.store._datasets import get, get_fields, get_findings, get_numbers, get_object
+from floquid.store._datasets import get, get_fields, get_numbers, get_object
 from floquid.store._identifiers import from_text
-from floquid.store._layout import DIRECT, EXCITED, FORMAT, LINES, SHAPE, VERSION
+from floquid.store._layout import DIRECT, FORMAT, LINES, SHAPE, VERSION
 from floquid.store._save import Result
 from floquid.sync import ShaftAngle
 from floquid.transfer import MeasuredTransfer, Modal, TransferFit
 from floquid.validation import Criterion, Validation
 
 _SIGNALS: dict[str, Any] = {kind.__name__: kind for kind in (TachometerSignal, AzimuthSignal, PulseTimes)}
-Stored = tuple[tuple[Record, ...], tuple[ShaftAngle, ...], Fit]
 
 MUST = "be a result file that `save` wrote"
 AGAIN = "Write it again: `floquid identify ... --out DIR`, or `save(analysis, path)`."
@@ -79,29 +77,10 @@ def _load(file: Path) -> Result:
     raise input_error("path", "load", must, got, "Update floquid." if int(said["version"]) > VERSION else AGAIN)
 
 
-def _read_excited(file: Any, kind: str) -> ExcitedAnalysis:
-    """A result of records whose excitation goes on."""
-    if kind not in EXCITED.values():
-        raise DamagedError(f"it is of the kind {kind!r}, which this floquid does not know (update floquid)")
-    settings, (records, _) = _settings(file["settings"]), _measured(file, len(file["records"]))
-    group, made = file["fit"], next(one for one, name in EXCITED.items() if name == kind)
-    modes = [group[f"modes/mode{number}"] for number in range(1, len(group["modes"]) + 1)]
-    found = get_fields(file, made)
-    if sum(1 if get(mode, "real") else 2 for mode in modes) != found["model"].order:
-        raise DamagedError("fit/modes are not those of the model")
-    if "refinement" in file:
-        found["refinement"] = _refinement(file["refinement"], found["state"])
-    if made is AmbientAnalysis:
-        parts = get(group, "columns", "channels, columns"), get(group, "initial", "records, states")
-        fit = ambient_fit(records, settings, [get_object(mode, Mode) for mode in modes], *parts)
-        return AmbientAnalysis(settings=settings, records=records, fit=fit, **found)
-    direct = tuple(map(float, get(group, "direct", "harmonics")))
-    fit = driven_fit(records, settings, [get_object(mode, InputMode) for mode in modes], direct)
-    return DrivenAnalysis(settings=settings, records=records, fit=fit, **found)
-
-
 def _read_lines(file: Any, kind: str) -> MeasuredTransfer | TransferFit:
     """Transfer functions that were measured, or a fit to such."""
+    if kind not in LINES.values():
+        raise DamagedError(f"it is of the kind {kind!r}, which this floquid does not know (update floquid)")
     if kind == LINES[MeasuredTransfer]:
         return get_object(file, MeasuredTransfer)
     modes = [file[f"fit/modes/mode{number}"] for number in range(1, len(file["fit/modes"]) + 1)]
@@ -118,39 +97,55 @@ def _read_lines(file: Any, kind: str) -> MeasuredTransfer | TransferFit:
 
 
 def _read(file: Any) -> Result:
-    import h5py
-
     kind = str(file.attrs.get("kind", ""))
-    if kind in LINES.values():
-        return _read_lines(file, kind)
     if kind:
-        return _read_excited(file, kind)
-    settings = _settings(file["settings"])
-    model: PeriodicModel = get_object(file["model"], PeriodicModel)
-    records, shafts, fit = _fit(file, model, settings)
+        return _read_lines(file, kind)
+    settings, found = _settings(file["settings"]), get_fields(file, Analysis)
+    model, state, count = found["model"], found.get("state"), len(file["records"])
+    shafts = tuple(get_object(hit, ShaftAngle) for hit in _hits(file, "shafts", count)) if "shafts" in file else ()
+    found |= {"settings": settings, "records": tuple(map(_record, _hits(file, "records", count))), "shafts": shafts}
+    if "validation" in file:
+        found["validation"] = _validation(file["validation"])
+    if "refinement" in file:
+        found["refinement"] = _refinement(file["refinement"], state)
+    if "decay" in file:
+        return Analysis(**found, decay=_decay(file["decay"], model, settings, found["records"], shafts))
+    return Analysis(**found, driven=_driven(file["driven"], model, settings, found["records"]))
+
+
+def _decay(
+    group: Any, model: PeriodicModel, settings: Settings, records: tuple[Record, ...], shafts: tuple[ShaftAngle, ...]
+) -> Decay:
+    """The fit of free responses; it is cut into periods and lifted again."""
+    if len(records) != model.n_hits:
+        raise DamagedError("model/coefficients are not of as many hits as there are records")
+    fit = _fit(group["fit"], model, samples_of(records, shafts, settings))
     with blas_threads(fit.free):  # in as many threads as when it was identified: the same to the last digit
         cycles, lifted = lifted_views(fit, shafts, settings)
-    found = get_fields(file["modal"], ModalModel)
-    found["outcome"] = Outcome[found["outcome"]]
-    modal = ModalModel(**found)
-    state = get_object(file["state"], StateModel) if isinstance(file["state"], h5py.Group) else None
-    choice = get_fields(file["choice"], Choice) if "choice" in file else None
-    return Analysis(
-        settings=settings,
-        records=records,
+    own = get_fields(group["modal"], ModalModel)
+    own["outcome"] = Outcome[own["outcome"]]
+    modal = ModalModel(**own)
+    choice = get_fields(group["choice"], Choice) if "choice" in group else None
+    return Decay(
         fit=fit,
         cycles=cycles,
         lifted=lifted,
         modal=modal,
-        model=model,
-        state=state,
-        refinement=_refinement(file["refinement"], state) if "refinement" in file else None,
         choice=None if choice is None else Choice(order=modal.order, model=modal, **choice),
-        shafts=shafts,
-        periodicity=get_object(file["periodicity"], Periodicity) if "periodicity" in file else None,
-        validation=_validation(file["validation"]) if "validation" in file else None,
-        findings=get_findings(file),
+        periodicity=get_object(group["periodicity"], Periodicity) if "periodicity" in group else None,
     )
+
+
+def _driven(group: Any, model: PeriodicModel, settings: Settings, records: tuple[Record, ...]) -> Driven:
+    """The fit of records whose excitation goes on, linearised at its modes again."""
+    modes = [group[f"modes/mode{number}"] for number in range(1, len(group["modes"]) + 1)]
+    if sum(1 if get(mode, "real") else 2 for mode in modes) != model.order:
+        raise DamagedError("driven/modes are not those of the model")
+    if settings.excitation == "ambient":
+        parts = get(group, "columns", "channels, columns"), get(group, "initial", "records, states")
+        return ambient_fit(records, settings, [get_object(mode, Mode) for mode in modes], *parts)
+    direct = tuple(map(float, get(group, "direct", "harmonics")))
+    return driven_fit(records, settings, [get_object(mode, InputMode) for mode in modes], direct)
 
 
 def _refinement(group: Any, state: StateModel | None) -> Refinement:
@@ -183,18 +178,11 @@ def _settings(group: Any) -> Settings:
     return Settings(**{name: value == 1 if name in flags else value for name, value in found.items()})
 
 
-def _fit(file: Any, model: PeriodicModel, settings: Settings) -> Stored:
-    """The records used, the angle of the shaft in each that has one, and the fit."""
-    records, shafts = _measured(file, model.n_hits)
-    samples, group = samples_of(records, shafts, settings), file["fit"]
+def _fit(group: Any, model: PeriodicModel, samples: tuple[Record, ...]) -> Fit:
+    """The fit of free responses, of which `samples` were fitted, the forced response in them."""
     names = [f"free/hit{number}" for number in range(1, model.n_hits + 1)]
     free = tuple(_record(group[name]) if name in group else one for name, one in zip(names, samples, strict=True))
-    return records, shafts, _made_fit(group, get_fields(group, Fit), model, free, samples)
-
-
-def _made_fit(
-    group: Any, found: dict[str, Any], model: PeriodicModel, free: tuple[Record, ...], samples: tuple[Record, ...]
-) -> Fit:
+    found = get_fields(group, Fit)
     period, forced = found["own_period"], None
     for was, own in zip(samples, free, strict=True):
         if [channel.name for channel in own.channels] != [channel.name for channel in model.channels]:
@@ -205,12 +193,6 @@ def _made_fit(
         forced = ForcedResponse(**get_fields(group["forced"], ForcedResponse), channels=model.channels)
     found |= {"own_period": None if period is None else (float(period[0]), float(period[1]))}
     return Fit(model=model, forced=forced, free=free, **found)
-
-
-def _measured(group: Any, count: int) -> tuple[tuple[Record, ...], tuple[ShaftAngle, ...]]:
-    """The records as they were measured, and the angle of the shaft in each that has one."""
-    shafts = _hits(group, "shafts", count) if "shafts" in group else []
-    return tuple(map(_record, _hits(group, "records", count))), tuple(get_object(hit, ShaftAngle) for hit in shafts)
 
 
 def _hits(group: Any, name: str, count: int) -> list[Any]:

@@ -15,15 +15,15 @@ from floquid.core import ConstantPeriod, Record
 from floquid.inputs import Uncertainty
 from floquid.io import atomic_path
 from floquid.lti import AbstractIdentifier
-from floquid.pipeline import Analysis, ExcitedAnalysis, Settings, samples_of
+from floquid.pipeline import Analysis, Decay, Driven, Settings, samples_of
 from floquid.reconstruction import text_of
 from floquid.store._datasets import put, put_numbers, put_object
 from floquid.store._identifiers import to_text
-from floquid.store._layout import DIRECT, EXCITED, FORMAT, LINES, SHAPE, VERSION
+from floquid.store._layout import DIRECT, FORMAT, LINES, SHAPE, VERSION
 from floquid.transfer import MeasuredTransfer, TransferFit
 from floquid.validation import Validation
 
-Result: TypeAlias = Analysis | ExcitedAnalysis | MeasuredTransfer | TransferFit
+Result: TypeAlias = Analysis | MeasuredTransfer | TransferFit
 
 
 def save(analysis: Result, path: str | PathLike[str]) -> None:
@@ -33,8 +33,8 @@ def save(analysis: Result, path: str | PathLike[str]) -> None:
     its own name when it is whole: whatever happens, `path` holds the old file or the new one. The same analysis gives
     the same bytes.
 
-    `analysis` is what `identify`, `identify_driven`, `identify_ambient`, `measure_transfer` or `fit_transfer` found;
-    the file `path`, by custom `result.h5`, may exist. Raises InputError where `analysis` is something else, or the file
+    `analysis` is what `identify`, `measure_transfer` or `fit_transfer` found; the file `path`, by custom `result.h5`,
+    may exist. Raises InputError where `analysis` is something else, or the file
     cannot be written there.
     """
     if not isinstance(analysis, Result):
@@ -60,24 +60,48 @@ def _write(analysis: Result, stream: BytesIO) -> None:
         _put_settings(file.create_group("settings"), analysis.settings)
         for number, record in enumerate(analysis.records, start=1):
             _put_record(file.create_group(f"records/hit{number}"), record)
-        if isinstance(analysis, Analysis):
-            _put_free(file, analysis)
-        else:
-            _put_excited(file, analysis)
+        _put_analysis(file, analysis)
 
 
-def _put_excited(file: Any, analysis: ExcitedAnalysis) -> None:
-    """What records whose excitation goes on give: the fit is its modes, and what cannot be made of them again."""
-    file.attrs["kind"] = EXCITED[type(analysis)]
+def _put_analysis(file: Any, analysis: Analysis) -> None:
+    """What was found in the records, and the fit that it is of."""
     put_object(file, analysis)
+    for number, shaft in enumerate(analysis.shafts, start=1):
+        put_object(file.create_group(f"shafts/hit{number}"), shaft)
+    if analysis.validation is not None:
+        put_object(file.create_group("validation"), analysis.validation)
+        _put_criteria(file["validation"], analysis.validation)
     _put_refinement(file, analysis)
-    group = file.create_group("fit")
-    if isinstance(analysis.fit, Uncertainty):
-        put(group, "direct", analysis.fit.at.direct, "harmonics")
+    if analysis.decay is not None:
+        _put_decay(file.create_group("decay"), analysis, analysis.decay)
+    if analysis.driven is not None:
+        _put_driven(file.create_group("driven"), analysis.driven)
+
+
+def _put_decay(group: Any, analysis: Analysis, decay: Decay) -> None:
+    """The fit of free responses, with its free response where that is not what the records are."""
+    fit = decay.fit
+    put_object(group.create_group("fit"), fit)
+    if fit.forced is not None:
+        put_object(group.create_group("fit/forced"), fit.forced)
+    samples = samples_of(analysis.records, analysis.shafts, analysis.settings)
+    for number, (record, own) in enumerate(zip(fit.free, samples, strict=True), start=1):
+        if not np.array_equal(record.values, own.values, equal_nan=True):
+            _put_record(group.create_group(f"fit/free/hit{number}"), record)
+    for name in ("modal", "choice", "periodicity"):
+        thing = getattr(decay, name)
+        if thing is not None:
+            put_object(group.create_group(name), thing)
+
+
+def _put_driven(group: Any, fit: Driven) -> None:
+    """A fit of records whose excitation goes on: its modes, and what cannot be made of them again."""
+    if isinstance(fit, Uncertainty):
+        put(group, "direct", fit.at.direct, "harmonics")
     else:
-        put(group, "columns", analysis.fit.at.columns, "channels, columns; that of the channel")
-        put(group, "initial", analysis.fit.at.initial, "records, states")
-    for number, mode in enumerate(analysis.fit.at.modes, start=1):
+        put(group, "columns", fit.at.columns, "channels, columns; that of the channel")
+        put(group, "initial", fit.at.initial, "records, states")
+    for number, mode in enumerate(fit.at.modes, start=1):
         put_object(group.create_group(f"modes/mode{number}"), mode)
 
 
@@ -95,26 +119,7 @@ def _put_lines(file: Any, found: MeasuredTransfer | TransferFit) -> None:
         put(file["fit"], f"direct{turn}", direct, DIRECT)
 
 
-def _put_free(file: Any, analysis: Analysis) -> None:
-    """What free responses give."""
-    put(file, "findings", analysis.findings, "findings")
-    for number, shaft in enumerate(analysis.shafts, start=1):
-        put_object(file.create_group(f"shafts/hit{number}"), shaft)
-    _put_fit(file.create_group("fit"), analysis)
-    for name in ("modal", "model", "periodicity", "choice", "validation"):
-        thing = getattr(analysis, name)
-        if thing is not None:
-            put_object(file.create_group(name), thing)
-    if analysis.validation is not None:
-        _put_criteria(file["validation"], analysis.validation)
-    if analysis.state is None:
-        put(file, "state", None)
-    else:
-        put_object(file.create_group("state"), analysis.state)
-    _put_refinement(file, analysis)
-
-
-def _put_refinement(file: Any, analysis: Analysis | ExcitedAnalysis) -> None:
+def _put_refinement(file: Any, analysis: Analysis) -> None:
     """A(t) that was fitted with a structure, if one was asked for."""
     found = analysis.refinement
     if found is None:
@@ -137,18 +142,6 @@ def _put_record(group: Any, record: Record) -> None:
         put_object(inner, record.clock)
     if record.orbit is not None:
         put(group, "orbit", record.orbit, "channels, phases; that of the channel")
-
-
-def _put_fit(group: Any, analysis: Analysis) -> None:
-    """The fit, with its free response where that is not what the records are."""
-    fit = analysis.fit
-    put_object(group, fit)
-    if fit.forced is not None:
-        put_object(group.create_group("forced"), fit.forced)
-    samples = samples_of(analysis.records, analysis.shafts, analysis.settings)
-    for number, (record, own) in enumerate(zip(fit.free, samples, strict=True), start=1):
-        if not np.array_equal(record.values, own.values, equal_nan=True):
-            _put_record(group.create_group(f"free/hit{number}"), record)
 
 
 def _put_criteria(group: Any, validation: Validation) -> None:

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid._arrays import Floats, Integers
-from floquid._checks import Sealed
+from floquid._checks import Sealed, input_error
 from floquid.innovations import harmonic_spectra
-from floquid.pipeline import AmbientAnalysis
+from floquid.pipeline import Analysis
 from floquid.views._modes import frozen
 
 SMALLEST = 1e-3  # the share of a mode's energy below which a line is not marked
@@ -41,13 +41,13 @@ class SpectraOfModes(Sealed):
     end: float
 
 
-def spectra_of_modes(analysis: AmbientAnalysis, harmonics: int = 1, periods: int | None = None) -> SpectraOfModes:
+def spectra_of_modes(analysis: Analysis, harmonics: int = 1, periods: int | None = None) -> SpectraOfModes:
     """The harmonic power spectra of a record of outputs alone, and the lines |Im λ + mω| of its modes in them.
 
     Parameters
     ----------
     analysis
-        What `identify_ambient` found.
+        What `identify` found of records whose excitation goes on.
     harmonics
         M: outputs are modulated by -M to M, so that lines show up to M fundamentals beside those of a mode.
     periods
@@ -55,7 +55,11 @@ def spectra_of_modes(analysis: AmbientAnalysis, harmonics: int = 1, periods: int
 
     Raises InputError where a number is not possible.
     """
-    model, samples = analysis.model, analysis.fit.samples
+    model, driven = analysis.model, analysis.driven
+    if driven is None:
+        got = "is of free responses"
+        raise input_error("analysis", "spectra_of_modes", "be of records whose excitation goes on", got)
+    samples = driven.samples
     found = harmonic_spectra(samples, harmonics, periods)
     units = {channel.unit for channel in model.channels}
     scale = np.ones(len(samples.values)) if len(units) == 1 else 1.0 / samples.values.std(axis=1)
@@ -74,7 +78,7 @@ def spectra_of_modes(analysis: AmbientAnalysis, harmonics: int = 1, periods: int
     )
 
 
-def _lines_of(analysis: AmbientAnalysis, mode: int, moved: Integers) -> Floats:
+def _lines_of(analysis: Analysis, mode: int, moved: Integers) -> Floats:
     """Frequencies of a mode's harmonics that are seen, the strongest first, and of those moved (lines,) [Hz]."""
     model = analysis.model
     energy = np.sum(np.abs(model.coefficients[mode, :, 0] / analysis.noise) ** 2, axis=0)

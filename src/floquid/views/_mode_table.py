@@ -10,7 +10,7 @@ import numpy as np
 from floquid._arrays import Integers, Mask
 from floquid.core import PeriodicModel
 from floquid.periodic import CONFIDENT, participation
-from floquid.pipeline import Analysis, ExcitedAnalysis
+from floquid.pipeline import Analysis
 from floquid.views._modes import grows
 
 MODE_NOTES = {
@@ -38,7 +38,7 @@ def with_error(value: float, std: float) -> str:
     return f"{value:.{digits}f}({round(std * 10**digits)})" if digits <= MOST_DIGITS else f"{value:.10g}"
 
 
-def mode_notes(analysis: Analysis | ExcitedAnalysis, mode: int) -> list[str]:
+def mode_notes(analysis: Analysis, mode: int) -> list[str]:
     """The words of `MODE_NOTES` that a `mode` of an `analysis` deserves: none for an ordinary one."""
     model = analysis.model
     error = complex(np.nan, np.nan) if model.exponent_std is None else model.exponent_std[mode]
@@ -86,7 +86,7 @@ class ModeRow:
     notes: str
 
 
-def mode_table(analysis: Analysis | ExcitedAnalysis, *, derived: bool = True) -> tuple[ModeRow, ...]:
+def mode_table(analysis: Analysis, *, derived: bool = True) -> tuple[ModeRow, ...]:
     """The modes of an analysis, a row for each conjugate pair and for each real mode.
 
     The rows are in the order of the model. `analysis` is what `identify` found. Where `derived` is true, f and ζ have
@@ -100,7 +100,7 @@ def mode_table(analysis: Analysis | ExcitedAnalysis, *, derived: bool = True) ->
     for number, mode in enumerate(model.upper_modes, start=1):
         value, ratio = model.exponents[mode], 100.0 * model.damping_ratios[mode]
         kept, _ = participation(model, mode, 1.0 / analysis.noise)
-        if isinstance(analysis, ExcitedAnalysis):
+        if analysis.decay is None:
             clear = _clear(model, mode, kept)
             kept = kept[clear] if clear.any() else kept
         own = model.frequencies_hz[mode]

@@ -8,37 +8,50 @@ from floquid._checks import counted
 from floquid.core import ModelInputs
 from floquid.findings import Severity, texts
 from floquid.lifting import Lifted
-from floquid.pipeline import HELD_OUT, AmbientAnalysis, Analysis, ExcitedAnalysis
+from floquid.pipeline import Analysis
 from floquid.validation import Validation
 from floquid.views._mode_table import mode_notes, with_error
 
+ORDER = "excited_order"  # the code of the finding that the line on the order has
 MOST_NAMED = 6  # harmonics of the forced response that are named
 
 
-def outcome_lines(analysis: Analysis | ExcitedAnalysis) -> dict[str, str]:
+def outcome_lines(analysis: Analysis) -> dict[str, str]:
     """The outcome of an `analysis` beside its modes: the short lines that have something to say, by their names."""
-    lines = _free_lines(analysis) if isinstance(analysis, Analysis) else _excited_lines(analysis)
-    return {name: words for name, words in lines.items() if words}
-
-
-def _free_lines(analysis: Analysis) -> dict[str, str]:
-    return {
-        "Noise": _noise(analysis),
+    own = analysis.model.inputs
+    lines = {
+        "Innovations" if analysis.ambient else "Noise": _noise(analysis),
         "Order": _order(analysis),
         "Period": _period(analysis),
         "Forced response": _forced(analysis),
         "Interference": _interference(analysis),
-        "Verdict": "" if analysis.validation is None else verdict_line(analysis.validation) + _untold(analysis),
+        "Reach": "" if own is None else _reach(analysis, own),
+        "Direct": "" if own is None else _direct(own),
+        "Verdict": verdict_line(analysis) + _untold(analysis),
     }
+    return {name: words for name, words in lines.items() if words}
 
 
-def verdict_line(validation: Validation) -> str:
-    """The verdict on a model (`validation`) in a line, with what it rests on if it passed."""
-    if not validation.passed:
-        return f"the model does not pass, for {counted(len(validation.reasons), 'reason')}"
+def done_words(analysis: Analysis) -> list[str]:
+    """What was done to the records of an `analysis`, and notes that no line of its outcome has, a sentence each."""
+    steps = [step for record in analysis.records for step in record.provenance.steps]
+    notes = [own for own in analysis.findings if own.severity is Severity.NOTE and own.code != ORDER]
+    return list(dict.fromkeys([*steps, *texts(notes)]))
+
+
+def verdict_line(analysis: Analysis) -> str:
+    """The verdict on the model of an `analysis` in a line, with what it rests on if it passed."""
+    validation = analysis.validation
+    if validation is None:
+        return "the model fails" if analysis.failed else "not checked"
+    if not analysis.passed:
+        return f"the model does not pass, for {counted(len(analysis.reasons), 'reason')}"
     if validation.findings:
         return f"passed, with a known remainder: {remainder_words(validation)} of the response beyond the noise"
-    fit, error = validation.metrics["fit"], validation.metrics["held_out_error"]
+    error = validation.metrics["held_out_error"]
+    if "fit" not in validation.metrics:
+        return f"passed: the last quarter, left out of a fit, is predicted to {error:.3g} times the expected error"
+    fit = validation.metrics["fit"]
     return f"passed: {fit:.1%} of the response in cycles left out is predicted, to {error:.3g} times the noise at worst"
 
 
@@ -49,6 +62,12 @@ def remainder_words(validation: Validation) -> str:
 
 
 def _noise(analysis: Analysis) -> str:
+    if analysis.decay is None:
+        levels = ", ".join(
+            f"{value:.3g}{'' if channel.unit == '-' else f' {channel.unit}'} in {channel.name}"
+            for value, channel in zip(analysis.noise[:, 0], analysis.model.channels, strict=True)
+        )
+        return f"each sample is predicted to {levels}" if analysis.ambient else f"taken for white, {levels}"
     peaks = np.array([np.abs(hit.values).max(axis=(1, 2)) for hit in analysis.cycles]).T
     shares = 100.0 * analysis.noise / peaks
     low, high = f"{shares.min():.2g}", f"{shares.max():.2g}"
@@ -65,7 +84,8 @@ def _order(analysis: Analysis) -> str:
     if analysis.settings.order is not None:
         return f"{order}, as asked for"
     if analysis.choice is None:
-        return ""
+        needed = texts(own for own in analysis.findings if own.code == ORDER)
+        return f"{order}. {' '.join(needed)}" if needed else ""
     if analysis.choice.ambiguous:
         return f"{order}, ambiguous: the warnings say why"
     weak = sum("weak" in mode_notes(analysis, r) for r in analysis.model.upper_modes)
@@ -79,8 +99,8 @@ def _period(analysis: Analysis) -> str:
     else:
         how = "estimated from the response" if analysis.settings.estimate_period else "as given"
     line, tested = f"{period_words(analysis)} s, {how}", analysis.periodicity
-    if analysis.fit.own_period is not None:
-        difference, std = analysis.fit.own_period
+    if analysis.decay is not None and analysis.decay.fit.own_period is not None:
+        difference, std = analysis.decay.fit.own_period
         line += f"; the response's own differs by {difference:.1g} ± {std:.1g} of that"
     if tested is None or not tested.degrees:
         return line
@@ -96,11 +116,11 @@ def _untold(analysis: Analysis) -> str:
 
 def _interference(analysis: Analysis) -> str:
     words = "{frequency:.5g} Hz, {amplitude:.3g} {unit} in {channel}, taken off"
-    return "; ".join(words.format(**own.numbers) for own in analysis.fit.findings if own.code == "interference")
+    return "; ".join(words.format(**own.numbers) for own in analysis.interference)
 
 
 def _forced(analysis: Analysis) -> str:
-    forced = analysis.fit.forced
+    forced = analysis.forced
     if forced is None:
         return ""
     parts = ["offset"] * bool(forced.offset.any()) + ["drift"] * bool(forced.drift.any())
@@ -110,33 +130,15 @@ def _forced(analysis: Analysis) -> str:
     return f"{' and '.join(parts)}, fitted beside the modes"
 
 
-def _excited_lines(analysis: ExcitedAnalysis) -> dict[str, str]:
-    """Lines on the noise, the order, the period, the way inputs reach the modes, and the verdict."""
-    model, own = analysis.model, analysis.model.inputs
-    order = [finding for finding in analysis.findings if finding.code == "excited_order"]
-    notes = [finding for finding in analysis.findings if finding not in order]
-    ambient = isinstance(analysis, AmbientAnalysis)
-    return {
-        "Innovations" if ambient else "Noise": ("each sample is predicted to " if ambient else "taken for white, ")
-        + ", ".join(
-            f"{value:.3g} {channel.unit} in {channel.name}"
-            for value, channel in zip(analysis.noise[:, 0], model.channels, strict=True)
-        ),
-        "Order": f"{model.order}. {' '.join(texts(order))}" if order else "",
-        "Period": f"{model.period:.10g} s, {'as given' if not analysis.measured_clock else 'the mean of the shaft'}",
-        "Notes": " ".join(texts(notes, Severity.NOTE)),
-        "Reach": "" if own is None else _reach(analysis, own),
-        "Direct": ""
-        if own is None or not own.direct.size
-        else f"at harmonics {own.direct_harmonics[0]}…{own.direct_harmonics[-1]}",
-        "Verdict": _held_out(analysis),
-    }
+def _direct(own: ModelInputs) -> str:
+    return f"at harmonics {own.direct_harmonics[0]}…{own.direct_harmonics[-1]}" if own.direct.size else ""
 
 
-def _reach(analysis: ExcitedAnalysis, own: ModelInputs) -> str:
+def _reach(analysis: Analysis, own: ModelInputs) -> str:
     """The input and the harmonic that do most to each mode, by the rms of the input."""
-    model = analysis.model
-    size = analysis.fit.samples.input_size
+    model, driven = analysis.model, analysis.driven
+    assert driven is not None
+    size = driven.samples.input_size
     none = [finding.numbers["frequency"] for finding in analysis.findings if finding.code.startswith("unreached")]
     words = []
     for number, mode in enumerate(model.upper_modes, start=1):
@@ -150,24 +152,12 @@ def _reach(analysis: ExcitedAnalysis, own: ModelInputs) -> str:
     return "; ".join(words)
 
 
-def _held_out(analysis: ExcitedAnalysis) -> str:
-    """Whether samples that were left out are predicted."""
-    worst = float(analysis.held_out.max())
-    if np.isnan(worst):
-        return "the model does not pass: see the warnings" if analysis.failed else "not checked"
-    told = f"the last quarter, left out of a fit, is predicted to {worst:.3g} times the expected error at worst"
-    if analysis.passed:
-        return f"passed: {told}"
-    if worst < HELD_OUT:
-        return f"the model does not pass, as a warning says; {told}"
-    return "the model does not pass: the last quarter, left out of a fit, is " + (
-        f"{worst:.3g} times further off than expected" if np.isfinite(worst) else "not predicted at all"
-    )
-
-
 def passed_words(validation: Validation) -> str:
     """Achievements of a model with a verdict in its favour (`validation`), in a sentence without its beginning."""
-    fit, error = validation.metrics["fit"], validation.metrics["held_out_error"]
+    error = validation.metrics["held_out_error"]
+    if "fit" not in validation.metrics:
+        return f"the last quarter, left out of a fit, is predicted to {error:.3g} times the expected error at most."
+    fit = validation.metrics["fit"]
     return (
         f"{fit:.1%} of the response is predicted in cycles left out, with an error of {error:.3g} times the noise at "
         "most, and nothing else is left that noise does not explain."

@@ -52,7 +52,7 @@ class Response:
 
 def response_of(analysis: Analysis, hit: int, channels: list[int]) -> Response:
     """The free response of some channels of one hit, with the model that counts from its phase zero."""
-    whole, record, noise = analysis.model, analysis.fit.free[hit], analysis.noise[channels, hit]
+    whole, record, noise = analysis.model, analysis.responses[hit], analysis.noise[channels, hit]
     if analysis.whitening is not None:
         noise = noise * colour(analysis.whitening)[channels]
     names = [record.channels[row].name for row in channels]

@@ -93,7 +93,7 @@ def test_an_identified_model_and_its_system_have_one_response():
     truth = mathieu(direct=0.2)
     values, inputs = record_of(truth, 60, 20, 0.01, 1)
     record = Record(values=np.vstack([values, inputs]), sample_rate=20 / truth.period, channels=["y", "F"])
-    model = floquid.identify_driven(record, period=truth.period, inputs=["F"], validate=False).model
+    model = floquid.identify(record, period=truth.period, inputs=["F"], validate=False).model
     for system in (to_periodic_system(model), to_periodic_system(model, ["y"])):
         assert gap(system, model) < 1e-8
         assert (system.inputs, system.outputs) == (("F",), ("y",))

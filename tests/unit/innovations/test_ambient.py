@@ -16,7 +16,6 @@ from floquid import (
     InputError,
     Record,
     identify,
-    identify_ambient,
     reconstruct,
 )
 from floquid.exports import summary
@@ -42,7 +41,7 @@ def values():
 
 @pytest.fixture(scope="module")
 def analysis(values):
-    return identify_ambient(record_from(values))
+    return identify(record_from(values), excitation="ambient")
 
 
 def test_exponents_of_outputs_alone_are_within_their_deviations(analysis):
@@ -52,13 +51,10 @@ def test_exponents_of_outputs_alone_are_within_their_deviations(analysis):
     assert np.array_equal(analysis.model.coefficient_std[0].max(axis=-1) > 0.0, [[True]])
 
 
-def test_identify_hands_over(values, analysis):
-    for found in (
-        identify(record_from(values), excitation="ambient"),
-        identify(record_from(values), Settings(excitation="ambient")),
-    ):
-        assert np.array_equal(found.model.exponents, analysis.model.exponents)
-        assert found.lengths == pytest.approx(analysis.lengths)
+def test_settings_and_options_say_the_same(values, analysis):
+    found = identify(record_from(values), Settings(excitation="ambient"))
+    assert np.array_equal(found.model.exponents, analysis.model.exponents)
+    assert found.lengths == pytest.approx(analysis.lengths)
 
 
 def test_its_damping_tells_how_long_a_record_would_do(analysis):
@@ -176,7 +172,7 @@ def test_a_real_mode_that_lasts_may_be_slow_excitation(analysis, axis, decay, to
 
 def test_a_line_at_the_speed_is_taken_off(values):
     angle = 2.0 * np.pi * np.arange(values.shape[1]) / PHASES
-    found = identify_ambient(record_from(values + 3.0 * np.cos(angle + 0.3)), validate=False)
+    found = identify(record_from(values + 3.0 * np.cos(angle + 0.3)), validate=False, excitation="ambient")
     assert found.model.order == 2
     assert pulls(SYSTEM, found.model).max() < 3.5
     assert "steady_beside_inputs" in {finding.code for finding in found.findings}
@@ -185,9 +181,9 @@ def test_a_line_at_the_speed_is_taken_off(values):
 def test_a_measured_shaft_gives_the_angle(values):
     turned = np.arange(values.shape[1]) * 360.0 / PHASES % 360.0
     record = record_from(np.concatenate([values, turned[None]]), names=("x", "shaft"))
-    found = identify_ambient(record, azimuth="shaft", validate=False)
+    found = identify(record, azimuth="shaft", validate=False, excitation="ambient")
     assert [channel.name for channel in found.model.channels] == ["x"]
-    assert found.measured_clock
+    assert found.shafts
     assert found.model.period == pytest.approx(SYSTEM.period, rel=1e-5)
     assert pulls(SYSTEM, found.model).max() < 3.5
 
@@ -195,28 +191,33 @@ def test_a_measured_shaft_gives_the_angle(values):
 def test_what_cannot_be_is_refused(values):
     noise = np.random.default_rng(0).standard_normal((1, 2000))
     with pytest.raises(IdentificationError, match="rises above the noise"):
-        identify_ambient(record_from(noise))
+        identify(record_from(noise), excitation="ambient")
     with pytest.raises(InputError, match="order"):
-        identify_ambient(record_from(values), order=2)
+        identify(record_from(values), order=2, excitation="ambient")
     with pytest.raises(InputError, match="be 'zero' or 'none'"):
-        identify_ambient(record_from(np.concatenate([values] * 2), names=("x", "f")), inputs=["f"], hold="first")
+        identify(
+            record_from(np.concatenate([values] * 2), names=("x", "f")),
+            inputs=["f"],
+            hold="first",
+            excitation="ambient",
+        )
     with pytest.raises(IdentificationError, match="periods, fewer than"):
-        identify_ambient(record_from(values[:, : 5 * PHASES]))
+        identify(record_from(values[:, : 5 * PHASES]), excitation="ambient")
 
 
 @pytest.mark.parametrize("off", [3e-3, 1e-2])
 def test_a_wrong_period_is_refused_with_its_own(values, off):
     with pytest.raises(IdentificationError, match=r"repeats with about 3\.14"):
-        identify_ambient(record_from(values), period=SYSTEM.period * (1.0 + off))
+        identify(record_from(values), period=SYSTEM.period * (1.0 + off), excitation="ambient")
 
 
 def test_a_period_of_two_is_refused_with_the_half(values):
     with pytest.raises(IdentificationError, match=r"period=3\.1415"):
-        identify_ambient(record_from(values), period=2.0 * SYSTEM.period)
+        identify(record_from(values), period=2.0 * SYSTEM.period, excitation="ambient")
 
 
 def test_a_period_that_is_slightly_off_fails_with_its_own(values):
-    found = identify_ambient(record_from(values), period=SYSTEM.period * 1.0008, validate=False)
+    found = identify(record_from(values), period=SYSTEM.period * 1.0008, validate=False, excitation="ambient")
     told = [own for own in found.findings if own.code == "inputs_period"]
     assert len(told) == 1
     assert not found.passed
@@ -236,7 +237,9 @@ def test_a_response_that_is_not_periodic_is_not_said_to_be():
 def test_units_of_the_channels_change_nothing(values, analysis):
     other = np.random.default_rng(1).standard_normal(values.shape)
     own, large = (
-        identify_ambient(record_from(size * np.concatenate([values, other]), names=("x", "n")), validate=False)
+        identify(
+            record_from(size * np.concatenate([values, other]), names=("x", "n")), validate=False, excitation="ambient"
+        )
         for size in (1.0, np.array([[1e6], [1e-3]]))
     )
     assert np.abs(own.model.exponents - large.model.exponents).max() < 0.1 * np.abs(analysis.model.exponent_std).min()
@@ -244,13 +247,13 @@ def test_units_of_the_channels_change_nothing(values, analysis):
 
 
 def test_its_repr_is_its_verdict(analysis):
-    assert repr(analysis) == "AmbientAnalysis(order=2, period=3.142 s, outputs=1, inputs=0: passes)"
+    assert repr(analysis) == "Analysis(order=2, period=3.142 s, 1 channel, 250 periods: passes)"
 
 
 @pytest.mark.parametrize("other", [0.0, 2.0])
 def test_an_output_that_says_nothing_of_its_own_is_refused(values, other):
     with pytest.raises(IdentificationError, match="channels="):
-        identify_ambient(record_from(np.concatenate([values, other * values]), names=("x", "n")))
+        identify(record_from(np.concatenate([values, other * values]), names=("x", "n")), excitation="ambient")
 
 
 @pytest.mark.slow
@@ -260,7 +263,7 @@ def test_forces_that_were_not_measured_do_not_bend_what_was(analysis):
     force, other = generator.standard_normal((2, 1, 200 * PHASES))
     values = SYSTEM.response(force + 0.5 * other, PHASES)
     values += 0.02 * values.std() * generator.standard_normal(values.shape)
-    found = identify_ambient(record_from(np.concatenate([values, force]), names=("x", "f")), inputs=["f"])
+    found = identify(record_from(np.concatenate([values, force]), names=("x", "f")), inputs=["f"], excitation="ambient")
     assert found.model.order == 2
     assert pulls(SYSTEM, found.model).max() < 3.5
     own = found.transfer([0.1, 0.2, 0.3], [-1, 0, 1])
@@ -295,7 +298,7 @@ def test_records_of_other_channels_or_units_are_refused(values):
     one = record_from(values)
     for other in (record_from(values, names=["y"]), replace(one, channels=[Channel(name="x", unit="mm")])):
         with pytest.raises(InputError, match="must have the same"):
-            identify_ambient([one, other])
+            identify([one, other], excitation="ambient")
 
 
 @pytest.mark.slow
@@ -303,21 +306,21 @@ def test_a_record_at_another_phase_than_the_first_fails(values):
     """A shift of the clock has to come out, and one that is said to stay without a word."""
     other = ambient_of(SYSTEM, 250, PHASES, 0.02, 1)
     later = record_from(other[:, 3:])
-    found = identify_ambient([record_from(values), later], validate=False)
+    found = identify([record_from(values), later], validate=False, excitation="ambient")
     assert [own.numbers["record"] for own in found.findings if own.code == "records_phase"] == [2]
     assert not found.passed
     told = replace(later, start=3 * SYSTEM.period / PHASES)
-    found = identify_ambient([record_from(values), told], validate=False)
+    found = identify([record_from(values), told], validate=False, excitation="ambient")
     assert not [own for own in found.findings if own.code in ("records_phase", "records_turned")]
     # By half a period the slope along the phase is none.
-    found = identify_ambient([record_from(values), record_from(other[:, PHASES // 2 :])], validate=False)
+    found = identify([record_from(values), record_from(other[:, PHASES // 2 :])], validate=False, excitation="ambient")
     assert [own.numbers["record"] for own in found.findings if own.code == "records_turned"] == [2]
     assert not found.passed
 
 
 @pytest.mark.parametrize("share", [1.07, 0.5])
 def test_a_period_that_is_far_off_fails_with_its_own(values, share):
-    found = identify_ambient(record_from(values), period=share * SYSTEM.period, validate=False)
+    found = identify(record_from(values), period=share * SYSTEM.period, validate=False, excitation="ambient")
     told = [own for own in found.findings if own.code == "ambient_period"]
     assert told[0].numbers["own"] == pytest.approx(SYSTEM.period, rel=0.01)
     assert not found.passed
@@ -326,7 +329,7 @@ def test_a_period_that_is_far_off_fails_with_its_own(values, share):
 @pytest.mark.slow
 def test_a_period_that_is_off_fails_where_more_modes_make_the_innovations_white():
     values = ambient_of(SYSTEM, 1000, PHASES, 0.05, 1)
-    found = identify_ambient(record_from(values), period=0.95 * SYSTEM.period)
+    found = identify(record_from(values), period=0.95 * SYSTEM.period, excitation="ambient")
     codes = {own.code for own in found.findings}
     assert "ambient_colour" not in codes
     assert "ambient_period" in codes
@@ -345,18 +348,18 @@ def test_narrow_lines_are_no_period():
     record = record_from((values / values.std() + drive[3])[None], 1.0, 60)
     samples = samples_of([record.values], [np.zeros((0, 9000))], [0.0], step=1.0 / 60.0, fundamental=2.0 * np.pi)
     assert repetition(samples).other > 0.0
-    assert "ambient_period" not in {own.code for own in identify_ambient(record, validate=False).findings}
+    assert "ambient_period" not in {own.code for own in identify(record, validate=False, excitation="ambient").findings}
 
 
 @pytest.mark.parametrize("samples", [0.02, 1.0, 1.9, 2.0])
 def test_too_few_samples_a_period_are_refused(values, samples):
     with pytest.raises(InputError, match=r"samples or more|sampling intervals or more"):
-        identify_ambient(record_from(values), period=samples * SYSTEM.period / PHASES)
+        identify(record_from(values), period=samples * SYSTEM.period / PHASES, excitation="ambient")
 
 
 def test_a_drift_is_no_mode(values):
     slow = np.cumsum(np.random.default_rng(3).standard_normal(values.shape[1]))
-    found = identify_ambient(record_from(values + 0.02 * slow), validate=False)
+    found = identify(record_from(values + 0.02 * slow), validate=False, excitation="ambient")
     told = [own for own in found.findings if own.code == "ambient_slow"]
     assert len(told) == 1
     assert not found.passed
@@ -370,7 +373,7 @@ def test_a_line_of_the_mains_is_no_mode(values):
     time = np.arange(values.shape[1]) * SYSTEM.period / PHASES
     hertz = 2.37 / SYSTEM.period
     line = values.std() * np.sin(2.0 * np.pi * hertz * time)
-    found = identify_ambient(record_from(values + line), validate=False)
+    found = identify(record_from(values + line), validate=False, excitation="ambient")
     (told,) = [own for own in found.findings if own.code == "ambient_line"]
     assert told.numbers["frequencies"] == pytest.approx([hertz], rel=1e-3)
     assert not found.passed
@@ -379,14 +382,14 @@ def test_a_line_of_the_mains_is_no_mode(values):
 
 def test_clipped_outputs_fail(values):
     clipped = np.clip(values, -1.2 * values.std(), 1.2 * values.std())
-    told = parted([record_from(clipped)], Settings(), "identify_ambient").findings
+    told = parted([record_from(clipped)], Settings()).findings
     assert [(own.code, own.severity) for own in told] == [("clipped", Severity.FAILURE)]
 
 
 @pytest.mark.parametrize(("size", "severity"), [(15.0, Severity.WARNING), (40.0, Severity.FAILURE)])
 def test_a_spike_is_told_and_fails_where_it_is_most_of_what_is_left(analysis, size, severity):
     left = analysis.fit.at.innovations.copy()
-    own = parted(analysis.records, analysis.settings, "identify_ambient")
+    own = parted(analysis.records, analysis.settings)
     assert not of_outliers(left, own)
     left[0, 1000] = size * left.std()
     (told,) = of_outliers(left, own)
@@ -396,17 +399,17 @@ def test_a_spike_is_told_and_fails_where_it_is_most_of_what_is_left(analysis, si
 
 def test_a_prediction_that_grows_fails(values, monkeypatch):
     monkeypatch.setattr("floquid.pipeline.excited._ambient._held_out", lambda *_: np.array([np.inf]))
-    found = identify_ambient(record_from(values))
+    found = identify(record_from(values), excitation="ambient")
     assert found.failed
-    assert "does not pass" in repr(found)
-    assert "not predicted at all" in " ".join(found.summary().split())
+    assert "fails" in repr(found)
+    assert "not predicted by it" in " ".join(found.summary().split())
 
 
 @pytest.mark.first(2)
 @pytest.mark.parametrize(("short", "told"), [(2.5, Severity.FAILURE), (0.9, Severity.WARNING), (0.4, None)])
 def test_a_fit_that_is_not_at_its_maximum_is_told(short, told, values, monkeypatch):
     monkeypatch.setattr(Fit, "short", lambda self, number: short)
-    found = identify_ambient(record_from(values), validate=False)
+    found = identify(record_from(values), validate=False, excitation="ambient")
     assert [one.severity for one in found.findings if one.code == "ambient_short"] == [told] * (told is not None)
 
 
@@ -415,7 +418,9 @@ def test_measured_inputs_without_other_forces_are_predicted():
     forces = np.random.default_rng(0).standard_normal((1, 60 * PHASES))
     response = SYSTEM.response(forces, PHASES)
     response += 0.02 * response.std() * np.random.default_rng(1).standard_normal(response.shape)
-    found = identify_ambient(record_from(np.concatenate([response, forces]), names=["x", "F"]), inputs=["F"])
+    found = identify(
+        record_from(np.concatenate([response, forces]), names=["x", "F"]), inputs=["F"], excitation="ambient"
+    )
     assert found.model.order == 2
-    assert np.isfinite(found.held_out).all()
+    assert np.isfinite(found.validation.held_out_error).all()
     assert found.passed

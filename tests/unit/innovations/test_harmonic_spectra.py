@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.driven import ambient_of, mathieu
 
-from floquid import ConstantPeriod, IdentificationError, InputError, Record, identify_ambient, plot
+from floquid import ConstantPeriod, IdentificationError, InputError, Record, identify, plot
 from floquid.innovations import h_oma, harmonic_spectra
 from floquid.inputs import samples_of
 from floquid.lti import LSCF
@@ -59,7 +59,7 @@ def test_what_cannot_be_is_refused(values):
     own = samples([values])
     record = Record(values=values, sample_rate=PHASES / SYSTEM.period, channels=["y"])
     for what, words in ((h_oma, (2,)), (harmonic_spectra, ())):
-        with pytest.raises(InputError, match=rf"samples of a result, but are .*\n.*`{what.__name__}\(identify_ambient"):
+        with pytest.raises(InputError, match=rf"samples of a result, but are .*\n.*`{what.__name__}\(identify"):
             what(record, *words)
     with pytest.raises(InputError, match="form"):
         h_oma(own, 2, form="both")
@@ -83,7 +83,7 @@ def test_the_picture_marks_the_lines_of_the_model_where_the_spectra_peak(values)
         channels=["x"],
         clock=ConstantPeriod(period=SYSTEM.period),
     )
-    analysis = identify_ambient(record, validate=False)
+    analysis = identify(record, validate=False, excitation="ambient")
     assert "harmonic_spectra" in dir(analysis.plot)
     (axes,) = analysis.plot.harmonic_spectra(periods=20).axes
     marks = [line.get_xdata()[0] for line in axes.lines if len(line.get_xdata()) == 2]
@@ -94,5 +94,5 @@ def test_the_picture_marks_the_lines_of_the_model_where_the_spectra_peak(values)
         assert size[np.abs(frequency - mark) < 0.01].max() > 5.0 * size[np.abs(frequency - mark) < 0.08].min()
     assert axes.get_xlabel() == "frequency [Hz]"
     assert axes.get_ylabel().endswith("[1/Hz]")
-    with pytest.raises(InputError, match="identify_ambient"):
+    with pytest.raises(InputError, match="be an Analysis"):
         plot.harmonic_spectra(record)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.driven import Driven, ambient_of, parted, pulls, two_masses
 
-from floquid import ConstantPeriod, IdentificationError, Record, identify_ambient
+from floquid import ConstantPeriod, IdentificationError, Record, identify
 from floquid.innovations import first_innovations
 from floquid.innovations._covariance import whitening_of
 from floquid.innovations._mode import Mode
@@ -32,7 +32,7 @@ def test_a_real_multiplier_that_grows_has_its_partner():
     system = parted()
     values = ambient_of(system, 300, 16, 0.02, 8, warm=40)
     record = Record(values=values, sample_rate=800.0, channels=["x", "z"], clock=ConstantPeriod(period=0.02))
-    model = identify_ambient(record, validate=False).model
+    model = identify(record, validate=False, excitation="ambient").model
     assert model.order == 4
     assert pulls(system, model).max() < 2.5
 
@@ -65,7 +65,7 @@ def test_too_many_outputs_for_a_record_are_refused_in_words():
         clock=ConstantPeriod(period=system.period),
     )
     with pytest.raises(IdentificationError, match=r"1000 samples of 64 channels.*at least 1280"):
-        identify_ambient(record)
+        identify(record, excitation="ambient")
 
 
 def test_shares_of_other_channels_are_not_as_many_as_samples():

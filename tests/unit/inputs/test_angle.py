@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.driven import mathieu
 
-from floquid import Channel, Record, identify_ambient, identify_driven
+from floquid import Channel, Record, identify
 
 PERIODS, PHASES = 120, 20
 
@@ -48,8 +48,8 @@ def identified(wandering, orbit, sensor, measured):
         channels=channels,
     )
     if measured:
-        return identify_driven(record, inputs=["F"], validate=False, **clock)
-    return identify_ambient(record, channels=["y"], validate=False, **clock)
+        return identify(record, inputs=["F"], validate=False, **clock)
+    return identify(record, channels=["y"], validate=False, **clock, excitation="ambient")
 
 
 def told(found):
@@ -76,6 +76,6 @@ def test_inputs_that_act_at_once_are_no_steady_response(wandering):
     shaft = (np.degrees(angle) % 360.0)[None]
     sampled = PHASES / mathieu().period
     record = Record(values=np.concatenate([values, inputs, shaft]), sample_rate=sampled, channels=channels)
-    found = identify_ambient(record, inputs=["F"], azimuth="shaft", validate=False)
+    found = identify(record, inputs=["F"], azimuth="shaft", validate=False, excitation="ambient")
     assert found.fit.acting == 1
     assert "excited_angle" not in told(found)

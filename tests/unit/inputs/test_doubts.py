@@ -7,7 +7,7 @@ import pytest
 from scipy.signal import butter, lfilter, sosfiltfilt
 from tests.driven import creeping, mathieu, pulls, record_of
 
-from floquid import Record, identify_driven
+from floquid import Record, identify
 from floquid.fit import chi2_limit
 from floquid.inputs import Scores, bare_mode, chosen_together, samples_of, solve
 from floquid.pipeline import Settings
@@ -21,7 +21,7 @@ PHASES, PERIODS, WARM = 20, 40, 20
 def identified(values, inputs, period, **options):
     names = [f"y{number}" for number in range(len(np.atleast_2d(values)))]
     record = Record(values=np.vstack([values, inputs]), sample_rate=PHASES / period, channels=[*names, "u"])
-    return identify_driven(record, period=period, inputs=["u"], **options)
+    return identify(record, period=period, inputs=["u"], **options)
 
 
 def codes(found):
@@ -265,7 +265,7 @@ def test_a_driven_record_at_another_phase_than_the_first_is_named(shift, code):
         Record(values=np.vstack(own)[:, first:], sample_rate=PHASES / system.period, channels=["y", "u"])
         for own, first in zip(both, (0, shift), strict=True)
     ]
-    found = identify_driven(records, period=system.period, inputs=["u"], validate=False)
+    found = identify(records, period=system.period, inputs=["u"], validate=False)
     told = [own.numbers["record"] for own in found.findings if own.code == code]
     assert told == ([2] if code else [])
     assert found.failed == bool(code)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.driven import creeping, record_of
 
-from floquid import Channel, Record, identify_driven
+from floquid import Channel, Record, identify
 
 HERTZ, HARMONICS = np.linspace(0.01, 0.1, 5), np.arange(-1, 2)
 
@@ -15,7 +15,7 @@ def case(request):
     values, inputs = record_of(system, 60, 12, 0.01, 5)
     channels = [Channel(name="y", quantity="displacement", unit="m"), Channel(name="u", unit="N")]
     record = Record(values=np.concatenate([values, inputs]), sample_rate=12 / system.period, channels=channels)
-    return system, identify_driven(record, period=system.period, inputs=["u"], states=["y"], validate=False)
+    return system, identify(record, period=system.period, inputs=["u"], states=["y"], validate=False)
 
 
 def test_nothing_is_claimed_of_the_kind(case):

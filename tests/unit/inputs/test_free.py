@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from floquid import IdentificationError, Record, identify_driven
+from floquid import IdentificationError, Record, identify
 from floquid.inputs import Uncertainty, fitted_freely, samples_of
 
 STEP = 0.5
@@ -72,7 +72,7 @@ def test_noise_is_no_system():
     both = np.random.default_rng(0).standard_normal((2, 1500))
     record = Record(values=both, sample_rate=1.0, channels=["y", "u"])
     with pytest.raises(IdentificationError, match="no mode"):
-        identify_driven(record, period=5.0, inputs=["u"])
+        identify(record, period=5.0, inputs=["u"])
 
 
 def test_samples_that_meet_no_phase_twice_are_not_fitted():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from tests.driven import Driven, creeping, pulls, record_of
 
-from floquid import Record, identify_driven
+from floquid import Record, identify
 from floquid.inputs import bare_mode, read_near_axis, samples_of, solve
 from floquid.inputs._solver import covariance
 from floquid.inputs.search import _near_axis
@@ -25,7 +25,7 @@ def oscillator(depth, stiffness):
 def identified(system, seed):
     values, inputs = record_of(system, 80, PHASES, 0.01, seed)
     record = Record(values=np.concatenate([values, inputs]), sample_rate=PHASES / np.pi, channels=["y", "u"])
-    return identify_driven(record, period=np.pi, inputs=["u"], validate=False)
+    return identify(record, period=np.pi, inputs=["u"], validate=False)
 
 
 def test_harmonics_that_noise_explains_are_no_argument_for_a_pair():

@@ -9,7 +9,7 @@ import pytest
 from tests.driven import flapping, mathieu, record_of, two_masses
 from tests.unit.inputs.test_search import record
 
-from floquid import InputError, PeriodicModel, identify_driven
+from floquid import InputError, PeriodicModel, identify
 from floquid.inputs import transfer_functions
 
 HARMONICS = np.arange(-2, 3)
@@ -18,7 +18,7 @@ HARMONICS = np.arange(-2, 3)
 def fitted(system, periods, phases, noise, seed=0):
     values, inputs = record_of(system, periods, phases, noise, seed)
     names = [f"F{n}" for n in range(len(inputs))]
-    return identify_driven(record(system, values, inputs, phases), period=system.period, inputs=names, validate=False)
+    return identify(record(system, values, inputs, phases), period=system.period, inputs=names, validate=False)
 
 
 @pytest.mark.first(1)

@@ -14,6 +14,7 @@ import pytest
 import scipy.stats
 from numpy.random import SeedSequence, default_rng
 from numpy.testing import assert_allclose, assert_array_equal
+from tests.decays import with_decay
 
 import floquid
 from floquid.core import PeriodicModel
@@ -496,9 +497,7 @@ def test_an_interrupt_ends_it_and_leaves_no_process(tmp_path):
 def louder(found, factor):
     """The same result with so much more noise to draw."""
     noise = factor * found.noise
-    return dataclasses.replace(
-        found, fit=dataclasses.replace(found.fit, noise=noise), lifted=found.lifted.with_noise(noise)
-    )
+    return with_decay(found, fit=dataclasses.replace(found.fit, noise=noise), lifted=found.lifted.with_noise(noise))
 
 
 @pytest.mark.slow
@@ -601,7 +600,7 @@ def test_bad_arguments(options, message):
 
 
 def test_what_is_no_analysis_is_refused():
-    with pytest.raises(InputError, match="`identify`, `identify_driven` or `identify_ambient`, but is an array"):
+    with pytest.raises(InputError, match="`identify`, but is an array"):
         bootstrap(np.zeros(3))
 
 

@@ -10,10 +10,10 @@ from numpy.testing import assert_allclose
 from tests.driven import ambient_of, mathieu, record_of
 
 import floquid
-from floquid import Channel, Record, bootstrap, identify_ambient, identify_driven
+from floquid import Channel, Record, bootstrap, identify
 from floquid.errors import IdentificationError
 from floquid.findings import failure
-from floquid.pipeline.excited._analysis import finished
+from floquid.pipeline.excited._finish import finished
 
 DRAWS = 60
 PHASES = 24
@@ -35,8 +35,8 @@ def record(kind, seed=1, periods=60):
 def found(kind, structure=""):
     options = {"period": mathieu().period, "states": ["y"], "structure": structure, "system_times": 5}
     if kind == "inputs":
-        return identify_driven(record(kind), inputs=["F"], **options)
-    return identify_ambient(record(kind), **options)
+        return identify(record(kind), inputs=["F"], **options)
+    return identify(record(kind), **options, excitation="ambient")
 
 
 @functools.cache
@@ -125,7 +125,7 @@ def test_a_result_that_was_read_gives_the_same_draws(kind, tmp_path):
 
 @pytest.mark.slow
 def test_the_whole_identification_again():
-    brief = identify_driven(record("inputs", periods=25), period=mathieu().period, inputs=["F"])
+    brief = identify(record("inputs", periods=25), period=mathieu().period, inputs=["F"])
     checked = bootstrap(brief, draws=20, workers=1, whole=True)
     assert checked.n_used >= 19
     assert checked.holds

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from tests.driven import ambient_of, imbalance_of, mathieu, pulls, record_of
 
-from floquid import Channel, ConstantPeriod, Record, Settings, TachometerSignal, identify_ambient, identify_driven
+from floquid import Channel, ConstantPeriod, Record, Settings, TachometerSignal, identify
 from floquid.errors import IdentificationError, InputError
 from floquid.findings import Severity, texts, warning
-from floquid.pipeline.excited import _analysis
-from floquid.pipeline.excited._analysis import _lines_found
+from floquid.pipeline.excited import _finish
+from floquid.pipeline.excited._finish import _lines_found
 from floquid.pipeline.excited._lines import BESIDE, MOST_PERIODS, _above_beside
 from floquid.pipeline.excited._prepare import parted
 from floquid.views import for_command
@@ -38,7 +38,7 @@ def turns_of(values, **options):
 
 
 def test_lines_of_the_revolution_are_fitted_beside_the_modes(driven):
-    found = identify_driven(record_from(driven), period=SYSTEM.period, inputs=["F"], periods_per_revolution=2)
+    found = identify(record_from(driven), period=SYSTEM.period, inputs=["F"], periods_per_revolution=2)
     assert found.model.order == 2
     assert pulls(SYSTEM, found.model).max() < 4.0
     assert found.passed
@@ -46,7 +46,7 @@ def test_lines_of_the_revolution_are_fitted_beside_the_modes(driven):
     assert "period or the revolution was fitted beside the modes: 1/2, 1, 3/2, 2" in " ".join(texts(found.findings))
     assert _lines_found(replace(found, settings=Settings()), 1.0) == ()
     # Left in they are a mode that never decays, and told where nobody wanted that.
-    left = identify_driven(record_from(driven), period=SYSTEM.period, inputs=["F"], forced="none", validate=False)
+    left = identify(record_from(driven), period=SYSTEM.period, inputs=["F"], forced="none", validate=False)
     assert left.model.order > 2
     assert _lines_found(left, 1.0) == ()
     left = replace(left, settings=Settings(inputs=("F",)))
@@ -91,7 +91,7 @@ def test_each_line_is_told_by_how_well_it_is_known():
 
 
 def test_a_line_that_nobody_told_of_is_told_with_the_remedy(driven):
-    found = identify_driven(record_from(driven), period=SYSTEM.period, inputs=["F"])
+    found = identify(record_from(driven), period=SYSTEM.period, inputs=["F"])
     assert found.model.order == 2
     assert len(found.warnings) == 1
     assert "`periods_per_revolution=2`" in found.warnings[0]
@@ -100,13 +100,13 @@ def test_a_line_that_nobody_told_of_is_told_with_the_remedy(driven):
 
 def test_outputs_alone_of_a_tachometer_with_a_pulse_a_turn(monkeypatch):
     given = []
-    monkeypatch.setattr(_analysis, "_lines_found", lambda _, periods: given.append(periods) or ())
+    monkeypatch.setattr(_finish, "_lines_found", lambda _, periods: given.append(periods) or ())
     values = ambient_of(SYSTEM, 300, PHASES, 0.02, 0)
     values += 20.0 * values.std() * imbalance_of(SYSTEM, 300, PHASES)
     pulses = 5.0 * (np.arange(values.shape[1]) % (2 * PHASES) < 4)
     record = record_from(np.concatenate([values, [pulses]]), ("x", "tach"))
     clock = TachometerSignal(channel="tach", periods_per_revolution=2)  # settings know nothing of it
-    found = identify_ambient(record.with_clock(clock), validate=False)
+    found = identify(record.with_clock(clock), validate=False, excitation="ambient")
     assert given == [2.0]
     assert [channel.name for channel in found.model.channels] == ["x"]
     assert found.model.order == 2
@@ -183,9 +183,9 @@ def test_a_period_of_the_whole_turn_is_refused_with_the_way():
     values = ambient_of(SYSTEM, 300, PHASES, 0.02, 0)
     values += 5.0 * values.std() * imbalance_of(SYSTEM, 300, PHASES)
     with pytest.raises(IdentificationError, match=r"period=3\.1415.*periods_per_revolution=2"):
-        identify_ambient(record_from(values), period=2.0 * SYSTEM.period)
+        identify(record_from(values), period=2.0 * SYSTEM.period, excitation="ambient")
 
 
 def test_periods_of_a_revolution_are_positive(driven):
     with pytest.raises(InputError, match="periods_per_revolution"):
-        identify_driven(record_from(driven), period=SYSTEM.period, inputs=["F"], periods_per_revolution=0)
+        identify(record_from(driven), period=SYSTEM.period, inputs=["F"], periods_per_revolution=0)

@@ -127,7 +127,7 @@ def test_delayed_states_of_one_channel(record):
     found = identify(record, channels=["X", "Y"], states=["X"], form="delayed", delay=1.5)
     assert found.state.states == ("X", "X(t + 1.5 s)", "X(t + 3 s)", "X(t + 4.5 s)")
     assert found.state.coordinates.startswith("delayed outputs")
-    assert "A(t)" not in " ".join(found.validation.reasons)
+    assert "A(t)" not in " ".join(found.reasons)
     assert found.validation.metrics["multipliers"] < found.validation.criteria["multipliers"].limit
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from floquid import Channel, IdentificationError, Record, identify, identify_driven
+from floquid import Channel, IdentificationError, Record, identify
 from floquid.pipeline.preparation import prepare
 from floquid.systems import JeffcottRotor
 
@@ -131,7 +131,7 @@ def test_a_force_that_goes_on_is_refused():
         channels=(*channels, Channel(name="G", quantity="force", unit="N")),
     )
     with pytest.raises(IdentificationError, match=r"'G' is a force that acts .*`inputs=F,G`"):
-        identify_driven(both, inputs=["F"])
+        identify(both, inputs=["F"])
     blow = np.zeros_like(force)
     blow[0, :3] = 100.0
     free = replace(driven, values=np.concatenate([record.values, blow + 0.01 * force]))

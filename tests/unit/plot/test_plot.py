@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from tests.decays import with_decay
 
 from floquid.core import Channel
 from floquid.errors import InputError
@@ -22,6 +23,9 @@ from floquid.systems import JeffcottRotor
 from floquid.views import envelope
 
 ROTOR = JeffcottRotor(damping=0.02)
+
+OF_DECAYS = [name for name in FIGURES if name not in ("speed", "transfer", "harmonic_spectra")]
+"""Those of free responses at a constant period, with an A(t)."""
 
 
 @pytest.fixture(scope="module")
@@ -129,7 +133,7 @@ def test_small_and_large_values_have_their_power_in_the_unit(found, factor, unit
         replace(r, values=r.values * factor, channels=(Channel(name="X", unit=unit), *r.channels[1:]))
         for r in found.fit.free
     )
-    figure = time_record(replace(found, fit=replace(found.fit, free=records)))
+    figure = time_record(with_decay(found, fit=replace(found.fit, free=records)))
     (axes,) = figure.axes
     assert axes.get_ylabel() == label
     assert np.array_equal(drawn(axes, "X")[1], records[0].values[0])
@@ -163,7 +167,7 @@ def test_the_inset_never_covers_the_record(found):
     steady = tuple(
         replace(r, values=np.sin(np.arange(r.n_samples))[None] + [[3.0], [1], [1], [1]]) for r in found.fit.free
     )
-    for analysis in (found, replace(found, fit=replace(found.fit, free=steady))):
+    for analysis in (found, with_decay(found, fit=replace(found.fit, free=steady))):
         figure = time_record(analysis)
         (axes,) = figure.axes
         box = axes.child_axes[0].get_tightbbox(rendered(figure))
@@ -285,7 +289,7 @@ def test_composite_draws_curves_level_and_modes(found):
 
 def test_modes_below_the_visible_range_do_not_flatten_the_figure(found):
     modal = replace(found.modal, residues=found.modal.residues * 1e-30)
-    (axes,) = composite(replace(found, modal=modal)).axes
+    (axes,) = composite(with_decay(found, modal=modal)).axes
     assert 0.1 < axes.get_ylim()[0] < WHITE
 
 
@@ -414,7 +418,7 @@ def every_figure(found):
     channels = (odd, *found.model.channels[1:])
     records = tuple(replace(r, values=r.values * 1e-5, channels=channels) for r in found.fit.free)
     yield time_record(found)
-    yield time_record(replace(found, fit=replace(found.fit, free=records)), hit=1)
+    yield time_record(with_decay(found, fit=replace(found.fit, free=records)), hit=1)
     yield composite(found)
     yield system_elements(found.state, truth=(times, ROTOR.system(times)))
     yield system_elements(state(6, std=True))
@@ -491,7 +495,7 @@ assert dict(matplotlib.rcParams) == before
 @pytest.mark.slow
 def test_save_figures_writes_every_figure_in_every_format(found, tmp_path):
     paths = save_figures(found, tmp_path, formats=("png", "svg", "pdf"))
-    expected = [name for name in FIGURES if name != "speed"]
+    expected = list(OF_DECAYS)
     assert [path.name for path in paths] == [f"{name}.{form}" for name in expected for form in ("png", "svg", "pdf")]
     assert sorted(tmp_path.iterdir()) == sorted(paths)
     starts = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
@@ -502,7 +506,7 @@ def test_save_figures_writes_every_figure_in_every_format(found, tmp_path):
 def test_save_figures_writes_one_file_a_figure_and_format_the_same_each_time(found, tmp_path, monkeypatch):
     folder = tmp_path / "first"
     folder.mkdir()
-    assert [path.stem for path in save_figures(found, folder, dpi=20)] == [name for name in FIGURES if name != "speed"]
+    assert [path.stem for path in save_figures(found, folder, dpi=20)] == list(OF_DECAYS)
     assert len(list(folder.iterdir())) == 11
     monkeypatch.setattr(Analysis, "_figures", lambda analysis: {"time_record": (analysis, {})})
     paths = save_figures(found, folder, formats=("png", "svg", "pdf"))
@@ -518,7 +522,7 @@ def test_save_figures_writes_one_file_a_figure_and_format_the_same_each_time(fou
 def test_save_figures_without_states(found, tmp_path, monkeypatch):
     monkeypatch.setattr(Figure, "savefig", lambda self, target, **_: target.write_bytes(b""))
     paths = save_figures(replace(found, state=None), tmp_path, dpi=30)
-    assert [path.stem for path in paths] == [name for name in FIGURES if name not in ("system_elements", "speed")]
+    assert [path.stem for path in paths] == [name for name in OF_DECAYS if name != "system_elements"]
 
 
 @pytest.mark.slow

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from tests.decays import with_decay
 
 from floquid.core import Channel
 from floquid.errors import InputError
@@ -137,7 +138,7 @@ def test_spectra_show_the_mean_of_the_noise(found):
     """Noise alone: the mean of its lines lies on the dotted one."""
     noise = found.lifted.noise[0, 0] * np.random.default_rng(0).standard_normal(found.cycles[0].values.shape)
     cycles = (replace(found.cycles[0], values=noise), *found.cycles[1:])
-    upper, lower, _ = spectra(replace(found, cycles=cycles), ["X"], limit=100.0).axes
+    upper, lower, _ = spectra(with_decay(found, cycles=cycles), ["X"], limit=100.0).axes
     for axes, label, lines in ((upper, "X", 600), (lower, "X, 90°", 30)):
         values = drawn(axes, label)[1]
         (level,) = {y for line in axes.lines if line.get_linestyle() == ":" for y in line.get_ydata()}
@@ -154,8 +155,8 @@ def test_spectra_labels(found):
     assert {axes.get_yscale() for axes in (upper, lower)} == {"log"}
     units = tuple(Channel(name=c.name, unit=unit) for c, unit in zip(found.model.channels, ("mm", "V"), strict=False))
     cycles = tuple(replace(c, channels=(*units, *c.channels[2:])) for c in found.cycles)
-    assert spectra(replace(found, cycles=cycles), ["X"]).axes[0].get_ylabel() == "magnitude [mm · s]\nthe record"
-    assert spectra(replace(found, cycles=cycles)).axes[1].get_ylabel().startswith("magnitude [unit · s]\nlifted")
+    assert spectra(with_decay(found, cycles=cycles), ["X"]).axes[0].get_ylabel() == "magnitude [mm · s]\nthe record"
+    assert spectra(with_decay(found, cycles=cycles)).axes[1].get_ylabel().startswith("magnitude [unit · s]\nlifted")
 
 
 @pytest.mark.parametrize(

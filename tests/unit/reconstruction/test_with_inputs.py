@@ -22,7 +22,7 @@ def analysis_of(system, outputs, periods=60, phases=24):
     values, inputs = record_of(system, periods, phases, 0.01, 1)
     names = [*outputs, *(f"F{k}" for k in range(len(inputs)))]
     record = Record(values=np.vstack([values, inputs]), sample_rate=phases / system.period, channels=names)
-    return floquid.identify_driven(record, period=system.period, inputs=names[len(outputs) :], validate=False)
+    return floquid.identify(record, period=system.period, inputs=names[len(outputs) :], validate=False)
 
 
 def system_of(state, period):

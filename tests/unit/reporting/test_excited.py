@@ -14,7 +14,7 @@ from floquid.findings import warning
 from floquid.inputs import TransferFunctions
 from floquid.pipeline import predicted_rest
 from floquid.reporting._chosen_figures import harmonic_source
-from floquid.reporting._excited_figures import (
+from floquid.reporting._driven_figures import (
     harmonic_figure,
     matrix_rows,
     measured_beside,
@@ -36,7 +36,7 @@ def record_with_force(system, periods):
 def driven():
     system = mathieu()
     record = record_with_force(system, 50)
-    return floquid.identify_driven(record, period=system.period, inputs=["force"], states=["tip <b>"], system_times=8)
+    return floquid.identify(record, period=system.period, inputs=["force"], states=["tip <b>"], system_times=8)
 
 
 def words_of(page):
@@ -76,7 +76,7 @@ def test_the_page_of_outputs_alone_has_no_inputs(tmp_path):
     system = mathieu()
     values = ambient_of(system, 400, PHASES, 0.02, 1)
     record = Record(values=values, sample_rate=PHASES / system.period, channels=["y"])
-    found = floquid.identify_ambient(record, period=system.period, validate=False)
+    found = floquid.identify(record, period=system.period, validate=False, excitation="ambient")
     said = words_of(floquid.report(found, tmp_path / "report.html").read_text(encoding="utf-8"))
     assert "The model was not checked" in said
     assert "no samples were left out" in said
@@ -90,7 +90,7 @@ def test_each_mode_of_outputs_alone_has_its_lines_in_the_spectra_and_what_its_de
     values = ambient_of(system, periods, PHASES, 0.02, 1) * [[1.0], [1e3]]
     channels = [Channel(name="tower", unit="m"), Channel(name="blade", unit="με")]
     record = Record(values=values, sample_rate=PHASES / system.period, channels=channels)
-    found = floquid.identify_ambient(record, period=system.period, validate=False)
+    found = floquid.identify(record, period=system.period, validate=False, excitation="ambient")
     page = floquid.report(found, tmp_path / "report.html").read_text(encoding="utf-8")
     model, modes = found.model, list(found.model.upper_modes)
     needed = periods * (model.exponent_std.real / 0.1 / model.exponents.real)[modes] ** 2
@@ -147,8 +147,8 @@ def test_a_band_holds_its_curve_and_goes_to_the_end_of_the_axis_where_nothing_is
 
 
 def test_every_result_says_in_one_line_what_it_is(driven):
-    assert repr(driven) == "DrivenAnalysis(order=2, period=3.142 s, outputs=1, inputs=1: passes)"
-    assert "tip &lt;b&gt;" in driven._repr_html_()
+    assert repr(driven) == "Analysis(order=2, period=3.142 s, 1 channel, 1 input, 50 periods: passes)"
+    assert "The model passes its checks." in driven._repr_html_()
     assert driven.summary().splitlines()[0].startswith("1 record, 1 input and 1 output")
 
 
@@ -161,7 +161,7 @@ def test_the_frequencies_of_transfer_functions_have_the_tops_of_the_resonances(d
 def test_lines_measured_without_the_model_tell_a_wrong_one(tmp_path):
     system = mathieu()
     record = record_with_force(system, 200)
-    found = floquid.identify_driven(record, period=system.period, inputs=["force"], validate=False)
+    found = floquid.identify(record, period=system.period, inputs=["force"], validate=False)
     page = floquid.report(found, tmp_path / "report.html").read_text(encoding="utf-8")
     assert "Polynomials over" in words_of(page)
     assert 0.7 < float(re.search(r"([\d.]+) deviations apart", page)[1]) < 1.5

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from tests.decays import with_decay
 
 import floquid as fq
 from floquid.errors import InputError
@@ -22,7 +23,7 @@ from floquid.reporting._page import page
 from floquid.reporting._record_figures import response_sources
 from floquid.reporting._stabilisation_figures import _poles
 from floquid.reporting._system_figures import MOST, element_name, elements_shown
-from floquid.reporting._words import CRITERIA, checks, minus, noise_rows, steps
+from floquid.reporting._words import CRITERIA, checks, minus, noise_table, steps
 from floquid.systems import Run
 from floquid.validation import Criterion
 from floquid.views import mode_table, multiplier_ellipses
@@ -59,9 +60,8 @@ def test_the_verdict_comes_first(text):
 @pytest.fixture
 def no_figures(monkeypatch):
     """A page of words alone: drawing takes most of its time."""
-    templates = "".join(path.read_text(encoding="utf-8") for path in TEMPLATES.glob("*.jinja"))
-    places = re.findall(r"(?:figures\[|plots\()\"(\w+)\"", templates)
-    monkeypatch.setattr(_page, "_figures", lambda *_: {place: [] for place in places})
+    monkeypatch.setattr(_page, "decay_part", lambda _: ({}, {}))
+    monkeypatch.setattr(_page, "system_figures", lambda *_: {})
 
 
 def test_options_in_a_reason_are_code(analysis, no_figures):
@@ -98,7 +98,7 @@ def test_every_mode_stands_with_its_deviation(analysis, no_figures):
     scale = np.repeat([1.0, 3.0], analysis.model.order)  # of a pair both parts have one deviation
     model = replace(analysis.model, covariance=analysis.model.covariance * np.outer(scale, scale))
     assert model.exponent_std[0].imag > 2.0 * model.exponent_std[0].real
-    analysis = replace(analysis, model=model, fit=replace(analysis.fit, model=model))
+    analysis = with_decay(replace(analysis, model=model), fit=replace(analysis.fit, model=model))
     rows, text = mode_table(analysis), page(case_of(analysis, None), title=None, truth=None)
     assert [row.number for row in rows] == ["1", "2"]
     for row, mode in zip(rows, np.flatnonzero(model.exponents.imag > 0), strict=True):
@@ -314,6 +314,6 @@ def test_the_noise_of_the_page_is_that_of_the_record():
     noise = lfilter([0.01], [1.0, -0.9], rng.standard_normal(quiet.values.shape))
     found = fq.identify(replace(quiet, values=quiet.values + noise), validate=False)
     assert found.lifted.whitening is not None
-    for (_, _, (cell,)), own in zip(noise_rows(found), noise.std(axis=1), strict=True):
+    for (_, _, (cell,)), own in zip(noise_table(found)[1], noise.std(axis=1), strict=True):
         assert float(cell.split()[0]) == pytest.approx(own, rel=0.1)
     assert any("coloured along the record" in step for step in steps(found))

@@ -10,6 +10,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from tests.decays import with_decay
 from threadpoolctl import threadpool_limits
 
 import floquid
@@ -58,7 +59,7 @@ def full():
     model = replace(found.model, unselected=replace(wide, bend=0.1j * wide.scales))
     fit = replace(found.fit, model=model)
     said = (Finding("sentence", "warning", words="of the first kind"), warning("product", frequency=1.5, of=(0.5, 1.0)))
-    return replace(found, model=model, fit=fit, refinement=refinement, findings=(*found.findings, *said))
+    return with_decay(replace(found, model=model, refinement=refinement, findings=(*found.findings, *said)), fit=fit)
 
 
 @pytest.fixture(scope="module")
@@ -68,7 +69,7 @@ def bare():
     found = identify(record, order=4)
     modal = replace(found.modal, covariance=None, residue_spread=None, residue_slope=None, residual_std=None, stats={})
     model = replace(found.model, covariance=None, coefficient_std=None)
-    return replace(found, modal=modal, model=model, fit=replace(found.fit, model=model))
+    return with_decay(replace(found, model=model), modal=modal, fit=replace(found.fit, model=model))
 
 
 @pytest.fixture(scope="module")
@@ -86,7 +87,7 @@ def saved(content, tmp_path):
     return path
 
 
-NOT_STORED = {"analysis.choice.runner_up", "analysis.choice.evidence"}
+NOT_STORED = {"analysis.decay.choice.runner_up", "analysis.decay.choice.evidence"}
 """What a file need not hold, and a result that is read has None for."""
 
 
@@ -187,10 +188,10 @@ def test_what_is_none_comes_back_as_none(bare, tmp_path):
 def test_the_comparison_can_fail(full):
     noise = full.lifted.noise * (1 + 1e-15)
     others = [
-        replace(full, lifted=full.lifted.with_noise(noise)),
+        with_decay(full, lifted=full.lifted.with_noise(noise)),
         replace(full, settings=replace(full.settings, order=4)),
         replace(full, model=replace(full.model, covariance=None)),
-        replace(full, modal=replace(full.modal, stats={**full.modal.stats, "cost": 1.0})),
+        with_decay(full, modal=replace(full.modal, stats={**full.modal.stats, "cost": 1.0})),
         replace(full, findings=full.findings[:1]),
         replace(full, model=replace(full.model, provenance=Provenance())),
         replace(full, model=replace(full.model, estimates=None)),
@@ -251,7 +252,7 @@ def test_the_file_describes_itself(saved):
     """Version and units are attributes, complex numbers are compounds of r and i, and the page names each dataset."""
     names = []
     with h5py.File(saved) as file:
-        assert dict(file.attrs) == {"format": "floquid-result", "version": 3, "floquid": floquid.__version__}
+        assert dict(file.attrs) == {"format": "floquid-result", "version": 4, "floquid": floquid.__version__}
         assert dict(file["model/exponents"].attrs) == {"axes": "modes", "unit": "1/s"}
         kind = file["model/exponents"].id.get_type()
         assert [kind.get_member_name(k) for k in range(kind.get_nmembers())] == [b"r", b"i"]
@@ -300,8 +301,8 @@ DAMAGE = {
     "another format": (attribute("format", "weather"), "no attribute `format`"),
     "no version": (lambda file: file.attrs.pop("version"), "damaged or not whole: 'version'"),
     "a version in words": (attribute("version", "one"), "damaged"),
-    "a later version": (attribute("version", 4), "is of version 4, written by floquid"),
-    "an earlier version": (attribute("version", 2), "is of version 2, written by floquid"),
+    "a later version": (attribute("version", 5), "is of version 5, written by floquid"),
+    "an earlier version": (attribute("version", 3), "is of version 3, written by floquid"),
     "no settings": (drop("settings"), "damaged"),
     "no second record": (drop("records/hit2"), "damaged"),
     "no exponents": (drop("model/exponents"), 'damaged or not whole: "Unable to'),
@@ -314,7 +315,7 @@ DAMAGE = {
     "a negative period": (swap("records/hit1/period", -1.0), "Argument `period` of `ConstantPeriod`"),
     "an unknown quantity": (swap("model/channels/quantity", ["luck"] * 3), "Argument `quantity`"),
     "channels of others": (swap("model/channels/name", ["a", "b", "c"]), "model/channels are not those of the records"),
-    "an unknown outcome": (swap("modal/outcome", "MAGIC"), "damaged or not whole: 'MAGIC'"),
+    "an unknown outcome": (swap("decay/modal/outcome", "MAGIC"), "damaged or not whole: 'MAGIC'"),
     "half an order": (swap("settings/order", 4.5), "Argument `order` of `Settings`"),
     "a structure not found": (swap("refinement/structure", "auto"), "it has a refinement without a structure"),
 }
@@ -338,7 +339,7 @@ def test_a_damaged_file_is_refused_in_words(saved, scenario):
 def test_the_damage_is_what_is_refused(saved):
     """The same handling without a change is accepted, so each refusal above is for its own reason."""
     with h5py.File(saved, "r+") as file:
-        kept = {name: file[name][()] for name in ("model/period", "fit/noise", "modal/residues")}
+        kept = {name: file[name][()] for name in ("model/period", "decay/fit/noise", "decay/modal/residues")}
         for name, data in kept.items():
             swap(name, data)(file)
     load(saved)
@@ -541,7 +542,7 @@ def test_residues_that_were_left_free_are_a_fit_that_comes_back(of, tmp_path):
     assert list(differences(found, back)) == []
     assert list(differences(found.records, (record,))) == []
     with h5py.File(tmp_path / "r.h5", "r+") as file:
-        del file["fit/free"]
+        del file["decay/fit/free"]
     with pytest.raises(InputError, match=r"no whole|missing samples|constant period|whole number"):
         load(tmp_path / "r.h5")
 
@@ -595,11 +596,11 @@ def test_a_free_response_is_in_the_file_only_where_it_is_not_the_record(full, ri
     for found, inside in ((full, False), (rig, True)):
         save(found, tmp_path / "r.h5")
         with h5py.File(tmp_path / "r.h5") as file:
-            assert ("free" in file["fit"]) == inside
+            assert ("free" in file["decay/fit"]) == inside
 
 
 def test_the_reasons_of_a_fit_come_back_where_the_order_was_given(rig, tmp_path):
-    save(replace(rig, choice=None), tmp_path / "r.h5")
+    save(with_decay(rig, choice=None), tmp_path / "r.h5")
     back = load(tmp_path / "r.h5")
     assert back.choice is None
     assert back.fit.findings == rig.fit.findings != ()
@@ -627,7 +628,7 @@ def test_every_kind_of_clock_comes_back_and_an_orbit(rig, clock, tmp_path):
     [
         ("records/hit1/clock/kind", "Pendulum", "damaged or not whole: 'Pendulum'"),
         ("records/hit1/clock/channel", 3.0, "damaged"),
-        ("fit/free/hit1/values", np.zeros((4, 7)), "not the response that the records hold"),
+        ("decay/fit/free/hit1/values", np.zeros((4, 7)), "not the response that the records hold"),
         ("shafts", None, "damaged"),
     ],
 )

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from tests.driven import flapping, lag, mathieu, pulls, record_of, shaken, two_masses
 
-from floquid import Channel, IdentificationError, InputError, Record, fit_transfer, identify_driven, measure_transfer
+from floquid import Channel, IdentificationError, InputError, Record, fit_transfer, identify, measure_transfer
 from floquid.findings import Severity
 from floquid.inputs import InputMode, Limits, TransferFunctions
 from floquid.transfer import MeasuredTransfer, Modal
@@ -195,7 +195,7 @@ def test_it_agrees_with_the_fit_of_the_samples():
     system = mathieu()
     _, record, names = shaken(system, 20, 64, 5, 0.02, 2)
     found = fit_transfer(measure_transfer(record, inputs=names, harmonics=HARMONICS), period=system.period)
-    other = identify_driven(record, inputs=names, validate=False).model
+    other = identify(record, inputs=names, validate=False).model
     gap = found.model.exponents[0].real - other.exponents[0].real
     assert abs(gap) < 3.0 * other.exponent_std[0].real
     assert found.model.exponent_std[0].real == pytest.approx(other.exponent_std[0].real, rel=0.35)

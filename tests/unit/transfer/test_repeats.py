@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from tests.driven import mathieu, record_of, shaken, two_masses
 
-from floquid import IdentificationError, InputError, Record, identify_driven, measure_transfer, multisine
+from floquid import IdentificationError, InputError, Record, identify, measure_transfer, multisine
 from floquid.transfer import Multisine
 
 HARMONICS = np.arange(-3, 4)
@@ -164,7 +164,7 @@ def test_g_of_samples_of_a_model_is_what_is_measured():
     system, phases = mathieu(direct=0.3), 20
     _, record, names = shaken(system, phases, 16, 5, 1e-4, 1)
     found = measure_transfer(record, inputs=names, drop=3).transfer
-    model = identify_driven(record, inputs=names, validate=False)
+    model = identify(record, inputs=names, validate=False)
     own = model.transfer(found.frequencies_hz, found.harmonics, sampled=True)
     assert own.step == found.step
     assert np.abs(own.values - found.values).max() < 1e-3 * np.abs(own.values).max()

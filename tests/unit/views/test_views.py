@@ -7,6 +7,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from tests.decays import with_decay
 
 from floquid import views
 from floquid.core import Channel, ConstantPeriod, Estimates, PeriodicModel, Record
@@ -493,7 +494,7 @@ def test_two_modes_of_one_multiplier_have_a_residue_each(found):
     mu = np.exp(lam * found.model.period)
     bare = replace(found.model, exponents=lam, estimates=None, unselected=None)
     modal = replace(found.modal, multipliers=np.where(found.modal.multipliers.imag > 0, mu[0], mu[1]))
-    twice = replace(found, model=bare, modal=modal)
+    twice = with_decay(replace(found, model=bare), modal=modal)
     one, other = (np.abs(views.identified_residue(twice, mode, 0)) for mode in (0, 2))
     assert not np.allclose(one, other)
 

@@ -22,7 +22,6 @@ from floquid.pipeline._analysis import Analysis
 from floquid.pipeline.draws._draw_file import DrawFile
 from floquid.pipeline.draws._redraw import Draw, Redrawn, drawn, redrawn
 from floquid.pipeline.draws._spread import MATERIAL, Spread
-from floquid.pipeline.excited import ExcitedAnalysis
 
 OF = "bootstrap"
 
@@ -178,7 +177,7 @@ class Bootstrap(Told, Rebuilt):
 
 
 def bootstrap(
-    analysis: Analysis | ExcitedAnalysis,
+    analysis: Analysis,
     *,
     draws: int = 200,
     seed: int = 0,
@@ -208,7 +207,7 @@ def bootstrap(
     Parameters
     ----------
     analysis
-        What `identify`, `identify_driven` or `identify_ambient` found, or `load` read.
+        What `identify` found, or `load` read.
     draws
         B, at least 20. A deviation is then known to 1/√(2B): 5 % of 200 draws.
     seed
@@ -225,9 +224,10 @@ def bootstrap(
     report
         Is told of each draw that is done.
     """
-    if not isinstance(analysis, (Analysis, ExcitedAnalysis)):
-        must = "be a result of `identify`, `identify_driven` or `identify_ambient`"
-        raise input_error("analysis", OF, must, f"is {describe(analysis)}", "Pass what `identify` gave.")
+    if not isinstance(analysis, Analysis):
+        raise input_error(
+            "analysis", OF, "be a result of `identify`", f"is {describe(analysis)}", "Pass what `identify` gave."
+        )
     if analysis.failed:
         raise IdentificationError(f"{analysis.warnings[0]}\n  Records drawn from it say nothing of how far off it is.")
     count = integer(draws, "draws", OF, at_least=FEWEST, remedy="A deviation of so few draws says nothing.")
@@ -277,7 +277,7 @@ def _processors() -> int:
     return (len(affinity(0)) if affinity is not None else os.cpu_count()) or 1
 
 
-def _gathered(analysis: Analysis | ExcitedAnalysis, plan: Redrawn, found: Sequence[Draw], seed: int) -> Bootstrap:
+def _gathered(analysis: Analysis, plan: Redrawn, found: Sequence[Draw], seed: int) -> Bootstrap:
     """The draws together."""
     model, state = analysis.model, analysis.state
     used = [one for one in found if one.exponents is not None]

@@ -16,7 +16,6 @@ from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._complete import by_cycles, samples_of, why_sampled
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import states_of
-from floquid.pipeline.excited import ExcitedAnalysis
 from floquid.reconstruction import choices, text_of
 from floquid.sync import ShaftAngle
 
@@ -53,7 +52,9 @@ class Plan:
 
 def plan_of(analysis: Analysis, whole: bool) -> Plan:
     """The plan of an analysis of free responses."""
-    model, fit, shafts, settings = analysis.model, analysis.fit, analysis.shafts, analysis.settings
+    decay = analysis.decay
+    assert decay is not None
+    model, fit, shafts, settings = analysis.model, decay.fit, analysis.shafts, analysis.settings
     bare = replace(model, covariance=None, estimates=None, unselected=None)
     # Free residues have no harmonics to hold: then the poles are refined, and the shapes expanded again. All that was
     # fitted is drawn from: of a weak mode, what is not kept may be much of what the record says.
@@ -90,7 +91,7 @@ def without_states(settings: Settings) -> Settings:
     return replace(settings, states=(), form="second-order", delay=None, structure="", output_error=False)
 
 
-def choices_of(analysis: Analysis | ExcitedAnalysis, bare: PeriodicModel) -> dict[str, Any]:
+def choices_of(analysis: Analysis, bare: PeriodicModel) -> dict[str, Any]:
     """The settings that draws are made with, and what A(t) was built from."""
     settings, model, state = analysis.settings, analysis.model, analysis.state
     if state is None:

@@ -19,7 +19,7 @@ from floquid.findings import failure
 from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import MaximumLikelihood, ModalModel, Outcome
 from floquid.periodic import assemble, estimate_at, refit
-from floquid.pipeline._analysis import Analysis
+from floquid.pipeline._analysis import Analysis, Driven
 from floquid.pipeline._complete import again_of
 from floquid.pipeline._deviations import widening_of
 from floquid.pipeline._identify import identify
@@ -27,7 +27,6 @@ from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import Again, state_of
 from floquid.pipeline.draws._alignment import aligned, selected
 from floquid.pipeline.draws._plan import Plan, choices_of, plan_of, without_states
-from floquid.pipeline.excited import ExcitedAnalysis, identify_ambient, identify_driven
 from floquid.sync import segment
 
 NEVER = 1e-300
@@ -131,7 +130,8 @@ class FreeRedrawn:
 class ExcitedRedrawn:
     """Draws of records whose excitation goes on: inputs are those measured, noise or innovations are drawn."""
 
-    analysis: ExcitedAnalysis
+    analysis: Analysis
+    fit: Driven
     model: PeriodicModel
     built: PeriodicModel
     states: tuple[str, ...]
@@ -141,44 +141,45 @@ class ExcitedRedrawn:
     widened: bool = False
 
     @staticmethod
-    def of(analysis: ExcitedAnalysis, whole: bool) -> ExcitedRedrawn:
+    def of(analysis: Analysis, fit: Driven, whole: bool) -> ExcitedRedrawn:
         """Draws from a result."""
         bare = replace(analysis.model, covariance=None, estimates=None, unselected=None)
         bare = replace(bare, coefficient_std=analysis.model.coefficient_std)
-        return ExcitedRedrawn(analysis=analysis, model=bare, whole=whole, **choices_of(analysis, bare))
+        return ExcitedRedrawn(analysis=analysis, fit=fit, model=bare, whole=whole, **choices_of(analysis, bare))
 
     def redone(self, generator: np.random.Generator) -> Draw:
         """Identify records drawn from the model."""
-        analysis, values = self.analysis, self.analysis.fit.drawn(generator)
+        values = self.fit.drawn(generator)
         if self.whole:
             found = self._identified(values)
-            fit, model = found.fit, found.model
+            fit, model = found.driven, found.model
+            assert fit is not None
         else:
-            fit = analysis.fit.refitted(values)
-            model = fit.model(self.model.channels, analysis.inputs, self.model.provenance)
+            fit = self.fit.refitted(values)
+            model = fit.model(self.model.channels, self.analysis.inputs, self.model.provenance)
         if model.order != self.model.order:
             return Draw(model.order)
         built = None if self.whole or self.built is self.model else selected(self.built, model)
         return compared(self, model, fit.estimates_at, built)
 
-    def _identified(self, values: Floats) -> ExcitedAnalysis:
+    def _identified(self, values: Floats) -> Analysis:
         """The whole identification anew; A(t) comes after: with a structure it might be refused."""
         names = [channel.name for channel in self.model.channels]
         records = []
-        for record, own in zip(self.analysis.records, self.analysis.fit.samples.records, strict=True):
+        for record, own in zip(self.analysis.records, self.fit.samples.records, strict=True):
             mixed = np.array(record.values)
             mixed[[[channel.name for channel in record.channels].index(name) for name in names]] = values[:, own]
             records.append(replace(record, values=mixed))
         settings = replace(without_states(self.settings), channels=tuple(names), validate=False)
-        chain = identify_ambient if settings.excitation == "ambient" else identify_driven
-        return chain(records, settings)
+        return identify(records, settings)
 
 
-def redrawn(analysis: Analysis | ExcitedAnalysis, *, whole: bool) -> Redrawn:
+def redrawn(analysis: Analysis, *, whole: bool) -> Redrawn:
     """The records to draw of a result, whatever it is of."""
-    if isinstance(analysis, ExcitedAnalysis):
-        return ExcitedRedrawn.of(analysis, whole)
-    return FreeRedrawn(plan_of(analysis, whole), analysis.fit.period_std, widening_of(analysis) > 1.0)
+    if analysis.driven is not None:
+        return ExcitedRedrawn.of(analysis, analysis.driven, whole)
+    assert analysis.decay is not None
+    return FreeRedrawn(plan_of(analysis, whole), analysis.decay.fit.period_std, widening_of(analysis) > 1.0)
 
 
 def draw(plan: Redrawn, seed: SeedSequence) -> Draw:
@@ -288,7 +289,9 @@ def _identified(plan: Plan, values: Sequence[Floats]) -> Draw:
     found = identify(records, settings)
     if found.model.order != plan.model.order:
         return Draw(found.model.order)
-    return compared(plan, found.model, again_of(found.fit, found.lifted, found.shafts, found.settings), None)
+    assert found.decay is not None
+    again = again_of(found.decay.fit, found.lifted, found.shafts, found.settings)
+    return compared(plan, found.model, again, None)
 
 
 def drawn(plan: Redrawn, seeds: Sequence[SeedSequence], workers: int) -> Iterator[Draw]:

@@ -13,8 +13,8 @@ from floquid.errors import IdentificationError
 from floquid.innovations import Fit, Mode, predicted, reweighed, solve
 from floquid.inputs import InputMode, Samples, Uncertainty, linearise
 from floquid.inputs import solve as solve_driven
+from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._settings import Settings
-from floquid.pipeline.excited._analysis import ExcitedAnalysis
 from floquid.pipeline.excited._prepare import Parted, parted, quiet_for
 from floquid.pipeline.preparation import blas_threads
 
@@ -25,7 +25,7 @@ KEPT = 0.75
 def driven_fit(
     records: Sequence[Record], settings: Settings, modes: Sequence[InputMode], direct: Sequence[float]
 ) -> Uncertainty:
-    """The fit of `identify_driven` to its records at its modes and the harmonics of its direct term."""
+    """The fit of measured inputs to their records at its modes and the harmonics of its direct term."""
     with blas_threads(records):  # in as many threads as when it was identified: the same to the last digit
         samples = parted(records, settings).samples
         return Uncertainty(samples, linearise(samples, modes, direct))
@@ -38,12 +38,12 @@ def ambient_fit(
     columns: NDArray[np.float64],
     initial: NDArray[np.float64],
 ) -> Fit:
-    """The fit of `identify_ambient` to its records at its modes, coefficients of known columns and first states.
+    """The fit of random excitation to its records at its modes, coefficients of known columns and first states.
 
     Raises IdentificationError where its predictor diverges.
     """
     with blas_threads(records):
-        samples, acting = with_acting(parted(records, settings, "identify_ambient"))
+        samples, acting = with_acting(parted(records, settings))
         at = predicted(samples, modes, columns, initial)
     if at is None:
         raise IdentificationError("The predictor of these modes diverges on these records.")
@@ -73,25 +73,27 @@ def first_part(samples: Samples) -> tuple[Samples, NDArray[np.bool_]]:
     return part, mask
 
 
-def predicted_rest(analysis: ExcitedAnalysis) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+def predicted_rest(analysis: Analysis) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """The outputs by a fit to the first three quarters of each record alone (outputs, samples), and what that was of.
 
     Of outputs alone one sample ahead. Where nothing was left out (`validate`), by the fit to all samples. The mask is
     true where samples were fitted (samples,).
     """
-    samples = analysis.fit.samples
+    fit = analysis.driven
+    assert fit is not None
+    samples = fit.samples
     part, mask = first_part(samples) if analysis.settings.validate else (samples, np.ones(samples.n_samples, bool))
     with blas_threads(analysis.records):
-        if isinstance(analysis.fit, Uncertainty):
-            own = analysis.fit.at if mask.all() else solve_driven(part, analysis.fit.at.modes, analysis.fit.at.direct)
+        if isinstance(fit, Uncertainty):
+            own = fit.at if mask.all() else solve_driven(part, fit.at.modes, fit.at.direct)
             columns = linearise(samples, own.modes, own.direct).columns
             return np.asarray(own.coefficients.T @ columns, np.float64), mask
-        own, whole = analysis.fit.at, None
+        own, whole = fit.at, None
         start = None if mask.all() else predicted(part, own.modes, own.columns, own.initial, own.whitening[mask])
         if start is not None:
             own = solve(part, start, rough=True)
             whole = predicted(samples, own.modes, own.columns, own.initial, growing=True)
-        innovations = (analysis.fit.at if whole is None else whole).innovations
+        innovations = (fit.at if whole is None else whole).innovations
         return samples.values - innovations, mask if whole is not None else np.ones_like(mask)
 
 

@@ -32,11 +32,12 @@ from floquid.innovations import (
     solve,
 )
 from floquid.inputs import Limits, Samples
+from floquid.pipeline._analysis import AIM, Analysis
 from floquid.pipeline._settings import Settings
 from floquid.pipeline.excited._again import first_part, with_acting
-from floquid.pipeline.excited._analysis import HELD_OUT, AmbientAnalysis, finished
+from floquid.pipeline.excited._finish import HELD_OUT, finished, validation_of
 from floquid.pipeline.excited._identify import HIGHEST
-from floquid.pipeline.excited._prepare import COPY, Parted, parted, refuse_others
+from floquid.pipeline.excited._prepare import COPY, OF, Parted, parted
 from floquid.pipeline.excited._verdict import (
     SIGNIFICANT,
     done_beside,
@@ -48,9 +49,7 @@ from floquid.pipeline.excited._verdict import (
     of_phases,
     undriven,
 )
-from floquid.pipeline.preparation import blas_threads, clocked, own_names, settings_of
-
-OF = "identify_ambient"
+from floquid.validation import Validation
 
 PREDICTABLE = 0.03
 """The share of the variance of the innovations that is predictable from those before, from which on a model fails."""
@@ -76,21 +75,12 @@ NEAR_HALF = 0.25
 SLIP = 0.3
 """Periods by which one may be off over a record, and its own be told to first order: no input has to meet its phase."""
 
-AIM = 0.1
-"""The relative deviation of the damping for which the length of a record is given."""
-
 VAGUE = 0.5
 """The relative deviation of the damping from which on a reader is warned."""
 
 
-def identify_ambient(
-    records: Record | Sequence[Record],
-    settings: Settings | None = None,
-    *,
-    report: Callable[[str], None] = lambda _: None,
-    **options: object,
-) -> AmbientAnalysis:
-    r"""Identify a linear time-periodic system from its response to random excitation that nobody measured.
+def identified_ambient(records: Sequence[Record], settings: Settings, report: Callable[[str], None]) -> Analysis:
+    r"""Identify from the response to random excitation that nobody measured, of records with their clocks on.
 
     .. math:: z_{r,k+1} = e^{\lambda_r h} z_{r,k} + \kappa_r(t_k)\, e_k \;[+\; \beta_r(t_k)\, u_k], \qquad
               y_k = \sum_r \sum_m c_{r,m}\, e^{i m \omega t_k} z_{r,k} + e_k
@@ -100,45 +90,13 @@ def identify_ambient(
     subspace method with them as inputs, modes and harmonics are decided by tests, and all is finished by maximum
     likelihood. With `inputs` the same chain takes process noise and a closed loop into account.
 
-    Parameters
-    ----------
-    records
-        One record, or several of the same channels.
-    settings
-        The options, or give them by name.
-    report
-        Is told what is being done, a phrase a stage.
-    **options
-        Fields of `Settings`: `period` or a clock, `periods_per_revolution`, `channels`, `inputs`, `hold`, `harmonics`,
-        `forced`, `states`, `form`, `system_times`, `validate` and the probabilities of false alarm. Others are refused.
-
-    Returns
-    -------
-    AmbientAnalysis
-        The model with deviations, the verdict, and the length of record that a damping to 10 % needs; A(t), with
-        `inputs` B(t) too, where `states` are given and fit the modes.
-
-    Raises
-    ------
-    InputError
-        The records, the inputs or the clock are not possible.
-    IdentificationError
-        No mode rises above the noise.
+    Raises InputError where the records, the inputs or the clock are not possible, IdentificationError where no mode
+    rises above the noise.
     """
-    chosen = settings_of(settings, {**options, "excitation": "ambient"}, OF)
-    refuse_others(chosen, OF, "excitation")
-    if chosen.inputs and chosen.hold == "first":
+    if settings.inputs and settings.hold == "first":
         got = "is 'first'"
         remedy = "In discrete time an input acts from its sample to the next: use hold='zero', and sample faster."
         raise input_error("hold", OF, "be 'zero' or 'none' with random excitation", got, remedy)
-    with own_names(OF):
-        used = clocked(records, chosen, OF)
-        with blas_threads(used):
-            return _identified(used, chosen, report)
-
-
-def _identified(records: Sequence[Record], settings: Settings, report: Callable[[str], None]) -> AmbientAnalysis:
-    """The chain from the records with their clocks on."""
     report("reading angle and channels")
     own = parted(records, settings, OF)
     samples, acting = with_acting(own)
@@ -164,28 +122,28 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     fit = Fit(samples, found, acting)
     provenance = Provenance.merge(tuple(record.provenance for record in records))
     model = fit.model(own.outputs, own.inputs, provenance, near.as_read)
-    held_out = np.full(len(own.outputs), np.nan)
+    validation, unpredicted = None, ()
     if settings.validate:
         report("predicting samples left out")
-        held_out = _held_out(samples, found)
+        validation, unpredicted = _validated(samples, found)
     assert model.exponent_std is not None
     duration = samples.n_samples * samples.step
     relative = model.exponent_std.real / np.abs(model.exponents.real)
-    analysis = AmbientAnalysis(
+    analysis = Analysis(
         settings=settings,
         records=own.records,
         model=model,
-        fit=fit,
-        noise=found.noise,
-        held_out=held_out,
-        lengths=duration * (relative / AIM) ** 2,
+        driven=fit,
+        shafts=own.shafts,
+        validation=validation,
         findings=(
             *done_beside(own),
             *undriven(model),
             needed(model, limits, [fit.seen(number) for number in range(len(found.modes))]),
             *_told(fit, model, relative, duration, near.as_read),
             *near.findings,
-            *_against(samples, found, held_out, other),
+            *unpredicted,
+            *_against(samples, found, other),
             # Blows that nobody measured are excitation, not faults.
             *(replace(told, severity=Severity.WARNING) for told in of_outliers(found.innovations, own)),
             *(() if own.shafts else of_period(samples, *period_step(fit), SLIP)),
@@ -230,6 +188,15 @@ def _other_period(samples: Samples) -> float:
             "balance turns once in two of these halves, give `periods_per_revolution=2` as well."
         )
     return found.other
+
+
+def _validated(samples: Samples, found: Predictor) -> tuple[Validation, tuple[Finding, ...]]:
+    """The verdict from samples left out, and the finding that they are not predicted at all."""
+    errors = _held_out(samples, found)
+    if np.isinf(errors).any():
+        return validation_of(errors, ()), (failure("ambient_unpredicted"),)
+    against = [warning("ambient_held_out", error=float(errors.max()))] if (errors >= HELD_OUT).any() else []
+    return validation_of(errors, against), ()
 
 
 def _held_out(samples: Samples, found: Predictor) -> NDArray[np.float64]:
@@ -377,16 +344,12 @@ def _one(fit: Fit, model: PeriodicModel, group: NDArray[np.int64], shares: NDArr
     return lasting and len(alike(modes, model.fundamental, near)) < len(modes)
 
 
-def _against(samples: Samples, found: Predictor, held_out: NDArray[np.float64], other: float) -> tuple[Finding, ...]:
-    """Findings against the model: samples left out that it does not predict, colour, and what repeats otherwise.
+def _against(samples: Samples, found: Predictor, other: float) -> tuple[Finding, ...]:
+    """Findings against the model: colour in its innovations, and what repeats otherwise.
 
     Lines of a narrow band alone pass for a period of the response, and are none where the model takes account of them.
     """
     against = []
-    if np.isinf(held_out).any():
-        against.append(failure("ambient_unpredicted"))
-    elif (held_out >= HELD_OUT).any():
-        against.append(warning("ambient_held_out", error=float(np.nanmax(held_out))))
     share, chance = colour(samples, found)
     if chance < SURE:
         told = failure if share > PREDICTABLE else warning

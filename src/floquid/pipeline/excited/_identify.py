@@ -24,12 +24,14 @@ from floquid.inputs import (
     solve,
     state_slopes,
 )
+from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._settings import Settings
 from floquid.pipeline.excited._again import first_part
-from floquid.pipeline.excited._analysis import DrivenAnalysis, finished
-from floquid.pipeline.excited._prepare import OF, Parted, parted, refuse_others
+from floquid.pipeline.excited._finish import HELD_OUT, finished, validation_of
+from floquid.pipeline.excited._prepare import OF, Parted, parted
 from floquid.pipeline.excited._verdict import at_limit, verdict
-from floquid.pipeline.preparation import blas_threads, clocked, own_names, refuse_driven, settings_of
+from floquid.pipeline.preparation import refuse_driven
+from floquid.validation import Validation
 
 HIGHEST = 24
 """Harmonics of inputs and outputs at most."""
@@ -38,14 +40,8 @@ MOST_UNTOLD = 3.0
 """What deviations of the fit to a part may make of the prediction, over the noise: more is no model to predict with."""
 
 
-def identify_driven(
-    records: Record | Sequence[Record],
-    settings: Settings | None = None,
-    *,
-    report: Callable[[str], None] = lambda _: None,
-    **options: object,
-) -> DrivenAnalysis:
-    r"""Identify a linear time-periodic system from its response to measured inputs.
+def identified_driven(records: Sequence[Record], settings: Settings, report: Callable[[str], None]) -> Analysis:
+    r"""Identify from the response to measured inputs, of records with their clocks on.
 
     .. math:: \dot z_r = \lambda_r z_r + \sum_{i,l} b_{r,i,l}\, e^{i l \omega t} u_i, \qquad
               y = \sum_r \sum_m c_{r,m}\, e^{i m \omega t} z_r + \sum_{i,n} D_{i,n}\, e^{i n \omega t} u_i + e
@@ -55,44 +51,9 @@ def identify_driven(
     finished by maximum likelihood. The state at the begin of each record is free: a decay after a measured blow is the
     same fit.
 
-    Parameters
-    ----------
-    records
-        One record, or several of the same channels, inputs among them.
-    settings
-        The options, with `inputs` and `hold`; or give them by name.
-    report
-        Is told what is being done, a phrase a stage.
-    **options
-        Fields of `Settings`: `period` or a clock, `periods_per_revolution`, `channels`, `inputs`, `hold`, `harmonics`,
-        `forced`, `states`, `form`, `system_times`, `validate` and the probabilities of false alarm. Others are refused.
-
-    Returns
-    -------
-    DrivenAnalysis
-        The model with its inputs, deviations of all of it, and the verdict; A(t) and B(t) where `states` are given
-        and fit the modes.
-
-    Raises
-    ------
-    InputError
-        The records, the inputs or the clock are not possible.
-    IdentificationError
-        The inputs say nothing of the system, or no mode rises above the noise.
+    Raises InputError where the records, the inputs or the clock are not possible, IdentificationError where the inputs
+    say nothing of the system, or no mode rises above the noise.
     """
-    chosen = settings_of(settings, options, OF)
-    if not chosen.inputs:
-        remedy = 'Name the channels that drive the system: `inputs=["force"]`. Of free responses use `identify`.'
-        raise input_error("inputs", OF, "name a channel", "is empty", remedy)
-    refuse_others(chosen, OF)
-    with own_names(OF):
-        used = clocked(records, chosen, OF)
-        with blas_threads(used):
-            return _identified(used, chosen, report)
-
-
-def _identified(records: Sequence[Record], settings: Settings, report: Callable[[str], None]) -> DrivenAnalysis:
-    """The chain from the records with their clocks on."""
     report("parting inputs and outputs")
     own = parted(records, settings)
     refuse_driven(records, settings)
@@ -128,18 +89,18 @@ def _identified(records: Sequence[Record], settings: Settings, report: Callable[
     fit = Uncertainty(samples, found)
     provenance = Provenance.merge(tuple(record.provenance for record in records))
     model = fit.model(own.outputs, own.inputs, provenance, near.as_read)
-    held_out = np.full(len(own.outputs), np.nan)
+    validation = None
     if settings.validate:
         report("predicting samples left out")
-        held_out = _held_out(own, found)
-    analysis = DrivenAnalysis(
+        validation = _validated(own, found)
+    analysis = Analysis(
         settings=settings,
         records=own.records,
         model=model,
-        fit=fit,
-        noise=found.noise[:, None],
-        held_out=held_out,
-        findings=(*verdict(own, fit, model, held_out, limits, None if free else HIGHEST), *near.findings, *late),
+        driven=fit,
+        shafts=own.shafts,
+        validation=validation,
+        findings=(*verdict(own, fit, model, limits, None if free else HIGHEST), *near.findings, *late),
     )
     return finished(analysis, own.periods_per_revolution, report)
 
@@ -149,6 +110,13 @@ def _if_better(one: Linearisation | None, other: Linearisation) -> Linearisation
     if one is None:
         return None
     return one if one.criterion > other.criterion else None
+
+
+def _validated(own: Parted, found: Linearisation) -> Validation:
+    """The verdict from samples left out."""
+    errors = _held_out(own, found)
+    against = [warning("inputs_held_out", error=float(errors.max()))] if (errors >= HELD_OUT).any() else []
+    return validation_of(errors, against)
 
 
 def _held_out(own: Parted, found: Linearisation) -> NDArray[np.float64]:

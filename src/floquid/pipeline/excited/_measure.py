@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias, Unpack, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 from floquid._checks import frozen_array, input_error
 from floquid.core import Record, channels_named
 from floquid.errors import IdentificationError
-from floquid.pipeline._settings import Settings
+from floquid.pipeline._settings import RecordOptions, Settings, settings_of
 from floquid.pipeline.excited._prepare import parted, refuse_others
-from floquid.pipeline.preparation import blas_threads, clocked, own_names, settings_of
+from floquid.pipeline.preparation import blas_threads, clocked, own_names
 from floquid.transfer import CURVATURE, MeasuredTransfer, by_chirps, by_polynomials, by_repeats, repeat_of
 
 OF = "measure_transfer"
@@ -38,7 +38,7 @@ def measure_transfer(
     reference: Sequence[str] = (),
     curvature: float = CURVATURE,
     report: Callable[[str], None] = lambda _: None,
-    **options: object,
+    **options: Unpack[RecordOptions],
 ) -> MeasuredTransfer:
     r"""Measure harmonic transfer functions line by line, without a model.
 
@@ -95,6 +95,9 @@ def measure_transfer(
         remedy = 'Name the channels that drive the system: `inputs=["force"]`.'
         raise input_error("inputs", OF, "name a channel", "is empty", remedy)
     refuse_others(chosen, OF)
+    if chosen.excitation != "none":
+        remedy = "What nobody measured is noise here: repeats and lines average it."
+        raise input_error("excitation", OF, 'be "none"', f"is {chosen.excitation!r}", remedy)
     _refuse_options(method, repeat, drop, curvature)
     _refuse_references(reference, chosen, method)
     turns = frozen_array(np.atleast_1d(harmonics), "harmonics", OF, axes=("harmonics",), dtype=np.int64).tolist()
@@ -108,7 +111,7 @@ def measure_transfer(
         own = parted(used, beside, OF)
         if own.shafts:
             must, got = "have a constant period", "have a measured clock"
-            remedy = "Lines are sharp at constant speed alone: use `identify_driven`, which follows the angle."
+            remedy = "Lines are sharp at constant speed alone: use `identify`, which follows the angle."
             raise input_error("records", OF, must, got, remedy)
         count = len(chosen.inputs)
         held = own.samples.inputs[count:] if reference else None

@@ -19,12 +19,12 @@ from floquid.pipeline.excited._lines import Lines
 from floquid.pipeline.preparation import NO_RESPONSE, faults_of, refuse_period, refuse_unlike
 from floquid.sync import ShaftAngle, shaft_angle
 
-OF = "identify_driven"
+OF = "identify"
 
 TAKEN = (
     *("period", "tach", "azimuth", "channels", "inputs", "hold", "harmonics", "forced", "validate"),
     *("mode_false_alarm", "harmonic_false_alarm", "seconds", "pulses_per_revolution", "periods_per_revolution"),
-    *("states", "form", "delay", "structure", "output_error", "system_times"),
+    *("excitation", "states", "form", "delay", "structure", "output_error", "system_times"),
 )
 """Settings that count where the excitation goes on."""
 
@@ -79,7 +79,7 @@ class Parted:
     findings: tuple[Finding, ...]
 
 
-def refuse_others(settings: Settings, of: str, *also: str) -> None:
+def refuse_others(settings: Settings, of: str) -> None:
     """Refuse options that do not count where the excitation goes on: `TAKEN` and others do.
 
     Raises
@@ -88,7 +88,7 @@ def refuse_others(settings: Settings, of: str, *also: str) -> None:
         There is such an option.
     """
     usual = Settings()
-    for name in (field.name for field in fields(Settings) if field.name not in (*TAKEN, *also)):
+    for name in (field.name for field in fields(Settings) if field.name not in TAKEN):
         if getattr(settings, name) != getattr(usual, name):
             must, got = "be left as it is where the excitation goes on", f"is {getattr(settings, name)!r:.60}"
             raise input_error(name, of, must, got, f"What counts here: {', '.join(sorted(TAKEN))}.")

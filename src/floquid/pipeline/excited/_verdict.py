@@ -22,7 +22,6 @@ from floquid.inputs import (
     period_step,
     phase_step,
 )
-from floquid.pipeline.excited._analysis import HELD_OUT
 from floquid.pipeline.excited._driving import of_driving
 from floquid.pipeline.excited._prepare import Parted
 
@@ -56,7 +55,7 @@ BUSY = 0.5
 
 
 def verdict(
-    own: Parted, fit: Uncertainty, model: PeriodicModel, held_out: NDArray[np.float64], limits: Limits, most: int | None
+    own: Parted, fit: Uncertainty, model: PeriodicModel, limits: Limits, most: int | None
 ) -> tuple[Finding, ...]:
     """All findings on a model whose harmonics were looked for up to `most`, or None: it has all, from each phase."""
     samples, scores = own.samples, Scores(own.samples, fit.at, rough=False)
@@ -69,7 +68,7 @@ def verdict(
         *(unreached := _unreached(fit)),
         *(_began(own) if fit.at.colour > COLOURED or any(one.code == "unreached" for one in unreached) else ()),
         *of_driving(fit, scores),
-        *_against(fit.at, held_out),
+        *_against(fit.at),
         *of_outliers(fit.at.left, own),
         *_ended(samples, fit.at, model, limits, most),
         *(() if own.shafts else of_period(samples, *period_step(scores))),
@@ -293,12 +292,9 @@ def undetermined(model: PeriodicModel) -> bool:
     return bool((model.period * spread > 1.0).any() or (model.real & vague).any())
 
 
-def _against(found: Linearisation, held_out: NDArray[np.float64]) -> tuple[Finding, ...]:
-    """Findings against the model: samples left out that it does not predict, and colour in what it leaves."""
-    against = []
-    if (held_out >= HELD_OUT).any():
-        against.append(warning("inputs_held_out", error=float(np.nanmax(held_out))))
-    if found.colour > COLOURED:
-        told = failure if found.colour > WRONG else warning
-        against.append(told("inputs_colour", squares=found.colour))
-    return tuple(against)
+def _against(found: Linearisation) -> tuple[Finding, ...]:
+    """Finding on colour in what the model leaves."""
+    if found.colour <= COLOURED:
+        return ()
+    told = failure if found.colour > WRONG else warning
+    return (told("inputs_colour", squares=found.colour),)

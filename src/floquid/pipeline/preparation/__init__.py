@@ -9,7 +9,6 @@ from floquid.pipeline.preparation._prepare import (
     blas_threads,
     clocked,
     prepare,
-    settings_of,
     uneven_speed,
     without_clock,
 )
@@ -17,5 +16,5 @@ from floquid.pipeline.preparation._refuse import NO_NEWS, name_of, refuse_few, r
 
 __all__ = [
     "NO_NEWS", "NO_RESPONSE", "Prepared", "blas_threads", "clocked", "faults_of", "from_sample", "name_of", "prepare",
-    "refuse_driven", "refuse_few", "refuse_period", "refuse_unlike", "settings_of", "uneven_speed", "without_clock",
+    "refuse_driven", "refuse_few", "refuse_period", "refuse_unlike", "uneven_speed", "without_clock",
 ]  # fmt: skip

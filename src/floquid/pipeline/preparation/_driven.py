@@ -28,10 +28,10 @@ def refuse_excited(settings: Settings, of: str) -> None:
     """Refuse settings of records whose excitation goes on: the response is free."""
     if settings.inputs:
         must, got = "be empty: the response is free", f"is {list(settings.inputs)!r}"
-        raise input_error("inputs", of, must, got, "Call `identify_driven`, which takes measured inputs.")
+        raise input_error("inputs", of, must, got, "`identify` takes measured inputs.")
     if settings.excitation != "none":
         must, got = 'be "none": the response is free', f"is {settings.excitation!r}"
-        raise input_error("excitation", of, must, got, "Call `identify_ambient`, which takes random excitation.")
+        raise input_error("excitation", of, must, got, "`identify` takes random excitation.")
 
 
 def refuse_driven(records: Sequence[Record], settings: Settings) -> None:
@@ -80,7 +80,7 @@ def refuse_random(records: Sequence[Record], forces: Sequence[str]) -> None:
             measured = f"Name what was measured of it as inputs (`inputs={','.join(forces)}`). " if forces else ""
             raise IdentificationError(
                 f"The response{where} does not decay, and is random: it is driven all along, by wind, by a process or "
-                f"by the ground. {measured}Identify it as such, with `identify_ambient` or `--excitation ambient`; or "
+                f'by the ground. {measured}Identify it as such, with `excitation="ambient"`; or '
                 "use the free response after a blow or after the excitation was switched off."
             )
 

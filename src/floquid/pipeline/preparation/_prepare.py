@@ -5,9 +5,9 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 from floquid._checks import describe, input_error
 from floquid._show import Brief
@@ -24,7 +24,7 @@ from floquid.errors import IdentificationError
 from floquid.findings import Finding, texts, warning
 from floquid.lti import TimeResponses
 from floquid.periodic import estimate_period
-from floquid.pipeline._settings import SLIPS, Settings
+from floquid.pipeline._settings import EXAMPLE, Options, Settings, settings_of, takes_settings
 from floquid.pipeline._state import check_states
 from floquid.pipeline.preparation._before import (
     faults_of,
@@ -51,9 +51,6 @@ if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
 
 LARGE = 20_000_000  # samples in all from which linear algebra may use all threads
-EXAMPLE = 'Record(values=y, sample_rate=fs, channels=["x", "y"])'
-"""How a record is made of an array (channels, samples), for messages."""
-
 NEAR = 1.5  # largest factor between the period and a first value of it
 SIGNALS = (TachometerSignal, AzimuthSignal, PulseTimes)
 
@@ -90,13 +87,14 @@ class Prepared(Brief):
     faults: tuple[Finding, ...] = ()
 
 
+@takes_settings
 def prepare(
     records: Record | Sequence[Record],
     settings: Settings | None = None,
     *,
     report: Callable[[str], None] = lambda _: None,
     of: str = "identify",
-    **options: object,
+    **options: Unpack[Options],
 ) -> Prepared:
     """The responses and their clocks, of records and settings: what `identify`, `lifted` and `floquid scan` start from.
 
@@ -118,20 +116,6 @@ def prepare(
         except IdentificationError as error:
             raise IdentificationError("\n  ".join([str(error), *texts(faults)])) from None
     return replace(found, faults=faults)
-
-
-def settings_of(settings: Settings | None, options: dict[str, object], of: str) -> Settings:
-    """The settings with the options given by name put over them."""
-    known = [f.name for f in fields(Settings)]
-    for name in options:
-        if name not in known:
-            must, got = "be a field of Settings", "there is none of that name"
-            remedy = f"Write `{SLIPS[name]}`." if name in SLIPS else f"The fields are: {', '.join(known)}."
-            raise input_error(name, of, must, got, remedy)
-    if not isinstance(settings, Settings | None):
-        remedy = f"Write `{of}({EXAMPLE}, period=T)`."
-        raise input_error("settings", of, "be Settings, or options by name", f"is {describe(settings)}", remedy)
-    return replace(settings or Settings(), **options)  # type: ignore[arg-type]
 
 
 def blas_threads(records: Sequence[Record | TimeResponses]) -> AbstractContextManager[object]:

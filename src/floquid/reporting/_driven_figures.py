@@ -9,7 +9,7 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid.errors import IdentificationError, InputError
 from floquid.inputs import TransferFunctions
-from floquid.pipeline import ExcitedAnalysis, measure_transfer, predicted_rest
+from floquid.pipeline import Analysis, measure_transfer, predicted_rest
 from floquid.reporting._case import LONGEST, POINTS, Case
 from floquid.reporting._chosen_figures import Chosen
 from floquid.reporting._look import (
@@ -102,7 +102,7 @@ def transfer_figures(found: TransferFunctions, paths: list[Path]) -> list[Figure
     return figures
 
 
-def measured_beside(analysis: ExcitedAnalysis, found: TransferFunctions) -> MeasuredTransfer | str:
+def measured_beside(analysis: Analysis, found: TransferFunctions) -> MeasuredTransfer | str:
     """G measured line by line over the frequencies of that of the model, without it; or why it is not had."""
     hertz = np.linspace(found.frequencies_hz[0], found.frequencies_hz[-1], LINES)
     try:
@@ -211,9 +211,11 @@ def reach_figures(case: Case) -> list[Figure]:
     """Of each mode, the strength at which each input drives it at each harmonic."""
     from bokeh.models import BasicTicker
 
-    analysis: ExcitedAnalysis = case.analysis
-    own, rms = analysis.model.inputs, analysis.fit.samples.input_size
+    analysis: Analysis = case.analysis
+    own, driven = analysis.model.inputs, analysis.driven
     assert own is not None
+    assert driven is not None
+    rms = driven.samples.input_size
     figures, count = [], len(own.channels)
     width = 0.8 / count
     for number, mode in enumerate(case.modes[:MOST_MODES], start=1):
@@ -238,8 +240,9 @@ def reach_figures(case: Case) -> list[Figure]:
 
 def left_out_figures(case: Case) -> tuple[list[Figure], bool]:
     """Measured and predicted outputs at the begin of the samples left out, and whether any were."""
-    analysis: ExcitedAnalysis = case.analysis
-    samples = analysis.fit.samples
+    analysis: Analysis = case.analysis
+    assert analysis.driven is not None
+    samples = analysis.driven.samples
     found, fitted = predicted_rest(analysis)
     stop = samples.begins[1]
     begin = int(0.75 * stop) if fitted.all() else int(np.flatnonzero(~fitted)[0])
