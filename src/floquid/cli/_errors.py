@@ -22,14 +22,6 @@ class CriteriaNotMetError(Exception):
 _SUBJECT = re.compile(r"Argument `([^`]*)` of `([^`]*)` must ")
 
 
-_COUNTING = re.compile(r"(?<=What counts here: )[\w, ]+")
-"""Settings that a refusal lists."""
-
-
-def _flag(name: re.Match[str]) -> str:
-    return f"--{SHORT.get(name[0], name[0]).replace('_', '-')}"
-
-
 def _alike(*names: str) -> dict[str, str]:
     """Arguments whose options have the same names."""
     return {name: f"`--{name.replace('_', '-')}`" for name in names}
@@ -102,7 +94,6 @@ def explained(error: BaseException) -> tuple[str, int]:
 def in_options(message: str) -> str:
     """A message about an argument of a callable as one about an option: «`--rate` must be …»."""
     match = _SUBJECT.match(message)
-    message = _COUNTING.sub(lambda own: re.sub(r"\w+", _flag, own[0]), message)
     message = for_command(message.replace("pass period=", "pass --period "))
     if match is None:
         return message

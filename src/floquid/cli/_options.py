@@ -14,7 +14,7 @@ from floquid._checks import finite, input_error, positive
 from floquid.errors import InputError
 from floquid.inputs import Hold
 from floquid.io import readable_file
-from floquid.pipeline import Excitation, IdentifierName, Settings
+from floquid.pipeline import FREE, Excitation, IdentifierName, Settings
 from floquid.readers import SUFFIXES, WRITTEN
 from floquid.reconstruction import Form
 from floquid.views import SHORT
@@ -107,12 +107,6 @@ READING = {  # what is said of records beside the settings
     "rate": (float, "The sampling rate [Hz], overriding what the files say."),
 }
 
-FREE = (
-    *("estimate_period", "orbit", "find_hits", "skip", "repair", "trust_period", "noise_floor"),
-    *("order", "identifier", "constrained"),
-)
-"""Settings that count for free responses alone."""
-
 RECORD = "Record"
 ORDER = (RECORD, "Model", "State matrix A(t)", "Checks")  # the groups of options, in the order of the help
 
@@ -144,14 +138,15 @@ def _options(title: str, *groups: tuple[str, tuple[str, ...]], hidden: tuple[str
     words, own = _words(), {f.name: f for f in fields(Settings)}
     found = []
     for label, names in groups:
-        free = ", ".join(f"--{SHORT.get(name, name).replace('_', '-')}" for name in names if name in FREE)
-        told = f"Not with --inputs or --excitation ambient, but of free responses alone: {free}." if free else ""
-        group = Group(label, sort_key=ORDER.index(label), help="" if hidden else told)
+        group = Group(label, sort_key=ORDER.index(label))
         for name in names:
             kind = KINDS.get(
                 name, {"int": int, "float": float, "bool": bool}.get(str(own[name].type).split(" |")[0], str)
             )
-            found.append(_option(name, kind, words.get(name, ""), own[name].default, group, name not in hidden))
+            told = words.get(name, "")
+            if name in FREE and not hidden:
+                told += f" Of free responses alone: {FREE[name]}."
+            found.append(_option(name, kind, told, own[name].default, group, name not in hidden))
         if label == RECORD:
             found += [_option(name, kind, text, None, group) for name, (kind, text) in READING.items()]
     made = make_dataclass(title, [(name, kind, default) for name, kind, default in found], frozen=True, kw_only=True)

@@ -16,6 +16,15 @@ def _at(frequencies: Sequence[float]) -> str:
     return f"mode{'s' if len(frequencies) > 1 else ''} at {both([f'{own:.4g}' for own in frequencies])} Hz"
 
 
+def _twice(given: float, even: float, odd: float, limit: float) -> str:
+    return (
+        f"The response repeats twice within the {given:.6g} s given: even harmonics have squared scores of {even:.3g}, "
+        f"odd ones of {odd:.3g}, which noise alone has (up to {limit:.3g}). Modes would be found more than once. Give "
+        f"half of it: `period={0.5 * given:.10g}`; if a shaft that is out of balance turns once in two of these "
+        "halves, give `periods_per_revolution=2` as well."
+    )
+
+
 AMBIENT: dict[str, str | Callable[..., str]] = {
     "ambient_constant": "No harmonic of any shape but the largest rises above the noise: the record does not show that "
     "the system is periodic.",
@@ -59,6 +68,10 @@ AMBIENT: dict[str, str | Callable[..., str]] = {
     "ambient_period": "The response repeats at a frequency that is no multiple of that of the period given, "
     "{given:.6g} s: with {own:.6g} s, or a fraction of it. Exponents and shapes would look right and be wrong: correct "
     "`period`, or the rate of the record.",
+    "ambient_repeats": "The response repeats with about {own:.5g} s, not with the {given:.6g} s given (squared scores "
+    "{own_score:.3g} and {given_score:.3g}; noise alone stays below {limit:.3g}): exponents and shapes would look "
+    "right and be wrong. Correct `period`, or the rate of the record.",
+    "ambient_twice": _twice,
     "ambient_unpredicted": "The last quarter of the record, left out of a fit, is not predicted by it: what it "
     "predicts grows without bound. There may be fewer modes, or a disturbance that the record has once.",
     "ambient_colour": "What is left is not white: {share:.1%} of its variance is predictable. Modes or harmonics are "

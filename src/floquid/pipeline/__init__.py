@@ -21,6 +21,7 @@ from floquid.pipeline._settings import Settings
 from floquid.pipeline._start import lifted
 from floquid.pipeline._validated import validated
 from floquid.pipeline.draws import Bootstrap, Draw, DrawFile, Spread, bootstrap
+from floquid.pipeline.excited import FREE as FREE
 from floquid.pipeline.excited import ambient_fit as ambient_fit
 from floquid.pipeline.excited import driven_fit as driven_fit
 from floquid.pipeline.excited import (

@@ -37,7 +37,7 @@ from floquid.pipeline._start import Lifting, Start, cut
 from floquid.pipeline._starts import OPENINGS, POLES, criterion, determined, explains
 from floquid.pipeline._validated import validated
 from floquid.pipeline.excited import identified_ambient, identified_driven, refuse_others
-from floquid.pipeline.preparation import Prepared, blas_threads, clocked, own_names, prepare
+from floquid.pipeline.preparation import Prepared, begun, blas_threads, clocked, own_names, prepare
 
 OF = "identify"
 
@@ -93,9 +93,10 @@ def identify(
     if ambient or chosen.inputs:
         refuse_others(chosen, OF)
         with own_names(OF):
-            used = clocked(records, chosen, OF)
+            used, said = begun(clocked(records, chosen, OF), chosen)
             with blas_threads(used):
-                return (identified_ambient if ambient else identified_driven)(used, chosen, report)
+                found = (identified_ambient if ambient else identified_driven)(used, chosen, report)
+        return replace(found, findings=(*said, *found.findings))
     prepared = prepare(records, chosen, report=report)
     faults = prepared.faults
     with own_names(OF), blas_threads(prepared.records):

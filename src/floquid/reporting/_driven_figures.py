@@ -108,7 +108,7 @@ def measured_beside(analysis: Analysis, found: TransferFunctions) -> MeasuredTra
     try:
         measured = measure_transfer(
             analysis.records,
-            replace(analysis.settings, excitation="none"),
+            replace(analysis.settings, excitation="none", skip=None),
             harmonics=found.harmonics,
             frequencies_hz=hertz,
         )

@@ -170,7 +170,7 @@ class ExcitedRedrawn:
             mixed = np.array(record.values)
             mixed[[[channel.name for channel in record.channels].index(name) for name in names]] = values[:, own]
             records.append(replace(record, values=mixed))
-        settings = replace(without_states(self.settings), channels=tuple(names), validate=False)
+        settings = replace(without_states(self.settings), channels=tuple(names), skip=None, validate=False)
         return identify(records, settings)
 
 

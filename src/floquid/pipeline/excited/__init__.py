@@ -7,6 +7,6 @@ from floquid.pipeline.excited._ambient import identified_ambient
 from floquid.pipeline.excited._finish import HELD_OUT
 from floquid.pipeline.excited._identify import identified_driven
 from floquid.pipeline.excited._measure import measure_transfer
-from floquid.pipeline.excited._prepare import refuse_others
+from floquid.pipeline.excited._prepare import FREE, refuse_others
 
-__all__ = ["HELD_OUT", "identified_ambient", "identified_driven", "measure_transfer", "refuse_others"]
+__all__ = ["FREE", "HELD_OUT", "identified_ambient", "identified_driven", "measure_transfer", "refuse_others"]

@@ -101,7 +101,7 @@ def identified_ambient(records: Sequence[Record], settings: Settings, report: Ca
     own = parted(records, settings, OF)
     samples, acting = with_acting(own)
     phases = 2.0 * np.pi / (samples.fundamental * samples.step)
-    other = 0.0 if own.shafts else _other_period(samples)
+    other, repeats = (0.0, ()) if own.shafts else _other_period(samples, trusted=settings.trust_period)
     highest = max(min(HIGHEST, int(0.5 * phases) - 1), 0) if settings.harmonics is None else settings.harmonics
     limits = Limits(
         mode_alarm=settings.mode_false_alarm,
@@ -138,6 +138,7 @@ def identified_ambient(records: Sequence[Record], settings: Settings, report: Ca
         validation=validation,
         findings=(
             *done_beside(own),
+            *repeats,
             *undriven(model),
             needed(model, limits, [fit.seen(number) for number in range(len(found.modes))]),
             *_told(fit, model, relative, duration, near.as_read),
@@ -167,27 +168,21 @@ def _refuse_copies(first: NDArray[np.float64], own: Parted) -> None:
         )
 
 
-def _other_period(samples: Samples) -> float:
+def _other_period(samples: Samples, *, trusted: bool) -> tuple[float, tuple[Finding, ...]]:
     """The frequency far from that given with which the response seems to repeat [rad/s], zero where none.
 
-    One that is near, or half the period, is refused.
+    One that is near, or half the period, is refused, and told where the period is `trusted`.
     """
     found, given = repetition(samples), 2.0 * np.pi / samples.fundamental
-    period = given * (1.0 + found.shift)
+    told: tuple[Finding, ...] = ()
     if found.own > found.limit and found.own > CLEARLY * found.given and abs(found.shift) > found.resolution:
-        raise IdentificationError(
-            f"The response repeats with about {period:.5g} s, not with the {given:.6g} s given (squared scores "
-            f"{found.own:.3g} and {found.given:.3g}; noise alone stays below {found.limit:.3g}): exponents and shapes "
-            "would look right and be wrong. Correct `period`, or the rate of the record."
-        )
-    if found.even > 2.0 * found.limit and found.odd < found.limit:
-        raise IdentificationError(
-            f"The response repeats twice within the {given:.6g} s given: even harmonics have squared scores of "
-            f"{found.even:.3g}, odd ones of {found.odd:.3g}, which noise alone has (up to {found.limit:.3g}). Modes "
-            f"would be found more than once. Give half of it: `period={0.5 * given:.10g}`; if a shaft that is out of "
-            "balance turns once in two of these halves, give `periods_per_revolution=2` as well."
-        )
-    return found.other
+        scores = {"own_score": found.own, "given_score": found.given, "limit": found.limit}
+        told = (failure("ambient_repeats", own=given * (1.0 + found.shift), given=given, **scores),)
+    elif found.even > 2.0 * found.limit and found.odd < found.limit:
+        told = (failure("ambient_twice", given=given, even=found.even, odd=found.odd, limit=found.limit),)
+    if told and not trusted:
+        raise IdentificationError(f"{told[0]} If you know the period to be right, pass `trust_period=True`.")
+    return found.other, told
 
 
 def _validated(samples: Samples, found: Predictor) -> tuple[Validation, tuple[Finding, ...]]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid.errors import FloquidError
-from floquid.findings import Finding, failure, warning
+from floquid.findings import Finding, Severity, failure, warning
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._state import state_of
 from floquid.pipeline.excited._lines import MOST_PERIODS
@@ -17,6 +17,9 @@ from floquid.validation import Criterion, Validation
 
 HELD_OUT = 1.4
 """The error of prediction on samples left out, over the noise, from which on a model does not pass."""
+
+PERIOD = ("inputs_period", "inputs_period_far", "ambient_period", "ambient_repeats", "ambient_twice")
+"""Findings that the period is not that of the response: warnings where it is trusted."""
 
 STILL = 3.0
 """Deviations within which a mode does not decay, and within which it is at a line."""
@@ -56,6 +59,9 @@ def finished(analysis: Analysis, periods_of_turn: float, report: Callable[[str],
     `periods_of_turn` are the periods of a revolution as far as they were said.
     """
     analysis = replace(analysis, findings=(*analysis.findings, *_lines_found(analysis, periods_of_turn)))
+    if analysis.settings.trust_period:
+        told = [replace(own, severity=Severity.WARNING) if own.code in PERIOD else own for own in analysis.findings]
+        analysis = replace(analysis, findings=tuple(told))
     if not analysis.settings.states:
         return analysis
     if analysis.failed and analysis.settings.structure:

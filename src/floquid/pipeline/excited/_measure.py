@@ -14,7 +14,7 @@ from floquid.core import Record, channels_named
 from floquid.errors import IdentificationError
 from floquid.pipeline._settings import RecordOptions, Settings, settings_of
 from floquid.pipeline.excited._prepare import parted, refuse_others
-from floquid.pipeline.preparation import blas_threads, clocked, own_names
+from floquid.pipeline.preparation import begun, blas_threads, clocked, own_names
 from floquid.transfer import CURVATURE, MeasuredTransfer, by_chirps, by_polynomials, by_repeats, repeat_of
 
 OF = "measure_transfer"
@@ -105,7 +105,7 @@ def measure_transfer(
         beside = replace(chosen, inputs=(*chosen.inputs, *reference), forced="none")
         for record in clocked(records, replace(beside, channels=()), OF):
             channels_named(record.channels, reference, argument="reference", of=OF)
-        used = clocked(records, beside, OF)
+        used, said = begun(clocked(records, beside, OF), beside)
         report("parting inputs and outputs")
         # What repeats with the period stands at lines of its own, which are left out.
         own = parted(used, beside, OF)
@@ -134,7 +134,7 @@ def measure_transfer(
             else:
                 report("fitting polynomials over lines")
                 found = by_polynomials(samples, turns, channels, hertz, held)
-        return replace(found, findings=(*own.findings, *found.findings))
+        return replace(found, findings=(*said, *own.findings, *found.findings))
 
 
 def _refuse_options(method: Method | None, repeat: int | None, drop: int, curvature: float) -> None:

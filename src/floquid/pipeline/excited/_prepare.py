@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,12 +21,16 @@ from floquid.sync import ShaftAngle, shaft_angle
 
 OF = "identify"
 
-TAKEN = (
-    *("period", "tach", "azimuth", "channels", "inputs", "hold", "harmonics", "forced", "validate"),
-    *("mode_false_alarm", "harmonic_false_alarm", "seconds", "pulses_per_revolution", "periods_per_revolution"),
-    *("excitation", "states", "form", "delay", "structure", "output_error", "system_times"),
-)
-"""Settings that count where the excitation goes on."""
+FREE = {
+    "estimate_period": "what drives the system repeats with periods of its own",
+    "find_hits": "a blow that was measured is an input",
+    "repair": "states run through every sample, so cut the record at those that are none",
+    "noise_floor": "the noise is what the fit leaves",
+    "order": "each mode is tested against the noise that the fit leaves",
+    "identifier": "it takes samples a period apart for a free response",
+    "constrained": "residues that are free at each phase are those of lifted responses",
+}
+"""Settings of free responses alone, each with the reason why records whose excitation goes on cannot have it."""
 
 PERIODIC = 1e-3
 """The share of an input's energy off the harmonics of the period below which it is periodic itself."""
@@ -80,7 +84,7 @@ class Parted:
 
 
 def refuse_others(settings: Settings, of: str) -> None:
-    """Refuse options that do not count where the excitation goes on: `TAKEN` and others do.
+    """Refuse options that are of free responses alone.
 
     Raises
     ------
@@ -88,10 +92,10 @@ def refuse_others(settings: Settings, of: str) -> None:
         There is such an option.
     """
     usual = Settings()
-    for name in (field.name for field in fields(Settings) if field.name not in TAKEN):
+    for name, reason in FREE.items():
         if getattr(settings, name) != getattr(usual, name):
             must, got = "be left as it is where the excitation goes on", f"is {getattr(settings, name)!r:.60}"
-            raise input_error(name, of, must, got, f"What counts here: {', '.join(sorted(TAKEN))}.")
+            raise input_error(name, of, must, got, f"It is of free responses: {reason}.")
 
 
 def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parted:

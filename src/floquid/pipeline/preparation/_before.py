@@ -100,6 +100,17 @@ def later(records: tuple[Record, ...], skip: float) -> tuple[tuple[Record, ...],
     return tuple(cut), (note("skipped", periods=skip),)
 
 
+def begun(records: tuple[Record, ...], settings: Settings) -> tuple[tuple[Record, ...], tuple[Finding, ...]]:
+    """The records without their first periods and without the orbit that they hold, as far as that is asked for."""
+    said: tuple[Finding, ...] = ()
+    if settings.skip:
+        records, said = later(records, settings.skip)
+    if settings.orbit:
+        records, more = without_orbit(records)
+        said += more
+    return records, said
+
+
 def from_sample(records: Sequence[Record], first: int) -> tuple[Record, ...]:
     """The records from a sample on."""
     cut = []
