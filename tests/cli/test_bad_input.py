@@ -370,14 +370,17 @@ def test_the_machine_gives_out(here, capsys, monkeypatch, stage, error, code, pa
     assert contents(here / "out") == EARLIER
 
 
-def test_figures_that_fail_leave_the_earlier_result_whole(here, capsys, monkeypatch):
+def test_figures_that_fail_leave_the_result_without_any(here, capsys, monkeypatch):
     def broken(*_, **__):
         raise MemoryError
 
     monkeypatch.setattr("floquid.plot.save_figures", broken)
     assert run([*shlex.split(GOOD), "--out", "out"]) == 1
-    assert_one_message(*capsys.readouterr(), "memory")
-    assert contents(here / "out") == EARLIER
+    out, err = capsys.readouterr()
+    assert "Modes: order" in out
+    assert "memory" in err
+    assert {"result.h5", "summary.json", "settings.toml"} <= set(contents(here / "out"))
+    assert not [name for name in contents(here / "out") if name.startswith((".floquid", "figures", "report"))]
 
 
 # In processes of their own: the installed command, its streams and its exit codes.

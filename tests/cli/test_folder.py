@@ -25,7 +25,7 @@ WRITER = (
 import random, sys, time
 from dataclasses import replace
 from pathlib import Path
-from floquid.cli._folder import NAMES, result_folder, write_result
+from floquid.cli._folder import NAMES, draw_result, result_folder, write_result
 from floquid.pipeline import identify
 from floquid.systems import JeffcottRotor
 import filelock, h5py, tomli_w
@@ -40,7 +40,8 @@ made = [
 def put(which):
     others = {"paper.md": lambda path: path.write_text(f"paper of {which}")} if which else {}
     with result_folder(place, NAMES) as folder:
-        write_result(folder, made[which], f"of = {which}", lambda _: None, others=others)
+        mark = write_result(folder, made[which], f"of = {which}", lambda _: None)
+    draw_result(place, made[which], mark, lambda _: None, others=others)
 """
 )
 
@@ -89,6 +90,10 @@ for moment in range(moments):
 )
 
 
+FIRST = (RESULT, "summary.json", "settings.toml")
+"""Files that are written before any picture is drawn."""
+
+
 def visible(folder):
     return {name: data for name, data in contents(folder).items() if not name.startswith(".floquid-")}
 
@@ -125,7 +130,9 @@ def check_kill(place, results, seen):
     between = any((place / name).exists() for name in (READY, MOVING))
     settle(place)
     after = visible(place)
-    assert after in [{**results[0], **extra} for extra in ({}, {"paper.md": results[1]["paper.md"]})] + [results[1]]
+    extra = {name: data for name, data in after.items() if name == "paper.md"}
+    whole = [{**own, **extra} for own in (*results, *({name: own[name] for name in FIRST} for own in results))]
+    assert after in whole
     assert not any((place / name).exists() for name in (READY, MOVING))
     seen.append("between" if between else "mended" if after != now else "whole")
 

@@ -14,8 +14,9 @@ import numpy as np
 from cyclopts import Parameter
 from rich.table import Table
 
+from floquid._arrays import Floats
 from floquid._checks import input_error
-from floquid.cli._folder import NAMES, ResultFolder, result_folder, write_result
+from floquid.cli._folder import NAMES, draw_result, result_folder, write_result
 from floquid.cli._identify import STAGES
 from floquid.cli._options import Choices, Flag, Format, NewRecordFile, Noise, Periods, Place, Seed, Whole
 from floquid.cli._terminal import (
@@ -147,53 +148,56 @@ def demo(
     if paper:
         _demo_of_paper(out, periods, noise, seed, draws, format)
         return
-    with result_folder(out, NAMES) as folder, progress(STAGES + 6) as report:
+    with result_folder(out, NAMES) as folder, progress(STAGES + 3) as report:
         report("simulating")
         record = rotor.simulate(n_periods=periods, noise=noise, seed=seed)
         analysis = _identify(rotor, record, report)
-        compared = _compared(rotor, analysis)
-        _write(folder, rotor, record, analysis, report)
+        mark = write_result(folder, analysis, _settings(analysis), report, record=record)
     if format == "json":
         sys.stdout.write(json_text(summary(analysis)))
-        return
-    print_analysis(analysis)
-    for title, table in compared.items():
-        print_title(terminal(), title)
-        print_whole(terminal(), table)
-    print_folder(out, "record.npz")
+    else:
+        print_analysis(analysis)
+        for title, table in _compared(rotor, analysis).items():
+            print_title(terminal(), title)
+            print_whole(terminal(), table)
+    with progress(3) as report:
+        draw_result(out, analysis, mark, report, truth=_truth(rotor))
+    if format == "text":
+        print_folder(out, "record.npz")
 
 
 def _demo_of_paper(out: Path, periods: int, noise: float, seed: int, draws: int, format: str) -> None:  # noqa: A002
     """The paper's experiment by both algorithms; the result written is that of maximum likelihood."""
     if draws < 1:
         raise input_error("--draws", "floquid demo", "be at least 1", f"is {draws}")
-    with result_folder(out, (*NAMES, *PAPER_FILES)) as folder, progress(draws + 8) as report:
+    with result_folder(out, (*NAMES, *PAPER_FILES)) as folder, progress(draws + 5) as report:
         done = reproduce(seed=seed, draws=draws, n_periods=periods, noise=noise, report=report)
         report("collecting the numbers")
-        rows = numbers(done)
+        rows, analysis = numbers(done), done.maximum_likelihood
+        mark = write_result(folder, analysis, _settings(analysis), report, record=done.record)
+    if format == "json":
+        sys.stdout.write(json_text(summary(analysis)))
+    else:
+        _print_numbers(rows)
+    with progress(4) as report:
         report("drawing the figures of the paper")
         files = _files_of_paper(figures(done), rows)
-        _write(folder, done.rotor, done.record, done.maximum_likelihood, report, files)
+        draw_result(out, analysis, mark, report, truth=_truth(done.rotor), others=files)
     if format == "json":
-        sys.stdout.write(json_text(summary(done.maximum_likelihood)))
         return
-    _print_numbers(rows)
     terminal().print(f"The figures beside the paper's words, and this table: {out / 'paper.md'}", soft_wrap=True)
     print_folder(out, "record.npz", "paper.md")
 
 
-def _write(
-    folder: ResultFolder,
-    rotor: JeffcottRotor,
-    record: Record,
-    analysis: Analysis,
-    report: Callable[[str], None],
-    others: dict[str, Callable[[Path], object]] | None = None,
-) -> None:
-    """Write the result with its record and the truth; `others` are further files."""
+def _settings(analysis: Analysis) -> str:
+    """The settings of an analysis as the text of settings.toml."""
+    return Choices(settings=analysis.settings).text()
+
+
+def _truth(rotor: JeffcottRotor) -> tuple[Floats, Floats]:
+    """Instants over a period [s], and the true A(t) at each."""
     dense = np.linspace(0.0, rotor.period, 361)
-    settings, truth = Choices(settings=analysis.settings).text(), (dense, rotor.system(dense))
-    write_result(folder, analysis, settings, report, record=record, truth=truth, others=others or {})
+    return dense, rotor.system(dense)
 
 
 def _identify(rotor: JeffcottRotor, record: Record, report: Callable[[str], None]) -> Analysis:

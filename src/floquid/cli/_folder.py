@@ -12,6 +12,7 @@ A kill before 1 leaves the earlier result. After it, the next command that is gi
 
 from __future__ import annotations
 
+import hashlib
 import os
 import secrets
 import shutil
@@ -63,14 +64,16 @@ class ResultFolder:
         """Write a text under a name in the hidden folder."""
         (self.unfinished / name).write_text(text, encoding="utf-8")
 
-    def publish(self) -> None:
-        """Give all that is in the hidden folder its names, together."""
+    def publish(self, beside: str = "") -> None:
+        """Give all that is in the hidden folder its names, together; with a mark only `beside` the result of it."""
         for folder, _, names in os.walk(self.unfinished, topdown=False):
             for name in names:
                 flush(Path(folder, name))
             flush_folder(Path(folder))
         with _locked(self.path):
             _settle(self.path)
+            if beside and _mark(self.path / RESULT) != beside:
+                return
             self.owned.close()
             (self.unfinished / _OWNED).unlink(missing_ok=True)
             self.unfinished.rename(self.path / READY)
@@ -234,16 +237,11 @@ def write_result(
     report: Callable[[str], None],
     *,
     record: Record | None = None,
-    truth: tuple[np.ndarray, np.ndarray] | None = None,
-    others: Mapping[str, Callable[[Path], object]] = MappingProxyType({}),
-) -> None:
-    """Write the result, its summary, settings, figures and report into a folder, where they take their names together.
+) -> str:
+    """Write the result, its summary and settings into a folder, where they take their names together.
 
-    `others` are further files by their names in the folder, each with a function that writes it to a path.
+    Returns the mark by which `draw_result` knows it again.
     """
-    from floquid.plot import save_figures
-    from floquid.reporting import report as write_report
-
     place = folder.unfinished
     report("writing the result")
     if record is not None:
@@ -253,11 +251,40 @@ def write_result(
     folder.write("settings.toml", settings)
     if analysis.inputs:
         folder.write("transfer.csv", transfer_rows(analysis.transfer()))
-    report("drawing the figures")
-    (place / "figures").mkdir()
-    save_figures(analysis, place / "figures", truth=truth)
-    known = truth if analysis.state is not None else None
-    write_report(analysis, place / "report.html", truth=known, progress=report)
-    for name, make in others.items():
-        make(place / name)
+    mark = _mark(place / RESULT)
     folder.publish()
+    return mark
+
+
+def draw_result(
+    path: Path,
+    analysis: Analysis,
+    mark: str,
+    report: Callable[[str], None],
+    *,
+    truth: tuple[np.ndarray, np.ndarray] | None = None,
+    others: Mapping[str, Callable[[Path], object]] = MappingProxyType({}),
+) -> None:
+    """Draw the figures and the page of a result that `write_result` marked into its folder, `path`.
+
+    `others` are further files by their names in the folder, each with a function that writes it to a path. Where
+    another program has put its result there meanwhile, nothing is added to that.
+    """
+    from floquid.plot import save_figures
+    from floquid.reporting import report as write_report
+
+    with result_folder(path, (*NAMES, *others)) as folder:
+        place = folder.unfinished
+        report("drawing the figures")
+        (place / "figures").mkdir()
+        save_figures(analysis, place / "figures", truth=truth)
+        known = truth if analysis.state is not None else None
+        write_report(analysis, place / "report.html", truth=known, progress=report)
+        for name, make in others.items():
+            make(place / name)
+        folder.publish(beside=mark)
+
+
+def _mark(file: Path) -> str:
+    """A mark of the content of a file; of none an empty one."""
+    return hashlib.sha256(file.read_bytes()).hexdigest() if file.exists() else ""

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from floquid._checks import input_error
 from floquid.cli._errors import CriteriaNotMetError
-from floquid.cli._folder import NAMES, maybe_folder, result_file, write_result
+from floquid.cli._folder import NAMES, draw_result, maybe_folder, result_file, write_result
 from floquid.cli._options import (
     Flag,
     Format,
@@ -59,7 +59,8 @@ def identify(
         same. A model that fails, since it leaves many times the noise, or since what was found makes it wrong, ends
         with exit code 1 in any case.
     out
-        A folder for result.h5, summary.json, settings.toml, figures/ and report.html, a page for the browser.
+        A folder for result.h5, summary.json and settings.toml, which are written before anything is printed; then for
+        figures/ and report.html, a page for the browser.
     format
         text prints tables; json prints summary.json alone.
     settings
@@ -73,16 +74,21 @@ def identify(
         must, got = "come with the checks of the model", "they are switched off"
         remedy = "Leave out --no-validate, and `validate = false` in the settings."
         raise input_error("--enforce", OF, must, got, remedy)
-    stages = STAGES + (5 if out else 0) + (3 if choices.settings.structure else 0)
+    stages, mark = STAGES + (1 if out else 0) + (3 if choices.settings.structure else 0), ""
     with maybe_folder(out, NAMES) as folder, progress(stages) as report:
         records, choices = read_records(files, choices, OF, report)
         analysis = identify_records(records, choices.resolved(), report=report)
         if folder is not None:
-            write_result(folder, analysis, choices.text(), report)
+            mark = write_result(folder, analysis, choices.text(), report)
     if format == "json":
         sys.stdout.write(json_text(summary(analysis)))
+        sys.stdout.flush()
     else:
         print_analysis(analysis, verbose=verbose)
+    if out is not None:
+        with progress(3) as report:
+            draw_result(out, analysis, mark, report)
+    if format == "text":
         print_folder(out)
     if analysis.failed:
         raise IdentificationError(analysis.warnings[0])
