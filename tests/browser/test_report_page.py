@@ -99,12 +99,12 @@ def clicked(page, figure, renderer, index):
 def test_a_click_on_a_pole_shows_the_shape_of_its_mode(desktop, page):
     before = page.evaluate(SOURCE, ["shape", "real0"])
     rows = page.evaluate(
-        "() => [...Bokeh.index].find((one) => one.model.name === 'stabilisation-figure').model.renderers"
+        "() => [...Bokeh.index].find((one) => one.model.name === 'unfolded-figure').model.renderers"
         ".find((one) => one.name === 'poles-shape').data_source.get_column('row')"
     )
     row = max(rows)
     assert row > 0
-    clicked(page, "stabilisation", "poles-shape", len(rows) - 1 - rows[::-1].index(row))
+    clicked(page, "unfolded", "poles-shape", len(rows) - 1 - rows[::-1].index(row))
     assert page.evaluate(CHOSEN) == [row]
     after = page.evaluate(SOURCE, ["shape", "real0"])
     assert len(after) == len(before)
