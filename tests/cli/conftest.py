@@ -1,11 +1,13 @@
 """Records to type commands about, and a folder that holds an earlier result."""
 
 import functools
+import io
 import itertools
 import pickle
 import re
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 
@@ -14,8 +16,17 @@ from floquid.systems import JeffcottRotor
 ROOT = Path(__file__).parents[2]
 ROTOR = [str(ROOT / "examples" / "rotor" / f"hit{number}.npz") for number in (1, 2)]
 ROTOR_PERIOD = "0.015789473684210523"
+
+
+def hdf5(kind):
+    """The bytes of an HDF5 file that says what it is."""
+    with h5py.File(content := io.BytesIO(), "w") as file:
+        file.attrs["format"] = kind
+    return content.getvalue()
+
+
 EARLIER = {
-    "result.h5": b"an earlier result, not to be touched",
+    "result.h5": hdf5("floquid-result"),
     "summary.json": b'{"format": "earlier"}',
     "settings.toml": b"period = 1.0\n",
     "record.npz": b"an earlier record",

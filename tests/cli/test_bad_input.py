@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.cli.conftest import EARLIER, after_stages, contents, save_npz, simulated
+from tests.cli.conftest import EARLIER, after_stages, contents, hdf5, save_npz, simulated
 
 from floquid.cli import run
 
@@ -204,6 +204,7 @@ TIMES = [
 OPTIONS = [
     ("unknown channel", nothing, f"{GOOD} --channels X,Q", 2, r"`--channels` .*'Q'\.\n.*X, Y, X_tt, Y_tt"),
     ("channel chosen twice", nothing, f"{GOOD} --channels X,X", 2, r"`--channels` .*'X' twice"),
+    ("no input at all", nothing, f"{GOOD} --inputs ''", 2, r"`--inputs` must name a channel, but is ''"),
     ("unknown state", nothing, f"{GOOD} --states X,Q", 2, r"`--states` .*'Q'\.\n.*X, Y, X_tt, Y_tt"),
     ("state that is not among the channels", nothing, f"{GOOD} --channels X,Y --states X,X_tt", 2, r"'X_tt'"),
     ("too few states", nothing, f"{GOOD} --states X", 2, r"name 2 channels: 4 modes .* names 1"),
@@ -239,6 +240,13 @@ SETTINGS = [
     ("folder as settings", folder("this.toml"), WITH_TOML, 2, r"this\.toml is a folder"),
 ]  # fmt: skip
 
+
+def foreign():
+    """A folder with a file of the name of a result that another program wrote."""
+    folder("this")()
+    Path("this/result.h5").write_bytes(hdf5("weather"))
+
+
 PLACES = [
     ("result below a file", nothing, f"{GOOD} --out good.npz/out", 2, r"`--out` must be a folder.*good\.npz/out"),
     ("result in a file", nothing, f"{GOOD} --out good.npz", 2, r"good\.npz is a file"),
@@ -246,6 +254,7 @@ PLACES = [
     ("figures are a file", lambda: (folder("this")(), Path("this/figures").touch()), f"{GOOD} --out this", 2,
      r"this/figures is a file"),
     ("result.h5 is a folder", folder("this/result.h5"), f"{GOOD} --out this", 2, r"this/result\.h5 is a folder"),
+    ("result.h5 of another program", foreign, f"{GOOD} --out this", 2, r"this/result\.h5 is no result of floquid"),
     ("simulate to a missing folder", nothing, "simulate --periods 4 --out no/this.npz", 2, r"there is no folder .*no"),
     ("simulate below a file", nothing, "simulate --periods 4 --out good.npz/this.npz", 2, r"no folder .*good\.npz"),
     ("simulate to a folder", folder("this.npz"), "simulate --periods 4 --out this.npz", 2, r"is a folder"),

@@ -115,7 +115,7 @@ def test_a_result_without_deviations(here):
         ("bootstrap", "requires an argument"),
         ("bootstrap none.h5", "none.h5"),
         ("bootstrap good.npz", "good.npz is no HDF5 file"),
-        ("bootstrap out", "is no HDF5 file"),
+        ("bootstrap out", "is damaged or not whole"),
         ("bootstrap kept --draws 19", "`--draws` must be at least 20, but is 19"),
         ("bootstrap kept --draws 20.5", "is not a whole number"),
         ("bootstrap kept --seed -1", "`--seed` must be at least 0"),

@@ -32,7 +32,7 @@ from floquid.io import flush, flush_folder
 from floquid.pipeline import Analysis
 from floquid.plot import FIGURES as DRAWN
 from floquid.readers import write
-from floquid.store import load, save
+from floquid.store import is_result, load, save
 
 FIGURES = tuple(f"{name}.png" for name in DRAWN)  # the figures that there may be
 RESULT = "result.h5"  # the file of an identification: figures beside it are of it
@@ -219,6 +219,8 @@ def _refuse_obstacles(path: Path, names: Sequence[str]) -> None:
             raise _unusable(path, f"{file} is a folder")
         if file.is_symlink():
             raise _unusable(path, f"{file} is a symbolic link, and what it points to cannot be replaced with the rest")
+    if RESULT in names and (path / RESULT).exists() and not is_result(path / RESULT):
+        raise _unusable(path, f"{path / RESULT} is no result of floquid, and would be replaced")
 
 
 def _words(error: OSError) -> str:

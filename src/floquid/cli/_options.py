@@ -164,7 +164,9 @@ def given(options: object, of: str) -> dict[str, Any]:
         said["period"] = period_of(said["period"], said.pop("frequency"), of)
     for name in ("channels", "inputs", "states"):
         if said.get(name) is not None:
-            said[name] = split(said[name])
+            said[name] = split(text := said[name])
+            if name == "inputs" and not said[name]:  # an empty variable of a shell would make a free response of it
+                raise input_error(f"--{name}", of, "name a channel", f"is {text!r}", "Name one, or leave it out.")
     return {name: value for name, value in said.items() if value is not None}
 
 

@@ -84,7 +84,7 @@ Transfer functions measured line by line have the `kind` "measured", and modes f
 Files of earlier versions of the layout, which no release of floquid wrote, are refused.
 """
 
-from floquid.store._load import load
+from floquid.store._load import is_result, load
 from floquid.store._save import save
 
-__all__ = ["load", "save"]
+__all__ = ["is_result", "load", "save"]

@@ -11,7 +11,7 @@ from floquid._checks import input_error
 from floquid.core import AzimuthSignal, Clock, ConstantPeriod, PeriodicModel, PulseTimes, Record, TachometerSignal
 from floquid.innovations import Mode
 from floquid.inputs import InputMode
-from floquid.io import GUARD, DamagedError, readable_file
+from floquid.io import GUARD, DamagedError, attribute, readable_file
 from floquid.lti import ModalModel, Outcome
 from floquid.order import Choice
 from floquid.periodic import Fit, ForcedResponse, Periodicity
@@ -55,6 +55,23 @@ def load(path: str | PathLike[str]) -> Result:
         return GUARD.call(file, _load, file)
     except DamagedError as error:
         raise input_error("path", "load", MUST, f"{file} is damaged or not whole: {error}", AGAIN) from None
+
+
+def is_result(path: Path) -> bool:
+    """True where the file at a `path` is one that `save` wrote, of whatever version."""
+    try:
+        return GUARD.call(path, _is_result, path)
+    except (OSError, DamagedError):
+        return False
+
+
+def _is_result(file: Path) -> bool:
+    import h5py
+
+    if not h5py.is_hdf5(file):
+        return False
+    with h5py.File(file, "r") as opened:
+        return attribute(opened, "format") == FORMAT
 
 
 def _load(file: Path) -> Result:

@@ -13,7 +13,7 @@ from floquid._checks import describe, input_error
 from floquid._version import __version__
 from floquid.core import ConstantPeriod, Record
 from floquid.inputs import Uncertainty
-from floquid.io import atomic_path
+from floquid.io import as_path, atomic_path
 from floquid.lti import AbstractIdentifier
 from floquid.pipeline import Analysis, Decay, Driven, Settings, samples_of
 from floquid.reconstruction import text_of
@@ -23,6 +23,7 @@ from floquid.store._layout import DIRECT, FORMAT, LINES, SHAPE, VERSION
 from floquid.transfer import MeasuredTransfer, TransferFit
 from floquid.validation import Validation
 
+ENDINGS = (".h5", ".hdf5")
 Result: TypeAlias = Analysis | MeasuredTransfer | TransferFit
 
 
@@ -34,12 +35,16 @@ def save(analysis: Result, path: str | PathLike[str]) -> None:
     the same bytes.
 
     `analysis` is what `identify`, `measure_transfer` or `fit_transfer` found; the file `path`, by custom `result.h5`,
-    may exist. Raises InputError where `analysis` is something else, or the file
-    cannot be written there.
+    may exist. Raises InputError where `analysis` is something else, the
+    name ends otherwise, or the file cannot be written there.
     """
     if not isinstance(analysis, Result):
         must = "be an Analysis"
         raise input_error("analysis", "save", must, f"is {describe(analysis)}", "Pass what `identify` gave.")
+    place = as_path(path, of="save")
+    if place.suffix.lower() not in ENDINGS and not place.is_dir():
+        remedy = "A result is an HDF5 file; tables and .mat files are written by `export_modes`."
+        raise input_error("path", "save", "end in .h5 or .hdf5", f"is {path}", remedy)
     with atomic_path(path, of="save") as temporary:
         # In memory first: when a disk is full or goes away, HDF5 itself does not end with an error but with a crash.
         content = BytesIO()

@@ -415,6 +415,13 @@ def test_only_an_analysis_is_saved(full, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("name", ["r.npz", "r.mat", "r"])
+def test_a_name_that_promises_another_format_is_refused(full, tmp_path, name):
+    with pytest.raises(InputError, match=r"`path` of `save` must end in \.h5 or \.hdf5"):
+        save(full, tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_folder_that_cannot_hold_the_file_is_refused(full, tmp_path):
     (tmp_path / "file").write_text("not a folder")
     for path in (tmp_path / "none" / "r.h5", tmp_path / "file" / "r.h5", tmp_path):
