@@ -205,6 +205,26 @@ def test_the_help_says_why_an_option_is_of_free_responses(capsys):
     assert said.count("Of free responses alone: ") == len(FREE)
 
 
+def test_transfer_functions_of_a_saved_result_are_those_of_its_records(file, tmp_path, capsys):
+    told = ["--period", PERIOD, "--inputs", "F"]
+    assert run(["identify", str(file), *told, "--out", str(tmp_path / "kept"), "--format", "json"]) == 0
+    capsys.readouterr()
+    said = []
+    for words in ([str(file), *told], [str(tmp_path / "kept")], [str(tmp_path / "kept" / "result.h5")]):
+        assert run(["transfer", *words, "--at", "0.1,0.2", "--format", "json"]) == 0
+        said.append(json.loads(capsys.readouterr().out)["values"])
+    assert said[1] == said[2]
+    assert np.allclose(said[0], said[1], rtol=1e-9)
+    for words, message in (
+        (["--rate", "3"], "`--rate` must not be given beside a saved result"),
+        (["--method", "repeats"], "`--method` must be model of a saved result"),
+    ):
+        assert run(["transfer", str(tmp_path / "kept"), *words]) == 2
+        assert message in capsys.readouterr().err
+    assert run(["scan", str(tmp_path / "kept")]) == 2
+    assert "The result must be of free responses" in capsys.readouterr().err
+
+
 def test_a_scan_is_of_free_responses(file, capsys):
     command = ["scan", str(file), "--period", PERIOD]
     for words in (["--inputs", "F"], ["--excitation", "ambient"]):

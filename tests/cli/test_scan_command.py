@@ -42,6 +42,15 @@ def test_the_table_has_a_row_for_each_order(here):
 
 
 @pytest.mark.slow
+def test_a_saved_result_is_scanned_as_its_record(here):
+    typed(f"identify good.npz --period {PERIOD} --out kept --no-validate")
+    kept, own = rows_of(typed("scan kept --orders 2..8..2")), rows_of(typed(f"{GOOD} --orders 2..8..2"))
+    assert [row[:2] for row in kept] == [row[:2] for row in own]
+    assert [float(row[3]) for row in kept] == pytest.approx([float(row[3]) for row in own], rel=0.01)
+    typed("scan kept --period 3", code=2, message="`--period` must not be given beside a saved result")
+    typed("transfer kept", code=2, message="The result must have measured inputs")
+
+
 def test_json_is_the_scan_alone(here):
     text = typed(f"{GOOD} --orders 3..5,8 --format json --out new")
     content = strict_json(text)

@@ -32,7 +32,8 @@ from floquid.io import flush, flush_folder
 from floquid.pipeline import Analysis
 from floquid.plot import FIGURES as DRAWN
 from floquid.readers import write
-from floquid.store import is_result, load, save
+from floquid.store import ENDINGS, is_result, load, save
+from floquid.views import SHORT
 
 FIGURES = tuple(f"{name}.png" for name in DRAWN)  # the figures that there may be
 RESULT = "result.h5"  # the file of an identification: figures beside it are of it
@@ -106,6 +107,22 @@ def identified_in(path: Path, of: str) -> Analysis:
         remedy = "`floquid transfer --lines` reads it."
         raise input_error("RESULT", of, "be what `floquid identify` wrote", "holds transfer functions", remedy)
     return found
+
+
+def is_saved(files: Sequence[Path]) -> bool:
+    """True where a single file is a result, or the folder of one, and no record."""
+    if len(files) != 1:
+        return False
+    place = files[0] / RESULT if files[0].is_dir() else files[0]
+    return place.suffix.lower() in ENDINGS and place.is_file() and is_result(place)
+
+
+def refuse_beside_result(said: Mapping[str, object], of: str) -> None:
+    """Refuse settings beside a saved result: it has its own."""
+    for name in said:
+        option = f"--{SHORT.get(name, name).replace('_', '-')}"
+        remedy = "`floquid identify` identifies the records anew."
+        raise input_error(option, of, "not be given beside a saved result", "is given", remedy)
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from floquid._arrays import Floats, Integers
 from floquid._checks import counted, input_error
-from floquid.cli._folder import ResultFolder, maybe_folder
+from floquid.cli._folder import ResultFolder, identified_in, is_saved, maybe_folder, refuse_beside_result
 from floquid.cli._options import (
     RECORDS,
     Choices,
@@ -38,12 +38,12 @@ from floquid.cli._terminal import (
     progress,
     terminal,
 )
-from floquid.findings import as_mapping, texts
+from floquid.findings import Finding, as_mapping, texts
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel, Outcome
 from floquid.order import OrderScan, Stability
 from floquid.order import scan as scan_orders
-from floquid.pipeline import IdentifierName, Prepared, Settings, blas_threads, lifted, prepare
+from floquid.pipeline import IdentifierName, Settings, blas_threads, lifted, prepare
 
 OF = "floquid scan"
 STAGES = 8
@@ -63,9 +63,10 @@ LEGEND = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scanned:
-    """Result of a scan: the records as used, their lifted responses, and the models over the orders."""
+    """Result of a scan: what was done to the records, their lifted responses, and the models over the orders."""
 
-    prepared: Prepared
+    done: tuple[Finding, ...]
+    faults: tuple[Finding, ...]
     lifted: Lifted
     found: OrderScan
 
@@ -84,7 +85,8 @@ def scan(
     Parameters
     ----------
     files
-        Records of free responses, as for `floquid identify`. Several files are several hits on one system.
+        Records of free responses, as for `floquid identify`. Several files are several hits on one system. Or the
+        result.h5 or the folder of an identification, whose lifted responses are taken.
     record
         The clock of the records, their channels, and what is cut off.
     identifier
@@ -100,9 +102,12 @@ def scan(
     settings
         A settings.toml written by `floquid identify`; options given here come first.
     """
-    check_files(files, OF)
-    listed = _orders(orders)
-    choices = choices_of(settings).with_given(**given(record, OF), identifier=identifier)
+    listed, said = _orders(orders), given(record, OF)
+    choices = choices_of(settings).with_given(**said, identifier=identifier)
+    if is_saved(files):
+        refuse_beside_result(said, OF)
+    else:
+        check_files(files, OF)
     if choices.settings.inputs or choices.settings.excitation != "none":
         name = "inputs" if choices.settings.inputs else "excitation"
         value = ",".join(choices.settings.inputs) or choices.settings.excitation
@@ -127,18 +132,22 @@ def _scanned(
     report: Callable[[str], None],
 ) -> Scanned:
     """The records prepared as `floquid identify` does, their lifted responses, and the scan of the orders."""
-    records, choices = read_records(files, choices, OF, report)
-    chosen = choices.resolved()
-    settings = Settings(**{name: getattr(chosen, name) for name in RECORDS})
-    prepared = prepare(records, settings, report=report)
-    responses = lifted(prepared, report=report)
+    done, faults = (), ()
+    if is_saved(files):
+        chosen, analysis = choices.resolved(), identified_in(files[0], OF)
+        responses, done = analysis.lifted, analysis.findings
+    else:
+        records, choices = read_records(files, choices, OF, report)
+        chosen = choices.resolved()
+        prepared = prepare(records, Settings(**{name: getattr(chosen, name) for name in RECORDS}), report=report)
+        responses, done, faults = lifted(prepared, report=report), prepared.findings, prepared.faults
     samples = int(responses.responses.lengths.max())
     if orders and orders[-1] >= samples:
         must, got = f"be less than the {samples} periods of the record", f"goes up to {orders[-1]}"
         raise input_error("--orders", OF, must, got, "Ask for lower orders, or record longer.")
     with blas_threads([responses.responses]):
         found = scan_orders(responses.responses, chosen.identifier, orders, report=report)
-    return Scanned(prepared=prepared, lifted=responses, found=found)
+    return Scanned(done=done, faults=faults, lifted=responses, found=found)
 
 
 def _orders(orders: str | None) -> tuple[int, ...] | None:
@@ -187,9 +196,9 @@ def _print_scan(scanned: Scanned, identifier: str, out: Path | None) -> None:
     )
     for step in lifted.provenance.steps:
         console.print(f"  {step}", style="dim")
-    for finding in scanned.prepared.findings:
+    for finding in scanned.done:
         console.print(f"  {finding}")
-    print_warnings(console, scanned.prepared.faults)
+    print_warnings(console, scanned.faults)
     print_whitening(console, lifted)
     print_orders(console, found, f"Orders by {identifier.upper()}")
     print_files(out, FILES, "for the stabilisation diagram, the mode indicators and scan.json")
@@ -241,9 +250,9 @@ def _scan_text(scanned: Scanned, choices: Choices) -> str:
         "n_phases": lifted.n_phases,
         "noise_whitening": lifted.whitening,
         "channels": [channel.name for channel in lifted.channels],
-        "synchronisation": texts(scanned.prepared.findings),
-        "findings": [as_mapping(own) for own in scanned.prepared.findings],
-        "warnings": texts(scanned.prepared.faults),
+        "synchronisation": texts(scanned.done),
+        "findings": [as_mapping(own) for own in scanned.done],
+        "warnings": texts(scanned.faults),
         "identifier": choices.identifier or "era",
         "tolerances": {name: getattr(tolerances, name) for name in ("frequency", "damping", "decay", "shape")},
         "orders": [

@@ -16,6 +16,7 @@ from rich.table import Table
 
 from floquid._checks import input_error
 from floquid._json import for_json
+from floquid.cli._folder import identified_in, is_saved, refuse_beside_result
 from floquid.cli._options import (
     Choices,
     Format,
@@ -104,7 +105,8 @@ def transfer(
     Parameters
     ----------
     files
-        Records of the responses and of what drives them, of any format that is read.
+        Records of the responses and of what drives them, of any format that is read; or the result.h5 or the folder
+        of an identification with --inputs, whose model is taken.
     record
         The fields of `Settings`.
     format
@@ -112,8 +114,11 @@ def transfer(
     settings
         A settings.toml written by an earlier run; options given here come first.
     """
-    choices = choices_of(settings).with_given(**given(record, OF))
-    _check_given(files, choices.settings.inputs, lines, method, out)
+    said, saved = given(record, OF), is_saved(files)
+    choices = choices_of(settings).with_given(**said)
+    if saved:
+        refuse_beside_result(said, OF)
+    _check_given(files, choices.settings.inputs, lines, method, out, saved=saved)
     turns, hertz, references = _whole(harmonics), _frequencies(at), split(reference)
     if method == "model":
         _refuse_with_a_model(reference, repeat, curvature)
@@ -122,14 +127,14 @@ def transfer(
         raise input_error("--at", OF, must, f"is {at!r}", remedy)
     with progress(STAGES) as report:
         records = []
-        if lines is None:
+        if lines is None and not saved:
             records, choices = _read(files, choices, references, report)
         chosen = choices.resolved()
         if lines is not None:
             result = fit_transfer(_measured_in(lines), period=chosen.period, hold=chosen.hold, report=report)
             found, findings, more = result.transfer(hertz, turns), result.findings, fit_entries(result)
         elif method == "model":
-            result: Any = identify_records(records, chosen, report=report)
+            result: Any = identified_in(files[0], OF) if saved else identify_records(records, chosen, report=report)
             found, findings, more = result.transfer(hertz, turns), result.findings, {}
         else:
             # Of a fit all lines are measured, and G is asked of the modes at the frequencies named.
@@ -220,7 +225,13 @@ def _spread(there: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 
 def _check_given(
-    files: tuple[Path, ...], inputs: tuple[str, ...] | None, lines: Path | None, method: str, out: Path | None
+    files: tuple[Path, ...],
+    inputs: tuple[str, ...] | None,
+    lines: Path | None,
+    method: str,
+    out: Path | None,
+    *,
+    saved: bool,
 ) -> None:
     """Refuse records without inputs, lines beside records or for another method than a fit, and pages without modes."""
     if out is not None and not re.fullmatch(_ENDINGS, out.suffix.lower()):
@@ -229,12 +240,15 @@ def _check_given(
     if method in ("repeats", "polynomials", "chirps") and out is not None and out.suffix.lower() in ENDINGS:
         remedy = "Fit modes to the lines: --method fit."
         raise input_error("--out", OF, f"be no page with --method {method}", f"is {out}", remedy)
-    if lines is None:
+    if saved and method != "model":
+        remedy = "Give the records: lines are measured in them."
+        raise input_error("--method", OF, "be model of a saved result", f"is {method}", remedy)
+    if lines is None and not saved:
         check_files(files, OF)
         if not inputs:
             must = "name the channels that drive the system"
             raise input_error("--inputs", OF, must, "is not given", "As --inputs F.")
-    elif files or method != "fit":
+    elif lines is not None and (files or method != "fit"):
         got = "comes with records" if files else f"comes with --method {method}"
         raise input_error("--lines", OF, "stand in the place of records, with --method fit", got, "Give one of them.")
 

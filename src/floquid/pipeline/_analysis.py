@@ -313,7 +313,7 @@ class Analysis(Told, Drawn, Brief):
         """
         of = "Analysis.transfer"
         if self.driven is None or not self.inputs:
-            raise input_error("self", of, "have measured inputs", "is of outputs alone", "Name them: `inputs=`.")
+            raise input_error("self", of, "have measured inputs", "has none", "Identify with them: `inputs=`.")
         hertz = frequencies_of(frequencies_hz, self.model, self.records, of)
         turns = np.unique(np.atleast_1d(np.asarray(harmonics, np.int64)))
         return self.driven.transfer(self.model.channels, self.inputs, hertz, turns, sampled=sampled)

@@ -85,6 +85,6 @@ Files of earlier versions of the layout, which no release of floquid wrote, are 
 """
 
 from floquid.store._load import is_result, load
-from floquid.store._save import save
+from floquid.store._save import ENDINGS, save
 
-__all__ = ["is_result", "load", "save"]
+__all__ = ["ENDINGS", "is_result", "load", "save"]

@@ -24,6 +24,8 @@ from floquid.transfer import MeasuredTransfer, TransferFit
 from floquid.validation import Validation
 
 ENDINGS = (".h5", ".hdf5")
+"""Endings of the names of result files."""
+
 Result: TypeAlias = Analysis | MeasuredTransfer | TransferFit
 
 
