@@ -39,7 +39,7 @@ def grown(samples: Samples, now: Predictor, limits: Limits, rounds: int = ROUNDS
             [_mask(mode, *(~own for own in band)) for mode, band in zip(padded.modes, bands, strict=True)]
         )
         fitted = np.concatenate([fitted, np.ones(len(normal.gradient) - len(fitted), bool)])
-        inverse = inverse_of(normal, fitted)
+        inverse = inverse_of(normal, fitted & anchored(padded))
         modes, grew = [], False
         for mode, band, place in zip(padded.modes, bands, places(padded.modes), strict=True):
             kept = [own.copy() for own in band]

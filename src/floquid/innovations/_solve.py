@@ -55,13 +55,14 @@ def normal_of(samples: Samples, at: Predictor, *, rough: bool = False) -> Normal
 def inverse_of(normal: Normal, free: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
     """The covariance of the free parameters, zero elsewhere (parameters, parameters); NaN where it overflowed.
 
-    Directions that are rounding have a large variance: without it a mode that next to nothing needs is sure of itself.
+    Of all parameters it has none along the scales of states, which are no information. Of `free` ones, that have these
+    held, directions that are rounding have a large variance: else a mode that noise explains is sure of itself.
     """
     if not np.isfinite(normal.matrix).all():
         return np.full_like(normal.matrix, np.nan)
     own = np.flatnonzero(np.ones(len(normal.gradient), bool) if free is None else free)
     found = np.zeros_like(normal.matrix)
-    found[np.ix_(own, own)] = scaled_inverse(normal.matrix[np.ix_(own, own)], normal.least, floor=True)
+    found[np.ix_(own, own)] = scaled_inverse(normal.matrix[np.ix_(own, own)], normal.least, floor=free is not None)
     return found
 
 
