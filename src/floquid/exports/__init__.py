@@ -1,6 +1,6 @@
 """Results for other programs: modes as CSV, MAT, JSON and universal files, `summary.json`, and xarray."""
 
-from floquid.exports._modes import MODE_FORMATS, export_modes
+from floquid.exports._modes import MODE_FORMATS, export_modes, modes_frame
 from floquid.exports._periodic_system import from_periodic_system, to_periodic_system
 from floquid.exports._summary import summary
 from floquid.exports._transfer_reading import import_transfer
@@ -16,6 +16,6 @@ from floquid.exports._xarray import to_xarray
 
 __all__ = [
     "MODE_FORMATS", "TRANSFER_FORMATS", "export_modes", "export_transfer", "fit_entries", "from_periodic_system",
-    "import_transfer", "measured_entries", "summary", "to_periodic_system", "to_xarray", "transfer_entries",
-    "transfer_rows",
+    "import_transfer", "measured_entries", "modes_frame", "summary", "to_periodic_system", "to_xarray",
+    "transfer_entries", "transfer_rows",
 ]  # fmt: skip

@@ -9,7 +9,7 @@ from dataclasses import asdict
 from io import StringIO
 from itertools import product
 from os import PathLike
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,9 +20,12 @@ from floquid.core import PeriodicModel
 from floquid.exports._mat import PLAIN, mat_cells, mat_file
 from floquid.exports._summary import mode_entries, summary
 from floquid.exports._uff import uff_bytes
-from floquid.io import as_path, atomic_path
+from floquid.io import as_path, atomic_path, load_package
 from floquid.pipeline import Analysis
 from floquid.reconstruction import StateModel
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 MODE_FORMATS = (".uff", ".unv", ".mat", ".csv", ".json")
 """The suffixes that `export_modes` knows."""
@@ -78,6 +81,22 @@ def export_modes(
         content = _json_bytes(result)
     with atomic_path(file, of=of) as temporary:
         temporary.write_bytes(content)
+
+
+def modes_frame(result: Analysis | PeriodicModel) -> pd.DataFrame:
+    """The modes of a result as a table of pandas: a row a conjugate pair or real mode, numbered as on the terminal.
+
+    Columns are those of the `.csv` file of `export_modes`, with units in their headings; NaN is what was not estimated.
+    `result` is what `identify` found, or its `model`. Raises InputError where pandas is not installed.
+    """
+    pandas = load_package("pandas", "modes_frame")
+    model = result if isinstance(result, PeriodicModel) else result.model
+    upper = list(model.upper_modes)
+    columns = {
+        name: np.full(len(upper), np.nan) if values is None else values[upper]
+        for name, values in _mode_columns(model).items()
+    }
+    return pandas.DataFrame(columns, index=pandas.RangeIndex(1, len(upper) + 1, name="mode"))
 
 
 def _json_bytes(result: Analysis | PeriodicModel) -> bytes:

@@ -37,6 +37,8 @@ from floquid.sync import ShaftAngle
 from floquid.validation import Validation
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from floquid.pipeline.draws import Bootstrap
 
 AIM = 0.1
@@ -279,6 +281,11 @@ class Analysis(Told, Drawn, Brief):
     def provenance(self) -> Provenance:
         """Sources and steps of the result."""
         return self.model.provenance
+
+    @property
+    def modes(self) -> pd.DataFrame:
+        """The modes as a table of pandas (`exports.modes_frame`): a row a conjugate pair or real mode."""
+        return late("exports", "modes_frame")(self)
 
     def transfer(
         self,

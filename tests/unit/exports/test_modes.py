@@ -13,7 +13,7 @@ from scipy.io import loadmat
 
 from floquid.core import Channel, PeriodicModel
 from floquid.errors import InputError
-from floquid.exports import MODE_FORMATS, export_modes, summary
+from floquid.exports import MODE_FORMATS, export_modes, modes_frame, summary
 from floquid.exports._uff import degrees_of_freedom
 from floquid.pipeline import identify
 from floquid.systems import JeffcottRotor
@@ -75,6 +75,17 @@ SHOWN = CHANNELS[:4] + CHANNELS[5:]
 def datasets(path):
     sets = pyuff.UFF(str(path)).read_sets()
     return sets[0], sets[1], sets[2:]
+
+
+def test_the_modes_as_a_table():
+    model = make_model()
+    found = modes_frame(model)
+    assert found.index.tolist() == [1, 2, 3]
+    upper = list(model.upper_modes)
+    assert found["exponent imag [rad/s]"].tolist() == model.exponents.imag[upper].tolist()
+    assert found["frequency std [Hz]"].tolist() == model.frequency_std_hz[upper].tolist()
+    bare = modes_frame(replace(model, covariance=None))
+    assert bare["exponent real std [1/s]"].isna().all()
 
 
 def test_a_universal_file_has_a_header_nodes_and_a_shape_for_each_mode_and_harmonic(tmp_path):
