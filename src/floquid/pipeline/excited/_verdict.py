@@ -65,15 +65,16 @@ def verdict(
         *done_beside(own),
         *([note("inputs_free", phases=phases)] if most is None else []),
         *(poor or ([needed(model, limits, _seen(scores))] if most is not None else [])),
+        # A wrong period or phase is the cause of much else: it comes first.
+        *(() if own.shafts else of_period(samples, *period_step(scores))),
+        *of_angle(own, fit.at.coefficients[-len(samples.known) :].T, fit.at.noise),
+        *of_phases(samples, [phase_step(scores, number) for number in range(1, len(own.records))]),
         *(unreached := _unreached(fit)),
         *(_began(own) if fit.at.colour > COLOURED or any(one.code == "unreached" for one in unreached) else ()),
         *of_driving(fit, scores),
         *_against(fit.at),
         *of_outliers(fit.at.left, own),
         *_ended(samples, fit.at, model, limits, most),
-        *(() if own.shafts else of_period(samples, *period_step(scores))),
-        *of_angle(own, fit.at.coefficients[-len(samples.known) :].T, fit.at.noise),
-        *of_phases(samples, [phase_step(scores, number) for number in range(1, len(own.records))]),
     )
 
 
