@@ -52,8 +52,8 @@ class Repetition(Rebuilt):
     limit
         What noise alone exceeds with probability `SURE`.
     other
-        The frequency apart from the harmonics of the period given that scores clearly more than these [rad/s]; zero if
-        none does.
+        The frequency apart from the harmonics of the period given that scores clearly more than these, or half the
+        fundamental where its odd multiples are above noise [rad/s]; zero if there is none.
     """
 
     shift: float
@@ -102,6 +102,11 @@ def repetition(samples: Samples) -> Repetition:
     own = float(scores[~beside & (harmonics > 0.5)].max())
     usual = float(np.median(scores))  # more than that of noise where its tails are long
     enough = usual + max(chi2_limit(one, SURE / len(scores)), CLEARLY * (own - usual))
+    # Half the period of the system holds all of its even harmonics, which may be the stronger ones.
+    halves = [round((turn - 0.5) * padded / per_turn) for turn in turns]
+    other = float(apart) if scores[apart] > enough else 0.0
+    if scores[halves].sum() > chi2_limit(degrees, SURE):
+        other = 0.5 * padded / per_turn
     return Repetition(
         shift=float(shifts[best]),
         resolution=FINE * step,
@@ -110,7 +115,7 @@ def repetition(samples: Samples) -> Repetition:
         even=float(at(range(2, 2 * highest + 1, 2), none)[0]) if 4 * highest < per_turn else 0.0,
         odd=float(at(range(1, 2 * highest, 2), none)[0]) if 4 * highest < per_turn else np.inf,
         limit=chi2_limit(degrees, SURE / len(shifts)),
-        other=2.0 * np.pi * apart / (padded * samples.step) if scores[apart] > enough else 0.0,
+        other=2.0 * np.pi * other / (padded * samples.step),
     )
 
 

@@ -225,6 +225,16 @@ def test_a_period_that_is_slightly_off_fails_with_its_own(values):
     assert abs(step + 8e-4) < 4.0 * std < 4e-4
 
 
+def test_half_the_period_fails():
+    """Its harmonics are the even ones of the system, and two copies of a mode explain most of the odd ones."""
+    values = ambient_of(SYSTEM, 200, PHASES, 0.02, 115)
+    record = Record(values=values, sample_rate=PHASES / SYSTEM.period, channels=["x"])
+    found = identify(record, period=0.5 * SYSTEM.period, excitation="ambient", validate=False)
+    (told,) = [own for own in found.findings if own.code == "ambient_period"]
+    assert found.failed
+    assert told.numbers["own"] == pytest.approx(SYSTEM.period, rel=1e-3)
+
+
 def test_a_response_that_is_not_periodic_is_not_said_to_be():
     generator = np.random.default_rng(2)
     values = lfilter([1.0], [1.0, -1.7, 0.9], generator.standard_normal((1, 4000)))
