@@ -18,7 +18,7 @@ from floquid.periodic.least_squares import (
     weighted,
 )
 from floquid.periodic.search._additions import EXPECTED, residuals
-from floquid.periodic.search._moves import nearest
+from floquid.periodic.search._moves import energies, nearest
 from floquid.periodic.search._near_axis import with_axis_pairs
 from floquid.periodic.search._objective import FARTHEST, Point
 from floquid.periodic.search._peaks import strongest
@@ -37,7 +37,8 @@ CLUSTER = 1e-3  # the probability of harmonics of one exponent at which a mode i
 LASTING = 0.5  # decay over the record, in nepers, within two deviations of which a tone is steady
 
 UNTOLD = 0.5
-"""The deviation of an exponent, over its decay, from which on it is a column that is there and no mode to report."""
+"""The deviation of an exponent, over its decay or one over the record, from which on it is a column and no mode to
+report."""
 
 NEAREST = 3  # branches on each side that a speed which wanders is asked about
 BETTER = 9.0  # the fall of the misfit within which no branch is the better one
@@ -139,14 +140,19 @@ def named(point: Point) -> Point:
 
 
 def _without_steady(point: Point, bands: Integers) -> Point:
-    """With the pairs of one harmonic that do not decay held as steady tones: interference, and no modes."""
+    """With the pairs of one harmonic that do not decay held as steady tones: interference, and no modes.
+
+    One that is stronger than every mode that decays stays a mode: a structure that hardly decays rings the longest.
+    """
     entries = point.entries
     free = np.flatnonzero(entries.leading)
     std = np.sqrt(np.maximum(np.diag(point.solution.covariance()), 0.0))[: len(free)]
     decay, duration = np.abs(entries.exponents[free].real), max(block.last for block in point.blocks)
     steady = (decay < DEVIATIONS * std) & (duration * (decay + 2.0 * std) < LASTING)
-    tones = free[steady & ~entries.real[free] & (bands[free, 0] == bands[free, 1])]
-    if not 0 < len(tones) < len(free):
+    steady &= ~entries.real[free] & (bands[free, 0] == bands[free, 1])
+    energy = np.bincount(entries.columns().modes, energies(point), len(entries.exponents))[free]
+    tones = free[steady & (energy <= energy[~steady].max(initial=0.0))]
+    if not len(tones):
         return point
     fixed, exponents = entries.fixed.copy(), entries.exponents.copy()
     fixed[tones], exponents[tones] = True, 1j * exponents[tones].imag
@@ -160,7 +166,9 @@ def _without_undetermined(point: Point) -> Point:
     if len(free) < 2:  # the last one stays
         return point
     std = np.sqrt(np.maximum(np.diag(point.solution.covariance()), 0.0))[: len(free)]
-    weak = free[std > UNTOLD * np.abs(entries.exponents[free].real)]
+    duration = max(block.last for block in point.blocks)
+    # One that stands still for longer than the record is known if that is: its decay has no share of its own.
+    weak = free[std > UNTOLD * np.maximum(np.abs(entries.exponents[free].real), 1.0 / duration)]
     if not 0 < len(weak) < len(free):
         return point
     fixed = entries.fixed.copy()

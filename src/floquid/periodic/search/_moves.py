@@ -120,7 +120,7 @@ def splits(point: Point) -> Iterator[Move]:
 def doubles(point: Point) -> Iterator[Move]:
     """A mode in two on one harmonic: modes that are nearer than they decay are one until both are fitted."""
     entries = point.entries
-    columns, strengths = entries.columns(), _strengths(point)
+    columns, strengths = entries.columns(), energies(point)
     for entry in np.flatnonzero(~entries.fixed & ~entries.real):
         own = np.flatnonzero(columns.modes == entry)
         harmonic = int(columns.harmonics[own[np.argmax(strengths[own])]])
@@ -132,7 +132,7 @@ def doubles(point: Point) -> Iterator[Move]:
             yield Move(change, "double", trial)
 
 
-def _strengths(point: Point) -> Floats:
+def energies(point: Point) -> Floats:
     """Energy of the coefficients of each column over the noise of the rows (columns,)."""
     parts = [
         np.sum((linear.coefficients / block.noise) ** 2, axis=1)
