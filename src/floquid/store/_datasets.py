@@ -83,8 +83,8 @@ def get_fields(group: Any, kind: type) -> dict[str, Any]:
     for name, place in LAYOUT[kind].items():
         if name in ABSENT and name not in group:
             continue
-        if name == "findings":
-            found[name] = get_findings(group)
+        if place == "findings":
+            found[name] = get_findings(group, name)
         elif isinstance(place, str):
             found[name] = get(group, name, place)
         elif place is Channel:
@@ -106,9 +106,9 @@ def get_numbers(group: Any) -> dict[str, float]:
     return {str(name): get(group, name) for name in group}
 
 
-def get_findings(group: Any) -> tuple[Finding, ...]:
-    """The findings of a group."""
-    return tuple(from_mapping(json.loads(text)) for text in get(group, "findings", "findings"))
+def get_findings(group: Any, name: str) -> tuple[Finding, ...]:
+    """The findings in a dataset of a group."""
+    return tuple(from_mapping(json.loads(text)) for text in get(group, name, "findings"))
 
 
 def _channels(group: Any) -> tuple[Channel, ...]:

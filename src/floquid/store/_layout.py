@@ -44,7 +44,8 @@ FLAGS = ("constrained", "kept", "passed", "real", "shared", "speed_dependent", "
 
 TEXTS = (
     "name", "quantity", "unit", "location", "direction", "sources", "steps", "names", "states", "channel", "channels",
-    "outcome", "coordinates", "jitter_unit", "at_least", "kind", "structure", "findings", "method", "hold",
+    "outcome", "coordinates", "jitter_unit", "at_least", "kind", "structure", "findings", "warnings", "method",
+    "hold",
 )  # fmt: skip
 """Names of datasets of text."""
 
@@ -181,6 +182,7 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "misfit": "",
         "whitening": "channels, taps",
         "findings": "findings",
+        "warnings": "findings",
     },
     ForcedResponse: {
         "harmonics": "harmonics",
