@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 
-from floquid._arrays import Complexes, Floats
+from floquid._arrays import Complexes, Floats, Integers
 from floquid.findings import Finding, note
+from floquid.fit import WITHIN, AxisMode, correlation
 
 NARROW, WIDE = 1.0, 4.0
 """Deviations of q within which a reading must hold the truth by as many of its own: up to all that is called near."""
 
-WITHIN = 1.96
-"""Deviations of q within which it may be zero, or a second multiplier be hidden: its 95 % interval."""
-
 OFF = 0.1
 """Deviations of q that the reported exponents have at least between them: where both are one, shapes have no limit."""
+
+
+At = TypeVar("At")
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +39,38 @@ def read_axis(mean: float, square: float, covariance: Floats, half_turns: int, f
         float(np.copysign(max(abs(square), OFF * std), square)),
         float(np.sqrt(abs(square) + WITHIN * std)) if abs(square) < WITHIN * std else None,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class NearAxis(Generic[At]):
+    """A fit of ordinary modes, deviations of exponents as they were read, by numbers of modes, and notes on kinds."""
+
+    at: At
+    as_read: Mapping[int, complex]
+    findings: tuple[Finding, ...]
+
+    @staticmethod
+    def of(at: At, blocks: Mapping[int, Reading], modes: Sequence[AxisMode], fundamental: float) -> NearAxis[At]:
+        """The fit `at` where ordinary modes take the place of `blocks`, behind all other `modes`, as they were read."""
+        stds, place, findings = [], len(modes) - len(blocks), []
+        for number, read in blocks.items():
+            stds += read.std.tolist()[: 2 if read.square > 0.0 else 1]
+            if read.apart is not None:
+                findings.append(kind_open(1j * modes[number].axis * fundamental, read.apart))
+        return NearAxis(at, dict(enumerate(stds, place)), tuple(findings))
+
+
+def read_blocks(
+    modes: Sequence[AxisMode], covariance: Floats, places: Integers, fundamental: float
+) -> dict[int, Reading]:
+    """Read the exponents of each block, by its number among `modes`, from a covariance with σ and q at its `places`."""
+    return {
+        number: read_axis(
+            mode.exponent.real, mode.square, covariance[np.ix_(own, own)], round(2.0 * mode.axis), fundamental
+        )
+        for number, (mode, own) in enumerate(zip(modes, places, strict=True))
+        if mode.square is not None
+    }
 
 
 def kind_open(exponent: complex, apart: float) -> Finding:
@@ -95,8 +130,7 @@ def _apart(square: float, covariance: Floats) -> Floats | None:
     slope = 0.5 / np.sqrt(square)
     turn = np.array([[1.0, slope], [1.0, -slope]])
     own = turn @ covariance @ turn.T
-    both = [abs(float(each[0, 1])) / max(float(np.sqrt(each[0, 0] * each[1, 1])), 1e-300) for each in (covariance, own)]
-    return np.sqrt(np.maximum(np.diag(own), 0.0)) if both[0] > both[1] else None
+    return np.sqrt(np.maximum(np.diag(own), 0.0)) if correlation(covariance) > correlation(own) else None
 
 
 def _deviation(square: float, s: float) -> float:

@@ -18,7 +18,6 @@ from floquid.innovations._fewer import GONE as GONE
 from floquid.innovations._fewer import alike as alike
 from floquid.innovations._harmonic_spectra import HarmonicSpectra, HomaForm, h_oma, harmonic_spectra
 from floquid.innovations._mode import Mode as Mode
-from floquid.innovations._near_axis import NearAxis as NearAxis
 from floquid.innovations._predictor import Predictor as Predictor
 from floquid.innovations._predictor import predicted as predicted
 from floquid.innovations._products import gap_of as gap_of

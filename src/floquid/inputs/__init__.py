@@ -36,8 +36,6 @@ from floquid.inputs._transfer import modal_transfer as modal_transfer
 from floquid.inputs.search import Limits as Limits
 from floquid.inputs.search import Scores as Scores
 from floquid.inputs.search import gain_of as gain_of
-from floquid.inputs.search import half_of as half_of
-from floquid.inputs.search import near_axis as near_axis
 from floquid.inputs.search import nearly_one as nearly_one
 from floquid.inputs.search import period_step as period_step
 from floquid.inputs.search import phase_step as phase_step

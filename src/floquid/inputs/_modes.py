@@ -117,7 +117,7 @@ class InputMode(Rebuilt):
         return np.tile(self.reach > 0.0, len(self.gains) // self.states)
 
     @property
-    def lowest(self) -> float:
+    def axis(self) -> float:
         """The least harmonic that there is: zero, or ½ of a negative multiplier."""
         return 0.5 if self.real and self.reach[0] else 0.0
 
