@@ -98,8 +98,8 @@ def readings(
     They are two real multipliers where q > 0 and a pair of conjugates about the axis where q < 0. A square root has no
     slope at zero, so its deviation is that of the interval: the largest change of it that k deviations of q make either
     way, over k, for k between 1 and 4. Where such an interval of q holds zero, both parts have a deviation, which
-    covers both kinds. Two real multipliers far apart that are correlated less than σ and q have deviations of their
-    own.
+    covers both kinds, and σ moves with q by their covariance. Two real multipliers far apart that are correlated less
+    than σ and q have deviations of their own.
 
     Parameters
     ----------
@@ -112,11 +112,16 @@ def readings(
     """
     root = np.sqrt(complex(square))
     exponents = np.asarray(mean + np.array([root, -root]) + 0.5j * half_turns * fundamental, np.complex128)
-    sigma, s = (float(np.sqrt(max(variance, 0.0))) for variance in np.diag(covariance))
+    variance, s = max(float(covariance[0, 0]), 0.0), float(np.sqrt(max(covariance[1, 1], 0.0)))
+    imag = float(np.abs(_changes(-square, s)).max())
     real = _apart(square, covariance)
     if real is None:
-        real = np.full(2, np.hypot(sigma, _deviation(square, s)))
-    return exponents, np.asarray(real + 1j * _deviation(-square, s), np.complex128)
+        # σ moves with q by their covariance, and by itself.
+        along = float(covariance[0, 1]) / max(s, 1e-300)
+        changes = _changes(square, s)
+        real = np.array([np.abs(along + way * changes).max() for way in (1.0, -1.0)])
+        real = np.hypot(real if square > 0.0 else real.max(), np.sqrt(max(variance - along**2, 0.0)))
+    return exponents, np.asarray(real + 1j * imag, np.complex128)
 
 
 def _apart(square: float, covariance: Floats) -> Floats | None:
@@ -133,14 +138,14 @@ def _apart(square: float, covariance: Floats) -> Floats | None:
     return np.sqrt(np.maximum(np.diag(own), 0.0)) if correlation(covariance) > correlation(own) else None
 
 
-def _deviation(square: float, s: float) -> float:
-    """The largest of |√(q ± k s) - √q|/k, roots of what is negative being zero, for k from `NARROW` to `WIDE`."""
+def _changes(square: float, s: float) -> Floats:
+    """(√(q + k s) - √q)/k, roots of negative values being zero, where it is least and largest over k (k,).
+
+    The size of k is from `NARROW` to `WIDE`.
+    """
     if s == 0.0:
-        return 0.0
-
-    def change(by: float) -> float:
-        return abs(float(np.sqrt(max(square + by * s, 0.0)) - np.sqrt(max(square, 0.0)))) / abs(by)
-
+        return np.zeros(1)
     # Upwards it is largest where q + k s = -q, if q is negative, and downwards where q - k s = 0.
-    up, down = (min(max(k, NARROW), WIDE) for k in (-2.0 * square / s, square / s))
-    return max(change(up), change(-down))
+    up, down = np.clip([-2.0 * square / s, square / s], NARROW, WIDE)
+    k = np.array([NARROW, up, WIDE, -NARROW, -down, -WIDE])
+    return (np.sqrt(np.maximum(square + k * s, 0.0)) - np.sqrt(max(square, 0.0))) / k
