@@ -120,7 +120,7 @@ def readings(
         along = float(covariance[0, 1]) / max(s, 1e-300)
         changes = _changes(square, s)
         real = np.array([np.abs(along + way * changes).max() for way in (1.0, -1.0)])
-        real = np.hypot(real if square > 0.0 else real.max(), np.sqrt(max(variance - along**2, 0.0)))
+        real = np.hypot(real if square > 0.0 else np.full(2, real.max()), np.sqrt(max(variance - along**2, 0.0)))
     return exponents, np.asarray(real + 1j * imag, np.complex128)
 
 

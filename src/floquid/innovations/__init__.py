@@ -24,7 +24,6 @@ from floquid.innovations._products import gap_of as gap_of
 from floquid.innovations._result import Fit as Fit
 from floquid.innovations._result import period_step as period_step
 from floquid.innovations._result import phase_step as phase_step
-from floquid.innovations._result import terms_of_mode as terms_of_mode
 from floquid.innovations._search import searched as searched
 from floquid.innovations._solve import solve as solve
 

@@ -31,8 +31,11 @@ from floquid.inputs._solver import solve as solve
 from floquid.inputs._solver import state_slopes as state_slopes
 from floquid.inputs._start import bare_mode as bare_mode
 from floquid.inputs._start import candidates as candidates
+from floquid.inputs._transfer import Grid as Grid
 from floquid.inputs._transfer import TransferFunctions, transfer_functions
 from floquid.inputs._transfer import modal_transfer as modal_transfer
+from floquid.inputs._transfer import transfer_of as transfer_of
+from floquid.inputs._transfer import turning as turning
 from floquid.inputs.search import Limits as Limits
 from floquid.inputs.search import Scores as Scores
 from floquid.inputs.search import gain_of as gain_of

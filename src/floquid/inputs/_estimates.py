@@ -76,6 +76,20 @@ class Errors:
             scales=np.ones(outputs),
         )
 
+    def variance(
+        self, output: int, by_parameters: NDArray[np.float64], by_columns: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """The variance of real quantities of one output, by (quantities, parameters) and (quantities, columns).
+
+        The first of the parameters and of the columns, where there are more.
+        """
+        columns = slice(by_columns.shape[1])
+        whole = by_columns @ self.slopes[output, columns]
+        whole[:, : by_parameters.shape[1]] += by_parameters
+        own = np.sum((by_columns @ self.spread[self.blocks[output], columns, columns]) * by_columns, axis=1)
+        shared = np.sum((whole @ self.parameters) * whole, axis=1)
+        return np.maximum(shared + own * self.scales[output] ** 2, 0.0)
+
 
 def estimates_of(
     modes: Sequence[InputMode],

@@ -148,7 +148,7 @@ def _with_one_more(lines: Lines, now: Fitted | None) -> Fitted | None:
     """The fit with the exponent of the grid that makes it best; None where no fit has fewer numbers than there are."""
     modal = Modal((), ()) if now is None else now.modal
     trials = []
-    for exponent in _candidates(lines, lines.values - modal.values(lines)):
+    for exponent in _candidates(lines, lines.values - modal.transfer(lines)):
         for main in (0, 1, -1):
             start = eliminated(lines, _joined(modal, [_bare(lines, exponent, main)]))
             if _degrees(lines, start) > 0:
