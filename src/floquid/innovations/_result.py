@@ -159,7 +159,7 @@ class Fit(Rebuilt):
         return Fit(samples, read_near_axis(samples, solve(samples, start), limits).at, self.acting)
 
     def short(self, number: int) -> float:
-        """How far the exponent of a mode is from the maximum of the likelihood to first order, in deviations."""
+        """Distance of the exponent of a mode from the maximum of the likelihood to first order, in deviations."""
         rows = np.arange(self.places[number].start, self.places[number].start + self.at.modes[number].rows)
         std = np.sqrt(np.diag(self.parameters)[rows])
         step = self.parameters[rows] @ self.normal.gradient

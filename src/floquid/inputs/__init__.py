@@ -24,6 +24,7 @@ from floquid.inputs._result import sealed as sealed
 from floquid.inputs._samples import Hold
 from floquid.inputs._samples import Samples as Samples
 from floquid.inputs._samples import samples_of as samples_of
+from floquid.inputs._solver import LAGS as LAGS
 from floquid.inputs._solver import Linearisation as Linearisation
 from floquid.inputs._solver import linearise as linearise
 from floquid.inputs._solver import slopes_of as slopes_of

@@ -169,7 +169,7 @@ class Fitted(Rebuilt):
 
     @cached_property
     def apart(self) -> NDArray[np.float64]:
-        """The same less what amplitudes make up for (numbers, rows of all outputs)."""
+        """Slopes less their part along the amplitudes (numbers, rows of all outputs)."""
         return np.concatenate([own - (own @ q) @ q.T for own, q in zip(self.slopes, self.bases, strict=True)], axis=1)
 
     @cached_property

@@ -46,7 +46,7 @@ def near_real(
 
 
 def real_for(pairs: Sequence[InputMode], omega: float) -> tuple[list[tuple[float, ...]], NDArray, NDArray]:
-    """What may stand for pairs near the axis: exponents of one real multiplier, of two, and their turns and reach."""
+    """Starts in place of pairs near the axis: exponents of one real multiplier, of two, and their turns and reach."""
     turns, reach = [], []
     for mode in pairs:
         half = half_of(mode, omega)
