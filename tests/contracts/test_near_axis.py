@@ -172,15 +172,18 @@ def test_harmonics_of_a_mode_beside_it_are_compared_as_beside_an_ordinary_pair()
     assert found[0][0] == pytest.approx(found[1][0], rel=1e-6)
 
 
+@pytest.mark.parametrize("correlation", [-0.8, 0.0, 0.8])
 @pytest.mark.parametrize("true", [-4.0, -1.0, -0.1, 0.0, 0.1, 1.0, 4.0, 30.0, -30.0])
-def test_readings_hold_the_truth_on_either_side(true):
+def test_readings_hold_the_truth_on_either_side(true, correlation):
     """The square root has no slope at zero: q in units of its own deviation, from one side of the edge to the other."""
     generator, sigma = np.random.default_rng(0), 0.3
     exact = np.sqrt(complex(true)) * np.array([1.0, -1.0])
+    covariance = np.array([[sigma**2, correlation * sigma], [correlation * sigma, 1.0]])
+    root = np.linalg.cholesky(covariance)
     held, worst = [], 0.0
     for _ in range(2000):
-        mean, square = sigma * generator.standard_normal(), true + generator.standard_normal()
-        exponents, std = readings(mean, square, np.diag([sigma**2, 1.0]), 0, 1.0)
+        mean, square = np.array([0.0, true]) + root @ generator.standard_normal(2)
+        exponents, std = readings(mean, square, covariance, 0, 1.0)
         errors = min((exponents - exact, exponents - exact[::-1]), key=lambda own: np.abs(own).sum())
         pulls = np.concatenate([np.abs(errors.real) / std.real, np.abs(errors.imag) / np.maximum(std.imag, 1e-300)])
         pulls[np.concatenate([errors.real, errors.imag]) == 0.0] = 0.0

@@ -1,8 +1,9 @@
 """The types that several rooms share: what goes in (`Record`), what it is cut into (`Cycles`), what comes out."""
 
-from floquid.core._axis import WITHIN as WITHIN
+from floquid.core._axis import NearAxis as NearAxis
 from floquid.core._axis import kind_open as kind_open
 from floquid.core._axis import read_axis as read_axis
+from floquid.core._axis import read_blocks as read_blocks
 from floquid.core._axis import readings
 from floquid.core._axis import with_deviations as with_deviations
 from floquid.core._channel import Channel, Quantity, channels_named

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Generic, TypeVar
 
 import numpy as np
 
-from floquid._arrays import Complexes, Floats
+from floquid._arrays import Complexes, Floats, Integers
 from floquid.findings import Finding, note
+from floquid.fit import WITHIN, AxisMode, correlation
 
 NARROW, WIDE = 1.0, 4.0
 """Deviations of q within which a reading must hold the truth by as many of its own: up to all that is called near."""
 
-WITHIN = 1.96
-"""Deviations of q within which it may be zero, or a second multiplier be hidden: its 95 % interval."""
-
 OFF = 0.1
 """Deviations of q that the reported exponents have at least between them: where both are one, shapes have no limit."""
+
+
+At = TypeVar("At")
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +39,38 @@ def read_axis(mean: float, square: float, covariance: Floats, half_turns: int, f
         float(np.copysign(max(abs(square), OFF * std), square)),
         float(np.sqrt(abs(square) + WITHIN * std)) if abs(square) < WITHIN * std else None,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class NearAxis(Generic[At]):
+    """A fit of ordinary modes, deviations of exponents as they were read, by numbers of modes, and notes on kinds."""
+
+    at: At
+    as_read: Mapping[int, complex]
+    findings: tuple[Finding, ...]
+
+    @staticmethod
+    def of(at: At, blocks: Mapping[int, Reading], modes: Sequence[AxisMode], fundamental: float) -> NearAxis[At]:
+        """The fit `at` where ordinary modes take the place of `blocks`, behind all other `modes`, as they were read."""
+        stds, place, findings = [], len(modes) - len(blocks), []
+        for number, read in blocks.items():
+            stds += read.std.tolist()[: 2 if read.square > 0.0 else 1]
+            if read.apart is not None:
+                findings.append(kind_open(1j * modes[number].axis * fundamental, read.apart))
+        return NearAxis(at, dict(enumerate(stds, place)), tuple(findings))
+
+
+def read_blocks(
+    modes: Sequence[AxisMode], covariance: Floats, places: Integers, fundamental: float
+) -> dict[int, Reading]:
+    """Read the exponents of each block, by its number among `modes`, from a covariance with σ and q at its `places`."""
+    return {
+        number: read_axis(
+            mode.exponent.real, mode.square, covariance[np.ix_(own, own)], round(2.0 * mode.axis), fundamental
+        )
+        for number, (mode, own) in enumerate(zip(modes, places, strict=True))
+        if mode.square is not None
+    }
 
 
 def kind_open(exponent: complex, apart: float) -> Finding:
@@ -63,8 +98,8 @@ def readings(
     They are two real multipliers where q > 0 and a pair of conjugates about the axis where q < 0. A square root has no
     slope at zero, so its deviation is that of the interval: the largest change of it that k deviations of q make either
     way, over k, for k between 1 and 4. Where such an interval of q holds zero, both parts have a deviation, which
-    covers both kinds. Two real multipliers far apart that are correlated less than σ and q have deviations of their
-    own.
+    covers both kinds, and σ moves with q by their covariance. Two real multipliers far apart that are correlated less
+    than σ and q have deviations of their own.
 
     Parameters
     ----------
@@ -77,11 +112,16 @@ def readings(
     """
     root = np.sqrt(complex(square))
     exponents = np.asarray(mean + np.array([root, -root]) + 0.5j * half_turns * fundamental, np.complex128)
-    sigma, s = (float(np.sqrt(max(variance, 0.0))) for variance in np.diag(covariance))
+    variance, s = max(float(covariance[0, 0]), 0.0), float(np.sqrt(max(covariance[1, 1], 0.0)))
+    imag = float(np.abs(_changes(-square, s)).max())
     real = _apart(square, covariance)
     if real is None:
-        real = np.full(2, np.hypot(sigma, _deviation(square, s)))
-    return exponents, np.asarray(real + 1j * _deviation(-square, s), np.complex128)
+        # σ moves with q by their covariance, and by itself.
+        along = float(covariance[0, 1]) / max(s, 1e-300)
+        changes = _changes(square, s)
+        real = np.array([np.abs(along + way * changes).max() for way in (1.0, -1.0)])
+        real = np.hypot(real if square > 0.0 else np.full(2, real.max()), np.sqrt(max(variance - along**2, 0.0)))
+    return exponents, np.asarray(real + 1j * imag, np.complex128)
 
 
 def _apart(square: float, covariance: Floats) -> Floats | None:
@@ -95,18 +135,17 @@ def _apart(square: float, covariance: Floats) -> Floats | None:
     slope = 0.5 / np.sqrt(square)
     turn = np.array([[1.0, slope], [1.0, -slope]])
     own = turn @ covariance @ turn.T
-    both = [abs(float(each[0, 1])) / max(float(np.sqrt(each[0, 0] * each[1, 1])), 1e-300) for each in (covariance, own)]
-    return np.sqrt(np.maximum(np.diag(own), 0.0)) if both[0] > both[1] else None
+    return np.sqrt(np.maximum(np.diag(own), 0.0)) if correlation(covariance) > correlation(own) else None
 
 
-def _deviation(square: float, s: float) -> float:
-    """The largest of |√(q ± k s) - √q|/k, roots of what is negative being zero, for k from `NARROW` to `WIDE`."""
+def _changes(square: float, s: float) -> Floats:
+    """(√(q + k s) - √q)/k, roots of negative values being zero, where it is least and largest over k (k,).
+
+    The size of k is from `NARROW` to `WIDE`.
+    """
     if s == 0.0:
-        return 0.0
-
-    def change(by: float) -> float:
-        return abs(float(np.sqrt(max(square + by * s, 0.0)) - np.sqrt(max(square, 0.0)))) / abs(by)
-
+        return np.zeros(1)
     # Upwards it is largest where q + k s = -q, if q is negative, and downwards where q - k s = 0.
-    up, down = (min(max(k, NARROW), WIDE) for k in (-2.0 * square / s, square / s))
-    return max(change(up), change(-down))
+    up, down = np.clip([-2.0 * square / s, square / s], NARROW, WIDE)
+    k = np.array([NARROW, up, WIDE, -NARROW, -down, -WIDE])
+    return (np.sqrt(np.maximum(square + k * s, 0.0)) - np.sqrt(max(square, 0.0))) / k

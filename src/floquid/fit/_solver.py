@@ -95,7 +95,7 @@ class Normal(Rebuilt):
 
 @dataclass(frozen=True, kw_only=True)
 class Steps(Generic[Point]):
-    """What steps of a fit are made of.
+    """Functions of which the steps of a fit are made.
 
     Parameters
     ----------

@@ -15,6 +15,9 @@ SURE = 1e-6
 DEVIATIONS = 4.0
 """Deviations within which two values may be one: normal errors are beyond once in 16,000."""
 
+WITHIN = 1.96
+"""Deviations of a value within which it may be another one: its 95 % interval."""
+
 
 @lru_cache(maxsize=4096)
 def chi2_limit(degrees: float, probability: float) -> float:

@@ -18,14 +18,12 @@ from floquid.innovations._fewer import GONE as GONE
 from floquid.innovations._fewer import alike as alike
 from floquid.innovations._harmonic_spectra import HarmonicSpectra, HomaForm, h_oma, harmonic_spectra
 from floquid.innovations._mode import Mode as Mode
-from floquid.innovations._near_axis import NearAxis as NearAxis
 from floquid.innovations._predictor import Predictor as Predictor
 from floquid.innovations._predictor import predicted as predicted
 from floquid.innovations._products import gap_of as gap_of
 from floquid.innovations._result import Fit as Fit
 from floquid.innovations._result import period_step as period_step
 from floquid.innovations._result import phase_step as phase_step
-from floquid.innovations._result import terms_of_mode as terms_of_mode
 from floquid.innovations._search import searched as searched
 from floquid.innovations._solve import solve as solve
 

@@ -14,7 +14,7 @@ LAGS = (4, 8, 16, 32)
 """Samples of the past that are tried."""
 
 SHORT = (1, 2)
-"""Those where the record is too short for all of them: many outputs tell the state by less of the past."""
+"""Samples of the past where the record is too short for all: many outputs tell the state by less of the past."""
 
 HARMONICS = (0, 1, 2)
 """Harmonics of the coefficients that are tried."""

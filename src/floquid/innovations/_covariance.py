@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.innovations._predictor import Predictor
-from floquid.inputs import Samples
+from floquid.inputs import LAGS, Samples
 
 HARMONICS = 6
 """Harmonics of the covariance that are tried at most."""
@@ -22,9 +22,6 @@ MOST = 0.5
 
 STEPS = 8
 """Steps of Fisher's scoring for the logarithm of a variance."""
-
-LAGS = 20
-"""Lags of the correlation of the innovations."""
 
 
 def reweighed(samples: Samples, at: Predictor) -> Predictor:

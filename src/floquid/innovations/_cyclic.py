@@ -39,7 +39,7 @@ OPPOSITE = -0.1
 
 @dataclass(frozen=True, eq=False)
 class Repetition(Rebuilt):
-    """How a random response repeats near a period that was given.
+    """Repetition of a random response near a period that was given.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def _products(samples: Samples) -> tuple[NDArray[np.float64], NDArray[np.float64
 
 
 def left_over(samples: Samples, innovations: NDArray[np.float64], frequency: float) -> bool:
-    """Whether innovations of a model (outputs, samples) still turn with the past at a frequency [rad/s].
+    """Test if innovations of a model (outputs, samples) turn with the past at a frequency [rad/s].
 
     The score of `repetition` at one frequency, of a model that takes account of all that is narrow: a response whose
     lines alone are narrow leaves nothing.

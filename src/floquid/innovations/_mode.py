@@ -64,7 +64,7 @@ class Mode(Rebuilt):
 
     @property
     def parameters(self) -> NDArray[np.float64]:
-        """Those of gains and shape, zero for the exponent (parameters,)."""
+        """Parameters of gains and shape, zero for the exponent (parameters,)."""
         parts = [np.ravel(part) for own in (self.gains, self.shape) for part in (own.real, own.imag)]
         return np.concatenate([np.zeros(self.rows), *parts])
 
@@ -116,7 +116,7 @@ class Mode(Rebuilt):
         return self.widened(*(_longer(band, by, highest, self.real) for band in (self.turns, self.reach)))
 
     def turned(self, by: float, omega: float, step: float) -> Mode:
-        """The same mode on another branch: λ + i·by·ω."""
+        """Move the mode to another branch: λ + i·by·ω."""
         return replace(
             self,
             exponent=self.exponent + 1j * by * omega,
@@ -126,7 +126,7 @@ class Mode(Rebuilt):
         )
 
     def conjugate(self) -> Mode:
-        """The same pair by its other exponent; a real multiplier is itself."""
+        """Describe a pair by its other exponent; a real multiplier is itself."""
         if self.real:
             return self
         return replace(

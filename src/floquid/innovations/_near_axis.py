@@ -1,22 +1,19 @@
 r"""Pairs near an axis, and two real multipliers of one sign, by their mean and squared half-difference.
 
-.. math:: \lambda = \sigma \pm \sqrt q + \tfrac{i \kappa \omega}{2}
-
-Either kind is singular where the other begins: σ and q are determined there.
+The equation, and which of them become blocks, are in `fit/_near_axis`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import WITHIN, kind_open, read_axis
-from floquid.findings import Finding
-from floquid.fit import DEVIATIONS, chi2_limit
+from floquid.core import NearAxis, read_blocks
+from floquid.fit import begun_off, block_stands, couples, half_of, with_blocks
 from floquid.innovations._bands import centred
 from floquid.innovations._fewer import stable
 from floquid.innovations._mode import Mode
@@ -25,113 +22,61 @@ from floquid.innovations._products import as_real, folded
 from floquid.innovations._solve import inverse_of, moved, normal_of, places, solve
 from floquid.inputs import Limits, Samples
 
-OFF = 0.02
-"""The least √|q| over the decay with which a block begins: what the second state of a pair has is over it."""
 
-WORSE = 1e-3
-"""The probability at which noise may make a block worse than what it stands for."""
-
-
-@dataclass(frozen=True, slots=True)
-class NearAxis:
-    """A fit of ordinary modes, deviations of exponents as they were read, by numbers of modes, and notes on kinds."""
-
-    at: Predictor
-    as_read: Mapping[int, complex]
-    findings: tuple[Finding, ...]
-
-
-def read_near_axis(samples: Samples, now: Predictor, limits: Limits) -> NearAxis:
+def read_near_axis(samples: Samples, now: Predictor, limits: Limits) -> NearAxis[Predictor]:
     """The fit with exponents near an axis read from their mean and squared half-difference, where these are regular.
 
     Each pair, and the two real multipliers of one sign that are nearest to each other, are fitted as a block once.
+    Ordinary modes take the place of each block, behind all others.
     """
-    tried: set[tuple[complex, ...]] = set()
-    while True:
-        for numbers in _couples(samples, now):
-            key = tuple(now.modes[number].exponent for number in numbers)
-            if key not in tried:
-                break
-        else:
-            return _read_apart(samples, now)
-        tried.add(key)
-        now = _as_block(samples, now, numbers, limits) or now
-
-
-def half_of(mode: Mode, omega: float) -> float:
-    """The multiple of half the fundamental that a mode is nearest to, in fundamentals."""
-    return mode.axis if mode.real else 0.5 * round(2.0 * mode.exponent.imag / omega)
-
-
-def near_axis(mode: Mode, variances: NDArray[np.float64], omega: float) -> bool:
-    """True of a pair that its decay, or its deviation, does not tell from the axis: it may be of real multipliers."""
-    away = abs(mode.exponent.imag - half_of(mode, omega) * omega)
-    # The deviations of q from zero are half those of its root.
-    std = float(max(variances[mode.rows - 1], 0.0) ** 0.5)
-    return not mode.real and away <= max(abs(mode.exponent.real), 2.0 * DEVIATIONS * std)
-
-
-def _couples(samples: Samples, now: Predictor) -> Iterator[list[int]]:
-    """Numbers of modes that may be of either kind: each pair near an axis, and two real multipliers of one sign."""
-    spread, begins = inverse_of(normal_of(samples, now)), [place.start for place in places(now.modes)]
-    reals: dict[float, list[int]] = {}
-    for number, (mode, begin) in enumerate(zip(now.modes, begins, strict=True)):
-        if mode.square is not None:
-            continue
-        if mode.real:
-            reals.setdefault(mode.axis, []).append(number)
-        elif near_axis(mode, np.diag(spread)[begin:], samples.fundamental):
-            yield [number]
-    for alike in reals.values():
-        alike.sort(key=lambda k: now.modes[k].exponent.real)
-        nearest = min(pairwise(alike), key=lambda two: _gap(now, two), default=())
-        rows = [begins[number] for number in nearest]
-        if rows and not _each_for_itself(_gap(now, nearest), spread[np.ix_(rows, rows)]):
-            yield list(nearest)
-
-
-def _gap(now: Predictor, two: Sequence[int]) -> float:
-    return float(np.ptp([now.modes[number].exponent.real for number in two]))
-
-
-def _each_for_itself(gap: float, covariance: NDArray[np.float64]) -> bool:
-    """True of two real multipliers that are told apart, and less correlated than their mean and difference (2, 2).
-
-    One that is seen well beside one that is hardly seen has a deviation of its own. Where they meet they are one.
-    """
-    by = np.array([[0.5, 0.5], [1.0, -1.0]])
-    turned = by @ covariance @ by.T
-    own, mixed = (
-        abs(float(each[0, 1])) / max(float(np.sqrt(each[0, 0] * each[1, 1])), 1e-300) for each in (covariance, turned)
+    omega = samples.fundamental
+    now = with_blocks(
+        now,
+        lambda own: couples(own.modes, inverse_of(normal_of(samples, own)), _exponents(own.modes), omega),
+        lambda own, numbers: _as_block(samples, own, numbers, limits),
     )
-    return own < mixed and gap > WITHIN * float(np.sqrt(turned[1, 1]))
+    if all(mode.square is None for mode in now.modes):
+        return NearAxis(now, {}, ())
+    spread, rows, at_blocks = inverse_of(normal_of(samples, now)), _rows(now.modes), _exponents(now.modes)
+    blocks, step = read_blocks(now.modes, spread, at_blocks, omega), np.zeros(len(spread))
+    for number, read in blocks.items():
+        at, square = at_blocks[number, 1], now.modes[number].square
+        assert square is not None
+        # All else moves to where it is best beside that q.
+        step += spread[:, at] * (read.square - square) / max(spread[at, at], 1e-300)
+    off = moved(samples, now, step, 2.0 * np.pi / omega) or now
+    plain = [k for k in range(len(now.modes)) if k not in blocks]
+    modes, initial = [off.modes[k] for k in plain], [off.initial[:, rows[k]] for k in plain]
+    for number in blocks:
+        parts, states = ordinary(samples, off.modes[number], off.initial[:, rows[number]])
+        modes += parts
+        initial.append(states)
+    found = predicted(samples, modes, off.columns, np.concatenate(initial, axis=1), now.whitening, growing=True)
+    return NearAxis.of(now if found is None else centred(samples, found), blocks, now.modes, omega)
+
+
+def _exponents(modes: Sequence[Mode]) -> NDArray[np.int64]:
+    """The parameters that are the real and the imaginary part of each exponent, or σ and q (modes, 2)."""
+    firsts = np.array([place.start for place in places(modes)], np.int64)
+    return firsts[:, None] + np.array([[0, mode.rows - 1] for mode in modes], np.int64).reshape(-1, 2)
 
 
 def _as_block(samples: Samples, now: Predictor, numbers: Sequence[int], limits: Limits) -> Predictor | None:
     """The fit with a block for one pair or two real multipliers; None where either kind for itself is regular."""
-    own = [now.modes[number] for number in numbers]
+    own, omega = [now.modes[number] for number in numbers], samples.fundamental
     start = _begun(samples, now, numbers)
     if start is None:
         # The gains of a pair all but on its axis cancel: its first products are those of two real multipliers.
         rest = [mode for k, mode in enumerate(now.modes) if k not in numbers]
-        reals = as_real(samples, now, own, half_of(own[0], samples.fundamental), 2)
+        reals = as_real(samples, now, own, half_of(own[0], omega), 2)
         reals_at = stable(samples, now, [*rest, *reals], limits) if len(reals) == 2 else None
         start = None if reals_at is None else _begun(samples, reals_at, [len(rest), len(rest) + 1])
     if start is None:
         return None
     trial = solve(samples, start)
-    place, square = places(trial.modes)[-1].start, trial.modes[-1].square
-    std = float(np.sqrt(max(inverse_of(normal_of(samples, trial))[place + 1, place + 1], 0.0)))
-    assert square is not None
-    # Where its deviation reaches the next axis, q is not determined.
-    if not np.sqrt(std) < 0.25 * samples.fundamental:
-        return None
-    # Harmonics that neither kind has cost more than a q that is not open gains.
-    away = DEVIATIONS if trial.n_parameters <= now.n_parameters else WITHIN
-    if abs(square) > away * std and (square > 0.0) == own[0].real:
-        return None
-    # It holds what they hold: where it fits worse its fit has not ended.
-    return trial if now.log_likelihood - trial.log_likelihood < chi2_limit(1, WORSE) else None
+    place = _exponents(trial.modes)[-1, 1]
+    variance = float(inverse_of(normal_of(samples, trial))[place, place])
+    return trial if block_stands(trial, now, variance, omega, real=own[0].real) else None
 
 
 def _begun(samples: Samples, now: Predictor, numbers: Sequence[int]) -> Predictor | None:
@@ -147,34 +92,6 @@ def _begun(samples: Samples, now: Predictor, numbers: Sequence[int]) -> Predicto
     return predicted(samples, [*(now.modes[k] for k in rest), block], now.columns, initial, now.whitening)
 
 
-def _read_apart(samples: Samples, now: Predictor) -> NearAxis:
-    """The fit with ordinary modes for each block, behind all others."""
-    if all(mode.square is None for mode in now.modes):
-        return NearAxis(now, {}, ())
-    spread, rows = inverse_of(normal_of(samples, now)), _rows(now.modes)
-    read, step, omega = {}, np.zeros(len(spread)), samples.fundamental
-    for number, (mode, place) in enumerate(zip(now.modes, places(now.modes), strict=True)):
-        if mode.square is not None:
-            own, at = spread[place.start : place.start + 2, place.start : place.start + 2], place.start + 1
-            read[number] = read_axis(mode.exponent.real, mode.square, own, round(2.0 * mode.axis), omega)
-            # All else moves to where it is best beside that q.
-            step += spread[:, at] * (read[number].square - mode.square) / max(spread[at, at], 1e-300)
-    off = moved(samples, now, step, 2.0 * np.pi / omega) or now
-    plain = [k for k, mode in enumerate(now.modes) if mode.square is None]
-    modes, initial = [off.modes[k] for k in plain], [off.initial[:, rows[k]] for k in plain]
-    as_read, findings = {}, []
-    for number, reading in read.items():
-        mode = off.modes[number]
-        if reading.apart is not None:
-            findings.append(kind_open(mode.exponent.real + 1j * mode.axis * omega, reading.apart))
-        parts, states = ordinary(samples, mode, off.initial[:, rows[number]])
-        as_read |= {len(modes) + k: complex(reading.std[k]) for k in range(len(parts))}
-        modes += parts
-        initial.append(states)
-    at = predicted(samples, modes, off.columns, np.concatenate(initial, axis=1), now.whitening, growing=True)
-    return NearAxis(now if at is None else centred(samples, at), as_read, tuple(findings))
-
-
 def block_of_pair(samples: Samples, mode: Mode, initial: NDArray[np.float64]) -> tuple[Mode, NDArray[np.float64]]:
     """The block of a pair, about the axis that it is nearest to, and its states at the begins of the records.
 
@@ -182,7 +99,7 @@ def block_of_pair(samples: Samples, mode: Mode, initial: NDArray[np.float64]) ->
     """
     omega, half = samples.fundamental, half_of(mode, samples.fundamental)
     away = mode.exponent.imag - half * omega
-    away = float(np.copysign(max(abs(away), OFF * abs(mode.exponent.real), 1e-9 * omega), away))
+    away = begun_off(away, mode.exponent.real, omega)
     turned = mode.turned(-half, omega, samples.step)
     reach, gains = folded(turned.reach, np.concatenate([turned.gains, -1j / away * turned.gains]))
     turns, shape = folded(turned.turns, np.concatenate([turned.shape, 1j * away * turned.shape]))
@@ -206,7 +123,7 @@ def block_of_reals(
     """The block of two real multipliers of one sign, with harmonics as wide, and its states at the begins."""
     decays = np.array([mode.exponent.real for mode in modes])
     (one, other), (first, second) = ([own[k] for k in np.argsort(-decays)] for own in (modes, states))
-    apart = float(max(0.5 * np.ptp(decays), OFF * abs(decays.mean()), 1e-9 * omega))
+    apart = begun_off(0.5 * float(np.ptp(decays)), float(decays.mean()), omega)
     turns, reach = (
         np.arange(one.axis, max(getattr(mode, name)[-1] for mode in modes) + 0.5) for name in ("turns", "reach")
     )

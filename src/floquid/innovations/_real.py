@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from floquid.fit import half_of, near_axis
 from floquid.innovations._bands import grown, narrowed
 from floquid.innovations._fewer import least, stable
-from floquid.innovations._near_axis import half_of, near_axis
 from floquid.innovations._predictor import Predictor
 from floquid.innovations._products import as_real
 from floquid.innovations._solve import inverse_of, normal_of, places, solve
@@ -17,7 +17,8 @@ def with_real_ones(samples: Samples, now: Predictor, limits: Limits) -> Predicto
     """With one real multiplier for each pair near an axis where the criterion prefers that: a state less."""
     spread, omega = np.diag(inverse_of(normal_of(samples, now, rough=True))), samples.fundamental
     for number, (mode, place) in enumerate(zip(now.modes, places(now.modes), strict=True)):
-        if limits.over or not near_axis(mode, spread[place], omega):
+        std = float(max(spread[place.start + mode.rows - 1], 0.0) ** 0.5)
+        if limits.over or not near_axis(mode, omega, std):
             continue
         rest = [other for k, other in enumerate(now.modes) if k != number]
         # A real multiplier needs harmonics that the pair did without.

@@ -19,26 +19,22 @@ from floquid.innovations._predictor import Predictor, gradient, predicted, respo
 from floquid.innovations._solve import inverse_of, normal_of, places, solve
 from floquid.inputs import (
     Errors,
+    Grid,
     InputMode,
     Limits,
     Samples,
-    Term,
     TransferFunctions,
     driven_of,
     estimates_of,
     input_gain,
-    modal_transfer,
     runs_away,
     sealed,
     selection_of,
-    terms_of,
+    transfer_of,
 )
 
-NUDGE = 1e-3
-"""The share of its deviation by which a parameter is moved for a derivative."""
-
 SHIFT = 1e-9
-"""The share of ω by which that is moved."""
+"""The share of ω by which it is moved for a derivative."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,11 +81,7 @@ class Fit(Rebuilt):
         Deviations of exponents near an axis are those `as_read`, by the numbers of their modes, where they are given.
         """
         fit = sized(self)
-        modes = _input_modes(fit)
-        direct = {}
-        if fit.acting:
-            direct[0] = fit.at.columns[:, fit.at.columns.shape[1] - len(inputs) :].astype(complex)
-        samples = fit.samples
+        modes, samples, direct = _input_modes(fit), fit.samples, fit.direct(len(inputs))
         return modelled(
             _estimates(fit, modes),
             unselected=_estimates(fit, modes, held=False),
@@ -125,52 +117,21 @@ class Fit(Rebuilt):
         sampled: bool = False,
     ) -> TransferFunctions:
         """The harmonic transfer functions of a fit in innovations form with their deviations, to first order."""
-        omega = 2.0 * np.pi * frequencies_hz
-        samples, omega_0 = self.samples, self.samples.fundamental
-        shape = (len(harmonics), len(channels), len(inputs), len(omega))
-        held = (self.samples.step, self.samples.hold) if sampled else None
-
-        def transferred(mode: Mode) -> NDArray[np.complex128]:
-            parts = [
-                modal_transfer(exponent, omega_0, (turns, c), (reach, b), harmonics, omega, held)
-                for exponent, turns, c, reach, b in terms_of_mode(mode, samples)
-            ]
-            return np.sum(parts, axis=0)
-
-        values = np.zeros(shape, complex)
-        slopes = np.zeros((len(self.parameters), *shape), complex)
-        spread = np.sqrt(np.maximum(np.diag(self.parameters), 0.0))
-        for mode, place in zip(self.at.modes, self.places, strict=True):
-            values += transferred(mode)
-            for index, parameter in enumerate(range(place.start, place.stop)):
-                if spread[parameter] == 0.0:
-                    continue
-                step = np.zeros(place.stop - place.start)
-                step[index] = NUDGE * spread[parameter]
-                slopes[parameter] = (transferred(mode.moved(step)) - transferred(mode.moved(-step))) / (
-                    2.0 * step[index]
-                )
-        columns = self.at.columns.shape[1]
-        first = self.places[-1].stop
-        for output in range(len(channels)):
-            for source in range(self.acting):
-                column = columns - len(inputs) + source
-                values[harmonics == 0, output, source] += self.at.columns[output, column]
-                slopes[first + output * columns + column, harmonics == 0, output, source] = 1.0
-        flat = slopes.reshape(len(slopes), -1)
-        real, imag = (
-            np.sqrt(np.einsum("pq,pr,rq->q", np.asarray(own, float), self.parameters, own, optimize=True))
-            for own in (np.real(flat), np.imag(flat))
-        )
-        return TransferFunctions(
-            frequencies_hz=frequencies_hz,
+        grid = Grid(
+            omega=2.0 * np.pi * frequencies_hz,
             harmonics=harmonics,
-            values=values,
-            std=(real + 1j * imag).reshape(shape),
-            outputs=tuple(channels),
-            inputs=tuple(inputs),
-            step=self.samples.step if sampled else None,
+            fundamental=self.samples.fundamental,
+            held=(self.samples.step, self.samples.hold) if sampled else None,
         )
+        modes, shapes = _input_modes(self), [mode.shape for mode in self.at.modes]
+        joint = _joint(self, modes, held=True, acting=self.acting)
+        direct = self.direct(len(inputs))
+        return transfer_of(grid, modes, shapes, direct, joint.errors, (channels, inputs), joint.free)
+
+    def direct(self, inputs: int) -> dict[int, NDArray[np.complex128]]:
+        """D (outputs, inputs) by its harmonic, of so many inputs."""
+        columns = self.at.columns
+        return {0: columns[:, columns.shape[1] - inputs :].astype(complex)} if self.acting else {}
 
     def drawn(self, generator: np.random.Generator) -> NDArray[np.float64]:
         """Outputs made of the fit, with innovations of its covariance (outputs, samples).
@@ -198,7 +159,7 @@ class Fit(Rebuilt):
         return Fit(samples, read_near_axis(samples, solve(samples, start), limits).at, self.acting)
 
     def short(self, number: int) -> float:
-        """How far the exponent of a mode is from the maximum of the likelihood to first order, in deviations."""
+        """Distance of the exponent of a mode from the maximum of the likelihood to first order, in deviations."""
         rows = np.arange(self.places[number].start, self.places[number].start + self.at.modes[number].rows)
         std = np.sqrt(np.diag(self.parameters)[rows])
         step = self.parameters[rows] @ self.normal.gradient
@@ -254,11 +215,6 @@ def _as_input_mode(mode: Mode, samples: Samples, initial: NDArray[np.complex128]
         initial=initial,
         sizes=np.ones(len(samples.inputs)),
     )
-
-
-def terms_of_mode(mode: Mode, samples: Samples) -> list[Term]:
-    """A mode of a fit as modes of a model: a pair as two."""
-    return terms_of(_as_input_mode(mode, samples, np.zeros(0, complex)), mode.shape, samples.fundamental)
 
 
 def period_step(fit: Fit) -> tuple[float, float]:
@@ -329,6 +285,30 @@ def _estimates(
     coefficient has one, as what is fitted to them needs. After a step of all parameters, to first order, where one is
     given.
     """
+    joint = _joint(fit, modes, held=held)
+    errors = joint.errors
+    found = estimates_of(modes, [mode.shape for mode in fit.at.modes], errors, fit.samples.fundamental, joint.free)
+    if step is None:
+        return found
+    others = np.zeros(len(errors.parameters) - len(joint.rows))
+    moved = found.moved(selection_of(modes, joint.free, len(errors.parameters)) @ np.append(joint.rows @ step, others))
+    half = np.concatenate([np.where((mode.turns > 0.0) | (not mode.real), 0.5, 1.0) for mode in modes])
+    shapes = np.concatenate([(own @ step).T for own in joint.amplitudes])
+    return replace(moved, coefficients=found.coefficients + (half[:, None] * shapes)[:, :, None])
+
+
+@dataclass(frozen=True, slots=True)
+class _Joint:
+    """Errors of a fit as of one of measured inputs alone, and derivatives by all parameters of the fit, last."""
+
+    errors: Errors
+    free: list[NDArray[np.bool_]]  # masks of the numbers of each mode that are free
+    rows: NDArray[np.float64]  # of those numbers
+    amplitudes: list[NDArray[np.complex128]]  # of the shape of each mode (channels, turns)
+
+
+def _joint(fit: Fit, modes: Sequence[InputMode], *, held: bool, acting: int = 0) -> _Joint:
+    """Joint errors of the exponents, gains and shapes of the modes of a fit, and of D of the `acting` inputs."""
     known, seen, free, amplitudes = [np.zeros((0, len(fit.parameters)))], [], [], []
     for number, (mode, own) in enumerate(zip(fit.at.modes, modes, strict=True)):
         exponent, gains, shape = _slopes(fit, number, own, held=held)
@@ -342,17 +322,14 @@ def _estimates(
         turning = (mode.turns > 0.0) | (not mode.real)
         seen.append(np.concatenate([shape.real, shape.imag[:, turning]], axis=1))
         amplitudes.append(shape)
+    width, columns = len(fit.parameters), fit.at.columns.shape[1]
+    by_direct = np.zeros((len(fit.samples.values), acting, width))
+    for (output, source, _), _ in np.ndenumerate(by_direct[..., :1]):
+        by_direct[output, source, fit.places[-1].stop + (output + 1) * columns - acting + source] = 1.0
     rows = np.concatenate(known)
-    by = np.concatenate([rows, np.concatenate(seen, axis=1).reshape(-1, rows.shape[1])])
+    by = np.concatenate([rows, np.concatenate([*seen, by_direct], axis=1).reshape(-1, rows.shape[1])])
     errors = Errors.of_joint(by @ fit.parameters @ by.T, len(rows), len(fit.samples.values))
-    found = estimates_of(modes, [mode.shape for mode in fit.at.modes], errors, fit.samples.fundamental, free)
-    if step is None:
-        return found
-    others = np.zeros(len(errors.parameters) - len(rows))
-    moved = found.moved(selection_of(modes, free, len(errors.parameters)) @ np.append(rows @ step, others))
-    half = np.concatenate([np.where((mode.turns > 0.0) | (not mode.real), 0.5, 1.0) for mode in modes])
-    shapes = np.concatenate([(own @ step).T for own in amplitudes])
-    return replace(moved, coefficients=found.coefficients + (half[:, None] * shapes)[:, :, None])
+    return _Joint(errors, free, rows, amplitudes)
 
 
 def _slopes(

@@ -8,13 +8,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.core import NearAxis
 from floquid.fit import chi2_limit
 from floquid.innovations._bands import centred, grown, narrowed
 from floquid.innovations._covariance import reweighed, white, whitening_of
 from floquid.innovations._fewer import GONE, better, needed, stable
 from floquid.innovations._gain import SMALL, stable_gains
 from floquid.innovations._mode import Mode
-from floquid.innovations._near_axis import NearAxis, read_near_axis
+from floquid.innovations._near_axis import read_near_axis
 from floquid.innovations._predictor import Predictor, predicted, rebuilt
 from floquid.innovations._real import with_real_ones
 from floquid.innovations._solve import climbed, solve
@@ -64,7 +65,7 @@ def searched(
     first: NDArray[np.float64],
     limits: Limits,
     report: Callable[[str], None] = lambda _: None,
-) -> tuple[NearAxis, bool]:
+) -> tuple[NearAxis[Predictor], bool]:
     """The predictor of the modes that rise above the noise, from outputs alone or with measured inputs.
 
     Exponents near an axis are read as those of either kind. With it, whether the budget of time was over before the
@@ -89,7 +90,7 @@ def searched(
 
 def _searched(
     samples: Samples, first: NDArray[np.float64], limits: Limits, report: Callable[[str], None]
-) -> tuple[NearAxis, bool]:
+) -> tuple[NearAxis[Predictor], bool]:
     driven = replace(samples, inputs=np.concatenate([samples.inputs, first]), hold="none")
     none = now = replace(_none(samples), whitening=whitening_of(samples, first))
     of_known, period = replace(driven, values=none.innovations), 2.0 * np.pi / samples.fundamental

@@ -24,6 +24,7 @@ from floquid.inputs._result import sealed as sealed
 from floquid.inputs._samples import Hold
 from floquid.inputs._samples import Samples as Samples
 from floquid.inputs._samples import samples_of as samples_of
+from floquid.inputs._solver import LAGS as LAGS
 from floquid.inputs._solver import Linearisation as Linearisation
 from floquid.inputs._solver import linearise as linearise
 from floquid.inputs._solver import slopes_of as slopes_of
@@ -31,13 +32,14 @@ from floquid.inputs._solver import solve as solve
 from floquid.inputs._solver import state_slopes as state_slopes
 from floquid.inputs._start import bare_mode as bare_mode
 from floquid.inputs._start import candidates as candidates
+from floquid.inputs._transfer import Grid as Grid
 from floquid.inputs._transfer import TransferFunctions, transfer_functions
 from floquid.inputs._transfer import modal_transfer as modal_transfer
+from floquid.inputs._transfer import transfer_of as transfer_of
+from floquid.inputs._transfer import turning as turning
 from floquid.inputs.search import Limits as Limits
 from floquid.inputs.search import Scores as Scores
 from floquid.inputs.search import gain_of as gain_of
-from floquid.inputs.search import half_of as half_of
-from floquid.inputs.search import near_axis as near_axis
 from floquid.inputs.search import nearly_one as nearly_one
 from floquid.inputs.search import period_step as period_step
 from floquid.inputs.search import phase_step as phase_step

@@ -76,6 +76,20 @@ class Errors:
             scales=np.ones(outputs),
         )
 
+    def variance(
+        self, output: int, by_parameters: NDArray[np.float64], by_columns: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """The variance of real quantities of one output, by (quantities, parameters) and (quantities, columns).
+
+        The first of the parameters and of the columns, where there are more.
+        """
+        columns = slice(by_columns.shape[1])
+        whole = by_columns @ self.slopes[output, columns]
+        whole[:, : by_parameters.shape[1]] += by_parameters
+        own = np.sum((by_columns @ self.spread[self.blocks[output], columns, columns]) * by_columns, axis=1)
+        shared = np.sum((whole @ self.parameters) * whole, axis=1)
+        return np.maximum(shared + own * self.scales[output] ** 2, 0.0)
+
 
 def estimates_of(
     modes: Sequence[InputMode],
@@ -90,7 +104,7 @@ def estimates_of(
     those that are `free` of each mode, of which a mask may be given, and the others of the errors.
     """
     turning = [np.ones(len(mode.turns), bool) if not mode.real else mode.turns > 0.0 for mode in modes]
-    begins = np.array([mode.lowest for mode in modes])
+    begins = np.array([mode.axis for mode in modes])
     columns, place = [], 0
     for own in turning:
         real = place + np.arange(len(own))
@@ -112,7 +126,7 @@ def estimates_of(
         real=np.array([mode.real for mode in modes], bool),
         fundamental=fundamental,
         modes=np.repeat(np.arange(len(modes)), [len(mode.turns) for mode in modes]),
-        harmonics=np.rint(np.concatenate([mode.turns - mode.lowest for mode in modes])).astype(np.int64),
+        harmonics=np.rint(np.concatenate([mode.turns - mode.axis for mode in modes])).astype(np.int64),
         coefficients=np.asarray((values * half[:, None])[:, :, None], np.complex128),
         covariance=selected @ errors.parameters @ selected.T,
         slopes=((up + 1j * down) * half[:, None, None])[:, :, None],
@@ -177,10 +191,10 @@ def _listed_gains(mode: InputMode) -> tuple[NDArray[np.int64], NDArray[np.comple
     slopes = slopes.reshape(*mode.gains.shape, width)
     if not mode.real:
         return mode.reach.astype(np.int64), mode.gains, slopes
-    turns, gains = mirrored(mode.reach, mode.gains, mode.lowest)
+    turns, gains = mirrored(mode.reach, mode.gains, mode.axis)
     by = np.moveaxis(slopes, 2, 0)
     # A real part moves both halves alike, an imaginary part against each other: as the values themselves.
-    return turns, gains, np.moveaxis(np.array([mirrored(mode.reach, own, mode.lowest)[1] for own in by]), 0, 2)
+    return turns, gains, np.moveaxis(np.array([mirrored(mode.reach, own, mode.axis)[1] for own in by]), 0, 2)
 
 
 def mirrored(
@@ -196,7 +210,7 @@ def mirrored(
 def terms_of(mode: InputMode, shape: NDArray[np.complex128], fundamental: float) -> list[Term]:
     """A mode of a fit as modes of a model, with amplitudes 2 c (outputs, turns): a pair as two."""
     if mode.real:
-        begin = mode.lowest
+        begin = mode.axis
         seen, reached = mirrored(mode.turns, shape, -begin), mirrored(mode.reach, mode.gains, begin)
         return [(mode.exponent.real + 1j * begin * fundamental, *seen, *reached)]
     turns, reach = mode.turns.astype(np.int64), mode.reach.astype(np.int64)
@@ -233,7 +247,7 @@ def driven_of(
         found[:, :, turns == turn] += value[:, :, None]
         if turn:
             found[:, :, turns == -turn] += value.conj()[:, :, None]
-    initial = [mode.initial * np.exp(1j * mode.lowest * fundamental * begins) for mode in modes]
+    initial = [mode.initial * np.exp(1j * mode.axis * fundamental * begins) for mode in modes]
     return Driven(
         channels=inputs, direct=found, direct_harmonics=turns, initial=np.array(initial).reshape(len(modes), -1)
     )

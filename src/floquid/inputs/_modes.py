@@ -113,11 +113,11 @@ class InputMode(Rebuilt):
 
     @property
     def _turning(self) -> NDArray[np.bool_]:
-        """Where b of real states has an imaginary part, of each state (inputs · reach,)."""
+        """Mask of b of real states with an imaginary part, of each state (inputs · reach,)."""
         return np.tile(self.reach > 0.0, len(self.gains) // self.states)
 
     @property
-    def lowest(self) -> float:
+    def axis(self) -> float:
         """The least harmonic that there is: zero, or ½ of a negative multiplier."""
         return 0.5 if self.real and self.reach[0] else 0.0
 
@@ -331,7 +331,7 @@ def _shares(samples: Samples, mode: InputMode, exponent: complex) -> NDArray[np.
 
 
 def _driven(samples: Samples, mode: InputMode, shares: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """What all modulated inputs by their shares and b add to the state at the next sample (samples,)."""
+    """Sum the effects of all modulated inputs, by their shares and b, on the state at the next sample (samples,)."""
     sums = np.zeros((2, samples.n_samples), complex)
     for turn, gains, own in zip(mode.reach.tolist(), mode.gains.T, shares, strict=True):
         turned = (gains @ samples.inputs) * samples.turned(turn)
@@ -343,7 +343,7 @@ def _driven(samples: Samples, mode: InputMode, shares: NDArray[np.complex128]) -
 
 
 def _drives(samples: Samples, mode: InputMode) -> NDArray[np.complex128]:
-    """What each modulated input adds to the state at the next sample (inputs · reach, samples)."""
+    """Effect of each modulated input on the state at the next sample (inputs · reach, samples)."""
     found = np.empty((len(samples.inputs), len(mode.reach), samples.n_samples), complex)
     for place, (turn, (now, then)) in enumerate(
         zip(mode.reach.tolist(), _shares(samples, mode, mode.exponent), strict=True)

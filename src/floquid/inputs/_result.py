@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
 from floquid.core import Channel, Estimates, PeriodicModel, Provenance, modelled
-from floquid.inputs._estimates import Errors, driven_of, estimates_of, selection_of, terms_of
-from floquid.inputs._modes import InputMode
+from floquid.inputs._estimates import Errors, driven_of, estimates_of, selection_of
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import (
     Linearisation,
@@ -24,7 +23,7 @@ from floquid.inputs._solver import (
     solve,
     state_slopes,
 )
-from floquid.inputs._transfer import TransferFunctions, modal_transfer
+from floquid.inputs._transfer import Grid, TransferFunctions, transfer_of
 from floquid.inputs.search import read_near_axis
 
 
@@ -70,16 +69,12 @@ class Uncertainty(Rebuilt):
         Deviations of exponents near an axis are those `as_read`, by the numbers of their modes, where they are given.
         """
         at, samples = self.at, self.samples
-        place, direct = at.slices()[-1][0].stop if at.modes else 0, {}
-        for turn in map(int, at.direct):
-            own = at.coefficients[place : place + (1 + (turn > 0)) * len(inputs)].T
-            place += own.shape[1]
-            direct[turn] = 0.5 * (own[:, : len(inputs)] + 1j * own[:, len(inputs) :]) if turn else own.astype(complex)
         firsts = [record.start for record in samples.records]
         modes = [
             replace(mode, initial=np.asarray(state[firsts], np.complex128))
             for mode, state in zip(at.modes, at.states, strict=True)
         ]
+        direct = self.direct(len(inputs))
         return modelled(
             self.estimates,
             channels=channels,
@@ -109,55 +104,23 @@ class Uncertainty(Rebuilt):
         sampled: bool = False,
     ) -> TransferFunctions:
         """The harmonic transfer functions of a fit with their deviations, to first order in all of its parameters."""
-        at, omega = self.at, 2.0 * np.pi * frequencies_hz
-        fundamental, columns = self.samples.fundamental, len(at.columns)
-        shape = (len(harmonics), len(inputs), len(omega))
-        values = np.zeros((len(harmonics), len(channels), len(inputs), len(omega)), complex)
-        by_parameters = np.zeros((len(self.parameters), len(channels), *shape), complex)
-        by_columns = np.zeros((columns, *shape), complex)
-        held = (self.samples.step, self.samples.hold) if sampled else None
-
-        def transferred(mode: InputMode, amplitudes: NDArray[np.complex128]) -> NDArray[np.complex128]:
-            parts = [
-                modal_transfer(exponent, fundamental, (turns, c), (reach, b), harmonics, omega, held)
-                for exponent, turns, c, reach, b in terms_of(mode, amplitudes, fundamental)
-            ]
-            return np.sum(parts, axis=0)
-
-        for number, mode in enumerate(at.modes):
-            own = at.shape(number).T
-            values += transferred(mode, own)
-            place, turning = at.slices()[number]
-            for column in range(place.start, place.stop):
-                unit = np.zeros((1, len(mode.turns)), complex)
-                later = column - place.start - len(turning)
-                unit[0, column - place.start if later < 0 else np.flatnonzero(turning)[later]] = (
-                    1.0 if later < 0 else 1j
-                )
-                by_columns[column] = transferred(mode, unit)[:, 0]
-            where, free = self.places[number]
-            for parameter, index in zip(range(where.start, where.stop), np.flatnonzero(free), strict=True):
-                step = np.zeros(len(free))
-                step[index] = 1e-3 * np.sqrt(self.parameters[parameter, parameter])
-                moved = transferred(mode.moved(step), own) - transferred(mode.moved(-step), own)
-                by_parameters[parameter] = np.moveaxis(moved, 1, 0) / (2.0 * step[index])
-        _add_direct(at, harmonics, values, by_columns, len(inputs))
-        std = np.zeros_like(values)
-        for channel in range(len(channels)):
-            flat = np.asarray(by_parameters[:, channel].reshape(len(by_parameters), -1).T, np.complex128)
-            linear = np.asarray(by_columns.reshape(columns, -1).T, np.complex128)
-            real = self.variance(channel, flat.real, linear.real)
-            imag = self.variance(channel, flat.imag, linear.imag)
-            std[:, channel] = (np.sqrt(real) + 1j * np.sqrt(imag)).reshape(shape)
-        return TransferFunctions(
-            frequencies_hz=frequencies_hz,
+        grid = Grid(
+            omega=2.0 * np.pi * frequencies_hz,
             harmonics=harmonics,
-            values=values,
-            std=std,
-            outputs=tuple(channels),
-            inputs=tuple(inputs),
-            step=self.samples.step if sampled else None,
+            fundamental=self.samples.fundamental,
+            held=(self.samples.step, self.samples.hold) if sampled else None,
         )
+        direct = self.direct(len(inputs))
+        return transfer_of(grid, self.at.modes, self.shapes, direct, self.errors, (channels, inputs))
+
+    def direct(self, inputs: int) -> dict[int, NDArray[np.complex128]]:
+        """D (outputs, inputs) by harmonics from 0 on, of so many inputs."""
+        place, found = self.at.slices()[-1][0].stop if self.at.modes else 0, {}
+        for turn in map(int, self.at.direct):
+            own = self.at.coefficients[place : place + (1 + (turn > 0)) * inputs].T
+            place += own.shape[1]
+            found[turn] = 0.5 * (own[:, :inputs] + 1j * own[:, inputs:]) if turn else own.astype(complex)
+        return found
 
     def drawn(self, generator: np.random.Generator) -> NDArray[np.float64]:
         """Outputs made of the fit, with noise of its size (outputs, samples)."""
@@ -169,15 +132,9 @@ class Uncertainty(Rebuilt):
         samples = replace(self.samples, values=values)
         return Uncertainty(samples, read_near_axis(samples, solve(samples, self.at.modes, self.at.direct)).at)
 
-    def variance(self, channel: int, by_parameters: NDArray, by_columns: NDArray) -> NDArray[np.float64]:
-        """The variance of real quantities of one channel, by (quantities, parameters) and (quantities, columns)."""
-        whole = by_parameters + by_columns @ self.slopes[channel]
-        own = np.sum((by_columns @ self.at.inverse) * by_columns, axis=1) * self.at.noise[channel] ** 2
-        return np.maximum(np.sum((whole @ self.parameters) * whole, axis=1) + own, 0.0)
-
     @cached_property
     def places(self) -> list[tuple[slice, NDArray[np.bool_]]]:
-        """Of each mode, the place of its parameters, and the mask of those that are free."""
+        """The place of the parameters of each mode, and the mask of those that are free."""
         found, place = [], 0
         for mode in self.at.modes:
             stop = place + int(mode.free.sum())
@@ -186,18 +143,25 @@ class Uncertainty(Rebuilt):
         return found
 
     @cached_property
-    def estimates(self) -> Estimates:
-        """Exponents, shapes and gains with their joint covariance."""
-        at = self.at
-        errors = Errors(
+    def errors(self) -> Errors:
+        """Errors of the free parameters, and of the columns of each output."""
+        return Errors(
             parameters=self.parameters,
             slopes=self.slopes,
-            spread=at.inverse[None],
-            blocks=np.zeros(len(at.noise), np.int64),
-            scales=at.noise,
+            spread=self.at.inverse[None],
+            blocks=np.zeros(len(self.at.noise), np.int64),
+            scales=self.at.noise,
         )
-        shapes = [at.shape(number).T for number in range(len(at.modes))]
-        return estimates_of(at.modes, shapes, errors, self.samples.fundamental)
+
+    @property
+    def shapes(self) -> list[NDArray[np.complex128]]:
+        """Amplitudes 2 c of each mode (outputs, turns)."""
+        return [self.at.shape(number).T for number in range(len(self.at.modes))]
+
+    @cached_property
+    def estimates(self) -> Estimates:
+        """Exponents, shapes and gains with their joint covariance."""
+        return estimates_of(self.at.modes, self.shapes, self.errors, self.samples.fundamental)
 
 
 def sealed(one: Any) -> None:
@@ -207,19 +171,3 @@ def sealed(one: Any) -> None:
         for array in value if isinstance(value, tuple) else (value,):
             if isinstance(array, np.ndarray):
                 array.flags.writeable = False
-
-
-def _add_direct(
-    at: Linearisation, harmonics: NDArray[np.int64], values: NDArray, by_columns: NDArray, inputs: int
-) -> None:
-    """The direct term in transfer functions, and in their derivatives by its columns."""
-    place = at.slices()[-1][0].stop if at.modes else 0
-    for turn in at.direct:
-        for unit in (1.0, 1j) if turn else (1.0,):
-            for number in range(inputs):
-                for sign, value in ((1, unit), (-1, np.conj(unit))) if turn else ((1, unit),):
-                    share = (0.5 if turn else 1.0) * value
-                    rows = harmonics == sign * int(turn)
-                    by_columns[place, rows, number] += share
-                    values[rows, :, number] += share * at.coefficients[place][None, :, None]
-                place += 1

@@ -53,7 +53,7 @@ class Samples(Rebuilt):
 
     @property
     def first_times(self) -> NDArray[np.float64]:
-        """Those of the first sample of each record (records,) [s]."""
+        """Times of the first sample of each record (records,) [s]."""
         return self.times[list(self.begins[:-1])]
 
     @property
@@ -87,7 +87,7 @@ class Samples(Rebuilt):
 
     @cached_property
     def _angles(self) -> dict[float, NDArray[np.complex128]]:
-        """Those that were asked for."""
+        """Turned phases by their number of turns, of those that were asked for."""
         return {}
 
     def later(self, number: int, seconds: float) -> Samples:

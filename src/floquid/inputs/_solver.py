@@ -83,7 +83,7 @@ class Linearisation(Rebuilt):
 
     @property
     def heard(self) -> NDArray[np.bool_]:
-        """Where what is left is noise: less than the least that noise is taken to be has the colour of rounding."""
+        """Mask of channels whose residual is noise: below the least noise it has the colour of rounding."""
         return np.mean(self.left**2, axis=1) > 0.5 * self.noise**2
 
     @property
@@ -104,7 +104,7 @@ class Linearisation(Rebuilt):
         return schwarz(self.log_likelihood, self.n_parameters, self.left.shape[1])
 
     def slices(self) -> list[tuple[slice, NDArray[np.bool_]]]:
-        """Of each mode, the place of its columns, and which of its turns have an imaginary part (turns,)."""
+        """Place of the columns of each mode, and mask of its turns that have an imaginary part (turns,)."""
         found, place = [], 0
         for mode in self.modes:
             turning = np.ones(len(mode.turns), bool) if not mode.real else mode.turns > 0.0

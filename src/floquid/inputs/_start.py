@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.inputs._modes import InputMode
+from floquid.inputs._modes import RUNAWAY, InputMode
 from floquid.inputs._samples import Samples
 
 SIDEBANDS = (3, 2, 1)
@@ -48,9 +48,6 @@ FASTEST = 1.5
 ALIKE = 0.15
 """The distance of two candidates, over their decay, within which one is enough."""
 
-GROWN = 3.0
-"""The largest growth of one over a record [nepers], where no feedback holds it."""
-
 
 def candidates(
     samples: Samples, response: NDArray[np.float64], *, held: bool = False
@@ -77,7 +74,7 @@ def candidates(
     poles = np.asarray(np.concatenate(found), np.complex128)
     branch, look = np.asarray(np.concatenate(turns), np.float64), np.concatenate(ages)
     longest = samples.step * max(own.stop - own.start for own in samples.records)
-    good = (poles.real * samples.step > -FASTEST) & (held | (poles.real * longest < GROWN))
+    good = (poles.real * samples.step > -FASTEST) & (held | (poles.real * longest < RUNAWAY))
     # Of a pair both folds are there: the one of positive frequency is kept.
     poles, branch, look = poles[good], branch[good], look[good]
     below = poles.imag < 0.0

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid.core import Channel, PeriodicModel
-from floquid.inputs._modes import input_gain
+from floquid.inputs._estimates import Errors, terms_of
+from floquid.inputs._modes import InputMode, input_gain
 from floquid.inputs._samples import Hold
+
+NUDGE = 1e-5
+"""The share of the decay by which an exponent is moved for a derivative."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -107,6 +112,152 @@ def transfer_functions(
         raise input_error("frequencies_hz", of, "lie off the poles", "has one on an undamped pole", remedy)
     return TransferFunctions(
         frequencies_hz=hertz, harmonics=turns, values=values, std=None, outputs=model.channels, inputs=own.channels
+    )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Grid(Rebuilt):
+    """Frequencies and harmonics at which G is wanted.
+
+    Parameters
+    ----------
+    omega, harmonics
+        Ω (frequencies,) [rad/s] and m (harmonics,).
+    fundamental
+        ω [rad/s].
+    held
+        The sampling interval and the hold where G is that of samples; None where it is that of continuous time.
+    """
+
+    omega: NDArray[np.float64]
+    harmonics: NDArray[np.int64]
+    fundamental: float
+    held: tuple[float, Hold] | None
+
+    def response(self, mode: InputMode, shape: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """The part of one mode of amplitudes 2 c (outputs, turns) (harmonics, outputs, inputs, frequencies)."""
+        found = np.zeros((len(self.harmonics), len(shape), len(mode.gains), len(self.omega)), complex)
+        for exponent, turns, c, reach, b in terms_of(mode, shape, self.fundamental):
+            found += modal_transfer(
+                exponent, self.fundamental, (turns, c), (reach, b), self.harmonics, self.omega, self.held
+            )
+        return found
+
+    def transfer(
+        self,
+        modes: Sequence[InputMode],
+        shapes: Sequence[NDArray[np.complex128]],
+        direct: Mapping[int, NDArray[np.complex128]],
+        shape: tuple[int, int],
+    ) -> NDArray[np.complex128]:
+        """G of modes of amplitudes 2 c, and of D (outputs, inputs) by harmonics from 0 on, where `shape` is of D."""
+        found = np.zeros((len(self.harmonics), *shape, len(self.omega)), complex)
+        for mode, own in zip(modes, shapes, strict=True):
+            found += self.response(mode, own)
+        for turn, value in direct.items():
+            found[self.harmonics == turn] += value[:, :, None]
+            if turn:
+                found[self.harmonics == -turn] += value.conj()[:, :, None]
+        return found
+
+    def slopes(
+        self,
+        modes: Sequence[InputMode],
+        shapes: Sequence[NDArray[np.complex128]],
+        free: Sequence[NDArray[np.bool_]],
+    ) -> list[NDArray[np.complex128]]:
+        """Derivatives of G by the `free` numbers of each mode, one after another."""
+        found = []
+        for mode, shape, mask in zip(modes, shapes, free, strict=True):
+            size, half, own = mode.gains.size, len(mask) // 2, self.response(mode, shape)
+            ones = np.eye(len(mode.reach), dtype=np.complex128)
+            bare = [replace(mode, gains=unit * ones, initial=np.zeros(0, np.complex128)) for unit in (1.0, 1j)]
+            by_gain = [self.response(one, shape) for one in bare]
+            firsts = (1, 1 + size if mode.real else 1 + half)
+            for index in np.flatnonzero(mask).tolist():
+                step = np.zeros(len(mask))
+                part = int(index >= firsts[1])
+                if index in (0, half if not mode.real else 0):
+                    step[index] = NUDGE * max(abs(mode.exponent.real), NUDGE * self.fundamental)
+                    up, down = (self.response(mode.moved(sign * step), shape) for sign in (1.0, -1.0))
+                    found.append((up - down) / (2.0 * step[index]))
+                elif index < firsts[part] + size:
+                    source, turn = divmod(index - firsts[part], len(mode.reach))
+                    found.append(np.zeros_like(own))
+                    found[-1][:, :, source] = by_gain[part][:, :, turn]
+                else:  # of what rings at the begin, which is linear, too
+                    step[index] = 1.0
+                    found.append(self.response(mode.moved(step), shape) - own)
+        return found
+
+    def units(self, modes: Sequence[InputMode], direct: Sequence[int], inputs: int) -> NDArray[np.complex128]:
+        """Derivatives of G of an output by its amplitudes (numbers, harmonics, inputs, frequencies), of all the same.
+
+        Of each mode by the real parts of its turns, then by the imaginary ones, then likewise by D of each input, of
+        harmonics above 0 by 2 D.
+        """
+        found, shape = [], (len(self.harmonics), inputs, len(self.omega))
+        for mode in modes:
+            one = np.eye(len(mode.turns), dtype=complex)
+            for units in (one, 1j * one[turning(mode)]):
+                found += list(np.moveaxis(self.response(mode, units), 1, 0))
+        for turn in direct:
+            for unit in (0.5, 0.5j) if turn else (1.0,):
+                for source in range(inputs):
+                    whole = np.zeros(shape, complex)
+                    whole[self.harmonics == turn, source] = unit
+                    if turn:
+                        whole[self.harmonics == -turn, source] = np.conj(unit)
+                    found.append(whole)
+        return np.array(found, complex).reshape(-1, *shape)
+
+
+def turning(mode: InputMode) -> NDArray[np.bool_]:
+    """Mask of the turns of which an amplitude has an imaginary part (turns,)."""
+    return (mode.turns > 0.0) | (not mode.real)
+
+
+def transfer_of(
+    grid: Grid,
+    modes: Sequence[InputMode],
+    shapes: Sequence[NDArray[np.complex128]],
+    direct: Mapping[int, NDArray[np.complex128]],
+    errors: Errors,
+    channels: tuple[Sequence[Channel], Sequence[Channel]],
+    free: Sequence[NDArray[np.bool_]] | None = None,
+) -> TransferFunctions:
+    """G of a fit with its deviations by all that is uncertain in it, to first order.
+
+    Parameters
+    ----------
+    grid
+        Frequencies and harmonics.
+    modes, shapes, direct
+        Modes, their amplitudes 2 c (outputs, turns), and D (outputs, inputs) by harmonics from 0 on.
+    errors
+        Those of the free numbers of the modes, and of the amplitudes of each output in the order of `Grid.units`.
+    channels
+        The outputs and the inputs.
+    free
+        Masks of the free numbers of each mode; its own if not given.
+    """
+    outputs, inputs = channels
+    masks = [mode.free for mode in modes] if free is None else free
+    slopes, units = grid.slopes(modes, shapes, masks), grid.units(modes, list(direct), len(inputs))
+    values = grid.transfer(modes, shapes, direct, (len(outputs), len(inputs)))
+    std, flat = np.zeros_like(values), units.reshape(len(units), -1).T
+    for output in range(len(outputs)):
+        rows = np.array([own[:, output].ravel() for own in slopes]).reshape(len(slopes), -1).T
+        real, imag = (errors.variance(output, *part) for part in ((rows.real, flat.real), (rows.imag, flat.imag)))
+        std[:, output] = (np.sqrt(real) + 1j * np.sqrt(imag)).reshape(std[:, output].shape)
+    return TransferFunctions(
+        frequencies_hz=grid.omega / (2.0 * np.pi),
+        harmonics=grid.harmonics,
+        values=values,
+        std=std,
+        outputs=tuple(outputs),
+        inputs=tuple(inputs),
+        step=None if grid.held is None else grid.held[0],
     )
 
 

@@ -18,7 +18,7 @@ ROUNDING = 1e-10
 """The noise is taken to be at least this share of a channel's largest value: records are never exact beyond it."""
 
 SHORT = 24
-"""Cycles below which a hit's own noise is not estimated while there are longer hits."""
+"""Cycles below which noise is not told from a misfit: a hit has none of its own while there are longer hits."""
 
 SINGLE = 2.0**-24  # the same for samples that were stored in single precision
 CONSTANT = 1e-13  # the range of a channel over its largest value below which it is rounding
@@ -110,7 +110,7 @@ class Lifted(Rebuilt):
         return outputs.reshape(shape)
 
     def with_noise(self, noise: Floats) -> Lifted:
-        """The same responses with another noise (channels, hits)."""
+        """Return the responses with another noise (channels, hits)."""
         at_least = self.floor * largest_values(self.responses.values, self.n_channels)
         spread, now = np.repeat(np.maximum(noise, at_least), self.n_phases, axis=0), self.responses
         return replace(self, responses=replace(now, noise=spread))

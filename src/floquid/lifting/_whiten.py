@@ -14,7 +14,7 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid.core import Cycles
 from floquid.fit import filtered, yule_walker
-from floquid.lifting._lift import Lifted, largest_values, lift
+from floquid.lifting._lift import SHORT, Lifted, largest_values, lift
 from floquid.lti import ModalModel
 
 LAGS = 16
@@ -23,7 +23,6 @@ LAGS = 16
 ORDERS = (1, 2, 4, 8)  # the lengths of filters tried
 COLOURED = 8.0  # the standard deviations from white noise at which a filter is worth its trouble
 LEAST = 0.01  # the sum of squared correlations below which hardly anything is gained
-FEWEST = 24  # periods below which noise is not told from what was not fitted
 FLOOR = 2.0  # times the noise floor: what is left below it is rounding
 
 
@@ -35,7 +34,7 @@ def whitening_filter(lifted: Lifted, modal: ModalModel) -> Floats | None:
     has a filter that does nothing, and where all are white there is none.
     """
     most = min(LAGS, lifted.n_phases - 1)
-    if most < 1 or not modal.order or lifted.responses.lengths.max() < FEWEST:
+    if most < 1 or not modal.order or lifted.responses.lengths.max() < SHORT:
         return None
     correlations, numbers = _correlations(lifted, modal, most)
     return filters_of(correlations, numbers)

@@ -71,7 +71,7 @@ def real_powers(poles: PoleSet, samples: int) -> Floats:
 
 
 def real_basis(poles: PoleSet, columns: Complexes) -> Floats:
-    """The same space with real columns (samples, order): Re and Im of a pair, the column of a real pole."""
+    """Span the same space by real columns (samples, order): Re and Im of a pair, the column of a real pole."""
     first, _ = poles.columns()
     imaginary = np.arange(poles.order) > first
     return np.where(imaginary, columns[:, first].imag, columns[:, first].real)

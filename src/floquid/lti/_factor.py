@@ -48,7 +48,7 @@ class Factor:
         return Factor(values, columns, float(np.einsum("ij,ij->", values, values)), triangular)
 
     def cut(self, samples: int) -> Factor:
-        """The same block's first samples."""
+        """First samples of the block."""
         if samples >= len(self.values):
             return self
         rank = samples if self.triangular else self.values.shape[1]

@@ -111,7 +111,7 @@ def _cmif(principal: TimeResponses, smoothing: int, n_outputs: int) -> Floats:
 
 
 def _singular_values(values: Floats, delays: int) -> Floats:
-    """Of the responses (rows, samples) with their delays below one another, descending."""
+    """Singular values of the responses (rows, samples) with their delays below one another, descending."""
     shifts = values.shape[1] - delays + 1
     rows = np.concatenate([values[:, d : d + shifts] for d in range(delays)])
     return np.asarray(np.linalg.svd(rows, compute_uv=False), dtype=np.float64)

@@ -13,7 +13,7 @@ from floquid.core import PeriodicModel, Provenance, modelled
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, failure, note, texts, warning
 from floquid.fit import SURE
-from floquid.inputs import Errors, Hold, Limits, TransferFunctions, driven_of, estimates_of, sealed
+from floquid.inputs import Errors, Grid, Hold, Limits, TransferFunctions, driven_of, estimates_of, sealed, transfer_of
 from floquid.transfer._measured import MeasuredTransfer
 from floquid.transfer._modal import Lines, Modal
 from floquid.transfer._real import near_real
@@ -96,33 +96,15 @@ class TransferFit(Rebuilt):
         hertz = own.frequencies_hz if frequencies_hz is None else np.atleast_1d(np.asarray(frequencies_hz, float))
         hertz = frozen_array(hertz, "frequencies_hz", of, axes=("frequencies",))
         turns = own.harmonics if harmonics is None else np.unique(np.atleast_1d(np.asarray(harmonics, np.int64)))
-        empty = np.zeros((len(turns), len(own.outputs), len(own.inputs), len(hertz)), complex)
-        lines = Lines(
+        grid = Grid(
             omega=2.0 * np.pi * hertz,
             harmonics=turns,
-            values=empty,
-            std=empty,
             fundamental=self.model.fundamental,
             held=(own.step, self.hold) if sampled and own.step is not None else None,
-            echoes=(np.zeros((len(self.begins), len(own.inputs), len(hertz)), complex), self.begins),
         )
-        std = np.zeros_like(empty)
-        slopes, units = self.modal.slopes(lines), self.modal.units(lines)
-        for output in range(len(own.outputs)):
-            later = len(slopes) + output * len(units)
-            index = np.r_[: len(slopes), later : later + len(units)]
-            rows, spread = np.concatenate([slopes[:, :, output], units]), self.covariance[np.ix_(index, index)]
-            real, imag = (np.einsum("p...,pq,q...->...", part, spread, part) for part in (rows.real, rows.imag))
-            std[:, output] = np.sqrt(np.maximum(real, 0.0)) + 1j * np.sqrt(np.maximum(imag, 0.0))
-        return TransferFunctions(
-            frequencies_hz=hertz,
-            harmonics=turns,
-            values=self.modal.values(lines),
-            std=std,
-            outputs=own.outputs,
-            inputs=own.inputs,
-            step=own.step if sampled else None,
-        )
+        modal = self.modal
+        errors, direct = _errors(modal, self.covariance, len(own.outputs)), dict(enumerate(modal.direct))
+        return transfer_of(grid, modal.modes, modal.shapes, direct, errors, (own.outputs, own.inputs))
 
 
 def fit_transfer(
@@ -242,8 +224,7 @@ def _flattened(measured: MeasuredTransfer | TransferFunctions, model: PeriodicMo
 
 def _model(lines: Lines, modal: Modal, covariance: NDArray[np.float64], own: TransferFunctions) -> PeriodicModel:
     """The periodic model of a fit, each mode with its conjugate, with deviations."""
-    free = sum(int(mode.free.sum()) for mode in modal.modes)
-    whole = Errors.of_joint(covariance, free, len(own.outputs))
+    whole = _errors(modal, covariance, len(own.outputs))
     begins, direct = lines.echoes[1][: len(modal.modes[0].initial)], dict(enumerate(modal.direct))
     return modelled(
         estimates_of(modal.modes, modal.shapes, whole, lines.fundamental),
@@ -251,3 +232,8 @@ def _model(lines: Lines, modal: Modal, covariance: NDArray[np.float64], own: Tra
         provenance=Provenance(),
         driven=driven_of(modal.modes, own.inputs, direct, len(own.outputs), lines.fundamental, begins),
     )
+
+
+def _errors(modal: Modal, covariance: NDArray[np.float64], outputs: int) -> Errors:
+    """Errors of the free numbers of the modes, and of the amplitudes of each output."""
+    return Errors.of_joint(covariance, sum(int(mode.free.sum()) for mode in modal.modes), outputs)

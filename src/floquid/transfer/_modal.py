@@ -16,10 +16,7 @@ from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
 from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, scaled_inverse, score_gain
-from floquid.inputs import Hold, InputMode, modal_transfer, terms_of
-
-NUDGE = 1e-5
-"""The share of the decay by which an exponent is moved for a derivative."""
+from floquid.inputs import Grid, InputMode, terms_of, turning
 
 ITERATIONS = 60
 """Steps of a fit at most."""
@@ -35,20 +32,14 @@ COLLINEAR = 1e-9
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Lines(Rebuilt):
+class Lines(Grid):
     """Transfer functions measured, and how they came about.
 
     Parameters
     ----------
-    omega, harmonics
-        Ω (frequencies,) [rad/s] and m (harmonics,).
     values, std
         G and its deviations, that of the real part as the real part (harmonics, outputs, inputs, frequencies), NaN
         where it was not measured.
-    fundamental
-        ω [rad/s].
-    held
-        The sampling interval and the hold where G is that of samples; None where it is that of continuous time.
     echoes
         What one unit in the spectrum of the response of each record adds to G (records, inputs, frequencies), and the
         times at which the records begin [s].
@@ -56,12 +47,8 @@ class Lines(Rebuilt):
         True where what rings at the begin is fitted from the first on, False where it is tried at last.
     """
 
-    omega: NDArray[np.float64]
-    harmonics: NDArray[np.int64]
     values: NDArray[np.complex128]
     std: NDArray[np.complex128]
-    fundamental: float
-    held: tuple[float, Hold] | None
     echoes: tuple[NDArray[np.complex128], NDArray[np.float64]]
     alive: bool = False
 
@@ -81,23 +68,21 @@ class Lines(Rebuilt):
 
     def response(self, mode: InputMode, shape: NDArray[np.complex128]) -> NDArray[np.complex128]:
         """The part of one mode of amplitudes 2 c (outputs, turns) (harmonics, outputs, inputs, frequencies)."""
-        found = np.zeros((len(self.harmonics), len(shape), len(mode.gains), len(self.omega)), complex)
+        found = super().response(mode, shape)
         weights, begins = self.echoes
         first = mode.initial
-        if mode.real and len(first):
+        if self.held is None or not len(first):
+            return found
+        if mode.real:
             first = first.real * np.exp(1j * (mode.turns[0] % 1.0) * self.fundamental * begins)
-        for (exponent, turns, c, reach, b), initial in zip(
+        for (exponent, turns, c, _, _), initial in zip(
             terms_of(mode, shape, self.fundamental), (first, first.conj()), strict=False
         ):
-            found += modal_transfer(
-                exponent, self.fundamental, (turns, c), (reach, b), self.harmonics, self.omega, self.held
-            )
-            if len(initial) and self.held is not None:
-                # Σ e^{-iΩt} e^{λ(t - t_0)} over whole repeats; what is left at their end is in the amplitude.
-                shift = (self.harmonics[:, None] - turns)[..., None] * self.fundamental
-                turned = np.exp(-1j * (self.omega + shift)[..., None] * begins)
-                rung = turned / (1.0 - np.exp((exponent - 1j * (self.omega + shift)) * self.held[0]))[..., None]
-                found += np.einsum("on,mnfp,p,pif->moif", c, rung, initial, weights)
+            # Σ e^{-iΩt} e^{λ(t - t_0)} over whole repeats; what is left at their end is in the amplitude.
+            shift = (self.harmonics[:, None] - turns)[..., None] * self.fundamental
+            turned = np.exp(-1j * (self.omega + shift)[..., None] * begins)
+            rung = turned / (1.0 - np.exp((exponent - 1j * (self.omega + shift)) * self.held[0]))[..., None]
+            found += np.einsum("on,mnfp,p,pif->moif", c, rung, initial, weights)
         return found
 
 
@@ -109,16 +94,9 @@ class Modal(Rebuilt):
     shapes: tuple[NDArray[np.complex128], ...]
     direct: tuple[NDArray[np.complex128], ...] = ()
 
-    def values(self, lines: Lines) -> NDArray[np.complex128]:
+    def transfer(self, lines: Lines) -> NDArray[np.complex128]:
         """G (harmonics, outputs, inputs, frequencies)."""
-        found = np.zeros(lines.values.shape, complex)
-        for mode, shape in zip(self.modes, self.shapes, strict=True):
-            found += lines.response(mode, shape)
-        for turn, own in enumerate(self.direct):
-            found[lines.harmonics == turn] += own[:, :, None]
-            if turn:
-                found[lines.harmonics == -turn] += own.conj()[:, :, None]
-        return found
+        return lines.transfer(self.modes, self.shapes, dict(enumerate(self.direct)), lines.values.shape[1:3])
 
     def moved(self, step: NDArray[np.float64]) -> Modal:
         """With the free numbers of the modes moved by a step."""
@@ -130,54 +108,8 @@ class Modal(Rebuilt):
             modes.append(mode.moved(own))
         return replace(self, modes=tuple(modes))
 
-    def slopes(self, lines: Lines) -> NDArray[np.complex128]:
-        """Derivatives of G by the free numbers of the modes (numbers, harmonics, outputs, inputs, frequencies)."""
-        found = []
-        for mode, shape in zip(self.modes, self.shapes, strict=True):
-            free, size, own = mode.free, mode.gains.size, lines.response(mode, shape)
-            half = len(free) // 2
-            ones = np.eye(len(mode.reach), dtype=np.complex128)
-            bare = [replace(mode, gains=unit * ones, initial=np.zeros(0, np.complex128)) for unit in (1.0, 1j)]
-            by_gain = [lines.response(one, shape) for one in bare]
-            firsts = (1, 1 + size if mode.real else 1 + half)
-            for index in np.flatnonzero(free).tolist():
-                step = np.zeros(len(free))
-                part = int(index >= firsts[1])
-                if index in (0, half if not mode.real else 0):
-                    step[index] = NUDGE * max(abs(mode.exponent.real), NUDGE * lines.fundamental)
-                    up, down = (lines.response(mode.moved(sign * step), shape) for sign in (1.0, -1.0))
-                    found.append((up - down) / (2.0 * step[index]))
-                elif index < firsts[part] + size:
-                    source, turn = divmod(index - firsts[part], len(mode.reach))
-                    found.append(np.zeros_like(own))
-                    found[-1][:, :, source] = by_gain[part][:, :, turn]
-                else:  # of what rings at the begin, which is linear, too
-                    step[index] = 1.0
-                    found.append(lines.response(mode.moved(step), shape) - own)
-        return np.array(found, complex).reshape(-1, *lines.values.shape)
-
-    def units(self, lines: Lines) -> NDArray[np.complex128]:
-        """Derivatives of G of an output by its amplitudes (numbers, harmonics, inputs, frequencies), of all the same.
-
-        Of each mode by the real parts of its turns, then by the imaginary ones, then by D of each input likewise.
-        """
-        found = []
-        for mode in self.modes:
-            one = np.eye(len(mode.turns), dtype=complex)
-            for units in (one, 1j * one[turning(mode)]):
-                found += list(np.moveaxis(lines.response(mode, units), 1, 0))
-        for turn, own in enumerate(self.direct):
-            for unit in (1.0, 1j) if turn else (1.0,):
-                for source in range(own.shape[1]):
-                    whole = np.zeros_like(lines.values[:, 0])
-                    whole[lines.harmonics == turn, source] = unit
-                    if turn:
-                        whole[lines.harmonics == -turn, source] = np.conj(unit)
-                    found.append(whole)
-        return np.array(found, complex).reshape(-1, *lines.values[:, 0].shape)
-
     def with_amplitudes(self, numbers: NDArray) -> Modal:
-        """With the amplitudes of all outputs (outputs, numbers), in the order of `units`."""
+        """With the amplitudes of all outputs (outputs, numbers), in the order of `Grid.units`."""
         shapes, direct, place = [], [], 0
         for mode in self.modes:
             imag, count = turning(mode), len(mode.turns)
@@ -188,8 +120,8 @@ class Modal(Rebuilt):
         for turn, own in enumerate(self.direct):
             inputs = own.shape[1]
             value = numbers[:, place : place + inputs].astype(complex)
-            if turn:
-                value += 1j * numbers[:, place + inputs : place + 2 * inputs]
+            if turn:  # amplitudes are 2 D
+                value = 0.5 * (value + 1j * numbers[:, place + inputs : place + 2 * inputs])
             place += inputs * (2 if turn else 1)
             direct.append(value)
         return Modal(self.modes, tuple(shapes), tuple(direct))
@@ -203,11 +135,6 @@ class Modal(Rebuilt):
             modes.append(own)
             shapes.append(shape * mode.gains[place] / own.gains[place])
         return Modal(tuple(modes), tuple(shapes), self.direct)
-
-
-def turning(mode: InputMode) -> NDArray[np.bool_]:
-    """Mask of the turns of which an amplitude has an imaginary part (turns,)."""
-    return (mode.turns > 0.0) | (not mode.real)
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,12 +162,14 @@ class Fitted(Rebuilt):
     @cached_property
     def slopes(self) -> list[NDArray[np.float64]]:
         """Derivatives of each output by the free numbers of the modes, weighed (numbers, rows)."""
-        slopes = self.modal.slopes(self.lines)
+        modes, shape = self.modal.modes, (-1, *self.lines.values.shape)
+        slopes = self.lines.slopes(modes, self.modal.shapes, [mode.free for mode in modes])
+        slopes = np.array(slopes, complex).reshape(shape)
         return [self.lines.weighed(slopes[:, :, output], output) for output in range(len(self.left))]
 
     @cached_property
     def apart(self) -> NDArray[np.float64]:
-        """The same less what amplitudes make up for (numbers, rows of all outputs)."""
+        """Slopes less their part along the amplitudes (numbers, rows of all outputs)."""
         return np.concatenate([own - (own @ q) @ q.T for own, q in zip(self.slopes, self.bases, strict=True)], axis=1)
 
     @cached_property
@@ -267,7 +196,7 @@ def _inverse(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def eliminated(lines: Lines, modal: Modal) -> Fitted:
     """Modes as they are with the amplitudes, and D, that fit G best."""
-    units, numbers, parts = modal.units(lines), [], []
+    units, numbers, parts = lines.units(modal.modes, range(len(modal.direct)), lines.values.shape[2]), [], []
     for output in range(lines.values.shape[1]):
         columns = lines.weighed(units, output)
         # A step too far overflows: what is there explains nothing, and the step is taken back.

@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 from floquid.core import Channel
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, warning
+from floquid.fit import SURE
 from floquid.inputs import Samples
 from floquid.transfer._measured import MeasuredTransfer, measured_of
 
 DEGREE = 2
-"""That of the polynomials."""
+"""Degree of the polynomials."""
 
 FREE = (20, 0.6)
 """Lines of a window beyond the unknowns: so many, and this share of them more."""
@@ -32,8 +33,8 @@ POOR = 1e6
 BENT = 12
 """Windows in which G bends most, for which polynomials of one degree more are tried,"""
 
-SURE, WORSE = 1e-6, 1.6
-"""the probability at which noise may pass for their gain, and the gain over the noise that is told."""
+WORSE = 1.6
+"""and the gain over the noise of them that is told."""
 
 
 def by_polynomials(

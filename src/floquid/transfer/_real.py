@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.inputs import InputMode, half_of, near_axis
+from floquid.fit import half_of, near_axis, off_axis
+from floquid.inputs import InputMode
 
 OFF_AXIS = 20.0
 """Deviations off the axis from which on a multiplier is not tried as a real one."""
@@ -34,20 +35,18 @@ def near_real(
         imag, place = place + int(mode.free.sum()) // 2, place + int(mode.free.sum())
         if not near_axis(mode, omega):
             continue
-        half = half_of(mode, omega)
-        away = abs(mode.exponent.imag - half * omega)
         if any(abs(mode.exponent - other) < SAME * abs(other.real) for other in refused):
             continue
         spread = parameters() if spread is None else spread
-        if away <= within * spread[imag, imag] ** 0.5:
-            near.setdefault(half % 1.0, []).append(number)
+        if off_axis(mode, omega) <= within * spread[imag, imag] ** 0.5:
+            near.setdefault(half_of(mode, omega) % 1.0, []).append(number)
     for pairs in near.values():
         yield from [pairs, *([[one] for one in pairs] if len(pairs) > 1 else [])]
         refused += [modes[number].exponent for number in pairs]
 
 
 def real_for(pairs: Sequence[InputMode], omega: float) -> tuple[list[tuple[float, ...]], NDArray, NDArray]:
-    """What may stand for pairs near the axis: exponents of one real multiplier, of two, and their turns and reach."""
+    """Starts in place of pairs near the axis: exponents of one real multiplier, of two, and their turns and reach."""
     turns, reach = [], []
     for mode in pairs:
         half = half_of(mode, omega)

@@ -36,7 +36,7 @@ FAR = 1e3
 """The size of an exponent over the highest frequency of the lines from which on a fit ran away from them."""
 
 HELD = 1e6
-"""What a gain counts over what rings at the begin, where the scale of a mode is fixed."""
+"""Weight of a gain over the initial state, where the scale of a mode is fixed."""
 
 
 def searched(lines: Lines, limits: Limits, report: Callable[[str], None] = lambda _: None) -> Fitted | None:
@@ -94,7 +94,7 @@ def _level(lines: Lines, fit: Fitted, chi_square: float | None = None) -> float:
 
 
 def _by_noise(lines: Lines, fit: Fitted, more: int, alarm: float) -> float:
-    """What noise lets χ² fall by for so many numbers more; infinite where a fit has as many as were measured."""
+    """Fall of χ² by noise for so many numbers more; infinite where a fit has as many as were measured."""
     return chi2_limit(max(more, 1), alarm) * _level(lines, fit) if _degrees(lines, fit) > 0 else np.inf
 
 
@@ -148,7 +148,7 @@ def _with_one_more(lines: Lines, now: Fitted | None) -> Fitted | None:
     """The fit with the exponent of the grid that makes it best; None where no fit has fewer numbers than there are."""
     modal = Modal((), ()) if now is None else now.modal
     trials = []
-    for exponent in _candidates(lines, lines.values - modal.values(lines)):
+    for exponent in _candidates(lines, lines.values - modal.transfer(lines)):
         for main in (0, 1, -1):
             start = eliminated(lines, _joined(modal, [_bare(lines, exponent, main)]))
             if _degrees(lines, start) > 0:

@@ -78,7 +78,7 @@ class Case:
         }
 
     def place(self, channel: int, hit: int) -> dict[str, Any]:
-        """The same of one response."""
+        """Name the channel and the hit of one response."""
         named = self.places([(channel, hit)])
         return {"channel": named["channels"][0], "hit": named["hits"][0]}
 

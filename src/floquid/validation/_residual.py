@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.fit import chi2_limit
+from floquid.lifting import LAGS
 from floquid.periodic import line_amplitudes, unexplained, without_lines
 from floquid.sync import ShaftAngle
 from floquid.validation._case import FALSE_ALARM, REMAINDER, Case, Checks, strongest
@@ -32,9 +33,6 @@ HARMONIC = 0.01  # the share of the response in one harmonic beside a band that 
 MARGIN = 2.0  # standard deviations by which a harmonic has to rise above that
 MOST_TONES = 64  # harmonics of the period that are looked at, at most
 BESIDE = 4  # harmonics on each side of a mode's band that are looked at
-
-LAGS = 16
-"""Autocorrelations that are looked at, at most."""
 
 PIECE = 64  # lines of a spectrum over which its level is taken
 

@@ -159,7 +159,7 @@ def measured(modes: Sequence[Mode], held: bool, noise: float, seed: int | None) 
     )  # fmt: skip
     some = np.random.default_rng(seed)
     off = some.standard_normal(size) + 1j * some.standard_normal(size)
-    values = modal_of(lines, modes).values(lines) + (0.0 if seed is None else noise) * off
+    values = modal_of(lines, modes).transfer(lines) + (0.0 if seed is None else noise) * off
     return LineData(replace(lines, values=values))
 
 

@@ -15,10 +15,9 @@ from tests.contracts.likelihoods._point import Mode, Normal, Point
 from tests.contracts.likelihoods._records import CASES, Case
 
 from floquid.innovations import _predictor
-from floquid.inputs import _modes, input_gain
+from floquid.inputs import _modes, _transfer, input_gain
 from floquid.periodic.least_squares import GappyBlock, RecordBlock, _solver
 from floquid.periodic.least_squares._parameters import Rows
-from floquid.transfer import _modal
 
 POINTS = {"decays": Decays, "driven": Driven, "innovations": Innovations, "lines": LinePoint}
 
@@ -133,10 +132,10 @@ PLANTED = {
     "harmonics of either sign are one": (
         "conjugate", "innovations", _predictor, "turning",
         lambda samples, turns, *rest: TURNING(samples, abs(turns), *rest)),
-    "a derivative by differences that are too wide": ("gradient", "lines", _modal, "NUDGE", 0.1),
-    "the conjugate is left out": ("conjugate", "lines", _modal, "terms_of", lambda *args: TERMS(*args)[:1]),
+    "a derivative by differences that are too wide": ("gradient", "lines", _transfer, "NUDGE", 0.1),
+    "the conjugate is left out": ("conjugate", "lines", _transfer, "terms_of", lambda *args: TERMS(*args)[:1]),
 }  # fmt: skip
-BEGUN, TURNING, TERMS = _modes._begun, _predictor.turning, _modal.terms_of
+BEGUN, TURNING, TERMS = _modes._begun, _predictor.turning, _transfer.terms_of
 
 
 @pytest.mark.parametrize("mistake", PLANTED)

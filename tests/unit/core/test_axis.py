@@ -14,6 +14,7 @@ def test_the_kind_is_open_where_the_interval_of_q_holds_zero(square):
     read = read_axis(-0.1, square, COVARIANCE, 1, 2.0)
     assert read.apart == pytest.approx(np.sqrt(abs(square) + 1.96 * STD))
     assert abs(read.square) == pytest.approx(max(abs(square), 0.1 * STD))
+    assert read.std.shape == (2,)
     assert (read.std.real > 0.0).all()
     assert (read.std.imag > 0.0).all()
 

@@ -1,7 +1,5 @@
 """Search for modes with measured inputs: bands, kinds and numbers of modes by one objective."""
 
-from floquid.inputs.search._near_axis import half_of as half_of
-from floquid.inputs.search._near_axis import near_axis as near_axis
 from floquid.inputs.search._near_axis import read_near_axis as read_near_axis
 from floquid.inputs.search._scores import Scores as Scores
 from floquid.inputs.search._scores import gain_of as gain_of

@@ -203,7 +203,7 @@ def centred(samples: Samples, mode: InputMode, now: Linearisation, number: int) 
 
 
 def _weight(now: Linearisation, columns: slice, turning: NDArray[np.bool_], which: NDArray[np.int64]) -> float:
-    """How far the coefficients of some harmonics are from zero, all channels, in squared deviations."""
+    """Squared deviations of the coefficients of some harmonics from zero, of all channels."""
     later = len(turning) + np.cumsum(turning) - 1
     index = columns.start + np.concatenate([which, later[which[turning[which]]]])
     own = now.coefficients[index] / now.noise
@@ -212,7 +212,7 @@ def _weight(now: Linearisation, columns: slice, turning: NDArray[np.bool_], whic
 
 
 def _input_weight(mode: InputMode, spread: NDArray[np.float64], which: NDArray[np.int64]) -> float:
-    """How far the gains of some harmonics of the inputs are from zero, in squared deviations.
+    """Squared deviations of the gains of some harmonics of the inputs from zero.
 
     Infinite where one is the scale of the mode.
     """

@@ -9,13 +9,13 @@ from itertools import combinations, pairwise
 
 import numpy as np
 
-from floquid.fit import chi2_limit, wald_rise
+from floquid.fit import chi2_limit, half_of, near_axis, wald_rise
 from floquid.inputs._joint import fitted_together
 from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import solve
 from floquid.inputs._start import bare_mode, candidates
-from floquid.inputs.search._near_axis import block_of_pair, block_of_reals, half_of, near_axis, ordinary
+from floquid.inputs.search._near_axis import block_of_pair, block_of_reals, ordinary
 from floquid.inputs.search._point import HOPE, Point
 from floquid.inputs.search._scores import by_noise_beyond
 from floquid.inputs.search._structure import Structure
@@ -106,7 +106,7 @@ def _kind(point: Point, name: str, structure: Structure, cost: float) -> Move[St
 def _twins(modes: Sequence[InputMode]) -> Iterator[list[int]]:
     """The two real multipliers of each sign that are nearest to each other."""
     for lowest in (0.0, 0.5):
-        alike = [number for number, mode in enumerate(modes) if mode.real and mode.lowest == lowest]
+        alike = [number for number, mode in enumerate(modes) if mode.real and mode.axis == lowest]
         alike.sort(key=lambda number: modes[number].exponent.real)
         gaps = np.diff([modes[number].exponent.real for number in alike])
         if len(gaps):

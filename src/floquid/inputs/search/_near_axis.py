@@ -1,146 +1,80 @@
 r"""Pairs near an axis, and two real multipliers of one sign, by their mean and squared half-difference.
 
-.. math:: \lambda = \sigma \pm \sqrt q + \tfrac{i \kappa \omega}{2}
-
-Either kind is singular where the other begins: σ and q are determined there (`inputs/_block`).
+The equation, and which of them become blocks (`inputs/_block`), are in `fit/_near_axis`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import WITHIN, kind_open, read_axis
-from floquid.findings import Finding
-from floquid.fit import DEVIATIONS, chi2_limit
+from floquid.core import NearAxis, read_blocks
+from floquid.fit import begun_off, block_stands, couples, half_of, with_blocks
 from floquid.inputs._modes import InputMode, runs_away
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, covariance, linearise, solve
 from floquid.inputs.search._bands import centred
 
-OFF = 0.02
-"""The least √|q| over the decay with which a block begins: b of the second state of a pair is over it."""
 
-NARROWEST = 1e-3
-"""The distance off an axis, over the fundamental, that counts as near however little a pair decays."""
-
-WORSE = 1e-3
-"""The probability at which noise may make a block worse than what it stands for."""
-
-
-@dataclass(frozen=True, slots=True)
-class NearAxis:
-    """A fit of ordinary modes, deviations of exponents as they were read, by numbers of modes, and notes on kinds."""
-
-    at: Linearisation
-    as_read: Mapping[int, complex]
-    findings: tuple[Finding, ...]
-
-
-def read_near_axis(samples: Samples, now: Linearisation) -> NearAxis:
+def read_near_axis(samples: Samples, now: Linearisation) -> NearAxis[Linearisation]:
     """The fit with exponents near an axis read from their mean and squared half-difference, where these are regular.
 
     Each pair, and the two real multipliers of one sign that are nearest to each other, are fitted as a block once.
+    Ordinary modes take the place of each block, behind all others.
     """
-    tried: set[tuple[complex, ...]] = set()
-    while True:
-        for numbers in _couples(samples, now):
-            key = tuple(now.modes[number].exponent for number in numbers)
-            if key not in tried:
-                break
-        else:
-            return _read_apart(samples, now)
-        tried.add(key)
-        with suppress(np.linalg.LinAlgError):
-            now = _as_block(samples, now, numbers) or now
+    now = with_blocks(now, lambda own: _couples(samples, own), lambda own, numbers: _as_block(samples, own, numbers))
+    blocks = {}
+    if any(mode.square is not None for mode in now.modes):
+        blocks = read_blocks(now.modes, covariance(samples, now), _places(now.modes), samples.fundamental)
+    modes = [mode for mode in now.modes if mode.square is None]
+    for number, read in blocks.items():
+        modes += ordinary(samples, replace(now.modes[number], square=read.square))
+    at = now
+    if blocks:
+        at = linearise(samples, modes, now.direct)
+        at = linearise(samples, [centred(samples, mode, at, k).scaled() for k, mode in enumerate(at.modes)], at.direct)
+    return NearAxis.of(at, blocks, now.modes, samples.fundamental)
 
 
-def half_of(mode: InputMode, omega: float) -> float:
-    """The multiple of half the fundamental that a mode is nearest to, in fundamentals."""
-    return mode.lowest if mode.real else 0.5 * round(2.0 * mode.exponent.imag / omega)
-
-
-def near_axis(mode: InputMode, omega: float) -> bool:
-    """True of a pair that is no further off an axis than it decays: it may be one real multiplier, or two."""
-    away = abs(mode.exponent.imag - half_of(mode, omega) * omega)
-    return not mode.real and away <= max(abs(mode.exponent.real), NARROWEST * omega)
+def _places(modes: Sequence[InputMode]) -> NDArray[np.int64]:
+    """The free parameters that are the real and the imaginary part of each exponent, or σ and q (modes, 2)."""
+    ends = np.cumsum([0, *(mode.free.sum() for mode in modes)])
+    seconds = [
+        (first + last) // 2 if mode.square is None else last - 1
+        for mode, first, last in zip(modes, ends, ends[1:], strict=False)
+    ]
+    return np.stack([ends[:-1], np.array(seconds, np.int64)], axis=1)
 
 
 def _couples(samples: Samples, now: Linearisation) -> Iterator[list[int]]:
-    """Numbers of modes that may be of either kind: each pair near an axis, and two real multipliers of one sign."""
-    modes, omega = now.modes, samples.fundamental
-    places = np.cumsum([0, *(mode.free.sum() for mode in modes)])
-    spread = covariance(samples, now) if modes else np.zeros((0, 0))
-    reals: dict[float, list[int]] = {}
-    for number, mode in enumerate(modes):
-        if mode.square is not None or runs_away(samples, mode.exponent):
-            continue
-        if mode.real:
-            reals.setdefault(mode.lowest, []).append(number)
-            continue
-        imag = (places[number] + places[number + 1]) // 2
-        # The deviations of q from zero are half those of its root.
-        if abs(mode.exponent.imag - half_of(mode, omega) * omega) < 2.0 * DEVIATIONS * spread[imag, imag] ** 0.5:
-            yield [number]
-    for alike in reals.values():
-        alike.sort(key=lambda k: modes[k].exponent.real)
-        yield from sorted(
-            map(list, pairwise(alike)), key=lambda two: float(np.ptp([modes[k].exponent.real for k in two]))
-        )[:1]
+    """Numbers of modes that may be of either kind, all of them within bounds in the record."""
+    spread = covariance(samples, now) if now.modes else np.zeros((0, 0))
+    for numbers in couples(now.modes, spread, _places(now.modes), samples.fundamental):
+        if not any(runs_away(samples, now.modes[number].exponent) for number in numbers):
+            yield numbers
 
 
 def _as_block(samples: Samples, now: Linearisation, numbers: Sequence[int]) -> Linearisation | None:
     """The fit with a block for one pair or two real multipliers; None where either kind for itself is regular."""
     own = [now.modes[number] for number in numbers]
-    block = block_of_pair(samples, own[0]) if len(own) == 1 else block_of_reals(own, samples.fundamental)
-    modes = [mode for k, mode in enumerate(now.modes) if k not in numbers]
-    trial = solve(samples, [*modes, block], now.direct)
-    std, square = float(np.sqrt(covariance(samples, trial)[-1, -1])), trial.modes[-1].square
-    assert square is not None
-    # With its deviation off, a pair would be nearer to the next axis: its q is not determined.
-    if not np.sqrt(max(-square, 0.0) + std) < 0.25 * samples.fundamental:
-        return None
-    # Harmonics that neither kind has cost more than a q that is not open gains.
-    away = DEVIATIONS if trial.n_parameters <= now.n_parameters else WITHIN
-    if abs(square) > away * std and (square > 0.0) == own[0].real:
-        return None
-    # It holds what they hold: where it fits worse its fit has not ended.
-    return trial if now.log_likelihood - trial.log_likelihood < chi2_limit(1, WORSE) else None
-
-
-def _read_apart(samples: Samples, now: Linearisation) -> NearAxis:
-    """The fit with ordinary modes for each block, behind all others."""
-    if all(mode.square is None for mode in now.modes):
-        return NearAxis(now, {}, ())
-    spread, place = covariance(samples, now), 0
-    modes, as_read, findings = [mode for mode in now.modes if mode.square is None], {}, []
-    for mode in now.modes:
-        place += int(mode.free.sum())
-        if mode.square is None:
-            continue
-        ends = [place - int(mode.free.sum()), place - 1]
-        half = round(2.0 * mode.lowest)
-        read = read_axis(mode.exponent.real, mode.square, spread[np.ix_(ends, ends)], half, samples.fundamental)
-        parts = ordinary(samples, replace(mode, square=read.square))
-        if read.apart is not None:
-            findings.append(kind_open(mode.exponent.real + 1j * mode.lowest * samples.fundamental, read.apart))
-        as_read |= {len(modes) + k: complex(read.std[k]) for k in range(len(parts))}
-        modes += parts
-    at = linearise(samples, modes, now.direct)
-    at = linearise(samples, [centred(samples, mode, at, k).scaled() for k, mode in enumerate(at.modes)], now.direct)
-    return NearAxis(at, as_read, tuple(findings))
+    rest = [mode for k, mode in enumerate(now.modes) if k not in numbers]
+    with suppress(np.linalg.LinAlgError):
+        block = block_of_pair(samples, own[0]) if len(own) == 1 else block_of_reals(own, samples.fundamental)
+        trial = solve(samples, [*rest, block], now.direct)
+        variance = float(covariance(samples, trial)[-1, -1])
+        return trial if block_stands(trial, now, variance, samples.fundamental, real=own[0].real) else None
+    return None
 
 
 def block_of_pair(samples: Samples, mode: InputMode) -> InputMode:
     """The block of a pair, about the axis that it is nearest to: its states are z and its derivative along q."""
     omega, half = samples.fundamental, half_of(mode, samples.fundamental)
     away = mode.exponent.imag - half * omega
-    away = float(np.copysign(max(abs(away), OFF * abs(mode.exponent.real), 1e-9 * omega), away))
+    away = begun_off(away, mode.exponent.real, omega)
     reach, first = _folded(mode.reach - half, mode.gains)
     _, second = _folded(mode.reach - half, -1j * mode.gains / away)
     initial = mode.initial * np.exp(-1j * half * omega * samples.first_times)
@@ -160,9 +94,9 @@ def block_of_reals(modes: Sequence[InputMode], omega: float) -> InputMode:
     """The block of two real multipliers of one sign, with harmonics as wide."""
     other, one = sorted(modes, key=lambda mode: mode.exponent.real)
     decay, gap = 0.5 * (one.exponent.real + other.exponent.real), one.exponent.real - other.exponent.real
-    apart = max(0.5 * gap, OFF * abs(decay), 1e-9 * omega)
+    apart = begun_off(0.5 * gap, decay, omega)
     turns, reach = (
-        np.arange(one.lowest, max(getattr(mode, name)[-1] for mode in modes) + 0.5) for name in ("turns", "reach")
+        np.arange(one.axis, max(getattr(mode, name)[-1] for mode in modes) + 0.5) for name in ("turns", "reach")
     )
     gains = [np.pad(mode.gains, ((0, 0), (0, len(reach) - len(mode.reach)))) for mode in (one, other)]
     # The sign of a state is free: alike, their difference is small, as it is where they meet.
@@ -177,7 +111,7 @@ def block_of_reals(modes: Sequence[InputMode], omega: float) -> InputMode:
 def ordinary(samples: Samples, mode: InputMode) -> list[InputMode]:
     """The pair, or the two real multipliers, that a block is."""
     assert mode.square is not None
-    root, low, omega = float(np.sqrt(abs(mode.square))), mode.lowest, samples.fundamental
+    root, low, omega = float(np.sqrt(abs(mode.square))), mode.axis, samples.fundamental
     if mode.square > 0.0:
         return [replace(mode.at(way), real=True).scaled() for way in (root, -root)]
     up, down = mode.at(1j * root), mode.at(-1j * root)

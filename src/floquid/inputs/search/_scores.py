@@ -181,7 +181,7 @@ class Scores:
         return np.einsum("mcn,cn->m", slopes, left), slopes
 
     def _unfitted(self, values: NDArray) -> NDArray:
-        """What this fit, to first order, leaves of a response over its noise (channels, samples)."""
+        """Residual of a response after this fit, to first order, over its noise (channels, samples)."""
         own = (values @ self.columns.T) @ self.now.inverse
         values, step = values - own.astype(self.precision) @ self.columns, np.zeros(self.root.shape[1])
         for slopes, left in zip(self.slopes, values, strict=True):

@@ -340,7 +340,7 @@ def kept(multipliers: Complexes, state: Components, order: int) -> Complexes:
 
 
 def usable(multipliers: Complexes) -> Complexes:
-    """Those that are numbers and not zero."""
+    """Select poles that are numbers and not zero."""
     return multipliers[np.isfinite(multipliers) & (multipliers != 0)]
 
 

@@ -133,7 +133,7 @@ def fit_pole(
 
 
 def _condensed(band: Band) -> Band:
-    """The same band with no more columns than rows, where there are very many: their products are the same."""
+    """Reduce a band to no more columns than rows, where there are very many: their products are the same."""
     rows, columns = band.values.shape
     if columns <= MANY * rows:
         return band

@@ -32,7 +32,7 @@ class Prepared:
 
     data: TimeResponses
     factors: tuple[Factor, ...]
-    """Of the samples that hold energy."""
+    """Factors of the samples that hold energy."""
     initial: Any = None
     """State of the wrapped identifier, where there is one."""
 

@@ -149,7 +149,7 @@ class Tangents:
         return Tangents(left[0], left[1], self.a, self.b)
 
     def products(self, moments: Floats) -> Floats:
-        """Their products with one another, over all responses, from the second moments of the residues."""
+        """Products of the tangents with one another, over all responses, from the second moments of the residues."""
         total = (self.first.T @ self.first) * moments[np.ix_(self.a, self.a)]
         mixed = (self.first.T @ self.second) * moments[np.ix_(self.a, self.b)]
         return total + mixed + mixed.T + (self.second.T @ self.second) * moments[np.ix_(self.b, self.b)]
@@ -372,7 +372,7 @@ def model_of_products(found: ProductFit, stacked: Stacked, outcome: Outcome, col
 
 
 def _covariance(found: ProductFit, stacked: Stacked, colour: Floats) -> Floats:
-    """Of the logarithms of the multipliers (2 order, 2 order), real parts, then imaginary parts."""
+    """Covariance of the logarithms of the multipliers (2 order, 2 order), real parts, then imaginary parts."""
     unit = sandwich(found.information, _scatter(found.products, stacked), 1e-12)
     own = _pole_parameters(found.products)
     map_ = found.products.poles.parameter_map()

@@ -90,7 +90,10 @@ def _by_columns(values: Floats, envelopes: Floats, decays: Floats, lines: int) -
 
 
 def _by_diagonals(values: Floats, envelopes: Floats, decays: Floats, lines: int) -> tuple[Floats, Complexes]:
-    """The same from the Gram matrix: e^{-d(n + m)} is constant across the diagonals, e^{-2dn} e^{-dl} along them."""
+    """Σ_j |z_j|² and Σ_j z_j² from the Gram matrix.
+
+    e^{-d(n + m)} is constant across the diagonals, e^{-2dn} e^{-dl} along them.
+    """
     samples = len(values)
     along, across = np.zeros((len(decays), samples)), np.zeros(2 * samples - 1)
     # Half of the Gram matrix is enough; some rows at a time stay in the cache.

@@ -132,7 +132,7 @@ def stacked(lines: Complexes) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Equations:
-    """Of one band: the basis on its lines (lines, n + 1), the numerators' orthonormal span (2 lines, n), and N."""
+    """Matrices of one band: the basis on lines (lines, n + 1), the numerators' orthonormal span (2 lines, n), and N."""
 
     band: Band
     values: Complexes

@@ -27,7 +27,7 @@ class Modes:
 
     @staticmethod
     def of(multipliers: Complexes, shares: Complexes | None) -> Modes:
-        """Of roots: the upper half, a real one's shares made real."""
+        """Select the upper half of the roots, a real one's shares made real."""
         upper = multipliers.imag >= -1e-9 * np.abs(multipliers)
         poles = PoleSet.from_multipliers(multipliers[upper])
         if shares is None:

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import Floats, Integers, Mask
-from floquid.core import WITHIN, read_axis
-from floquid.fit import DEVIATIONS, chi2_limit
+from floquid.core import read_axis
+from floquid.fit import DEVIATIONS, WITHIN, chi2_limit
 from floquid.periodic.least_squares import EVEN, ODD, PLAIN, ModeParameters, Solution, linearise
 from floquid.periodic.search._objective import FARTHEST, Point, carried
 from floquid.periodic.search._result import SearchResult

@@ -180,7 +180,7 @@ def _by_powers(scores: Scores) -> NDArray[np.float64]:
     repeated, beside = ((own - own.mean(axis=1, keepdims=True)) / size for own in (repeated, beside))
     powers = np.concatenate([beside**2, beside**2 * (beside + 3.0 * repeated)])
     powers -= powers.mean(axis=1, keepdims=True)
-    return scores.by_inputs([(number, mode.lowest) for number, mode in enumerate(now.modes)], powers)
+    return scores.by_inputs([(number, mode.axis) for number, mode in enumerate(now.modes)], powers)
 
 
 def _nonlinear(scores: Scores, gains: NDArray[np.float64]) -> tuple[Finding, ...]:

@@ -136,6 +136,8 @@ def _held_out(own: Parted, found: Linearisation) -> NDArray[np.float64]:
         at = replace(whole_at, coefficients=part.at.coefficients)
         by_parameters = slopes_of(whole, at, channel, states)[:, beyond]
         # What the part does not tell of the model is no error of it.
-        expected = noise**2 + np.minimum(part.variance(channel, by_parameters.T, columns.T), MOST_UNTOLD * noise**2)
+        expected = noise**2 + np.minimum(
+            part.errors.variance(channel, by_parameters.T, columns.T), MOST_UNTOLD * noise**2
+        )
         errors.append(float(np.sqrt(np.mean(left**2 / expected))))
     return np.array(errors)
