@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import NearAxis
+from floquid.errors import IdentificationError
 from floquid.fit import chi2_limit
 from floquid.innovations._bands import centred, grown, narrowed
 from floquid.innovations._covariance import reweighed, white, whitening_of
@@ -83,8 +84,10 @@ def searched(
         replace(mode, shape=outputs * mode.shape, gains=mode.gains / np.concatenate([inputs, outputs]))
         for mode in found.modes
     ]
-    at = predicted(samples, modes, outputs * found.columns / known.T, found.initial)
-    assert at is not None
+    # What was read near an axis may grow over the records, as long as its innovations do not.
+    at = predicted(samples, modes, outputs * found.columns / known.T, found.initial, growing=True)
+    if at is None:
+        raise IdentificationError("Identification ended without a result: the predictor of the modes found diverges.")
     return replace(near, at=reweighed(samples, at)), unfinished
 
 
