@@ -10,11 +10,14 @@ from numpy.typing import NDArray
 from floquid.fit import Normal, chi2_limit, scaled_inverse, score_gain, wald_rise
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted, rebuilt
-from floquid.innovations._solve import SINGLE, inverse_of, moved, normal_of, places, solve
+from floquid.innovations._solve import inverse_of, moved, normal_of, places, solve
 from floquid.inputs import Limits, Samples
 
 ROUNDS = 10
 """Rounds in which bands may grow."""
+
+COLLINEAR = 1e-6
+"""The share of its information below which a harmonic is one of all that is fitted."""
 
 STRIDE = 2
 """Harmonics beyond the end of a band that are looked at."""
@@ -30,7 +33,7 @@ def grown(samples: Samples, now: Predictor, limits: Limits, rounds: int = ROUNDS
             break
         padded = rebuilt(samples, now, [mode.padded(STRIDE, limits.highest) for mode in now.modes])
         assert padded is not None
-        normal = normal_of(samples, padded, rough=True)
+        normal = normal_of(samples, padded)
         bands = [
             tuple(np.isin(new, old) for new, old in ((wide.turns, own.turns), (wide.reach, own.reach)))
             for wide, own in zip(padded.modes, now.modes, strict=True)
@@ -69,7 +72,7 @@ def narrowed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     period, most = 2.0 * np.pi / samples.fundamental, sum(len(mode.turns) + len(mode.reach) for mode in now.modes)
     spread: NDArray[np.float64] | None = None
     while most and not limits.over:
-        spread = inverse_of(normal_of(samples, now, rough=True), anchored(now)) if spread is None else spread
+        spread = inverse_of(normal_of(samples, now), anchored(now)) if spread is None else spread
         bands, step = _narrower(now, spread, limits, most)
         gone = sum(int(np.sum(~kept)) for band in bands for kept in band)
         if not gone:
@@ -134,16 +137,21 @@ def _score(normal: Normal, inverse: NDArray[np.float64], rows: NDArray[np.int64]
     mixed = normal.matrix[rows]
     left = mixed[:, rows] - mixed @ inverse @ mixed.T
     pull = normal.gradient[rows] - mixed @ inverse @ normal.gradient
-    return score_gain(pull, left, SINGLE, before=np.diag(mixed[:, rows]))
+    return score_gain(pull, left, COLLINEAR, before=np.diag(mixed[:, rows]))
 
 
 def anchored(now: Predictor) -> NDArray[np.bool_]:
-    """The parameters less the largest gain of each mode, which says what its scale is (parameters,)."""
+    """Parameters without the largest gain of each mode, which says what its scale is, and those of no effect."""
     free = []
     for mode in now.modes:
-        own = np.ones(sum(mode.sizes), bool)
+        parts = [np.ones(mode.rows, bool)]
+        for values, band in ((mode.gains, mode.reach), (mode.shape, mode.turns)):
+            # The imaginary part of a real multiplier at harmonic zero has no effect.
+            parts += [np.ones(values.size, bool), np.tile((band > 0.0) | (not mode.real), len(values))]
+        own = np.concatenate(parts)
         if mode.real:
-            own[int(np.argmax(np.abs(mode.parameters[: mode.rows + 2 * mode.gains.size])))] = False
+            gains = slice(mode.rows, mode.rows + 2 * mode.gains.size)
+            own[mode.rows + int(np.argmax(np.abs(mode.parameters[gains]) * own[gains]))] = False
         else:
             largest = mode.rows + int(np.argmax(np.abs(mode.gains)))
             own[[largest, largest + mode.gains.size]] = False

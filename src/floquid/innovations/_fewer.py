@@ -127,7 +127,7 @@ def _fewer(samples: Samples, now: Predictor, limits: Limits) -> Iterator[Predict
     Of modes that are nearly one the linearisation does not hold: shapes are large and cancel. Nor does it where one of
     several real multipliers on an axis makes up for what others lack.
     """
-    inverse = inverse_of(normal_of(samples, now, rough=True), anchored(now))
+    inverse = inverse_of(normal_of(samples, now), anchored(now))
     starts: list[tuple[float, list[Mode]]] = []
     axes = [mode.axis for mode in now.modes if mode.real]
     for group in alike(now.modes, samples.fundamental):

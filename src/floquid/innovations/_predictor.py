@@ -224,22 +224,19 @@ def turning(samples: Samples, turns: NDArray[np.float64], own: slice = slice(Non
     return np.array([samples.turned(turn)[own] for turn in turns.tolist()]).reshape(len(turns), -1)
 
 
-def slopes(
-    samples: Samples, at: Predictor, root: NDArray[np.float64], *, rough: bool = False
-) -> Iterator[tuple[slice, NDArray]]:
+def slopes(samples: Samples, at: Predictor, root: NDArray[np.float64]) -> Iterator[tuple[slice, NDArray[np.float64]]]:
     """Derivatives of W e by all parameters (samples, channels, parameters), in parts.
 
     W is (samples, channels, channels). Parameters are those of `Mode.moved` of each mode, the coefficients of the known
-    columns by channel, and the first states of each record. Rough ones are made in single precision.
+    columns by channel, and the first states of each record.
     """
-    number = np.float32 if rough else np.float64
     system, gains, seen, _ = matrices(samples, at.modes)
     size, channels = len(system), len(samples.values)
     # Below the derivatives of the states are those of what each channel holds beside them: one product serves for both.
-    ahead = np.concatenate([system - gains @ seen, -gains], axis=2).astype(number)
-    white = -np.concatenate([root @ seen, root], axis=2).astype(number)
+    ahead = np.concatenate([system - gains @ seen, -gains], axis=2)
+    white = -np.concatenate([root @ seen, root], axis=2)
     width = sum(sum(mode.sizes) for mode in at.modes) + at.columns.size + at.initial.size
-    states = np.zeros((TOGETHER + 1, size + channels, width), number)
+    states = np.zeros((TOGETHER + 1, size + channels, width))
     for place, record in enumerate(samples.records):
         states[0, :size] = 0.0
         first = width - at.initial.size + place * size

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from floquid.fit import half_of, near_axis
-from floquid.innovations._bands import grown, narrowed
+from floquid.innovations._bands import anchored, grown, narrowed
 from floquid.innovations._fewer import least, stable
 from floquid.innovations._predictor import Predictor
 from floquid.innovations._products import as_real
@@ -15,7 +15,8 @@ from floquid.inputs import Limits, Samples
 
 def with_real_ones(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     """With one real multiplier for each pair near an axis where the criterion prefers that: a state less."""
-    spread, omega = np.diag(inverse_of(normal_of(samples, now, rough=True))), samples.fundamental
+    spread = np.diag(inverse_of(normal_of(samples, now), anchored(now)))
+    omega = samples.fundamental
     for number, (mode, place) in enumerate(zip(now.modes, places(now.modes), strict=True)):
         std = float(max(spread[place.start + mode.rows - 1], 0.0) ** 0.5)
         if limits.over or not near_axis(mode, omega, std):

@@ -244,7 +244,7 @@ def _with(
     """The predictor with modes more, as fitted to the innovations of now; None where none is stable."""
     if not more:
         return None
-    seen = solve_driven(driven, more, iterations=HELD, rough=True)
+    seen = solve_driven(driven, more, iterations=HELD)
     found = []
     for number, mode in enumerate(seen.modes):
         gains = [

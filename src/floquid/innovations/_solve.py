@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.fit import ROUNDING, Ends, Normal, Steps, levenberg_marquardt, scaled_inverse
+from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, scaled_inverse
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, gradient, predicted, slopes
 from floquid.inputs import Samples
@@ -17,9 +17,6 @@ Step = NDArray[np.float64]
 
 LONGEST_STEP = 0.3
 """The most that an exponent may move in a step, over one period."""
-
-SINGLE = 1e-6
-"""The share of the largest below which a direction is rounding in single precision: the scale of a state is one."""
 
 NEARBY, BENT = 0.1, 0.75
 """The share of a step at which the curve of the residual is looked at, and the size of the second derivative over the
@@ -42,14 +39,14 @@ CLIMBING = 20.0
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of a start that all but diverges: no step is found then
-def normal_of(samples: Samples, at: Predictor, *, rough: bool = False) -> Normal:
-    """The linearisation of a predictor by all of its parameters, zero ones as well; rough in single precision."""
+def normal_of(samples: Samples, at: Predictor) -> Normal:
+    """The linearisation of a predictor by all of its parameters, zero ones as well."""
     found = gradient(samples, at, at.innovations)
     matrix = np.zeros((len(found), len(found)))
-    for _, part in slopes(samples, at, at.root, rough=rough):
+    for _, part in slopes(samples, at, at.root):
         flat = part.reshape(-1, part.shape[2])
         matrix += flat.T @ flat
-    return Normal(matrix=matrix, gradient=found, least=SINGLE if rough else ROUNDING)
+    return Normal(matrix=matrix, gradient=found)
 
 
 def inverse_of(normal: Normal, free: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
@@ -62,12 +59,12 @@ def inverse_of(normal: Normal, free: NDArray[np.bool_] | None = None) -> NDArray
         return np.full_like(normal.matrix, np.nan)
     own = np.flatnonzero(np.ones(len(normal.gradient), bool) if free is None else free)
     found = np.zeros_like(normal.matrix)
-    found[np.ix_(own, own)] = scaled_inverse(normal.matrix[np.ix_(own, own)], normal.least, floor=free is not None)
+    found[np.ix_(own, own)] = scaled_inverse(normal.matrix[np.ix_(own, own)], floor=free is not None)
     return found
 
 
 def solve(samples: Samples, start: Predictor, *, rough: bool = False, least: float = -np.inf) -> Predictor:
-    """The maximum of the likelihood near a start (Levenberg-Marquardt); a rough one in single precision.
+    """The maximum of the likelihood near a start (Levenberg-Marquardt).
 
     The matrix is kept while steps gain what it lets expect: the gradient alone costs next to nothing. A step that gains
     nothing is tried along the curve of the residual before it is shortened. A fit that is of no use below a least
@@ -85,7 +82,7 @@ def solve(samples: Samples, start: Predictor, *, rough: bool = False, least: flo
         return at.log_likelihood + (iterations - len(gains)) * gains[-2] < least
 
     steps = Steps(
-        normal=lambda at: normal_of(samples, at, rough=rough),
+        normal=lambda at: normal_of(samples, at),
         moved=lambda at, step: moved(samples, at, step, period),
         limited=lambda at, step, normal, damping: held(at, step, normal.root(damping), period),
         bent=bent,

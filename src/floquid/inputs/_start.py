@@ -138,12 +138,15 @@ def _poles(samples: Samples, response: NDArray[np.float64], thinned: int) -> lis
     order = np.concatenate([inputs, past, outputs])
     gram = gram[np.ix_(order, order)]
     scale = np.sqrt(np.maximum(np.diag(gram), 1e-12 * np.diag(gram).max()))
-    lower = _lower(gram / np.outer(scale, scale)) * scale[:, None]
+    lower, rounding = _lower(gram / np.outer(scale, scale))
+    lower *= scale[:, None]
     first, last = len(inputs), len(inputs) + len(past)
     left, values, _ = np.linalg.svd(lower[last:, first:last], full_matrices=False)
+    # Of a response that few poles explain all others are rounding: they would come up, too, and shift those that are.
+    rank = int(np.count_nonzero(values > rounding * scale[last:].max()))
     found = []
     for wanted in ORDERS:
-        if wanted > (depth - 1) * count:
+        if wanted > min((depth - 1) * count, rank):
             break
         observed = left[:, :wanted] * np.sqrt(values[:wanted])
         shift = np.linalg.lstsq(observed[:-count], observed[count:], rcond=None)[0]
@@ -171,14 +174,17 @@ def _low_pass(thinned: int) -> NDArray[np.float64]:
     return taps / taps.sum()
 
 
-def _lower(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The triangular factor of a matrix of products, with as much more on its diagonal as rounding needs."""
+def _lower(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """The triangular factor of a matrix of products, with as much more on its diagonal as rounding needs.
+
+    With the root of that: what the factor holds below it is rounding.
+    """
     for more in (1e-12, 1e-9, 1e-6):
         with suppress(np.linalg.LinAlgError):
-            return np.asarray(np.linalg.cholesky(matrix + more * np.eye(len(matrix))), np.float64)
+            return np.asarray(np.linalg.cholesky(matrix + more * np.eye(len(matrix))), np.float64), more**0.5
     # Of inputs that are zero at most lags, as of blows, some products are rounding of those of others.
     values, vectors = np.linalg.eigh(matrix)
-    return np.asarray(np.linalg.qr((vectors * np.sqrt(np.maximum(values, 1e-6))).T)[1].T, np.float64)
+    return np.asarray(np.linalg.qr((vectors * np.sqrt(np.maximum(values, 1e-6))).T)[1].T, np.float64), 1e-3
 
 
 def _products_of_lags(signals: NDArray[np.float64], lags: int) -> NDArray[np.float64]:

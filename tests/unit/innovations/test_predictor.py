@@ -96,13 +96,6 @@ def test_the_adjoint_gives_the_gradient(case):
     assert np.abs(gradient(samples, at, signals) - expected).max() < 1e-12 * np.abs(expected).max()
 
 
-def test_single_precision_gives_the_same_matrix(case):
-    samples, at, _ = case
-    fine, rough = normal_of(samples, at), normal_of(samples, at, rough=True)
-    scaled = [own.matrix / np.outer(own.scale, own.scale) for own in (fine, rough)]
-    assert np.abs(scaled[0] - scaled[1]).max() < 1e-4
-
-
 def test_what_is_left_of_a_first_state_does_not_underflow(case):
     _, at, _ = case
     generator = np.random.default_rng(8)
@@ -111,7 +104,7 @@ def test_what_is_left_of_a_first_state_does_not_underflow(case):
         step=STEP, fundamental=OMEGA, hold="none",
     )  # fmt: skip
     start = predicted(long, at.modes, at.columns, at.initial)
-    parts = [np.abs(part[:, :, -at.initial.size :]) for _, part in slopes(long, start, start.root, rough=True)]
+    parts = [np.abs(part[:, :, -at.initial.size :]) for _, part in slopes(long, start, start.root)]
     assert parts[0].max() > 0.01
     assert not any(((part > 0.0) & (part < 1e-6 * FORGOTTEN)).any() for part in parts)
     assert parts[-1].max() == 0.0

@@ -68,6 +68,7 @@ def test_products_of_lags_are_those_of_the_table():
 def test_the_factor_of_products_that_are_rounding():
     root = np.random.default_rng(0).standard_normal((6, 3))
     products = root @ root.T - 5e-3 * np.eye(6)
-    factor = _lower(products)
+    factor, rounding = _lower(products)
     assert np.abs(np.triu(factor, 1)).max() == 0.0
     assert np.abs(factor @ factor.T - products).max() < 6e-3
+    assert np.count_nonzero(np.linalg.svd(factor)[1] > 1.01 * rounding) == 3

@@ -1,0 +1,90 @@
+"""Units of the channels, and finer fits of trials, change no answer: free responses, measured inputs, outputs alone."""
+
+import numpy as np
+import pytest
+from tests.driven import ambient_of, creeping, mathieu, mathieu_and_lag, paper_rotor, record_of, two_masses
+
+from floquid import ConstantPeriod, Record, identify
+from floquid.innovations import _search as ambient_search
+from floquid.innovations import _solve as ambient_fits
+from floquid.inputs.search import _point as driven_fits
+from floquid.periodic.search._objective import Point
+
+FREE = {"rotor": (paper_rotor(), 30), "lag": (mathieu_and_lag(), 10), "masses": (two_masses(), 12)}
+DRIVEN = {"masses": two_masses(), "lag": mathieu_and_lag(), "creeping": creeping(0.0145)}
+
+
+def free(name, seed):
+    system, periods = FREE[name]
+    generator = np.random.default_rng(seed)
+    silence = np.zeros((system.B(0.0).shape[1], 32 * periods))
+    values = system.response(silence, 32, generator.standard_normal(len(system.A(0.0))))
+    values += 0.01 * values.std(axis=1, keepdims=True) * generator.standard_normal(values.shape)
+    return system, values, 32, {}
+
+
+def driven(name, seed):
+    system = DRIVEN[name]
+    values, forces = record_of(system, 60, 20, 0.02, seed)
+    names = [f"y{len(values) + number}" for number in range(len(forces))]
+    return system, np.concatenate([values, forces]), 20, {"inputs": names}
+
+
+def ambient(name, seed):
+    """Mathieu's equation beside a channel of noise: a mode of that noise stayed in 1 of 4 draws, in other units."""
+    system = creeping(0.0145) if name == "creeping" else mathieu()
+    values = ambient_of(system, 250, 16, 0.02, seed if name == "creeping" else 0)
+    if name == "noise":
+        values = np.concatenate([values, np.random.default_rng(seed).standard_normal(values.shape)])
+    return system, values, 16, {"excitation": "ambient"}
+
+
+CASES = [
+    *[pytest.param(ambient, "noise", seed, id=f"ambient-noise-{seed}") for seed in range(1, 5)],
+    *[pytest.param(ambient, "creeping", seed, id=f"ambient-creeping-{seed}") for seed in range(3)],
+    *[pytest.param(free, name, seed, id=f"free-{name}-{seed}") for name in FREE for seed in range(2)],
+    *[pytest.param(driven, name, seed, id=f"driven-{name}-{seed}") for name in DRIVEN for seed in range(2)],
+]
+
+
+def identified(system, values, phases, options):
+    names = [f"y{number}" for number in range(len(values))]
+    clock = ConstantPeriod(period=system.period)
+    record = Record(values=values, sample_rate=phases / system.period, channels=names, clock=clock)
+    return identify(record, validate=False, **options)
+
+
+def gap(one, other):
+    """The largest distance of exponents over their deviations."""
+    assert one.model.order == other.model.order
+    apart, std = one.model.exponents - other.model.exponents, one.model.exponent_std
+    parts = np.abs([apart.real, apart.imag]) / np.array([std.real, np.where(std.imag > 0.0, std.imag, np.inf)])
+    assert [finding.code for finding in one.findings] == [finding.code for finding in other.findings]
+    return float(parts.max())
+
+
+@pytest.mark.first(1)
+@pytest.mark.parametrize(("of", "name", "seed"), CASES)
+def test_units_of_the_channels_change_nothing(of, name, seed):
+    system, values, phases, options = of(name, seed)
+    size = np.where(np.arange(len(values)) % 2, 1.0, 1e6)[:, None]
+    own, large = (identified(system, by * values, phases, options) for by in (1.0, size))
+    assert gap(own, large) < 1e-5
+
+
+@pytest.mark.first(1)
+@pytest.mark.parametrize(("of", "name", "seed"), CASES)
+def test_trials_that_are_fitted_finer_change_nothing(of, name, seed, monkeypatch):
+    """The search is not over where a fit is: how far trials are fitted must not decide which of them are kept."""
+    case = of(name, seed)
+    own = identified(*case)
+    steps, gain, patience = ambient_fits.ROUGH
+    monkeypatch.setattr(ambient_fits, "ROUGH", (10 * steps, 0.1 * gain, patience))
+    monkeypatch.setattr(ambient_search, "HELD", 4 * ambient_search.HELD)
+    monkeypatch.setattr(driven_fits, "STEPS", 4 * driven_fits.STEPS)
+    monkeypatch.setattr(driven_fits, "REST", 0.1 * driven_fits.REST)
+    rest = Point.settled.__kwdefaults__
+    monkeypatch.setattr(
+        Point.settled, "__kwdefaults__", rest | {"steps": 4 * rest["steps"], "rest": 0.1 * rest["rest"]}
+    )
+    assert gap(own, identified(*case)) < 1e-2
