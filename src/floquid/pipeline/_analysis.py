@@ -13,6 +13,7 @@ from floquid import innovations
 from floquid._arrays import Floats
 from floquid._checks import counted, input_error
 from floquid._show import Brief, Drawings, Drawn, Told, late
+from floquid.checks import Validation
 from floquid.core import Channel, ConstantPeriod, Cycles, PeriodicModel, Provenance, Record
 from floquid.findings import Finding, Severity, texts
 from floquid.inputs import TransferFunctions, Uncertainty
@@ -34,7 +35,6 @@ from floquid.reconstruction import (
     refine,
 )
 from floquid.sync import ShaftAngle
-from floquid.validation import Validation
 
 if TYPE_CHECKING:
     import pandas as pd

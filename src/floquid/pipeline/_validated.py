@@ -7,11 +7,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from floquid.checks import Criterion, Validation, validate
 from floquid.errors import FloquidError
 from floquid.findings import failure
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._decay import FAILED
-from floquid.validation import Criterion, Validation, validate
 
 
 def validated(analysis: Analysis, *, report: Callable[[str], None] = lambda _: None) -> Analysis:

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from floquid._checks import counted
+from floquid.checks import Validation
 from floquid.core import ModelInputs
 from floquid.findings import Severity, texts
 from floquid.lifting import Lifted
 from floquid.pipeline import Analysis
-from floquid.validation import Validation
 from floquid.views._mode_table import mode_notes, with_error
 
 ORDER = "excited_order"  # the code of the finding that the line on the order has

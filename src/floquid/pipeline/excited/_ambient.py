@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
+from floquid.checks import Validation
 from floquid.core import PeriodicModel, Provenance, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, failure, note, warning
@@ -49,7 +50,6 @@ from floquid.pipeline.excited._verdict import (
     of_phases,
     undriven,
 )
-from floquid.validation import Validation
 
 PREDICTABLE = 0.03
 """The share of the variance of the innovations that is predictable from those before, from which on a model fails."""

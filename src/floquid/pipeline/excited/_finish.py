@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from floquid._arrays import Floats
+from floquid.checks import Criterion, Validation
 from floquid.errors import FloquidError
 from floquid.findings import Finding, Severity, failure, warning
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._state import state_of
 from floquid.pipeline.excited._lines import MOST_PERIODS
-from floquid.validation import Criterion, Validation
 
 HELD_OUT = 1.4
 """The error of prediction on samples left out, over the noise, from which on a model does not pass."""

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
+from floquid.checks import Validation
 from floquid.core import Provenance, Record
 from floquid.errors import IdentificationError
 from floquid.findings import warning
@@ -31,7 +32,6 @@ from floquid.pipeline.excited._finish import HELD_OUT, finished, validation_of
 from floquid.pipeline.excited._prepare import OF, Parted, parted
 from floquid.pipeline.excited._verdict import at_limit, verdict
 from floquid.pipeline.preparation import refuse_driven
-from floquid.validation import Validation
 
 HIGHEST = 24
 """Harmonics of inputs and outputs at most."""

@@ -1,6 +1,6 @@
 """Verdict on a model: cycles held out, the residual of the record, and A(t) integrated."""
 
-from floquid.validation._types import Criterion, Validation
-from floquid.validation._validate import validate
+from floquid.checks._types import Criterion, Validation
+from floquid.checks._verdict import validate
 
 __all__ = ["Criterion", "Validation", "validate"]

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
+from floquid.checks._decays import FALSE_ALARM, REMAINDER, Case, Checks, strongest
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.fit import chi2_limit
 from floquid.lifting import LAGS
 from floquid.periodic import line_amplitudes, unexplained, without_lines
 from floquid.sync import ShaftAngle
-from floquid.validation._case import FALSE_ALARM, REMAINDER, Case, Checks, strongest
 
 TONE = 0.1  # the amplitude of a tone, over the noise, that is let pass in any case
 

@@ -8,17 +8,17 @@ import pytest
 from numpy.testing import assert_allclose
 
 from floquid import ConstantPeriod, InputError, PeriodicModel, Record, identify, load, reconstruct, save
+from floquid.checks import Criterion, Validation, _folds, validate
+from floquid.checks._decays import case_of
+from floquid.checks._integrated import TOLERANCE, consistency
+from floquid.checks._residual import colour, peaks
+from floquid.checks._verdict import _power
 from floquid.errors import IdentificationError
 from floquid.exports import summary
 from floquid.fit import DEVIATIONS, filter_gain, filtered
 from floquid.periodic import line_amplitudes, refit, without_lines
 from floquid.pipeline import _validated, validated
 from floquid.systems import JeffcottRotor
-from floquid.validation import Criterion, Validation, _held_out, validate
-from floquid.validation._case import case_of
-from floquid.validation._consistency import TOLERANCE, consistency
-from floquid.validation._residual import colour, peaks
-from floquid.validation._validate import _power
 
 ROTOR = JeffcottRotor(damping=0.02)
 CYCLES, PHASES = 120, 24
@@ -352,7 +352,7 @@ def test_a_fit_that_runs_away_is_said_and_not_passed(monkeypatch):
     def refuse(*args, **options):
         raise IdentificationError("it moves away.")
 
-    monkeypatch.setattr(_held_out, "refit", refuse)
+    monkeypatch.setattr(_folds, "refit", refuse)
     assert "cannot be fitted to a part of them (it moves away)" in said(judged(noisy()))
 
 

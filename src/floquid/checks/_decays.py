@@ -11,13 +11,13 @@ from numpy.typing import ArrayLike
 
 from floquid._arrays import Floats, Integers
 from floquid._checks import frozen_array, input_error, noise_array
+from floquid.checks._folds import cycles_of, only
+from floquid.checks._types import Criterion
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.findings import Finding, failure, warning
 from floquid.fit import filter_gain, filtered
 from floquid.periodic import instants
 from floquid.sync import ShaftAngle
-from floquid.validation._held_out import cycles_of, only
-from floquid.validation._types import Criterion
 
 FALSE_ALARM = 1e-3  # the probability at which noise may fail one of the checks, over all responses and lines together
 REMAINDER = 0.05  # the share of the response, in amplitude, that a model may leave beyond the noise and still pass

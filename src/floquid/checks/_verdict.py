@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._arrays import Floats, Integers, Mask
+from floquid.checks._decays import FALSE_ALARM, REMAINDER, Case, Checks, case_of, strongest
+from floquid.checks._folds import held_out
+from floquid.checks._integrated import consistency
+from floquid.checks._residual import left_by
+from floquid.checks._types import Validation
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.errors import FloquidError
 from floquid.findings import Finding, failure
 from floquid.periodic import NEGLIGIBLE_SLIP, SIGNIFICANT, TURNED, own_period
 from floquid.reconstruction import StateModel
 from floquid.sync import ShaftAngle
-from floquid.validation._case import FALSE_ALARM, REMAINDER, Case, Checks, case_of, strongest
-from floquid.validation._consistency import consistency
-from floquid.validation._held_out import held_out
-from floquid.validation._residual import left_by
-from floquid.validation._types import Validation
 
 LEAST_FIT = 0.95  # the share of the response that has to be predicted on cycles held out
 
