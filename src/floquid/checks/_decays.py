@@ -1,73 +1,81 @@
-"""The model and the records after the filter that makes their noise white, and what is gathered on the way."""
+"""Free responses as checks ask them: the model and the records after the filter that makes their noise white."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._arrays import Floats, Integers
 from floquid._checks import frozen_array, input_error, noise_array
-from floquid.checks._folds import cycles_of, only
-from floquid.checks._types import Criterion
+from floquid.checks._angle import blurred
+from floquid.checks._check import Evidence, Subject
+from floquid.checks._folds import cycles_of, held_out, only
+from floquid.checks._left_out import ERROR, LEAST_FIT, LeftOut, of_cycles
+from floquid.checks._period import Off
+from floquid.checks._residual import Colour, colour_of
 from floquid.core import ConstantPeriod, PeriodicModel, Record
-from floquid.findings import Finding, failure, warning
+from floquid.errors import FloquidError
+from floquid.findings import Finding
 from floquid.fit import filter_gain, filtered
-from floquid.periodic import instants
+from floquid.periodic import (
+    NEGLIGIBLE_SLIP,
+    SIGNIFICANT,
+    TURNED,
+    ForcedResponse,
+    instants,
+    own_period,
+    unexplained,
+)
+from floquid.reconstruction import StateModel
 from floquid.sync import ShaftAngle
 
-FALSE_ALARM = 1e-3  # the probability at which noise may fail one of the checks, over all responses and lines together
-REMAINDER = 0.05  # the share of the response, in amplitude, that a model may leave beyond the noise and still pass
 
+@dataclass(frozen=True, kw_only=True)
+class Decays(Subject):
+    """A model and the free responses that it is of; for a verdict, after the filter that makes their noise white."""
 
-@dataclass(slots=True)
-class Checks:
-    """The numbers, their limits and the findings, gathered on the way."""
+    of_verdict: ClassVar = frozenset(
+        ("period", "weak modes", "tones", "harmonics", "lines", "colour", "left out", "A(t)", "remainder", "level")
+    )
 
-    metrics: dict[str, float] = field(default_factory=dict)
-    criteria: dict[str, Criterion] = field(default_factory=dict)
-    findings: list[Finding] = field(default_factory=list)
-    remainder: float = 0.0
-
-    def kept(
-        self, name: str, value: float, limit: float, *, at_least: bool = False, failing: float | None = None
-    ) -> bool:
-        """True where a number keeps to its limit, both noted; also where it is none, which is a finding of its own."""
-        self.criteria[name] = Criterion(limit=limit, at_least=at_least, failing=failing)
-        if not np.isfinite(value):
-            self.findings.append(failure("overflow", name=name))
-            return True
-        self.metrics[name] = float(value)
-        return self.criteria[name].met(value)
-
-    def fail(self, code: str, *names: str, share: float = 0.0, **numbers: Any) -> None:
-        """Note what is left, by the checks of these names and of the response, in amplitude; a failure if too much."""
-        self.remainder = max(self.remainder, share)
-        known = [name for name in names if name in self.metrics]
-        failed = share > REMAINDER or any(self.criteria[name].failed(self.metrics[name]) for name in known)
-        self.findings.append((failure if failed else warning)(code, **numbers))
-
-    def missing(self, names: dict[str, float], why: Finding) -> None:
-        """Note numbers that could not be computed, and why."""
-        self.criteria.update({name: Criterion(limit=limit) for name, limit in names.items()})
-        self.findings.append(why)
-
-
-@dataclass(frozen=True, slots=True)
-class Case:
-    """Model and free response to be validated, after the filter that makes its noise white."""
+    predicted: ClassVar = {"fit": LEAST_FIT, "held_out_error": ERROR, "held_out_stretch": ERROR}
 
     model: PeriodicModel
     records: tuple[Record, ...]
-    clocks: tuple[ConstantPeriod | ShaftAngle, ...]
+    clocks: tuple[ConstantPeriod | ShaftAngle, ...] = ()
     noise: Floats
-    instants: tuple[tuple[Floats, Floats], ...]
-    cycles: tuple[Integers, ...]
-    highest: float  # half of the lowest sampling rate, in fundamentals
-    per_revolution: float
+    shafts: tuple[ShaftAngle, ...] = ()
+    per_revolution: float = 1.0
+    forced: ForcedResponse | None = None
+    misfit: float | None = None
+    state: StateModel | None = None
+
+    @cached_property
+    def instants(self) -> tuple[tuple[Floats, Floats], ...]:
+        """Times and angles of the samples of each record."""
+        both = zip(self.records, self.clocks, strict=True)
+        return tuple(instants(record, clock, self.model.fundamental) for record, clock in both)
+
+    @cached_property
+    def cycles(self) -> tuple[Integers, ...]:
+        """The cycle of each sample of each record; -1 where its response is dead."""
+        return tuple(cycles_of(self.model, self.instants, self.noise))
+
+    @property
+    def highest(self) -> float:
+        """Half of the lowest sampling rate, in fundamentals."""
+        return 0.5 * min(record.sample_rate for record in self.records) * self.model.period
+
+    @cached_property
+    def left(self) -> list[Floats]:
+        """The residual of each record, from which each check takes the lines off that it finds."""
+        return [np.array(own) for own in unexplained(self.model, self.records, self.clocks)]
 
     def places(self, places: Sequence[tuple[int, ...]]) -> dict[str, list[Any]]:
         """The names of the channels and the numbers of the hits of responses; 0 where there is one hit alone."""
@@ -83,6 +91,11 @@ class Case:
         return {"channel": named["channels"][0], "hit": named["hits"][0]}
 
     @property
+    def shape(self) -> tuple[int, int]:
+        """Numbers of channels and of hits."""
+        return len(self.model.channels), self.model.n_hits
+
+    @property
     def responses(self) -> int:
         """Channels times hits."""
         return self.noise.size
@@ -95,16 +108,49 @@ class Case:
         """The samples of a record up to the last in which its response is alive."""
         return slice(0, int(np.max(np.flatnonzero(self.cycles[hit] >= 0), initial=-1)) + 1)
 
+    def period_off(self) -> Off | None:
+        """The period that the harmonics of the response turn with, against that of the model."""
+        own = None
+        if all(isinstance(clock, ConstantPeriod) for clock in self.clocks):
+            with suppress(FloquidError, np.linalg.LinAlgError):
+                own = own_period(self.model, self.alive_records(), self.clocks, noise=self.noise)
+        if own is None:
+            return None  # a shaft that tells the period, or a response without harmonics
+        relative, std = own
+        cycles = max(int(own.max()) + 1 for own in self.cycles)
+        slip = abs(relative) * cycles * 2.0 * self.highest
+        alive = min(cycles, 1.0 / max(np.abs(self.model.exponents.real).min() * self.model.period, 1e-300))
+        if 2.0 * np.pi * abs(relative) * alive > TURNED:
+            return None  # a step of many radians is none that one linearisation can tell
+        # A model that fails has no deviations: then what it leaves says nothing of that of the period either.
+        known = self.model.covariance is not None
+        deviations = abs(relative) / std if slip > NEGLIGIBLE_SLIP else 0.0
+        return Off(relative=relative, std=std if known else None, deviations=deviations, limit=SIGNIFICANT)
 
-def case_of(
+    def vague_angles(self) -> tuple[Finding, ...]:
+        """Finding on what errors of the angle make of the response."""
+        return blurred(self)
+
+    def colour(self, evidence: Evidence) -> Colour:
+        """The response with most colour over its limit."""
+        return colour_of(self, evidence)
+
+    def left_out(self) -> LeftOut | None:
+        """Cycles left out of a fit and predicted; None where there are too few."""
+        sums = held_out(self.model, self.records, self.clocks, self.cycles, self.noise)
+        return None if sums is None else of_cycles(self, sums)
+
+
+def decays_of(
     model: PeriodicModel,
     records: Sequence[Record],
     clocks: Sequence[ConstantPeriod | ShaftAngle],
     noise: ArrayLike,
     whitening: ArrayLike | None,
     periods_per_revolution: float,
-) -> Case:
-    """The arguments, checked, and after the filter."""
+    **more: Any,
+) -> Decays:
+    """Model and records after the filter, the arguments checked; `more` are further fields."""
     of = "validate"
     spread = noise_array(noise, of, model.coefficients.shape[1:3])
     if len(clocks) != len(records) or len(records) != model.n_hits:
@@ -114,17 +160,15 @@ def case_of(
     if whitening is not None:
         taps = frozen_array(whitening, "whitening", of, axes=(len(model.channels), "taps"))
         model, used = _whitened(model, used, clocks, taps)
-    shafts = [clock for clock in clocks if isinstance(clock, ShaftAngle)]
-    both = tuple(instants(r, c, model.fundamental) for r, c in zip(used, clocks, strict=True))
-    return Case(
+    shafts = tuple(clock for clock in clocks if isinstance(clock, ShaftAngle))
+    return Decays(
         model=model,
         records=used,
         clocks=tuple(clocks),
         noise=spread,
-        instants=both,
-        cycles=tuple(cycles_of(model, both, spread)),
-        highest=0.5 * min(record.sample_rate for record in used) * model.period,
+        shafts=shafts,
         per_revolution=shafts[0].periods_per_revolution if shafts else periods_per_revolution,
+        **more,
     )
 
 
@@ -145,10 +189,3 @@ def _whitened(
         coefficients[:, :, hit] *= np.exp(model.exponents * passed)[:, None, None]
         after.append(later)
     return replace(model, coefficients=coefficients, coefficient_std=None), tuple(after)
-
-
-def strongest(sizes: np.ndarray) -> list[tuple[int, ...]]:
-    """The indices of what is above zero, the largest first."""
-    found = np.argwhere(sizes > 0)
-    order = np.argsort(-1.0 * sizes[tuple(found.T)], kind="stable")
-    return [tuple(int(i) for i in found[k]) for k in order]

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from floquid._arrays import Complexes, Floats, Integers, Mask
-from floquid.checks._decays import FALSE_ALARM, REMAINDER, Case, Checks, strongest
+from floquid._arrays import Complexes, Floats, Integers
+from floquid.checks._check import FALSE_ALARM, REMAINDER, Evidence, strongest
 from floquid.core import ConstantPeriod, PeriodicModel, Record
+from floquid.findings import Finding
 from floquid.fit import chi2_limit
 from floquid.lifting import LAGS
-from floquid.periodic import line_amplitudes, unexplained, without_lines
+from floquid.periodic import line_amplitudes, without_lines
 from floquid.sync import ShaftAngle
+
+if TYPE_CHECKING:
+    from floquid.checks._decays import Decays
 
 TONE = 0.1  # the amplitude of a tone, over the noise, that is let pass in any case
 
@@ -37,17 +42,10 @@ BESIDE = 4  # harmonics on each side of a mode's band that are looked at
 PIECE = 64  # lines of a spectrum over which its level is taken
 
 
-def left_by(case: Case, found: Checks) -> dict[str, NDArray]:
-    """Tones, harmonics, other lines and colour of the residual, as arrays for the reader."""
-    left = [np.array(own) for own in unexplained(case.model, case.records, case.clocks)]
-    tones = _tones(case, left, found)
-    lines = _harmonics(case, left, found)
-    hidden = _peaks(case, left, found)
-    return {**tones, **lines, "colour": _colour(case, left, hidden, found)}
-
-
-def _tones(case: Case, left: list[Floats], found: Checks) -> dict[str, NDArray]:
-    """Harmonics of the revolution; those that are found are taken off."""
+def tones(case: Decays, found: Evidence) -> tuple[Finding, ...]:
+    """Finding on harmonics of the revolution in the residual; those that are found are taken off."""
+    left: list[Floats] = case.left
+    said: tuple[Finding, ...] = ()
     turns = tones_of(case.highest, case.per_revolution)
     size, score = np.zeros((2, *case.noise.shape, len(turns)))
     for hit, rest in enumerate(left):
@@ -61,7 +59,7 @@ def _tones(case: Case, left: list[Floats], found: Checks) -> dict[str, NDArray]:
     which = strongest((size * there).max(axis=1))
     if which:
         at = [(channel, int(np.argmax((size * there)[channel, :, tone])), tone) for channel, tone in which]
-        found.fail(
+        said = found.against(
             "tone_left",
             "tone",
             share=_share(case, (size * there) ** 2),
@@ -73,15 +71,16 @@ def _tones(case: Case, left: list[Floats], found: Checks) -> dict[str, NDArray]:
     for channel, hit in {(c, h) for c, h, _ in strongest(there)}:
         own = turns[there[channel, hit]]
         left[hit][channel] = without_lines(*_residual(case, hit, left[hit]), np.zeros(len(own)), own)[channel]
-    return {"turns": turns, "tones": size}
+    found.arrays |= {"turns": turns, "tones": size}
+    return said
 
 
-def _residual(case: Case, hit: int, left: Floats) -> tuple[Record, ConstantPeriod | ShaftAngle, float]:
+def _residual(case: Decays, hit: int, left: Floats) -> tuple[Record, ConstantPeriod | ShaftAngle, float]:
     """Residual of a hit, from its first sample on, as a record with its clock and period."""
     return replace(case.records[hit], values=left), case.clocks[hit], case.model.period
 
 
-def _beside(case: Case, left: list[Floats], turns: Floats) -> Floats:
+def _beside(case: Decays, left: list[Floats], turns: Floats) -> Floats:
     """The mean score a few lines of the record on either side of tones (channels, hits, tones)."""
     score = np.zeros((*case.noise.shape, len(turns)))
     for hit, rest in enumerate(left):
@@ -96,18 +95,20 @@ def _beside(case: Case, left: list[Floats], turns: Floats) -> Floats:
     return score
 
 
-def _harmonics(case: Case, left: list[Floats], found: Checks) -> dict[str, NDArray]:
-    """Harmonics of the modes beside their bands; those that are found are taken off."""
-    model = case.model
-    modes, harmonics = lines_of(model, case.highest)
+def harmonics(case: Decays, found: Evidence) -> tuple[Finding, ...]:
+    """Finding on harmonics of the modes beside their bands; those that are found are taken off."""
+    model, left = case.model, case.left
+    said: tuple[Finding, ...] = ()
+    modes, turns = lines_of(model, case.highest)
     score = np.zeros((*case.noise.shape, len(modes)))
     for hit, rest in enumerate(left):
         alive = case.alive(hit)
         if alive.stop:
-            _, squares = line_amplitudes(*_residual(case, hit, rest[:, alive]), model.exponents[modes], harmonics)
+            _, squares = line_amplitudes(*_residual(case, hit, rest[:, alive]), model.exponents[modes], turns)
             score[:, hit] = squares / case.noise[:, hit, None] ** 2
+    found.arrays |= {"modes": modes, "harmonics": turns, "lines": np.sqrt(score)}
     if not len(modes):
-        return {"modes": modes, "harmonics": harmonics, "lines": score}
+        return ()
     joint, degrees = score.sum(axis=(0, 1)), 2 * case.responses
     there = np.sqrt(joint) > np.sqrt(chi2_limit(degrees, LEFT_OUT)) + MARGIN
     share = np.sqrt(np.maximum(joint - degrees, 0.0) / max(_energy(case), 1.0)) * there
@@ -115,10 +116,10 @@ def _harmonics(case: Case, left: list[Floats], found: Checks) -> dict[str, NDArr
         over = share > HARMONIC
         lines = [line for (line,) in strongest(share * over)]
         largest = np.argmax(score.reshape(-1, len(modes))[:, lines], axis=0)
-        found.fail(
+        said = found.against(
             "harmonic_left",
             share=float(np.sqrt(np.sum(share[over] ** 2))),
-            harmonics=harmonics[lines],
+            harmonics=turns[lines],
             frequencies=model.frequencies_hz[modes[lines]],
             shares=share[lines],
             **case.places([divmod(int(place), model.n_hits) for place in largest]),
@@ -126,11 +127,11 @@ def _harmonics(case: Case, left: list[Floats], found: Checks) -> dict[str, NDArr
         for hit, rest in enumerate(left):
             alive = case.alive(hit)
             own = _residual(case, hit, rest[:, alive])
-            rest[:, alive] = without_lines(*own, model.exponents[modes[over]], harmonics[over])
-    return {"modes": modes, "harmonics": harmonics, "lines": np.sqrt(score)}
+            rest[:, alive] = without_lines(*own, model.exponents[modes[over]], turns[over])
+    return said
 
 
-def _energy(case: Case) -> float:
+def _energy(case: Decays) -> float:
     """The sum of squares of the response over the noise, where it is alive."""
     total = 0.0
     for hit, record in enumerate(case.records):
@@ -139,21 +140,21 @@ def _energy(case: Case) -> float:
     return total
 
 
-def _share(case: Case, squares: Floats) -> float:
+def _share(case: Decays, squares: Floats) -> float:
     """The share of the response, in amplitude, of lines of squared sizes over the noise (channels, hits, lines)."""
     samples = np.array([int((own >= 0).sum()) for own in case.cycles])
     return float(np.sqrt(0.5 * np.sum(squares * samples[:, None]) / max(_energy(case), 1.0)))
 
 
-def _peaks(case: Case, left: list[Floats], found: Checks) -> Mask:
-    """Lines that are none of those known, in the whole record and where the response is alive (channels, hits)."""
-    looks = []
-    for hit, rest in enumerate(left):
+def lines(case: Decays, found: Evidence) -> tuple[Finding, ...]:
+    """Finding on lines that are none of those known, in the whole record and where the response is alive."""
+    looks, said = [], ()
+    for hit, rest in enumerate(case.left):
         for end in sorted({rest.shape[1], case.alive(hit).stop} - {0}):
             score, where = peaks(rest[:, :end], case.noise[:, hit])
             numbers = np.maximum((~np.isnan(rest[:, :end])).sum(axis=1), 1)
             looks.append((hit, end // 2 + 1, score, 2.0 * np.sqrt(score / numbers), where))
-    total = sum(lines * len(score) for _, lines, score, _, _ in looks)
+    total = sum(number * len(score) for _, number, score, _, _ in looks)
     size, frequency = np.zeros(case.noise.shape), np.zeros(case.noise.shape)
     for hit, _, score, amplitude, where in looks:
         better = (score > np.log(total / FALSE_ALARM)) & (amplitude > TONE) & (amplitude > size[:, hit])
@@ -163,29 +164,57 @@ def _peaks(case: Case, left: list[Floats], found: Checks) -> Mask:
         channels, hits = np.transpose(at := strongest(size))
         sizes, share = size[channels, hits], _share(case, size[..., None] ** 2)
         of = frequency[channels, hits]
-        found.fail("line_left", "line", share=share, frequencies=of, sizes=sizes, **case.places(at))
-    return size > 0
+        said = found.against("line_left", "line", share=share, frequencies=of, sizes=sizes, **case.places(at))
+    found.hidden = size > 0
+    return said
 
 
-def _colour(case: Case, left: list[Floats], hidden: Mask, found: Checks) -> Floats:
-    """Excess of squared autocorrelations over those of white noise (channels, hits)."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Colour:
+    """Colour of a residual, as far as it goes beyond what is let pass.
+
+    Parameters
+    ----------
+    size, limit, failing
+        The size of the most coloured response, what is let pass, and from where on a model fails.
+    numbers
+        What is said of it; empty where nothing is.
+    """
+
+    size: float
+    limit: float
+    failing: float
+    numbers: Mapping[str, Any]
+
+
+def colour(case: Any, found: Evidence) -> tuple[Finding, ...]:
+    """Finding on a residual that is not white."""
+    own: Colour = case.colour(found)
+    found.kept("colour", own.size, own.limit, failing=own.failing)
+    return found.against("colour_left", "colour", **own.numbers) if own.numbers else ()
+
+
+def colour_of(case: Decays, found: Evidence) -> Colour:
+    """Excess of squared autocorrelations over those of white noise, of responses without a line of their own."""
     excess, limit = np.zeros(case.noise.shape), np.zeros(case.noise.shape)
     rates = rates_of(case.model)
-    for hit, rest in enumerate(left):
+    for hit, rest in enumerate(case.left):
         rate = case.records[hit].sample_rate
-        squares, numbers, lags = colour(rest, 1.0 / rate, rates, int(2.0 * case.highest) - 1)
+        squares, numbers, lags = squared_correlations(rest, 1.0 / rate, rates, int(2.0 * case.highest) - 1)
         size = np.maximum(numbers - 2 * len(rates), 1)
         rounding = np.sqrt(np.nanmean(rest**2, axis=1)) < ROUNDING * case.noise[:, hit]
         excess[:, hit] = np.where(rounding, 0.0, squares - lags / size)
         limit[:, hit] = np.maximum((chi2_limit(lags, FALSE_ALARM / case.responses) - lags) / size, COLOUR)
     place = np.unravel_index(int(np.argmax(excess / limit)), excess.shape)
     bound = float(limit[place])
-    found.kept("colour", float(excess[place]), bound, failing=max(STRONG_COLOUR, bound))
-    over = np.where(hidden, 0.0, excess) * (excess > limit)
-    which = strongest(over)
-    if which:
-        found.fail("colour_left", "colour", share=0.0, squares=[excess[where] for where in which], **case.places(which))
-    return excess
+    which = strongest(np.where(found.hidden, 0.0, excess) * (excess > limit))
+    found.arrays["colour"] = excess
+    return Colour(
+        size=float(excess[place]),
+        limit=bound,
+        failing=max(STRONG_COLOUR, bound),
+        numbers={"squares": [excess[where] for where in which], **case.places(which)} if which else {},
+    )
 
 
 def tones_of(highest: float, per_revolution: float) -> Floats:
@@ -238,7 +267,7 @@ def peaks(left: Floats, noise: Floats) -> tuple[Floats, Floats]:
     return over[np.arange(len(left)), place], place / left.shape[1]
 
 
-def colour(left: Floats, step: float, rates: Complexes, most: int) -> tuple[Floats, Floats, int]:
+def squared_correlations(left: Floats, step: float, rates: Complexes, most: int) -> tuple[Floats, Floats, int]:
     r"""The sum of squared autocorrelations of each channel (Ljung and Box 1978), the number of samples, and of lags.
 
     .. math:: Q = \sum_{k=1}^{K} \frac{n}{n_k} \Big(r_k + \frac{1}{n}\sum_j e^{s_j k \Delta t}\Big)^2

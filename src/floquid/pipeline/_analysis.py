@@ -13,7 +13,7 @@ from floquid import innovations
 from floquid._arrays import Floats
 from floquid._checks import counted, input_error
 from floquid._show import Brief, Drawings, Drawn, Told, late
-from floquid.checks import Validation
+from floquid.checks import AIM, Validation
 from floquid.core import Channel, ConstantPeriod, Cycles, PeriodicModel, Provenance, Record
 from floquid.findings import Finding, Severity, texts
 from floquid.inputs import TransferFunctions, Uncertainty
@@ -40,9 +40,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from floquid.pipeline.draws import Bootstrap
-
-AIM = 0.1
-"""The relative deviation of the damping for which the length of a record is given."""
 
 Driven: TypeAlias = Uncertainty | innovations.Fit
 """A fit of records whose excitation goes on: to measured inputs, or in innovations form."""

@@ -12,7 +12,7 @@ from floquid.lifting import Lifted
 from floquid.pipeline import Analysis
 from floquid.views._mode_table import mode_notes, with_error
 
-ORDER = "excited_order"  # the code of the finding that the line on the order has
+ORDER = "all_needed"  # the code of the finding that the line on the order has
 MOST_NAMED = 6  # harmonics of the forced response that are named
 
 
@@ -139,7 +139,7 @@ def _reach(analysis: Analysis, own: ModelInputs) -> str:
     model, driven = analysis.model, analysis.driven
     assert driven is not None
     size = driven.samples.input_size
-    none = [finding.numbers["frequency"] for finding in analysis.findings if finding.code.startswith("unreached")]
+    none = [finding.numbers["frequency"] for finding in analysis.findings if finding.code == "unreached"]
     words = []
     for number, mode in enumerate(model.upper_modes, start=1):
         if np.isclose(model.frequencies_hz[mode], none, rtol=1e-9).any():

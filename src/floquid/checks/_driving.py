@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.checks._check import Evidence
 from floquid.findings import Finding, failure, warning
 from floquid.fit import SURE, chi2_limit
 from floquid.inputs import Samples, Scores, Uncertainty, answering, gain_of, solve
@@ -49,13 +51,13 @@ AT_ONCE = 1.0
 """The decay from sample to sample from which on it may, too [nepers]."""
 
 
-def of_driving(fit: Uncertainty, scores: Scores) -> tuple[Finding, ...]:
+def driving(case: Any, _: Evidence) -> tuple[Finding, ...]:
     """Findings on inputs at other instants, and on what drives the modes beside the inputs.
 
     Inputs at other instants leave what noise and squares do, so that these are looked for with the right instants.
     """
-    instants, other = _instants(fit, scores)
-    return (*_beside(other or scores), *instants)
+    instants, other = _instants(case.fit, case.scores)
+    return (*_beside(other or case.scores), *instants)
 
 
 def _beside(scores: Scores) -> tuple[Finding, ...]:
@@ -162,8 +164,8 @@ def _driven(gain: float) -> tuple[Finding, ...]:
     """
     limits = chi2_limit(1, HINT), chi2_limit(1, SURE)
     if gain >= limits[1]:
-        return (failure("inputs_noise", squares=gain, limit=limits[1]),)
-    return (warning("inputs_some_noise", squares=gain, limit=limits[0]),) if gain >= limits[0] else ()
+        return (failure("inputs_noise", squares=gain, limit=limits[1], sure=True),)
+    return (warning("inputs_noise", squares=gain, limit=limits[0], sure=False),) if gain >= limits[0] else ()
 
 
 def _by_powers(scores: Scores) -> NDArray[np.float64]:
