@@ -11,12 +11,12 @@ from floquid.checks._excitation import AIM as AIM
 from floquid.checks._excited import Ambient as Ambient
 from floquid.checks._excited import Driven as Driven
 from floquid.checks._excited import Excited as Excited
+from floquid.checks._excited import Parted as Parted
 from floquid.checks._left_out import first_part as first_part
 from floquid.checks._left_out import quiet_for as quiet_for
-from floquid.checks._misfit import FAILED as FAILED
-from floquid.checks._misfit import MISFIT as MISFIT
-from floquid.checks._parted import Parted as Parted
-from floquid.checks._steady import MOST_PERIODS as MOST_PERIODS
+from floquid.checks._limits import MOST_PERIODS as MOST_PERIODS
+from floquid.checks._residual import FAILED as FAILED
+from floquid.checks._residual import MISFIT as MISFIT
 from floquid.checks._types import Criterion, Validation
 from floquid.checks._verdict import CHECKS, validate
 from floquid.checks._verdict import findings_of as findings_of

@@ -77,13 +77,14 @@ class Check:
     needs
         The method of a kind of record that answers it: a kind without it is not asked.
     look
-        The function of a model with its records, and of what was noted so far, that returns findings.
+        The function of a model with its records, and of what was noted so far, that returns findings; None where the
+        method does.
     """
 
     name: str
     question: str
     needs: str
-    look: Callable[[Any, Evidence], Iterable[Finding]]
+    look: Callable[[Any, Evidence], Iterable[Finding]] | None = None
 
     def answered(self, kind: type[Subject]) -> bool:
         """True where a kind of record can answer."""
@@ -107,7 +108,8 @@ def looked_at(subject: Subject, checks: Sequence[Check], *, verdict: bool) -> Ev
     evidence, kind = Evidence(), type(subject)
     for check in checks:
         if check.answered(kind) and (check.name in kind.of_verdict) is verdict:
-            evidence.findings += check.look(subject, evidence)
+            look = check.look or (lambda own, _, name=check.needs: getattr(own, name)())
+            evidence.findings += look(subject, evidence)
     return evidence
 
 

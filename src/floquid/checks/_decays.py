@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike
 
 from floquid._arrays import Floats, Integers
 from floquid._checks import frozen_array, input_error, noise_array
-from floquid.checks._angle import blurred
 from floquid.checks._check import Evidence, Subject
 from floquid.checks._folds import cycles_of, held_out, only
 from floquid.checks._left_out import ERROR, LEAST_FIT, LeftOut, of_cycles
-from floquid.checks._period import Off
+from floquid.checks._modes import doubts_of
+from floquid.checks._period import Off, blurred
 from floquid.checks._residual import Colour, colour_of
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.errors import FloquidError
@@ -129,7 +129,11 @@ class Decays(Subject):
 
     def vague_angles(self) -> tuple[Finding, ...]:
         """Finding on what errors of the angle make of the response."""
-        return blurred(self)
+        return blurred(self) if self.shafts else ()
+
+    def doubts(self) -> tuple[Finding, ...]:
+        """Findings on modes that are likely none, or hardly determined."""
+        return doubts_of(self.model, wanders=any(shaft.wander > 0.0 for shaft in self.shafts))
 
     def colour(self, evidence: Evidence) -> Colour:
         """The response with most colour over its limit."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.checks._check import Evidence
-from floquid.checks._phases import LIMIT
+from floquid.checks._period import LIMIT
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, failure, note, warning
 from floquid.fit import DEVIATIONS, SURE
@@ -35,17 +35,12 @@ VAGUE = 0.5
 """The relative deviation of the damping from which on a reader is warned."""
 
 
-def excitation(case: Any, _: Evidence) -> tuple[Finding, ...]:
-    """Findings on modes of outputs alone that may be the excitation's own, or none."""
-    return case.excitation()
-
-
 def repetition(case: Any, _: Evidence) -> tuple[Finding, ...]:
     """Finding on innovations that repeat with another period.
 
     Lines of a narrow band alone pass for a period of the response, and are none where the model takes account of them.
     """
-    if not (case.other and left_over(case.samples, case.residual, case.other)):
+    if not (case.other and left_over(case.own.samples, case.residual, case.other)):
         return ()
     return (failure("wrong_period", given=case.model.period, own=2.0 * np.pi / case.other, fraction=True),)
 

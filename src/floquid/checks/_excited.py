@@ -2,28 +2,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import ClassVar
+from types import ModuleType
+from typing import Any, ClassVar
 
 import numpy as np
 
 from floquid import innovations, inputs
 from floquid._arrays import Floats
-from floquid.checks._angle import shaken
 from floquid.checks._check import Evidence, Subject
 from floquid.checks._excitation import excitation_of
 from floquid.checks._left_out import FAILING, LeftOut, first_part, of_last_quarter
 from floquid.checks._limits import is_undetermined
-from floquid.checks._parted import Parted
-from floquid.checks._period import Off
-from floquid.checks._phases import LIMIT
+from floquid.checks._period import LIMIT, Off, shaken
+from floquid.checks._reach import undriven
 from floquid.checks._residual import Colour
-from floquid.core import PeriodicModel
+from floquid.core import Channel, PeriodicModel, Record
 from floquid.findings import Finding, failure
 from floquid.fit import SURE
 from floquid.inputs import Limits, Samples, Scores, Uncertainty, linearise, slopes_of, state_slopes
+from floquid.sync import ShaftAngle
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parted:
+    """Samples of records with inputs, and their channels.
+
+    Parameters
+    ----------
+    records
+        The records as used.
+    samples
+        Outputs and inputs, one record after another.
+    outputs, inputs
+        The channels of each.
+    turns
+        Harmonics of the period that are fitted beside the modes, those of the revolution among them (turns,).
+    shafts
+        The angle of the shaft in each record; none where the period is constant.
+    periods_per_revolution
+        Periods of a revolution, as the clock of the record has them, or the settings.
+    findings
+        What is said of these harmonics.
+    """
+
+    records: tuple[Record, ...]
+    samples: Samples
+    outputs: tuple[Channel, ...]
+    inputs: tuple[Channel, ...]
+    turns: tuple[float, ...]
+    shafts: tuple[ShaftAngle, ...]
+    periods_per_revolution: float
+    findings: tuple[Finding, ...]
+
 
 COLOURED, WRONG = 0.1, 0.3
 """The sum of squared correlations from which on what is left is no white noise, and the model is not what left it."""
@@ -37,39 +70,18 @@ MOST_UNTOLD = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class Excited(Subject):
-    """A model and the records whose excitation goes on.
-
-    Parameters
-    ----------
-    own
-        The samples, with their channels and shafts.
-    model, limits
-        The model, and the limits of its search.
-    turning
-        True where lines of the revolution are looked for.
-    """
+    """A model and the records whose excitation goes on, with the limits of its search."""
 
     of_verdict: ClassVar = frozenset(("left out",))
     predicted: ClassVar = {"held_out_error": FAILING}
-    slip: ClassVar[float]
-    """Periods by which one may be off over a record, and its own be told to first order."""
-    random: ClassVar[bool] = False
-    """True where nobody measured all that drives the system."""
+    chain: ClassVar[ModuleType]  # the room that has its score tests
+    slip: ClassVar[float]  # periods by which one may be off over a record, and its own be told to first order
+    random: ClassVar[bool] = False  # True where nobody measured all that drives the system
 
     own: Parted
     model: PeriodicModel
     limits: Limits
-    turning: bool = True
-
-    @property
-    def samples(self) -> Samples:
-        """Outputs and inputs, one record after another."""
-        return self.own.samples
-
-    @property
-    def shafts(self) -> Sequence:
-        """The angle of the shaft in each record."""
-        return self.own.shafts
+    turning: bool = True  # lines of the revolution are looked for
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -77,12 +89,8 @@ class Excited(Subject):
         return len(self.own.outputs), 1
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the outputs."""
-        return tuple(channel.name for channel in self.own.outputs)
-
-    def step(self) -> tuple[float, float]:
-        """The relative difference of the own period, to first order, and its deviation."""
+    def tested(self) -> Any:
+        """Score tests of the fit, or the fit that makes them itself."""
         raise NotImplementedError
 
     def errors(self) -> Floats:
@@ -91,33 +99,42 @@ class Excited(Subject):
 
     def period_off(self) -> Off | None:
         """The step of the period by its score; None where a shaft tells it."""
-        if self.shafts:
+        if self.own.shafts:
             return None
-        step, std = self.step()
+        step, std = self.chain.period_step(self.tested)
         if abs(step) <= LIMIT * std:
             return None
-        longest = max(own.stop - own.start for own in self.samples.records) * self.samples.step / self.model.period
-        near = abs(step) * longest <= self.slip
+        longest = max(own.stop - own.start for own in self.own.samples.records) * self.own.samples.step
+        near = abs(step) * longest / self.model.period <= self.slip
         return Off(relative=step, std=std, deviations=abs(step) / std, limit=LIMIT, near=near)
+
+    def phase_steps(self) -> list[tuple[float, float]]:
+        """The step of the phase of each record after the first, in periods, and its deviation."""
+        return [self.chain.phase_step(self.tested, number) for number in range(1, len(self.own.records))]
+
+    def undriven(self) -> tuple[Finding, ...]:
+        """Finding on inputs of which it is not determined how they reach the modes."""
+        return undriven(self.model)
 
     def left_out(self) -> LeftOut:
         """The last quarter of each record, predicted by a fit to the rest."""
-        return of_last_quarter(self.errors(), self.names)
+        return of_last_quarter(self.errors(), self.own.outputs)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Driven(Excited):
     """A model and the response to measured inputs; `most` are the harmonics looked for, None where it has all."""
 
+    chain: ClassVar = inputs
     slip: ClassVar = 0.05  # inputs then meet their phase yet
 
     fit: Uncertainty
     most: int | None = None
 
     @cached_property
-    def scores(self) -> Scores:
+    def tested(self) -> Scores:
         """Score tests of the fit."""
-        return Scores(self.samples, self.fit.at, rough=False)
+        return Scores(self.own.samples, self.fit.at, rough=False)
 
     @property
     def residual(self) -> Floats:
@@ -129,26 +146,18 @@ class Driven(Excited):
         """True where the residual is not white."""
         return self.fit.at.colour > COLOURED
 
-    def step(self) -> tuple[float, float]:
-        """The step of the period by its score."""
-        return inputs.period_step(self.scores)
-
-    def phase_steps(self) -> list[tuple[float, float]]:
-        """The step of the phase of each record after the first, in periods, and its deviation."""
-        return [inputs.phase_step(self.scores, number) for number in range(1, len(self.own.records))]
-
     def vague_angles(self) -> tuple[Finding, ...]:
         """Findings on errors of the angle, over the variance of the residual."""
         at = self.fit.at
-        return shaken(self.own, at.coefficients[-len(self.samples.known) :].T, at.noise)
+        return shaken(self.own, at.coefficients[-len(self.own.samples.known) :].T, at.noise) if self.own.shafts else ()
 
     def seen(self) -> list[tuple[float, int]]:
         """Squared deviations of the shape of each mode from zero, and how many numbers it has; none of free phases."""
         if self.most is None:
             return []
-        columns, channels = self.scores.now.slices(), len(self.scores.left)
+        columns, channels = self.tested.now.slices(), len(self.tested.left)
         sizes = [channels * (own.stop - own.start) for own, _ in columns]
-        return list(zip(self.scores.of_modes.tolist(), sizes, strict=True))
+        return list(zip(self.tested.of_modes.tolist(), sizes, strict=True))
 
     def colour(self, _: Evidence) -> Colour:
         """The most correlations of one output."""
@@ -164,7 +173,7 @@ class Driven(Excited):
 
         Expected are the noise, and what the deviations of that fit make of the prediction.
         """
-        whole, found = self.samples, self.fit.at
+        whole, found = self.own.samples, self.fit.at
         first, fitted = first_part(whole)
         part = Uncertainty(first, inputs.solve(first, found.modes, found.direct))
         whole_at = linearise(whole, part.at.modes, part.at.direct)
@@ -191,6 +200,7 @@ class Ambient(Excited):
     `as_read` are modes that were read from one block.
     """
 
+    chain: ClassVar = innovations
     slip: ClassVar = 0.3  # no input has to meet its phase
     random: ClassVar = True
 
@@ -203,17 +213,15 @@ class Ambient(Excited):
         """The innovations of each output (outputs, samples)."""
         return self.fit.at.innovations
 
-    def step(self) -> tuple[float, float]:
-        """The step of the period by its score."""
-        return innovations.period_step(self.fit)
-
-    def phase_steps(self) -> list[tuple[float, float]]:
-        """The step of the phase of each record after the first, in periods, and its deviation."""
-        return [innovations.phase_step(self.fit, number) for number in range(1, len(self.own.records))]
+    @property
+    def tested(self) -> innovations.Fit:
+        """The fit."""
+        return self.fit
 
     def vague_angles(self) -> tuple[Finding, ...]:
         """Findings on errors of the angle, over the variance of the innovations."""
-        return shaken(self.own, self.fit.at.columns, np.sqrt(np.mean(self.residual**2, axis=1)))
+        size = np.sqrt(np.mean(self.residual**2, axis=1))
+        return shaken(self.own, self.fit.at.columns, size) if self.own.shafts else ()
 
     def seen(self) -> list[tuple[float, int]]:
         """Squared deviations of the shape of each mode from zero, and how many numbers it has."""
@@ -221,7 +229,7 @@ class Ambient(Excited):
 
     def colour(self, _: Evidence) -> Colour:
         """The share of the innovations that is predictable, where chance does not explain it."""
-        share, chance = innovations.colour(self.samples, self.fit.at)
+        share, chance = innovations.colour(self.own.samples, self.fit.at)
         numbers = {"predictable": share} if chance < SURE else {}
         return Colour(size=share, limit=PREDICTABLE, failing=PREDICTABLE, numbers=numbers)
 
@@ -230,12 +238,12 @@ class Ambient(Excited):
         std = self.model.exponent_std
         assert std is not None
         relative = std.real / np.abs(self.model.exponents.real)
-        duration = self.samples.n_samples * self.samples.step
+        duration = self.own.samples.n_samples * self.own.samples.step
         return excitation_of(self.fit, self.model, relative, duration, self.as_read)
 
     def errors(self) -> Floats:
         """The rms of the innovations over that of the part fitted, on the last quarter of each record (outputs,)."""
-        samples, found = self.samples, self.fit.at
+        samples, found = self.own.samples, self.fit.at
         part, mask = first_part(samples)
         start = innovations.predicted(part, found.modes, found.columns, found.initial, found.whitening[mask])
         whole = None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from floquid._arrays import Floats, Integers
 from floquid.checks._check import FALSE_ALARM, Evidence, strongest
 from floquid.checks._folds import HeldOut
+from floquid.core import Channel
 from floquid.errors import FloquidError
 from floquid.findings import Finding, failure
 from floquid.inputs import Samples
@@ -31,25 +32,13 @@ KEPT = 0.75
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeftOut:
-    """Errors of a prediction of samples that were left out of a fit.
+    """Errors of a prediction of samples that were left out of a fit."""
 
-    Parameters
-    ----------
-    arrays
-        `held_out_error`, and `fit` of free responses, for the reader (channels, hits).
-    sizes
-        Each error by its name: its value, its limit, and from where on a model fails.
-    numbers
-        Where the largest is, and its size.
-    fit, least
-        The share of the response that is predicted, and where it is least; None where a record has no share.
-    """
-
-    arrays: Mapping[str, Floats]
-    sizes: Mapping[str, tuple[float, float, float | None]]
-    numbers: Mapping[str, Any]
-    fit: float | None = None
-    least: Mapping[str, Any] | None = None
+    arrays: Mapping[str, Floats]  # `held_out_error`, and `fit` of free responses, for the reader (channels, hits)
+    sizes: Mapping[str, tuple[float, float, float | None]]  # by name: an error, its limit, from where on a model fails
+    numbers: Mapping[str, Any]  # where the largest is, and its size
+    fit: float | None = None  # the share of the response that is predicted
+    least: Mapping[str, Any] | None = None  # where that is least
 
 
 def left_out(case: Any, found: Evidence) -> tuple[Finding, ...]:
@@ -103,13 +92,13 @@ def of_cycles(case: Any, sums: HeldOut) -> LeftOut:
     )
 
 
-def of_last_quarter(errors: Floats, channels: tuple[str, ...]) -> LeftOut:
+def of_last_quarter(errors: Floats, channels: Sequence[Channel]) -> LeftOut:
     """Errors of the last quarter of records whose excitation goes on, over those expected (outputs,)."""
     worst = int(np.argmax(errors))
     return LeftOut(
         arrays={"held_out_error": np.where(np.isfinite(errors), errors, np.nan)[:, None]},
         sizes={"held_out_error": (float(errors[worst]), FAILING, None)},
-        numbers={"ratio": float(errors[worst]), "part": "last quarter", "channel": channels[worst], "hit": 0},
+        numbers={"ratio": float(errors[worst]), "part": "last quarter", "channel": channels[worst].name, "hit": 0},
     )
 
 

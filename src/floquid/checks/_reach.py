@@ -13,18 +13,13 @@ from floquid.fit import SURE, chi2_limit, wald_rise
 from floquid.inputs import Uncertainty
 
 if TYPE_CHECKING:
-    from floquid.checks._parted import Parted
+    from floquid.checks._excited import Parted
 
 POOR = 2.0
 """Deviations that some b of an input must be from zero, or it is not known how the input reaches the modes."""
 
 BUSY = 0.5
 """The share of samples at which an input that began late moves from then on: one that is silent often is blows."""
-
-
-def inputs(case: Any, _: Evidence) -> tuple[Finding, ...]:
-    """Finding on inputs of which it is not determined how they reach the modes."""
-    return undriven(case.model)
 
 
 def reach(case: Any, _: Evidence) -> tuple[Finding, ...]:

@@ -1,4 +1,4 @@
-"""Checks of the residual of a model: numbers, limits and findings."""
+"""Checks of the residual of a model: its level, lines, colour and spikes."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from floquid._arrays import Complexes, Floats, Integers
 from floquid.checks._check import FALSE_ALARM, REMAINDER, Evidence, strongest
 from floquid.core import ConstantPeriod, PeriodicModel, Record
-from floquid.findings import Finding
+from floquid.findings import Finding, Severity, failure, warning
 from floquid.fit import chi2_limit
 from floquid.lifting import LAGS
 from floquid.periodic import line_amplitudes, without_lines
@@ -19,6 +19,7 @@ from floquid.sync import ShaftAngle
 
 if TYPE_CHECKING:
     from floquid.checks._decays import Decays
+    from floquid.checks._excited import Parted
 
 TONE = 0.1  # the amplitude of a tone, over the noise, that is let pass in any case
 
@@ -171,20 +172,12 @@ def lines(case: Decays, found: Evidence) -> tuple[Finding, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Colour:
-    """Colour of a residual, as far as it goes beyond what is let pass.
-
-    Parameters
-    ----------
-    size, limit, failing
-        The size of the most coloured response, what is let pass, and from where on a model fails.
-    numbers
-        What is said of it; empty where nothing is.
-    """
+    """Colour of the most coloured response."""
 
     size: float
     limit: float
     failing: float
-    numbers: Mapping[str, Any]
+    numbers: Mapping[str, Any]  # what is said of it; empty where nothing is
 
 
 def colour(case: Any, found: Evidence) -> tuple[Finding, ...]:
@@ -295,3 +288,46 @@ def rates_of(model: PeriodicModel) -> Complexes:
     kept = (model.coefficients != 0).any(axis=(1, 2))
     own = -np.abs(model.exponents.real) + 1j * model.exponents.imag
     return (own[:, None] + 1j * model.fundamental * model.harmonics)[kept]
+
+
+SPIKE, SPOILT, QUARTILE = 12.0, 0.1, 0.6745
+"""Deviations from which on a sample is no noise, the share of the power in such that spoils a fit, and the median
+size of a normal number, from which the deviation is taken."""
+
+
+def spikes(case: Any, _: Evidence) -> tuple[Finding, ...]:
+    """Findings on spikes in the residual; warnings where a blow that nobody measured is excitation, and no fault."""
+    found = of_outliers(case.residual, case.own)
+    return tuple(replace(own, severity=Severity.WARNING) for own in found) if case.random else found
+
+
+def of_outliers(left: Floats, own: Parted) -> tuple[Finding, ...]:
+    """Findings on samples, in what is left of each output (outputs, samples), that are no noise: spikes."""
+    found = []
+    for values, channel in zip(left, own.outputs, strict=True):
+        far = np.abs(values) > SPIKE * np.median(np.abs(values)) / QUARTILE
+        if far.any():
+            share, first = float(np.sum(values[far] ** 2) / np.sum(values**2)), int(np.argmax(far))
+            record = int(np.searchsorted(own.samples.begins, first, side="right"))
+            sample = first - own.samples.begins[record - 1] + 1
+            told, number = failure if share > SPOILT else warning, int(far.sum())
+            numbers = {"number": number, "share": share, "record": record, "sample": sample}
+            found.append(told("outliers", channel=channel.name, **numbers))
+    return tuple(found)
+
+
+MISFIT = 1.3  # times the noise that a fit may leave
+FAILED = 3.0  # times the noise that a fit leaves from which on it is no model of the record: then it has no deviations
+
+
+def misfit(case: Any, _: Evidence) -> tuple[Finding, ...]:
+    """Finding on a fit that leaves more than noise, though not so much that it fails."""
+    size = case.misfit
+    return () if size is None or not MISFIT < size < FAILED else (warning("misfit", misfit=size),)
+
+
+def level(case: Any, found: Evidence) -> tuple[Finding, ...]:
+    """Note what the fit leaves over the level of its noise: a model that fails does not pass."""
+    if case.misfit is not None:
+        found.kept("misfit", case.misfit, FAILED)
+    return ()

@@ -6,24 +6,18 @@ from collections.abc import Callable, Sequence
 
 from numpy.typing import ArrayLike
 
-from floquid.checks._angle import angle
 from floquid.checks._check import REMAINDER, Check, Evidence, Subject, looked_at
 from floquid.checks._decays import decays_of
 from floquid.checks._driving import driving
-from floquid.checks._excitation import excitation, repetition
+from floquid.checks._excitation import repetition
 from floquid.checks._left_out import left_out
-from floquid.checks._limits import bands, determined, limits, needed
-from floquid.checks._misfit import level, misfit
-from floquid.checks._modes import modes
-from floquid.checks._period import period
-from floquid.checks._phases import phases
-from floquid.checks._reach import inputs, reach
-from floquid.checks._residual import colour, harmonics, lines, tones
-from floquid.checks._spikes import spikes
-from floquid.checks._steady import steady
+from floquid.checks._limits import bands, limits, needed, steady
+from floquid.checks._modes import weak_modes
+from floquid.checks._period import period, phases
+from floquid.checks._reach import reach
+from floquid.checks._residual import colour, harmonics, level, lines, misfit, spikes, tones
 from floquid.checks._system import system
 from floquid.checks._types import Validation
-from floquid.checks._weak_modes import weak_modes
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.findings import Finding
 from floquid.reconstruction import StateModel
@@ -37,25 +31,25 @@ def _remainder(_: Subject, found: Evidence) -> tuple[Finding, ...]:
 
 CHECKS = (
     Check("needed", "Is each mode needed?", "seen", needed),
-    Check("inputs", "Is it determined how each input reaches the modes?", "seen", inputs),
+    Check("inputs", "Is it determined how each input reaches the modes?", "undriven"),
     Check("misfit", "Does the fit leave more than noise?", "misfit", misfit),
     # A wrong period, phase or angle is the cause of much else: it comes first.
     Check("period", "Is the period that of the response?", "period_off", period),
     Check("repetition", "Does the residual repeat with another period?", "other", repetition),
-    Check("angle", "Is the angle of the shaft known well enough?", "vague_angles", angle),
+    Check("angle", "Is the angle of the shaft known well enough?", "vague_angles"),
     Check("phases", "Are all records at the phase of the first?", "phase_steps", phases),
-    Check("reach", "Do the measured inputs reach each mode?", "scores", reach),
-    Check("driving", "Do the inputs alone drive the modes, at their instants, linearly?", "scores", driving),
-    Check("excitation", "Is each mode the system's, determined, and one?", "excitation", excitation),
+    Check("reach", "Do the measured inputs reach each mode?", "coloured", reach),
+    Check("driving", "Do the inputs alone drive the modes, at their instants, linearly?", "coloured", driving),
+    Check("excitation", "Is each mode the system's, determined, and one?", "excitation"),
     Check("weak modes", "Is each mode stronger than what a fit makes of noise?", "left", weak_modes),
     Check("tones", "Are harmonics of the revolution left?", "left", tones),
     Check("harmonics", "Are harmonics of the modes left?", "left", harmonics),
     Check("lines", "Are other lines left?", "left", lines),
     Check("colour", "Is the residual white?", "colour", colour),
     Check("spikes", "Are there samples that are no noise?", "residual", spikes),
-    Check("modes", "Is each mode determined, and likely one?", "left", modes),
+    Check("modes", "Is each mode determined, and likely one?", "doubts"),
     Check("limits", "Did the search end at the most modes?", "seen", limits),
-    Check("determined", "Is each decay determined?", "undetermined", determined),
+    Check("determined", "Is each decay determined?", "undetermined"),
     Check("bands", "Do the bands end below the highest harmonics?", "most", bands),
     Check("steady", "Is a mode a line of the revolution?", "turning", steady),
     Check("left out", "Are samples left out of a fit predicted by it?", "left_out", left_out),

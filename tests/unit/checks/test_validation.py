@@ -10,9 +10,9 @@ from numpy.testing import assert_allclose
 from floquid import ConstantPeriod, InputError, PeriodicModel, Record, identify, load, reconstruct, save
 from floquid.checks import Criterion, Validation, _folds, validate
 from floquid.checks._decays import decays_of
+from floquid.checks._modes import _power
 from floquid.checks._residual import peaks, squared_correlations
 from floquid.checks._system import TOLERANCE, consistency
-from floquid.checks._weak_modes import _power
 from floquid.errors import IdentificationError
 from floquid.exports import summary
 from floquid.fit import DEVIATIONS, filter_gain, filtered

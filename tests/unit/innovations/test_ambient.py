@@ -20,7 +20,7 @@ from floquid import (
 )
 from floquid.checks import Ambient
 from floquid.checks._excitation import _not_apart, excitation_of
-from floquid.checks._spikes import of_outliers
+from floquid.checks._residual import of_outliers
 from floquid.exports import summary
 from floquid.findings import Severity
 from floquid.innovations import Fit, first_innovations, period_step, predicted, repetition
