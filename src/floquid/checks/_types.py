@@ -115,6 +115,14 @@ class Validation(Rebuilt):
         return f"Validation(passed={self.passed}, unmet={self.unmet}, metrics={len(self.metrics)})"
 
     @property
+    def answer(self) -> str:
+        """The verdict: "passes", "passes with a remainder of" a share of the response [%, amplitude], or "fails"."""
+        if not self.passed or not self.findings:
+            return "passes" if self.passed else "fails"
+        share = 100.0 * self.metrics["remainder"]
+        return f"passes with a remainder of {f'{share:.2g}' if share >= 0.1 else 'less than 0.1'} %"
+
+    @property
     def reasons(self) -> tuple[str, ...]:
         """Reasons against the model and what to do, a sentence each; empty where nothing is left."""
         return texts(self.findings)

@@ -98,13 +98,12 @@ class Analysis(Told, Drawn, Brief):
 
     def __repr__(self) -> str:
         model = self.model
-        verdict = "not checked" if self.validation is None else "passes" if self.passed else "does not pass"
         sides = counted(len(model.channels), "channel")
         sides += f", {counted(len(self.inputs), 'input')}" if self.inputs else ""
         periods = ", ".join(f"{record.duration / model.period:.4g}" for record in self.records[:4])
         more = ", …" * (len(self.records) > 4)
         size = f"order={model.order}, period={model.period:.4g} s, {sides}, {periods}{more} periods"
-        return f"Analysis({size}: {'fails' if self.failed else verdict})"
+        return f"Analysis({size}: {self.answer})"
 
     def _figures(self) -> Drawings:
         found: Drawings = {
@@ -230,6 +229,13 @@ class Analysis(Told, Drawn, Brief):
     def passed(self) -> bool:
         """True where the model was validated and can be believed."""
         return self.validation is not None and self.validation.passed and not self.failed
+
+    @property
+    def answer(self) -> str:
+        """The verdict on the model: an answer of its `validation`, "fails", or "not checked"."""
+        if self.failed:
+            return "fails"
+        return "not checked" if self.validation is None else self.validation.answer
 
     @property
     def reasons(self) -> tuple[str, ...]:

@@ -41,24 +41,12 @@ def done_words(analysis: Analysis) -> list[str]:
 
 def verdict_line(analysis: Analysis) -> str:
     """The verdict on the model of an `analysis` in a line, with what it rests on if it passed."""
-    validation = analysis.validation
-    if validation is None:
-        return "the model fails" if analysis.failed else "not checked"
-    if not analysis.passed:
-        return f"the model does not pass, for {counted(len(analysis.reasons), 'reason')}"
-    if validation.findings:
-        return f"passed, with a known remainder: {remainder_words(validation)} of the response beyond the noise"
-    error = validation.metrics["held_out_error"]
-    if "fit" not in validation.metrics:
-        return f"passed: the last quarter, left out of a fit, is predicted to {error:.3g} times the expected error"
-    fit = validation.metrics["fit"]
-    return f"passed: {fit:.1%} of the response in cycles left out is predicted, to {error:.3g} times the noise at worst"
-
-
-def remainder_words(validation: Validation) -> str:
-    """The share of the response that a model which passed (`validation`) leaves beyond the noise, in % of amplitude."""
-    share = 100.0 * validation.metrics["remainder"]
-    return f"{share:.2g} %" if share >= 0.1 else "less than 0.1 %"
+    if analysis.answer == "passes":
+        assert analysis.validation is not None
+        return f"passes: {passed_words(analysis.validation)}"
+    if analysis.passed:
+        return f"{analysis.answer} of the response, beyond the noise"
+    return f"{analysis.answer}, for {counted(len(analysis.reasons), 'reason')}" if analysis.reasons else analysis.answer
 
 
 def _noise(analysis: Analysis) -> str:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from floquid.checks import CHECKS, Ambient, Check, Decays, Driven
-from floquid.checks._check import Evidence, Subject, looked_at
+from floquid.checks._check import REMAINDER, Evidence, Subject, looked_at
 from floquid.findings import failure, warning
 from floquid.findings._finding import WORDS
 
@@ -87,6 +87,10 @@ def test_what_is_left_is_a_remainder_up_to_a_limit(share, value, fails):
     (said,) = evidence.against("line_left", "size", share=share, frequencies=(), channels=(), hits=(), sizes=())
     assert (said.severity.value == "failure") is fails
     assert evidence.remainder == share
+    evidence.findings.append(said)
+    assert evidence.kept("remainder", evidence.remainder, REMAINDER) is not (share > REMAINDER)
+    answer = "fails" if fails else "passes with a remainder of less than 0.1 %"
+    assert evidence.verdict((1, 1)).answer == answer
 
 
 def test_no_number_is_no_verdict_in_favour():
