@@ -13,11 +13,11 @@ import numpy as np
 from floquid import innovations, inputs
 from floquid._arrays import Floats
 from floquid.checks._check import Evidence, Subject
+from floquid.checks._driving import undriven
 from floquid.checks._excitation import excitation_of
-from floquid.checks._left_out import FAILING, LeftOut, first_part, of_last_quarter
+from floquid.checks._left_out import FAILING, LeftOut, first_part
 from floquid.checks._limits import is_undetermined
 from floquid.checks._period import LIMIT, Off, shaken
-from floquid.checks._reach import undriven
 from floquid.checks._residual import Colour
 from floquid.core import Channel, PeriodicModel, Record
 from floquid.findings import Finding, failure
@@ -118,7 +118,14 @@ class Excited(Subject):
 
     def left_out(self) -> LeftOut:
         """The last quarter of each record, predicted by a fit to the rest."""
-        return of_last_quarter(self.errors(), self.own.outputs)
+        errors = self.errors()
+        worst = int(np.argmax(errors))
+        size, channel = float(errors[worst]), self.own.outputs[worst].name
+        return LeftOut(
+            arrays={"held_out_error": np.where(np.isfinite(errors), errors, np.nan)[:, None]},
+            sizes={"held_out_error": (size, FAILING, None)},
+            numbers={"ratio": size, "part": "last quarter", "channel": channel, "hit": 0},
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

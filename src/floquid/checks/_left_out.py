@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from floquid._arrays import Floats, Integers
 from floquid.checks._check import FALSE_ALARM, Evidence, strongest
 from floquid.checks._folds import HeldOut
-from floquid.core import Channel
 from floquid.errors import FloquidError
 from floquid.findings import Finding, failure
 from floquid.inputs import Samples
@@ -89,16 +88,6 @@ def of_cycles(case: Any, sums: HeldOut) -> LeftOut:
         numbers={"ratio": along[0], "part": f"{part} part", **case.place(channel, hit)},
         fit=float(1.0 - np.sqrt(beyond[seen].sum() / total)) if total else 1.0,
         least={"least": fit[worst], **case.place(*worst)},
-    )
-
-
-def of_last_quarter(errors: Floats, channels: Sequence[Channel]) -> LeftOut:
-    """Errors of the last quarter of records whose excitation goes on, over those expected (outputs,)."""
-    worst = int(np.argmax(errors))
-    return LeftOut(
-        arrays={"held_out_error": np.where(np.isfinite(errors), errors, np.nan)[:, None]},
-        sizes={"held_out_error": (float(errors[worst]), FAILING, None)},
-        numbers={"ratio": float(errors[worst]), "part": "last quarter", "channel": channels[worst].name, "hit": 0},
     )
 
 
