@@ -14,8 +14,7 @@ from numpy.typing import ArrayLike
 from floquid._arrays import Floats, Integers
 from floquid._checks import frozen_array, input_error, noise_array
 from floquid.checks._check import Evidence, Subject
-from floquid.checks._folds import cycles_of, held_out, only
-from floquid.checks._left_out import ERROR, LEAST_FIT, LeftOut, of_cycles
+from floquid.checks._left_out import ERROR, LEAST_FIT, LeftOut, cycles_of, held_out, of_cycles, only
 from floquid.checks._modes import doubts_of
 from floquid.checks._period import Off, blurred
 from floquid.checks._residual import Colour, colour_of

@@ -28,34 +28,16 @@ from floquid.sync import ShaftAngle
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parted:
-    """Samples of records with inputs, and their channels.
-
-    Parameters
-    ----------
-    records
-        The records as used.
-    samples
-        Outputs and inputs, one record after another.
-    outputs, inputs
-        The channels of each.
-    turns
-        Harmonics of the period that are fitted beside the modes, those of the revolution among them (turns,).
-    shafts
-        The angle of the shaft in each record; none where the period is constant.
-    periods_per_revolution
-        Periods of a revolution, as the clock of the record has them, or the settings.
-    findings
-        What is said of these harmonics.
-    """
+    """Samples of records whose excitation goes on, and their channels."""
 
     records: tuple[Record, ...]
-    samples: Samples
+    samples: Samples  # outputs and inputs, one record after another
     outputs: tuple[Channel, ...]
     inputs: tuple[Channel, ...]
-    turns: tuple[float, ...]
-    shafts: tuple[ShaftAngle, ...]
-    periods_per_revolution: float
-    findings: tuple[Finding, ...]
+    turns: tuple[float, ...]  # harmonics of the period that are fitted beside the modes, those of the revolution too
+    shafts: tuple[ShaftAngle, ...]  # none where the period is constant
+    periods_per_revolution: float  # as the clock of the record has them, or the settings
+    findings: tuple[Finding, ...]  # on these harmonics
 
 
 COLOURED, WRONG = 0.1, 0.3

@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from floquid import ConstantPeriod, InputError, PeriodicModel, Record, identify, load, reconstruct, save
-from floquid.checks import Criterion, Validation, _folds, validate
+from floquid.checks import Criterion, Validation, _left_out, validate
 from floquid.checks._decays import decays_of
 from floquid.checks._modes import _power
 from floquid.checks._residual import peaks, squared_correlations
@@ -352,7 +352,7 @@ def test_a_fit_that_runs_away_is_said_and_not_passed(monkeypatch):
     def refuse(*args, **options):
         raise IdentificationError("it moves away.")
 
-    monkeypatch.setattr(_folds, "refit", refuse)
+    monkeypatch.setattr(_left_out, "refit", refuse)
     assert "cannot be fitted to a part of them (it moves away)" in said(judged(noisy()))
 
 

@@ -7,7 +7,7 @@ import pytest
 from tests.several_hits import Hits
 
 from floquid import identify
-from floquid.checks._folds import _of_hits
+from floquid.checks._left_out import _of_hits
 from floquid.periodic import refit
 from floquid.periodic.least_squares import ModeParameters, OneShape, eliminated, forced_entries, record_blocks
 from floquid.periodic.least_squares._estimates import estimates_of_shapes
