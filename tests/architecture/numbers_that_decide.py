@@ -24,7 +24,7 @@ ROOMS = (
     "pipeline",
     "sync",
     "transfer",
-    "validation",
+    "checks",
 )
 """Where it is decided what a record holds."""
 

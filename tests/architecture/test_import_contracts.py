@@ -75,7 +75,7 @@ ALLOWED = {
     "plot": "import matplotlib, bokeh, floquid.pipeline",
     "paper": "import floquid.plot, floquid.pipeline, floquid.systems, floquid.floquet, floquid.testing",
     "reporting": "import jinja2, bokeh, floquid.plot",
-    "pipeline": "import floquid.validation, floquid.lifting, floquid.lti, floquid.readers, floquid.errors",
+    "pipeline": "import floquid.checks, floquid.lifting, floquid.lti, floquid.readers, floquid.errors",
     "periodic": "import floquid.lti, floquid.order, floquid.fit",
     "systems": "import floquid.floquet, floquid._checks",
     "floquet": "import floquid.core, floquid._checks, floquid.io, floquid._bar, scipy",

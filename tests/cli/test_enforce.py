@@ -7,7 +7,7 @@ import pytest
 from tests.cli.conftest import save_npz, simulated
 from tests.cli.test_commands import GOOD, strict_json, typed
 
-TITLE = "the model does not pass, for "
+TITLE = "Verdict fails, for "
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def forced(here):
 
 def test_a_model_that_passes(here):
     text = typed(f"{GOOD} --enforce --out new")
-    assert "Verdict passed: " in text
+    assert "Verdict passes: " in text
     assert TITLE not in text
     assert strict_json((here / "new" / "summary.json").read_text())["validation"]["passed"] is True
     assert "validate = true" in (here / "new" / "settings.toml").read_text()

@@ -32,7 +32,7 @@ def test_a_result_is_printed_and_written(file, tmp_path, capsys, monkeypatch):
     said = capsys.readouterr().out
     assert "Modes: order 2" in said
     assert "Input F, held between samples." in said
-    assert "passed" in said
+    assert "passes" in said
     assert sorted(p.name for p in out.iterdir() if not p.name.startswith(".")) == [
         "figures",
         "report.html",
@@ -105,7 +105,7 @@ def test_states_that_are_too_few_lose_no_search(file, capsys):
     said = " ".join(capsys.readouterr().out.split())
     assert "A(t) was not rebuilt:" in said
     assert "must name 2 channels" in said
-    assert "Verdict passed" in said
+    assert "Verdict passes" in said
     assert "A(t) [" not in said
 
 

@@ -72,7 +72,7 @@ def test_a_repr_says_what_is_not_the_default():
 def test_the_reprs_of_the_main_results(analysis):
     assert repr(analysis) == "Analysis(order=4, period=6.283 s, 4 channels, 60 periods: passes)"
     assert repr(replace(analysis, validation=None)).endswith(": not checked)")
-    assert repr(replace(analysis, validation=replace(analysis.validation, passed=False))).endswith(": does not pass)")
+    assert repr(replace(analysis, validation=replace(analysis.validation, passed=False))).endswith(": fails)")
     assert repr(analysis.records[0]).startswith(
         "Record(4 channels: X, Y, X_tt, Y_tt; 720 samples at 1.9098593 Hz; Const"
     )
@@ -99,7 +99,7 @@ def test_a_class_keeps_a_repr_of_its_own_and_a_subclass_too():
 
 def test_the_summary_has_the_modes_and_the_verdict(results):
     begins = {
-        "analysis": ("1 record, 4 channels", "Modes: order 4", "Verdict passed"),
+        "analysis": ("1 record, 4 channels", "Modes: order 4", "Verdict passes"),
         "bootstrap": ("20 records drawn from the model", "Ratio over all elements", "deviations hold"),
         "scan": ("Orders, conjugate poles", "ΔBIC", "singular values"),
         "modes": ("Stability: asymptotically stable", "Modes: order 4", "folded"),

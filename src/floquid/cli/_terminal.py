@@ -29,7 +29,6 @@ from floquid.views import (
     mode_table,
     note_meanings,
     outcome_lines,
-    passed_words,
     whitening_words,
     with_error,
 )
@@ -150,14 +149,12 @@ def _print_legend(console: Console, analysis: Analysis, *, verbose: bool) -> Non
 
 
 def _print_reasons(console: Console, analysis: Analysis) -> None:
-    """Print the reasons for the order, the test for periodicity, and the numbers of a verdict that passed."""
+    """Print the reasons for the order, and the test for periodicity."""
     console.print()
     if analysis.choice is not None and not analysis.choice.ambiguous:
         console.print(f"The order is clear. {' '.join(analysis.choice.reasons)}", style="dim")
     for sentence in () if analysis.periodicity is None else analysis.periodicity.sentences:
         console.print(sentence, style="dim")
-    if analysis.validation is not None and analysis.passed and not analysis.validation.findings:
-        console.print(f"Validation passed: {passed_words(analysis.validation)}", style="dim")
 
 
 def print_folder(folder: Path | None, *others: str) -> None:

@@ -80,9 +80,22 @@ ORDER: dict[str, str | Callable[..., str]] = {
 """By code."""
 
 
-def _needed(number: int) -> str:
+def _needed(number: int, frequency: float | None = None, rise: float = 0.0) -> str:
     words = "One mode is" if number == 1 else f"{number} modes, a pair counted once, are"
-    return f"{words} needed: noise explains none of them, nor do the harmonics of another."
+    if frequency is None:
+        return f"{words} needed: noise explains none of them, nor do the harmonics of another."
+    size = f"{rise:.2g}" if rise < 100.0 else "more than 100"
+    clear = "clear of" if rise >= 2.0 else "only just above"
+    least = "it" if number == 1 else f"the one missed least, at {frequency:.4g} Hz,"
+    return f"{words} needed: {least} is {clear} the noise (χ² of its shape {size} times the limit)."
+
+
+def _undetermined(frequencies: Sequence[float] = ()) -> str:
+    which = f" at {both([f'{own:.4g}' for own in frequencies])} Hz" if frequencies else ""
+    return (
+        f"The decay of a mode{which} is not determined. It dies at once, or modes make up for one another: there may "
+        "be fewer modes, or others."
+    )
 
 
 def _peak(frequency: float, share: float, loud: bool) -> str:
@@ -145,8 +158,9 @@ FIT: dict[str, str | Callable[..., str]] = {
         f"The mode at {frequency:.4g} Hz is most likely no mode: its multiplier is a product of those at "
         f"{both([f'{own:.4g} Hz' for own in of])}, which a nonlinearity makes."
     ),
-    "search_ended": "The search for modes was ended at {number}, a pair counted once, with more to be found: most of "
-    "them are noise that is not white along the record, or what a nonlinearity leaves.",
+    "search_ended": "The search for modes was ended at {number}, the most that it may find, with more to be found. "
+    "So many are often noise that is not white along the record, or what a nonlinearity leaves.",
+    "undetermined": _undetermined,
     "out_of_time": "The search for modes was ended after {seconds:.4g} s of processor time: modes or harmonics may be "
     "missing, and a pair may be two real multipliers. Give it longer (`seconds`); a shorter record, or fewer channels, "
     "end sooner.",

@@ -16,15 +16,6 @@ def _at(frequencies: Sequence[float]) -> str:
     return f"mode{'s' if len(frequencies) > 1 else ''} at {both([f'{own:.4g}' for own in frequencies])} Hz"
 
 
-def _twice(given: float, even: float, odd: float, limit: float) -> str:
-    return (
-        f"The response repeats twice within the {given:.6g} s given: even harmonics have squared scores of {even:.3g}, "
-        f"odd ones of {odd:.3g}, which noise alone has (up to {limit:.3g}). Modes would be found more than once. Give "
-        f"half of it: `period={0.5 * given:.10g}`; if a shaft that is out of balance turns once in two of these "
-        "halves, give `periods_per_revolution=2` as well."
-    )
-
-
 AMBIENT: dict[str, str | Callable[..., str]] = {
     "ambient_constant": "No harmonic of any shape but the largest rises above the noise: the record does not show that "
     "the system is periodic.",
@@ -50,10 +41,6 @@ AMBIENT: dict[str, str | Callable[..., str]] = {
     ),
     "ambient_length": "Random excitation tells little of damping: that at {frequency:.4g} Hz is known to {share:.0%}, "
     "and to 10 % it needs {seconds:.3g} s, {periods:.3g} periods.",
-    "ambient_undetermined": lambda frequencies: (
-        f"The decay is not determined: {_at(frequencies)}. It dies in a period, or modes make up for one another; "
-        "random excitation does not tell how many there are."
-    ),
     "ambient_alike": lambda frequencies: (
         f"Nearer to each other than they decay, or than their deviations tell: {_at(frequencies)}. They may be one, or "
         "coloured excitation; what is gone within a period is no claim then."
@@ -63,19 +50,6 @@ AMBIENT: dict[str, str | Callable[..., str]] = {
         f"{_at(frequencies)}. Exponents may be off by as much more than their deviations say. Where no other "
         "force acts beside measured inputs leave `excitation` out, else take a longer record."
     ),
-    "ambient_held_out": "The last quarter of the record, left out of a fit, is predicted with {error:.3g} times the "
-    "error of the rest: the system or its excitation is another one there.",
-    "ambient_period": "The response repeats at a frequency that is no multiple of that of the period given, "
-    "{given:.6g} s: with {own:.6g} s, or a fraction of it. Exponents and shapes would look right and be wrong: correct "
-    "`period`, or the rate of the record.",
-    "ambient_repeats": "The response repeats with about {own:.5g} s, not with the {given:.6g} s given (squared scores "
-    "{own_score:.3g} and {given_score:.3g}; noise alone stays below {limit:.3g}): exponents and shapes would look "
-    "right and be wrong. Correct `period`, or the rate of the record.",
-    "ambient_twice": _twice,
-    "ambient_unpredicted": "The last quarter of the record, left out of a fit, is not predicted by it: what it "
-    "predicts grows without bound. There may be fewer modes, or a disturbance that the record has once.",
-    "ambient_colour": "What is left is not white: {share:.1%} of its variance is predictable. Modes or harmonics are "
-    "missing, or the system does not repeat with that period.",
 }
 """By code."""
 
@@ -99,14 +73,6 @@ def _steady(harmonics: Sequence[float]) -> str:
         words = [f"{', '.join(words[:MOST_NAMED])}, …", words[-1]]
     of = "period" if whole else "period or the revolution"
     return f"A response that repeats with the {of} was fitted beside the modes: {both(words)} a period."
-
-
-def _needed(modes: int, frequency: float, rise: float) -> str:
-    size = f"{rise:.2g}" if rise < 100.0 else "more than 100"
-    told = f"{'clear of' if rise >= 2.0 else 'only just above'} the noise (χ² of its shape {size} times the limit)."
-    if modes == 1:
-        return f"The one mode is needed: it is {told}"
-    return f"Each of the {modes} modes is needed: the one missed least, at {frequency:.4g} Hz, is {told}"
 
 
 def _instants(delay: int, hold: str, given: str) -> str:
@@ -151,9 +117,40 @@ def _line(frequencies: Sequence[float], periods: int, real: bool, forced: Sequen
     )
 
 
+def _unreached(frequency: float, line: bool) -> str:
+    if line:
+        return (
+            f"No input reaches what is at {frequency:.4g} Hz, and it does not decay within the record. Likely it is a "
+            "line of the mains or of another machine. Take it off before, or measure what drives it."
+        )
+    return f"No input reaches the mode at {frequency:.4g} Hz as far as the record shows: only its first state does."
+
+
+def _began(record: int, seconds: float, channels: Sequence[str] = ()) -> str:
+    who = f"{both(list(channels))} {'stand' if len(channels) > 1 else 'stands'}" if channels else "All inputs stand"
+    return (
+        f"{who} still in the first {seconds:.4g} s of record {record}, where the response does not ring down. "
+        "Likely the measurement of the inputs began later. Cut the record there, or leave it out."
+    )
+
+
+def _driven(squares: float, limit: float, sure: bool) -> str:
+    size = f"squared scores of {squares:.3g}; noise of sensors alone stays below {limit:.3g}"
+    if sure:
+        return (
+            f"The residual follows through the modes from the residual before ({size}): something drives the system "
+            "beside the inputs. It may be a force that nobody measured, noise on the measured inputs or a feedback. "
+            'Deviations are too small. Measure the inputs better, or use `excitation="ambient"` with these inputs.'
+        )
+    return (
+        f"The residual follows a little through the modes from the residual before ({size} in 99 of 100 records). "
+        "Likely there is a little noise on the measured inputs, or a weak force that nobody measured; deviations are "
+        'then too small. A longer record tells. `excitation="ambient"` with these inputs takes account of a force.'
+    )
+
+
 INPUTS: dict[str, str | Callable[..., str]] = {
     "inputs": _inputs,
-    "excited_order": _needed,
     "steady_beside_inputs": _steady,
     "lines_between": "There are lines between the multiples of the period's frequency, at multiples of 1/{periods} of "
     "it: an imbalance, where a revolution holds {periods} periods? They were fitted beside the modes. If it does, say "
@@ -163,21 +160,8 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "states_unfit": "A(t) was not rebuilt: {reason}",
     "inputs_free": "Harmonics go on to the Nyquist frequency: the matrices at each of the {phases} phases were fitted, "
     "all of them free. Between the samples the model says nothing.",
-    "unreached": "The mode at {frequency:.4g} Hz is reached by no input as far as the record shows: it is seen by what "
-    "it rings with from the begin alone.",
-    "unreached_line": "What is at {frequency:.4g} Hz is reached by no input and does not decay within the record: a "
-    "line that something else drives, as the mains or another machine, no mode. Take it off before, or measure what "
-    "drives it.",
-    "inputs_late": "Nothing drives in the first {seconds:.4g} s of record {record}, yet the response goes on and does "
-    "not ring down: were the inputs measured from later on alone? Cut the record there, or leave it out.",
-    "excited_angle": "The angle of the shaft is known to {degrees:.2g}° only: what that makes of the response has "
-    "{share:.2g} times the variance of what is left. Modes near a harmonic of the revolution may be that, and others "
-    "are off. Sample the tachometer faster, take a wider pulse, or more of them a revolution.",
-    "inputs_began": lambda channels, record, seconds: (
-        f"{both(list(channels))} {'stand' if len(channels) > 1 else 'stands'} still in the first {seconds:.4g} s of "
-        f"record {record}, where the response does not ring down as modes that the inputs reach do: measured from "
-        "later on alone? Cut the record there."
-    ),
+    "unreached": _unreached,
+    "inputs_began": _began,
     "inputs_poor": lambda channels: (
         f"It is not determined how {both(list(channels))} reach{'es' * (len(channels) == 1)} the modes: a blow at one "
         "phase of the period, one frequency alone, or one that does next to nothing does not tell the harmonics of b. "
@@ -189,29 +173,12 @@ INPUTS: dict[str, str | Callable[..., str]] = {
         f"first is sample {sample} of record {record}), {share:.0%} of the power that is left: spikes, no response? "
         "Cut the record there, into two records."
     ),
-    "inputs_held_out": "The last quarter of the record, left out of a fit, is predicted with an error of {error:.3g} "
-    "times the noise: modes or harmonics are missing, the input is not what drives the system alone, or the system is "
-    "not linear or not periodic with that period.",
     "inputs_instants": _instants,
     "inputs_untold": _untold,
     "inputs_nonlinear": "What is left goes with squares and cubes of the response (squared scores of {squares:.3g}; "
     "noise alone stays below {limit:.3g}): the system is not linear at this force, and exponents are those of this "
     "level. Drive it less.",
-    "inputs_noise": "What is left follows, through the modes, from what was left before (squared scores of "
-    "{squares:.3g}; noise of sensors alone stays below {limit:.3g}): something drives the system beside the inputs, "
-    "as a force that nobody measured, noise on the measured inputs or a feedback. Deviations are too small. Measure "
-    'the inputs better, or let `excitation="ambient"`, with these inputs, take account of it.',
-    "inputs_some_noise": "What is left follows a little, through the modes, from what was left before (squared scores "
-    "of {squares:.3g}; noise of sensors alone stays below {limit:.3g} in 99 of 100 records): likely a little noise on "
-    "the measured inputs, or a weak force that nobody measured. Deviations are then too small. A longer record tells; "
-    '`excitation="ambient"`, with these inputs, takes account of such a force.',
-    "inputs_colour": "What is left is not white (squared correlations sum to {squares:.2g}): the noise is coloured or "
-    "drives the system itself, the inputs were measured with noise, or what they are between their samples is not what "
-    "`hold` says. Deviations are too small or too large. Of forces beside those measured "
-    '`excitation="ambient"` takes account.',
-    "inputs_modes": "The search ended at the most modes that it may find ({most}): there may be more.",
-    "inputs_undetermined": "The decay of a mode is not determined: modes make up for one another, or one dies at "
-    "once. There may be fewer modes, or others.",
+    "inputs_noise": _driven,
     "inputs_harmonics": "A mode has as many harmonics as are looked for ({most}): what it has beyond them is missing. "
     "Name a number that is enough: `harmonics`.",
     "measured_repeats": "{repeats} repeats of {turns} periods; the first {dropped} of each record are left out.",

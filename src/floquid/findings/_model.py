@@ -74,6 +74,15 @@ def _sum(channel: str, shares: Sequence[float], others: Sequence[str], beside: f
     return f"{channel} is {parts}, noise and all, but for {100.0 * beside:.2g} % of its noise"
 
 
+def _angle(degrees: float, energy: float = 0.0, share: float = 0.0) -> str:
+    size = f"{energy:.3g} in the misfit" if energy else f"{share:.2g} times the variance of the residual"
+    return (
+        f"The angle of the shaft is known to {degrees:.2g}° only. What that makes of the response stands out of the "
+        f"noise ({size}). Weak modes, and those near a harmonic of the revolution, may be that. Sample the tachometer "
+        "faster, take a wider pulse, or more of them a revolution."
+    )
+
+
 MODEL: dict[str, str | Callable[..., str]] = {
     "orbit_subtracted": "The periodic orbit that the file holds was subtracted.",
     "bad_samples": "Samples that are not the response's bend exponents and shapes: mark them as missing (NaN).",
@@ -114,9 +123,7 @@ MODEL: dict[str, str | Callable[..., str]] = {
         f"The speed of the shaft is not constant enough for a periodic model: {' '.join(reasons)} Use a part of the "
         "record where it is, or pass `trust_period=True`."
     ),
-    "vague_angle": "The angle of the shaft is known to {degrees:.2g}° only: what that makes of the response stands out "
-    "of the noise ({energy:.3g} in the misfit). Weak modes, and those near a harmonic of the revolution, may be that. "
-    "Sample the tachometer faster, or take a wider pulse.",
+    "vague_angle": _angle,
     "order_ambiguous": lambda order, doubts: f"The order, {order}, is ambiguous: {' '.join(doubts)}",
     "under_a_peak": "A mode that hardly decays over the record lies where the noise has a peak: it may be noise.",
     "multiplier_one": "A component with a multiplier of 1 neither grows nor decays: it is most likely the forced "

@@ -3,17 +3,43 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from floquid.findings._phrases import both
 
+WRONG = "Exponents and shapes would look right and be wrong."
+REMEDY = f"{WRONG} Correct the period, or the rate, or measure the shaft."
 SMALLEST = 1e-300  # probabilities below this are not told apart
 
 
-def _wrong_period(own: float, std: float, given: float, slip: float, rate: float, whole: int) -> str:
-    said = (
-        f"The response does not repeat with the period given: its own is {own:.10g} ± {std:.1g} s, not {given:.10g} s; "
-        f"over the record the phase slips by {slip:.3g} samples. Exponents and shapes would look right and be wrong."
-    )
+def _wrong_period(
+    given: float,
+    own: float | None = None,
+    std: float | None = None,
+    deviations: float = 0.0,
+    fraction: bool = False,
+    scores: Sequence[float] = (),
+    **rounded: Any,
+) -> str:
+    if own is None:
+        return (
+            f"The response does not repeat with the period given, {given:.10g} s: the residual goes with a change of "
+            f"it ({deviations:.0f} deviations), too large to tell the right one. {REMEDY}"
+        )
+    size = f"{own:.10g} s" if std is None else f"{own:.10g} ± {std:.1g} s"
+    size = f"about {own:.5g} s" if scores or fraction else size
+    said = f"The response does not repeat with the period given: its own is {size}, not {given:.10g} s"
+    if fraction:
+        said = f"{said}; it repeats with its own or a fraction of it"
+    if scores:
+        seen, with_given, noise = scores
+        said = f"{said} (squared scores of {seen:.3g} and {with_given:.3g}; noise alone stays below {noise:.3g})"
+    return _rounded(said, given, **rounded) if rounded else f"{said}. {REMEDY}"
+
+
+def _rounded(said: str, given: float, slip: float, rate: float, whole: int) -> str:
+    """The sentence with the slip over the record, and with the remedy where the own period is whole samples."""
+    said = f"{said}; over the record the phase slips by {slip:.3g} samples. {WRONG}"
     if not whole:
         return said
     return (
@@ -23,12 +49,20 @@ def _wrong_period(own: float, std: float, given: float, slip: float, rate: float
     )
 
 
-def _own_period(period: float, std: float | None, given: float) -> str:
-    # A model that fails has no deviations: then what it leaves says nothing of that of the period either.
-    deviation = "" if std is None else f" ± {std:.1g}"
+def _twice(given: float, even: float, odd: float, limit: float) -> str:
     return (
-        f"the response repeats with {period:.10g}{deviation} s, not with the period of the model, {given:.10g} s. "
-        "Correct the period, or let it be found (`estimate_period=True`)."
+        f"The response repeats twice within the {given:.6g} s given: even harmonics have squared scores of {even:.3g}, "
+        f"odd ones of {odd:.3g}, which noise alone has (up to {limit:.3g}). Modes would be found more than once. Give "
+        f"half of it: `period={0.5 * given:.10g}`; if a shaft that is out of balance turns once in two of these "
+        "halves, give `periods_per_revolution=2` as well."
+    )
+
+
+def _phase(record: int, deviations: float | None = None) -> str:
+    how = "is about half a period off" if deviations is None else f"is off by {deviations:.0f} deviations from"
+    return (
+        f"Record {record} {how} the phase of the first. Records must count from the same phase: give their begins on "
+        "one time axis, the origin of the clock, or a tachometer."
     )
 
 
@@ -75,17 +109,8 @@ PERIOD: dict[str, str | Callable[..., str]] = {
     "wrong and tore each harmonic into a mode of its own.",
     "period_halved": "Modes come in pairs of equal decay, half a fundamental apart: the true period is most likely "
     "twice the one given, and each mode is listed twice.",
-    "own_period": _own_period,
-    "inputs_period": "The response does not repeat with the period given: its own is {own:.10g} ± {std:.1g} s, not "
-    "{given:.10g} s. Exponents and shapes would look right and be wrong. Correct the period, or the rate.",
-    "records_phase": "Record {record} is not at the phase of the first: what is left goes with a shift of it along the "
-    "period ({deviations:.0f} deviations). Records must count from the same phase: give their begins on one time "
-    "axis, the origin of the clock, or a tachometer.",
-    "records_turned": "Record {record} is about half a period off the phase of the first. Records must count from the "
-    "same phase: give their begins on one time axis, the origin of the clock, or a tachometer.",
-    "inputs_period_far": "The response does not repeat with the period given, {given:.10g} s: what is left goes "
-    "with a change of it ({deviations:.0f} deviations), too large a one to tell its own. Exponents and shapes "
-    "would look right and be wrong. Correct the period, or the rate, or measure the shaft.",
+    "period_twice": _twice,
+    "records_phase": _phase,
     "period_of_orbit": _of_orbit,
     "orbit_of_two_periods": "What does not decay repeats after two periods, with the opposite sign after one: a limit "
     "cycle or a forced orbit that is half-wave symmetric, or the imbalance of a shaft that turns once in two periods. "

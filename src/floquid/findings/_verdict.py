@@ -53,15 +53,17 @@ def _lines(frequencies: Numbers, channels: Names, hits: Sequence[int], sizes: Nu
     )
 
 
-def _colour(channels: Names, hits: Sequence[int], squares: Numbers) -> str:
-    parts = [
-        f"{response(channel, hit)} (squared correlations sum to {square:.3g})"
-        for channel, hit, square in zip(channels, hits, squares, strict=True)
-    ]
+def _colour(
+    squares: Numbers = (), channels: Names = (), hits: Sequence[int] = (), predictable: float | None = None
+) -> str:
+    where = [response(channel, hit) for channel, hit in zip(channels, hits, strict=True)] or ["the worst output"]
+    parts = [f"{place} (squared correlations sum to {size:.3g})" for place, size in zip(where, squares, strict=False)]
+    if predictable is not None:
+        parts = [f"the outputs ({predictable:.1%} of the variance is predictable)"]
     return (
-        f"what is left is not white but broadband colour in {listed(parts)}. Deviations are too small or too large "
-        "there: look for modes that are missing, filters and drifts of the sensors, or a period that is not the "
-        "response's own."
+        f"the residual is not white but has broadband colour in {listed(parts)}. Deviations are too small or too large "
+        "there. Look for modes or harmonics that are missing, for filters and drifts of the sensors, for what drives "
+        "the system unmeasured, and for a period that is not the response's own."
     )
 
 
@@ -75,10 +77,10 @@ def _held_out_fit(fit: float, channel: str, hit: int, least: float) -> str:
 
 def _held_out_error(ratio: float, channel: str, hit: int, part: str) -> str:
     return (
-        f"where cycles are held out, the error of prediction is {ratio:.3g} times what noise explains in "
-        f"{response(channel, hit)}, most in the {part} part of its response. Look there for clipping, other samples "
-        "that are not the response's, a nonlinearity (leave the first periods out with `skip=`), or modes that are "
-        "missing."
+        f"samples that were left out of a fit are predicted with {ratio:.3g} times the expected error in "
+        f"{response(channel, hit)}, most in the {part} of its response. Look there for clipping, other samples that "
+        "are not the response's, a nonlinearity (leave the first periods out with `skip=`), another excitation, or "
+        "modes and harmonics that are missing."
     )
 
 
@@ -110,6 +112,8 @@ VERDICT: dict[str, str | Callable[..., str]] = {
     "out. Record longer, or with less noise.",
     "held_out_singular": "Cycles held out could not be predicted: the model cannot be fitted to a part of them "
     "({error}). Ask for fewer modes.",
+    "held_out_grows": "Samples that were left out of a fit are not predicted by it: what it predicts grows without "
+    "bound. There may be fewer modes, or a disturbance that the record has once.",
     "held_out_fit": _held_out_fit,
     "held_out_error": _held_out_error,
     "tone_left": _tones,

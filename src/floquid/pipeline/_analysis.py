@@ -13,6 +13,7 @@ from floquid import innovations
 from floquid._arrays import Floats
 from floquid._checks import counted, input_error
 from floquid._show import Brief, Drawings, Drawn, Told, late
+from floquid.checks import AIM, Validation
 from floquid.core import Channel, ConstantPeriod, Cycles, PeriodicModel, Provenance, Record
 from floquid.findings import Finding, Severity, texts
 from floquid.inputs import TransferFunctions, Uncertainty
@@ -34,15 +35,11 @@ from floquid.reconstruction import (
     refine,
 )
 from floquid.sync import ShaftAngle
-from floquid.validation import Validation
 
 if TYPE_CHECKING:
     import pandas as pd
 
     from floquid.pipeline.draws import Bootstrap
-
-AIM = 0.1
-"""The relative deviation of the damping for which the length of a record is given."""
 
 Driven: TypeAlias = Uncertainty | innovations.Fit
 """A fit of records whose excitation goes on: to measured inputs, or in innovations form."""
@@ -101,13 +98,12 @@ class Analysis(Told, Drawn, Brief):
 
     def __repr__(self) -> str:
         model = self.model
-        verdict = "not checked" if self.validation is None else "passes" if self.passed else "does not pass"
         sides = counted(len(model.channels), "channel")
         sides += f", {counted(len(self.inputs), 'input')}" if self.inputs else ""
         periods = ", ".join(f"{record.duration / model.period:.4g}" for record in self.records[:4])
         more = ", …" * (len(self.records) > 4)
         size = f"order={model.order}, period={model.period:.4g} s, {sides}, {periods}{more} periods"
-        return f"Analysis({size}: {'fails' if self.failed else verdict})"
+        return f"Analysis({size}: {self.answer})"
 
     def _figures(self) -> Drawings:
         found: Drawings = {
@@ -233,6 +229,13 @@ class Analysis(Told, Drawn, Brief):
     def passed(self) -> bool:
         """True where the model was validated and can be believed."""
         return self.validation is not None and self.validation.passed and not self.failed
+
+    @property
+    def answer(self) -> str:
+        """The verdict on the model: an answer of its `validation`, "fails", or "not checked"."""
+        if self.failed:
+            return "fails"
+        return "not checked" if self.validation is None else self.validation.answer
 
     @property
     def reasons(self) -> tuple[str, ...]:

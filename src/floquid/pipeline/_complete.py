@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.checks import Decays, findings_of
 from floquid.core import ConstantPeriod, Cycles, Estimates, PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note
@@ -19,8 +20,8 @@ from floquid.periodic import Fit, combinations_of, estimate_at, periodicity
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._decay import Decay, clocks_of
 from floquid.pipeline._deviations import model_failure, poles_alone, widened, widening, with_misfit
-from floquid.pipeline._doubts import STILL, ambiguity, doubts_of, misfit, vague_angle
-from floquid.pipeline._noise_colour import ALL_PEAKED
+from floquid.pipeline._doubts import ambiguity
+from floquid.pipeline._noise_colour import ALL_PEAKED, STILL
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._start import BRIDGED, Lifting, Start, filled, out_of_step, steady_clock
 from floquid.pipeline._state import Again, state_of
@@ -70,7 +71,6 @@ def completed(
         choice = Choice(order=model.order, model=modal, findings=(*_peaked(choice), *fitted.findings))
     _refuse_peaks(model, choice, settings)
     state, refinement = state_of(model, settings, again_of(fitted, lifted, shafts, settings), report)
-    blurred = vague_angle(fitted, shafts, prepared.responses) if shafts else None
     tested = None
     if model.unselected is not None:
         # Resampling moves lines by more than their deviations.
@@ -87,11 +87,20 @@ def completed(
             *prepared.findings,
             *(() if start.floor is None else (note("believed_down_to", floor=start.floor),)),
             *_done(fitted, why_sampled(fitted, shafts, settings), settings.periods_per_revolution),
-            *(own for own in (fails, *doubts, misfit(fitted), *uneven_speed(shafts), blurred) if own is not None),
+            *(own for own in (fails, *doubts, *uneven_speed(shafts)) if own is not None),
             *fitted.warnings,
             *ambiguity(choice),
             *(() if changed else combinations_of(model, lifted.noise, nonlinear=start.floor is not None)),
-            *doubts_of(model, wanders=any(shaft.wander > 0.0 for shaft in shafts)),
+            *findings_of(
+                Decays(
+                    model=model,
+                    records=prepared.responses,
+                    noise=fitted.noise,
+                    shafts=shafts,
+                    forced=fitted.forced,
+                    misfit=fitted.misfit,
+                )
+            ),
         ),
     )
 

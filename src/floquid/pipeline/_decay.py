@@ -6,14 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from floquid._show import Brief
+from floquid.checks import FAILED
 from floquid.core import ConstantPeriod, Cycles, Record
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
 from floquid.order import Choice
 from floquid.periodic import Fit, Periodicity
 from floquid.sync import ShaftAngle
-
-FAILED = 3.0  # times the noise that a fit leaves from which on it is no model of the record: then it has no deviations
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

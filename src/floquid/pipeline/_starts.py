@@ -8,12 +8,12 @@ from typing import Protocol
 
 import numpy as np
 
+from floquid.checks import MISFIT
 from floquid.core import PeriodicModel
 from floquid.fit import SURE, chi2_limit
 from floquid.lifting import Lifted, unlift
 from floquid.lti import ERA, Ensemble, TimeResponses, brief, pooled_noise
 from floquid.periodic import Fit, ModeParameters
-from floquid.pipeline._doubts import MISFIT
 from floquid.pipeline._find_poles import ENOUGH_CYCLES, find_poles
 from floquid.pipeline._start import Lifting, Start, start_of, without_forced
 from floquid.pipeline.preparation import Prepared

@@ -7,11 +7,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from floquid.checks import Evidence, validate
 from floquid.errors import FloquidError
 from floquid.findings import failure
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._decay import FAILED
-from floquid.validation import Criterion, Validation, validate
 
 
 def validated(analysis: Analysis, *, report: Callable[[str], None] = lambda _: None) -> Analysis:
@@ -31,31 +30,10 @@ def validated(analysis: Analysis, *, report: Callable[[str], None] = lambda _: N
             state=analysis.state,
             whitening=analysis.whitening,
             periods_per_revolution=nu,
+            misfit=analysis.misfit,
             report=report,
         )
     except (FloquidError, np.linalg.LinAlgError) as error:
-        nothing = np.full(analysis.noise.shape, np.nan)
-        verdict = Validation(
-            metrics={},
-            criteria={},
-            passed=False,
-            findings=(failure("not_checked", error=str(error).rstrip(".")),),
-            fit=nothing,
-            held_out_error=nothing,
-            colour=nothing,
-            tones=np.zeros((*analysis.noise.shape, 0)),
-            lines=np.zeros((*analysis.noise.shape, 0)),
-        )
-    return replace(analysis, validation=_with_misfit(verdict, analysis))
-
-
-def _with_misfit(verdict: Validation, analysis: Analysis) -> Validation:
-    """The verdict with what the fit leaves as one more number: a model that fails does not pass, whatever else does."""
-    if analysis.misfit is None:
-        return verdict
-    return replace(
-        verdict,
-        metrics={**verdict.metrics, "misfit": analysis.misfit},
-        criteria={**verdict.criteria, "misfit": Criterion(limit=FAILED)},
-        passed=verdict.passed and not analysis.failed,
-    )
+        why = failure("not_checked", error=str(error).rstrip("."))
+        verdict = Evidence(findings=[why]).verdict(analysis.noise.shape)
+    return replace(analysis, validation=replace(verdict, passed=verdict.passed and not analysis.failed))

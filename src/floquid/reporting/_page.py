@@ -214,8 +214,8 @@ def _environment() -> Environment:
 
 def _verdict(analysis: Analysis) -> dict[str, Any]:
     """The verdict as the templates have it."""
-    mark, sentence = words.verdict(analysis)
-    return {"mark": mark, "sentence": sentence, "under": words.under_verdict(analysis), "reasons": analysis.reasons}
+    mark, sentence, under = words.verdict(analysis)
+    return {"mark": mark, "sentence": sentence, "under": under, "reasons": analysis.reasons}
 
 
 def _modes(analysis: Analysis) -> dict[str, Any]:

@@ -17,7 +17,6 @@ from floquid.views import (
     passed_words,
     period_words,
     raw_noise,
-    remainder_words,
     whitening_words,
     with_error,
 )
@@ -43,33 +42,21 @@ CRITERIA = {  # what each number of the validation is, and its unit
 MANY = 1e6  # periods from which on their number says no more
 
 
-def verdict(analysis: Analysis) -> tuple[str, str]:
-    """A word for the page's style, and the sentence."""
+def verdict(analysis: Analysis) -> tuple[str, str, str]:
+    """A word for the page's style, the sentence, and its meaning for a reader."""
     found = analysis.validation
     if analysis.failed:
-        return "failed", "The model fails."
+        return "failed", "The model fails.", "Do not use the numbers below:"
     if found is None:
-        return "open", "The model was not checked: validation was switched off."
-    if found.passed and found.findings:
-        return "remainder", "The model passes its checks, with a known remainder."
-    if found.passed:
-        return "passed", "The model passes its checks."
-    return "failed", "The model does not pass its checks."
-
-
-def under_verdict(analysis: Analysis) -> str:
-    """Meaning of the verdict for a reader."""
-    found = analysis.validation
-    if analysis.failed:
-        return "Do not use the numbers below:"
-    if found is None:
-        return "Identify with validation to know whether it can be believed."
-    if found.passed and found.findings:
-        return f"It leaves {remainder_words(found)} of the response beyond the noise, in amplitude:"
-    if found.passed:
-        words = passed_words(found)
-        return f"{words[0].upper()}{words[1:]}"
-    return "Do not use the numbers below before this is mended:"
+        meaning = "Identify with validation to know whether it can be believed."
+        return "open", "The model was not checked: validation was switched off.", meaning
+    if not found.passed:
+        return "failed", "The model does not pass its checks.", "Do not use the numbers below before this is mended:"
+    if found.findings:
+        words = f"The model {found.answer}.", "That share of the response is beyond the noise, in amplitude:"
+        return "remainder", *words
+    words = passed_words(found)
+    return "passed", "The model passes its checks.", f"{words[0].upper()}{words[1:]}"
 
 
 def checks(analysis: Analysis) -> list[SimpleNamespace]:

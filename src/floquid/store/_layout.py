@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from floquid.checks import Validation
 from floquid.core import (
     AzimuthSignal,
     Channel,
@@ -23,7 +24,6 @@ from floquid.pipeline import Analysis
 from floquid.reconstruction import Refinement, StateModel
 from floquid.sync import AngleSpline, ShaftAngle
 from floquid.transfer import MeasuredTransfer, TransferFit
-from floquid.validation import Validation
 
 FORMAT = "floquid-result"
 VERSION = 4

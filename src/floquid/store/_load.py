@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from floquid._checks import input_error
+from floquid.checks import Criterion, Validation
 from floquid.core import AzimuthSignal, Clock, ConstantPeriod, PeriodicModel, PulseTimes, Record, TachometerSignal
 from floquid.innovations import Mode
 from floquid.inputs import InputMode
@@ -33,7 +34,6 @@ from floquid.store._layout import DIRECT, FORMAT, LINES, SHAPE, VERSION
 from floquid.store._save import Result
 from floquid.sync import ShaftAngle
 from floquid.transfer import MeasuredTransfer, Modal, TransferFit
-from floquid.validation import Criterion, Validation
 
 _SIGNALS: dict[str, Any] = {kind.__name__: kind for kind in (TachometerSignal, AzimuthSignal, PulseTimes)}
 

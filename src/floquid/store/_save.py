@@ -11,6 +11,7 @@ import numpy as np
 
 from floquid._checks import describe, input_error
 from floquid._version import __version__
+from floquid.checks import Validation
 from floquid.core import ConstantPeriod, Record
 from floquid.inputs import Uncertainty
 from floquid.io import as_path, atomic_path
@@ -21,7 +22,6 @@ from floquid.store._datasets import put, put_numbers, put_object
 from floquid.store._identifiers import to_text
 from floquid.store._layout import DIRECT, FORMAT, LINES, SHAPE, VERSION
 from floquid.transfer import MeasuredTransfer, TransferFit
-from floquid.validation import Validation
 
 ENDINGS = (".h5", ".hdf5")
 """Endings of the names of result files."""

@@ -15,7 +15,6 @@ from floquid.views._outcome import (
     outcome_lines,
     passed_words,
     period_words,
-    remainder_words,
     whitening_words,
 )
 from floquid.views._spectra import Spectrum, envelope, lifted_spectrum, record_spectrum
@@ -58,7 +57,6 @@ __all__ = [
     "period_words",
     "raw_noise",
     "record_spectrum",
-    "remainder_words",
     "shape_curves",
     "shortened",
     "spectra_of_modes",

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from floquid._checks import counted
+from floquid.checks import Validation
 from floquid.core import ModelInputs
 from floquid.findings import Severity, texts
 from floquid.lifting import Lifted
 from floquid.pipeline import Analysis
-from floquid.validation import Validation
 from floquid.views._mode_table import mode_notes, with_error
 
-ORDER = "excited_order"  # the code of the finding that the line on the order has
+ORDER = "all_needed"  # the code of the finding that the line on the order has
 MOST_NAMED = 6  # harmonics of the forced response that are named
 
 
@@ -41,24 +41,12 @@ def done_words(analysis: Analysis) -> list[str]:
 
 def verdict_line(analysis: Analysis) -> str:
     """The verdict on the model of an `analysis` in a line, with what it rests on if it passed."""
-    validation = analysis.validation
-    if validation is None:
-        return "the model fails" if analysis.failed else "not checked"
-    if not analysis.passed:
-        return f"the model does not pass, for {counted(len(analysis.reasons), 'reason')}"
-    if validation.findings:
-        return f"passed, with a known remainder: {remainder_words(validation)} of the response beyond the noise"
-    error = validation.metrics["held_out_error"]
-    if "fit" not in validation.metrics:
-        return f"passed: the last quarter, left out of a fit, is predicted to {error:.3g} times the expected error"
-    fit = validation.metrics["fit"]
-    return f"passed: {fit:.1%} of the response in cycles left out is predicted, to {error:.3g} times the noise at worst"
-
-
-def remainder_words(validation: Validation) -> str:
-    """The share of the response that a model which passed (`validation`) leaves beyond the noise, in % of amplitude."""
-    share = 100.0 * validation.metrics["remainder"]
-    return f"{share:.2g} %" if share >= 0.1 else "less than 0.1 %"
+    if analysis.answer == "passes":
+        assert analysis.validation is not None
+        return f"passes: {passed_words(analysis.validation)}"
+    if analysis.passed:
+        return f"{analysis.answer} of the response, beyond the noise"
+    return f"{analysis.answer}, for {counted(len(analysis.reasons), 'reason')}" if analysis.reasons else analysis.answer
 
 
 def _noise(analysis: Analysis) -> str:
@@ -139,7 +127,7 @@ def _reach(analysis: Analysis, own: ModelInputs) -> str:
     model, driven = analysis.model, analysis.driven
     assert driven is not None
     size = driven.samples.input_size
-    none = [finding.numbers["frequency"] for finding in analysis.findings if finding.code.startswith("unreached")]
+    none = [finding.numbers["frequency"] for finding in analysis.findings if finding.code == "unreached"]
     words = []
     for number, mode in enumerate(model.upper_modes, start=1):
         if np.isclose(model.frequencies_hz[mode], none, rtol=1e-9).any():

@@ -59,7 +59,7 @@ def told(found):
 @pytest.mark.parametrize("measured", [pytest.param(True, marks=pytest.mark.slow), False])
 def test_pulses_that_are_sampled_coarsely_beside_an_orbit_fail(wandering, measured):
     """What the error of the angle made of the orbit came out as a mode, and passed."""
-    assert told(identified(wandering, 20.0, "pulses", measured))["excited_angle"] == "FAILURE"
+    assert told(identified(wandering, 20.0, "pulses", measured))["vague_angle"] == "FAILURE"
 
 
 @pytest.mark.parametrize("measured", [True, False])
@@ -67,7 +67,7 @@ def test_an_azimuth_beside_an_orbit_is_as_good_as_it_needs_to_be(wandering, meas
     """The curve leaves what is alike from sample to sample, and so small that it does nothing."""
     found = identified(wandering, 20.0, "azimuth", measured)
     assert found.model.order == 2
-    assert not {"excited_angle", "angle_alike"} & set(told(found))
+    assert not {"vague_angle", "angle_alike"} & set(told(found))
 
 
 def test_inputs_that_act_at_once_are_no_steady_response(wandering):
@@ -78,4 +78,4 @@ def test_inputs_that_act_at_once_are_no_steady_response(wandering):
     record = Record(values=np.concatenate([values, inputs, shaft]), sample_rate=sampled, channels=channels)
     found = identify(record, inputs=["F"], azimuth="shaft", validate=False, excitation="ambient")
     assert found.fit.acting == 1
-    assert "excited_angle" not in told(found)
+    assert "vague_angle" not in told(found)

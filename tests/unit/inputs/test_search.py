@@ -9,7 +9,7 @@ import pytest
 from tests.driven import Driven, flapping, mathieu, paper_rotor, pulls, record_of, two_masses
 
 from floquid import Channel, ConstantPeriod, IdentificationError, InputError, PeriodicModel, Record, identify
-from floquid.pipeline.excited._verdict import undetermined
+from floquid.checks._limits import is_undetermined
 
 NAMES = {"unit": "m"}, {"unit": "N"}
 
@@ -104,8 +104,8 @@ def test_the_mode_missed_least_is_told_with_its_distance_from_noise():
     told = {}
     for noise in (0.3, 0.6):
         found = identified(two_masses(), 60, 24, noise)
-        (told[noise],) = (one.numbers for one in found.findings if one.code == "excited_order")
-        assert told[noise]["modes"] == 2
+        (told[noise],) = (one.numbers for one in found.findings if one.code == "all_needed")
+        assert told[noise]["number"] == 2
         assert np.abs(found.model.frequencies_hz - told[noise]["frequency"]).min() < 1e-9
     assert told[0.3]["rise"] / told[0.6]["rise"] == pytest.approx(4.0, rel=0.1)
 
@@ -183,7 +183,7 @@ def test_a_line_of_the_mains_fails():
     times = np.arange(values.shape[1]) * system.period / 20
     line = 0.5 * values.std() * np.cos(0.35 * times + 1.0)
     found = identify(record(system, values + line, inputs, 20), period=system.period, inputs=["F0"])
-    assert [own.numbers["frequency"] for own in found.findings if own.code == "unreached_line"] == [
+    assert [own.numbers["frequency"] for own in found.findings if own.code == "unreached"] == [
         pytest.approx(0.35 / (2.0 * np.pi), rel=1e-3)
     ]
     assert not found.passed
@@ -199,7 +199,7 @@ def test_a_mode_that_no_input_reaches_is_named():
     assert [own.code for own in found.findings if own.code == "unreached"] == ["unreached"]
     assert " by none" in found.summary()
     assert "inputs_poor" not in [own.code for own in found.findings]
-    assert "is reached by no input" in found.warnings[0]
+    assert "No input reaches the mode" in found.warnings[0]
 
 
 @pytest.mark.first(1)
@@ -223,7 +223,7 @@ def test_a_period_that_is_a_little_off_is_told(off, told):
     values, inputs = record_of(system, 60, 20, 0.02, 0)
     given = system.period * (1.0 + off)
     found = identify(record(system, values, inputs, 20), period=given, inputs=["F0"])
-    own = [finding for finding in found.findings if finding.code == "inputs_period"]
+    own = [finding for finding in found.findings if finding.code == "wrong_period"]
     assert bool(own) == told
     assert found.passed == (not told)
     if told:
@@ -367,7 +367,7 @@ def test_modes_whose_decay_is_not_determined(exponents, spread, told):
         channels=["y"],
         covariance=np.diag([spread**2] * count + [0.0] * count),
     )
-    assert undetermined(model) == told
+    assert is_undetermined(model) == told
 
 
 def test_one_input_of_two_that_repeats_is_refused_by_its_name():

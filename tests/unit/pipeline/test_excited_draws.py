@@ -13,7 +13,7 @@ import floquid
 from floquid import Channel, Record, bootstrap, identify
 from floquid.errors import IdentificationError
 from floquid.findings import failure
-from floquid.pipeline.excited._finish import finished
+from floquid.pipeline.excited._finish import with_state
 
 DRAWS = 60
 PHASES = 24
@@ -84,11 +84,11 @@ def test_a_structure_is_told_more_of_than_the_free_matrix():
 
 def test_a_model_that_fails_is_given_no_structure():
     right = found("inputs", FORM)
-    failing = replace(right, findings=(failure("inputs_undetermined"),), state=None, refinement=None)
-    told = finished(failing, 0.0, lambda _: None)
+    failing = replace(right, findings=(failure("undetermined"),), state=None, refinement=None)
+    told = with_state(failing, lambda _: None)
     assert (told.state, told.refinement) == (None, None)
     assert any("one that fails has none to quote" in words for words in told.warnings)
-    free = finished(replace(failing, settings=replace(failing.settings, structure="")), 0.0, lambda _: None)
+    free = with_state(replace(failing, settings=replace(failing.settings, structure="")), lambda _: None)
     assert free.state is not None
     assert free.state.system_std is None
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from floquid import ConstantPeriod, PeriodicModel, Record, identify
+from floquid.checks._modes import doubts_of
 from floquid.exports import summary
-from floquid.pipeline._doubts import doubts_of
 from floquid.systems import JeffcottRotor
 from floquid.views import outcome_lines
 

@@ -1,6 +1,5 @@
 """Lines of a revolution that holds several periods, where the excitation goes on: they are no modes."""
 
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -8,10 +7,9 @@ import pytest
 from tests.driven import ambient_of, imbalance_of, mathieu, pulls, record_of
 
 from floquid import Channel, ConstantPeriod, Record, Settings, TachometerSignal, identify
+from floquid.checks._limits import lines_of_revolution
 from floquid.errors import IdentificationError, InputError
-from floquid.findings import Severity, texts, warning
-from floquid.pipeline.excited import _finish
-from floquid.pipeline.excited._finish import _lines_found
+from floquid.findings import Severity, texts
 from floquid.pipeline.excited._lines import BESIDE, MOST_PERIODS, _above_beside
 from floquid.pipeline.excited._prepare import parted
 from floquid.views import for_command
@@ -44,29 +42,27 @@ def test_lines_of_the_revolution_are_fitted_beside_the_modes(driven):
     assert found.passed
     assert found.warnings == ()
     assert "period or the revolution was fitted beside the modes: 1/2, 1, 3/2, 2" in " ".join(texts(found.findings))
-    assert _lines_found(replace(found, settings=Settings()), 1.0) == ()
+    assert lines_of_revolution(found.model, found.records[0].duration, (), 1.0) == ()
     # Left in they are a mode that never decays, and told where nobody wanted that.
     left = identify(record_from(driven), period=SYSTEM.period, inputs=["F"], forced="none", validate=False)
     assert left.model.order > 2
-    assert _lines_found(left, 1.0) == ()
-    left = replace(left, settings=Settings(inputs=("F",)))
-    (said,) = _lines_found(left, 2.0)
+    assert "line_as_mode" not in {own.code for own in left.findings}
+    unreached = [own.numbers["frequency"] for own in left.findings if own.code == "unreached"]
+    (said,) = lines_of_revolution(left.model, left.records[0].duration, unreached, 2.0)
     assert '`forced="1"`' in str(said)
-    (told,) = _lines_found(left, 1.0)
+    (told,) = lines_of_revolution(left.model, left.records[0].duration, unreached, 1.0)
     assert told.severity is Severity.FAILURE
     assert told.numbers["periods"] == 2
     assert "does not decay and is at a multiple of 1/2 of the period's frequency" in str(told)
 
 
-def told_of(turns, deviations, real, findings=()):
+def told_of(turns, deviations, real, unreached=()):
     """What is told of modes that do not decay, at these turns a period, known to these deviations."""
     exponents = 1e-6 + 2j * np.array(turns)
     model = SimpleNamespace(
         exponents=exponents, exponent_std=1e-3 + 2j * np.array(deviations), fundamental=2.0, real=np.array(real)
     )
-    records = [SimpleNamespace(duration=400.0)]
-    analysis = SimpleNamespace(model=model, settings=Settings(), records=records, findings=findings)
-    return _lines_found(analysis, 1.0)
+    return lines_of_revolution(model, 400.0, unreached, 1.0)
 
 
 def test_a_real_multiplier_at_its_limit_may_be_one():
@@ -74,8 +70,7 @@ def test_a_real_multiplier_at_its_limit_may_be_one():
     (told,) = told_of([0.5], [0.0], [True])
     assert told.severity is Severity.WARNING
     assert "or a real negative multiplier at the limit of stability" in str(told)
-    apart = warning("unreached", frequency=abs(1e-6 + 1j) / (2.0 * np.pi))
-    (told,) = told_of([0.5], [0.0], [True], [apart])
+    (told,) = told_of([0.5], [0.0], [True], [abs(1e-6 + 1j) / (2.0 * np.pi)])
     assert told.severity is Severity.FAILURE
 
 
@@ -100,7 +95,7 @@ def test_a_line_that_nobody_told_of_is_told_with_the_remedy(driven):
 
 def test_outputs_alone_of_a_tachometer_with_a_pulse_a_turn(monkeypatch):
     given = []
-    monkeypatch.setattr(_finish, "_lines_found", lambda _, periods: given.append(periods) or ())
+    monkeypatch.setattr("floquid.checks._limits.lines_of_revolution", lambda *own: given.append(own[-1]) or ())
     values = ambient_of(SYSTEM, 300, PHASES, 0.02, 0)
     values += 20.0 * values.std() * imbalance_of(SYSTEM, 300, PHASES)
     pulses = 5.0 * (np.arange(values.shape[1]) % (2 * PHASES) < 4)

@@ -160,7 +160,7 @@ def _moved(model, step, noise, sign):
 
 def test_a_model_that_fails_has_no_deviations(found):
     _, outputs, analysis = found[1]
-    wrong = replace(analysis, findings=(*analysis.findings, failure("inputs_undetermined")))
+    wrong = replace(analysis, findings=(*analysis.findings, failure("undetermined")))
     good, bad = (own.reconstruct(outputs, times=3) for own in (analysis, wrong))
     assert np.array_equal(good.system, bad.system)
     assert (bad.system_std, bad.transition_std, bad.inputs_std) == (None, None, None)

@@ -10,6 +10,7 @@ from scipy.signal import lfilter
 from tests.decays import with_decay
 
 import floquid as fq
+from floquid.checks import Criterion
 from floquid.errors import InputError
 from floquid.findings import Finding, failure
 from floquid.lti import ERA
@@ -25,7 +26,6 @@ from floquid.reporting._stabilisation_figures import _poles
 from floquid.reporting._system_figures import MOST, element_name, elements_shown
 from floquid.reporting._words import CRITERIA, checks, minus, noise_table, steps
 from floquid.systems import Run
-from floquid.validation import Criterion
 from floquid.views import mode_table, multiplier_ellipses
 
 pytestmark = pytest.mark.pages

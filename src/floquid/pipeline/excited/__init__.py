@@ -4,9 +4,8 @@ from floquid.pipeline.excited._again import ambient_fit as ambient_fit
 from floquid.pipeline.excited._again import driven_fit as driven_fit
 from floquid.pipeline.excited._again import predicted_rest as predicted_rest
 from floquid.pipeline.excited._ambient import identified_ambient
-from floquid.pipeline.excited._finish import HELD_OUT
 from floquid.pipeline.excited._identify import identified_driven
 from floquid.pipeline.excited._measure import measure_transfer
 from floquid.pipeline.excited._prepare import FREE, refuse_others
 
-__all__ = ["FREE", "HELD_OUT", "identified_ambient", "identified_driven", "measure_transfer", "refuse_others"]
+__all__ = ["FREE", "identified_ambient", "identified_driven", "measure_transfer", "refuse_others"]

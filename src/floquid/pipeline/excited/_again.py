@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.checks import Parted, first_part
 from floquid.core import Record
 from floquid.errors import IdentificationError
 from floquid.innovations import Fit, Mode, predicted, reweighed, solve
@@ -15,11 +16,8 @@ from floquid.inputs import InputMode, Samples, Uncertainty, linearise
 from floquid.inputs import solve as solve_driven
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._settings import Settings
-from floquid.pipeline.excited._prepare import Parted, parted, quiet_for
+from floquid.pipeline.excited._prepare import parted
 from floquid.pipeline.preparation import blas_threads
-
-KEPT = 0.75
-"""The share of each record, from when its inputs move on, that a model is fitted to for the check on the rest."""
 
 
 def driven_fit(
@@ -48,29 +46,6 @@ def ambient_fit(
     if at is None:
         raise IdentificationError("The predictor of these modes diverges on these records.")
     return Fit(samples, reweighed(samples, at), acting)
-
-
-def first_part(samples: Samples) -> tuple[Samples, NDArray[np.bool_]]:
-    """The first three quarters of each record, and their mask over the samples of all (samples,).
-
-    What is at its begin before any input moves is none of the four: a model needs inputs.
-    """
-    kept = []
-    for one in samples.records:
-        quiet = quiet_for(samples.inputs[:, one])
-        kept.append(slice(one.start, one.start + quiet + int(KEPT * (one.stop - one.start - quiet))))
-    mask = np.zeros(samples.n_samples, bool)
-    for one in kept:
-        mask[one] = True
-    part = replace(
-        samples,
-        values=samples.values[:, mask],
-        inputs=samples.inputs[:, mask],
-        begins=(0, *np.cumsum([one.stop - one.start for one in kept]).tolist()),
-        times=samples.times[mask],
-        known=samples.known[:, mask],
-    )
-    return part, mask
 
 
 def predicted_rest(analysis: Analysis) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:

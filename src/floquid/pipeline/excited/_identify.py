@@ -3,41 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from floquid._checks import input_error
+from floquid.checks import Driven
 from floquid.core import Provenance, Record
 from floquid.errors import IdentificationError
-from floquid.findings import warning
+from floquid.findings import note, warning
 from floquid.inputs import (
     Limits,
     Linearisation,
     Uncertainty,
     fitted_freely,
-    linearise,
     read_near_axis,
     searched,
-    slopes_of,
-    solve,
-    state_slopes,
 )
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._settings import Settings
-from floquid.pipeline.excited._again import first_part
-from floquid.pipeline.excited._finish import HELD_OUT, finished, validation_of
-from floquid.pipeline.excited._prepare import OF, Parted, parted
-from floquid.pipeline.excited._verdict import at_limit, verdict
+from floquid.pipeline.excited._finish import finished
+from floquid.pipeline.excited._prepare import OF, done_beside, parted
 from floquid.pipeline.preparation import refuse_driven
-from floquid.validation import Validation
 
 HIGHEST = 24
 """Harmonics of inputs and outputs at most."""
-
-MOST_UNTOLD = 3.0
-"""What deviations of the fit to a part may make of the prediction, over the noise: more is no model to predict with."""
 
 
 def identified_driven(records: Sequence[Record], settings: Settings, report: Callable[[str], None]) -> Analysis:
@@ -89,20 +78,18 @@ def identified_driven(records: Sequence[Record], settings: Settings, report: Cal
     fit = Uncertainty(samples, found)
     provenance = Provenance.merge(tuple(record.provenance for record in records))
     model = fit.model(own.outputs, own.inputs, provenance, near.as_read)
-    validation = None
-    if settings.validate:
-        report("predicting samples left out")
-        validation = _validated(own, found)
+    most = None if free else HIGHEST
+    phases_free = (note("inputs_free", phases=round(phases)),) if free else ()
     analysis = Analysis(
         settings=settings,
         records=own.records,
         model=model,
         driven=fit,
         shafts=own.shafts,
-        validation=validation,
-        findings=(*verdict(own, fit, model, limits, None if free else HIGHEST), *near.findings, *late),
+        findings=(*done_beside(own), *phases_free, *near.findings, *late),
     )
-    return finished(analysis, own.periods_per_revolution, report)
+    turning = settings.forced == "auto"
+    return finished(analysis, Driven(own=own, model=model, limits=limits, fit=fit, most=most, turning=turning), report)
 
 
 def _if_better(one: Linearisation | None, other: Linearisation) -> Linearisation | None:
@@ -112,32 +99,7 @@ def _if_better(one: Linearisation | None, other: Linearisation) -> Linearisation
     return one if one.criterion > other.criterion else None
 
 
-def _validated(own: Parted, found: Linearisation) -> Validation:
-    """The verdict from samples left out."""
-    errors = _held_out(own, found)
-    against = [warning("inputs_held_out", error=float(errors.max()))] if (errors >= HELD_OUT).any() else []
-    return validation_of(errors, against)
-
-
-def _held_out(own: Parted, found: Linearisation) -> NDArray[np.float64]:
-    """The rms error over what is expected, on the last quarter of each record, by a fit to the rest (outputs,).
-
-    Expected are the noise, and what the deviations of that fit make of the prediction.
-    """
-    whole = own.samples
-    first, fitted = first_part(whole)
-    part = Uncertainty(first, solve(first, found.modes, found.direct))
-    whole_at = linearise(whole, part.at.modes, part.at.direct)
-    states = state_slopes(whole, whole_at)
-    beyond = ~fitted
-    columns, errors = whole_at.columns[:, beyond], []
-    for channel, noise in enumerate(part.at.noise):
-        left = whole.values[channel, beyond] - part.at.coefficients[:, channel] @ columns
-        at = replace(whole_at, coefficients=part.at.coefficients)
-        by_parameters = slopes_of(whole, at, channel, states)[:, beyond]
-        # What the part does not tell of the model is no error of it.
-        expected = noise**2 + np.minimum(
-            part.errors.variance(channel, by_parameters.T, columns.T), MOST_UNTOLD * noise**2
-        )
-        errors.append(float(np.sqrt(np.mean(left**2 / expected))))
-    return np.array(errors)
+def at_limit(found: Linearisation, limits: Limits) -> bool:
+    """True where a search found no mode, or one with as many harmonics as are looked for."""
+    widest = max((max(abs(mode.turns).max(), abs(mode.reach).max()) for mode in found.modes), default=np.inf)
+    return bool(widest >= limits.highest)

@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.checks import MOST_PERIODS
+
 STEADY_LINES = 12
 """Harmonics of the period at which a response that repeats with it is looked for."""
 
@@ -23,9 +25,6 @@ PERIODS_A_LINE = 4.0
 
 LOUD = 8.0
 """The amplitude at a harmonic over that beside it from which on it is fitted."""
-
-MOST_PERIODS = 6
-"""Periods of a revolution up to which lines of the revolution are looked for where nobody says how many it holds."""
 
 LONG = 60
 """Periods that a record has at least in which such lines are looked for."""

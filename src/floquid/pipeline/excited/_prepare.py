@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
-from floquid.core import Channel, ConstantPeriod, Record, channels_named
+from floquid.checks import Parted, quiet_for
+from floquid.core import ConstantPeriod, Record, channels_named
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, note, warning
-from floquid.inputs import Hold, Samples, samples_of
+from floquid.inputs import Hold, samples_of
 from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import check_states
 from floquid.pipeline.excited._lines import Lines
@@ -51,36 +52,15 @@ FEWEST = 8
 """Periods that records must hold in all."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Parted:
-    """Samples of records with inputs, and their channels.
-
-    Parameters
-    ----------
-    records
-        The records as used.
-    samples
-        Outputs and inputs, one record after another.
-    outputs, inputs
-        The channels of each.
-    turns
-        Harmonics of the period that are fitted beside the modes, those of the revolution among them (turns,).
-    shafts
-        The angle of the shaft in each record; none where the period is constant.
-    periods_per_revolution
-        Periods of a revolution, as the clock of the record has them, or the settings.
-    findings
-        What is said of these harmonics.
-    """
-
-    records: tuple[Record, ...]
-    samples: Samples
-    outputs: tuple[Channel, ...]
-    inputs: tuple[Channel, ...]
-    turns: tuple[float, ...]
-    shafts: tuple[ShaftAngle, ...]
-    periods_per_revolution: float
-    findings: tuple[Finding, ...]
+def done_beside(own: Parted) -> tuple[Finding, ...]:
+    """Findings on what was fitted beside the modes."""
+    names = [channel.name for channel in own.inputs]
+    done = [note("inputs", channels=names, hold=own.samples.hold)] if names else []
+    used = {own_channel.name for own_channel in (*own.outputs, *own.inputs)}
+    forces = {c.name for record in own.records for c in record.channels if c.quantity == "force"}
+    done += [note("no_response", channel=name, quantity="force") for name in sorted(forces - used)]
+    said = (finding for shaft in own.shafts for finding in shaft.findings if finding.code != "angle_alike")
+    return (*done, *own.findings, *said)
 
 
 def refuse_others(settings: Settings, of: str) -> None:
@@ -170,11 +150,6 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
     )
 
 
-def quiet_for(inputs: NDArray[np.float64]) -> int:
-    """Samples at the begin of a record in which no input moves; none where none ever does."""
-    return int((inputs != inputs[:, :1]).any(axis=0).argmax())
-
-
 def _late(
     values: Sequence[NDArray[np.float64]], inputs: Sequence[NDArray[np.float64]], rate: float, period: float
 ) -> tuple[Finding, ...]:
@@ -192,7 +167,7 @@ def _late(
         early, middle, later = (np.square(own).sum() for own in np.array_split(still, 3, axis=1))
         usual = float(np.mean(swing[:, quiet:] ** 2)) * still.size / 3.0 if swing.shape[1] > quiet else 0.0
         if later > FADED * max(early, middle) and later > FAINT * usual:
-            found.append(warning("inputs_late", record=number, seconds=quiet / rate))
+            found.append(warning("inputs_began", record=number, seconds=quiet / rate))
     return tuple(found)
 
 

@@ -8,17 +8,17 @@ import pytest
 from numpy.testing import assert_allclose
 
 from floquid import ConstantPeriod, InputError, PeriodicModel, Record, identify, load, reconstruct, save
+from floquid.checks import Criterion, Validation, _left_out, validate
+from floquid.checks._decays import decays_of
+from floquid.checks._modes import _power
+from floquid.checks._residual import peaks, squared_correlations
+from floquid.checks._system import TOLERANCE, consistency
 from floquid.errors import IdentificationError
 from floquid.exports import summary
 from floquid.fit import DEVIATIONS, filter_gain, filtered
 from floquid.periodic import line_amplitudes, refit, without_lines
 from floquid.pipeline import _validated, validated
 from floquid.systems import JeffcottRotor
-from floquid.validation import Criterion, Validation, _held_out, validate
-from floquid.validation._case import case_of
-from floquid.validation._consistency import TOLERANCE, consistency
-from floquid.validation._residual import colour, peaks
-from floquid.validation._validate import _power
 
 ROTOR = JeffcottRotor(damping=0.02)
 CYCLES, PHASES = 120, 24
@@ -102,7 +102,7 @@ def test_the_power_of_a_mode_is_that_of_its_response(exponents):
     times = np.arange(4000) / 64.0
     values = np.sum(3.0 * np.exp(np.multiply.outer(exponents, times)), axis=0).real
     record = Record(values=values[None], sample_rate=64.0, channels=model.channels)
-    case = case_of(model, [record], [ConstantPeriod(period=1.0)], 0.5 * np.ones((1, 1)), None, 1.0)
+    case = decays_of(model, [record], [ConstantPeriod(period=1.0)], 0.5 * np.ones((1, 1)), None, 1.0)
     assert _power(case, 0) == pytest.approx(np.sum(values**2) / 0.25, rel=0.02)
 
 
@@ -148,7 +148,7 @@ def test_a_forced_response_left(per_revolution, turn, words):
     assert text.startswith(f"{words} per revolution left in channel Y: 0.")
     assert "`forced=`" in text
     record = noisy(tone)
-    alive = case_of(right(), [record], [record.clock], sigma(), None, per_revolution).cycles[0] >= 0
+    alive = decays_of(right(), [record], [record.clock], sigma(), None, per_revolution).cycles[0] >= 0
     energy = np.sum((record.values[:, alive] / sigma()) ** 2) - record.values[:, alive].size
     size = found.tones[1, 0, np.argmin(np.abs(found.turns - turn))]
     least = size * np.sqrt(0.5 * alive.sum() / energy)
@@ -177,7 +177,7 @@ def test_coloured_noise_is_named_and_a_filter_makes_it_white():
     record = with_values(clean().values + sigma() * (white[:, 1:] + 0.6 * white[:, :-1]) / np.hypot(1.0, 0.6))
     found = judged(record)
     assert found.unmet == ("colour",)
-    assert "not white but broadband colour" in said(found, passed=True)
+    assert "not white but has broadband colour" in said(found, passed=True)
     kernel = 0.9 ** np.arange(8)
     strong = np.array([np.convolve(row, kernel / np.linalg.norm(kernel), "same")[1:] for row in white])
     assert "not white" in said(judged(with_values(clean().values + sigma() * strong)))
@@ -211,7 +211,7 @@ def test_a_wrong_period_that_was_trusted():
     wrong = replace(record, sample_rate=record.sample_rate / 1.0027)
     analysis = identify(wrong, trust_period=True)
     assert "period" in analysis.validation.unmet
-    assert "The response repeats with 6.2" in said(analysis.validation)
+    assert "its own is 6.2" in said(analysis.validation)
     assert "period" not in judged(record).unmet
 
 
@@ -352,7 +352,7 @@ def test_a_fit_that_runs_away_is_said_and_not_passed(monkeypatch):
     def refuse(*args, **options):
         raise IdentificationError("it moves away.")
 
-    monkeypatch.setattr(_held_out, "refit", refuse)
+    monkeypatch.setattr(_left_out, "refit", refuse)
     assert "cannot be fitted to a part of them (it moves away)" in said(judged(noisy()))
 
 
@@ -490,12 +490,12 @@ def test_colour_has_the_mean_of_white_noise_after_a_fit_of_many_columns():
     white = draw.standard_normal((200, 300))
     left = white - white @ basis @ basis.T
     both = np.concatenate([rates, rates.conj()])
-    found, numbers, lags = colour(left, 1.0, both, 16)
+    found, numbers, lags = squared_correlations(left, 1.0, both, 16)
     assert lags == 16
     expected = lags / (numbers[0] - 30)
     assert found.mean() == pytest.approx(expected, rel=0.15)
     # Without the columns it does: the mutant.
-    assert colour(left, 1.0, np.zeros(0, complex), 16)[0].mean() > 1.25 * expected
+    assert squared_correlations(left, 1.0, np.zeros(0, complex), 16)[0].mean() > 1.25 * expected
 
 
 def test_a_filter_has_the_gain_that_is_told():

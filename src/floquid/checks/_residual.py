@@ -1,19 +1,25 @@
-"""Checks of the residual of a model: numbers, limits and findings."""
+"""Checks of the residual of a model: its level, lines, colour and spikes."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from floquid._arrays import Complexes, Floats, Integers, Mask
+from floquid._arrays import Complexes, Floats, Integers
+from floquid.checks._check import FALSE_ALARM, REMAINDER, Evidence, strongest
 from floquid.core import ConstantPeriod, PeriodicModel, Record
+from floquid.findings import Finding, Severity, failure, warning
 from floquid.fit import chi2_limit
 from floquid.lifting import LAGS
-from floquid.periodic import line_amplitudes, unexplained, without_lines
+from floquid.periodic import line_amplitudes, without_lines
 from floquid.sync import ShaftAngle
-from floquid.validation._case import FALSE_ALARM, REMAINDER, Case, Checks, strongest
+
+if TYPE_CHECKING:
+    from floquid.checks._decays import Decays
+    from floquid.checks._excited import Parted
 
 TONE = 0.1  # the amplitude of a tone, over the noise, that is let pass in any case
 
@@ -37,17 +43,10 @@ BESIDE = 4  # harmonics on each side of a mode's band that are looked at
 PIECE = 64  # lines of a spectrum over which its level is taken
 
 
-def left_by(case: Case, found: Checks) -> dict[str, NDArray]:
-    """Tones, harmonics, other lines and colour of the residual, as arrays for the reader."""
-    left = [np.array(own) for own in unexplained(case.model, case.records, case.clocks)]
-    tones = _tones(case, left, found)
-    lines = _harmonics(case, left, found)
-    hidden = _peaks(case, left, found)
-    return {**tones, **lines, "colour": _colour(case, left, hidden, found)}
-
-
-def _tones(case: Case, left: list[Floats], found: Checks) -> dict[str, NDArray]:
-    """Harmonics of the revolution; those that are found are taken off."""
+def tones(case: Decays, found: Evidence) -> tuple[Finding, ...]:
+    """Finding on harmonics of the revolution in the residual; those that are found are taken off."""
+    left: list[Floats] = case.left
+    said: tuple[Finding, ...] = ()
     turns = tones_of(case.highest, case.per_revolution)
     size, score = np.zeros((2, *case.noise.shape, len(turns)))
     for hit, rest in enumerate(left):
@@ -61,7 +60,7 @@ def _tones(case: Case, left: list[Floats], found: Checks) -> dict[str, NDArray]:
     which = strongest((size * there).max(axis=1))
     if which:
         at = [(channel, int(np.argmax((size * there)[channel, :, tone])), tone) for channel, tone in which]
-        found.fail(
+        said = found.against(
             "tone_left",
             "tone",
             share=_share(case, (size * there) ** 2),
@@ -73,15 +72,16 @@ def _tones(case: Case, left: list[Floats], found: Checks) -> dict[str, NDArray]:
     for channel, hit in {(c, h) for c, h, _ in strongest(there)}:
         own = turns[there[channel, hit]]
         left[hit][channel] = without_lines(*_residual(case, hit, left[hit]), np.zeros(len(own)), own)[channel]
-    return {"turns": turns, "tones": size}
+    found.arrays |= {"turns": turns, "tones": size}
+    return said
 
 
-def _residual(case: Case, hit: int, left: Floats) -> tuple[Record, ConstantPeriod | ShaftAngle, float]:
+def _residual(case: Decays, hit: int, left: Floats) -> tuple[Record, ConstantPeriod | ShaftAngle, float]:
     """Residual of a hit, from its first sample on, as a record with its clock and period."""
     return replace(case.records[hit], values=left), case.clocks[hit], case.model.period
 
 
-def _beside(case: Case, left: list[Floats], turns: Floats) -> Floats:
+def _beside(case: Decays, left: list[Floats], turns: Floats) -> Floats:
     """The mean score a few lines of the record on either side of tones (channels, hits, tones)."""
     score = np.zeros((*case.noise.shape, len(turns)))
     for hit, rest in enumerate(left):
@@ -96,18 +96,20 @@ def _beside(case: Case, left: list[Floats], turns: Floats) -> Floats:
     return score
 
 
-def _harmonics(case: Case, left: list[Floats], found: Checks) -> dict[str, NDArray]:
-    """Harmonics of the modes beside their bands; those that are found are taken off."""
-    model = case.model
-    modes, harmonics = lines_of(model, case.highest)
+def harmonics(case: Decays, found: Evidence) -> tuple[Finding, ...]:
+    """Finding on harmonics of the modes beside their bands; those that are found are taken off."""
+    model, left = case.model, case.left
+    said: tuple[Finding, ...] = ()
+    modes, turns = lines_of(model, case.highest)
     score = np.zeros((*case.noise.shape, len(modes)))
     for hit, rest in enumerate(left):
         alive = case.alive(hit)
         if alive.stop:
-            _, squares = line_amplitudes(*_residual(case, hit, rest[:, alive]), model.exponents[modes], harmonics)
+            _, squares = line_amplitudes(*_residual(case, hit, rest[:, alive]), model.exponents[modes], turns)
             score[:, hit] = squares / case.noise[:, hit, None] ** 2
+    found.arrays |= {"modes": modes, "harmonics": turns, "lines": np.sqrt(score)}
     if not len(modes):
-        return {"modes": modes, "harmonics": harmonics, "lines": score}
+        return ()
     joint, degrees = score.sum(axis=(0, 1)), 2 * case.responses
     there = np.sqrt(joint) > np.sqrt(chi2_limit(degrees, LEFT_OUT)) + MARGIN
     share = np.sqrt(np.maximum(joint - degrees, 0.0) / max(_energy(case), 1.0)) * there
@@ -115,10 +117,10 @@ def _harmonics(case: Case, left: list[Floats], found: Checks) -> dict[str, NDArr
         over = share > HARMONIC
         lines = [line for (line,) in strongest(share * over)]
         largest = np.argmax(score.reshape(-1, len(modes))[:, lines], axis=0)
-        found.fail(
+        said = found.against(
             "harmonic_left",
             share=float(np.sqrt(np.sum(share[over] ** 2))),
-            harmonics=harmonics[lines],
+            harmonics=turns[lines],
             frequencies=model.frequencies_hz[modes[lines]],
             shares=share[lines],
             **case.places([divmod(int(place), model.n_hits) for place in largest]),
@@ -126,11 +128,11 @@ def _harmonics(case: Case, left: list[Floats], found: Checks) -> dict[str, NDArr
         for hit, rest in enumerate(left):
             alive = case.alive(hit)
             own = _residual(case, hit, rest[:, alive])
-            rest[:, alive] = without_lines(*own, model.exponents[modes[over]], harmonics[over])
-    return {"modes": modes, "harmonics": harmonics, "lines": np.sqrt(score)}
+            rest[:, alive] = without_lines(*own, model.exponents[modes[over]], turns[over])
+    return said
 
 
-def _energy(case: Case) -> float:
+def _energy(case: Decays) -> float:
     """The sum of squares of the response over the noise, where it is alive."""
     total = 0.0
     for hit, record in enumerate(case.records):
@@ -139,21 +141,21 @@ def _energy(case: Case) -> float:
     return total
 
 
-def _share(case: Case, squares: Floats) -> float:
+def _share(case: Decays, squares: Floats) -> float:
     """The share of the response, in amplitude, of lines of squared sizes over the noise (channels, hits, lines)."""
     samples = np.array([int((own >= 0).sum()) for own in case.cycles])
     return float(np.sqrt(0.5 * np.sum(squares * samples[:, None]) / max(_energy(case), 1.0)))
 
 
-def _peaks(case: Case, left: list[Floats], found: Checks) -> Mask:
-    """Lines that are none of those known, in the whole record and where the response is alive (channels, hits)."""
-    looks = []
-    for hit, rest in enumerate(left):
+def lines(case: Decays, found: Evidence) -> tuple[Finding, ...]:
+    """Finding on lines that are none of those known, in the whole record and where the response is alive."""
+    looks, said = [], ()
+    for hit, rest in enumerate(case.left):
         for end in sorted({rest.shape[1], case.alive(hit).stop} - {0}):
             score, where = peaks(rest[:, :end], case.noise[:, hit])
             numbers = np.maximum((~np.isnan(rest[:, :end])).sum(axis=1), 1)
             looks.append((hit, end // 2 + 1, score, 2.0 * np.sqrt(score / numbers), where))
-    total = sum(lines * len(score) for _, lines, score, _, _ in looks)
+    total = sum(number * len(score) for _, number, score, _, _ in looks)
     size, frequency = np.zeros(case.noise.shape), np.zeros(case.noise.shape)
     for hit, _, score, amplitude, where in looks:
         better = (score > np.log(total / FALSE_ALARM)) & (amplitude > TONE) & (amplitude > size[:, hit])
@@ -163,29 +165,49 @@ def _peaks(case: Case, left: list[Floats], found: Checks) -> Mask:
         channels, hits = np.transpose(at := strongest(size))
         sizes, share = size[channels, hits], _share(case, size[..., None] ** 2)
         of = frequency[channels, hits]
-        found.fail("line_left", "line", share=share, frequencies=of, sizes=sizes, **case.places(at))
-    return size > 0
+        said = found.against("line_left", "line", share=share, frequencies=of, sizes=sizes, **case.places(at))
+    found.hidden = size > 0
+    return said
 
 
-def _colour(case: Case, left: list[Floats], hidden: Mask, found: Checks) -> Floats:
-    """Excess of squared autocorrelations over those of white noise (channels, hits)."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Colour:
+    """Colour of the most coloured response."""
+
+    size: float
+    limit: float
+    failing: float
+    numbers: Mapping[str, Any]  # what is said of it; empty where nothing is
+
+
+def colour(case: Any, found: Evidence) -> tuple[Finding, ...]:
+    """Finding on a residual that is not white."""
+    own: Colour = case.colour(found)
+    found.kept("colour", own.size, own.limit, failing=own.failing)
+    return found.against("colour_left", "colour", **own.numbers) if own.numbers else ()
+
+
+def colour_of(case: Decays, found: Evidence) -> Colour:
+    """Excess of squared autocorrelations over those of white noise, of responses without a line of their own."""
     excess, limit = np.zeros(case.noise.shape), np.zeros(case.noise.shape)
     rates = rates_of(case.model)
-    for hit, rest in enumerate(left):
+    for hit, rest in enumerate(case.left):
         rate = case.records[hit].sample_rate
-        squares, numbers, lags = colour(rest, 1.0 / rate, rates, int(2.0 * case.highest) - 1)
+        squares, numbers, lags = squared_correlations(rest, 1.0 / rate, rates, int(2.0 * case.highest) - 1)
         size = np.maximum(numbers - 2 * len(rates), 1)
         rounding = np.sqrt(np.nanmean(rest**2, axis=1)) < ROUNDING * case.noise[:, hit]
         excess[:, hit] = np.where(rounding, 0.0, squares - lags / size)
         limit[:, hit] = np.maximum((chi2_limit(lags, FALSE_ALARM / case.responses) - lags) / size, COLOUR)
     place = np.unravel_index(int(np.argmax(excess / limit)), excess.shape)
     bound = float(limit[place])
-    found.kept("colour", float(excess[place]), bound, failing=max(STRONG_COLOUR, bound))
-    over = np.where(hidden, 0.0, excess) * (excess > limit)
-    which = strongest(over)
-    if which:
-        found.fail("colour_left", "colour", share=0.0, squares=[excess[where] for where in which], **case.places(which))
-    return excess
+    which = strongest(np.where(found.hidden, 0.0, excess) * (excess > limit))
+    found.arrays["colour"] = excess
+    return Colour(
+        size=float(excess[place]),
+        limit=bound,
+        failing=max(STRONG_COLOUR, bound),
+        numbers={"squares": [excess[where] for where in which], **case.places(which)} if which else {},
+    )
 
 
 def tones_of(highest: float, per_revolution: float) -> Floats:
@@ -238,7 +260,7 @@ def peaks(left: Floats, noise: Floats) -> tuple[Floats, Floats]:
     return over[np.arange(len(left)), place], place / left.shape[1]
 
 
-def colour(left: Floats, step: float, rates: Complexes, most: int) -> tuple[Floats, Floats, int]:
+def squared_correlations(left: Floats, step: float, rates: Complexes, most: int) -> tuple[Floats, Floats, int]:
     r"""The sum of squared autocorrelations of each channel (Ljung and Box 1978), the number of samples, and of lags.
 
     .. math:: Q = \sum_{k=1}^{K} \frac{n}{n_k} \Big(r_k + \frac{1}{n}\sum_j e^{s_j k \Delta t}\Big)^2
@@ -266,3 +288,46 @@ def rates_of(model: PeriodicModel) -> Complexes:
     kept = (model.coefficients != 0).any(axis=(1, 2))
     own = -np.abs(model.exponents.real) + 1j * model.exponents.imag
     return (own[:, None] + 1j * model.fundamental * model.harmonics)[kept]
+
+
+SPIKE, SPOILT, QUARTILE = 12.0, 0.1, 0.6745
+"""Deviations from which on a sample is no noise, the share of the power in such that spoils a fit, and the median
+size of a normal number, from which the deviation is taken."""
+
+
+def spikes(case: Any, _: Evidence) -> tuple[Finding, ...]:
+    """Findings on spikes in the residual; warnings where a blow that nobody measured is excitation, and no fault."""
+    found = of_outliers(case.residual, case.own)
+    return tuple(replace(own, severity=Severity.WARNING) for own in found) if case.random else found
+
+
+def of_outliers(left: Floats, own: Parted) -> tuple[Finding, ...]:
+    """Findings on samples, in what is left of each output (outputs, samples), that are no noise: spikes."""
+    found = []
+    for values, channel in zip(left, own.outputs, strict=True):
+        far = np.abs(values) > SPIKE * np.median(np.abs(values)) / QUARTILE
+        if far.any():
+            share, first = float(np.sum(values[far] ** 2) / np.sum(values**2)), int(np.argmax(far))
+            record = int(np.searchsorted(own.samples.begins, first, side="right"))
+            sample = first - own.samples.begins[record - 1] + 1
+            told, number = failure if share > SPOILT else warning, int(far.sum())
+            numbers = {"number": number, "share": share, "record": record, "sample": sample}
+            found.append(told("outliers", channel=channel.name, **numbers))
+    return tuple(found)
+
+
+MISFIT = 1.3  # times the noise that a fit may leave
+FAILED = 3.0  # times the noise that a fit leaves from which on it is no model of the record: then it has no deviations
+
+
+def misfit(case: Any, _: Evidence) -> tuple[Finding, ...]:
+    """Finding on a fit that leaves more than noise, though not so much that it fails."""
+    size = case.misfit
+    return () if size is None or not MISFIT < size < FAILED else (warning("misfit", misfit=size),)
+
+
+def level(case: Any, found: Evidence) -> tuple[Finding, ...]:
+    """Note what the fit leaves over the level of its noise: a model that fails does not pass."""
+    if case.misfit is not None:
+        found.kept("misfit", case.misfit, FAILED)
+    return ()

@@ -1,16 +1,22 @@
-"""Tests of what drives the modes: when the inputs act, and what does beside them: noise, powers of the response."""
+"""What drives the modes: the way of the inputs to them, their instants, noise and powers of the response beside."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.checks._check import Evidence
+from floquid.core import PeriodicModel
 from floquid.findings import Finding, failure, warning
-from floquid.fit import SURE, chi2_limit
+from floquid.fit import SURE, chi2_limit, wald_rise
 from floquid.inputs import Samples, Scores, Uncertainty, answering, gain_of, solve
+
+if TYPE_CHECKING:
+    from floquid.checks._excited import Parted
 
 BENT = 1e-9
 """The probability at which noise may pass for powers of the inputs: these have longer tails than noise."""
@@ -49,13 +55,13 @@ AT_ONCE = 1.0
 """The decay from sample to sample from which on it may, too [nepers]."""
 
 
-def of_driving(fit: Uncertainty, scores: Scores) -> tuple[Finding, ...]:
+def driving(case: Any, _: Evidence) -> tuple[Finding, ...]:
     """Findings on inputs at other instants, and on what drives the modes beside the inputs.
 
     Inputs at other instants leave what noise and squares do, so that these are looked for with the right instants.
     """
-    instants, other = _instants(fit, scores)
-    return (*_beside(other or scores), *instants)
+    instants, other = _instants(case.fit, case.tested)
+    return (*_beside(other or case.tested), *instants)
 
 
 def _beside(scores: Scores) -> tuple[Finding, ...]:
@@ -162,8 +168,8 @@ def _driven(gain: float) -> tuple[Finding, ...]:
     """
     limits = chi2_limit(1, HINT), chi2_limit(1, SURE)
     if gain >= limits[1]:
-        return (failure("inputs_noise", squares=gain, limit=limits[1]),)
-    return (warning("inputs_some_noise", squares=gain, limit=limits[0]),) if gain >= limits[0] else ()
+        return (failure("inputs_noise", squares=gain, limit=limits[1], sure=True),)
+    return (warning("inputs_noise", squares=gain, limit=limits[0], sure=False),) if gain >= limits[0] else ()
 
 
 def _by_powers(scores: Scores) -> NDArray[np.float64]:
@@ -189,3 +195,72 @@ def _nonlinear(scores: Scores, gains: NDArray[np.float64]) -> tuple[Finding, ...
     if gains.max(initial=0.0) < limit:
         return ()
     return (failure("inputs_nonlinear", squares=float(gains.max()), limit=limit),)
+
+
+POOR = 2.0
+"""Deviations that some b of an input must be from zero, or it is not known how the input reaches the modes."""
+
+BUSY = 0.5
+"""The share of samples at which an input that began late moves from then on: one that is silent often is blows."""
+
+
+def reach(case: Any, _: Evidence) -> tuple[Finding, ...]:
+    """Findings on modes that no input reaches, and on inputs that were measured from later on alone."""
+    found = _unreached(case.fit)
+    ringing = any(not own.numbers["line"] for own in found)
+    return (*found, *(_began(case.own) if case.coloured or ringing else ()))
+
+
+def _unreached(fit: Uncertainty) -> tuple[Finding, ...]:
+    """Findings on modes that no input reaches as far as the record shows: what does not decay there is a line."""
+    found, longest = [], max(own.stop - own.start for own in fit.samples.records) * fit.samples.step
+    for number, mode in enumerate(fit.at.modes):
+        place, free = fit.places[number]
+        size, starts = mode.gains.size, len(mode.initial)
+        own = np.concatenate([mode.gains.real.ravel(), mode.gains.imag.ravel()])
+        # The imaginary part of a real multiplier's turn zero is no parameter.
+        there = np.concatenate([np.ones(size, bool), np.tile(mode.reach > 0.0, len(mode.gains)) | (not mode.real)])
+        later = 1 + size if mode.real else 2 + size + starts
+        rows = np.concatenate([np.arange(1, 1 + size), np.arange(later, later + size)])[there]
+        flat = own[there]
+        if not free[rows].all():
+            continue  # its scale is that of an input: that one reaches it
+        index = place.start + np.cumsum(free)[rows] - 1
+        spread = fit.parameters[np.ix_(index, index)]
+        if wald_rise(flat, spread) < chi2_limit(len(index), SURE):
+            half = mode.turns[0] % 1.0 if mode.real else 0.0  # of a negative multiplier
+            exponent = mode.exponent + 1j * half * fit.samples.fundamental
+            line = abs(exponent.real) * longest < 1.0
+            told, hertz = failure if line else warning, abs(exponent) / (2.0 * np.pi)
+            found.append(told("unreached", frequency=hertz, line=line))
+    return tuple(found)
+
+
+def _began(own: Parted) -> tuple[Finding, ...]:
+    """Findings on inputs that begin later than a record, as where they were measured from then on alone.
+
+    What drove the system before is taken for modes that ring from the begin, which no input reaches.
+    """
+    samples, found = own.samples, []
+    for number, part in enumerate(samples.records, start=1):
+        moves = samples.inputs[:, part] != samples.inputs[:, part.start, None]
+        quiet = moves.argmax(axis=1)
+        busy = [bool(row[first:].mean() > BUSY) for row, first in zip(moves, quiet, strict=True)]
+        late = np.flatnonzero(busy & (quiet * samples.step * samples.fundamental > 2.0 * np.pi))
+        if len(late):
+            names, seconds = [own.inputs[row].name for row in late], float(quiet[late].max()) * samples.step
+            found.append(failure("inputs_began", channels=names, record=number, seconds=seconds))
+    return tuple(found)
+
+
+def undriven(model: PeriodicModel) -> tuple[Finding, ...]:
+    """Finding on inputs of which no b is told from none: they act at too few phases of the period, or frequencies."""
+    own = model.inputs
+    if own is None or own.coefficient_std is None:
+        return ()
+    size, std = np.abs(own.coefficients), np.abs(own.coefficient_std)
+    # The b that is the scale of a mode has no deviation: it is told if the others of that mode are known by it.
+    fixed = np.where(std == 0.0, size, 0.0).max(axis=-1) > POOR * std.max(axis=-1)
+    told = np.any(((size > POOR * std) & (std > 0.0)).any(axis=-1) | fixed, axis=0)
+    names = [own.channels[row].name for row in np.flatnonzero(~told)]
+    return (warning("inputs_poor", channels=names),) if names else ()

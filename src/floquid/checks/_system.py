@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from floquid._arrays import Complexes, Floats
+from floquid.checks._check import Evidence
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, failure
 from floquid.fit import DEVIATIONS
@@ -17,6 +19,9 @@ SMALL = 1e-6  # the share of the largest multiplier below which one is not told 
 
 ACCURACY = 1e-7
 """The relative change of Φ over a period at which steps are short enough: half as long, they are 16 times as good."""
+
+PHI = 1e-3
+"""The relative difference between Φ and A(t) integrated that is let pass: interpolation between instants makes one."""
 
 MOST_STEPS = 2**16  # steps in a period, at most
 
@@ -29,6 +34,29 @@ class Consistency:
     pair: tuple[complex, complex]  # worst multiplier of A(t), and that of the model
     liouville: float  # the mean of tr A less the sum of the exponents, times the period, over what it may be
     composition: float  # the largest relative difference of Φ(t + T, t0), integrated, and Φ(t, t0) Φ(t0 + T, t0)
+
+
+def system(case: Any, found: Evidence) -> tuple[Finding, ...]:
+    """Finding on A(t), integrated over a period, that is not the model's."""
+    if case.state is None:
+        return ()
+    own = consistency(case.model, case.state)
+    if isinstance(own, Finding):
+        return found.missing({"multipliers": 1.0, "liouville": 1.0, "composition": PHI}, own)
+    multipliers = found.kept("multipliers", own.multipliers, 1.0)
+    trace = found.kept("liouville", own.liouville, 1.0)
+    composition = found.kept("composition", own.composition, PHI)
+    if multipliers and trace and composition:
+        return ()
+    return found.against(
+        "system_other",
+        "multipliers",
+        "liouville",
+        "composition",
+        pair=None if multipliers else own.pair,
+        trace=not trace,
+        composition=None if composition else own.composition,
+    )
 
 
 def consistency(model: PeriodicModel, state: StateModel) -> Consistency | Finding:

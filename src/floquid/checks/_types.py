@@ -53,16 +53,9 @@ class Validation(Rebuilt):
     Parameters
     ----------
     metrics
-        Numbers by name; one that could not be computed is absent, and a reason says why. `fit`: the share of the
-        response that is predicted on held-out cycles. `held_out_error`, `held_out_stretch`: the error of prediction
-        over what noise explains, in the worst response, and over a stretch of it. `period`: standard deviations between
-        the response's own period and the model's. `mode`: the power of the weakest mode over the most that a fit makes
-        of noise. `tone`: the largest amplitude left at a harmonic of the revolution, over the noise. `harmonic`: the
-        largest share of the response left in a harmonic of a mode beside its band. `line`: the largest amplitude of any
-        other line, over the noise. `colour`: squared autocorrelations. Of A(t) integrated: `multipliers` and
-        `liouville`, differences from the model over what they may be, and `composition`, the relative error of Φ.
-        `misfit`, which `identify` adds: what its fit leaves over the level of its noise. `remainder`: the largest share
-        of the response, in amplitude, that one of these checks finds left beyond the noise.
+        Numbers by name, as `docs/verdict.md` has them; one that could not be computed is absent, and a reason says why.
+        `mode`: the power of the weakest mode over the most that a fit makes of noise. `misfit`: what the fit leaves
+        over the level of its noise. `remainder`: the largest share of the response, in amplitude, that is left.
     criteria
         The limit of each of them.
     passed
@@ -113,6 +106,14 @@ class Validation(Rebuilt):
 
     def __repr__(self) -> str:
         return f"Validation(passed={self.passed}, unmet={self.unmet}, metrics={len(self.metrics)})"
+
+    @property
+    def answer(self) -> str:
+        """The verdict: "passes", "passes with a remainder of" a share of the response [%, amplitude], or "fails"."""
+        if not self.passed or not self.findings:
+            return "passes" if self.passed else "fails"
+        share = 100.0 * self.metrics["remainder"]
+        return f"passes with a remainder of {f'{share:.2g}' if share >= 0.1 else 'less than 0.1'} %"
 
     @property
     def reasons(self) -> tuple[str, ...]:

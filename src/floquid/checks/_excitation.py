@@ -1,0 +1,176 @@
+"""Modes of outputs alone that may be the excitation's own, or none."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.checks._check import Evidence
+from floquid.checks._period import LIMIT
+from floquid.core import PeriodicModel
+from floquid.findings import Finding, failure, note, warning
+from floquid.fit import DEVIATIONS, SURE
+from floquid.innovations import ALIKE, GONE, Fit, alike, gap_of, left_over
+
+AIM = 0.1
+"""The relative deviation of the damping for which the length of a record is given."""
+
+SHORT = (0.5, 2.0)
+"""Deviations of an exponent from the maximum of the likelihood, from which on that is told, and it is no estimate."""
+
+TOGETHER = 3.0
+"""Deviations of the decays of two modes within which they may be one."""
+
+STILL = 10.0
+"""Radians that a mode turns, and nepers that it decays, in a record, less than which it is likely a drift."""
+
+NEAR_HALF = 0.25
+"""The distance of a frequency from half the fundamental, over the decay, up to which a multiplier may be negative."""
+
+VAGUE = 0.5
+"""The relative deviation of the damping from which on a reader is warned."""
+
+
+def repetition(case: Any, _: Evidence) -> tuple[Finding, ...]:
+    """Finding on innovations that repeat with another period.
+
+    Lines of a narrow band alone pass for a period of the response, and are none where the model takes account of them.
+    """
+    if not (case.other and left_over(case.own.samples, case.residual, case.other)):
+        return ()
+    return (failure("wrong_period", given=case.model.period, own=2.0 * np.pi / case.other, fraction=True),)
+
+
+def excitation_of(
+    fit: Fit, model: PeriodicModel, relative: NDArray[np.float64], duration: float, as_read: Collection[int]
+) -> tuple[Finding, ...]:
+    """Findings on the modes: how long a record their damping needs, which may be the excitation's, which nearly one.
+
+    Whether a pair of one harmonic is two real multipliers does not matter: it is the excitation's own.
+    """
+    from scipy.special import chdtrc
+
+    found, varying = [], []
+    for number in range(len(fit.at.modes)):
+        squares, degrees = fit.varying(number)
+        varying.append(bool(degrees and chdtrc(degrees, squares) < SURE))
+    if not any(varying):
+        found.append(note("ambient_constant"))
+    places = np.cumsum([0, *(mode.rows for mode in fit.at.modes)])[:-1]
+    shares, hertz = relative[places], np.abs(model.exponents[places]) / (2.0 * np.pi)
+    decays, own = np.abs(model.exponents[places].real), _own(fit)
+    # Two that were read from one block are two, however near.
+    groups = [
+        np.array(group)
+        for group in alike(fit.at.modes, model.fundamental)
+        if len(set(group) - set(as_read)) > 0 and len(group) > 1
+    ]
+    found += _no_estimates(fit, model, shares, own, groups)
+    longest = max(np.diff(fit.samples.begins)) * fit.samples.step
+    still, low = ~own & (_away(fit) * longest < STILL), hertz * 2.0 * np.pi * longest < STILL
+    for told, which in ((failure, still & low), (warning, still & ~low)):  # a line of the period may be a mode's
+        if which.any():
+            found.append(told("ambient_slow", frequencies=hertz[which].tolist()))
+    several = len(fit.samples.records) > 1  # many short ones may tell a decay
+    line = ~(own | still) & (decays * longest < 1.0) & ~(several & (shares < 1.0 / DEVIATIONS))
+    if line.any():
+        found.append(failure("ambient_line", frequencies=hertz[line].tolist()))
+    no_axis = np.array([mode.axis == 0.0 for mode in fit.at.modes])
+    single = ~(still | line.any()) & ~np.array(varying) & any(varying) & no_axis  # a line spoils what is said of others
+    gone, real = decays * model.period > GONE, np.array([mode.real for mode in fit.at.modes])
+    fast, lasts = gone & ~single & ~own, real & ~(gone | single | still | line | own)
+    for code, which in (("ambient_single", single), ("ambient_fast", fast), ("ambient_real", lasts)):
+        if which.any():
+            found.append(warning(code, frequencies=hertz[which].tolist()))
+    if (shares[~(still | line)] > AIM).any():
+        worst = int(np.argmax(np.where(still | line, 0.0, shares)))
+        told, periods = warning if shares[worst] > VAGUE else note, duration / model.period * (shares / AIM) ** 2
+        found.append(
+            told(
+                "ambient_length",
+                frequency=float(hertz[worst]),
+                share=float(shares[worst]),
+                periods=float(periods[worst]),
+                seconds=float(periods[worst] * model.period),
+            )
+        )
+    same = _not_apart(
+        fit, shares * decays, (decays * model.period < GONE) & ~np.isin(range(len(decays)), list(as_read))
+    )
+    if groups or same:
+        told = failure if same or any(_one(fit, model, group, shares) for group in groups) else warning
+        found.append(told("ambient_alike", frequencies=hertz[np.unique(np.concatenate([*groups, *same]))].tolist()))
+    return tuple(found)
+
+
+def _no_estimates(
+    fit: Fit,
+    model: PeriodicModel,
+    shares: NDArray[np.float64],
+    own: NDArray[np.bool_],
+    groups: Sequence[NDArray[np.int64]],
+) -> list[Finding]:
+    """Findings on modes of which the fit is no maximum, or the decay not determined.
+
+    Of poles of the excitation that are nearly one no decay is claimed, which another finding says.
+    """
+    places = np.cumsum([0, *(mode.rows for mode in fit.at.modes)])[:-1]
+    nepers, hertz = np.abs(model.exponents[places].real) * model.period, np.abs(model.exponents[places]) / (2.0 * np.pi)
+    grouped = np.isin(np.arange(len(nepers)), np.concatenate([*groups, []]))
+    claimed = ~(grouped & (nepers > GONE) & ~own)
+    short, dead = np.array([fit.short(number) for number in range(len(nepers))]), (shares * nepers > 1.0) & claimed
+    found = [failure("undetermined", frequencies=hertz[dead].tolist())] if dead.any() else []
+    which = claimed & (short > SHORT[0])
+    if which.any():
+        told, most = failure if short[which].max() > SHORT[1] else warning, float(short[which].max())
+        found.append(told("ambient_short", frequencies=hertz[which].tolist(), deviations=most))
+    return found
+
+
+def _away(fit: Fit) -> NDArray[np.float64]:
+    """The distance of each exponent from the multiples of iω, where an offset and what repeats is (modes,) [1/s]."""
+    omega = fit.samples.fundamental
+    rates = np.array([complex(own.exponent.real, own.exponent.imag + own.axis * omega) for own in fit.at.modes])
+    return np.abs(rates - 1j * omega * np.rint(rates.imag / omega))
+
+
+def _own(fit: Fit) -> NDArray[np.bool_]:
+    """True of modes that are the system's: driven by a measured input, or with a negative multiplier (modes,).
+
+    Coloured excitation is driven by none, and what decays in it without turning has a positive one.
+    """
+    from scipy.special import chdtrc
+
+    found, omega = [], fit.samples.fundamental
+    for number, (mode, place) in enumerate(zip(fit.at.modes, fit.places, strict=True)):
+        squares, degrees = fit.reached(number)
+        halves = 2.0 * (mode.axis + mode.exponent.imag / omega)
+        away, std = 0.5 * omega * abs(halves - round(halves)), fit.parameters[(place.start + mode.rows - 1,) * 2] ** 0.5
+        negative = round(halves) % 2 == 1 and away <= min(LIMIT * std, NEAR_HALF * abs(mode.exponent.real))
+        found.append(negative or bool(degrees and chdtrc(degrees, squares) < SURE))
+    return np.array(found)
+
+
+def _not_apart(fit: Fit, std: NDArray[np.float64], lasting: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
+    """Twos of modes that outlast a period, and of which the deviations (modes,) do not tell that they are two."""
+    modes, omega = fit.at.modes, fit.samples.fundamental
+    return [
+        np.array([one, other])
+        for one, other in combinations(np.flatnonzero(lasting).tolist(), 2)
+        if gap_of(modes[one], modes[other], omega)[0] < TOGETHER * float(np.hypot(std[one], std[other]))
+    ]
+
+
+def _one(fit: Fit, model: PeriodicModel, group: NDArray[np.int64], shares: NDArray[np.float64]) -> bool:
+    """True where modes that outlast a period are nearer to each other than their deviations tell: a copy may be false.
+
+    Poles of excitation that die within a period often are the same and are there.
+    """
+    modes = [fit.at.modes[number] for number in group]
+    lasting = any(-mode.exponent.real * model.period < GONE for mode in modes)
+    near = min(LIMIT * float(shares[group].max()), ALIKE)
+    return lasting and len(alike(modes, model.fundamental, near)) < len(modes)

@@ -1,0 +1,245 @@
+"""Records whose excitation goes on, as checks ask them: measured inputs, and outputs alone."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import ModuleType
+from typing import Any, ClassVar
+
+import numpy as np
+
+from floquid import innovations, inputs
+from floquid._arrays import Floats
+from floquid.checks._check import Evidence, Subject
+from floquid.checks._driving import undriven
+from floquid.checks._excitation import excitation_of
+from floquid.checks._left_out import FAILING, LeftOut, first_part
+from floquid.checks._limits import is_undetermined
+from floquid.checks._period import LIMIT, Off, shaken
+from floquid.checks._residual import Colour
+from floquid.core import Channel, PeriodicModel, Record
+from floquid.findings import Finding, failure
+from floquid.fit import SURE
+from floquid.inputs import Limits, Samples, Scores, Uncertainty, linearise, slopes_of, state_slopes
+from floquid.sync import ShaftAngle
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parted:
+    """Samples of records whose excitation goes on, and their channels."""
+
+    records: tuple[Record, ...]
+    samples: Samples  # outputs and inputs, one record after another
+    outputs: tuple[Channel, ...]
+    inputs: tuple[Channel, ...]
+    turns: tuple[float, ...]  # harmonics of the period that are fitted beside the modes, those of the revolution too
+    shafts: tuple[ShaftAngle, ...]  # none where the period is constant
+    periods_per_revolution: float  # as the clock of the record has them, or the settings
+    findings: tuple[Finding, ...]  # on these harmonics
+
+
+COLOURED, WRONG = 0.1, 0.3
+"""The sum of squared correlations from which on what is left is no white noise, and the model is not what left it."""
+
+PREDICTABLE = 0.03
+"""The share of the variance of the innovations that is predictable from those before, from which on a model fails."""
+
+MOST_UNTOLD = 3.0
+"""What deviations of the fit to a part may make of the prediction, over the noise: more is no model to predict with."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Excited(Subject):
+    """A model and the records whose excitation goes on, with the limits of its search."""
+
+    of_verdict: ClassVar = frozenset(("left out",))
+    predicted: ClassVar = {"held_out_error": FAILING}
+    chain: ClassVar[ModuleType]  # the room that has its score tests
+    slip: ClassVar[float]  # periods by which one may be off over a record, and its own be told to first order
+    random: ClassVar[bool] = False  # True where nobody measured all that drives the system
+
+    own: Parted
+    model: PeriodicModel
+    limits: Limits
+    turning: bool = True  # lines of the revolution are looked for
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Numbers of outputs, and of columns of the noise: one."""
+        return len(self.own.outputs), 1
+
+    @property
+    def tested(self) -> Any:
+        """Score tests of the fit, or the fit that makes them itself."""
+        raise NotImplementedError
+
+    def errors(self) -> Floats:
+        """The rms error on the last quarter of each record, by a fit to the rest, over what is expected (outputs,)."""
+        raise NotImplementedError
+
+    def period_off(self) -> Off | None:
+        """The step of the period by its score; None where a shaft tells it."""
+        if self.own.shafts:
+            return None
+        step, std = self.chain.period_step(self.tested)
+        if abs(step) <= LIMIT * std:
+            return None
+        longest = max(own.stop - own.start for own in self.own.samples.records) * self.own.samples.step
+        near = abs(step) * longest / self.model.period <= self.slip
+        return Off(relative=step, std=std, deviations=abs(step) / std, limit=LIMIT, near=near)
+
+    def phase_steps(self) -> list[tuple[float, float]]:
+        """The step of the phase of each record after the first, in periods, and its deviation."""
+        return [self.chain.phase_step(self.tested, number) for number in range(1, len(self.own.records))]
+
+    def undriven(self) -> tuple[Finding, ...]:
+        """Finding on inputs of which it is not determined how they reach the modes."""
+        return undriven(self.model)
+
+    def left_out(self) -> LeftOut:
+        """The last quarter of each record, predicted by a fit to the rest."""
+        errors = self.errors()
+        worst = int(np.argmax(errors))
+        size, channel = float(errors[worst]), self.own.outputs[worst].name
+        return LeftOut(
+            arrays={"held_out_error": np.where(np.isfinite(errors), errors, np.nan)[:, None]},
+            sizes={"held_out_error": (size, FAILING, None)},
+            numbers={"ratio": size, "part": "last quarter", "channel": channel, "hit": 0},
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Driven(Excited):
+    """A model and the response to measured inputs; `most` are the harmonics looked for, None where it has all."""
+
+    chain: ClassVar = inputs
+    slip: ClassVar = 0.05  # inputs then meet their phase yet
+
+    fit: Uncertainty
+    most: int | None = None
+
+    @cached_property
+    def tested(self) -> Scores:
+        """Score tests of the fit."""
+        return Scores(self.own.samples, self.fit.at, rough=False)
+
+    @property
+    def residual(self) -> Floats:
+        """The residual of each output (outputs, samples)."""
+        return self.fit.at.left
+
+    @property
+    def coloured(self) -> bool:
+        """True where the residual is not white."""
+        return self.fit.at.colour > COLOURED
+
+    def vague_angles(self) -> tuple[Finding, ...]:
+        """Findings on errors of the angle, over the variance of the residual."""
+        at = self.fit.at
+        return shaken(self.own, at.coefficients[-len(self.own.samples.known) :].T, at.noise) if self.own.shafts else ()
+
+    def seen(self) -> list[tuple[float, int]]:
+        """Squared deviations of the shape of each mode from zero, and how many numbers it has; none of free phases."""
+        if self.most is None:
+            return []
+        columns, channels = self.tested.now.slices(), len(self.tested.left)
+        sizes = [channels * (own.stop - own.start) for own, _ in columns]
+        return list(zip(self.tested.of_modes.tolist(), sizes, strict=True))
+
+    def colour(self, _: Evidence) -> Colour:
+        """The most correlations of one output."""
+        size = float(self.fit.at.colour)
+        return Colour(size=size, limit=COLOURED, failing=WRONG, numbers={"squares": [size]} if self.coloured else {})
+
+    def undetermined(self) -> tuple[Finding, ...]:
+        """Finding on decays that are not determined."""
+        return (failure("undetermined"),) if is_undetermined(self.model) else ()
+
+    def errors(self) -> Floats:
+        """The rms error on the last quarter of each record, by a fit to the rest, over what is expected (outputs,).
+
+        Expected are the noise, and what the deviations of that fit make of the prediction.
+        """
+        whole, found = self.own.samples, self.fit.at
+        first, fitted = first_part(whole)
+        part = Uncertainty(first, inputs.solve(first, found.modes, found.direct))
+        whole_at = linearise(whole, part.at.modes, part.at.direct)
+        states = state_slopes(whole, whole_at)
+        beyond = ~fitted
+        columns, errors = whole_at.columns[:, beyond], []
+        for channel, noise in enumerate(part.at.noise):
+            left = whole.values[channel, beyond] - part.at.coefficients[:, channel] @ columns
+            at = replace(whole_at, coefficients=part.at.coefficients)
+            by_parameters = slopes_of(whole, at, channel, states)[:, beyond]
+            # What the part does not tell of the model is no error of it.
+            expected = noise**2 + np.minimum(
+                part.errors.variance(channel, by_parameters.T, columns.T), MOST_UNTOLD * noise**2
+            )
+            errors.append(float(np.sqrt(np.mean(left**2 / expected))))
+        return np.array(errors)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ambient(Excited):
+    """A model and outputs alone, of excitation that nobody measured, beside measured inputs or without.
+
+    `other` is a frequency far from that given with which the response seems to repeat [rad/s], zero where none;
+    `as_read` are modes that were read from one block.
+    """
+
+    chain: ClassVar = innovations
+    slip: ClassVar = 0.3  # no input has to meet its phase
+    random: ClassVar = True
+
+    fit: innovations.Fit
+    other: float = 0.0
+    as_read: Collection[int] = ()
+
+    @property
+    def residual(self) -> Floats:
+        """The innovations of each output (outputs, samples)."""
+        return self.fit.at.innovations
+
+    @property
+    def tested(self) -> innovations.Fit:
+        """The fit."""
+        return self.fit
+
+    def vague_angles(self) -> tuple[Finding, ...]:
+        """Findings on errors of the angle, over the variance of the innovations."""
+        size = np.sqrt(np.mean(self.residual**2, axis=1))
+        return shaken(self.own, self.fit.at.columns, size) if self.own.shafts else ()
+
+    def seen(self) -> list[tuple[float, int]]:
+        """Squared deviations of the shape of each mode from zero, and how many numbers it has."""
+        return [self.fit.seen(number) for number in range(len(self.fit.at.modes))]
+
+    def colour(self, _: Evidence) -> Colour:
+        """The share of the innovations that is predictable, where chance does not explain it."""
+        share, chance = innovations.colour(self.own.samples, self.fit.at)
+        numbers = {"predictable": share} if chance < SURE else {}
+        return Colour(size=share, limit=PREDICTABLE, failing=PREDICTABLE, numbers=numbers)
+
+    def excitation(self) -> tuple[Finding, ...]:
+        """Findings on modes that may be the excitation's own, or none."""
+        std = self.model.exponent_std
+        assert std is not None
+        relative = std.real / np.abs(self.model.exponents.real)
+        duration = self.own.samples.n_samples * self.own.samples.step
+        return excitation_of(self.fit, self.model, relative, duration, self.as_read)
+
+    def errors(self) -> Floats:
+        """The rms of the innovations over that of the part fitted, on the last quarter of each record (outputs,)."""
+        samples, found = self.own.samples, self.fit.at
+        part, mask = first_part(samples)
+        start = innovations.predicted(part, found.modes, found.columns, found.initial, found.whitening[mask])
+        whole = None
+        fitted = None if start is None else innovations.solve(part, start, rough=True)
+        if fitted is not None:
+            whole = innovations.predicted(samples, fitted.modes, fitted.columns, fitted.initial, growing=True)
+        if fitted is None or whole is None:
+            return np.full(len(samples.values), np.inf)
+        expected = np.sqrt(np.mean(fitted.innovations**2, axis=1))
+        return np.asarray(np.sqrt(np.mean(whole.innovations[:, ~mask] ** 2, axis=1)) / expected, np.float64)

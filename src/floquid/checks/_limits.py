@@ -1,0 +1,127 @@
+"""Modes that are needed, at a limit of the search, not determined, or a line of the revolution."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from floquid.checks._check import Evidence
+from floquid.core import PeriodicModel
+from floquid.findings import Finding, failure, note, warning
+from floquid.fit import DEVIATIONS, chi2_limit
+from floquid.inputs import nearly_one
+
+VAGUE = 0.5
+"""The deviation of the decay of a real multiplier over it, from which on it is not determined,"""
+
+ROUGHLY = 0.1
+"""where that is more than this over a period [nepers]."""
+
+
+def needed(case: Any, _: Evidence) -> tuple[Finding, ...]:
+    """Finding on the mode that would be missed least, by the squared deviations of its shape from zero."""
+    seen = case.seen()
+    if not seen:
+        return ()
+    rises = [squares / chi2_limit(degrees, case.limits.mode_alarm) for squares, degrees in seen]
+    least = int(np.argmin(rises))
+    hertz = abs(case.model.exponents[case.model.upper_modes[least]]) / (2.0 * np.pi)
+    return (note("all_needed", number=len(rises), frequency=hertz, rise=rises[least]),)
+
+
+def limits(case: Any, _: Evidence) -> tuple[Finding, ...]:
+    """Finding on a search that ended at the most modes that it may find."""
+    number = len(case.fit.at.modes)
+    return (warning("search_ended", number=number),) if number >= case.limits.modes else ()
+
+
+def bands(case: Any, _: Evidence) -> tuple[Finding, ...]:
+    """Findings on bands that end at the highest harmonics looked for."""
+    found, highest = [], case.limits.highest
+    if case.most is not None and _clear(case.model, highest):
+        if nearly_one(case.own.samples, case.fit.at):  # a copy of the mode makes up for harmonics beyond the limit
+            found.append(failure("inputs_copies", most=highest))
+        elif highest == case.most:
+            found.append(warning("inputs_harmonics", most=case.most))
+    return tuple(found)
+
+
+def _clear(model: PeriodicModel, highest: int) -> bool:
+    """True where one of the highest harmonics that are looked for is clear of noise."""
+    assert model.coefficient_std is not None
+    assert model.inputs is not None
+    assert model.inputs.coefficient_std is not None
+    for values, std, turns in (
+        (model.coefficients, model.coefficient_std, model.harmonics),
+        (model.inputs.coefficients, model.inputs.coefficient_std, model.inputs.harmonics),
+    ):
+        ends = np.abs(turns) >= highest
+        if (np.abs(values[..., ends]) > DEVIATIONS * np.abs(std[..., ends])).any():
+            return True
+    return False
+
+
+def is_undetermined(model: PeriodicModel) -> bool:
+    """True where a mode's decay is not known within a period, or that of a real multiplier hardly at all.
+
+    Real multipliers that make up for one another, or for a pair, are of that kind; one of slow decay is not.
+    """
+    assert model.exponent_std is not None
+    spread = model.exponent_std.real
+    vague = (spread > VAGUE * np.abs(model.exponents.real)) & (model.period * spread > ROUGHLY)
+    return bool((model.period * spread > 1.0).any() or (model.real & vague).any())
+
+
+MOST_PERIODS = 6
+"""Periods of a revolution up to which lines of the revolution are looked for where nobody says how many it holds."""
+
+STILL = 3.0
+"""Deviations within which a mode does not decay, and within which it is at a line."""
+
+SHARP = 1e-3
+"""The deviation of a frequency over the fundamental below which a mode at a line warns."""
+
+SURE = 1.5e-4
+"""That below which it fails: one in a hundred modes that do not decay is as near to some line by chance."""
+
+ROUNDING = 1e-9
+"""What is rounding of a frequency, over the fundamental."""
+
+
+def steady(case: Any, found: Evidence) -> tuple[Finding, ...]:
+    """Findings on modes that do not decay at a fraction of the fundamental, as lines of a revolution are."""
+    if not case.turning or case.model.exponent_std is None:
+        return ()
+    longest = max(record.duration for record in case.own.records)
+    unreached = [own.numbers["frequency"] for own in found.findings if own.code == "unreached"]
+    return lines_of_revolution(case.model, longest, unreached, case.own.periods_per_revolution)
+
+
+def lines_of_revolution(
+    model: PeriodicModel, longest: float, unreached: Sequence[float], periods_of_turn: float
+) -> tuple[Finding, ...]:
+    """Findings on modes that do not decay at a fraction of the fundamental, as lines of a revolution are."""
+    std = model.exponent_std
+    assert std is not None
+    still = np.abs(model.exponents.real) < STILL * std.real
+    still &= np.abs(model.exponents.real) * longest < 1.0
+    sharp = std.imag < SHARP * model.fundamental
+    # The frequency of a real multiplier is none measured; no input reaches what drives the system itself.
+    apart = np.isclose(np.abs(model.exponents)[:, None], 2.0 * np.pi * np.array(unreached), rtol=1e-9).any(axis=1)
+    known = (std.imag < SURE * model.fundamental) & (~model.real | apart)
+    turns, found = model.exponents.imag / model.fundamental, []
+    for count in range(2, MOST_PERIODS + 1):
+        near = np.rint(turns * count).astype(np.int64)
+        off = np.abs(turns * count - near) * model.fundamental / count
+        at = still & sharp & (np.gcd(near, count) == 1) & (off <= STILL * std.imag + ROUNDING * model.fundamental)
+        if at.any():
+            hertz = np.unique(np.abs(model.exponents.imag[at])) / (2.0 * np.pi)
+            told = failure if known[at].any() else warning
+            real = bool(model.real[at].any())
+            # Where the revolution was said they are weak, and were left out: their numbers in it.
+            lines = np.unique(np.rint(np.abs(turns[at]) * periods_of_turn)).astype(int).tolist()
+            forced = lines if periods_of_turn % count == 0.0 else []
+            found.append(told("line_as_mode", frequencies=hertz.tolist(), periods=count, real=real, forced=forced))
+    return tuple(found)

@@ -1,0 +1,137 @@
+"""Modes of free responses that are likely none, weaker than noise, or hardly determined."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._arrays import Mask
+from floquid.checks._check import Evidence, strongest
+from floquid.core import PeriodicModel
+from floquid.findings import Finding, warning
+from floquid.periodic import CONFIDENT
+
+if TYPE_CHECKING:
+    from floquid.checks._decays import Decays
+
+STILL = 4.0  # standard deviations within which a multiplier is 1 or -1
+
+NEIGHBOURS = 0.75
+"""The distance of two modes modulo the fundamental, over the sum of their decays, within which one that changes is
+taken for both: what a cubic term makes of a mode decays three times as fast, at half of that sum."""
+
+WANDERING = 5.0
+"""The same on a shaft whose speed wanders: a frequency that follows it has lines as far beside as that is fast."""
+
+SAME_SHAPE = 0.95  # the squared correlation of two shapes from which on they are one
+
+TELLING = 3  # coefficients in a shape, at least, for it to say anything
+
+
+def _halved(model: PeriodicModel, std: NDArray[np.complex128]) -> bool:
+    """True where half of the modes have a partner of equal decay at an odd number of half fundamentals."""
+    gap = model.exponents[:, None] - model.exponents[None, :]
+    deviation = np.hypot(std.real[:, None], std.real[None, :]), np.hypot(std.imag[:, None], std.imag[None, :])
+    halves = 2.0 * gap.imag / model.fundamental
+    odd = 2.0 * np.rint((halves - 1.0) / 2.0) + 1.0
+    apart = np.abs(halves - odd) * model.fundamental < 10.0 * deviation[1]
+    apart &= deviation[1] < 1e-3 * model.fundamental
+    alike = (np.abs(gap.real) < 5.0 * deviation[0]) & (deviation[0] < 0.1 * np.abs(model.exponents.real))
+    # A mode and its own conjugate are no two modes.
+    itself = np.abs(model.exponents[:, None] - model.exponents[None, :].conj()) == 0
+    return bool(2 * (apart & alike & ~itself).any(axis=1).sum() >= max(model.order, 1))
+
+
+def _still(model: PeriodicModel, std: NDArray[np.complex128]) -> list[Finding]:
+    """Components that are most likely a forced response, of one period or of two."""
+    steady = np.maximum(std.real, std.imag) < CONFIDENT * model.fundamental
+    steady &= np.abs(model.exponents.real) < 4.0 * std.real + 1e-9 * model.fundamental
+    turn, within = np.abs(np.angle(model.multipliers)), 3.0 * std.imag * model.period + 1e-12
+    found = [warning("multiplier_one")] if (steady & (turn < within)).any() else []
+    return found + ([warning("multiplier_minus_one")] if (steady & (np.pi - turn < within)).any() else [])
+
+
+def _moving(model: PeriodicModel, near: float) -> list[Finding]:
+    """Pairs of modes of one shape that are nearer to each other than they decay: one mode that changes."""
+    found, own = [], [int(mode) for mode in model.upper_modes if not model.unpaired[mode]]
+    scale = np.abs(model.coefficients).max(axis=(0, 2, 3), initial=0.0)[:, None, None]
+    shapes = model.coefficients / np.where(scale > 0.0, scale, 1.0)
+    for place, one in enumerate(own):
+        for other in own[place + 1 :]:
+            gap = model.exponents[other] - model.exponents[one]
+            turns = round(gap.imag / model.fundamental)
+            apart = abs(complex(gap.real, gap.imag - turns * model.fundamental))
+            if apart > near * abs(model.exponents[[one, other]].real).sum():
+                continue
+            # e^{i turns θ} goes from the exponent to the shape.
+            moved = np.roll(shapes[other], turns, axis=-1)
+            power = float(np.sum(np.abs(shapes[one]) ** 2) * np.sum(np.abs(moved) ** 2))
+            telling = min(np.count_nonzero(shapes[one]), np.count_nonzero(moved)) >= TELLING
+            if telling and abs(np.vdot(shapes[one], moved)) ** 2 > SAME_SHAPE * power:
+                first, second = model.frequencies_hz[[one, other]]
+                found.append(warning("one_that_moves", first=first, second=second))
+    return found
+
+
+def doubts_of(model: PeriodicModel, *, wanders: bool = False) -> tuple[Finding, ...]:
+    """Findings on the modes of a model: hardly determined, without decay, of another period, growing."""
+    found, std = [], model.exponent_std
+    if std is not None:
+        weak = int((np.maximum(std.real, std.imag) > CONFIDENT * model.fundamental).sum())
+        if weak:
+            found.append(warning("weakly_determined", number=weak, order=model.order, limit=CONFIDENT))
+        found += _still(model, std)
+    if model.order and not ((np.abs(model.coefficients).max(axis=(1, 2)) > 0).sum(axis=1) > 1).any():
+        found.append(warning("no_second_harmonic"))
+    found += _moving(model, WANDERING if wanders else NEIGHBOURS)
+    if std is not None and _halved(model, std):
+        found.append(warning("period_halved"))
+    growing = model.exponents.real > (4.0 * std.real if std is not None else 0.0)
+    if growing.any():
+        found.append(warning("growing", number=int(growing.sum()), order=model.order))
+    return tuple(found)
+
+
+EXPLAINED = 1e-9  # the probability at which noise passes for a mode, over all lines and decays that it is looked for at
+LOOKS = 8  # decays that a mode may have been looked for at, on each line
+
+
+def weak_modes(case: Decays, found: Evidence) -> tuple[Finding, ...]:
+    r"""Each mode's power in the records over the noise, against what a fit makes of noise alone.
+
+    .. math:: \frac{1}{\ell_r} \sum_{c,h} \frac{1}{\sigma_{c,h}^2}
+              \sum_m |B_{r,c,h,m}|^2 \sum_k 2\, e^{2 \Re \lambda_r t_k}, \qquad \ell_r = \chi^2_{p_r, \alpha / n}
+
+    a conjugate pair once, p its parameters and n the lines of the records, each looked at with several decays. The
+    products of two harmonics are left out: they add up to nothing over a period. The least is `mode`, and has to be 1.
+    """
+    from scipy.special import chdtri
+
+    model, own = case.model, np.flatnonzero(case.model.exponents.imag >= 0)
+    if not len(own):
+        return ()
+    powers = np.array([_power(case, int(mode)) for mode in own])
+    kept = (model.coefficients[own] != 0).any(axis=(1, 2)).sum(axis=1)
+    looks = LOOKS * sum(record.n_samples for record in case.records)
+    limits = chdtri(2 * case.responses * np.maximum(kept, 1) + 2, EXPLAINED / looks)
+    shares = powers / limits
+    if found.kept("mode", float(shares.min()), 1.0, at_least=True):
+        return ()
+    below = [k for (k,) in strongest(np.where(shares < 1.0, 2.0 - shares, 0.0))]
+    return found.against("mode_weak", "mode", frequencies=model.frequencies_hz[own[below]], shares=shares[below])
+
+
+def _power(case: Decays, mode: int) -> float:
+    """The power of a mode, with its conjugate, in all records over the noise."""
+    model, total = case.model, 0.0
+    value = model.exponents[mode]
+    for hit, (record, (times, _)) in enumerate(zip(case.records, case.instants, strict=True)):
+        # A growing mode is counted from its end, so that nothing overflows.
+        origin = times[-1] if value.real > 0 else times[0]
+        there: Mask = ~np.isnan(record.values)
+        decay = there @ np.exp(2.0 * value.real * (times - origin))
+        sizes = np.abs(model.coefficients[mode, :, hit] * np.exp(value.real * origin)) / case.noise[:, hit, None]
+        total += float(np.sum(sizes**2, axis=1) @ decay)
+    return total if model.unpaired[mode] else 2.0 * total

@@ -1,0 +1,114 @@
+"""The period of the response against that of the model, the phases of records, and errors of the shaft's angle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from floquid._arrays import Floats
+from floquid.checks._check import Evidence
+from floquid.findings import Finding, failure, warning
+from floquid.innovations import turned_records
+
+if TYPE_CHECKING:
+    from floquid.checks._decays import Decays
+    from floquid.checks._excited import Parted
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Off:
+    """Difference of the response's own period from that of the model, over the latter, to first order."""
+
+    relative: float
+    std: float | None  # None where it is not to be quoted
+    deviations: float
+    limit: float
+    near: bool = True  # a step so small that first order tells the own period
+
+
+def period(case: Any, found: Evidence) -> tuple[Finding, ...]:
+    """Finding on a period that is not that of the response."""
+    off: Off | None = case.period_off()
+    if off is None or found.kept("period", off.deviations, off.limit):
+        return ()
+    given, numbers = case.model.period, dict[str, Any](deviations=off.deviations)
+    if off.near:
+        numbers |= {"own": given * (1.0 + off.relative), "std": None if off.std is None else given * off.std}
+    return found.against("wrong_period", "period", given=given, **numbers)
+
+
+LIMIT = 5.0  # deviations from which on a period, or a phase, is another one than that given
+
+
+def phases(case: Any, _: Evidence) -> tuple[Finding, ...]:
+    """Findings on records after the first that are at another phase.
+
+    By half a period the slope along the phase is none: that is told by how their products turn.
+    """
+    steps = case.phase_steps()
+    turned = turned_records(case.own.samples) if steps else []
+    return (
+        *(failure("records_phase", record=number + 1) for number in turned),
+        *(
+            failure("records_phase", record=number + 1, deviations=abs(step) / std)
+            for number, (step, std) in enumerate(steps, start=1)
+            if number not in turned and abs(step) > LIMIT * std
+        ),
+    )
+
+
+ENERGY = 400.0  # misfit that errors of the angle may add, spread over the lines about each harmonic
+
+SHAKEN, BLURRED = 0.5, 2.0
+"""Shares of the variance of what is left that errors of the shaft's angle may make, and up to which a model stands."""
+
+
+def blurred(case: Decays) -> tuple[Finding, ...]:
+    r"""Finding on what the error of the shaft's angle makes of the response.
+
+    .. math:: \sum_{c,h} \frac{\sigma_{\theta,h}^2}{s_{c,h}^2} \Big( \frac{N_h}{2} \sum_j (j\, a_{c,h,j})^2
+              + \sum_r \sum_n e^{2 \Re \lambda_r t_n} \sum_m |m B_{r,c,h,m}|^2 \Big)
+
+    with a the amplitudes of the harmonics j of the forced response, B the coefficients of the modes, σ the deviation of
+    the angle [rad], and s the noise.
+    """
+    forced, model = case.forced, case.model
+    energy, degrees = 0.0, 0.0
+    for hit, (shaft, record) in enumerate(zip(case.shafts, case.records, strict=True)):
+        std = float(np.sqrt(np.mean(shaft.angle_std(np.clip(record.times, shaft.first, shaft.last)) ** 2)))
+        noise = case.noise[:, hit, None]
+        if forced is not None:
+            shares = forced.harmonics * forced.amplitudes[:, hit] / noise
+            energy += 0.5 * record.n_samples * std**2 * float(np.sum(shares**2))
+        step = np.minimum(2.0 * model.exponents.real / record.sample_rate, -np.finfo(float).tiny)
+        lasting = np.expm1(record.n_samples * step) / np.expm1(step)
+        turned = np.abs(model.harmonics * model.coefficients[:, :, hit] / noise) ** 2
+        energy += std**2 * float(lasting @ turned.sum(axis=(1, 2)))
+        degrees = max(degrees, float(np.degrees(std)))
+    return () if energy < ENERGY else (warning("vague_angle", degrees=degrees, energy=energy),)
+
+
+def shaken(own: Parted, columns: Floats, noise: Floats) -> tuple[Finding, ...]:
+    r"""Findings on what the error of the shaft's angle makes of the response, over the variance of what is left.
+
+    .. math:: \max_c \frac{\sigma_\theta^2}{s_c^2} \Big(\frac12 \sum_j (j\, a_{c,j})^2 + \sigma_c^2\Big)
+
+    with a the amplitudes of the harmonics j of the steady response, of `columns` (channels, known), σ the deviations of
+    the angle of the system and of the rest of the response, and s the `noise` (channels,).
+    """
+    samples, several = own.samples, own.periods_per_revolution
+    columns = columns[:, : len(samples.known)]  # inputs that act at once may follow
+    parts = columns[:, len(samples.records) :].reshape(len(columns), len(own.turns), 2)
+    steady = 0.5 * np.sum((np.array(own.turns)[:, None] * parts) ** 2, axis=(1, 2))
+    power = float(np.max((steady + np.var(samples.values - columns @ samples.known, axis=1)) / noise**2))
+    found = []
+    for shaft, record in zip(own.shafts, own.records, strict=True):
+        std = several * float(np.sqrt(np.mean(shaft.angle_std(np.clip(record.times, shaft.first, shaft.last)) ** 2)))
+        if (share := std**2 * power) > SHAKEN:
+            told = failure if share > BLURRED else warning
+            found.append(told("vague_angle", degrees=float(np.degrees(std / several)), share=share))
+        left = several**2 * float(np.mean(shaft.residuals[shaft.kept] ** 2))
+        found += [finding for finding in shaft.findings if finding.code == "angle_alike" and left * power > SHAKEN]
+    return tuple(found)
