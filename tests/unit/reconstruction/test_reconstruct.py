@@ -411,20 +411,25 @@ def test_sizes_of_what_is_left_out(wide):
 
 @pytest.mark.slow
 def test_what_sizes_of_any_phase_do(oracle):
-    """Against draws of phases, each through `reconstruct` itself."""
+    """Against changes along the axes of coefficients that are correlated as their estimates, through `reconstruct`."""
     known = oracle.known(oracle.systems["one"], oracle.displacements(1), width=2)
     own, coordinates = known.estimates, coordinates_of(known.model, ["c0"], "second-order", None)
     shapes, terms = shapes_of(known.model, coordinates, own), terms_of(known.model, own)
     times, sizes = np.array([0.3, 1.1]), 1e-6 * np.arange(5.0).reshape(5, 1, 1)
     modal = modal_at(shapes, times)
     found = spread_of(sizes, by_system(shapes, modal, times, slice(1, 2), terms), own)[0]
-    total, count = 0.0, 64
-    for term in range(5):
-        for phase in np.exp(2j * np.pi * np.arange(count) / count):
-            shift = np.zeros(own.coefficients.shape, complex)
-            shift[term] = sizes[term] * phase
-            other = reconstruct(known.moved(np.zeros(3), shift), ["c0"], harmonics=2, times=times)
-            total = total + (other.system[1] - modal.system[1].real) ** 2 / count
+    covariance = own.row_covariance(0, 0)
+    std = np.sqrt(np.diag(covariance))
+    values, axes = np.linalg.eigh(covariance / np.outer(std, std))
+    assert values.min() > -1e-12
+    assert values.max() > 1.5  # correlated: phases of each term alone would not do
+    total = 0.0
+    for value, axis in zip(values.clip(0.0), axes.T, strict=True):
+        real, imag = np.sqrt(0.5 * value) * np.tile(sizes[:, 0, 0], 2).reshape(2, 5) * axis.reshape(2, 5)
+        shift = (real + 1j * imag).reshape(own.coefficients.shape)
+        for sign in (1.0, -1.0):
+            other = reconstruct(known.moved(np.zeros(3), sign * shift), ["c0"], harmonics=2, times=times)
+            total = total + (other.system[1] - modal.system[1].real) ** 2 / 2
     assert_allclose(found[1], total[1], rtol=1e-4)
 
 
