@@ -1,10 +1,12 @@
 """Two cheap records end to end; a decision that changes is reported, judged by the truth, and ends in exit code 1."""
 
+import functools
 import json
 from dataclasses import replace
 
 import pytest
 from benchmarks.frozen import __main__ as frozen
+from benchmarks.frozen import run
 from benchmarks.frozen.compare import compared
 from benchmarks.frozen.records import CHAINS, RECORDS
 from benchmarks.frozen.run import Decision, Mode
@@ -19,18 +21,27 @@ THEN = Decision(
 )
 
 
+def quicken(patch):
+    """Neither warm up nor calibrate for seconds that decide nothing; what is asked for again here is decided once."""
+    patch.setattr(frozen, "warm", lambda kinds: None)
+    patch.setattr(run, "calibration", lambda: 1.0)
+    patch.setattr(frozen, "decided", functools.cache(frozen.decided))
+
+
 @pytest.fixture(scope="module")
 def today(tmp_path_factory):
     """The file of decisions on two cheap records of today."""
     folder = tmp_path_factory.mktemp("frozen")
-    assert frozen.main(["freeze", "--records", ";".join(CHEAP), "--folder", str(folder)]) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        quicken(patch)
+        assert frozen.main(["freeze", "--records", ";".join(CHEAP), "--folder", str(folder)]) == 0
     return (folder / "then.json").read_text(encoding="utf-8")
 
 
 @pytest.fixture
 def kept(today, tmp_path, monkeypatch):
-    """A folder with that file. Nothing is warmed up for seconds that decide nothing."""
-    monkeypatch.setattr(frozen, "warm", lambda kinds: None)
+    """A folder with that file; what is decided then is decided anew."""
+    quicken(monkeypatch)
     (tmp_path / "then.json").write_text(today, encoding="utf-8")
     return tmp_path
 
