@@ -12,8 +12,8 @@ from benchmarks.frozen.records import CHAINS, RECORDS
 from benchmarks.frozen.run import Decision, Mode
 from benchmarks.frozen.tables import TABLES, changes
 
-CHEAP = ("inputs, lag, 0", "adversary, plain, 0")
-"""One of two kinds, a second each."""
+CHEAP = ("inputs, Mathieu, 1", "adversary, plain, 1")
+"""One of two kinds, a fifth of a second each."""
 
 PAIR = Mode(exponent=(-0.1, 1.0), std=(1e-3, 1e-3), kind="pair", harmonics=(-1, 0, 1))
 THEN = Decision(
@@ -60,12 +60,12 @@ def test_a_decision_as_it_was_is_equal_and_one_that_is_worse_ends_in_exit_code_1
     rows, _ = frozen.read(kept / "then.json")
     assert set(rows) == set(CHEAP)
     assert all(row.linearisations > 0 and row.found == row.must for row in rows.values())
-    changed(kept / "then.json", CHEAP[0], found=2)
+    changed(kept / "then.json", CHEAP[0], found=3)
     assert frozen.main(told) == 1
     out = capsys.readouterr().out
-    assert f"{CHEAP[0]}: worse: found 2 → 1" in out
+    assert f"{CHEAP[0]}: worse: found 3 → 2" in out
     assert "2 decisions: 1 equal, 0 better, 1 worse, 0 other." in out
-    (kept / "reasons.toml").write_text('"inputs, lag" = "one is right"\n', encoding="utf-8")
+    (kept / "reasons.toml").write_text('"inputs, Mathieu" = "one is right"\n', encoding="utf-8")
     assert frozen.main(["--records", CHEAP[0], *told[2:]]) == 0
     assert "(one is right)" in capsys.readouterr().out
 

@@ -132,6 +132,7 @@ def test_bad_input_is_one_message(here, words, message):
     assert {name: before[f"out/{name}"] for name in EARLIER} == EARLIER
 
 
+@pytest.mark.slow
 def test_a_result_of_records_as_sampled_has_what_is_needed(here):
     record = np.load(here / "good.npz")["values"].copy()
     record[:, 40:44] = np.nan
