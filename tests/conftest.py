@@ -16,7 +16,7 @@ REPEATED = re.compile(r"tests/(statistics|unit/paper)/|benchmarks/(peers|order|a
 # No time is ever asserted: neither a deadline nor hypothesis' own complaint about slow data.
 settings.register_profile(
     "fixed",
-    max_examples=15,
+    max_examples=10,
     derandomize=True,
     database=None,
     deadline=None,

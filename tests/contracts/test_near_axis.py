@@ -22,7 +22,7 @@ from floquid.periodic.least_squares import (
 )
 from floquid.periodic.search._tests import equality
 
-PERIOD, PHASES, CYCLES = 1.3, 12, 110
+PERIOD, PHASES, CYCLES = 1.3, 12, 90
 OMEGA = 2.0 * np.pi / PERIOD
 TIMES = np.arange(PHASES * CYCLES) * PERIOD / PHASES
 VALUES = np.random.default_rng(0).standard_normal((2, len(TIMES))) + 5.0 * np.exp(-0.02 * TIMES) * np.cos(1.9 * TIMES)
