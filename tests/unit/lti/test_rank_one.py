@@ -56,7 +56,7 @@ def full(logs):
     return np.exp(np.concatenate([[s, np.conj(s)] if 0 < s.imag < np.pi else [s] for s in np.asarray(logs, complex)]))
 
 
-@pytest.mark.first(10)
+@pytest.mark.first(6)
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize(
     ("logs", "inputs"),

@@ -26,7 +26,7 @@ def with_tone(size, frequency, seed=1):
     return replace(record, values=record.values + tone), sigma
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("size", [0.5, 5.0])
 @pytest.mark.parametrize("frequency", [0.513, 1.0731])
 def test_mains_hum_is_named_and_no_mode(size, frequency):
