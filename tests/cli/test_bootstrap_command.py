@@ -100,6 +100,7 @@ def test_wrong_deviations_are_said(result):
     assert strict_json(typed(f"bootstrap kept {COMMON} --format json"))["holds"] is False
 
 
+@pytest.mark.slow
 def test_a_result_without_deviations(here):
     typed(f"identify good.npz --period {PERIOD} --identifier era --order 4 --harmonics 2 --out kept")
     text = typed(f"bootstrap kept {COMMON}")
