@@ -103,6 +103,7 @@ def test_two_exponents_for_one_mode_are_one_too_many():
     assert run.false_of(truth, truth + 20.0j, std[:2], 20.0) == 0
 
 
+@pytest.mark.slow
 def test_the_command_writes_a_row_a_draw(tmp_path, capsys):
     out = tmp_path / "new" / "rows.json"
     assert main(["--draws", "1", "--only", "strip", "--noise", "0.01", "--out", str(out)]) == 0

@@ -100,6 +100,7 @@ def test_wrong_deviations_are_said(result):
     assert strict_json(typed(f"bootstrap kept {COMMON} --format json"))["holds"] is False
 
 
+@pytest.mark.slow
 def test_a_result_without_deviations(here):
     typed(f"identify good.npz --period {PERIOD} --identifier era --order 4 --harmonics 2 --out kept")
     text = typed(f"bootstrap kept {COMMON}")
@@ -132,6 +133,7 @@ def test_bad_input_is_one_message(here, words, message):
     assert {name: before[f"out/{name}"] for name in EARLIER} == EARLIER
 
 
+@pytest.mark.slow
 def test_a_result_of_records_as_sampled_has_what_is_needed(here):
     record = np.load(here / "good.npz")["values"].copy()
     record[:, 40:44] = np.nan

@@ -70,7 +70,7 @@ class Counted(DrawFile):
 
 
 def test_what_is_done_is_not_done_again(result):
-    analysis = identify(JeffcottRotor().simulate(n_periods=128, samples_per_period=12, noise=0.01), validate=False)
+    analysis = identify(JeffcottRotor().simulate(n_periods=60, samples_per_period=12, noise=0.01), validate=False)
     log = Counted(path=result / "draws.npz", key="k")
     bootstrap(analysis, draws=20, workers=1, kept=log)
     assert len(log.read()) == 20

@@ -182,6 +182,7 @@ def test_what_a_kill_leaves_behind_is_no_result(here, results):
     assert contents(here / "place") == results[1]
 
 
+@pytest.mark.kill
 def test_the_check_can_fail(here, results):
     old, new = results
     (here / "old").rename(here / "place")

@@ -78,6 +78,7 @@ def test_every_element_has_its_largest_deviation_below_it(rotor):
     assert "The states are" not in text
 
 
+@pytest.mark.slow
 def test_a_structure_that_is_found(rotor):
     text = typed(f"{IDENTIFY} --states X,Y --structure auto --output-error --out new")
     analysis = floquid.load("new/result.h5")

@@ -1,5 +1,7 @@
 """`floquid multisine`, and `floquid transfer` line by line: from a design to transfer functions."""
 
+import contextlib
+import io
 import json
 
 import numpy as np
@@ -18,19 +20,22 @@ PERIOD = f"{np.pi:.15g}"
 RATE = f"{20.0 / np.pi:.15g}"
 
 
-@pytest.fixture
-def file(tmp_path, capsys):
-    played = tmp_path / "played.csv"
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    """The response to a multisine that the command made."""
+    folder = tmp_path_factory.mktemp("multisine")
+    played = folder / "played.csv"
     words = ["multisine", "--period", PERIOD, "--rate", RATE, "--turns", "32", "--band", "0.05,1", "--inputs", "F"]
-    assert run([*words, "--repeats", "5", "--out", str(played)]) == 0
-    assert "F: 13 lines from" in capsys.readouterr().out
+    with contextlib.redirect_stdout(io.StringIO()) as out:
+        assert run([*words, "--repeats", "5", "--out", str(played)]) == 0
+    assert "F: 13 lines from" in out.getvalue()
     assert [own.quantity for own in read(played).channels] == ["other"]
     inputs = read(played).values
     assert inputs.shape == (1, 5 * 32 * 20)
     assert inputs[:, : 32 * 20] == pytest.approx(inputs[:, 32 * 20 : 64 * 20], abs=1e-9)
     values, _ = record_of(mathieu(), None, 20, 0.01, 0, inputs)
     channels = [Channel(name="x", unit="m"), Channel(name="F", unit="N")]
-    path = tmp_path / "answered.csv"
+    path = folder / "answered.csv"
     write(Record(values=np.concatenate([values, inputs]), sample_rate=20.0 / np.pi, channels=channels), path)
     return path
 

@@ -41,8 +41,8 @@ TABLE = {
     "PolyLSCF, then ML": MaximumLikelihood(initial=PolyLSCF()),
 }
 IDENTIFIERS = list(TABLE.values())
-TWICE = {"AMI, any rank", "AMI, then ML"}
-"""AMI is by far the slowest: with other options it has a turn with the slow tests."""
+TWICE = {"AMI, any rank", "AMI, then ML", "LSCF, then ML", "PolyLSCF, any rank"}
+"""Each identifier takes part, and a start of each kind for ML: other options have a turn with the slow tests."""
 
 EVERY = pytest.mark.parametrize(
     "identifier",

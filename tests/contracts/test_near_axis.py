@@ -22,7 +22,7 @@ from floquid.periodic.least_squares import (
 )
 from floquid.periodic.search._tests import equality
 
-PERIOD, PHASES, CYCLES = 1.3, 12, 110
+PERIOD, PHASES, CYCLES = 1.3, 12, 90
 OMEGA = 2.0 * np.pi / PERIOD
 TIMES = np.arange(PHASES * CYCLES) * PERIOD / PHASES
 VALUES = np.random.default_rng(0).standard_normal((2, len(TIMES))) + 5.0 * np.exp(-0.02 * TIMES) * np.cos(1.9 * TIMES)
@@ -69,18 +69,18 @@ KINDS = ("lifted", "lifted, a constant off", "even", "few", "by angle", "gaps")
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_gradient_is_a_difference_through_the_edge(kind, half):
     own = blocks(kind)
-    for square in SQUARES:
-        for decay, odd in ((-0.03, (0, 2)), (0.01, (0, 1))):
-            at = entries(square, half, decay, odd)
-            found = linearise(own, at)
-            for place, analytic in enumerate(found.gradient):
-                step = np.zeros(len(found.gradient))
-                size = 1e-8 if place == len(step) - 1 else 1e-6  # of q, in which the response bends far sooner
-                step[place] = size
-                ends = [linearise(own, at.moved(sign * step)).cost for sign in (1.0, -1.0)]
-                assert -(ends[0] - ends[1]) / (4.0 * size) == pytest.approx(
-                    analytic, abs=1e-5 * np.abs(found.gradient).max()
-                )
+    growing = [(square, 0.01, (0, 1)) for square in (-1e-9, 1e-3)]  # on either side, near and far
+    for square, decay, odd in [(square, -0.03, (0, 2)) for square in SQUARES] + growing:
+        at = entries(square, half, decay, odd)
+        found = linearise(own, at)
+        for place, analytic in enumerate(found.gradient):
+            step = np.zeros(len(found.gradient))
+            size = 1e-8 if place == len(step) - 1 else 1e-6  # of q, in which the response bends far sooner
+            step[place] = size
+            ends = [linearise(own, at.moved(sign * step)).cost for sign in (1.0, -1.0)]
+            assert -(ends[0] - ends[1]) / (4.0 * size) == pytest.approx(
+                analytic, abs=1e-5 * np.abs(found.gradient).max()
+            )
 
 
 def driven(square, half, hold):
@@ -118,8 +118,7 @@ def misfit_of_gradients(square, half, hold):
     return max(off) / np.abs(gradient).max()
 
 
-@pytest.mark.parametrize("half", [0, 1])
-@pytest.mark.parametrize("hold", ["zero", "first", "none"])
+@pytest.mark.parametrize(("hold", "half"), [("zero", 0), ("zero", 1), ("first", 1), ("none", 1)])
 @pytest.mark.parametrize("square", [-1e-3, -1e-9, 0.0, 1e-9, 1e-3])
 def test_the_gradient_with_inputs_is_a_difference_through_the_edge(square, hold, half):
     assert misfit_of_gradients(square, half, hold) < 1e-5
@@ -172,7 +171,7 @@ def test_harmonics_of_a_mode_beside_it_are_compared_as_beside_an_ordinary_pair()
     assert found[0][0] == pytest.approx(found[1][0], rel=1e-6)
 
 
-@pytest.mark.parametrize("correlation", [-0.8, 0.0, 0.8])
+@pytest.mark.parametrize("correlation", [-0.8, 0.8])
 @pytest.mark.parametrize("true", [-4.0, -1.0, -0.1, 0.0, 0.1, 1.0, 4.0, 30.0, -30.0])
 def test_readings_hold_the_truth_on_either_side(true, correlation):
     """The square root has no slope at zero: q in units of its own deviation, from one side of the edge to the other."""

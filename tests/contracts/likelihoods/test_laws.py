@@ -6,8 +6,14 @@ import pytest
 from tests.contracts.likelihoods._laws import EXEMPT, LAWS
 from tests.contracts.likelihoods._records import CASES, Case
 
+SLOW = {("innovations: beside an input, two records", law) for law in ("curvature", "score", "conditioning")}
+"""Many fits each; what an input adds is in its gradient and Wald's test, and these hold of outputs alone every day."""
+
 CELLS = [
-    pytest.param(case, law, id=f"{law}-{case.name}") for law in LAWS for case in CASES if (case.name, law) not in EXEMPT
+    pytest.param(case, law, id=f"{law}-{case.name}", marks=[pytest.mark.slow] * ((case.name, law) in SLOW))
+    for law in LAWS
+    for case in CASES
+    if (case.name, law) not in EXEMPT
 ]
 
 

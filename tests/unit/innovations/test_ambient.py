@@ -329,6 +329,7 @@ def test_a_record_at_another_phase_than_the_first_fails(values):
     assert not found.passed
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("share", [1.07, 0.5])
 def test_a_period_that_is_far_off_fails_with_its_own(values, share):
     found = identify(record_from(values), period=share * SYSTEM.period, validate=False, excitation="ambient")

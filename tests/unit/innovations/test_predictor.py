@@ -171,6 +171,7 @@ def test_a_fit_from_beside_comes_back_within_its_deviations(case):
     assert (np.abs([gap.real, gap.imag]) < 4.0 * spread).all()
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("seed", [5, 6, 7])
 def test_a_fit_that_has_ended_gains_nothing_more_and_one_that_has_not_is_told(seed):
     generator, times = np.random.default_rng(seed), 0.4 + STEP * np.arange(3000)

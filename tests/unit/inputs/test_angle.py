@@ -10,7 +10,7 @@ from tests.driven import mathieu
 
 from floquid import Channel, Record, identify
 
-PERIODS, PHASES = 120, 20
+PERIODS, PHASES = 90, 20
 
 
 @pytest.fixture(scope="module")

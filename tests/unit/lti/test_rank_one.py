@@ -56,7 +56,7 @@ def full(logs):
     return np.exp(np.concatenate([[s, np.conj(s)] if 0 < s.imag < np.pi else [s] for s in np.asarray(logs, complex)]))
 
 
-@pytest.mark.first(10)
+@pytest.mark.first(6)
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize(
     ("logs", "inputs"),
@@ -228,7 +228,7 @@ def test_the_chain_finds_both_from_two_records_and_one_from_one():
     assert dataclasses.is_dataclass(alone.choice)
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("shared", [0.0, 0.04])
 def test_deviations_beside_noise_that_outputs_share(shared):
     """A mode of one shape with the noise that all outputs share, beside two of equal multipliers."""

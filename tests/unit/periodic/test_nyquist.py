@@ -34,7 +34,7 @@ def test_a_branch_above_the_nyquist_frequency_is_never_reported(turns, phases):
     assert_allclose(np.abs(found.exponents.imag), turns * OMEGA, rtol=1e-8)
 
 
-@pytest.mark.first(6)
+@pytest.mark.first(4)
 @pytest.mark.parametrize("turns", [0.0, 0.5, 1.0, 1.5])
 @pytest.mark.parametrize("phases", [1, 2, 3, 4, 6, 7, 8, 16])
 @pytest.mark.parametrize("harmonics", [None, 0, 2])

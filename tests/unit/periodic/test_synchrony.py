@@ -75,6 +75,7 @@ def test_the_right_period_without_noise_is_not_suspected(rotor):
     assert found.slip < 1e-3
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("wrong", [1.0 + 1e-4, 1.0 - 1e-4])
 def test_a_period_wrong_by_1e_4_is_refused_and_the_true_one_named(rotor, wrong):
     with pytest.raises(IdentificationError, match="does not repeat with the period given") as error:
@@ -116,7 +117,7 @@ def analysed(record, *, harmonics=None):
     return assemble(modal, lifted, harmonics=harmonics), lifted
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("relative", [-1e-3, -2e-4, 2e-4, 1e-3])
 def test_drift_estimates_a_small_difference_without_bias(relative):
     """(own - given)/given, over draws of the noise: the mean within what the deviation of the mean allows."""

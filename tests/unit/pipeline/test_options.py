@@ -53,7 +53,7 @@ def test_what_is_of_free_responses_is_refused_with_its_reason(kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_first_periods_are_left_out_and_the_orbit_is_taken_off(kind):
-    record = of(kind)
+    record = of(kind, 40)
     found = identify(record, **KINDS[kind], skip=10.0, validate=False)
     assert found.records[0].n_samples == record.n_samples - 10 * PHASES
     assert "skipped" in {own.code for own in found.findings}

@@ -441,7 +441,7 @@ def test_scores_of_noise_are_chi_squares(oracle):
     noise = dataclasses.replace(known, model=nothing)
     generator = np.random.default_rng(1)
     rows = np.array([True, False, True])
-    found = np.array([scores(noise.drawn(generator).estimates, rows) for _ in range(300)])
+    found = np.array([scores(noise.drawn(generator).estimates, rows) for _ in range(80)])
     expected = np.where(own.turning, 2.0, 1.0) * 4 / chi2_limit(8, FALSE_ALARM / (2 * len(own.exponents)))
     assert_allclose(found.mean(axis=0), expected, rtol=0.25)
 

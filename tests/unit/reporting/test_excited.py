@@ -85,6 +85,7 @@ def test_the_page_of_outputs_alone_has_no_inputs(tmp_path):
     assert "delayed" not in said
 
 
+@pytest.mark.pages
 def test_each_mode_of_outputs_alone_has_its_lines_in_the_spectra_and_what_its_decay_needs(tmp_path):
     system, periods = two_masses(), 100
     values = ambient_of(system, periods, PHASES, 0.02, 1) * [[1.0], [1e3]]
@@ -158,6 +159,7 @@ def test_the_frequencies_of_transfer_functions_have_the_tops_of_the_resonances(d
     assert np.abs(driven.transfer(harmonics=[0]).values).max() == pytest.approx(abs(peak.values[0, 0, 0, 0]), rel=1e-3)
 
 
+@pytest.mark.pages
 def test_lines_measured_without_the_model_tell_a_wrong_one(tmp_path):
     system = mathieu()
     record = record_with_force(system, 200)
@@ -176,6 +178,7 @@ def test_lines_measured_without_the_model_tell_a_wrong_one(tmp_path):
     assert float(re.search(r"([\d.]+) deviations apart", wrong)[1]) > 3.0
 
 
+@pytest.mark.pages
 def test_the_page_of_modes_fitted_to_lines(tmp_path):
     """Of two inputs in turn half of the lines of a path are missing: so is one here."""
     lines = of_equations(lag(), np.linspace(0.02, 0.4, 20), harmonics=np.arange(-1, 2))

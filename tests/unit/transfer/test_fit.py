@@ -77,6 +77,7 @@ def test_deviations_hold_and_the_fit_is_five_times_as_near_as_the_lines():
     assert before > 5.0 * after
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("seed", [0, 3])
 def test_six_lines_have_their_mode_and_its_harmonics(seed):
     system = mathieu()

@@ -43,7 +43,7 @@ class Columns:
     @property
     def paired(self) -> Mask:
         """Mask of the entries that are parts of a pair near an axis (entries,)."""
-        return np.isin(self.factors, (EVEN, ODD, ODD_SLOPE))
+        return self.factors >= EVEN
 
     @property
     def turns(self) -> Floats:
