@@ -24,7 +24,7 @@ SAFE = 1e-4
 orthogonal steps, which cost four times as much."""
 
 SHORT = 600
-"""Samples up to which a record is looked at whole."""
+"""Samples up to which a record is looked at whole: enough to tell white noise, few enough for a Gram matrix."""
 
 Rows = Callable[[], Iterator[Floats]]  # the rows of a matrix W (rows, width), some at a time, as often as it is asked
 

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid._arrays import Floats
+from floquid.fit import ROUNDING
 from floquid.lti._exponentials import real_powers
 from floquid.lti._factor import Factor
 from floquid.lti._poles import PoleSet
 
 AFRESH = 8  # removals after which the matrices are made anew: rounding adds up where columns are almost dependent
-ROUNDING = 1e-14  # the share of a pair's squared spread below which its determinant is rounding
 
 
 @dataclass(frozen=True, slots=True)

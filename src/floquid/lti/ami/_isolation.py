@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import Complexes, Floats
-from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
+from floquid.lti._poles import FASTEST, NEGATIVE, PAIR, POSITIVE, PoleSet
 from floquid.lti._spectrum import WHITE, Block
 from floquid.lti.ami._coupled import Bands, bands_of, joint_residues, limit, newton, slack
-from floquid.lti.ami._one_mode import FASTEST, Band, Mode, band_lines, cut, evaluate, fit_pole, fit_residues
+from floquid.lti.ami._one_mode import Band, Mode, band_lines, cut, evaluate, fit_pole, fit_residues
 
 CLEAR = 3.0  # standard deviations by which a stretch of the composite must rise above white noise to be looked at
 
@@ -118,7 +118,7 @@ def _left(modes: Sequence[Mode], blocks: Sequence[Block]) -> tuple[Complexes, ..
 
 def _taken(leap: Sequence[Mode] | None, now: Isolated, blocks: Sequence[Block], outer: bool) -> Isolated:
     """The modes after a leap, or as they were where it leads nowhere."""
-    if leap is None or any(abs(mode.s.real) > FASTEST for mode in leap):
+    if leap is None or any(not FASTEST[0] <= mode.s.real <= FASTEST[1] for mode in leap):
         return now
     modes = tuple(rank_one_mode(mode, blocks) for mode in leap) if outer else tuple(leap)
     there = Isolated.of(modes, _left(modes, blocks), now.rest)
@@ -226,7 +226,7 @@ def peaks(now: Isolated, blocks: Sequence[Block], *, clear: float = CLEAR) -> li
     for number, (block, lines) in enumerate(zip(blocks, now.left, strict=True)):
         curve, count = np.abs(lines).mean(axis=(1, 2)) / block.weights, lines.shape[1] * lines.shape[2]
         # Real lines (the ends) are |x| of a normal number, the others |z| of a complex one.
-        real = block.weights < 1.2
+        real = block.weights == 1.0
         mean = np.where(real, np.sqrt(2.0 / np.pi), WHITE)
         variance = np.where(real, 1.0 - 2.0 / np.pi, 1.0 - np.pi / 4.0) / count
         width = 1

@@ -10,12 +10,11 @@ import numpy as np
 from floquid._arrays import Complexes, Floats
 from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, scaled_inverse
 from floquid.lti._exponentials import no_longer
-from floquid.lti._poles import PAIR, moved_pole
+from floquid.lti._poles import FASTEST, PAIR, moved_pole
 from floquid.lti._spectrum import Block, mode_columns
 
 FEWEST_LINES = 6  # lines to each side of a peak that a fit looks at, however sharp the peak
 MANY = 8  # responses a row beyond which the rows are condensed before a fit
-FASTEST = 3.0  # |Re s| of the fastest decay or growth a sample that a fit may reach
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +121,7 @@ def fit_pole(
 
     def moved(now: Step, step: Floats) -> Step | None:
         there = moved_pole(now.s, kind, step)
-        return evaluate(there, kind, bands) if abs(there.real) <= FASTEST else None
+        return evaluate(there, kind, bands) if FASTEST[0] <= there.real <= FASTEST[1] else None
 
     start = evaluate(s, kind, bands)
     steps = Steps(normal=lambda at: Normal(matrix=at.information, gradient=at.gradient), moved=moved, limited=no_longer)

@@ -15,12 +15,9 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid.fit import yule_walker
 from floquid.lti._exponentials import real_powers
-from floquid.lti._factor import Factor
+from floquid.lti._factor import SHORT, Factor
 from floquid.lti._poles import PoleSet
 
-LONGEST = 600  # samples looked at: enough to tell white noise, and few enough for a Gram matrix
-EVENLY = 16  # multiples of so many samples are transformed: a number with a large prime factor takes ten times as long
-FEW = 8  # such multiples up to which every sample counts
 SEEN = 0.3  # lines of which the poles take more than 1 - this are not judged: little of the noise is left there
 COLOURED = 8.0  # the colour from which the noise is whitened: white noise has it once in many thousand records
 LEAST = 0.2  # the deviation of the residual, over the noise stated, below which it is not judged
@@ -52,8 +49,7 @@ class Residual:
     @staticmethod
     def of(poles: PoleSet, factors: Sequence[Factor]) -> Residual:
         """Residual of the longest block, over its own mean deviation."""
-        samples = min(LONGEST, len(factors[0].values))
-        block = factors[0].cut(samples - samples % EVENLY if samples > FEW * EVENLY else samples)
+        block = factors[0].cut(SHORT)
         taken = np.zeros((len(block.values), 0)) if block.taken is None else block.taken
         # What was taken off belongs to the fit: no noise is left there either, whichever samples are looked at.
         own = real_powers(poles, len(block.values)) if len(poles) else taken[:, :0]

@@ -23,9 +23,6 @@ from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 
 ROWS = 64  # rows of the Gram matrix at a time
 
-LARGEST_GRAM = 1200
-"""Samples up to which the Gram matrix of the residual is formed; of longer ones, columns are transformed."""
-
 
 def candidates(poles: PoleSet, factors: Sequence[Factor]) -> list[tuple[PoleSet, float]]:
     """The pair and the two real poles that would take most out of the residual, with what they would take."""
@@ -56,8 +53,7 @@ def _gains(poles: PoleSet, block: Factor, decays: Floats, lines: int) -> Floats:
     envelopes = np.exp(-np.multiply.outer(decays, k))
     q, _ = np.linalg.qr(real_powers(poles, samples)) if len(poles) else (np.zeros((samples, 0)), None)
     residual = block.values - q @ (q.T @ block.values)
-    sums = _by_diagonals if samples <= LARGEST_GRAM else _by_columns
-    power, pseudo = sums(residual, envelopes, decays, lines)
+    power, pseudo = _by_diagonals(residual, envelopes, decays, lines)
     taken, crossed = _by_columns(q, envelopes, decays, lines)
     squares = envelopes**2
     straight = squares.sum(axis=1)[:, None] - taken
