@@ -15,13 +15,11 @@ from floquid._arrays import Floats
 from floquid.core import Cycles
 from floquid.fit import filtered, yule_walker
 from floquid.lifting._lift import SHORT, Lifted, largest_values, lift
-from floquid.lti import ModalModel
+from floquid.lti import COLOURED, ORDERS, ModalModel
 
 LAGS = 16
 """The lags looked at. Shorter than a period: poles that were fitted leave correlations a period apart."""
 
-ORDERS = (1, 2, 4, 8)  # the lengths of filters tried
-COLOURED = 8.0  # the standard deviations from white noise at which a filter is worth its trouble
 LEAST = 0.01  # the sum of squared correlations below which hardly anything is gained
 FLOOR = 2.0  # times the noise floor: what is left below it is rounding
 

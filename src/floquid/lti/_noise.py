@@ -50,6 +50,17 @@ def _expected_quartile(outputs: int, samples: int, window: int) -> float:
     return float(np.mean([_quartile(rng.standard_normal((outputs, samples)), window) for _ in range(draws)]))
 
 
+TRACY_WIDOM = 3.27
+"""The largest eigenvalue of a real white Wishart matrix is below this with probability 0.999, centred and scaled."""
+
+
+def noise_edge(rows: int, columns: int) -> float:
+    """The largest singular value of unit noise of `rows` and `columns`, passed once in 1000 (Johnstone 2001)."""
+    tall, wide = np.sqrt(rows), np.sqrt(columns)
+    scale = (tall + wide) * (1.0 / tall + 1.0 / wide) ** (1.0 / 3.0)
+    return float(np.sqrt((tall + wide) ** 2 + TRACY_WIDOM * scale))
+
+
 @lru_cache(maxsize=256)
 def rise_limit(probability: float, degrees: float, samples: float) -> float:
     """The rise of the cost that noise exceeds with `probability`: `degrees` times the limit of an F ratio.

@@ -18,8 +18,6 @@ from floquid.lti._types import ModalModel
 from floquid.lti.likelihood._search import candidates
 from floquid.lti.likelihood._select import STRONG, Threshold, crowded, possible
 
-SKETCHED = 8  # steps that tell where a neighbouring model lies, though not to its last digit
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Evidence(Rebuilt):
@@ -89,8 +87,7 @@ def removed(found: Fit, factors: Sequence[Factor], limits: Floats) -> tuple[Floa
         strong = rises[entry] > STRONG * limits[entry] and not crowded(found.poles, int(entry), factors)
         if fits and strong:
             continue
-        few = SKETCHED if strong else 25
-        fits[int(entry)] = polish(found.poles.without(int(entry)), factors, iterations=few, tolerance=1e-2)
+        fits[int(entry)] = polish(found.poles.without(int(entry)), factors, iterations=25, tolerance=1e-2)
         rises[entry] = max(fits[int(entry)].cost - found.cost, 0.0)
     weakest = min(fits, key=lambda entry: rises[entry] / limits[entry])
     return rises, fits[weakest]
@@ -105,7 +102,7 @@ def clearest(found: Fit, factors: Sequence[Factor], threshold: Threshold) -> tup
         size = int(candidate.sizes[0])
         if best is not None and promised < threshold.promising(size):
             continue
-        more = polish(found.poles.plus(candidate), factors, iterations=SKETCHED, tolerance=1e-1)
+        more = polish(found.poles.plus(candidate), factors, iterations=25, tolerance=1e-2)
         share = (found.cost - more.cost) / threshold.of(size)
         if possible(more) and (best is None or share > best[0]):
             best = share, more, size

@@ -19,7 +19,6 @@ from floquid.lti._factor import SHORT, Factor
 from floquid.lti._poles import PoleSet
 
 SEEN = 0.3  # lines of which the poles take more than 1 - this are not judged: little of the noise is left there
-COLOURED = 8.0  # the colour from which the noise is whitened: white noise has it once in many thousand records
 LEAST = 0.2  # the deviation of the residual, over the noise stated, below which it is not judged
 FEWEST = 24  # samples more than poles below which noise is not told from what dies away
 
@@ -27,7 +26,12 @@ LASTING = 1.5
 """The ratio of the energies in the first and the second half of a record up to which a residual is noise. The inverse
 has no bound: poles that decay take more of coloured noise out of the first half."""
 
-ORDERS = (1, 2, 4, 8)  # the lengths of whitening filters tried
+COLOURED = 8.0
+"""The deviations from white noise at which a filter is worth its trouble: white noise has them once in 10,000 records,
+since the squares that they are a sum of have a long tail."""
+
+ORDERS = (1, 2, 4, 8)
+"""The orders of the autoregressive filters that whiten, the first that does is taken: noise of more is rare."""
 
 
 @dataclass(frozen=True, slots=True)

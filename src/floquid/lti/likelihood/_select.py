@@ -16,6 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from floquid.fit import DEVIATIONS, SURE
 from floquid.lti._exponentials import Fit, fit, polish
 from floquid.lti._factor import Factor
 from floquid.lti._identifier import Report, silent
@@ -25,15 +26,8 @@ from floquid.lti._removal import Removal, prune_linear
 from floquid.lti.likelihood._residual import Residual
 from floquid.lti.likelihood._search import candidates
 
-PROMISING = 1e-5
-"""The probability at which noise may have what a pole on the grid takes out of the residual, for the pole to be tried.
-
-A mode that just passes the test has less than that where it lies between the lines of the grid.
-"""
-
 STRONG = 20.0  # times the limit at which a mode away from others is needed, however they are fitted again
 SEARCHES = 8  # searches of the residual of one start that may each find another mode, before it counts as not white
-RESOLVED = 3.0  # standard deviations by which two real poles must differ to be preferred to a conjugate pair
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +61,11 @@ class Threshold:
         return self.variance * rise_limit(probability, degrees, self.samples * share) / share
 
     def promising(self, size: int) -> float:
-        """Reduction of the residual by a pole (1) or pair (2) on the grid from which on it is tried."""
-        return min(self.at(PROMISING, size, own=0.0), self.of(size))
+        """Reduction of the residual by a pole (1) or pair (2) on the grid from which on it is tried.
+
+        A mode that just passes the test takes less where it lies between the lines of the grid.
+        """
+        return min(self.at(SURE, size, own=0.0), self.of(size))
 
     def penalised(self, found: Fit) -> float:
         """The cost plus the thresholds of all that was spent on it."""
@@ -182,7 +179,7 @@ def _straighten(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fi
                 return one
             gap = max(angle, 0.2 * abs(s.real), 1e-3)
             two = polish(rest.plus(real_poles(kind, s.real - gap, s.real + gap)), factors)
-            if possible(two) and two.cost - now.cost < -(RESOLVED**2) and _told_apart(two, -2, -1):
+            if possible(two) and two.cost - now.cost < -(DEVIATIONS**2) and _told_apart(two, -2, -1):
                 return two
     for kind in (POSITIVE, NEGATIVE):
         along = np.flatnonzero(now.poles.kind == kind)
@@ -195,7 +192,7 @@ def _straighten(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fi
             pair = PoleSet.of(np.array([middle + (1j if kind == POSITIVE else -1j) * turn]), np.array([PAIR]))
             rest = now.poles.keep(~np.isin(np.arange(len(now.poles)), [first, second]))
             met = polish(rest.plus(pair), factors)
-            if met.cost - now.cost < RESOLVED**2:
+            if met.cost - now.cost < DEVIATIONS**2:
                 return met
     return now
 
@@ -206,12 +203,12 @@ def real_poles(kind: int, *decays: float) -> PoleSet:
 
 
 def _told_apart(found: Fit, first: int, second: int) -> bool:
-    """True where two real entries are `RESOLVED` standard deviations apart."""
+    """True where two real entries are `DEVIATIONS` standard deviations apart."""
     starts = found.poles.starts()
     difference = np.zeros(found.poles.order)
     difference[starts[first]], difference[starts[second]] = 1.0, -1.0
     gap = abs((found.poles.s[first] - found.poles.s[second]).real)
-    return bool(gap > RESOLVED * np.sqrt(difference @ found.covariance() @ difference))
+    return bool(gap > DEVIATIONS * np.sqrt(difference @ found.covariance() @ difference))
 
 
 def _add(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
