@@ -6,7 +6,7 @@ decides the order by test. Every algorithm honours `AbstractIdentifier`; those o
 
 from floquid.lti._era import ERA
 from floquid.lti._exponentials import fit_residues
-from floquid.lti._factor import BLOCK, compress, weighted_blocks
+from floquid.lti._factor import compress, weighted_blocks
 from floquid.lti._identifier import AbstractIdentifier
 from floquid.lti._noise import noise_edge, white_noise_std
 from floquid.lti._spectrum import WHITE, composites
@@ -16,7 +16,7 @@ from floquid.lti.likelihood import COLOURED, ORDERS, Ensemble, Evidence, Maximum
 from floquid.lti.rational import LSCF, PolyLSCF
 
 __all__ = [
-    "AMI", "BLOCK", "COLOURED", "ERA", "LSCF", "ORDERS", "WHITE", "AbstractIdentifier", "Composites", "Ensemble",
+    "AMI", "COLOURED", "ERA", "LSCF", "ORDERS", "WHITE", "AbstractIdentifier", "Composites", "Ensemble",
     "Evidence", "MaximumLikelihood", "ModalModel", "Outcome", "PolyLSCF", "TimeResponses", "brief", "composites",
     "compress", "fit_residues", "noise_edge", "pooled_noise", "weighted_blocks", "white_noise_std",
 ]  # fmt: skip

@@ -8,10 +8,10 @@ from typing import ClassVar, final
 
 import numpy as np
 
-from floquid._arrays import Complexes, Floats
+from floquid._arrays import BLOCK, Complexes, Floats
 from floquid._checks import integer
 from floquid.lti._exponentials import model_of
-from floquid.lti._factor import BLOCK, Factor, energetic_length, energies, factors
+from floquid.lti._factor import Factor, energetic_length, energies, factors
 from floquid.lti._identifier import AbstractIdentifier, Report, given_order, reached, silent
 from floquid.lti._poles import PoleSet
 from floquid.lti._types import ModalModel, TimeResponses

@@ -19,10 +19,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from floquid._arrays import Complexes, Floats, Integers
+from floquid._arrays import BLOCK, Complexes, Floats, Integers
 from floquid._checks import frozen_array, input_error
 from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, positive_part, sandwich
-from floquid.lti._factor import BLOCK, Factor
+from floquid.lti._factor import Factor
 from floquid.lti._poles import PAIR, PoleSet
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
 

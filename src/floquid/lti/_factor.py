@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from floquid._arrays import Floats, Integers
+from floquid._arrays import BLOCK, Floats, Integers
 from floquid.lti._types import TimeResponses
 
-BLOCK = 2**20  # the most numbers that are scaled at once
 LARGEST = 2**22  # the most numbers that a factor may hold; beyond, it is made of leading directions
 LEADING = 192  # number of leading directions then
 

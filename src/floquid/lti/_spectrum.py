@@ -17,9 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from floquid._arrays import Complexes, Floats, Integers
+from floquid._arrays import BLOCK, Complexes, Floats, Integers
 from floquid.lti._exponentials import LARGEST_GROWTH
-from floquid.lti._factor import BLOCK
 from floquid.lti._poles import NEGATIVE, PAIR
 from floquid.lti._types import Composites, ModalModel, TimeResponses
 

@@ -6,9 +6,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from floquid._arrays import Floats
+from floquid._arrays import BLOCK, Floats
 from floquid._checks import input_error, integer
-from floquid.lti import BLOCK, ModalModel, TimeResponses, composites, compress, noise_edge
+from floquid.lti import ModalModel, TimeResponses, composites, compress, noise_edge
 from floquid.order._types import Indicators
 
 SMOOTHING = 5  # number of adjacent lines that are looked at together

@@ -124,8 +124,7 @@ def _two_levels(values: Floats, lowest: float, highest: float) -> bool:
     """True where a channel switches between two levels: nine samples of ten within a tenth of the range of either."""
     margin = 0.1 * (highest - lowest)
     low, high = (values <= lowest + margin).sum(), (values >= highest - margin).sum()
-    switches = len(runs_of(values >= highest - margin))
-    return bool(low + high > 0.9 * np.isfinite(values).sum() and min(low, high) > 0 and switches >= 3)
+    return bool(low + high > 0.9 * np.isfinite(values).sum() and min(low, high) > 0)
 
 
 def _cut(values: Floats, first: int, stop: int, quantum: float) -> bool:
@@ -151,7 +150,7 @@ def wrapped(record: Record) -> tuple[Finding, ...]:
         there = values[np.isfinite(values)]
         # Of wide integers, hardly any two neighbours are in a record.
         counts = there if (there == np.rint(there)).all() else there / quantum
-        if len(there) < 3 or np.abs(counts - np.rint(counts)).max() > WHOLE:
+        if np.abs(counts - np.rint(counts)).max() > WHOLE:
             continue
         for bits in BITS:
             jumps = _jumps(np.rint(counts), 2.0**bits)

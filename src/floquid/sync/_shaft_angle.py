@@ -13,6 +13,7 @@ from floquid._arrays import Floats, Integers, Mask
 from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid.core import AzimuthSignal, PulseTimes, Record, TachometerSignal
 from floquid.findings import Finding, note, texts, warning
+from floquid.fit import SURE, chi2_limit
 from floquid.sync._angle_spline import AngleFit, AngleSpline, fit_angle
 from floquid.sync._azimuth import OF, Evidence, of_azimuth
 from floquid.sync._count_pulses import count
@@ -56,9 +57,7 @@ def uneven(offsets: Floats, offsets_std: Floats) -> list[Finding]:
     n = int(known.sum())
     if n < 2:
         return []
-    from scipy.special import chdtrc
-
-    if chdtrc(n - 1, float(np.sum((offsets[known] / offsets_std[known]) ** 2))) > 1e-3:
+    if np.sum((offsets[known] / offsets_std[known]) ** 2) < chi2_limit(n - 1, SURE):
         return []
     worst = float(np.degrees(np.abs(offsets[known]).max()))
     return [note("uneven_lines", lines=n, degrees=worst, percent=100.0 * worst / (360.0 / len(offsets)))]
@@ -91,7 +90,6 @@ def outside(before: float, after: float) -> list[Finding]:
 
 
 APART = 2.0  # revolutions between knots at least: less, and uneven lines would be taken for a change of speed
-GRID = 2000  # instants at which the speed is looked at, at least
 
 TURN = 2.0 * np.pi
 
@@ -208,7 +206,7 @@ class ShaftAngle(Rebuilt):
         return self._at(self._times_at, angle, "time_at", argument="angle")
 
     def _times_at(self, angles: Floats) -> Floats:
-        grid = np.linspace(self.first, self.last, max(GRID, 8 * len(self.spline.knots)))
+        grid = np.linspace(self.first, self.last, 8 * len(self.spline.knots))
         known = self.spline.angle(grid)
         times = np.interp(angles, known, grid)
         for _ in range(50):
@@ -231,8 +229,8 @@ def shaft_angle(record: Record) -> ShaftAngle:
     .. math:: \min_{c, g} \sum_k \Bigl(2 \pi n_k / L - \sum_j c_j B_j(t_k) + g_{n_k \bmod L}\Bigr)^2
 
     One linear least squares for a cubic B-spline and the offsets of the L lines. The number of pieces is the one that
-    Akaike's corrected criterion prefers; a straight line, unless it is worse with a significance of 1 %. Pulses beyond
-    six robust deviations are left out.
+    Akaike's corrected criterion prefers; a straight line, unless noise alone makes it so much worse once in a million.
+    Pulses beyond five robust deviations are left out.
 
     The clock of the `record` is a `TachometerSignal`, an `AzimuthSignal` or `PulseTimes`. Raises InputError where the
     clock is another, its channel is not in the record or holds no pulses or no angle, fewer than three pulses are left,
@@ -248,7 +246,7 @@ def shaft_angle(record: Record) -> ShaftAngle:
     step = 1.0 / record.sample_rate if isinstance(clock, TachometerSignal) else 0.0
     fit = fit_angle(seen.times, seen.angles, seen.lines, seen.n_lines, max(int(revolutions / APART), 1), step=step)
     spline = fit.spline
-    speeds = spline.speed(np.linspace(spline.first, spline.last, max(GRID, 8 * len(spline.knots))))
+    speeds = spline.speed(np.linspace(spline.first, spline.last, 8 * len(spline.knots)))
     mean = spline.mean_speed()[0]
     if speeds.min() <= 0.0:
         must = "be of a shaft that turns one way throughout"

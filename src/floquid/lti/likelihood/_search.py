@@ -16,9 +16,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
 
-from floquid._arrays import Complexes, Floats
+from floquid._arrays import BLOCK, Complexes, Floats
 from floquid.lti._exponentials import real_powers
-from floquid.lti._factor import BLOCK, Factor
+from floquid.lti._factor import Factor
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 
 ROWS = 64  # rows of the Gram matrix at a time

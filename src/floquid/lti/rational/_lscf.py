@@ -8,11 +8,11 @@ from typing import ClassVar, final
 
 import numpy as np
 
-from floquid._arrays import Complexes, Floats
+from floquid._arrays import BLOCK, Complexes, Floats
 from floquid._checks import finite, input_error, integer
 from floquid.lti._era import hankel_covariance
 from floquid.lti._exponentials import model_of
-from floquid.lti._factor import BLOCK, SAFE, Factor, energetic_length, energies, factors, product_noise
+from floquid.lti._factor import SAFE, Factor, energetic_length, energies, factors, product_noise
 from floquid.lti._identifier import AbstractIdentifier, Report, given_order, reached, silent
 from floquid.lti._poles import FASTEST, PoleSet
 from floquid.lti._removal import strongest
