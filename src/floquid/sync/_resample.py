@@ -239,8 +239,8 @@ def bandwidth(record: Record) -> float:
     level of noise s is the median of the mean over frequency, so that a response may fill up to about half of the
     lines. White noise in every channel gives 0 but for one record in a million. A line below a millionth of the largest
     one's amplitude is taken for rounding or leakage, and one within five lines of a larger one for its flank. Stretches
-    with missing samples are left out. Zero where nothing rises above the noise; half the sampling rate where no 64 samples
-    follow one another.
+    with missing samples are left out. Zero where nothing rises above the noise; half the sampling rate where no 64
+    samples follow one another.
     """
     gaps = np.concatenate(([0], np.cumsum(np.isnan(record.values).any(axis=0))))
     begins = {length: _stretches(gaps, length) for length in _LENGTHS if length <= max(256, record.n_samples // 8)}
