@@ -192,7 +192,7 @@ def polish(
     factors: Sequence[Factor],
     *,
     iterations: int = 60,
-    tolerance: float = 1e-6,
+    tolerance: float = 1e-4,
     enough: float = -np.inf,
 ) -> Fit:
     """The maximum-likelihood poles near those of the start: steps to the least projected cost."""

@@ -21,6 +21,7 @@ from floquid.lti.likelihood._rank_one import Noise, merged, refined, separated
 from floquid.lti.likelihood._residual import Residual, filtered, whitening_of
 from floquid.lti.likelihood._select import Threshold, choose, force_order
 
+AT_REST = 1e-6  # deviations that the last step of the poles may have: two starts that meet give the same digits
 LOOKS = 4  # starts of the search, with more samples or with the noise whitened
 FIRM = 1e-3  # the share of the false-alarm probability at which a mode is beyond doubt
 
@@ -119,7 +120,7 @@ class MaximumLikelihood(AbstractIdentifier):
             outcome = Outcome.NOT_WHITE
         elif found.poles.order >= most:
             outcome = Outcome.TOO_FEW_SAMPLES
-        model = _model(state, polish(found, blocks), blocks, outcome, left)
+        model = _model(state, polish(found, blocks, tolerance=AT_REST), blocks, outcome, left)
         several = self.rank_one and order is None and min(state.data.n_inputs, state.data.n_outputs) > 1
         if not several or not model.order:
             return model
@@ -130,7 +131,7 @@ class MaximumLikelihood(AbstractIdentifier):
         if model.outer_products:
             return refined(model, state.data, self._noise(state, model))
         poles, blocks, _ = self._seen(state, model)
-        return _model(state, polish(poles, blocks), blocks, model.outcome)
+        return _model(state, polish(poles, blocks, tolerance=AT_REST), blocks, model.outcome)
 
     def weigh(self, state: Prepared, model: ModalModel) -> Evidence:
         """Weigh the order of a `model` of the data in `state`: take modes away, add one more, look at what is left."""
