@@ -20,9 +20,6 @@ from floquid.lti import COLOURED, ORDERS, ModalModel
 LAGS = 16
 """The lags looked at. Shorter than a period: poles that were fitted leave correlations a period apart."""
 
-LEAST = 0.01  # the sum of squared correlations below which hardly anything is gained
-FLOOR = 2.0  # times the noise floor: what is left below it is rounding
-
 
 def whitening_filter(lifted: Lifted, modal: ModalModel) -> Floats | None:
     """The shortest filter of each channel that whitens, along the record, what `modal` leaves of `lifted`.
@@ -45,7 +42,6 @@ def filters_of(correlations: Floats, numbers: Floats) -> Floats | None:
     (channels,) samples.
     """
     coloured = _colours(correlations, numbers) > COLOURED
-    coloured &= np.sum(correlations[:, 1:] ** 2, axis=1) > LEAST
     if not coloured.any():
         return None
     taps = np.eye(1)
@@ -127,7 +123,7 @@ def _correlations(lifted: Lifted, modal: ModalModel, most: int) -> tuple[Floats,
             along = _left(values, shapes[:, rows], powers)
             square = float(along @ along) / len(along)
             free = max(len(along) - phases * modal.order, 1)
-            if square * len(along) / free <= (FLOOR * floor[channel, hit] * np.abs(values).max()) ** 2:
+            if square * len(along) / free <= (floor[channel, hit] * np.abs(values).max()) ** 2:
                 continue
             sums[channel] += [along[lag:] @ along[: len(along) - lag] / square for lag in range(most + 1)]
             numbers[channel] += free

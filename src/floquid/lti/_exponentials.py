@@ -26,7 +26,6 @@ from floquid.lti._factor import Factor
 from floquid.lti._poles import PAIR, PoleSet
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
 
-LONGEST_STEP = 0.5  # the most that a pole may move in a step, of ln μ: half of it is a factor of 1.6 of a decay
 LARGEST_GROWTH = -0.5 * float(np.log(np.finfo(float).tiny))
 """Logarithm of the growth over a record beyond which squares leave the range of floating point."""
 
@@ -201,16 +200,10 @@ def polish(
         Steps(
             normal=lambda at: Normal(matrix=at.information, gradient=at.gradient),
             moved=lambda at, step: fit(at.poles.moved(step), factors),
-            limited=no_longer,
             enough=lambda at, _: at.cost < enough,
         ),
         Ends(steps=iterations, deviations=tolerance),
     )
-
-
-def no_longer(_at: object, step: Floats, _normal: Normal, _damping: float) -> Floats:
-    """A step of which no part is above `LONGEST_STEP`."""
-    return step * min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), np.finfo(float).tiny))
 
 
 def fit_residues(

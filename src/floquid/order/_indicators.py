@@ -8,14 +8,14 @@ import numpy as np
 
 from floquid._arrays import BLOCK, Floats
 from floquid._checks import input_error, integer
+from floquid.fit import DEVIATIONS
 from floquid.lti import ModalModel, TimeResponses, composites, compress, noise_edge
 from floquid.order._types import Indicators
 
 SMOOTHING = 5  # number of adjacent lines that are looked at together
 FEW = 64  # rows below which delays are added, half of the samples allowing: fewer responses than poles cannot tell them
 
-DRAWS, MARGIN = 16, 4.0
-"""Draws of noise for the edge where delays repeat it, and how many of their deviations it lies above their mean."""
+DRAWS = 16  # draws of noise for the edge where delays repeat it: their deviation is known to a fifth
 
 
 def indicators(data: TimeResponses, model: ModalModel | None = None, *, smoothing: int | None = None) -> Indicators:
@@ -120,4 +120,4 @@ def delayed_edge(rows: int, samples: int, delays: int) -> float:
         return noise_edge(rows, samples)
     generator = np.random.default_rng(0)
     draws = [_singular_values(generator.standard_normal((rows, samples)), delays)[0] for _ in range(DRAWS)]
-    return float(np.mean(draws) + MARGIN * np.std(draws, ddof=1))
+    return float(np.mean(draws) + DEVIATIONS * np.std(draws, ddof=1))

@@ -20,8 +20,8 @@ FAR = 10.0
 
 DEFAULT = Tolerances()
 
-DEGREES, NOISE_ROOTS = 4, 8
-"""The degree of a rational function by the order asked for: well above it, since noise takes most of the roots."""
+DEGREES = 4
+"""The degree of a rational function over the order asked for: well above one, since noise takes most of the roots."""
 
 
 def scan(
@@ -105,7 +105,7 @@ def _orders(orders: Sequence[int] | None, samples: int) -> tuple[int, ...]:
 def _of_order(identifier: AbstractIdentifier, order: int) -> AbstractIdentifier:
     """The identifier with the degree of its rational function by the `order`, where it has one and it is not given."""
     if isinstance(identifier, (LSCF, PolyLSCF)) and identifier.degree is None:
-        return replace(identifier, degree=DEGREES * order + NOISE_ROOTS)
+        return replace(identifier, degree=DEGREES * order)
     return identifier
 
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats
 from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, scaled_inverse
-from floquid.lti._exponentials import no_longer
 from floquid.lti._poles import FASTEST, PAIR, moved_pole
 from floquid.lti._spectrum import Block, mode_columns
 
@@ -124,7 +123,7 @@ def fit_pole(
         return evaluate(there, kind, bands) if FASTEST[0] <= there.real <= FASTEST[1] else None
 
     start = evaluate(s, kind, bands)
-    steps = Steps(normal=lambda at: Normal(matrix=at.information, gradient=at.gradient), moved=moved, limited=no_longer)
+    steps = Steps(normal=lambda at: Normal(matrix=at.information, gradient=at.gradient), moved=moved)
     now = levenberg_marquardt(start, steps, Ends(steps=iterations, deviations=tolerance))
     spread = scaled_inverse(now.information)
     # Of a pole without residues the lines say nothing: it may be anywhere.

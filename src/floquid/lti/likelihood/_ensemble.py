@@ -34,7 +34,6 @@ from floquid.lti.likelihood._rank_one import (
     refined,
 )
 
-RESOLVED = 0.1  # the share of a direction's squares that must be signal for the noise to be taken off
 MOST = 24  # poles that are looked for at most
 
 
@@ -71,7 +70,7 @@ class States:
         later = np.setdiff1d(np.arange(x.shape[1]), self.first)
         squares = x[:, later - 1] @ x[:, later - 1].T
         less = squares - len(later) * np.eye(order)
-        if np.linalg.eigvalsh(less)[0] > RESOLVED * np.linalg.eigvalsh(squares)[0]:
+        if np.linalg.eigvalsh(less)[0] > 0.0:
             squares = less
         multipliers, vectors = np.linalg.eig(np.linalg.solve(squares, x[:, later - 1] @ x[:, later].T).T)
         shares = np.linalg.solve(vectors, x[:, self.first])

@@ -12,11 +12,12 @@ from floquid._checks import Rebuilt
 from floquid.fit import wald_rise
 from floquid.lti._exponentials import Fit, polish
 from floquid.lti._factor import Factor
+from floquid.lti._noise import STRONG
 from floquid.lti._poles import PAIR, PoleSet
 from floquid.lti._removal import Removal
 from floquid.lti._types import ModalModel
 from floquid.lti.likelihood._search import candidates
-from floquid.lti.likelihood._select import STRONG, Threshold, crowded, possible
+from floquid.lti.likelihood._select import Threshold, crowded, possible
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -17,7 +17,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
 from floquid.fit import DEVIATIONS, ROUNDING, Ends, Normal, Steps, levenberg_marquardt, positive_part, sandwich
-from floquid.lti._exponentials import complex_residues, from_sample_zero, no_longer, powers
+from floquid.lti._exponentials import complex_residues, from_sample_zero, powers
 from floquid.lti._factor import Factor, factors, product_noise
 from floquid.lti._noise import rise_limit
 from floquid.lti._poles import PAIR, PoleSet
@@ -257,7 +257,6 @@ def polish_products(now: Products, stacked: Stacked, *, steps: int = 60, toleran
         Steps(
             normal=lambda at: Normal(matrix=at.information, gradient=at.gradient),
             moved=lambda at, step: fit_products(_moved(at.products, step), block, lengths),
-            limited=no_longer,
         ),
         Ends(steps=steps, deviations=tolerance),
     )

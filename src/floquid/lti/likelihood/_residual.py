@@ -18,8 +18,6 @@ from floquid.lti._exponentials import real_powers
 from floquid.lti._factor import SHORT, Factor
 from floquid.lti._poles import PoleSet
 
-SEEN = 0.3  # lines of which the poles take more than 1 - this are not judged: little of the noise is left there
-LEAST = 0.2  # the deviation of the residual, over the noise stated, below which it is not judged
 FEWEST = 24  # samples more than poles below which noise is not told from what dies away
 
 LASTING = 1.5
@@ -47,7 +45,7 @@ class Residual:
     independent: float  # the share of the responses that the noise is worth (0 to 1]; 1 where it cannot be told from 1
     variance: float  # the mean square left, over that of the noise as it was stated, where it is judged; otherwise 1
     judged: bool
-    """True where it is noise: neither rounding, far below the noise that was stated, nor a response that dies away."""
+    """True where it is noise, and no response that dies away."""
     taken: int = 0
 
     @staticmethod
@@ -62,7 +60,7 @@ class Residual:
         free = max((len(left) - q.shape[1]) * block.columns, 1)
         size = np.sqrt(max(np.einsum("nj,nj->", left, left), np.finfo(float).tiny) / free)
         left /= size
-        judged = bool(size > LEAST and _lasts(left, q))
+        judged = _lasts(left, q)
         independent = _independent(left, q, block.columns) if judged else 1.0
         variance = float(size**2) if judged else 1.0
         return Residual(left, q, block.columns, independent, variance, judged, taken.shape[1])
@@ -100,8 +98,8 @@ class Residual:
         weights[0] = 0.5
         if samples % 2 == 0:
             weights[-1] = 0.5
-        judged = taken < 1.0 - SEEN
-        if judged.sum() < 4 or not self.judged:
+        judged = taken < 0.5  # little of the noise is left on the other lines
+        if not judged.any() or not self.judged:
             return 0.0
         share = power[judged] / (1.0 - taken[judged])
         share /= np.average(share, weights=weights[judged])
@@ -136,8 +134,6 @@ def _independent(left: Floats, fitted: Floats, columns: int) -> float:
     their number.
     """
     samples, rank = left.shape
-    if samples < 4:
-        return 1.0
     inner = left.T @ left if rank < samples else left @ left.T
     own = np.einsum("nj,nj->n", left, left)
     kept = 1.0 - np.einsum("nk,nk->n", fitted, fitted)

@@ -20,13 +20,12 @@ from floquid.fit import DEVIATIONS, SURE
 from floquid.lti._exponentials import Fit, fit, polish
 from floquid.lti._factor import Factor
 from floquid.lti._identifier import Report, silent
-from floquid.lti._noise import rise_limit
+from floquid.lti._noise import STRONG, rise_limit
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 from floquid.lti._removal import Removal, prune_linear
 from floquid.lti.likelihood._residual import Residual
 from floquid.lti.likelihood._search import candidates
 
-STRONG = 20.0  # times the limit at which a mode away from others is needed, however they are fitted again
 SEARCHES = 8  # searches of the residual of one start that may each find another mode, before it counts as not white
 
 
