@@ -14,8 +14,8 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid.core import Cycles
 from floquid.fit import filtered, yule_walker
-from floquid.lifting._lift import SHORT, Lifted, largest_values, lift
-from floquid.lti import COLOURED, ORDERS, ModalModel
+from floquid.lifting._lift import Lifted, largest_values, lift
+from floquid.lti import COLOURED, FEWEST, ORDERS, ModalModel
 
 LAGS = 16
 """The lags looked at. Shorter than a period: poles that were fitted leave correlations a period apart."""
@@ -29,7 +29,7 @@ def whitening_filter(lifted: Lifted, modal: ModalModel) -> Floats | None:
     has a filter that does nothing, and where all are white there is none.
     """
     most = min(LAGS, lifted.n_phases - 1)
-    if most < 1 or not modal.order or lifted.responses.lengths.max() < SHORT:
+    if most < 1 or not modal.order or lifted.responses.lengths.max() < FEWEST:
         return None
     correlations, numbers = _correlations(lifted, modal, most)
     return filters_of(correlations, numbers)

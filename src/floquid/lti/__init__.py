@@ -12,11 +12,11 @@ from floquid.lti._noise import noise_edge, white_noise_std
 from floquid.lti._spectrum import WHITE, composites
 from floquid.lti._types import Composites, ModalModel, Outcome, TimeResponses
 from floquid.lti.ami import AMI
-from floquid.lti.likelihood import COLOURED, ORDERS, Ensemble, Evidence, MaximumLikelihood, brief, pooled_noise
+from floquid.lti.likelihood import COLOURED, FEWEST, ORDERS, Ensemble, Evidence, MaximumLikelihood, brief, pooled_noise
 from floquid.lti.rational import LSCF, PolyLSCF
 
 __all__ = [
-    "AMI", "COLOURED", "ERA", "LSCF", "ORDERS", "WHITE", "AbstractIdentifier", "Composites", "Ensemble",
+    "AMI", "COLOURED", "ERA", "FEWEST", "LSCF", "ORDERS", "WHITE", "AbstractIdentifier", "Composites", "Ensemble",
     "Evidence", "MaximumLikelihood", "ModalModel", "Outcome", "PolyLSCF", "TimeResponses", "brief", "composites",
     "compress", "fit_residues", "noise_edge", "pooled_noise", "weighted_blocks", "white_noise_std",
 ]  # fmt: skip

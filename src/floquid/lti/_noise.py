@@ -18,8 +18,7 @@ def white_noise_std(responses: Floats) -> float:
 
     with H the block Hankel matrix of n columns. A sum of r exponentials lifts r of its eigenvalues, and the others are
     those of noise; c is the quartile's mean for white noise of unit variance and the same size, near 1 for many
-    outputs. The residual of the maximum-likelihood fit
-    corrects the estimate later.
+    outputs. The residual of the maximum-likelihood fit corrects the estimate later.
     """
     outputs, samples = responses.shape
     window = max(1, min(samples // 2, 128))

@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import Complexes, Floats
+from floquid.fit import DEVIATIONS
 from floquid.lti._poles import FASTEST, NEGATIVE, PAIR, POSITIVE, PoleSet
 from floquid.lti._spectrum import WHITE, Block
 from floquid.lti.ami._coupled import Bands, bands_of, joint_residues, limit, newton, slack
 from floquid.lti.ami._one_mode import Band, Mode, band_lines, cut, evaluate, fit_pole, fit_residues
-
-CLEAR = 3.0  # standard deviations by which a stretch of the composite must rise above white noise to be looked at
 
 NEAR = 3.0
 """Half-power half-widths to each side of a peak that a mode's first fit looks at, the other modes being unknown."""
@@ -216,7 +215,7 @@ class Peak:
     clarity: float
 
 
-def peaks(now: Isolated, blocks: Sequence[Block], *, clear: float = CLEAR) -> list[Peak]:
+def peaks(now: Isolated, blocks: Sequence[Block], *, clear: float = DEVIATIONS) -> list[Peak]:
     """The stretches of the composites of what is left that rise most clearly above white noise, the clearest first.
 
     A sharp peak is clearest in a narrow stretch, a broad one in a wide one: widths of 1, 2, 4, … lines are tried, in
@@ -242,11 +241,11 @@ def peaks(now: Isolated, blocks: Sequence[Block], *, clear: float = CLEAR) -> li
 
 
 def _tops(values: Floats, width: int, least: float) -> list[int]:
-    """The positions of the largest values above `least`, each the largest within `width` of it; at most eight."""
+    """The positions of the largest values above `least`, each the largest within `width` of it."""
     order = np.argsort(values)[::-1]
     tops: list[int] = []
     for position in order[: 64 * width]:
-        if values[position] <= least or len(tops) == 8:
+        if values[position] <= least:
             break
         if all(abs(position - other) >= width for other in tops):
             tops.append(int(position))

@@ -13,7 +13,6 @@ from floquid.lti._poles import FASTEST, PAIR, moved_pole
 from floquid.lti._spectrum import Block, mode_columns
 
 FEWEST_LINES = 6  # lines to each side of a peak that a fit looks at, however sharp the peak
-MANY = 8  # responses a row beyond which the rows are condensed before a fit
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,9 +130,9 @@ def fit_pole(
 
 
 def _condensed(band: Band) -> Band:
-    """Reduce a band to no more columns than rows, where there are very many: their products are the same."""
+    """Reduce a band to no more columns than rows: their products are the same."""
     rows, columns = band.values.shape
-    if columns <= MANY * rows:
+    if columns <= rows:
         return band
     triangle = np.asarray(np.linalg.qr(band.values.T, mode="r")).T
     return Band(band.angles, band.weights, band.samples, triangle)

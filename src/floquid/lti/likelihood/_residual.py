@@ -18,7 +18,8 @@ from floquid.lti._exponentials import real_powers
 from floquid.lti._factor import SHORT, Factor
 from floquid.lti._poles import PoleSet
 
-FEWEST = 24  # samples more than poles below which noise is not told from what dies away
+FEWEST = 24
+"""Samples of a response, more than poles, below which noise is told neither from a misfit nor from what dies away."""
 
 LASTING = 1.5
 """The ratio of the energies in the first and the second half of a record up to which a residual is noise. The inverse
