@@ -45,8 +45,6 @@ def _expected_quartile(outputs: int, samples: int, window: int) -> float:
     return float(np.mean([_quartile(rng.standard_normal((outputs, samples)), window) for _ in range(draws)]))
 
 
-STRONG = 20.0  # times the limit at which a mode away from others is needed, however they are fitted again
-
 TRACY_WIDOM = 3.27
 """The largest eigenvalue of a real white Wishart matrix is below this with probability 0.999, centred and scaled."""
 

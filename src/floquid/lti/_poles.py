@@ -118,11 +118,6 @@ class PoleSet:
         """The poles that could be seen: those within `FASTEST`."""
         return self.keep((self.s.real > FASTEST[0]) & (self.s.real < FASTEST[1]))
 
-    def crowded(self, entry: int, near: float) -> bool:
-        """True where another pole is so near that it could move to take this one's part."""
-        distance = np.minimum(np.abs(self.s - self.s[entry]), np.abs(self.s - self.s[entry].conj()))
-        return bool((np.delete(distance, entry) < near).any())
-
     def normalised(self, shares: Complexes) -> tuple[Complexes, Integers]:
         """Participations in the inputs (k, inputs), the largest of each 1 and those of real poles real; and where."""
         largest = np.argmax(np.abs(shares), axis=1)

@@ -10,6 +10,7 @@ from floquid._arrays import Floats, Indices, Integers
 from floquid._checks import input_error
 from floquid.core import AzimuthSignal, Channel, Record, channels_named
 from floquid.findings import Finding, note
+from floquid.sync._count_pulses import SPAN
 
 OF = "shaft_angle"
 
@@ -17,8 +18,6 @@ TURNS = {"deg": 360.0, "rad": 2.0 * np.pi, "mrad": 2e3 * np.pi, "urad": 2e6 * np
 AMISS = 0.1
 """Revolutions by which a wrap may be off a whole one, and a sample off its neighbours: one averaged over a wrap is."""
 ONE_WAY = 0.8  # of the path from block to block, what the shaft must get on by: noise goes to and fro a little
-NEAR = 101  # steps of which the median is the local one
-
 A_REVOLUTION = 16
 """The angle is averaged over blocks of a sixteenth of a revolution: resolution and noise of neighbours go together."""
 
@@ -102,7 +101,7 @@ def _unwrapped(turns: Floats, good: Indices) -> tuple[Floats, Floats]:
     typical = float(np.median(_nearest(steps[ones]))) if ones.any() else 0.0
     # About the typical step, so that up to half a revolution more or less is told.
     per_sample = typical + _nearest(steps - typical * lengths) / lengths
-    size = min(NEAR, 2 * len(steps) - 1)
+    size = min(SPAN, 2 * len(steps) - 1)
     local = median_filter(per_sample, size=size, mode="reflect") * lengths
     off = _nearest(steps - local)
     return turns[good[0]] + np.concatenate([[0.0], np.cumsum(local + off)]), off

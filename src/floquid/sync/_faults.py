@@ -11,7 +11,6 @@ from floquid.sync._impact_search import runs_of
 
 FLAT = 3  # equal samples in a row that make a flat top
 STUCK = 10  # equal samples in a row that make a dropout
-BITS = (8, 10, 12, 14, 16, 18, 20, 24, 32)  # widths of integers that are looked for
 FULL = 0.95  # the share of its range that a channel must span to have wrapped round
 SMOOTHER = 0.25  # share of the power of second differences that taking the jumps out may leave
 WHOLE = 1e-3  # largest difference of counts from whole numbers: a factor of calibration rounds them
@@ -152,7 +151,7 @@ def wrapped(record: Record) -> tuple[Finding, ...]:
         counts = there if (there == np.rint(there)).all() else there / quantum
         if np.abs(counts - np.rint(counts)).max() > WHOLE:
             continue
-        for bits in BITS:
+        for bits in range(8, 33):  # the widths of integers
             jumps = _jumps(np.rint(counts), 2.0**bits)
             if jumps:
                 found.append(failure("wraps_round", channel=record.channels[row].name, bits=bits, jumps=jumps))

@@ -20,7 +20,7 @@ ENDS = (2, 1, 4)
 
 NEAR = 16  # most samples beside an edge from which the levels there are taken: bases drift, and teeth differ in height
 CLEAR = 15.0  # heights of pulses must be so many standard deviations of the base: the threshold is then six above it
-MOSTLY = 0.6  # fraction of the time beyond which a high level is the base of pulses that go down
+MOSTLY = 0.6  # fraction of the time beyond which a high level is the base: pulses of half the time go up
 
 
 def pulse_times(record: Record, channel: str) -> Floats:

@@ -22,8 +22,9 @@ from floquid.sync._pulse_times import pulse_times
 STEADY, USABLE = 0.01, 0.05
 """Wander of the speed, of its mean: below the one a periodic model holds, beyond the other it does not."""
 
-BEYOND = 1.5  # revolutions outside the pulses that pass without a word: a record begins and ends between two pulses
-GAP = 3.0  # revolutions without a pulse that are told of: what the speed did there is not in the deviation of the angle
+GAP = 2.5
+"""Revolutions without a pulse, also before the first and after the last, that are told of: two are one pulse missed.
+The deviation of the angle does not hold how the speed changed there."""
 ALIKE = 0.4  # correlation of neighbours in what is left over that is told of
 ROUGH = 0.01  # scatter of pulses, in revolutions, that is too much for a good sensor on a shaft of steady speed
 
@@ -85,7 +86,7 @@ def alike(residuals: Floats) -> list[Finding]:
 
 def outside(before: float, after: float) -> list[Finding]:
     """Finding on a record that goes beyond the evidence by so many revolutions."""
-    before, after = (many if many > BEYOND else 0.0 for many in (before, after))
+    before, after = (many if many > GAP else 0.0 for many in (before, after))
     return [note("beyond_angle", before=before, after=after)] if before or after else []
 
 

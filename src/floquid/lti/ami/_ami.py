@@ -12,7 +12,7 @@ import numpy as np
 from floquid.fit import DEVIATIONS, positive_part, sandwich
 from floquid.lti._exponentials import complex_residues
 from floquid.lti._identifier import AbstractIdentifier, Report, checked_order, reached, silent
-from floquid.lti._noise import STRONG, rise_limit
+from floquid.lti._noise import rise_limit
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 from floquid.lti._spectrum import Block, composites, spectra
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
@@ -172,21 +172,20 @@ class AMI(AbstractIdentifier):
         while changed and now.modes:
             changed = False
             for position in np.argsort([_energy_of(mode, state) for mode in now.modes]):
-                simpler = self._simpler(now, int(position), state, last=tolerance < ROUGH)
+                simpler = self._simpler(now, int(position), state)
                 if simpler is not None:
                     now, changed = go_round(simpler, state.blocks, self._rounds(tolerance)), True
                     break
         return self._paired(now, state) if tolerance < ROUGH else now
 
-    def _simpler(self, now: Isolated, position: int, state: Lines, *, last: bool) -> Isolated | None:
+    def _simpler(self, now: Isolated, position: int, state: Lines) -> Isolated | None:
         """The modes less one, or with a pair made a real pole, where the noise could explain the difference."""
         mode, rounds = now.modes[position], self._rounds(ROUGH, FIRST)
         limit = state.limit(mode.size, self.false_alarm)
         less = without(now, position, state.blocks)
-        if _energy_of(mode, state) < STRONG * limit or (last and _crowded(now, position, state)):
-            trial = go_round(less, state.blocks, rounds)
-            if trial.cost - now.cost < limit:
-                return trial
+        trial = go_round(less, state.blocks, rounds)
+        if trial.cost - now.cost < limit:
+            return trial
         for kind, angle in ((POSITIVE, mode.s.imag), (NEGATIVE, np.pi - mode.s.imag)):
             if mode.kind == PAIR and angle < 0.5 * abs(mode.s.real) + _resolution(state):
                 real = empty_mode(complex(mode.s.real, 0.0 if kind == POSITIVE else np.pi), kind, state.blocks)
@@ -241,12 +240,6 @@ def _energy_of(mode: Mode, state: Lines) -> float:
     """The sum of squares of what a mode is on the lines."""
     lines = (mode.lines(b, block) for b, block in enumerate(state.blocks))
     return float(sum(np.sum(np.abs(x) ** 2) for x in lines))
-
-
-def _crowded(now: Isolated, position: int, state: Lines) -> bool:
-    """True where another pole is so near that it could move to take this one's part."""
-    poles = now.poles()
-    return poles.crowded(position, 2.0 * max(abs(poles.s[position].real), _resolution(state)))
 
 
 def isolated_model(

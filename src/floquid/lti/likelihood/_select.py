@@ -20,13 +20,11 @@ from floquid.fit import DEVIATIONS, SURE
 from floquid.lti._exponentials import Fit, fit, polish
 from floquid.lti._factor import Factor
 from floquid.lti._identifier import Report, silent
-from floquid.lti._noise import STRONG, rise_limit
+from floquid.lti._noise import rise_limit
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 from floquid.lti._removal import Removal, prune_linear
 from floquid.lti.likelihood._residual import Residual
 from floquid.lti.likelihood._search import candidates
-
-SEARCHES = 8  # searches of the residual of one start that may each find another mode, before it counts as not white
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,17 +100,17 @@ def choose(
         if begin.order > CROWD:
             report(f"start of order {order}: {begin.order} poles, more than are searched through")
             return (best, ended, Residual.of(best.poles, factors)) if ended else (fit(begin, factors), False, noise)
-        now, settled = _settle(polish(begin, factors), factors, threshold, most)
+        now = _settle(polish(begin, factors), factors, threshold, most)
         report(f"start of order {order}: {now.poles.order} poles kept")
         if not ended or threshold.penalised(now) < threshold.penalised(best) - 1e-6 * abs(best.cost):
-            best, ended = now, settled
-        if settled and 2 * now.poles.order <= order:
+            best, ended = now, True
+        if 2 * now.poles.order <= order:
             break
     left = Residual.of(best.poles, factors)
     again = Threshold.for_(factors, false_alarm, left)
     if again.of(2) > 1.1 * threshold.of(2):
         report(f"the noise is worth {left.independent:.0%} of the responses")
-        best, ended = _settle(best, factors, again, most)
+        best = _settle(best, factors, again, most)
         left = Residual.of(best.poles, factors)
     return best, ended, left
 
@@ -122,10 +120,10 @@ def possible(found: Fit) -> bool:
     return len(found.poles.plausible()) == len(found.poles)
 
 
-def _settle(now: Fit, factors: Sequence[Factor], threshold: Threshold, most: int) -> tuple[Fit, bool]:
-    """Prune, try the real axis and add from the residual, until nothing gets better; and whether that came to pass."""
+def _settle(now: Fit, factors: Sequence[Factor], threshold: Threshold, most: int) -> Fit:
+    """Prune, try the real axis and add from the residual, until nothing gets better."""
     lowest = np.inf
-    for _ in range(SEARCHES):
+    while True:
         before = now.poles
         now = _prune(now, factors, threshold)
         now = _straighten(now, factors, threshold)
@@ -133,9 +131,8 @@ def _settle(now: Fit, factors: Sequence[Factor], threshold: Threshold, most: int
             now = _add(now, factors, threshold)
         score = threshold.penalised(now)
         if now.poles is before or score >= lowest:
-            return now, True
+            return now
         lowest = score
-    return now, False
 
 
 def _prune(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
@@ -149,20 +146,12 @@ def _prune(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
         rises = Removal.of(now.poles, factors).rises()
         for entry in np.argsort(rises):
             limit = threshold.of(int(now.poles.sizes[entry]))
-            if rises[entry] > STRONG * limit and not crowded(now.poles, int(entry), factors):
-                continue
             enough = now.cost + limit
             less = polish(now.poles.without(int(entry)), factors, iterations=25, tolerance=1e-2, enough=enough)
             if less.cost - now.cost < limit:
                 now, changed = polish(less, factors), True
                 break
     return now
-
-
-def crowded(poles: PoleSet, entry: int, factors: Sequence[Factor]) -> bool:
-    """True where another pole, its own conjugate too, is so near that it could move to take this one's part."""
-    near = 2.0 * max(abs(poles.s[entry].real), 2.0 * np.pi / max(len(f.values) for f in factors))
-    return poles.crowded(entry, near) or abs(poles.s[entry].imag) < near
 
 
 def _straighten(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
