@@ -35,6 +35,7 @@ from floquid.lti.ami._one_mode import Mode
 
 ROUGH = 0.01  # deviations below which a pole counts as at rest while there may be modes to come
 FIRST = 30  # rounds, at most, after which a mode just isolated must have proved itself
+STRONG = 20.0  # times the limit at which the energy of a mode shows that it is there: half of the trials are spared
 TRIES = 4  # the number of peaks that are tried before what is left counts as noise
 
 
@@ -172,20 +173,21 @@ class AMI(AbstractIdentifier):
         while changed and now.modes:
             changed = False
             for position in np.argsort([_energy_of(mode, state) for mode in now.modes]):
-                simpler = self._simpler(now, int(position), state)
+                simpler = self._simpler(now, int(position), state, last=tolerance < ROUGH)
                 if simpler is not None:
                     now, changed = go_round(simpler, state.blocks, self._rounds(tolerance)), True
                     break
         return self._paired(now, state) if tolerance < ROUGH else now
 
-    def _simpler(self, now: Isolated, position: int, state: Lines) -> Isolated | None:
+    def _simpler(self, now: Isolated, position: int, state: Lines, *, last: bool) -> Isolated | None:
         """The modes less one, or with a pair made a real pole, where the noise could explain the difference."""
         mode, rounds = now.modes[position], self._rounds(ROUGH, FIRST)
         limit = state.limit(mode.size, self.false_alarm)
         less = without(now, position, state.blocks)
-        trial = go_round(less, state.blocks, rounds)
-        if trial.cost - now.cost < limit:
-            return trial
+        if _energy_of(mode, state) < STRONG * limit or (last and _crowded(now, position, state)):
+            trial = go_round(less, state.blocks, rounds)
+            if trial.cost - now.cost < limit:
+                return trial
         for kind, angle in ((POSITIVE, mode.s.imag), (NEGATIVE, np.pi - mode.s.imag)):
             if mode.kind == PAIR and angle < 0.5 * abs(mode.s.real) + _resolution(state):
                 real = empty_mode(complex(mode.s.real, 0.0 if kind == POSITIVE else np.pi), kind, state.blocks)
@@ -240,6 +242,13 @@ def _energy_of(mode: Mode, state: Lines) -> float:
     """The sum of squares of what a mode is on the lines."""
     lines = (mode.lines(b, block) for b, block in enumerate(state.blocks))
     return float(sum(np.sum(np.abs(x) ** 2) for x in lines))
+
+
+def _crowded(now: Isolated, position: int, state: Lines) -> bool:
+    """True where another pole is so near that it could move to take this one's part."""
+    s = now.poles().s
+    distance = np.delete(np.minimum(np.abs(s - s[position]), np.abs(s - s[position].conj())), position)
+    return bool((distance < 2.0 * max(abs(s[position].real), _resolution(state))).any())
 
 
 def isolated_model(
