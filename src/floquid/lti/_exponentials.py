@@ -23,11 +23,8 @@ from floquid._arrays import BLOCK, Complexes, Floats, Integers
 from floquid._checks import frozen_array, input_error
 from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, positive_part, sandwich
 from floquid.lti._factor import Factor
-from floquid.lti._poles import PAIR, PoleSet
+from floquid.lti._poles import LARGEST_GROWTH, PAIR, PoleSet
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
-
-LARGEST_GROWTH = -0.5 * float(np.log(np.finfo(float).tiny))
-"""Logarithm of the growth over a record beyond which squares leave the range of floating point."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,7 +196,7 @@ def polish(
         start if isinstance(start, Fit) else fit(start, factors),
         Steps(
             normal=lambda at: Normal(matrix=at.information, gradient=at.gradient),
-            moved=lambda at, step: fit(at.poles.moved(step), factors),
+            moved=lambda at, step: fit(there, factors) if (there := at.poles.moved(step)).computable else None,
             enough=lambda at, _: at.cost < enough,
         ),
         Ends(steps=iterations, deviations=tolerance),

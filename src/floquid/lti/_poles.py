@@ -13,6 +13,9 @@ PAIR, POSITIVE, NEGATIVE = 0, 1, -1  # kinds by the sign of a real multiplier
 FASTEST = (-3.0, 2.0)
 """Logarithms of the fastest decay and growth a sample at which a mode differs from a blow to a single sample."""
 
+LARGEST_GROWTH = -0.5 * float(np.log(np.finfo(float).tiny))
+"""Logarithm of the growth over a record beyond which squares leave the range of floating point."""
+
 
 @dataclass(frozen=True, slots=True)
 class PoleSet:
@@ -113,6 +116,11 @@ class PoleSet:
     def plus(self, other: PoleSet) -> PoleSet:
         """The union, entries in order."""
         return PoleSet(np.concatenate([self.s, other.s]), np.concatenate([self.kind, other.kind]))
+
+    @property
+    def computable(self) -> bool:
+        """True where the multipliers and their squares are within the range of floating point."""
+        return bool((np.abs(self.s.real) < LARGEST_GROWTH).all())
 
     def plausible(self) -> PoleSet:
         """The poles that could be seen: those within `FASTEST`."""

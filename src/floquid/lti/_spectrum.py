@@ -18,8 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid._arrays import BLOCK, Complexes, Floats, Integers
-from floquid.lti._exponentials import LARGEST_GROWTH
-from floquid.lti._poles import NEGATIVE, PAIR
+from floquid.lti._poles import LARGEST_GROWTH, NEGATIVE, PAIR
 from floquid.lti._types import Composites, ModalModel, TimeResponses
 
 ON_A_LINE = float(np.finfo(float).eps ** 0.25)

@@ -9,7 +9,17 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import input_error, integer
-from floquid.lti import ERA, LSCF, AbstractIdentifier, ModalModel, Outcome, PolyLSCF, TimeResponses, weighted_blocks
+from floquid.lti import (
+    ERA,
+    LSCF,
+    AbstractIdentifier,
+    ModalModel,
+    Outcome,
+    PolyLSCF,
+    TimeResponses,
+    fit_residues,
+    weighted_blocks,
+)
 from floquid.order._indicators import both_compressed, indicators_of
 from floquid.order._types import Criteria, OrderScan, Stability, Tolerances
 
@@ -162,17 +172,9 @@ def criteria(models: Sequence[ModalModel], principal: TimeResponses, data: TimeR
 
 def _left(multipliers: Complexes, principal: TimeResponses) -> float:
     """The sum of squares that the best residues of these multipliers leave."""
-    left = 0.0
-    for i, length in enumerate(principal.lengths):
-        values = principal.values[:, i, :length].T
-        above = multipliers[multipliers.imag >= 0]
-        logs = np.asarray(np.log(above), dtype=np.complex128)
-        # A growing mode is scaled at its end, so that nothing overflows.
-        k = np.arange(length)[:, None] - np.where(logs.real > 0, length - 1, 0)
-        columns = np.exp(k * logs)
-        q, _ = np.linalg.qr(np.concatenate([columns.real, columns[:, above.imag > 0].imag], axis=1))
-        left += float(np.sum((values - q @ (q.T @ values)) ** 2))
-    return left
+    model = fit_residues(multipliers, principal)
+    assert model.residual_std is not None
+    return float(np.sum(model.residual_std**2 * np.maximum(principal.lengths - model.order, 1)))
 
 
 def mac(a: Complexes, b: Complexes) -> Floats:

@@ -17,10 +17,10 @@ import numpy as np
 from floquid._arrays import Complexes, Floats
 from floquid._checks import input_error, integer
 from floquid.errors import InputError
-from floquid.lti._exponentials import LARGEST_GROWTH, fit_residues
+from floquid.lti._exponentials import fit_residues
 from floquid.lti._factor import Factor, factors
 from floquid.lti._identifier import AbstractIdentifier, Report, given_order, reached, silent
-from floquid.lti._poles import FASTEST, PoleSet
+from floquid.lti._poles import FASTEST, LARGEST_GROWTH, PoleSet
 from floquid.lti._removal import strongest
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
 

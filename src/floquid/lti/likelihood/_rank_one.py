@@ -203,7 +203,7 @@ def fit_products(now: Products, block: Factor, lengths: Integers) -> ProductFit:
     gradient += np.einsum("pj,pj->p", moves.second.T @ left, residues[moves.b])
     whole = moves.products(residues @ residues.T)
     noise = block.columns * moves.products(inverse @ inverse.T)
-    cost = float(np.sum(left**2)) + block.energy - float(np.sum(block.values**2))
+    cost = float(np.sum(left**2)) + block.left_out
     return ProductFit(now, cost, gradient, whole, positive_part(whole, whole - noise))
 
 
@@ -252,11 +252,16 @@ class Stacked:
 def polish_products(now: Products, stacked: Stacked, *, steps: int = 60, tolerance: float = 1e-3) -> ProductFit:
     """The poles and participations of least cost near `now`."""
     block, lengths = stacked.block, stacked.data.lengths
+
+    def moved(at: ProductFit, step: Floats) -> ProductFit | None:
+        there = _moved(at.products, step)
+        return fit_products(there, block, lengths) if there.poles.computable else None
+
     return levenberg_marquardt(
         fit_products(now, block, lengths),
         Steps(
             normal=lambda at: Normal(matrix=at.information, gradient=at.gradient),
-            moved=lambda at, step: fit_products(_moved(at.products, step), block, lengths),
+            moved=moved,
         ),
         Ends(steps=steps, deviations=tolerance),
     )

@@ -175,7 +175,6 @@ def filtered(block: Factor, taps: Floats) -> Factor:
     """The filtered responses: exponentials stay exponentials of the same poles."""
     if len(block.values) <= len(taps):
         return block
-    outside = block.energy - float(np.einsum("ij,ij->", block.values, block.values))
     made = Factor.of(convolved(block.values, taps), block.columns)
     taken = None if block.taken is None else convolved(block.taken, taps)
-    return replace(made, energy=made.energy + outside, taken=taken)
+    return replace(made, energy=made.energy + block.left_out, taken=taken)
