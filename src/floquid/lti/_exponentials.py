@@ -23,7 +23,7 @@ from floquid._arrays import BLOCK, Complexes, Floats, Integers
 from floquid._checks import frozen_array, input_error
 from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, positive_part, sandwich
 from floquid.lti._factor import Factor
-from floquid.lti._poles import LARGEST_GROWTH, PAIR, PoleSet
+from floquid.lti._poles import FASTEST, LARGEST_GROWTH, PAIR, PoleSet
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
 
 
@@ -196,11 +196,17 @@ def polish(
         start if isinstance(start, Fit) else fit(start, factors),
         Steps(
             normal=lambda at: Normal(matrix=at.information, gradient=at.gradient),
-            moved=lambda at, step: fit(there, factors) if (there := at.poles.moved(step)).computable else None,
+            moved=lambda at, step: fit(at.poles.moved(step), factors),
+            limited=no_longer,
             enough=lambda at, _: at.cost < enough,
         ),
         Ends(steps=iterations, deviations=tolerance),
     )
+
+
+def no_longer(_at: object, step: Floats, _normal: Normal, _damping: float) -> Floats:
+    """A step of which no part takes a pole at rest beyond the fastest growth."""
+    return step * min(1.0, FASTEST[1] / max(float(np.abs(step).max()), np.finfo(float).tiny))
 
 
 def fit_residues(

@@ -117,11 +117,6 @@ class PoleSet:
         """The union, entries in order."""
         return PoleSet(np.concatenate([self.s, other.s]), np.concatenate([self.kind, other.kind]))
 
-    @property
-    def computable(self) -> bool:
-        """True where the multipliers and their squares are within the range of floating point."""
-        return bool((np.abs(self.s.real) < LARGEST_GROWTH).all())
-
     def plausible(self) -> PoleSet:
         """The poles that could be seen: those within `FASTEST`."""
         return self.keep((self.s.real > FASTEST[0]) & (self.s.real < FASTEST[1]))

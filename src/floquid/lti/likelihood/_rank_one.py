@@ -17,7 +17,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
 from floquid.fit import DEVIATIONS, ROUNDING, Ends, Normal, Steps, levenberg_marquardt, positive_part, sandwich
-from floquid.lti._exponentials import complex_residues, from_sample_zero, powers
+from floquid.lti._exponentials import complex_residues, from_sample_zero, no_longer, powers
 from floquid.lti._factor import Factor, factors, product_noise
 from floquid.lti._noise import rise_limit
 from floquid.lti._poles import PAIR, PoleSet
@@ -252,16 +252,12 @@ class Stacked:
 def polish_products(now: Products, stacked: Stacked, *, steps: int = 60, tolerance: float = 1e-3) -> ProductFit:
     """The poles and participations of least cost near `now`."""
     block, lengths = stacked.block, stacked.data.lengths
-
-    def moved(at: ProductFit, step: Floats) -> ProductFit | None:
-        there = _moved(at.products, step)
-        return fit_products(there, block, lengths) if there.poles.computable else None
-
     return levenberg_marquardt(
         fit_products(now, block, lengths),
         Steps(
             normal=lambda at: Normal(matrix=at.information, gradient=at.gradient),
-            moved=moved,
+            moved=lambda at, step: fit_products(_moved(at.products, step), block, lengths),
+            limited=no_longer,
         ),
         Ends(steps=steps, deviations=tolerance),
     )
