@@ -103,7 +103,7 @@ class BOPDMD(AbstractIdentifier):
 
 def _within(samples: int) -> Callable[[Complexes], Complexes]:
     """The constraint on eigenvalues: conjugates paired, growth below overflow (LAPACK hangs on infinite numbers)."""
-    most = min(FASTEST[1], 2.0 * LARGEST_GROWTH / samples)
+    most = min(FASTEST[1], LARGEST_GROWTH / samples)
 
     def constrained(alpha: Complexes) -> Complexes:
         if not np.isfinite(alpha).all():
