@@ -23,7 +23,7 @@ from floquid._arrays import BLOCK, Complexes, Floats, Integers
 from floquid._checks import frozen_array, input_error
 from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, positive_part, sandwich
 from floquid.lti._factor import Factor
-from floquid.lti._poles import FASTEST, LARGEST_GROWTH, PAIR, PoleSet
+from floquid.lti._poles import LARGEST_GROWTH, PAIR, PoleSet
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
 
 
@@ -205,8 +205,8 @@ def polish(
 
 
 def no_longer(_at: object, step: Floats, _normal: Normal, _damping: float) -> Floats:
-    """A step of which no part takes a pole at rest beyond the fastest growth."""
-    return step * min(1.0, FASTEST[1] / max(float(np.abs(step).max()), np.finfo(float).tiny))
+    """A step of which no part is above one neper or radian a sample."""
+    return step / max(1.0, float(np.abs(step).max()))
 
 
 def fit_residues(
