@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar, final
 
 import numpy as np
 
-from floquid._arrays import BLOCK, Complexes, Floats
+from floquid._arrays import Complexes, Floats
 from floquid._checks import integer
 from floquid.lti._exponentials import model_of
 from floquid.lti._factor import Factor, energetic_length, energies, factors
@@ -19,42 +19,29 @@ from floquid.lti._types import ModalModel, TimeResponses
 ROUNDING = 16.0 * np.finfo(float).eps  # the share of the largest eigenvalue below which an eigenvalue is rounding
 
 
-def hankel(blocks: Iterator[Floats], inputs: int, samples: int, degree: int) -> Floats:
-    r"""Σ_o Σ_t y_oi[t-k] y_oj[t-m] over t ≥ degree, (powers and inputs, powers and inputs), the power first.
-
-    Its first rows are correlations; along each diagonal the next entry gains one product at the near end and loses one
-    at the far end.
-    """
-    size = 1 << int(np.ceil(np.log2(samples + degree + 1)))
-    cross = np.zeros((inputs, inputs, size // 2 + 1), complex)
-    change = np.zeros((degree * inputs, degree * inputs))
-    for block in blocks:
-        for start in range(0, len(block), max(1, BLOCK // (size * inputs))):
-            part = block[start : start + max(1, BLOCK // (size * inputs))]
-            late = np.fft.rfft(np.where(np.arange(samples) < degree, 0.0, part), size)
-            whole = np.fft.rfft(part, size).conj()
-            for i in range(inputs):
-                for j in range(inputs):
-                    cross[i, j] += np.einsum("ol,ol->l", late[:, i], whole[:, j])
-        near = block[:, :, :degree][..., ::-1].transpose(2, 1, 0).reshape(degree * inputs, -1)
-        far = block[:, :, samples - degree :][..., ::-1].transpose(2, 1, 0).reshape(degree * inputs, -1)
-        change += near @ near.T - far @ far.T
-    first = np.fft.irfft(cross, size)[..., : degree + 1]
-    steps = change.reshape(degree, inputs, degree, inputs)
-    normal = np.zeros((degree + 1, inputs, degree + 1, inputs))
-    normal[0] = first.transpose(0, 2, 1)
-    for k in range(degree):
-        normal[k + 1, :, 0] = first[:, :, k + 1].T
-        normal[k + 1, :, 1:] = normal[k, :, :-1] + steps[k]
-    whole = normal.reshape((degree + 1) * inputs, -1)
-    return 0.5 * (whole + whole.T)
-
-
 def hankel_covariance(factors: Sequence[Factor], window: int) -> Floats:
-    r"""Σ_n f[n:n+L] f[n:n+L]ᵀ (L, L) over all columns f of blocks that are at least L long, n = 0 … samples - L."""
-    long = [block.values.T[:, None] for block in factors if len(block.values) >= window]
-    parts = [hankel(iter([values]), 1, values.shape[2], window - 1) for values in long]
-    return np.sum(parts, axis=0)[::-1, ::-1] if parts else np.zeros((window, window))
+    r"""Σ_n f[n:n+L] f[n:n+L]ᵀ (L, L) over all columns f of blocks that are at least L long, n = 0 … samples - L.
+
+    Its first row is a correlation; along each diagonal the next entry gains one product at the far end and loses one
+    at the near end.
+    """
+    total = np.zeros((window, window))
+    for block in factors:
+        samples = len(block.values)
+        if samples < window:
+            continue
+        shifts = samples - window + 1
+        head = block.values[: window - 1] @ block.values[: window - 1].T
+        tail = block.values[shifts:] @ block.values[shifts:].T
+        change = tail - head
+        row = np.zeros((window, window))
+        # Products, and not a transform, whose rounding would be that of the largest sample.
+        row[0] = [np.vdot(block.values[:shifts], block.values[lag : lag + shifts]) for lag in range(window)]
+        for i in range(window - 1):
+            row[i + 1, i + 1 :] = row[i, i:-1] + change[i, i:]
+        total += row
+    upper = np.triu(total, 1)
+    return upper + upper.T + np.diag(np.diag(total))
 
 
 @dataclass(frozen=True, slots=True)

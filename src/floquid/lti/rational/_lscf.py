@@ -10,7 +10,7 @@ import numpy as np
 
 from floquid._arrays import BLOCK, Complexes, Floats
 from floquid._checks import finite, input_error, integer
-from floquid.lti._era import hankel, hankel_covariance
+from floquid.lti._era import hankel_covariance
 from floquid.lti._exponentials import model_of
 from floquid.lti._factor import SAFE, Factor, energetic_length, energies, factors, product_noise
 from floquid.lti._identifier import AbstractIdentifier, Report, given_order, reached, silent
@@ -262,3 +262,34 @@ def _spectra(data: TimeResponses, scale: Floats, band: Band) -> Iterator[Complex
     if len(right):
         real, imaginary = np.split(right.reshape(len(right), data.n_inputs, -1), 2, axis=2)
         yield real + 1j * imaginary
+
+
+def hankel(blocks: Iterator[Floats], inputs: int, samples: int, degree: int) -> Floats:
+    r"""Σ_o Σ_t y_oi[t-k] y_oj[t-m] over t ≥ degree, (powers and inputs, powers and inputs), the power first.
+
+    Its first rows are correlations; along each diagonal the next entry gains one product at the near end and loses one
+    at the far end.
+    """
+    size = 1 << int(np.ceil(np.log2(samples + degree + 1)))
+    cross = np.zeros((inputs, inputs, size // 2 + 1), complex)
+    change = np.zeros((degree * inputs, degree * inputs))
+    for block in blocks:
+        for start in range(0, len(block), max(1, BLOCK // (size * inputs))):
+            part = block[start : start + max(1, BLOCK // (size * inputs))]
+            late = np.fft.rfft(np.where(np.arange(samples) < degree, 0.0, part), size)
+            whole = np.fft.rfft(part, size).conj()
+            for i in range(inputs):
+                for j in range(inputs):
+                    cross[i, j] += np.einsum("ol,ol->l", late[:, i], whole[:, j])
+        near = block[:, :, :degree][..., ::-1].transpose(2, 1, 0).reshape(degree * inputs, -1)
+        far = block[:, :, samples - degree :][..., ::-1].transpose(2, 1, 0).reshape(degree * inputs, -1)
+        change += near @ near.T - far @ far.T
+    first = np.fft.irfft(cross, size)[..., : degree + 1]
+    steps = change.reshape(degree, inputs, degree, inputs)
+    normal = np.zeros((degree + 1, inputs, degree + 1, inputs))
+    normal[0] = first.transpose(0, 2, 1)
+    for k in range(degree):
+        normal[k + 1, :, 0] = first[:, :, k + 1].T
+        normal[k + 1, :, 1:] = normal[k, :, :-1] + steps[k]
+    whole = normal.reshape((degree + 1) * inputs, -1)
+    return 0.5 * (whole + whole.T)
