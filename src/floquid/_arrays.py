@@ -12,3 +12,5 @@ Complexes: TypeAlias = NDArray[np.complex128]
 Integers: TypeAlias = NDArray[np.int64]
 Indices: TypeAlias = NDArray[np.intp]
 Mask: TypeAlias = NDArray[np.bool_]
+
+BLOCK = 2**20  # the most numbers that a computation in parts holds at once: 8 MB stay in a processor's cache

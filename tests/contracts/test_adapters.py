@@ -334,10 +334,12 @@ def test_noise_gives_poles_that_can_be_computed_with(identifier):
 
 def test_bopdmd_is_kept_from_infinite_numbers():
     """Growth that overflows in the fit meets a least-squares routine of LAPACK that may never return."""
-    constrained = _within(300)(np.array([9.2 + 32.7j, 9.2 - 32.7j, -8.0 + 0.0j]))
+    constrained = _within(100)(np.array([9.2 + 32.7j, 9.2 - 32.7j, -8.0 + 0.0j]))
     assert_allclose(constrained.real, [2.0, 2.0, -3.0])
     assert_allclose(constrained.imag, np.array([1.0, -1.0, 0.0]) * (32.7 - 10 * np.pi), atol=1e-12)
-    assert _within(6000)(np.array([1.0 + 0.0j])).real == pytest.approx(0.1)
+    slow = _within(6000)(np.array([1.0 + 0.0j])).real[0]
+    assert slow == pytest.approx(0.06, rel=0.1)
+    assert np.isfinite(np.exp(2 * 6000 * slow)), "squares are, too"
     with pytest.raises(np.linalg.LinAlgError, match="not finite"):
         _within(300)(np.array([np.nan + 0.0j]))
 

@@ -8,23 +8,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._arrays import Complexes, Floats
+from floquid._arrays import BLOCK, Complexes, Floats
 from floquid._checks import Rebuilt, input_error
 from floquid.core import Channel, Cycles, Provenance
-from floquid.fit import filter_gain
-from floquid.lti import TimeResponses, white_noise_std
+from floquid.fit import ROUNDING, filter_gain
+from floquid.lti import FEWEST, TimeResponses, white_noise_std
 
-ROUNDING = 1e-10
+FLOOR = 1e-10
 """The noise is taken to be at least this share of a channel's largest value: records are never exact beyond it."""
 
-SHORT = 24
-"""Cycles below which noise is not told from a misfit: a hit has none of its own while there are longer hits."""
+SINGLE = 0.5 * float(np.finfo(np.float32).eps)  # the same for samples that were stored in single precision
 
-SINGLE = 2.0**-24  # the same for samples that were stored in single precision
-CONSTANT = 1e-13  # the range of a channel over its largest value below which it is rounding
-
-SMALLEST, LARGEST = 1e-75, 1e75
-"""Bounds on a channel's largest value: sums of fourth powers of what lies beyond leave the range of floating point."""
+LARGEST = float(np.finfo(float).max / BLOCK) ** 0.25
+"""Bound on a channel's largest value, and on one over it: sums of fourth powers beyond leave floating point."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -59,7 +55,7 @@ class Lifted(Rebuilt):
     n_phases: int
     first_phase: float
     provenance: Provenance
-    floor: float | Floats = ROUNDING
+    floor: float | Floats = FLOOR
     whitening: Floats | None = None
 
     def __post_init__(self) -> None:
@@ -116,7 +112,7 @@ class Lifted(Rebuilt):
         return replace(self, responses=replace(now, noise=spread))
 
 
-def lift(cycles: Cycles | Sequence[Cycles], *, floor: float = ROUNDING, noise: Floats | None = None) -> Lifted:
+def lift(cycles: Cycles | Sequence[Cycles], *, floor: float = FLOOR, noise: Floats | None = None) -> Lifted:
     r"""The lifted responses of one or several hits, with the noise of each channel and hit, estimated if not given.
 
     .. math:: y^L[m] = [y_0^T, \dots, y_{P-1}^T]^T[m] = \sum_r R^{Ld}_r e^{\lambda_r m T}
@@ -157,7 +153,8 @@ def lift(cycles: Cycles | Sequence[Cycles], *, floor: float = ROUNDING, noise: F
 def _noise_of(hits: Sequence[Cycles]) -> Floats:
     """The noise of each channel and hit, before anything is known of the response (channels, hits)."""
     noise = np.array([[white_noise_std(block) for block in hit.values] for hit in hits]).T
-    long = np.array([hit.n_cycles for hit in hits]) >= SHORT
+    # A hit of fewer cycles has no noise of its own while there are longer ones.
+    long = np.array([hit.n_cycles for hit in hits]) >= FEWEST
     if long.any():
         # A few cycles do not tell noise from modes; until there is a fit, a short hit has the noise of the long ones.
         noise[:, ~long] = noise[:, long].mean(axis=1, keepdims=True)
@@ -217,11 +214,11 @@ def refuse_values(
             raise input_error(argument, of, must, got, "Leave it out with `channels=`.")
         lowest, highest = float(there.min()), float(there.max())
         largest = max(highest, -lowest)
-        if largest > LARGEST or 0.0 < largest < SMALLEST:
-            must = f"have values whose squares can be computed with, between {SMALLEST:g} and {LARGEST:g}"
+        if largest > LARGEST or 0.0 < largest < 1.0 / LARGEST:
+            must = f"have values whose squares can be computed with, between {1.0 / LARGEST:.1g} and {LARGEST:.1g}"
             remedy = "Give it in another unit, or leave it out with `channels=`."
             raise input_error(argument, of, must, f"{name} reaches {largest:.3g}", remedy)
-        if highest - lowest <= CONSTANT * largest:
+        if highest - lowest <= ROUNDING * largest:
             remedy = "Leave it out with `channels=`, or check its sensor."
             must = "have channels that vary"
             raise input_error(argument, of, must, f"{name} is constant ({there.flat[0]:g})", remedy)

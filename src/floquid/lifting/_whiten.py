@@ -14,16 +14,11 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid.core import Cycles
 from floquid.fit import filtered, yule_walker
-from floquid.lifting._lift import SHORT, Lifted, largest_values, lift
-from floquid.lti import ModalModel
+from floquid.lifting._lift import Lifted, largest_values, lift
+from floquid.lti import COLOURED, FEWEST, ORDERS, ModalModel
 
 LAGS = 16
 """The lags looked at. Shorter than a period: poles that were fitted leave correlations a period apart."""
-
-ORDERS = (1, 2, 4, 8)  # the lengths of filters tried
-COLOURED = 8.0  # the standard deviations from white noise at which a filter is worth its trouble
-LEAST = 0.01  # the sum of squared correlations below which hardly anything is gained
-FLOOR = 2.0  # times the noise floor: what is left below it is rounding
 
 
 def whitening_filter(lifted: Lifted, modal: ModalModel) -> Floats | None:
@@ -34,7 +29,7 @@ def whitening_filter(lifted: Lifted, modal: ModalModel) -> Floats | None:
     has a filter that does nothing, and where all are white there is none.
     """
     most = min(LAGS, lifted.n_phases - 1)
-    if most < 1 or not modal.order or lifted.responses.lengths.max() < SHORT:
+    if most < 1 or not modal.order or lifted.responses.lengths.max() < FEWEST:
         return None
     correlations, numbers = _correlations(lifted, modal, most)
     return filters_of(correlations, numbers)
@@ -47,7 +42,6 @@ def filters_of(correlations: Floats, numbers: Floats) -> Floats | None:
     (channels,) samples.
     """
     coloured = _colours(correlations, numbers) > COLOURED
-    coloured &= np.sum(correlations[:, 1:] ** 2, axis=1) > LEAST
     if not coloured.any():
         return None
     taps = np.eye(1)
@@ -129,7 +123,7 @@ def _correlations(lifted: Lifted, modal: ModalModel, most: int) -> tuple[Floats,
             along = _left(values, shapes[:, rows], powers)
             square = float(along @ along) / len(along)
             free = max(len(along) - phases * modal.order, 1)
-            if square * len(along) / free <= (FLOOR * floor[channel, hit] * np.abs(values).max()) ** 2:
+            if square * len(along) / free <= (floor[channel, hit] * np.abs(values).max()) ** 2:
                 continue
             sums[channel] += [along[lag:] @ along[: len(along) - lag] / square for lag in range(most + 1)]
             numbers[channel] += free

@@ -8,15 +8,15 @@ from floquid.lti._era import ERA
 from floquid.lti._exponentials import fit_residues
 from floquid.lti._factor import compress, weighted_blocks
 from floquid.lti._identifier import AbstractIdentifier
-from floquid.lti._noise import white_noise_std
+from floquid.lti._noise import noise_edge, white_noise_std
 from floquid.lti._spectrum import WHITE, composites
 from floquid.lti._types import Composites, ModalModel, Outcome, TimeResponses
 from floquid.lti.ami import AMI
-from floquid.lti.likelihood import Ensemble, Evidence, MaximumLikelihood, brief, pooled_noise
+from floquid.lti.likelihood import COLOURED, FEWEST, ORDERS, Ensemble, Evidence, MaximumLikelihood, brief, pooled_noise
 from floquid.lti.rational import LSCF, PolyLSCF
 
 __all__ = [
-    "AMI", "ERA", "LSCF", "WHITE", "AbstractIdentifier", "Composites", "Ensemble", "Evidence", "MaximumLikelihood",
-    "ModalModel", "Outcome", "PolyLSCF", "TimeResponses", "brief", "composites", "compress", "fit_residues",
-    "pooled_noise", "weighted_blocks", "white_noise_std",
+    "AMI", "COLOURED", "ERA", "FEWEST", "LSCF", "ORDERS", "WHITE", "AbstractIdentifier", "Composites", "Ensemble",
+    "Evidence", "MaximumLikelihood", "ModalModel", "Outcome", "PolyLSCF", "TimeResponses", "brief", "composites",
+    "compress", "fit_residues", "noise_edge", "pooled_noise", "weighted_blocks", "white_noise_std",
 ]  # fmt: skip

@@ -11,13 +11,12 @@ import numpy as np
 from floquid._arrays import Complexes, Floats
 from floquid._checks import integer
 from floquid.lti._exponentials import model_of
-from floquid.lti._factor import BLOCK, Factor, energetic_length, energies, factors
+from floquid.lti._factor import Factor, energetic_length, energies, factors
 from floquid.lti._identifier import AbstractIdentifier, Report, given_order, reached, silent
 from floquid.lti._poles import PoleSet
 from floquid.lti._types import ModalModel, TimeResponses
 
 ROUNDING = 16.0 * np.finfo(float).eps  # the share of the largest eigenvalue below which an eigenvalue is rounding
-DENSE = 512  # the window up to which all eigenvalues are computed; beyond, Lanczos finds the leading ones
 
 
 def hankel_covariance(factors: Sequence[Factor], window: int) -> Floats:
@@ -36,28 +35,13 @@ def hankel_covariance(factors: Sequence[Factor], window: int) -> Floats:
         tail = block.values[shifts:] @ block.values[shifts:].T
         change = tail - head
         row = np.zeros((window, window))
-        row[0] = _correlation(block.values, shifts, window)
+        # Products, and not a transform, whose rounding would be that of the largest sample.
+        row[0] = [np.vdot(block.values[:shifts], block.values[lag : lag + shifts]) for lag in range(window)]
         for i in range(window - 1):
             row[i + 1, i + 1 :] = row[i, i:-1] + change[i, i:]
         total += row
     upper = np.triu(total, 1)
     return upper + upper.T + np.diag(np.diag(total))
-
-
-def _correlation(values: Floats, shifts: int, window: int) -> Floats:
-    """Σ_{n < shifts} f[n] f[n + l] (window,), over all columns."""
-    samples, rank = values.shape
-    if samples * window <= 2**16:
-        gram = values @ values.T
-        return np.array([np.trace(gram[:shifts, lag : lag + shifts]) for lag in range(window)])
-    size = 1 << int(np.ceil(np.log2(samples + window)))
-    total, step = np.zeros(size // 2 + 1, complex), max(1, BLOCK // size)
-    for start in range(0, rank, step):
-        part = values[:, start : start + step].T
-        total += np.einsum(
-            "cl,cl->l", np.fft.rfft(part[:, :shifts], size).conj(), np.fft.rfft(part, size), optimize=False
-        )
-    return np.fft.irfft(total, size)[:window]
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,8 +58,8 @@ class Realisation:
         longest = max(len(block.values) for block in blocks)
         lags = max(1, min(window or search_window(longest), longest - 1))
         covariance = hankel_covariance(blocks, lags + 1)
-        values, vectors = leading(covariance[:-1, :-1], min(most, lags))
-        return Realisation(values, vectors, covariance[:-1, 1:])
+        values, vectors = np.linalg.eigh(covariance[:-1, :-1])
+        return Realisation(values[: -most - 1 : -1], vectors[:, : -most - 1 : -1], covariance[:-1, 1:])
 
     @property
     def rank(self) -> int:
@@ -89,19 +73,6 @@ class Realisation:
         inner = (lead.T @ self.shifted @ lead) / np.outer(scale, scale)
         found = np.linalg.eigvals(inner).astype(complex)
         return found[np.abs(found) > ROUNDING]
-
-
-def leading(matrix: Floats, most: int) -> tuple[Floats, Floats]:
-    """The `most` largest eigenvalues, descending, and eigenvectors of a symmetric matrix."""
-    size = len(matrix)
-    if size <= DENSE or 3 * most > size:
-        values, vectors = np.linalg.eigh(matrix)
-    else:
-        from scipy.sparse.linalg import eigsh
-
-        values, vectors = eigsh(matrix, most, which="LA", v0=np.ones(size))
-    order = np.argsort(values)[::-1][:most]
-    return values[order], vectors[:, order]
 
 
 def search_window(samples: int) -> int:
@@ -129,8 +100,7 @@ class ERA(AbstractIdentifier):
     H₀ and H₁, one sample later, have a column a lag and a row a start and response; the multipliers are the eigenvalues
     of A_n. With many responses only H₀ᵀH₀ and H₀ᵀH₁ are needed, and both are sums of shifted blocks of the Gram matrix
     over time: neither Hankel matrix is formed, and their size does not depend on the number of responses. Responses are
-    divided by their noise. Short records without noise are realised from the Hankel matrix itself, since squaring
-    halves the digits; leading directions of long windows come by Lanczos' method.
+    divided by their noise.
 
     At too low an order the estimate is biased, at too high a one it holds poles of noise: the order is the user's, or
     that of `MaximumLikelihood(initial=ERA())`.

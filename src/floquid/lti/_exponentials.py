@@ -19,15 +19,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from floquid._arrays import Complexes, Floats, Integers
+from floquid._arrays import BLOCK, Complexes, Floats, Integers
 from floquid._checks import frozen_array, input_error
 from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, positive_part, sandwich
-from floquid.lti._factor import BLOCK, Factor
-from floquid.lti._poles import PAIR, PoleSet
+from floquid.lti._factor import Factor
+from floquid.lti._poles import LARGEST_GROWTH, PAIR, PoleSet
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
-
-LONGEST_STEP = 0.5  # the most that a pole may move in a step, of ln μ: half of it is a factor of 1.6 of a decay
-LARGEST_GROWTH = 345.0  # logarithm of the growth over a record beyond which squares leave the range of floating point
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,14 +45,14 @@ class Fit:
 def powers(s: Complexes, samples: int) -> Complexes:
     """The columns e^{sk} (samples, poles), each scaled to a largest entry of one (a growing mode must not overflow).
 
-    What has decayed below 1e-60 is zero: products of denormal numbers cost a hundred times a product of others.
+    Where their squares would be denormal they are zero: denormal numbers cost a hundred times as much as others.
     """
     grows, span = s.real > 0, int(np.ceil(np.sqrt(samples)))
     decaying = np.asarray(np.where(grows, -s, s), np.complex128)
     # e^{s(qa + b)} is the product of two, each one of √samples exponentials.
     late = np.exp((span * np.arange(-(-samples // span))[:, None]) * decaying)
     columns = (late[:, None] * np.exp(np.arange(span)[:, None] * decaying)).reshape(span * len(late), len(s))[:samples]
-    columns[np.arange(samples)[:, None] * decaying.real <= -138.0] = 0.0
+    columns[np.arange(samples)[:, None] * decaying.real <= -LARGEST_GROWTH] = 0.0
     columns[:, grows] = columns[::-1, grows]
     return columns
 
@@ -208,8 +205,8 @@ def polish(
 
 
 def no_longer(_at: object, step: Floats, _normal: Normal, _damping: float) -> Floats:
-    """A step of which no part is above `LONGEST_STEP`."""
-    return step * min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), np.finfo(float).tiny))
+    """A step of which no part is above one neper or radian a sample."""
+    return step / max(1.0, float(np.abs(step).max()))
 
 
 def fit_residues(

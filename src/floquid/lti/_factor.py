@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from floquid._arrays import Floats, Integers
+from floquid._arrays import BLOCK, Floats, Integers
 from floquid.lti._types import TimeResponses
 
-BLOCK = 2**20  # the most numbers that are scaled at once
 LARGEST = 2**22  # the most numbers that a factor may hold; beyond, it is made of leading directions
 LEADING = 192  # number of leading directions then
 
@@ -24,7 +23,7 @@ SAFE = 1e-4
 orthogonal steps, which cost four times as much."""
 
 SHORT = 600
-"""Samples up to which a record is looked at whole."""
+"""Samples up to which a record is looked at whole: enough to tell white noise, few enough for a Gram matrix."""
 
 Rows = Callable[[], Iterator[Floats]]  # the rows of a matrix W (rows, width), some at a time, as often as it is asked
 
@@ -47,16 +46,19 @@ class Factor:
         """The block with its energy ||F||²."""
         return Factor(values, columns, float(np.einsum("ij,ij->", values, values)), triangular)
 
+    @property
+    def left_out(self) -> float:
+        """Energy beside the leading directions: that of noise, as much at one time as at another."""
+        return self.energy - float(np.einsum("ij,ij->", self.values, self.values))
+
     def cut(self, samples: int) -> Factor:
         """First samples of the block."""
         if samples >= len(self.values):
             return self
         rank = samples if self.triangular else self.values.shape[1]
         part = Factor.of(self.values[:samples, :rank], self.columns, triangular=self.triangular)
-        # What leading directions leave out is noise, as much at one time as at another.
-        left_out = self.energy - float(np.einsum("ij,ij->", self.values, self.values))
         taken = None if self.taken is None else self.taken[:samples]
-        return replace(part, energy=part.energy + left_out * samples / len(self.values), taken=taken)
+        return replace(part, energy=part.energy + self.left_out * samples / len(self.values), taken=taken)
 
 
 def scaled_blocks(data: TimeResponses, inputs: Integers, samples: int) -> Iterator[Floats]:

@@ -10,9 +10,6 @@ from floquid._arrays import Floats
 from floquid.lti._era import hankel_covariance
 from floquid.lti._factor import factor
 
-ENOUGH = 64  # outputs that tell the noise which all of them share, to a percent
-QUARTILE = 0.25  # the eigenvalue looked at: right as long as the poles are well under three quarters of the window
-
 
 def white_noise_std(responses: Floats) -> float:
     r"""The standard deviation of the white noise on `responses` (outputs, samples) that share it, in their units.
@@ -21,10 +18,8 @@ def white_noise_std(responses: Floats) -> float:
 
     with H the block Hankel matrix of n columns. A sum of r exponentials lifts r of its eigenvalues, and the others are
     those of noise; c is the quartile's mean for white noise of unit variance and the same size, near 1 for many
-    outputs. Of many outputs, some spread evenly over them are looked at. The residual of the maximum-likelihood fit
-    corrects the estimate later.
+    outputs. The residual of the maximum-likelihood fit corrects the estimate later.
     """
-    responses = responses[:: max(1, len(responses) // ENOUGH)]
     outputs, samples = responses.shape
     window = max(1, min(samples // 2, 128))
     if outputs == 1:
@@ -34,12 +29,12 @@ def white_noise_std(responses: Floats) -> float:
 
 
 def _quartile(responses: Floats, window: int) -> float:
-    """The lower quartile of the eigenvalues of the Hankel covariance, a column."""
+    """The lower quartile of the eigenvalues of the Hankel covariance, a column: poles are fewer than three quarters."""
     outputs, samples = responses.shape
     values = np.linalg.eigvalsh(hankel_covariance([factor(responses.T)], window))
     # Eigenvalues of a squared matrix: below this share of the largest they are rounding, not noise.
     rounding = 8.0 * np.finfo(float).eps * values[-1]
-    return max(float(np.quantile(values, QUARTILE)), rounding) / (outputs * (samples - window + 1))
+    return max(float(np.quantile(values, 0.25)), rounding) / (outputs * (samples - window + 1))
 
 
 @lru_cache(maxsize=64)
@@ -48,6 +43,17 @@ def _expected_quartile(outputs: int, samples: int, window: int) -> float:
     rng = np.random.default_rng(0)
     draws = 4 if outputs * samples > 100 * window else 16
     return float(np.mean([_quartile(rng.standard_normal((outputs, samples)), window) for _ in range(draws)]))
+
+
+TRACY_WIDOM = 3.27
+"""The largest eigenvalue of a real white Wishart matrix is below this with probability 0.999, centred and scaled."""
+
+
+def noise_edge(rows: int, columns: int) -> float:
+    """The largest singular value of unit noise of `rows` and `columns`, passed once in 1000 (Johnstone 2001)."""
+    tall, wide = np.sqrt(rows), np.sqrt(columns)
+    scale = (tall + wide) * (1.0 / tall + 1.0 / wide) ** (1.0 / 3.0)
+    return float(np.sqrt((tall + wide) ** 2 + TRACY_WIDOM * scale))
 
 
 @lru_cache(maxsize=256)

@@ -13,6 +13,9 @@ PAIR, POSITIVE, NEGATIVE = 0, 1, -1  # kinds by the sign of a real multiplier
 FASTEST = (-3.0, 2.0)
 """Logarithms of the fastest decay and growth a sample at which a mode differs from a blow to a single sample."""
 
+LARGEST_GROWTH = -0.5 * float(np.log(np.finfo(float).tiny))
+"""Logarithm of the growth over a record beyond which squares leave the range of floating point."""
+
 
 @dataclass(frozen=True, slots=True)
 class PoleSet:
@@ -117,11 +120,6 @@ class PoleSet:
     def plausible(self) -> PoleSet:
         """The poles that could be seen: those within `FASTEST`."""
         return self.keep((self.s.real > FASTEST[0]) & (self.s.real < FASTEST[1]))
-
-    def crowded(self, entry: int, near: float) -> bool:
-        """True where another pole is so near that it could move to take this one's part."""
-        distance = np.minimum(np.abs(self.s - self.s[entry]), np.abs(self.s - self.s[entry].conj()))
-        return bool((np.delete(distance, entry) < near).any())
 
     def normalised(self, shares: Complexes) -> tuple[Complexes, Integers]:
         """Participations in the inputs (k, inputs), the largest of each 1 and those of real poles real; and where."""

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid._arrays import Floats
+from floquid.fit import ROUNDING
 from floquid.lti._exponentials import real_powers
 from floquid.lti._factor import Factor
 from floquid.lti._poles import PoleSet
-
-AFRESH = 8  # removals after which the matrices are made anew: rounding adds up where columns are almost dependent
-ROUNDING = 1e-14  # the share of a pair's squared spread below which its determinant is rounding
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,12 +108,12 @@ def weakest(now: PoleSet, rises: Floats, order: int) -> int | None:
 
 def _taken(poles: PoleSet, factors: Sequence[Factor], choice: Callable[[PoleSet, Floats], int | None]) -> PoleSet:
     """Take away the entry chosen by the rises as long as there is one."""
-    now, done = Removal.of(poles, factors), 0
+    now = Removal.of(poles, factors)
     while len(now.poles):
-        if done == AFRESH or len(now.spread) < sum(len(f.values) > now.poles.order for f in factors):
-            now, done = Removal.of(now.poles, factors), 0
+        if len(now.spread) < sum(len(f.values) > now.poles.order for f in factors):
+            now = Removal.of(now.poles, factors)
         entry = choice(now.poles, now.rises())
         if entry is None:
             break
-        now, done = now.without(entry), done + 1
+        now = now.without(entry)
     return now.poles

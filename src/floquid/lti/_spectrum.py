@@ -17,13 +17,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from floquid._arrays import Complexes, Floats, Integers
-from floquid.lti._poles import NEGATIVE, PAIR
+from floquid._arrays import BLOCK, Complexes, Floats, Integers
+from floquid.lti._poles import LARGEST_GROWTH, NEGATIVE, PAIR
 from floquid.lti._types import Composites, ModalModel, TimeResponses
 
-NO_OVERFLOW = 300.0  # the growth over a record, in nepers, up to which powers of a multiplier are formed as they stand
-ON_A_LINE = 2e-4  # |Nδ| below which the finite sum and its slope are taken from their series
-CHUNK = 2**22  # the most numbers that are transformed at once
+ON_A_LINE = float(np.finfo(float).eps ** 0.25)
+"""|Nδ| below which the finite sum and its slope are taken from their series: their errors are alike there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +70,7 @@ def finite_sum(s: complex, angles: Floats, samples: int) -> tuple[Complexes, Com
     delta = s - 1j * angles
     delta = delta.real + 1j * (np.mod(delta.imag + np.pi, 2.0 * np.pi) - np.pi)
     growing = s.real > 0
-    if growing and s.real * samples > NO_OVERFLOW:
+    if growing and s.real * samples > LARGEST_GROWTH:
         below = np.expm1(delta)
         total = (np.exp(s) - np.exp(-(samples - 1) * s)) / below
         # Σ k x^k = (N x^N - x (x^N - 1)/(x - 1)) / (x - 1), everything over x^(N-1); z^N = 1 on the lines.
@@ -117,7 +116,7 @@ def composites(data: TimeResponses, model: ModalModel) -> Composites:
     lines = samples // 2 + 1
     powers = model.multipliers[:, None] ** np.arange(samples)
     sums = np.zeros((3, lines))
-    step = max(1, CHUNK // samples)
+    step = max(1, BLOCK // samples)
     for i, length in enumerate(data.lengths):
         basis = np.fft.fft(powers[:, :length], n=samples)[:, :lines]
         for start in range(0, outputs, step):

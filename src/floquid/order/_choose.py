@@ -10,12 +10,8 @@ import numpy as np
 
 from floquid._show import Brief
 from floquid.findings import Finding, Severity, note, texts, warning
-from floquid.lti import AbstractIdentifier, Evidence, MaximumLikelihood, ModalModel, Outcome, TimeResponses
-
-WHITE = 8.0
-"""The standard deviations by which the colour of a residual may differ from that of white noise."""
-
-APART = 5.0  # standard deviations that two modes must be apart, and that modes may not move by when one more is there
+from floquid.fit import DEVIATIONS
+from floquid.lti import COLOURED, AbstractIdentifier, Evidence, MaximumLikelihood, ModalModel, Outcome, TimeResponses
 
 DETERMINED = 2e-3 * 2.0 * np.pi
 """The standard deviation of a decay or an angle above which a mode may stand for several [rad/sample]."""
@@ -112,12 +108,12 @@ def _findings(evidence: Evidence) -> list[Finding]:
     if len(evidence.rises):
         found += [_weakest(evidence), _determined(evidence), *_nearness(evidence)]
     if np.isfinite(evidence.gap):
-        near = evidence.gap < APART
+        near = evidence.gap < DEVIATIONS
         found.append((warning if near else note)("nearest_modes", gap=evidence.gap, near=near))
     doubtful = evidence.gain > evidence.doubtful_gain
     share = evidence.gain / evidence.gain_limit
     found.append((warning if doubtful else note)("further_mode", share=share, doubtful=doubtful))
-    if evidence.moved > APART and doubtful:
+    if evidence.moved > DEVIATIONS and doubtful:
         found.append(warning("modes_move", moved=evidence.moved))
     return [*found, _residual(evidence)]
 
@@ -182,6 +178,6 @@ def _nearness(evidence: Evidence) -> list[Finding]:
 
 
 def _residual(evidence: Evidence) -> Finding:
-    if abs(evidence.colour) > WHITE:
+    if abs(evidence.colour) > COLOURED:
         return warning("not_white", colour=evidence.colour)
     return note("white", colour=evidence.colour, taps=evidence.whitened, independent=evidence.independent)

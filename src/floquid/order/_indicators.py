@@ -6,20 +6,16 @@ from functools import lru_cache
 
 import numpy as np
 
-from floquid._arrays import Floats
+from floquid._arrays import BLOCK, Floats
 from floquid._checks import input_error, integer
-from floquid.lti import ModalModel, TimeResponses, composites, compress
+from floquid.fit import DEVIATIONS
+from floquid.lti import ModalModel, TimeResponses, composites, compress, noise_edge
 from floquid.order._types import Indicators
 
 SMOOTHING = 5  # number of adjacent lines that are looked at together
 FEW = 64  # rows below which delays are added, half of the samples allowing: fewer responses than poles cannot tell them
-CHUNK = 2**20  # the most numbers that are decomposed at once
 
-DRAWS, MARGIN = 16, 4.0
-"""Draws of noise for the edge where delays repeat it, and how many of their deviations it lies above their mean."""
-
-TRACY_WIDOM = 3.27
-"""The largest eigenvalue of a real white Wishart matrix is below this with probability 0.999, centred and scaled."""
+DRAWS = 16  # draws of noise for the edge where delays repeat it: their deviation is known to a fifth
 
 
 def indicators(data: TimeResponses, model: ModalModel | None = None, *, smoothing: int | None = None) -> Indicators:
@@ -88,7 +84,7 @@ def indicators_of(
         composite=curves.data,
         residual=None if model is None else curves.difference,
         singular_values=_singular_values(exact.values[:, :, :shortest].reshape(-1, shortest), delays),
-        noise_edge=noise_edge(rows, shortest, delays),
+        noise_edge=delayed_edge(rows, shortest, delays),
         delays=delays,
     )
 
@@ -100,7 +96,7 @@ def _cmif(principal: TimeResponses, smoothing: int, n_outputs: int) -> Floats:
     for i, length in enumerate(principal.lengths):
         spectra[:, i] = np.fft.fft(principal.values[:, i, :length], n=samples) / np.sqrt(length)
     columns, half = inputs * smoothing, smoothing // 2
-    step = max(1, CHUNK // (responses * columns))
+    step = max(1, BLOCK // (responses * columns))
     curves = []
     for start in range(0, samples // 2 + 1, step):
         middle = np.arange(start, min(start + step, samples // 2 + 1))
@@ -118,12 +114,10 @@ def _singular_values(values: Floats, delays: int) -> Floats:
 
 
 @lru_cache(maxsize=64)
-def noise_edge(rows: int, samples: int, delays: int) -> float:
+def delayed_edge(rows: int, samples: int, delays: int) -> float:
     """The largest singular value that white noise of unit variance has, but for one time in a thousand or so."""
     if delays == 1:
-        tall, wide = np.sqrt(rows), np.sqrt(samples)
-        scale = (tall + wide) * (1.0 / tall + 1.0 / wide) ** (1.0 / 3.0)
-        return float(np.sqrt((tall + wide) ** 2 + TRACY_WIDOM * scale))
+        return noise_edge(rows, samples)
     generator = np.random.default_rng(0)
     draws = [_singular_values(generator.standard_normal((rows, samples)), delays)[0] for _ in range(DRAWS)]
-    return float(np.mean(draws) + MARGIN * np.std(draws, ddof=1))
+    return float(np.mean(draws) + DEVIATIONS * np.std(draws, ddof=1))

@@ -9,7 +9,17 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import input_error, integer
-from floquid.lti import ERA, LSCF, AbstractIdentifier, ModalModel, Outcome, PolyLSCF, TimeResponses, weighted_blocks
+from floquid.lti import (
+    ERA,
+    LSCF,
+    AbstractIdentifier,
+    ModalModel,
+    Outcome,
+    PolyLSCF,
+    TimeResponses,
+    fit_residues,
+    weighted_blocks,
+)
 from floquid.order._indicators import both_compressed, indicators_of
 from floquid.order._types import Criteria, OrderScan, Stability, Tolerances
 
@@ -20,8 +30,8 @@ FAR = 10.0
 
 DEFAULT = Tolerances()
 
-DEGREES, NOISE_ROOTS = 4, 8
-"""The degree of a rational function by the order asked for: well above it, since noise takes most of the roots."""
+DEGREES = 4
+"""The degree of a rational function over the order asked for: well above one, since noise takes most of the roots."""
 
 
 def scan(
@@ -105,7 +115,7 @@ def _orders(orders: Sequence[int] | None, samples: int) -> tuple[int, ...]:
 def _of_order(identifier: AbstractIdentifier, order: int) -> AbstractIdentifier:
     """The identifier with the degree of its rational function by the `order`, where it has one and it is not given."""
     if isinstance(identifier, (LSCF, PolyLSCF)) and identifier.degree is None:
-        return replace(identifier, degree=DEGREES * order + NOISE_ROOTS)
+        return replace(identifier, degree=DEGREES * order)
     return identifier
 
 
@@ -162,17 +172,9 @@ def criteria(models: Sequence[ModalModel], principal: TimeResponses, data: TimeR
 
 def _left(multipliers: Complexes, principal: TimeResponses) -> float:
     """The sum of squares that the best residues of these multipliers leave."""
-    left = 0.0
-    for i, length in enumerate(principal.lengths):
-        values = principal.values[:, i, :length].T
-        above = multipliers[multipliers.imag >= 0]
-        logs = np.asarray(np.log(above), dtype=np.complex128)
-        # A growing mode is scaled at its end, so that nothing overflows.
-        k = np.arange(length)[:, None] - np.where(logs.real > 0, length - 1, 0)
-        columns = np.exp(k * logs)
-        q, _ = np.linalg.qr(np.concatenate([columns.real, columns[:, above.imag > 0].imag], axis=1))
-        left += float(np.sum((values - q @ (q.T @ values)) ** 2))
-    return left
+    model = fit_residues(multipliers, principal)
+    assert model.residual_std is not None
+    return float(np.sum(model.residual_std**2 * np.maximum(principal.lengths - model.order, 1)))
 
 
 def mac(a: Complexes, b: Complexes) -> Floats:

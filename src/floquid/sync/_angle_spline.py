@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from floquid._arrays import Floats, Integers, Mask
+from floquid._arrays import BLOCK, Floats, Integers, Mask
 from floquid._checks import Rebuilt
+from floquid.fit import SURE, chi2_limit
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
@@ -17,20 +18,12 @@ if TYPE_CHECKING:
 LADDER = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024, 1536, 2048)
 """Numbers of pieces of the cubic spline that are tried, beside one straight line."""
 
-DOUBT = 0.01  # a speed that is steady is called unsteady with this probability at most
-OUTLYING = 6.0  # robust standard deviations beyond which a pulse is left out
-
 HARMLESS = 1e-3
-"""The share of the angle between pulses below which none is left out: what is left of exact pulses is the spline's own
+"""The share of the angle between pulses below which none is left out: the residual of exact pulses is the spline's own
 error, which is small in most places and not in others."""
 
-SAMPLED = 0.3  # the deviation of an edge that is known to a sample, in samples
-
-LAGS, CHANCE = 8, 1e-4
-"""Lags at which what is left is searched for correlation, and the probability at which a random error may show it:
-beyond, it is motion that the spline does not follow, and the angle is as far off as the pulses are."""
-
-BLOCK = 4096  # instants whose deviations are found together
+LAGS = 8
+"""Lags at which the residual is searched for correlation: motion that the spline does not follow lasts for several."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -100,8 +93,9 @@ class AngleSpline(Rebuilt):
         x, inside, _ = self._evaluate(times)
         basis = BSpline(self.knots, np.eye(len(self.coefficients)), self.degree)
         found = np.empty(len(times))
-        for begin in range(0, len(times), BLOCK):
-            part = slice(begin, begin + BLOCK)
+        step = max(1, BLOCK // len(self.coefficients))
+        for begin in range(0, len(times), step):
+            part = slice(begin, begin + step)
             rows = basis(inside[part], int(derivative))
             out = np.flatnonzero(x[part] != inside[part])
             if not derivative and len(out):
@@ -169,11 +163,11 @@ def fit_angle(
     kept = np.ones(len(times), dtype=bool)
     floor = 8.0 * np.finfo(float).eps * max(float(np.abs(angles).max()), slope * abs(first), slope * abs(last))
     pitch = float(np.median(np.diff(angles)))
-    seen = [kept]
+    seen, outlying = [kept], np.sqrt(chi2_limit(1, SURE))
     rung = _climb(x, wave, lines, n_lines, most, floor)
     for _ in range(20):
         rest = _residuals(rung, x, wave, lines)
-        limit = max(OUTLYING * max(1.4826 * float(np.median(np.abs(rest))), floor), HARMLESS * pitch)
+        limit = max(outlying * max(1.4826 * float(np.median(np.abs(rest))), floor), HARMLESS * pitch)
         kept = np.abs(rest) <= limit
         if any(np.array_equal(kept, one) for one in seen) or np.count_nonzero(kept) <= rung.n_parameters:
             break
@@ -185,7 +179,8 @@ def fit_angle(
     offsets = np.where(present, rung.offsets, np.nan)
     inverse, lines_std = rung.deviations()
     residuals = _residuals(rung, x, wave, lines)
-    if np.sqrt(variance) > SAMPLED * slope * step and _moving(residuals[kept], rung.n_parameters):
+    # An edge that is known to a sample errs by half of one at most.
+    if np.sqrt(variance) > 0.5 * slope * step and _moving(residuals[kept], rung.n_parameters):
         inverse = inverse + np.eye(len(inverse))
     return AngleFit(
         spline=AngleSpline(
@@ -207,15 +202,13 @@ def fit_angle(
 
 def _moving(residuals: Floats, n_parameters: int) -> bool:
     """True where residuals (pulses,) are correlated: Ljung and Box's sum over some lags, less what the fit makes."""
-    from scipy.special import chdtrc
-
     n, power = len(residuals), float(residuals @ residuals)
     if n < 4 * LAGS or power == 0.0:
         return False
     sums = [float(residuals[lag:] @ residuals[:-lag]) ** 2 / (n - lag) for lag in range(1, LAGS + 1)]
     score = n * (n + 2.0) * sum(sums) / power**2
     # Of white errors a fit of so many parameters makes residuals whose squared correlations sum to about (p/n)²/2 n.
-    return bool(chdtrc(LAGS, max(score - 0.5 * n_parameters**2 / n, 0.0)) < CHANCE)
+    return score - 0.5 * n_parameters**2 / n > chi2_limit(LAGS, SURE)
 
 
 def _residuals(rung: _Rung, x: Floats, wave: Floats, lines: Integers) -> Floats:
@@ -241,7 +234,7 @@ def _climb(x: Floats, wave: Floats, lines: Integers, n_lines: int, most: int, fl
     best = min(tried, key=lambda rung: _criterion(rung, len(x), least))
     more, free = best.n_parameters - line.n_parameters, len(x) - best.n_parameters
     gain = (line.squares - best.squares) / max(best.squares, least) * free / more
-    if fdtrc(more, free, max(gain, 0.0)) * len(tried) > DOUBT:
+    if fdtrc(more, free, max(gain, 0.0)) * len(tried) > SURE:
         return line
     return best
 

@@ -10,15 +10,14 @@ from floquid._arrays import Floats, Indices, Integers
 from floquid._checks import input_error
 from floquid.core import AzimuthSignal, Channel, Record, channels_named
 from floquid.findings import Finding, note
+from floquid.sync._count_pulses import SPAN
 
 OF = "shaft_angle"
 
 TURNS = {"deg": 360.0, "rad": 2.0 * np.pi, "mrad": 2e3 * np.pi, "urad": 2e6 * np.pi}  # a revolution in each unit
-AGREES = 0.05  # largest difference of a wrap from a revolution, as a share of it
-AMISS = 0.1  # revolutions by which a sample may be off its neighbours before it is left out: one averaged over a wrap
+AMISS = 0.1
+"""Revolutions by which a wrap may be off a whole one, and a sample off its neighbours: one averaged over a wrap is."""
 ONE_WAY = 0.8  # of the path from block to block, what the shaft must get on by: noise goes to and fro a little
-NEAR = 101  # steps of which the median is the local one
-
 A_REVOLUTION = 16
 """The angle is averaged over blocks of a sixteenth of a revolution: resolution and noise of neighbours go together."""
 
@@ -46,8 +45,9 @@ def of_azimuth(record: Record, clock: AzimuthSignal) -> Evidence:
     (row,) = channels_named(record.channels, [clock.channel], argument="record", of=OF)
     values, channel = record.values[row], record.channels[row]
     index = np.flatnonzero(np.isfinite(values))
-    if len(index) < 3 or np.ptp(values[index]) == 0.0:
-        got = f"{channel.name!r} " + ("has fewer than three samples" if len(index) < 3 else "is constant")
+    few = len(index) < 3
+    if few or np.ptp(values[index]) == 0.0:
+        got = f"{channel.name!r} " + ("has fewer than three samples" if few else "is constant")
         raise input_error("record", OF, "have a channel of azimuth that turns", got, "Choose another clock.")
     missing = len(values) - len(index)
     turns = values / _revolution(values, channel)
@@ -101,7 +101,7 @@ def _unwrapped(turns: Floats, good: Indices) -> tuple[Floats, Floats]:
     typical = float(np.median(_nearest(steps[ones]))) if ones.any() else 0.0
     # About the typical step, so that up to half a revolution more or less is told.
     per_sample = typical + _nearest(steps - typical * lengths) / lengths
-    size = min(NEAR, 2 * len(steps) - 1)
+    size = min(SPAN, 2 * len(steps) - 1)
     local = median_filter(per_sample, size=size, mode="reflect") * lengths
     off = _nearest(steps - local)
     return turns[good[0]] + np.concatenate([[0.0], np.cumsum(local + off)]), off
@@ -120,7 +120,7 @@ def _revolution(values: Floats, channel: Channel) -> float:
     size = _wrap(values)
     if channel.unit != "-":
         turn = TURNS[channel.unit]
-        if size is not None and abs(size / turn - max(round(size / turn), 1)) > AGREES:
+        if size is not None and abs(size / turn - max(round(size / turn), 1)) > AMISS:
             must = f"have an azimuth that wraps at {turn:.6g} {channel.unit}"
             remedy = "Correct the channel's unit, or scale the channel so that a revolution is 360 deg."
             raise input_error("record", OF, must, f"{channel.name!r} wraps at {size:.4g}", remedy)
@@ -133,7 +133,7 @@ def _revolution(values: Floats, channel: Channel) -> float:
             raise input_error("record", OF, must, got, 'Give the channel its unit, "deg" or "rad".')
         return TURNS["rad"]
     for turn in (TURNS["deg"], TURNS["rad"]):
-        if abs(size / turn - 1.0) < AGREES:
+        if abs(size / turn - 1.0) < AMISS:
             return turn
     must = "have an azimuth that wraps at 360 deg or 2π rad"
     remedy = "Scale the channel so that a revolution is 360 and give it the unit deg."

@@ -10,10 +10,9 @@ from floquid._arrays import Floats, Indices, Integers
 from floquid.sync._impact_search import longest_run
 
 SPAN = 11  # the fewest intervals of which the median is the local one: every second pulse but one may be wrong
-STEADY = 0.25  # largest difference of a revolution of an undisturbed stretch from those about it, in line spacings
 
 DOUBT = 0.25
-"""Line spacings by which the speeds on the two sides of a gap may differ about the number of pulses lost in it."""
+"""Line spacings that a pulse, a revolution or the speeds beside a gap may be off: half of one would be another line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +70,7 @@ def _pattern(times: Floats, spacing: Floats, lines: int) -> tuple[int, Floats] |
     if lines == 1 or len(times) < 3 * lines:
         return None
     whole = (times[lines:] - times[:-lines]) / (lines * spacing[: len(times) - lines])
-    good = np.abs(whole - np.median(whole)) < STEADY / lines
+    good = np.abs(whole - np.median(whole)) < DOUBT / lines
     begin, end = longest_run(good)
     turns = (end - begin + lines - 1) // lines
     if turns < 2:
@@ -86,7 +85,7 @@ def _track(times: Floats, spacing: Floats, pattern: tuple[int, Floats] | None) -
     steps = np.diff(times) / spacing
     start, shares = pattern if pattern is not None else (0, np.ones(1))
     expected = shares[(np.arange(len(steps)) - start) % len(shares)]
-    if (np.abs(steps - expected) < 0.3).all():  # one by one
+    if (np.abs(steps - expected) < DOUBT).all():  # one by one
         return np.arange(len(times)), np.arange(len(times))
     position = np.concatenate([[0.0], np.cumsum(steps)])  # in line spacings, free of the speed
     forwards = _walk(position[start:], shares)

@@ -11,7 +11,6 @@ from floquid.sync._impact_search import runs_of
 
 FLAT = 3  # equal samples in a row that make a flat top
 STUCK = 10  # equal samples in a row that make a dropout
-BITS = (8, 10, 12, 14, 16, 18, 20, 24, 32)  # widths of integers that are looked for
 FULL = 0.95  # the share of its range that a channel must span to have wrapped round
 SMOOTHER = 0.25  # share of the power of second differences that taking the jumps out may leave
 WHOLE = 1e-3  # largest difference of counts from whole numbers: a factor of calibration rounds them
@@ -124,8 +123,7 @@ def _two_levels(values: Floats, lowest: float, highest: float) -> bool:
     """True where a channel switches between two levels: nine samples of ten within a tenth of the range of either."""
     margin = 0.1 * (highest - lowest)
     low, high = (values <= lowest + margin).sum(), (values >= highest - margin).sum()
-    switches = len(runs_of(values >= highest - margin))
-    return bool(low + high > 0.9 * np.isfinite(values).sum() and min(low, high) > 0 and switches >= 3)
+    return bool(low + high > 0.9 * np.isfinite(values).sum() and min(low, high) > 0)
 
 
 def _cut(values: Floats, first: int, stop: int, quantum: float) -> bool:
@@ -151,9 +149,9 @@ def wrapped(record: Record) -> tuple[Finding, ...]:
         there = values[np.isfinite(values)]
         # Of wide integers, hardly any two neighbours are in a record.
         counts = there if (there == np.rint(there)).all() else there / quantum
-        if len(there) < 3 or np.abs(counts - np.rint(counts)).max() > WHOLE:
+        if np.abs(counts - np.rint(counts)).max() > WHOLE:
             continue
-        for bits in BITS:
+        for bits in range(8, 33):  # the widths of integers
             jumps = _jumps(np.rint(counts), 2.0**bits)
             if jumps:
                 found.append(failure("wraps_round", channel=record.channels[row].name, bits=bits, jumps=jumps))

@@ -9,8 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from floquid._arrays import Floats, Mask
+from floquid._arrays import BLOCK, Floats, Mask
 from floquid._checks import input_error
+from floquid.fit import SURE, chi2_limit
 
 Blow = tuple[int, int, float, bool]
 
@@ -18,22 +19,14 @@ LONGEST_MEMORY = 64  # samples that the model looks back at most
 TERMS = 160  # coefficients a channel of the model at most: memory times channels
 ROWS_A_TERM = 5  # samples a coefficient that the fit needs
 MOST_ROWS = 10_000  # samples that the fit uses at most: more make it slower, not better
-STRETCH = 256  # samples that follow one another in the evenly spread stretches that it then uses
 
-ASSUMED_NOISE = 1e-5
-"""Noise that the fit takes for granted, against the standard deviation of the channel: it keeps a record without noise
-from a fit that is exact and unstable."""
-
-LEAST_ERROR = 1e-4  # prediction error that is never an impact, against the standard deviation of the channel
-LIMIT = 5.0  # root of an impact's prediction error in a window exceeds the usual by this many times the usual scatter
-
-ALONE = 5.0
-"""A single sample stands out when the root of its error over all channels is this many deviations above the usual."""
+LEAST_ERROR = 1e-4
+"""Prediction error that is never an impact, against the deviation of the channel, and that the fit takes for granted:
+one of a record without noise would be exact and unstable."""
 
 SIDED = 0.7
 """Share of the errors around an impact that lies ahead of it forwards and before it backwards: less is chatter."""
 
-AT_ONCE = 512  # samples that are foretold at a time: their windows stay in the processor's memory
 NEARBY = 16  # windows on each side over which the usual prediction error is taken
 
 PASSES = 6  # fits, at most, without the rows that hold impacts: each finds fewer of them than the one before
@@ -80,7 +73,7 @@ def by_response(values: Floats, rows: list[int], *, least: float, apart: int) ->
         free = now
         errors = _errors(scaled, memory, whole, free)
         excess, limit = _excess(*errors, window, len(rows))
-    alone = (1.0 + ALONE / np.sqrt(len(rows))) ** 2
+    alone = (1.0 + np.sqrt(chi2_limit(1, SURE) / len(rows))) ** 2
     return _blows(excess, limit, errors[:2], alone, memory + window, least=least, apart=apart)
 
 
@@ -120,14 +113,16 @@ def _errors(scaled: Floats, memory: int, whole: Mask, free: Mask) -> tuple[Float
     # A row is a stretch of the samples in order of time: it is copied as it lies.
     in_time = np.ascontiguousarray(scaled.T).ravel()
     every = -(-int(free.sum()) // MOST_ROWS)
-    used = free & (np.arange(len(free)) // STRETCH % every == 0)
+    # Stretches are longer than the memory: their ends cost as much as their samples.
+    used = free & (np.arange(len(free)) // (4 * memory) % every == 0)
     mean, gram = _moments(in_time.reshape(samples, channels), used if used.any() else free)
     filters = np.hstack([_filter(gram, channels, ahead=True), _filter(gram, channels, ahead=False)])
     # Single precision is far below the least error that counts.
     windows = sliding_window_view(in_time.astype(np.float32), (memory + 1) * channels)[::channels]
     single, errors = filters.astype(np.float32), np.empty((samples - memory, 2 * channels))
-    for first in range(0, len(errors), AT_ONCE):
-        errors[first : first + AT_ONCE] = windows[first : first + AT_ONCE] @ single
+    step = max(1, BLOCK // len(single))
+    for first in range(0, len(errors), step):
+        errors[first : first + step] = windows[first : first + step] @ single
     errors -= mean @ filters
     ahead, back = np.full((2, samples), np.nan)
     floor = 0.0
@@ -170,7 +165,7 @@ def _filter(gram: Floats, channels: int, *, ahead: bool) -> Floats:
     size = len(gram)
     target = slice(size - channels, size) if ahead else slice(0, channels)
     known = slice(0, size - channels) if ahead else slice(channels, size)
-    ridge = ASSUMED_NOISE**2 * np.eye(size - channels)
+    ridge = LEAST_ERROR**2 * np.eye(size - channels)
     filters = np.zeros((size, channels))
     filters[target] = np.eye(channels)
     filters[known] = -np.linalg.solve(gram[known, known] + ridge, gram[known, target])
@@ -209,7 +204,7 @@ def _limit(excess: Floats, terms: int) -> float:
     """
     shown = excess[excess > 0.0]
     scatter = 1.4826 * np.median(np.abs(shown - np.median(shown))) if len(shown) else 0.0
-    return float((1.0 + LIMIT * max(np.sqrt(1.0 / terms), scatter)) ** 2)
+    return float((1.0 + np.sqrt(chi2_limit(1, SURE)) * max(np.sqrt(1.0 / terms), scatter)) ** 2)
 
 
 def _blows(

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
-from floquid._arrays import Floats, Indices
+from floquid._arrays import BLOCK, Floats, Indices
 from floquid._checks import finite, frozen_array, input_error, positive
 
 BAND = 0.8  # end of the pass band, as a share of the cut-off frequency, by default
@@ -24,7 +24,6 @@ _MARGIN = 8.0
 # 1e-10 the formulas themselves fall short.
 _DEGREE = 20
 # Over one sampling interval a tap turns by less than 3 rad: Chebyshev coefficients fall below 1e-16 by here.
-_BLOCK = 1 << 18  # weights held at once (2 MB)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -67,11 +66,8 @@ def design(sample_rate: float, cutoff: float, band: float, accuracy: float, of: 
 
 
 def _kaiser(attenuation: float, width: float) -> tuple[int, float]:
-    """Taps and β of Kaiser's window (Kaiser 1974), as `scipy.signal.kaiserord`, which takes a second to load."""
-    beta = 0.1102 * (attenuation - 8.7) if attenuation > 50.0 else 0.5842 * (attenuation - 21.0) ** 0.4
-    if attenuation <= 50.0:
-        beta += 0.07886 * (attenuation - 21.0)
-    return int(np.ceil((attenuation - 7.95) / 2.285 / (np.pi * width) + 1.0)), beta
+    """Taps and β of Kaiser's window above 50 dB, as `scipy.signal.kaiserord`, which takes a second to load."""
+    return int(np.ceil((attenuation - 7.95) / 2.285 / (np.pi * width) + 1.0)), 0.1102 * (attenuation - 8.7)
 
 
 def check_options(band: float, accuracy: float, of: str) -> None:
@@ -177,7 +173,7 @@ def interpolate(
     order = np.flatnonzero(inside)
     order = order[np.argsort(position[order], kind="stable")]
     result = np.full((len(array), len(instants)), np.nan)
-    block = max(1, _BLOCK // (2 * kernel.half_width))
+    block = max(1, BLOCK // (2 * kernel.half_width))
     for low in range(0, len(order), block):
         chosen = order[low : low + block]
         result[:, chosen] = _weighted(array, kernel, before[chosen].astype(np.intp), (position - before)[chosen])

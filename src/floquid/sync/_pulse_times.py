@@ -20,8 +20,7 @@ ENDS = (2, 1, 4)
 
 NEAR = 16  # most samples beside an edge from which the levels there are taken: bases drift, and teeth differ in height
 CLEAR = 15.0  # heights of pulses must be so many standard deviations of the base: the threshold is then six above it
-SEPARATE = 10.0  # two levels are told from one by how far apart they are, in standard deviations of the lower
-MOSTLY = 0.6  # fraction of the time beyond which a high level is the base of pulses that go down
+MOSTLY = 0.6  # fraction of the time beyond which a high level is the base: pulses of half the time go up
 
 
 def pulse_times(record: Record, channel: str) -> Floats:
@@ -118,7 +117,7 @@ def _windows(heights: Floats, starts: Indices, size: int) -> Floats:
 
 def _level(samples: Floats, default: float) -> Floats:
     """The median of each row (pulses, 1), or the default where most of the row is missing."""
-    few = np.isnan(samples).mean(axis=1) > 0.5 if samples.shape[1] >= 4 else np.ones(len(samples), dtype=bool)
+    few = np.isnan(samples).mean(axis=1) > 0.5 if samples.shape[1] else np.ones(len(samples), dtype=bool)
     level = np.full(len(samples), default)
     if not few.all():
         level[~few] = np.nanmedian(samples[~few], axis=1)
@@ -164,7 +163,7 @@ def _middles(heights: Floats, begins: Indices, ends: Indices, shape: _Shape) -> 
 def _unevenness(positions: Floats, lines: int) -> float:
     """The median size of the second differences from one revolution to the next."""
     bends = positions[2 * lines :] - 2.0 * positions[lines:-lines] + positions[: -2 * lines]
-    return float(np.median(np.abs(bends))) if len(bends) >= 4 else 0.0
+    return float(np.median(np.abs(bends))) if len(bends) else 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,7 +189,7 @@ def find_levels(values: Floats, channel: str) -> Levels:
     group = below if polarity > 0 else above
     base = low if polarity > 0 else high
     noise = _deviation(group, base)
-    if high - low < SEPARATE * noise or high == low:
+    if high - low < CLEAR * noise or high == low:
         # Pulses are so rare that they do not show in the middle 99 %.
         base = float(np.median(finite))
         noise = _deviation(finite, base)

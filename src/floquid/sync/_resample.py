@@ -11,13 +11,12 @@ import numpy as np
 from floquid._arrays import Floats, Indices
 from floquid._checks import input_error, integer
 from floquid.core import ConstantPeriod, Cycles, Record
+from floquid.fit import SURE
 from floquid.sync._impact_search import longest_run
 from floquid.sync._interpolation import ACCURACY, BAND, check_options, half_width, interpolate
 
 FEWEST_PHASES = 8  # the fewest samples a period that are chosen from a bandwidth, where the sampling rate allows them
-_FALSE_ALARM = 1e-3  # the chance that a record of white noise alone seems to hold a response
 _LENGTHS = (256, 1024, 4096, 16384)  # samples of the stretches whose spectra are looked at
-_SMALLEST_LINE = 1e-12  # power, as a share of the strongest line's, below which a line is leakage or rounding
 
 
 @runtime_checkable
@@ -238,17 +237,17 @@ def bandwidth(record: Record) -> float:
     for the periodograms S_k of K half overlapping stretches and their mean with ν degrees of freedom (Welch 1967), at
     stretches of 256, 1024, 4096 and 16384 samples: a short decay shows in the short ones, a weak line in the long. The
     level of noise s is the median of the mean over frequency, so that a response may fill up to about half of the
-    lines. White noise in every channel gives 0 in 999 records of 1000. A line below a millionth of the largest one's
-    amplitude is taken for rounding or leakage, and one within five lines of a larger one for its flank. Stretches with
-    missing samples are left out. Zero where nothing rises above the noise; half the sampling rate where no 64 samples
-    follow one another.
+    lines. White noise in every channel gives 0 but for one record in a million. A line below a millionth of the largest
+    one's amplitude is taken for rounding or leakage, and one within five lines of a larger one for its flank. Stretches
+    with missing samples are left out. Zero where nothing rises above the noise; half the sampling rate where no 64
+    samples follow one another.
     """
     gaps = np.concatenate(([0], np.cumsum(np.isnan(record.values).any(axis=0))))
     begins = {length: _stretches(gaps, length) for length in _LENGTHS if length <= max(256, record.n_samples // 8)}
     begins = {length: starts for length, starts in begins.items() if len(starts)} or {64: _stretches(gaps, 64)}
     if not len(begins[min(begins)]):
         return 0.5 * record.sample_rate
-    chance = _FALSE_ALARM / (record.n_channels * len(begins))
+    chance = SURE / (record.n_channels * len(begins))
     return max(
         _highest_line(np.lib.stride_tricks.sliding_window_view(channel, length)[starts], record.sample_rate, chance)
         for length, starts in begins.items()
@@ -280,7 +279,7 @@ def _highest_line(stretches: Floats, sample_rate: float, chance: float) -> float
     freedom = 2.0 * count / (1.0 + 2.0 * (1.0 - 1.0 / count) * overlap**2)
     mean = power.mean(axis=0)
     noise = np.median(mean) * freedom / chdtri(freedom, 0.5)
-    floor = _SMALLEST_LINE * power.max()
+    floor = ACCURACY**2 * power.max()  # what is weaker may be leakage or rounding
     each = 0.5 * chance / len(frequencies)
     # A summit, and not the flank of a stronger line.
     above = (mean > max(noise * chdtri(freedom, each) / freedom, floor)) & (mean == _highest_near(mean))

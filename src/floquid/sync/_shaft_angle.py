@@ -13,6 +13,7 @@ from floquid._arrays import Floats, Integers, Mask
 from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid.core import AzimuthSignal, PulseTimes, Record, TachometerSignal
 from floquid.findings import Finding, note, texts, warning
+from floquid.fit import SURE, chi2_limit
 from floquid.sync._angle_spline import AngleFit, AngleSpline, fit_angle
 from floquid.sync._azimuth import OF, Evidence, of_azimuth
 from floquid.sync._count_pulses import count
@@ -21,8 +22,9 @@ from floquid.sync._pulse_times import pulse_times
 STEADY, USABLE = 0.01, 0.05
 """Wander of the speed, of its mean: below the one a periodic model holds, beyond the other it does not."""
 
-BEYOND = 1.5  # revolutions outside the pulses that pass without a word: a record begins and ends between two pulses
-GAP = 3.0  # revolutions without a pulse that are told of: what the speed did there is not in the deviation of the angle
+GAP = 2.5
+"""Revolutions without a pulse, also before the first and after the last, that are told of: two are one pulse missed.
+The deviation of the angle does not hold how the speed changed there."""
 ALIKE = 0.4  # correlation of neighbours in what is left over that is told of
 ROUGH = 0.01  # scatter of pulses, in revolutions, that is too much for a good sensor on a shaft of steady speed
 
@@ -56,9 +58,7 @@ def uneven(offsets: Floats, offsets_std: Floats) -> list[Finding]:
     n = int(known.sum())
     if n < 2:
         return []
-    from scipy.special import chdtrc
-
-    if chdtrc(n - 1, float(np.sum((offsets[known] / offsets_std[known]) ** 2))) > 1e-3:
+    if np.sum((offsets[known] / offsets_std[known]) ** 2) < chi2_limit(n - 1, SURE):
         return []
     worst = float(np.degrees(np.abs(offsets[known]).max()))
     return [note("uneven_lines", lines=n, degrees=worst, percent=100.0 * worst / (360.0 / len(offsets)))]
@@ -86,12 +86,11 @@ def alike(residuals: Floats) -> list[Finding]:
 
 def outside(before: float, after: float) -> list[Finding]:
     """Finding on a record that goes beyond the evidence by so many revolutions."""
-    before, after = (many if many > BEYOND else 0.0 for many in (before, after))
+    before, after = (many if many > GAP else 0.0 for many in (before, after))
     return [note("beyond_angle", before=before, after=after)] if before or after else []
 
 
 APART = 2.0  # revolutions between knots at least: less, and uneven lines would be taken for a change of speed
-GRID = 2000  # instants at which the speed is looked at, at least
 
 TURN = 2.0 * np.pi
 
@@ -208,7 +207,7 @@ class ShaftAngle(Rebuilt):
         return self._at(self._times_at, angle, "time_at", argument="angle")
 
     def _times_at(self, angles: Floats) -> Floats:
-        grid = np.linspace(self.first, self.last, max(GRID, 8 * len(self.spline.knots)))
+        grid = np.linspace(self.first, self.last, 8 * len(self.spline.knots))
         known = self.spline.angle(grid)
         times = np.interp(angles, known, grid)
         for _ in range(50):
@@ -231,8 +230,8 @@ def shaft_angle(record: Record) -> ShaftAngle:
     .. math:: \min_{c, g} \sum_k \Bigl(2 \pi n_k / L - \sum_j c_j B_j(t_k) + g_{n_k \bmod L}\Bigr)^2
 
     One linear least squares for a cubic B-spline and the offsets of the L lines. The number of pieces is the one that
-    Akaike's corrected criterion prefers; a straight line, unless it is worse with a significance of 1 %. Pulses beyond
-    six robust deviations are left out.
+    Akaike's corrected criterion prefers; a straight line, unless noise alone makes it so much worse once in a million.
+    Pulses beyond five robust deviations are left out.
 
     The clock of the `record` is a `TachometerSignal`, an `AzimuthSignal` or `PulseTimes`. Raises InputError where the
     clock is another, its channel is not in the record or holds no pulses or no angle, fewer than three pulses are left,
@@ -248,7 +247,7 @@ def shaft_angle(record: Record) -> ShaftAngle:
     step = 1.0 / record.sample_rate if isinstance(clock, TachometerSignal) else 0.0
     fit = fit_angle(seen.times, seen.angles, seen.lines, seen.n_lines, max(int(revolutions / APART), 1), step=step)
     spline = fit.spline
-    speeds = spline.speed(np.linspace(spline.first, spline.last, max(GRID, 8 * len(spline.knots))))
+    speeds = spline.speed(np.linspace(spline.first, spline.last, 8 * len(spline.knots)))
     mean = spline.mean_speed()[0]
     if speeds.min() <= 0.0:
         must = "be of a shaft that turns one way throughout"

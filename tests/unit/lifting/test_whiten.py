@@ -349,12 +349,6 @@ def test_the_shortest_filter_that_does_is_taken():
     assert found_filter(lifted(model, noise=0.1, colour=long, n_cycles=400), model).shape == (2, 9)
 
 
-def test_a_trace_of_colour_is_not_worth_a_filter():
-    """Beyond doubt in a long record, and nothing would be gained."""
-    model = system()
-    assert found_filter(lifted(model, noise=0.1, colour=(-0.04,), n_cycles=4000), model) is None
-
-
 def test_colour_beside_a_pole_whose_powers_overflow():
     """A generous fit may hold one, with a residue of nothing."""
     model = system()

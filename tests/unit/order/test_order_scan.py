@@ -21,7 +21,7 @@ from floquid.lti import (
 )
 from floquid.lti import _factor as compress_module
 from floquid.order import Stability, Tolerances, indicators, scan, stability
-from floquid.order._indicators import noise_edge
+from floquid.order._indicators import delayed_edge
 
 DT = 0.5
 PAIRS = [np.exp(-0.02 + 0.5j), np.exp(-0.03 + 1.4j), np.exp(-0.015 + 2.6j)]
@@ -456,7 +456,7 @@ def test_the_edge_of_noise_is_passed_once_in_a_thousand():
     """By draws: hardly ever above, and close below."""
     generator = np.random.default_rng(0)
     ratios = [
-        np.linalg.svd(generator.standard_normal((80, 120)), compute_uv=False)[0] / noise_edge(80, 120, 1)
+        np.linalg.svd(generator.standard_normal((80, 120)), compute_uv=False)[0] / delayed_edge(80, 120, 1)
         for _ in range(300)
     ]
     assert np.mean(np.array(ratios) > 1.0) < 0.015

@@ -20,19 +20,13 @@ from floquid.errors import InputError
 from floquid.lti._exponentials import fit_residues
 from floquid.lti._factor import Factor, factors
 from floquid.lti._identifier import AbstractIdentifier, Report, given_order, reached, silent
-from floquid.lti._poles import FASTEST, PoleSet
+from floquid.lti._poles import FASTEST, LARGEST_GROWTH, PoleSet
 from floquid.lti._removal import strongest
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
-
-LARGEST = 600.0  # the logarithm of the largest number that a mode may grow to
 
 Method = Literal["cov", "dat"]
 
 SHARE = 0.7  # a single decay brings it in six tenths of its time constant, where the errors of this method are least
-
-FIRST_LINE = 1
-"""The band starts here and not at zero, where sdypy-EMA 0.31 transforms an empty slice, reads memory that was never
-written to (numpy's `irfft` of nothing), and gives every pole the wrong sign of the damping."""
 
 RIDGE = 1e-7
 """Without noise a denominator above the order is singular. One more response, a blow to one sample of this share of the
@@ -109,7 +103,7 @@ class BOPDMD(AbstractIdentifier):
 
 def _within(samples: int) -> Callable[[Complexes], Complexes]:
     """The constraint on eigenvalues: conjugates paired, growth below overflow (LAPACK hangs on infinite numbers)."""
-    most = min(FASTEST[1], LARGEST / samples)
+    most = min(FASTEST[1], LARGEST_GROWTH / samples)
 
     def constrained(alpha: Complexes) -> Complexes:
         if not np.isfinite(alpha).all():
@@ -257,7 +251,8 @@ def _multipliers(values: Floats, pairs: int) -> Complexes:
         lines,
         frequencies,
         dt=1.0,
-        lower=float(frequencies[FIRST_LINE]),
+        # From zero sdypy-EMA 0.31 transforms an empty slice, and gives every pole the wrong sign of the damping.
+        lower=float(frequencies[1]),
         upper=float(frequencies[-1]),
         pol_order_high=pairs,
     )

@@ -9,14 +9,14 @@ from typing import Any, ClassVar, final
 
 import numpy as np
 
-from floquid.fit import positive_part, sandwich
+from floquid.fit import DEVIATIONS, positive_part, sandwich
 from floquid.lti._exponentials import complex_residues
 from floquid.lti._identifier import AbstractIdentifier, Report, checked_order, reached, silent
 from floquid.lti._noise import rise_limit
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 from floquid.lti._spectrum import Block, composites, spectra
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
-from floquid.lti.ami._coupled import KNOWN, LEAST_INFORMATION, Bands, Coupled, bands_of, complex_columns
+from floquid.lti.ami._coupled import KNOWN, Bands, Coupled, bands_of, complex_columns
 from floquid.lti.ami._isolation import (
     Isolated,
     Rounds,
@@ -35,9 +35,8 @@ from floquid.lti.ami._one_mode import Mode
 
 ROUGH = 0.01  # deviations below which a pole counts as at rest while there may be modes to come
 FIRST = 30  # rounds, at most, after which a mode just isolated must have proved itself
+STRONG = 20.0  # times the limit at which the energy of a mode shows that it is there: half of the trials are spared
 TRIES = 4  # the number of peaks that are tried before what is left counts as noise
-TOLD_APART = 9.0  # drop of the cost, nine for three standard deviations, that two real poles must bring beside a pair
-STRONG = 20.0  # times the limit at which the energy of a mode leaves no doubt that it is there
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,7 +206,7 @@ class AMI(AbstractIdentifier):
             turn = max(0.1 * abs(middle.real), 0.25 * _resolution(state))
             pair = empty_mode(middle + (turn if one.kind == POSITIVE else -turn) * 1j, PAIR, state.blocks)
             trial = go_round(joined(rest, pair, state.blocks), state.blocks, self._rounds(self.tolerance))
-            if trial.cost - now.cost < TOLD_APART:
+            if trial.cost - now.cost < DEVIATIONS**2:
                 return trial
         return now
 
@@ -247,8 +246,9 @@ def _energy_of(mode: Mode, state: Lines) -> float:
 
 def _crowded(now: Isolated, position: int, state: Lines) -> bool:
     """True where another pole is so near that it could move to take this one's part."""
-    poles = now.poles()
-    return poles.crowded(position, 2.0 * max(abs(poles.s[position].real), _resolution(state)))
+    s = now.poles().s
+    distance = np.delete(np.minimum(np.abs(s - s[position]), np.abs(s - s[position].conj())), position)
+    return bool((distance < 2.0 * max(abs(s[position].real), _resolution(state))).any())
 
 
 def isolated_model(
@@ -304,7 +304,7 @@ def _deviations(now: Isolated, data: TimeResponses, blocks: Sequence[Block], nea
         solve = scale[:, None] * complex_residues(poles, coupled.solve)
         spread[block.inputs] = solve @ solve.conj().T
         slope[block.inputs] = solve @ (complex_columns(poles, coupled.moved) / scale)
-    if not (np.diag(whole) > LEAST_INFORMATION).all():
+    if not (np.diag(whole) > np.finfo(float).tiny).all():
         return {}
     unit = sandwich(positive_part(whole, whole - noise), scatter)
     covariance = poles.covariance_of_all(0.5 * (unit + unit.T)) / data.dt**2

@@ -17,7 +17,6 @@ from floquid.lti.ami._one_mode import Mode, band_lines, real_rows
 
 WORST = 1e10  # the condition number of the coupled fits beyond which two modes count as one
 KNOWN = 1e9  # condition number beyond which no deviations are known: rounding in the slopes grows with its power 3/2
-LEAST_INFORMATION = 1e-100  # information on a parameter below which it is undetermined: its mode has no residues left
 HALVINGS = 6  # halvings of Newton's step before it is given up
 
 SLACK = 0.01
@@ -158,7 +157,7 @@ def newton(
         parts = coupled.slopes(now, number)
         whole, noise = whole + parts[0], noise + parts[1]
         lean += coupled.equations(now, number, _rows(block))
-    if not (np.diag(whole) > LEAST_INFORMATION).all():
+    if not (np.diag(whole) > np.finfo(float).tiny).all():
         return now
     slope = positive_part(whole, whole - noise)
     scale = np.sqrt(np.maximum(np.diag(slope), np.finfo(float).tiny))

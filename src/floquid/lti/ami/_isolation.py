@@ -8,12 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import Complexes, Floats
-from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
+from floquid.fit import DEVIATIONS
+from floquid.lti._poles import FASTEST, NEGATIVE, PAIR, POSITIVE, PoleSet
 from floquid.lti._spectrum import WHITE, Block
 from floquid.lti.ami._coupled import Bands, bands_of, joint_residues, limit, newton, slack
-from floquid.lti.ami._one_mode import FASTEST, Band, Mode, band_lines, cut, evaluate, fit_pole, fit_residues
-
-CLEAR = 3.0  # standard deviations by which a stretch of the composite must rise above white noise to be looked at
+from floquid.lti.ami._one_mode import Band, Mode, band_lines, cut, evaluate, fit_pole, fit_residues
 
 NEAR = 3.0
 """Half-power half-widths to each side of a peak that a mode's first fit looks at, the other modes being unknown."""
@@ -118,7 +117,7 @@ def _left(modes: Sequence[Mode], blocks: Sequence[Block]) -> tuple[Complexes, ..
 
 def _taken(leap: Sequence[Mode] | None, now: Isolated, blocks: Sequence[Block], outer: bool) -> Isolated:
     """The modes after a leap, or as they were where it leads nowhere."""
-    if leap is None or any(abs(mode.s.real) > FASTEST for mode in leap):
+    if leap is None or any(not FASTEST[0] <= mode.s.real <= FASTEST[1] for mode in leap):
         return now
     modes = tuple(rank_one_mode(mode, blocks) for mode in leap) if outer else tuple(leap)
     there = Isolated.of(modes, _left(modes, blocks), now.rest)
@@ -216,7 +215,7 @@ class Peak:
     clarity: float
 
 
-def peaks(now: Isolated, blocks: Sequence[Block], *, clear: float = CLEAR) -> list[Peak]:
+def peaks(now: Isolated, blocks: Sequence[Block], *, clear: float = DEVIATIONS) -> list[Peak]:
     """The stretches of the composites of what is left that rise most clearly above white noise, the clearest first.
 
     A sharp peak is clearest in a narrow stretch, a broad one in a wide one: widths of 1, 2, 4, … lines are tried, in
@@ -226,7 +225,7 @@ def peaks(now: Isolated, blocks: Sequence[Block], *, clear: float = CLEAR) -> li
     for number, (block, lines) in enumerate(zip(blocks, now.left, strict=True)):
         curve, count = np.abs(lines).mean(axis=(1, 2)) / block.weights, lines.shape[1] * lines.shape[2]
         # Real lines (the ends) are |x| of a normal number, the others |z| of a complex one.
-        real = block.weights < 1.2
+        real = block.weights == 1.0
         mean = np.where(real, np.sqrt(2.0 / np.pi), WHITE)
         variance = np.where(real, 1.0 - 2.0 / np.pi, 1.0 - np.pi / 4.0) / count
         width = 1
@@ -242,11 +241,11 @@ def peaks(now: Isolated, blocks: Sequence[Block], *, clear: float = CLEAR) -> li
 
 
 def _tops(values: Floats, width: int, least: float) -> list[int]:
-    """The positions of the largest values above `least`, each the largest within `width` of it; at most eight."""
+    """The positions of the largest values above `least`, each the largest within `width` of it."""
     order = np.argsort(values)[::-1]
     tops: list[int] = []
     for position in order[: 64 * width]:
-        if values[position] <= least or len(tops) == 8:
+        if values[position] <= least:
             break
         if all(abs(position - other) >= width for other in tops):
             tops.append(int(position))

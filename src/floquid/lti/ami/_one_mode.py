@@ -9,13 +9,10 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats
 from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, scaled_inverse
-from floquid.lti._exponentials import no_longer
-from floquid.lti._poles import PAIR, moved_pole
+from floquid.lti._poles import FASTEST, PAIR, moved_pole
 from floquid.lti._spectrum import Block, mode_columns
 
 FEWEST_LINES = 6  # lines to each side of a peak that a fit looks at, however sharp the peak
-MANY = 8  # responses a row beyond which the rows are condensed before a fit
-FASTEST = 3.0  # |Re s| of the fastest decay or growth a sample that a fit may reach
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,10 +119,10 @@ def fit_pole(
 
     def moved(now: Step, step: Floats) -> Step | None:
         there = moved_pole(now.s, kind, step)
-        return evaluate(there, kind, bands) if abs(there.real) <= FASTEST else None
+        return evaluate(there, kind, bands) if FASTEST[0] <= there.real <= FASTEST[1] else None
 
     start = evaluate(s, kind, bands)
-    steps = Steps(normal=lambda at: Normal(matrix=at.information, gradient=at.gradient), moved=moved, limited=no_longer)
+    steps = Steps(normal=lambda at: Normal(matrix=at.information, gradient=at.gradient), moved=moved)
     now = levenberg_marquardt(start, steps, Ends(steps=iterations, deviations=tolerance))
     spread = scaled_inverse(now.information)
     # Of a pole without residues the lines say nothing: it may be anywhere.
@@ -133,9 +130,9 @@ def fit_pole(
 
 
 def _condensed(band: Band) -> Band:
-    """Reduce a band to no more columns than rows, where there are very many: their products are the same."""
+    """Reduce a band to no more columns than rows: their products are the same."""
     rows, columns = band.values.shape
-    if columns <= MANY * rows:
+    if columns <= rows:
         return band
     triangle = np.asarray(np.linalg.qr(band.values.T, mode="r")).T
     return Band(band.angles, band.weights, band.samples, triangle)

@@ -3,5 +3,6 @@
 from floquid.lti.likelihood._ensemble import Ensemble, brief, pooled_noise
 from floquid.lti.likelihood._evidence import Evidence
 from floquid.lti.likelihood._maximum_likelihood import MaximumLikelihood
+from floquid.lti.likelihood._residual import COLOURED, FEWEST, ORDERS
 
-__all__ = ["Ensemble", "Evidence", "MaximumLikelihood", "brief", "pooled_noise"]
+__all__ = ["COLOURED", "FEWEST", "ORDERS", "Ensemble", "Evidence", "MaximumLikelihood", "brief", "pooled_noise"]

@@ -18,8 +18,9 @@ from typing import ClassVar, final
 import numpy as np
 
 from floquid._arrays import Floats, Integers
+from floquid.fit import SURE, chi2_limit
 from floquid.lti._identifier import AbstractIdentifier, Report, checked_order, reached, silent
-from floquid.lti._noise import rise_limit
+from floquid.lti._noise import noise_edge, rise_limit
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
 from floquid.lti.likelihood._rank_one import (
@@ -33,10 +34,6 @@ from floquid.lti.likelihood._rank_one import (
     refined,
 )
 
-EDGE = 2.0  # above the largest singular value that noise has in the mean: one in some thousand is beyond
-RESOLVED = 0.1  # the share of a direction's squares that must be signal for the noise to be taken off
-DEAD = 1e-6  # a multiplier below which a mode is gone at the next sample
-LOUD = 6.0  # deviations of its energy by which noise is not exceeded
 MOST = 24  # poles that are looked for at most
 
 
@@ -64,8 +61,8 @@ class States:
 
     @property
     def rank(self) -> int:
-        """Number of singular values above those of noise (Davidson and Szarek 2001)."""
-        return int((self.values > sum(np.sqrt(self.loud.shape)) + EDGE).sum())
+        """Number of singular values above those of noise."""
+        return int((self.values > noise_edge(*self.loud.shape)).sum())
 
     def start(self, order: int) -> Products:
         """Multipliers of the step matrix, and the participation of each in each input."""
@@ -73,11 +70,11 @@ class States:
         later = np.setdiff1d(np.arange(x.shape[1]), self.first)
         squares = x[:, later - 1] @ x[:, later - 1].T
         less = squares - len(later) * np.eye(order)
-        if np.linalg.eigvalsh(less)[0] > RESOLVED * np.linalg.eigvalsh(squares)[0]:
+        if np.linalg.eigvalsh(less)[0] > 0.0:
             squares = less
         multipliers, vectors = np.linalg.eig(np.linalg.solve(squares, x[:, later - 1] @ x[:, later].T).T)
         shares = np.linalg.solve(vectors, x[:, self.first])
-        upper = (multipliers.imag >= 0) & (np.abs(multipliers) > DEAD)
+        upper = multipliers.imag >= 0
         return Products.of(PoleSet.from_multipliers(multipliers[upper].astype(complex)), shares[upper].astype(complex))
 
 
@@ -87,7 +84,7 @@ def samples_above(data: TimeResponses) -> int:
     for hit, length in enumerate(data.lengths.tolist()):
         energy[:length] += np.sum((data.values[:, hit, :length] / data.noise[:, hit, None]) ** 2, axis=0)
         count[:length] += data.n_outputs
-    loud = np.flatnonzero(energy > count + LOUD * np.sqrt(2.0 * count))
+    loud = np.flatnonzero(energy > [chi2_limit(float(degrees), SURE) for degrees in count])
     return int(loud[-1]) + 1 if len(loud) else 0
 
 
@@ -221,4 +218,4 @@ def _noise_of(block: Floats) -> tuple[float, int]:
     white = np.random.default_rng(0).standard_normal((4, *small.shape))
     unit = np.sqrt(np.linalg.eigvalsh(white @ np.swapaxes(white, 1, 2)))
     sigma = float(np.quantile(values, 0.25) / np.mean(np.quantile(unit, 0.25, axis=1)))
-    return sigma, int((values > (np.sqrt(block.shape).sum() + EDGE) * sigma).sum())
+    return sigma, int((values > noise_edge(*block.shape) * sigma).sum())

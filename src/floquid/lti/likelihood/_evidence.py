@@ -13,12 +13,9 @@ from floquid.fit import wald_rise
 from floquid.lti._exponentials import Fit, polish
 from floquid.lti._factor import Factor
 from floquid.lti._poles import PAIR, PoleSet
-from floquid.lti._removal import Removal
 from floquid.lti._types import ModalModel
 from floquid.lti.likelihood._search import candidates
-from floquid.lti.likelihood._select import STRONG, Threshold, crowded, possible
-
-SKETCHED = 8  # steps that tell where a neighbouring model lies, though not to its last digit
+from floquid.lti.likelihood._select import Threshold, possible
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -82,18 +79,12 @@ class Evidence(Rebuilt):
 
 
 def removed(found: Fit, factors: Sequence[Factor], limits: Floats) -> tuple[Floats, Fit]:
-    """The rise for each entry with the others fitted again, where it may be small; and the fit without the weakest."""
-    rises = Removal.of(found.poles, factors).rises()
-    fits: dict[int, Fit] = {}
-    for entry in np.argsort(rises / limits):
-        strong = rises[entry] > STRONG * limits[entry] and not crowded(found.poles, int(entry), factors)
-        if fits and strong:
-            continue
-        few = SKETCHED if strong else 25
-        fits[int(entry)] = polish(found.poles.without(int(entry)), factors, iterations=few, tolerance=1e-2)
-        rises[entry] = max(fits[int(entry)].cost - found.cost, 0.0)
-    weakest = min(fits, key=lambda entry: rises[entry] / limits[entry])
-    return rises, fits[weakest]
+    """The rise for each entry with the others fitted again, and the fit without the weakest."""
+    fits = [
+        polish(found.poles.without(entry), factors, iterations=25, tolerance=1e-2) for entry in range(len(found.poles))
+    ]
+    rises = np.array([max(less.cost - found.cost, 0.0) for less in fits])
+    return rises, fits[int(np.argmin(rises / limits))]
 
 
 def clearest(found: Fit, factors: Sequence[Factor], threshold: Threshold) -> tuple[Fit, int] | None:
@@ -105,7 +96,7 @@ def clearest(found: Fit, factors: Sequence[Factor], threshold: Threshold) -> tup
         size = int(candidate.sizes[0])
         if best is not None and promised < threshold.promising(size):
             continue
-        more = polish(found.poles.plus(candidate), factors, iterations=SKETCHED, tolerance=1e-1)
+        more = polish(found.poles.plus(candidate), factors, iterations=25, tolerance=1e-2)
         share = (found.cost - more.cost) / threshold.of(size)
         if possible(more) and (best is None or share > best[0]):
             best = share, more, size

@@ -21,9 +21,8 @@ from floquid.lti.likelihood._rank_one import Noise, merged, refined, separated
 from floquid.lti.likelihood._residual import Residual, filtered, whitening_of
 from floquid.lti.likelihood._select import Threshold, choose, force_order
 
+AT_REST = 1e-6  # deviations that the last step of the poles may have: two starts that meet give the same digits
 LOOKS = 4  # starts of the search, with more samples or with the noise whitened
-FIRM = 1e-3  # the share of the false-alarm probability at which a mode is beyond doubt
-AT_REST = 1e-6  # standard deviations that the last step of the poles may have
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +146,7 @@ class MaximumLikelihood(AbstractIdentifier):
             multipliers=found.poles.multipliers()[found.poles.starts()],
             rises=rises,
             limits=limits,
-            firm_limits=np.array([threshold.at(FIRM * self.false_alarm, int(size)) for size in found.poles.sizes]),
+            firm_limits=np.array([threshold.at(SURE * self.false_alarm, int(size)) for size in found.poles.sizes]),
             deviations=entry_deviations(found),
             gap=nearest_pair(found),
             gain=max(found.cost - more.cost, 0.0),

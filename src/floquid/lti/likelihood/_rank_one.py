@@ -16,15 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, positive_part, sandwich
+from floquid.fit import DEVIATIONS, ROUNDING, Ends, Normal, Steps, levenberg_marquardt, positive_part, sandwich
 from floquid.lti._exponentials import complex_residues, from_sample_zero, no_longer, powers
 from floquid.lti._factor import Factor, factors, product_noise
 from floquid.lti._noise import rise_limit
 from floquid.lti._poles import PAIR, PoleSet
 from floquid.lti._types import PRODUCTS, ModalModel, Outcome, TimeResponses
-
-TOGETHER = 5.0  # the sum of their standard deviations, times this, within which poles are one to a free fit
-NOTHING = 1e-16  # the share of the squares of a tangent beside the columns below which it is rounding
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +141,7 @@ class Tangents:
         left = []
         for moved in (self.first, self.second):
             beside = moved - q @ (q.T @ moved)
-            beside[:, np.sum(beside**2, axis=0) <= NOTHING * np.sum(moved**2, axis=0)] = 0.0
+            beside[:, np.sum(beside**2, axis=0) <= ROUNDING * np.sum(moved**2, axis=0)] = 0.0
             left.append(beside)
         return Tangents(left[0], left[1], self.a, self.b)
 
@@ -206,7 +203,7 @@ def fit_products(now: Products, block: Factor, lengths: Integers) -> ProductFit:
     gradient += np.einsum("pj,pj->p", moves.second.T @ left, residues[moves.b])
     whole = moves.products(residues @ residues.T)
     noise = block.columns * moves.products(inverse @ inverse.T)
-    cost = float(np.sum(left**2)) + block.energy - float(np.sum(block.values**2))
+    cost = float(np.sum(left**2)) + block.left_out
     return ProductFit(now, cost, gradient, whole, positive_part(whole, whole - noise))
 
 
@@ -323,7 +320,7 @@ def merged(model: ModalModel) -> PoleSet:
     size = np.hypot(std[: model.order], std[model.order :])[poles.starts()]
     kept: list[int] = []
     for entry, s in enumerate(poles.s):
-        if all(abs(s - poles.s[other]) > TOGETHER * (size[entry] + size[other]) for other in kept):
+        if all(abs(s - poles.s[other]) > DEVIATIONS * (size[entry] + size[other]) for other in kept):
             kept.append(entry)
     return poles.keep(np.isin(np.arange(len(poles)), kept))
 
@@ -357,7 +354,8 @@ def model_of_products(found: ProductFit, stacked: Stacked, outcome: Outcome, col
     steps = [np.arange(length)[:, None] * terms[:length] * own[i] * back for i, length in enumerate(data.lengths)]
     slope = spread @ np.concatenate(steps)
     # An input that hardly holds a mode says nothing of how its residue there moves with the pole.
-    safe = [np.where(np.abs(share) > 1e-9, share, 1e-9) for share in own]
+    least = np.sqrt(np.finfo(float).eps)
+    safe = [np.where(np.abs(share) > least, share, least) for share in own]
     return ModalModel(
         multipliers=poles.multipliers(),
         residues=residues,

@@ -15,22 +15,22 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid.fit import yule_walker
 from floquid.lti._exponentials import real_powers
-from floquid.lti._factor import Factor
+from floquid.lti._factor import SHORT, Factor
 from floquid.lti._poles import PoleSet
 
-LONGEST = 600  # samples looked at: enough to tell white noise, and few enough for a Gram matrix
-EVENLY = 16  # multiples of so many samples are transformed: a number with a large prime factor takes ten times as long
-FEW = 8  # such multiples up to which every sample counts
-SEEN = 0.3  # lines of which the poles take more than 1 - this are not judged: little of the noise is left there
-COLOURED = 8.0  # the colour from which the noise is whitened: white noise has it once in many thousand records
-LEAST = 0.2  # the deviation of the residual, over the noise stated, below which it is not judged
-FEWEST = 24  # samples more than poles below which noise is not told from what dies away
+FEWEST = 24
+"""Samples of a response, more than poles, below which noise is told neither from a misfit nor from what dies away."""
 
 LASTING = 1.5
 """The ratio of the energies in the first and the second half of a record up to which a residual is noise. The inverse
 has no bound: poles that decay take more of coloured noise out of the first half."""
 
-ORDERS = (1, 2, 4, 8)  # the lengths of whitening filters tried
+COLOURED = 8.0
+"""The deviations from white noise at which a filter is worth its trouble: white noise has them once in 10,000 records,
+since the squares that they are a sum of have a long tail."""
+
+ORDERS = (1, 2, 4, 8)
+"""The orders of the autoregressive filters that whiten, the first that does is taken: noise of more is rare."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,14 +46,13 @@ class Residual:
     independent: float  # the share of the responses that the noise is worth (0 to 1]; 1 where it cannot be told from 1
     variance: float  # the mean square left, over that of the noise as it was stated, where it is judged; otherwise 1
     judged: bool
-    """True where it is noise: neither rounding, far below the noise that was stated, nor a response that dies away."""
+    """True where it is noise, and no response that dies away."""
     taken: int = 0
 
     @staticmethod
     def of(poles: PoleSet, factors: Sequence[Factor]) -> Residual:
         """Residual of the longest block, over its own mean deviation."""
-        samples = min(LONGEST, len(factors[0].values))
-        block = factors[0].cut(samples - samples % EVENLY if samples > FEW * EVENLY else samples)
+        block = factors[0].cut(SHORT)
         taken = np.zeros((len(block.values), 0)) if block.taken is None else block.taken
         # What was taken off belongs to the fit: no noise is left there either, whichever samples are looked at.
         own = real_powers(poles, len(block.values)) if len(poles) else taken[:, :0]
@@ -62,7 +61,7 @@ class Residual:
         free = max((len(left) - q.shape[1]) * block.columns, 1)
         size = np.sqrt(max(np.einsum("nj,nj->", left, left), np.finfo(float).tiny) / free)
         left /= size
-        judged = bool(size > LEAST and _lasts(left, q))
+        judged = _lasts(left, q)
         independent = _independent(left, q, block.columns) if judged else 1.0
         variance = float(size**2) if judged else 1.0
         return Residual(left, q, block.columns, independent, variance, judged, taken.shape[1])
@@ -100,8 +99,8 @@ class Residual:
         weights[0] = 0.5
         if samples % 2 == 0:
             weights[-1] = 0.5
-        judged = taken < 1.0 - SEEN
-        if judged.sum() < 4 or not self.judged:
+        judged = taken < 0.5  # little of the noise is left on the other lines
+        if not judged.any() or not self.judged:
             return 0.0
         share = power[judged] / (1.0 - taken[judged])
         share /= np.average(share, weights=weights[judged])
@@ -136,8 +135,6 @@ def _independent(left: Floats, fitted: Floats, columns: int) -> float:
     their number.
     """
     samples, rank = left.shape
-    if samples < 4:
-        return 1.0
     inner = left.T @ left if rank < samples else left @ left.T
     own = np.einsum("nj,nj->n", left, left)
     kept = 1.0 - np.einsum("nk,nk->n", fitted, fitted)
@@ -178,7 +175,6 @@ def filtered(block: Factor, taps: Floats) -> Factor:
     """The filtered responses: exponentials stay exponentials of the same poles."""
     if len(block.values) <= len(taps):
         return block
-    outside = block.energy - float(np.einsum("ij,ij->", block.values, block.values))
     made = Factor.of(convolved(block.values, taps), block.columns)
     taken = None if block.taken is None else convolved(block.taken, taps)
-    return replace(made, energy=made.energy + outside, taken=taken)
+    return replace(made, energy=made.energy + block.left_out, taken=taken)

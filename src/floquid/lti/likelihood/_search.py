@@ -16,15 +16,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.lib.stride_tricks import as_strided
 
-from floquid._arrays import Complexes, Floats
+from floquid._arrays import BLOCK, Complexes, Floats
 from floquid.lti._exponentials import real_powers
-from floquid.lti._factor import BLOCK, Factor
+from floquid.lti._factor import Factor
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
-
-ROWS = 64  # rows of the Gram matrix at a time
-
-LARGEST_GRAM = 1200
-"""Samples up to which the Gram matrix of the residual is formed; of longer ones, columns are transformed."""
 
 
 def candidates(poles: PoleSet, factors: Sequence[Factor]) -> list[tuple[PoleSet, float]]:
@@ -36,9 +31,8 @@ def candidates(poles: PoleSet, factors: Sequence[Factor]) -> list[tuple[PoleSet,
     gains = sum(_gains(poles, block, decays, lines) for block in factors)
     found: dict[int, tuple[float, complex]] = {}
     for decay, gain in zip(decays, np.atleast_2d(gains), strict=True):
-        inner = gain[2:-2] if len(gain) > 5 else gain[1:-1]
         tops = {
-            PAIR: (int(np.argmax(inner)) + (len(gain) - len(inner)) // 2) if len(inner) else None,
+            PAIR: int(np.argmax(gain[1:-1])) + 1 if len(gain) > 2 else None,
             POSITIVE: 0,
             NEGATIVE: len(gain) - 1,
         }
@@ -56,8 +50,7 @@ def _gains(poles: PoleSet, block: Factor, decays: Floats, lines: int) -> Floats:
     envelopes = np.exp(-np.multiply.outer(decays, k))
     q, _ = np.linalg.qr(real_powers(poles, samples)) if len(poles) else (np.zeros((samples, 0)), None)
     residual = block.values - q @ (q.T @ block.values)
-    sums = _by_diagonals if samples <= LARGEST_GRAM else _by_columns
-    power, pseudo = sums(residual, envelopes, decays, lines)
+    power, pseudo = _by_diagonals(residual, envelopes, decays, lines)
     taken, crossed = _by_columns(q, envelopes, decays, lines)
     squares = envelopes**2
     straight = squares.sum(axis=1)[:, None] - taken
@@ -96,9 +89,10 @@ def _by_diagonals(values: Floats, envelopes: Floats, decays: Floats, lines: int)
     """
     samples = len(values)
     along, across = np.zeros((len(decays), samples)), np.zeros(2 * samples - 1)
-    # Half of the Gram matrix is enough; some rows at a time stay in the cache.
-    for start in range(0, samples, ROWS):
-        gram = values[start : start + ROWS] @ values[start:].T
+    # Half of the Gram matrix is enough, some rows at a time.
+    step = max(1, BLOCK // (2 * samples))
+    for start in range(0, samples, step):
+        gram = values[start : start + step] @ values[start:].T
         rows, wide = gram.shape
         padded = np.zeros((rows, 2 * wide))
         padded[:, :wide] = gram

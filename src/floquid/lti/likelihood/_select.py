@@ -16,6 +16,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from floquid.fit import DEVIATIONS, SURE
 from floquid.lti._exponentials import Fit, fit, polish
 from floquid.lti._factor import Factor
 from floquid.lti._identifier import Report, silent
@@ -24,16 +25,6 @@ from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 from floquid.lti._removal import Removal, prune_linear
 from floquid.lti.likelihood._residual import Residual
 from floquid.lti.likelihood._search import candidates
-
-PROMISING = 1e-5
-"""The probability at which noise may have what a pole on the grid takes out of the residual, for the pole to be tried.
-
-A mode that just passes the test has less than that where it lies between the lines of the grid.
-"""
-
-STRONG = 20.0  # times the limit at which a mode away from others is needed, however they are fitted again
-SEARCHES = 8  # searches of the residual of one start that may each find another mode, before it counts as not white
-RESOLVED = 3.0  # standard deviations by which two real poles must differ to be preferred to a conjugate pair
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,8 +58,11 @@ class Threshold:
         return self.variance * rise_limit(probability, degrees, self.samples * share) / share
 
     def promising(self, size: int) -> float:
-        """Reduction of the residual by a pole (1) or pair (2) on the grid from which on it is tried."""
-        return min(self.at(PROMISING, size, own=0.0), self.of(size))
+        """Reduction of the residual by a pole (1) or pair (2) on the grid from which on it is tried.
+
+        A mode that just passes the test takes less where it lies between the lines of the grid.
+        """
+        return min(self.at(SURE, size, own=0.0), self.of(size))
 
     def penalised(self, found: Fit) -> float:
         """The cost plus the thresholds of all that was spent on it."""
@@ -106,17 +100,17 @@ def choose(
         if begin.order > CROWD:
             report(f"start of order {order}: {begin.order} poles, more than are searched through")
             return (best, ended, Residual.of(best.poles, factors)) if ended else (fit(begin, factors), False, noise)
-        now, settled = _settle(polish(begin, factors), factors, threshold, most)
+        now = _settle(polish(begin, factors), factors, threshold, most)
         report(f"start of order {order}: {now.poles.order} poles kept")
         if not ended or threshold.penalised(now) < threshold.penalised(best) - 1e-6 * abs(best.cost):
-            best, ended = now, settled
-        if settled and 2 * now.poles.order <= order:
+            best, ended = now, True
+        if 2 * now.poles.order <= order:
             break
     left = Residual.of(best.poles, factors)
     again = Threshold.for_(factors, false_alarm, left)
     if again.of(2) > 1.1 * threshold.of(2):
         report(f"the noise is worth {left.independent:.0%} of the responses")
-        best, ended = _settle(best, factors, again, most)
+        best = _settle(best, factors, again, most)
         left = Residual.of(best.poles, factors)
     return best, ended, left
 
@@ -126,10 +120,10 @@ def possible(found: Fit) -> bool:
     return len(found.poles.plausible()) == len(found.poles)
 
 
-def _settle(now: Fit, factors: Sequence[Factor], threshold: Threshold, most: int) -> tuple[Fit, bool]:
-    """Prune, try the real axis and add from the residual, until nothing gets better; and whether that came to pass."""
+def _settle(now: Fit, factors: Sequence[Factor], threshold: Threshold, most: int) -> Fit:
+    """Prune, try the real axis and add from the residual, until nothing gets better."""
     lowest = np.inf
-    for _ in range(SEARCHES):
+    while True:
         before = now.poles
         now = _prune(now, factors, threshold)
         now = _straighten(now, factors, threshold)
@@ -137,9 +131,8 @@ def _settle(now: Fit, factors: Sequence[Factor], threshold: Threshold, most: int
             now = _add(now, factors, threshold)
         score = threshold.penalised(now)
         if now.poles is before or score >= lowest:
-            return now, True
+            return now
         lowest = score
-    return now, False
 
 
 def _prune(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
@@ -153,20 +146,12 @@ def _prune(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
         rises = Removal.of(now.poles, factors).rises()
         for entry in np.argsort(rises):
             limit = threshold.of(int(now.poles.sizes[entry]))
-            if rises[entry] > STRONG * limit and not crowded(now.poles, int(entry), factors):
-                continue
             enough = now.cost + limit
             less = polish(now.poles.without(int(entry)), factors, iterations=25, tolerance=1e-2, enough=enough)
             if less.cost - now.cost < limit:
                 now, changed = polish(less, factors), True
                 break
     return now
-
-
-def crowded(poles: PoleSet, entry: int, factors: Sequence[Factor]) -> bool:
-    """True where another pole, its own conjugate too, is so near that it could move to take this one's part."""
-    near = 2.0 * max(abs(poles.s[entry].real), 2.0 * np.pi / max(len(f.values) for f in factors))
-    return poles.crowded(entry, near) or abs(poles.s[entry].imag) < near
 
 
 def _straighten(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
@@ -182,7 +167,7 @@ def _straighten(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fi
                 return one
             gap = max(angle, 0.2 * abs(s.real), 1e-3)
             two = polish(rest.plus(real_poles(kind, s.real - gap, s.real + gap)), factors)
-            if possible(two) and two.cost - now.cost < -(RESOLVED**2) and _told_apart(two, -2, -1):
+            if possible(two) and two.cost - now.cost < -(DEVIATIONS**2) and _told_apart(two, -2, -1):
                 return two
     for kind in (POSITIVE, NEGATIVE):
         along = np.flatnonzero(now.poles.kind == kind)
@@ -195,7 +180,7 @@ def _straighten(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fi
             pair = PoleSet.of(np.array([middle + (1j if kind == POSITIVE else -1j) * turn]), np.array([PAIR]))
             rest = now.poles.keep(~np.isin(np.arange(len(now.poles)), [first, second]))
             met = polish(rest.plus(pair), factors)
-            if met.cost - now.cost < RESOLVED**2:
+            if met.cost - now.cost < DEVIATIONS**2:
                 return met
     return now
 
@@ -206,12 +191,12 @@ def real_poles(kind: int, *decays: float) -> PoleSet:
 
 
 def _told_apart(found: Fit, first: int, second: int) -> bool:
-    """True where two real entries are `RESOLVED` standard deviations apart."""
+    """True where two real entries are `DEVIATIONS` standard deviations apart."""
     starts = found.poles.starts()
     difference = np.zeros(found.poles.order)
     difference[starts[first]], difference[starts[second]] = 1.0, -1.0
     gap = abs((found.poles.s[first] - found.poles.s[second]).real)
-    return bool(gap > RESOLVED * np.sqrt(difference @ found.covariance() @ difference))
+    return bool(gap > DEVIATIONS * np.sqrt(difference @ found.covariance() @ difference))
 
 
 def _add(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:

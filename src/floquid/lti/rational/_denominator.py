@@ -23,16 +23,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
+from floquid.fit import ROUNDING
 from floquid.lti._spectrum import line_weights
 
-EDGE = 0.5  # the growth and decay over the record, in nepers, between which both denominators are asked for roots
-
 SAME = 1.0
-"""The change over the record, in nepers and radians, by which roots of the two denominators differ if not one mode."""
-
-ROUNDING = 1e-26  # the share of the largest eigenvalue below which one is rounding, where no matrix was squared
-SQUARED = 1e-14  # the same where one was
-SMALL = 16  # directions up to which their lower quartile may well be one of a mode
+"""The change over the record, in nepers and radians, by which roots of the two denominators differ if not one mode;
+both are asked for roots that grow or decay by less."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,7 +195,7 @@ class Denominators:
         else:
             _, roots, right = np.linalg.svd(normal @ inverse, full_matrices=True)
             values, vectors = np.concatenate([roots**2, np.zeros(len(right) - len(roots))]), right.T
-        rounding = SQUARED if squared else ROUNDING
+        rounding = ROUNDING if squared else ROUNDING**2
         directions = np.asarray(inverse @ vectors, dtype=np.float64)
         return Denominators(basis, samples, len(of_inputs), values, directions, equations, rounding)
 
@@ -213,9 +209,7 @@ class Denominators:
         size = len(self.values)
         share = size / self.equations
         quartile = float(self.values[size - 1 - size // 4])
-        noise = min(1.0, quartile * (1.0 + 2.0 * np.sqrt(share)) ** 2)
-        if size > SMALL:
-            noise = max(noise, quartile)
+        noise = max(min(1.0, quartile * (1.0 + 2.0 * np.sqrt(share)) ** 2), quartile)
         above = int((self.values > noise * (1.0 + np.sqrt(share)) ** 2).sum())
         real = int((self.values > self.rounding * size * self.values[0]).sum())
         return min(max(above, order or 0), real, size - self.inputs)
@@ -231,9 +225,9 @@ class Denominators:
             ends = np.kron(fixed[:, None], np.eye(self.inputs))
             found.append(self._roots(null @ (null.T @ ends), highest=is_highest))
         (inner, inner_shares), (outer, outer_shares) = found
-        keep = np.abs(inner) < np.exp(EDGE / self.samples)
+        keep = np.abs(inner) < np.exp(SAME / self.samples)
         inner, inner_shares = inner[keep], inner_shares[keep]
-        keep = np.abs(outer) > np.exp(-EDGE / self.samples)
+        keep = np.abs(outer) > np.exp(-SAME / self.samples)
         outer, outer_shares = outer[keep], outer_shares[keep]
         if len(inner):
             apart = np.abs(np.log(outer)[:, None] - np.log(inner))

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from floquid._arrays import Complexes, Floats, Mask
+from floquid._arrays import BLOCK, Complexes, Floats, Mask
 from floquid.lti._exponentials import complex_residues, powers, real_basis, real_powers
-from floquid.lti._factor import BLOCK
 from floquid.lti._poles import PoleSet
 from floquid.lti._removal import Removal, weakest
 from floquid.lti._types import ModalModel, Outcome, TimeResponses

@@ -8,22 +8,19 @@ from typing import ClassVar, final
 
 import numpy as np
 
-from floquid._arrays import Complexes, Floats
+from floquid._arrays import BLOCK, Complexes, Floats
 from floquid._checks import finite, input_error, integer
 from floquid.lti._era import hankel_covariance
 from floquid.lti._exponentials import model_of
-from floquid.lti._factor import BLOCK, SAFE, Factor, energetic_length, energies, factors, product_noise
+from floquid.lti._factor import SAFE, Factor, energetic_length, energies, factors, product_noise
 from floquid.lti._identifier import AbstractIdentifier, Report, given_order, reached, silent
 from floquid.lti._poles import FASTEST, PoleSet
 from floquid.lti._removal import strongest
 from floquid.lti._types import ModalModel, TimeResponses
 from floquid.lti.rational._denominator import Band, Basis, Denominators, Equations, stacked
-from floquid.lti.rational._lines import Modes, Rows, chosen, model_on
+from floquid.lti.rational._lines import SMOOTH, Modes, Rows, chosen, model_on
 
-DEGREE = 128  # the degree of the denominator on all lines, if there are twice as many samples
-EXTRA = 16  # terms that are added on a band, for the skirts of the modes outside
-LARGEST = 192  # the number of roots of a matrix up to which its degree is chosen: their cost grows with its cube
-LEAST = 16  # the degree that is chosen all the same
+DEGREE = 128  # the roots of a denominator on all lines, if there are twice as many samples: their cost is its cube
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +155,7 @@ class PolyLSCF(AbstractIdentifier):
             return Candidates(data, None, Modes(PoleSet.empty()))
         degree = degree_for(self.degree, band, data.n_inputs)
         if self.degree is None:
-            degree = min(degree, max(LEAST, LARGEST // data.n_inputs))
+            degree = min(degree, max(1, DEGREE // data.n_inputs))
         safe = samples * np.finfo(float).eps * energy.sum() < SAFE * data.n_outputs
         found = matrix(data, band, degree, safe=bool(safe))
         return Candidates(data, found, candidates(found, shared=True))
@@ -197,7 +194,7 @@ def degree_for(asked: int | None, band: Band, inputs: int = 1) -> int:
     """The degree of a denominator: that asked for as far as the lines go, or one that leaves noise its room."""
     if asked is not None:
         return min(asked, band.size - 1)
-    degree = DEGREE if band.whole else int(np.ceil(DEGREE * (band.high - band.low))) + EXTRA
+    degree = DEGREE if band.whole else int(np.ceil(DEGREE * (band.high - band.low))) + SMOOTH
     return max(1, min(degree, band.size // (1 + inputs)))
 
 
