@@ -23,7 +23,7 @@ from floquid.periodic.search._near_axis import with_axis_pairs
 from floquid.periodic.search._objective import FARTHEST, Point
 from floquid.periodic.search._peaks import strongest
 from floquid.periodic.search._result import SearchResult
-from floquid.periodic.search._tests import equality, spread_of_harmonics
+from floquid.periodic.search._tests import equality, spread_of_harmonics, untold
 from floquid.periodic.search._units import Units, wide_of
 
 AT_REST = 1e-5  # the fall of J below which a fit that is reported is at rest: 0.003 deviations
@@ -35,10 +35,6 @@ CROWDED = 0.15
 
 CLUSTER = 1e-3  # the probability of harmonics of one exponent at which a mode is taken for several
 LASTING = 0.5  # decay over the record, in nepers, within two deviations of which a tone is steady
-
-UNTOLD = 0.5
-"""The deviation of an exponent, over its decay or one over the record, from which on it is a column and no mode to
-report."""
 
 NEAREST = 3  # branches on each side that a speed which wanders is asked about
 BETTER = 9.0  # the fall of the misfit within which no branch is the better one
@@ -165,10 +161,7 @@ def _without_undetermined(point: Point) -> Point:
     free = np.flatnonzero(entries.leading)
     if len(free) < 2:  # the last one stays
         return point
-    std = np.sqrt(np.maximum(np.diag(point.solution.covariance()), 0.0))[: len(free)]
-    duration = max(block.last for block in point.blocks)
-    # One that stands still for longer than the record is known if that is: its decay has no share of its own.
-    weak = free[std > UNTOLD * np.maximum(np.abs(entries.exponents[free].real), 1.0 / duration)]
+    weak = untold(point)
     if not 0 < len(weak) < len(free):
         return point
     fixed = entries.fixed.copy()

@@ -20,12 +20,14 @@ from floquid.fit import DEVIATIONS, WITHIN, chi2_limit
 from floquid.periodic.least_squares import EVEN, ODD, PLAIN, ModeParameters, Solution, linearise
 from floquid.periodic.search._objective import FARTHEST, Point, carried
 from floquid.periodic.search._result import SearchResult
+from floquid.periodic.search._tests import untold
 
 BESIDE = 1.0
 """Distance from an axis, over the decay or its deviation, within which a pair and its conjugate share their lines."""
 
-REAL = 5e-3
-"""The probability at which noise may make a second multiplier of a real one, which moves it by its own deviation."""
+REAL = 2e-3
+"""The probability at which noise may make a second multiplier of a real one, which moves it by its own deviation: at an
+exponent that is given. That of the second is sought, and the largest of two or three such sums is seen."""
 
 SETTLED = 1e-3  # the fall of the misfit below which a fit is at rest: far less than any limit of noise
 STEPS = 20  # steps of one fit
@@ -69,7 +71,7 @@ def with_axis_pairs(point: Point, bands: Integers) -> tuple[Point, Integers, dic
                 continue
             if states == 1:
                 place = trial.places[0]
-                if not _needed(found, point):
+                if not _needed(found, point) or len(found.entries.exponents) - 2 in untold(found):
                     hidden[float(entries.offsets[place])] = _hidden(found.solution)
                     continue
                 wide = _solved(found, _as_wide(found.entries))
@@ -208,19 +210,21 @@ def _single(point: Point) -> Point | None:
     entries = point.entries
     if float(entries.all_squares[-1]) < -DEVIATIONS * _square_std(point.solution):
         return None  # surely a pair of conjugates
+    told = len(entries.exponents) - 2 not in untold(point)
     fewer = entries.picked(range(len(entries.exponents) - 1))
     last = np.arange(len(fewer.exponents)) == len(fewer.exponents) - 1
     factors, squares = np.where(last, PLAIN, fewer.factors), np.where(last, 0.0, fewer.all_squares)
     root = np.sqrt(max(float(entries.all_squares[-1]), 0.0))
+    answers = []
     for move in (0.0,) if root == 0.0 else (root, -root):
         trial = replace(fewer, factors=factors, squares=squares, exponents=fewer.exponents + last * move)
         found = _solved(point, trial)
-        if found is None or _needed(point, found):
+        if found is None or (told and _needed(point, found)):
             continue
-        narrow = _solved(point, _narrow(entries))
+        narrow = _solved(point, _narrow(entries)) if told else None
         if narrow is None or not _needed(narrow, found):
-            return found
-    return None
+            answers.append(found)
+    return min(answers, key=lambda one: one.value, default=None)
 
 
 def _as_wide(entries: ModeParameters) -> ModeParameters:

@@ -7,7 +7,22 @@ import numpy as np
 from floquid._arrays import Floats, Indices, Mask
 from floquid.fit import scaled_inverse, score_gain
 from floquid.periodic.least_squares import ModeParameters, Solution
-from floquid.periodic.search._objective import SINGULAR
+from floquid.periodic.search._objective import SINGULAR, Point
+
+UNTOLD = 0.5
+"""The deviation of an exponent, over its decay or one over the record, from which on it is a column and no mode to
+report."""
+
+
+def untold(point: Point) -> Indices:
+    """Places of the modes whose own information is next to none.
+
+    One that stands still for longer than the record is known if that is: its decay has no share of its own.
+    """
+    free = np.flatnonzero(point.entries.leading)
+    std = np.sqrt(np.maximum(np.diag(point.solution.covariance()), 0.0))[: len(free)]
+    lasting = 1.0 / max(block.last for block in point.blocks)
+    return np.asarray(free[std > UNTOLD * np.maximum(np.abs(point.entries.exponents[free].real), lasting)], np.intp)
 
 
 def equality(solution: Solution, entry: int, sure: Mask) -> tuple[float, int]:
