@@ -213,7 +213,7 @@ OPTIONS = [
     ("order 2.5", nothing, f"{GOOD} --order 2.5", 2, r'--order: "2\.5" is not a whole number'),
     ("order of text", nothing, f"{GOOD} --order four", 2, r'--order: "four" is not a whole number'),
     ("odd order of pairs", nothing, f"{GOOD} --order 3", 1, r"order 3 cannot be reached.* pair"),
-    ("order that the data do not hold", npz(VALUES[:, :80]), f"{THIS} --order 9", 1, r"order 9 cannot be reached"),
+    ("order that the data do not hold", npz(VALUES[:, :80]), f"{THIS} --order 8", 1, r"order 8 cannot be reached"),
     ("order of as many as periods", nothing, f"{GOOD} --order 40", 2, r"less than the 40 periods"),
     ("negative harmonics", nothing, f"{GOOD} --harmonics -1", 2, r"`--harmonics` must be .* at least 0"),
     ("too many harmonics", nothing, f"{GOOD} --harmonics 4", 2, r"less than half the 8 samples a period, but is 4"),

@@ -54,24 +54,29 @@ def _still(model: PeriodicModel, std: NDArray[np.complex128]) -> list[Finding]:
 
 
 def _moving(model: PeriodicModel, near: float) -> list[Finding]:
-    """Pairs of modes of one shape that are nearer to each other than they decay: one mode that changes."""
+    """Pairs of modes of one shape in a row that are nearer to each other than they decay: one mode that changes."""
+    from scipy.sparse.csgraph import connected_components
+
     found, own = [], [int(mode) for mode in model.upper_modes if not model.unpaired[mode]]
+    exponents = model.exponents[own]
+    gaps = exponents - exponents[:, None]
+    turns = np.rint(gaps.imag / model.fundamental).astype(int)
+    decays = np.abs(exponents.real)
+    apart = np.abs(gaps - 1j * turns * model.fundamental)
+    # Of a cubic spring the third decays five times as fast as the first: the second lies between.
+    groups = connected_components(apart <= near * (decays + decays[:, None]), directed=False)[1]
     scale = np.abs(model.coefficients).max(axis=(0, 2, 3), initial=0.0)[:, None, None]
-    shapes = model.coefficients / np.where(scale > 0.0, scale, 1.0)
-    for place, one in enumerate(own):
-        for other in own[place + 1 :]:
-            gap = model.exponents[other] - model.exponents[one]
-            turns = round(gap.imag / model.fundamental)
-            apart = abs(complex(gap.real, gap.imag - turns * model.fundamental))
-            if apart > near * abs(model.exponents[[one, other]].real).sum():
-                continue
-            # e^{i turns θ} goes from the exponent to the shape.
-            moved = np.roll(shapes[other], turns, axis=-1)
-            power = float(np.sum(np.abs(shapes[one]) ** 2) * np.sum(np.abs(moved) ** 2))
-            telling = min(np.count_nonzero(shapes[one]), np.count_nonzero(moved)) >= TELLING
-            if telling and abs(np.vdot(shapes[one], moved)) ** 2 > SAME_SHAPE * power:
-                first, second = model.frequencies_hz[[one, other]]
-                found.append(warning("one_that_moves", first=first, second=second))
+    shapes = (model.coefficients / np.where(scale > 0.0, scale, 1.0))[own]
+    for one, other in zip(*np.triu_indices(len(own), 1), strict=True):
+        if groups[one] != groups[other]:
+            continue
+        # e^{i turns θ} goes from the exponent to the shape.
+        moved = np.roll(shapes[other], turns[one, other], axis=-1)
+        power = float(np.sum(np.abs(shapes[one]) ** 2) * np.sum(np.abs(moved) ** 2))
+        telling = min(np.count_nonzero(shapes[one]), np.count_nonzero(moved)) >= TELLING
+        if telling and abs(np.vdot(shapes[one], moved)) ** 2 > SAME_SHAPE * power:
+            first, second = model.frequencies_hz[[own[one], own[other]]]
+            found.append(warning("one_that_moves", first=first, second=second))
     return found
 
 

@@ -230,7 +230,7 @@ def test_a_search_that_ends_but_for_its_limit_says_so(monkeypatch):
     more = response(given.times, OMEGA * given.times, shapes(seed=3), exponents=others)
     found = fit([replace(given, values=given.values + more)], [CLOCK], forced="none")
     doubts = texts(found.findings, "warning")
-    assert any("ended at 2, a pair counted once" in doubt for doubt in doubts)
+    assert any("was ended at 2, the most" in doubt for doubt in doubts)
     assert any("peak that is left" in doubt and "is not all noise" in doubt for doubt in doubts)
     monkeypatch.setattr("floquid.periodic._fit_records.MOST_ENTRIES", 3)
     right = fit([coloured(record(n=500), 0.0, seed=0)], [CLOCK], forced="none")

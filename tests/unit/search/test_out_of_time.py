@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.driven import ambient_of, mathieu, parted, record_of
+from tests.driven import ambient_of, mathieu, mathieu_and_lag, parted, record_of
 
 from floquid import ConstantPeriod, IdentificationError, Record, identify
 from floquid.findings import Severity
@@ -55,7 +55,7 @@ def test_a_search_whose_time_is_over_is_told_to_be(made, module, late, monkeypat
 
 
 def test_outputs_alone_without_time_have_the_modes_of_the_first_start_and_say_so(monkeypatch):
-    record, options = ambient()
+    record, options = ambient(mathieu_and_lag())
     starts, whole = [], _search._with
     monkeypatch.setattr(_search, "_with", lambda *given: starts.append(whole(*given)) or starts[-1])
     monkeypatch.setattr(_search, "white", lambda *_: False)
