@@ -157,12 +157,8 @@ def _without_steady(point: Point, bands: Integers) -> Point:
 
 def _without_undetermined(point: Point) -> Point:
     """With the modes whose own information is next to none held: they would ruin the deviations of all others."""
-    entries = point.entries
-    free = np.flatnonzero(entries.leading)
-    if len(free) < 2:  # the last one stays
-        return point
-    weak = untold(point)
-    if not 0 < len(weak) < len(free):
+    entries, weak = point.entries, untold(point)
+    if not 0 < len(weak) < int(entries.leading.sum()):
         return point
     fixed = entries.fixed.copy()
     fixed[weak] = True

@@ -15,11 +15,13 @@ report."""
 
 
 def untold(point: Point) -> Indices:
-    """Places of the modes whose own information is next to none.
+    """Places of the modes whose own information is next to none, but for the last one, which stays.
 
     One that stands still for longer than the record is known if that is: its decay has no share of its own.
     """
     free = np.flatnonzero(point.entries.leading)
+    if len(free) < 2:
+        return free[:0]
     std = np.sqrt(np.maximum(np.diag(point.solution.covariance()), 0.0))[: len(free)]
     lasting = 1.0 / max(block.last for block in point.blocks)
     return np.asarray(free[std > UNTOLD * np.maximum(np.abs(point.entries.exponents[free].real), lasting)], np.intp)
