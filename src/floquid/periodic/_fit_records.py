@@ -198,6 +198,7 @@ def fit(
     base = forced_base(forced_turns(forced, known, samples.half, nu), omega, wanders=samples.wanders)
     bounds = Bounds(
         most=most,
+        span=below(2.0 * samples.half),
         modes=MOST_ENTRIES if order is None else (order + 1) // 2,
         forced=np.arange(1, int(min(HIGHEST, samples.half * nu)) + 1) / nu if auto else np.zeros(0),
         width=harmonics,

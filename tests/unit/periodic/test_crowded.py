@@ -73,7 +73,7 @@ def test_errors_of_the_angle_raise_the_price_of_a_mode():
     blocks = (RecordBlock(times=times, values=values, hit=0, rows=np.array([0]), noise=np.array([0.1])),)
     base = forced_entries([1.0], OMEGA)
     point = Point.at(blocks, *priced(blocks, base, 1e-12, mode_alarm=1e-9, harmonic_alarm=1e-6), base)
-    bounds = Bounds(most=3, modes=4, forced=np.zeros(0))
+    bounds = Bounds(most=3, span=6, modes=4, forced=np.zeros(0))
     one, other = (searched(point, replace(bounds, angle_std=std)).price for std in ((), (1e-2,)))
     more = other.mode(real=False) - one.mode(real=False)
     assert more == pytest.approx(0.5 * 2000 * (3.0 * 1e-2 / 0.1) ** 2, rel=0.02)

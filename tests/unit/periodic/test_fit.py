@@ -237,6 +237,20 @@ def test_a_search_that_ends_but_for_its_limit_says_so(monkeypatch):
     assert not any(own.code == "search_ended" for own in right.findings)
 
 
+@pytest.mark.parametrize("samples", [15, 16])
+def test_a_mode_of_as_many_harmonics_as_a_period_has_samples_is_one(samples):
+    """As after a blow once a period: it begins as two, each with the harmonics of one side."""
+    generator, harmonics = np.random.default_rng(4), np.arange(-(samples // 2), (samples + 1) // 2)
+    times, exponent = PERIOD / samples * np.arange(120 * samples), -0.02 + 0.69j * OMEGA
+    shape = generator.standard_normal((2, samples)) + 1j * generator.standard_normal((2, samples))
+    values = 2.0 * (shape @ np.exp(np.multiply.outer(exponent + 1j * OMEGA * harmonics, times))).real
+    values += 0.05 * generator.standard_normal(values.shape)
+    given = Record(values=values, sample_rate=samples / PERIOD, channels=CHANNELS)
+    model = fit([given], [CLOCK], forced="none").model
+    assert model.order == 2
+    assert np.abs(pulls(model, [exponent])).max() < 4.0
+
+
 def test_times_far_from_zero_lose_no_digits():
     """Where time itself is known to 0.1 ms only, samples are as far apart as ever."""
     here = record(n=300, noise=1e-3)

@@ -96,7 +96,7 @@ def test_a_mode_that_is_two_is_split_and_two_that_are_one_are_merged():
     one = point([-0.055 + 0.9j], [(-1, 2)], truth=[-0.06 + 0.9j, -0.05 + 0.96j + 1j * OMEGA]).settled()
     assert min(splits(one), key=lambda move: move.change).change < 0.0
     halves = point([truth[0], truth[0] + 1j * OMEGA, truth[1]], [(-1, 0), (0, 0), (-1, 1)]).settled()
-    assert [len(move.structure.exponents) for move in merges(halves, MOST)] == [2]
+    assert [len(move.structure.exponents) for move in merges(halves, 2 * MOST)] == [2]
 
 
 @pytest.mark.first(1)
@@ -104,7 +104,7 @@ def test_a_mode_that_is_two_is_split_and_two_that_are_one_are_merged():
 def test_the_search_ends_at_the_modes_whatever_it_starts_from(seed):
     exponents, ends = [-0.06 + 0.9j, -0.05 + 2.2j], [(-1, 1), (-1, 1)]
     best = point(exponents, ends, seed=seed).settled()
-    bounds = Bounds(most=MOST, modes=8, forced=np.zeros(0))
+    bounds = Bounds(most=MOST, span=2 * MOST, modes=8, forced=np.zeros(0))
     for start in ([], [0], [0, 1, 1]):
         begin = point([exponents[k] for k in start], [(0, 0) for _ in start], seed=seed) if start else None
         first = best.with_entries(best.entries.picked([])) if begin is None else begin

@@ -159,7 +159,7 @@ def _cut(entries: ModeParameters, entry: int, harmonic: int, moved: tuple[comple
     return rest.joined(ModeParameters.made([value for value, _ in parts], [ends for _, ends in parts], omega))
 
 
-def merges(point: Point, most: int) -> Iterator[Move]:
+def merges(point: Point, span: int) -> Iterator[Move]:
     """Two modes as one where their exponents agree modulo the fundamental (Wald 1943); all disjoint ones at once."""
     entries, found = point.entries, []
     free = np.flatnonzero(~entries.fixed)
@@ -180,7 +180,7 @@ def merges(point: Point, most: int) -> Iterator[Move]:
             # Without noise, deviations are smaller than what rounding moves exponents by.
             score = 0.0 if abs(gap) < ROUNDING * entries.fundamental else score
             merged = _merged(entries, one, two, sign, turns)
-            if np.ptp(merged.bands[one]) > 2 * most:
+            if np.ptp(merged.bands[one]) > span:
                 continue
             change = score + point.price.of(merged) - point.price.of(entries)
             if change < 0.0:

@@ -37,6 +37,7 @@ class Bounds:
     """Limits of a search: harmonics, modes, forced responses and time."""
 
     most: int  # the highest harmonic of the axis that the sampling shows
+    span: int  # fundamentals from the first to the last harmonic of a mode that it tells apart, at most
     modes: int  # modes at most, a pair counted once
     forced: Floats  # turns a period that a forced response may have; empty when none is looked for (harmonics,)
     width: int | None = None  # harmonics on each side of every mode; None where they are chosen
@@ -93,7 +94,7 @@ def _modes(point: Point, bounds: Bounds) -> Iterator[Move]:
     yield from removals(point)
     if bounds.width is None:  # bands that are given stay: modes are not split or merged then
         yield from splits(point) if _room(point, bounds) else ()
-        yield from merges(point, bounds.most)
+        yield from merges(point, bounds.span)
         yield from shared(point)
 
 
