@@ -3,9 +3,10 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from floquid.checks import CHECKS, Ambient, Check, Decays, Driven
+from floquid.checks import CHECKS, Ambient, Check, Criterion, Decays, Driven, Validation
 from floquid.checks._check import REMAINDER, Evidence, Subject, looked_at
 from floquid.findings import failure, warning
 from floquid.findings._finding import WORDS
@@ -69,6 +70,17 @@ LIST = (
     Check("seen", "?", "seen", lambda *_: (warning("growing", number=1, order=2),)),
     Check("other", "?", "unanswered", lambda *_: pytest.fail("asked")),
 )
+
+
+def test_a_verdict_without_a_share_passes_whatever_was_noted():
+    nothing = np.full((1, 1), np.nan)
+    lines = np.zeros((1, 1, 0))
+    criteria, findings = {"held_out_error": Criterion(limit=1.5)}, (warning("no_second_harmonic"),)
+    own = Validation(
+        metrics={"held_out_error": 1.0}, criteria=criteria, passed=True, findings=findings,
+        fit=nothing, held_out_error=nothing, colour=nothing, tones=lines, lines=lines,
+    )  # fmt: skip
+    assert own.answer == "passes"
 
 
 def test_a_kind_is_asked_what_it_can_answer_and_its_verdict_apart():

@@ -95,6 +95,25 @@ def test_modes_of_one_shape_nearer_than_three_quarters_of_their_decays(apart, tu
     assert any(own.code == "one_that_moves" for own in doubts_of(model)) == moves
 
 
+@pytest.mark.parametrize("between", [False, True])
+def test_modes_of_one_shape_in_a_row_are_one_that_moves(between):
+    """The first and the last are too far apart but for the one between, whose shape is another."""
+    shape = np.zeros((3, 2, 1, 9), complex)
+    shape[:, :, 0, 3:6] = np.array([[1.0, 2.0, 0.5], [0.3, 1.0, -0.4j]])
+    shape[1, 1] *= -1.0
+    own = np.array([True, between, True])
+    exponents, shape = np.array([-0.1 + 2.0j, -0.3 + 2.1j, -0.6 + 2.3j])[own], shape[own]
+    model = PeriodicModel(
+        exponents=np.concatenate([exponents, exponents.conj()]),
+        coefficients=np.concatenate([shape, shape[..., ::-1].conj()]),
+        harmonics=np.arange(-4, 5),
+        period=2.0 * np.pi,
+        channels=["x", "y"],
+    )
+    told = [own.numbers for own in doubts_of(model) if own.code == "one_that_moves"]
+    assert [round(2.0 * np.pi * own["second"], 1) for own in told] == [2.4] * between
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("kappa", "moves"), [(0.0, False), (0.4, True)])
 def test_two_modes_of_one_shape_are_named_as_one_that_moves(kappa, moves):
