@@ -32,7 +32,7 @@ NEAR_HALF = 0.25
 """The distance of a frequency from half the fundamental, over the decay, up to which a multiplier may be negative."""
 
 VAGUE = 0.5
-"""The relative deviation of the damping from which on a reader is warned."""
+"""The relative deviation of the damping from which on a reader is warned; beyond a neper a period, too, it fails."""
 
 
 def repetition(case: Any, _: Evidence) -> tuple[Finding, ...]:
@@ -122,7 +122,9 @@ def _no_estimates(
     nepers, hertz = np.abs(model.exponents[places].real) * model.period, np.abs(model.exponents[places]) / (2.0 * np.pi)
     grouped = np.isin(np.arange(len(nepers)), np.concatenate([*groups, []]))
     claimed = ~(grouped & (nepers > GONE) & ~own)
-    short, dead = np.array([fit.short(number) for number in range(len(nepers))]), (shares * nepers > 1.0) & claimed
+    short = np.array([fit.short(number) for number in range(len(nepers))])
+    # A decay of six nepers a period that is known to one is told; so is a slow one that is known to half of it.
+    dead = (shares > VAGUE) & (shares * nepers > 1.0) & claimed
     found = [failure("undetermined", frequencies=hertz[dead].tolist())] if dead.any() else []
     which = claimed & (short > SHORT[0])
     if which.any():

@@ -139,6 +139,17 @@ def test_a_mode_gone_within_a_period_may_be_the_excitations(analysis, decay, tur
     assert named == ([pytest.approx(hertz)] if told else [])
 
 
+@pytest.mark.parametrize(("decay", "share", "told"), [(27.0, 0.3, False), (27.0, 0.6, True), (2.0, 0.6, False)])
+def test_a_decay_is_not_determined_to_a_neper_a_period_nor_to_half_of_it(analysis, decay, share, told):
+    """Mathieu's mode loses 0.22 nepers a period."""
+    fit, own = analysis.fit, analysis.fit.at.modes[0]
+    gone = replace(own, exponent=complex(decay * own.exponent.real, own.exponent.imag))
+    alone = Fit(fit.samples, predicted(fit.samples, [gone], fit.at.columns, np.zeros((1, 2))), fit.acting)
+    model = alone.model(analysis.model.channels, (), analysis.model.provenance)
+    found = excitation_of(alone, model, np.full(2, share), 1.0, ())
+    assert any(own.code == "undetermined" for own in found) == told
+
+
 @pytest.mark.parametrize("axis", [0.0, 0.5])
 def test_a_mode_of_one_harmonic_is_named_but_for_a_negative_multiplier(analysis, axis, monkeypatch):
     """What decays without turning in the excitation has a positive one."""
