@@ -14,10 +14,10 @@ from floquid.fit import DEVIATIONS, chi2_limit
 from floquid.inputs import nearly_one
 
 VAGUE = 0.5
-"""The deviation of the decay of a real multiplier over it, from which on it is not determined,"""
+"""The deviation of a decay over it, from which on it is not determined,"""
 
-ROUGHLY = 0.1
-"""where that is more than this over a period [nepers]."""
+ROUGHLY = (1.0, 0.1)
+"""where that is more than this over a period [nepers]: of a pair, and of a real multiplier."""
 
 
 def needed(case: Any, _: Evidence) -> tuple[Finding, ...]:
@@ -64,14 +64,14 @@ def _clear(model: PeriodicModel, highest: int) -> bool:
 
 
 def is_undetermined(model: PeriodicModel) -> bool:
-    """True where a mode's decay is not known within a period, or that of a real multiplier hardly at all.
+    """True where a decay is known neither to half of itself nor within a period.
 
     Real multipliers that make up for one another, or for a pair, are of that kind; one of slow decay is not.
     """
     assert model.exponent_std is not None
     spread = model.exponent_std.real
-    vague = (spread > VAGUE * np.abs(model.exponents.real)) & (model.period * spread > ROUGHLY)
-    return bool((model.period * spread > 1.0).any() or (model.real & vague).any())
+    vague = spread > VAGUE * np.abs(model.exponents.real)
+    return bool((vague & (model.period * spread > np.where(model.real, ROUGHLY[1], ROUGHLY[0]))).any())
 
 
 MOST_PERIODS = 6
