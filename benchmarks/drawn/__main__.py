@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from benchmarks.draws import add_options, judged_rows, seeds
+from scipy.optimize import linear_sum_assignment
 from tests.driven import Driven, ambient_of, record_of
 from threadpoolctl import threadpool_limits
 
@@ -91,7 +92,7 @@ class Row:
     """What came of one draw.
 
     `outcome` is "passed", "failed" or "refused". Of the modes of which something is claimed, `worst` is the most
-    deviations that an exponent is off the nearest true one; `alike` counts modes beyond the first for one true mode.
+    deviations that an exponent is off the true one assigned to it; `false` counts those with no true one left.
     """
 
     seed: int
@@ -99,14 +100,14 @@ class Row:
     outcome: str
     order: int = 0
     worst: float = 0.0
-    alike: int = 0
+    false: int = 0
     codes: tuple[str, ...] = ()
     seconds: float
 
     @property
     def correct(self) -> bool:
         """Whether every mode of the model is one of the system, whatever the verdict."""
-        return self.order > 0 and self.worst < OFF and not self.alike
+        return self.order > 0 and self.worst < OFF and not self.false
 
     def __str__(self) -> str:
         wrong = self.outcome == "passed" and not self.correct
@@ -150,8 +151,8 @@ def judged(seed: int, excitation: str) -> Row:
     claimed = ~np.isin(np.abs(model.exponents) / (2.0 * np.pi), told)
     gap = model.exponents[claimed, None] - system.exponents()
     gap.imag -= np.rint(gap.imag)
-    near = np.abs(gap).argmin(axis=1)
-    off, std = gap[np.arange(len(near)), near], model.exponent_std[claimed]
+    rows, near = linear_sum_assignment(np.abs(gap))
+    off, std = gap[rows, near], model.exponent_std[claimed][rows]
     # A real multiplier has no deviation off its axis: a pair that is on it within that of the decay is the same.
     worst = np.maximum(np.abs(off.real) / std.real, np.abs(off.imag) / np.where(std.imag > 0.0, std.imag, std.real))
     return Row(
@@ -160,7 +161,7 @@ def judged(seed: int, excitation: str) -> Row:
         outcome="passed" if found.passed else "failed",
         order=model.order,
         worst=float(worst.max(initial=0.0)),
-        alike=int(claimed.sum()) - len(set(near.tolist())),
+        false=int(claimed.sum()) - len(rows),
         codes=tuple(sorted({own.code for own in found.findings if own.severity.name != "NOTE"})),
         seconds=seconds,
     )

@@ -41,7 +41,7 @@ def test_the_command_writes_a_row_a_draw_and_finds_fault_with_exponents_that_are
 
 
 def test_what_is_wrong_is_named():
-    untold, told = replace(RIGHT, seed=7, worst=6.0), replace(RIGHT, seed=8, alike=1, codes=("inputs_untold",))
+    untold, told = replace(RIGHT, seed=7, worst=6.0), replace(RIGHT, seed=8, false=1, codes=("inputs_untold",))
     failed = replace(RIGHT, seed=9, outcome="failed", order=2)
     found = drawn.table([RIGHT, untold, told, failed])
     assert "| passed | 3 of 4 |" in found

@@ -63,7 +63,7 @@ def _drawn(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     from benchmarks.drawn.__main__ import OFF
 
     def correct(row: Mapping[str, Any]) -> bool:
-        return row["order"] > 0 and row["worst"] < OFF and not row["alike"]
+        return row["order"] > 0 and row["worst"] < OFF and not row["false"]
 
     passed = [row for row in rows if row["outcome"] == "passed"]
     return {
