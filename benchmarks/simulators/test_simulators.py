@@ -96,6 +96,16 @@ def test_a_wrong_model_is_called_false(monkeypatch):
     assert wrong.false == 8
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(not turbines.LINEARISED.is_dir(), reason="the linearisations are not here")
+@pytest.mark.parametrize("seed", [0, 1])
+def test_modes_beside_those_that_are_gone_within_a_period_are_found(seed):
+    row = run.judged("soft_blade", 0.01, seed)
+    assert row.outcome == "passed"
+    assert row.found >= 5  # two of the seven are nearer to each other than a fifth of their decay
+    assert row.false == 0
+
+
 def test_two_exponents_for_one_mode_are_one_too_many():
     truth, std = np.array([-1.0 + 2.0j, -1.0 - 2.0j]), np.full(3, 0.01 + 0.01j)
     twice = np.append(truth, -1.001 + 2.001j)

@@ -34,7 +34,7 @@ from floquid.pipeline._doubts import order_too_low, wrong_period_fitted, wrong_p
 from floquid.pipeline._first_period import promised, without_first
 from floquid.pipeline._settings import Options, Settings, settings_of, takes_settings
 from floquid.pipeline._start import Lifting, Start, cut
-from floquid.pipeline._starts import OPENINGS, POLES, criterion, determined, explains
+from floquid.pipeline._starts import OPENINGS, POLES, WIDTH, criterion, determined, explains
 from floquid.pipeline._validated import validated
 from floquid.pipeline.excited import identified_ambient, identified_driven, refuse_others
 from floquid.pipeline.preparation import Prepared, begun, blas_threads, clocked, own_names, prepare
@@ -190,7 +190,8 @@ def _brief_fits(
 ) -> Iterator[Candidate]:
     """The fits of a start of a brief record: outer products of shape and hit, and that of the samples.
 
-    That of the samples has its own harmonics in each hit: it is left out where shapes at each phase are fewer numbers.
+    That of the samples has its own harmonics in each hit: it is left out where shapes at each phase are fewer numbers
+    than the narrowest that vary.
     """
     settings, model, costly = prepared.settings, None, False
     if start.modal is not None:
@@ -202,7 +203,7 @@ def _brief_fits(
             with suppress(IdentificationError, np.linalg.LinAlgError):
                 yield Candidate(start, model, _of_shapes(prepared, start, model, report), settings)
         lifted = start.lifted
-        costly = lifted.n_channels * (lifted.n_hits * (2 * width + 1) - lifted.n_phases) > lifted.n_hits
+        costly = lifted.n_channels * (lifted.n_hits * (2 * WIDTH + 1) - lifted.n_phases) > lifted.n_hits
     if not costly or not determined(model):
         fitted = _fitted(prepared, cutting, start, model, settings, True, report)
         wrong = wrong_period_fitted(fitted, start.lifted, prepared, report)

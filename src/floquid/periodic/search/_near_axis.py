@@ -84,8 +84,17 @@ def with_axis_pairs(point: Point, bands: Integers) -> tuple[Point, Integers, dic
             fewer = _single(found)
             # Noise may hide the second of two, but one that is worse than both is none.
             fewer = None if fewer is not None and states == 2 and fewer.value > point.value else fewer
+            if fewer is None and found.value > point.value and _hides(found, point, trial):
+                continue
             point, bands = (found, trial.bands) if fewer is None else (fewer, trial.bands[:-1])
     return point, bands, hidden
+
+
+def _hides(found: Point, point: Point, trial: Trial) -> bool:
+    """True where two functions of many harmonics each take what tells another mode of its decay."""
+    before = np.setdiff1d(untold(point), trial.places)
+    after = np.setdiff1d(untold(found), len(found.entries.exponents) - np.array([1, 2]))
+    return len(after) > len(before)
 
 
 def _hidden(found: Solution) -> float:
