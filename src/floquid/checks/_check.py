@@ -52,7 +52,7 @@ class Evidence:
         return (why,)
 
     def verdict(self, shape: tuple[int, int]) -> Validation:
-        """The verdict by all that was noted, for so many channels and hits."""
+        """Verdict by all that was noted, for these numbers of channels and hits."""
         nothing = np.full(shape, np.nan)
         none: dict[str, Any] = {"fit": nothing, "held_out_error": nothing, "colour": nothing}
         none |= {"tones": np.zeros((*shape, 0)), "lines": np.zeros((*shape, 0))}

@@ -100,7 +100,7 @@ class Decays(Subject):
         return self.noise.size
 
     def alive_records(self) -> list[Record]:
-        """The records, but for what comes after their response has died."""
+        """The records, except for what comes after their response has died."""
         return [only(record, own >= 0) for record, own in zip(self.records, self.cycles, strict=True)]
 
     def alive(self, hit: int) -> slice:

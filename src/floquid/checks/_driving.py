@@ -1,4 +1,4 @@
-"""What drives the modes: the way of the inputs to them, their instants, noise and powers of the response beside."""
+"""Checks of the drive: inputs to modes, their instants, noise on them, and powers of the response."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ POWERS = 4
 """Numbers by which squares and cubes of one channel drive a mode."""
 
 MORE = 2.0
-"""What squares and cubes must gain, over what noise that drives the system does: it lets them gain by chance."""
+"""Least gain by squares and cubes over that by driving noise, which lets them gain by chance."""
 
 UNTOLD = 15.0
 """The criterion of a fit of one size over another below which the record does not tell them: Φ(-√15) is 10⁻⁴/2."""
@@ -91,7 +91,7 @@ def _instants(fit: Uncertainty, scores: Scores) -> tuple[tuple[Finding, ...], Sc
 
     With it, where that is so, the scores of the fit with inputs as they were then.
 
-    Gains take up a delay but for the first samples of each response. For those a direct term stands, or modes that die
+    Gains take up a delay except in the first samples of each response. A direct term takes those up, or modes that die
     at once: with the right instants none of that is needed. Else a fit to first order tells what no other needs to be.
     """
     samples, now = scores.samples, scores.now
@@ -140,14 +140,14 @@ def _instants(fit: Uncertainty, scores: Scores) -> tuple[tuple[Finding, ...], Sc
 
 
 def _smooth(samples: Samples) -> bool:
-    """Whether an input goes on from sample to sample, as what was measured does: white ones are held."""
+    """True where an input is correlated from sample to sample, as a measured one is; white inputs are held."""
     inputs = samples.each(samples.inputs, lambda own: own - own.mean(axis=1, keepdims=True))
     products = samples.each(inputs, lambda own: np.append(own[:, 1:] * own[:, :-1], np.zeros_like(own[:, :1]), axis=1))
     return bool(np.any(products.sum(axis=1) > SMOOTH * np.sum(inputs**2, axis=1)))
 
 
 def _others(samples: Samples) -> Iterator[tuple[tuple[int, str], Samples]]:
-    """Samples of which the inputs act at other instants, with the delay in samples and the hold."""
+    """Samples whose inputs act at other instants, with the delay in samples and the hold."""
     for delay in (1, -1):
         yield (delay, samples.hold), replace(samples, inputs=_moved(samples, delay))
     for hold in ("zero", "first", "none"):
@@ -156,7 +156,7 @@ def _others(samples: Samples) -> Iterator[tuple[tuple[int, str], Samples]]:
 
 
 def _by_noise(scores: Scores) -> float:
-    """The gain by noise that drives the modes: near its limits by so many draws that these do not decide."""
+    """Gain by noise that drives the modes: near its limits by `MANY` draws, so that chance does not decide."""
     gain = scores.by_noise()
     return scores.by_noise(MANY) if chi2_limit(1, HINT) / NEAR < gain < chi2_limit(1, SURE) * NEAR else gain
 
@@ -254,7 +254,7 @@ def _began(own: Parted) -> tuple[Finding, ...]:
 
 
 def undriven(model: PeriodicModel) -> tuple[Finding, ...]:
-    """Finding on inputs of which no b is told from none: they act at too few phases of the period, or frequencies."""
+    """Finding on inputs whose b is not determined: they act at too few phases of the period, or frequencies."""
     own = model.inputs
     if own is None or own.coefficient_std is None:
         return ()

@@ -114,7 +114,7 @@ def _no_estimates(
     own: NDArray[np.bool_],
     groups: Sequence[NDArray[np.int64]],
 ) -> list[Finding]:
-    """Findings on modes of which the fit is no maximum, or the decay not determined.
+    """Findings on modes whose fit is no maximum, or whose decay is not determined.
 
     Of poles of the excitation that are nearly one no decay is claimed, which another finding says.
     """
@@ -158,7 +158,7 @@ def _own(fit: Fit) -> NDArray[np.bool_]:
 
 
 def _not_apart(fit: Fit, std: NDArray[np.float64], lasting: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
-    """Twos of modes that outlast a period, and of which the deviations (modes,) do not tell that they are two."""
+    """Pairs of modes that outlast a period and that their deviations (modes,) do not separate."""
     modes, omega = fit.at.modes, fit.samples.fundamental
     return [
         np.array([one, other])

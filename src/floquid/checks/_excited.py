@@ -47,7 +47,7 @@ PREDICTABLE = 0.03
 """The share of the variance of the innovations that is predictable from those before, from which on a model fails."""
 
 MOST_UNTOLD = 3.0
-"""What deviations of the fit to a part may make of the prediction, over the noise: more is no model to predict with."""
+"""Most error of the prediction, over the noise, by deviations of the fit to a part: beyond, it predicts nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,7 +95,7 @@ class Excited(Subject):
         return [self.chain.phase_step(self.tested, number) for number in range(1, len(self.own.records))]
 
     def undriven(self) -> tuple[Finding, ...]:
-        """Finding on inputs of which it is not determined how they reach the modes."""
+        """Finding on inputs whose way to the modes is not determined."""
         return undriven(self.model)
 
     def left_out(self) -> LeftOut:

@@ -24,7 +24,7 @@ ERROR = 1.05
 """The prediction error over noise and its own deviation that is let pass in any case; a tenth more over a stretch."""
 
 FAILING = 1.4
-"""How many times its limit the same is where a model fails, twice over a stretch; where the excitation goes on, over
+"""Factor of the limit from which on a model fails, twice over a stretch; where the excitation goes on, over
 what is expected."""
 
 KEPT = 0.75
@@ -105,7 +105,7 @@ def _worst(own: Floats, numbers: Integers, alarm: float, least: float) -> tuple[
 
 
 def quiet_for(inputs: NDArray[np.float64]) -> int:
-    """Samples at the begin of a record in which no input moves; none where none ever does."""
+    """Samples at the start of a record in which no input moves; none where none ever does."""
     return int((inputs != inputs[:, :1]).any(axis=0).argmax())
 
 
@@ -144,7 +144,7 @@ BRIEF = 2.0
 
 PARTS = 4  # parts of a cycle, every other one left out of a brief hit: the rest of it tells the states
 
-STRETCHES = 8  # stretches of the record in each of which the error is looked at
+STRETCHES = 8  # stretches of the record, each with its own error
 AT_REST = 0.1  # the deviations that the last step of a refit may have: what comes after is far below the noise
 
 
@@ -173,7 +173,7 @@ def held_out(
     .. math:: \frac{e^T r}{\sigma^2} = e^T \big(\sigma^2 (I - H)^{-1}\big)^{-1} e \sim \chi^2_n
 
     which is the error over the noise *and* the prediction's own variance, without either being formed. Brief hits that
-    share their shapes are left out one after the other, but for parts of each cycle that tell their states.
+    share their shapes are left out one after the other, except for parts of each cycle that tell their states.
 
     `cycles` are those of the samples, as `cycles_of` tells them. None where there are too few; IdentificationError
     where the model cannot be fitted to what is left of the record.
@@ -277,7 +277,7 @@ def cycles_of(model: PeriodicModel, instants: Sequence[tuple[Floats, Floats]], n
 
 
 def _predictable(model: PeriodicModel, cycles: int) -> tuple[int, int]:
-    """The cycles of those that the others can tell: not the one that holds all there is of a brief mode."""
+    """Cycles that the remaining ones can predict: one that alone contains a short-lived mode is left out."""
     rates = model.exponents.real * model.period
     return int((rates < -1.0 / BRIEF).any()), cycles - int((rates > 1.0 / BRIEF).any())
 

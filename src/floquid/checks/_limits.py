@@ -84,10 +84,10 @@ SHARP = 1e-3
 """The deviation of a frequency over the fundamental below which a mode at a line warns."""
 
 SURE = 1.5e-4
-"""That below which it fails: one in a hundred modes that do not decay is as near to some line by chance."""
+"""Distance below which it fails: one in a hundred undamped modes is as near to some line by chance."""
 
 ROUNDING = 1e-9
-"""What is rounding of a frequency, over the fundamental."""
+"""Rounding of a frequency, over the fundamental."""
 
 
 def steady(case: Any, found: Evidence) -> tuple[Finding, ...]:

@@ -23,7 +23,7 @@ NEIGHBOURS = 0.75
 taken for both: what a cubic term makes of a mode decays three times as fast, at half of that sum."""
 
 WANDERING = 5.0
-"""The same on a shaft whose speed wanders: a frequency that follows it has lines as far beside as that is fast."""
+"""Distance on a shaft whose speed wanders: a frequency that follows it has lines as far beside as that is fast."""
 
 SAME_SHAPE = 0.95  # the squared correlation of two shapes from which on they are one
 
