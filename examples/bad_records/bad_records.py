@@ -254,7 +254,7 @@ LIFTED = [
         name="a forced response of two periods",
         make=alone(lambda t: np.cos(np.pi * t / PERIOD)),
         answer="refused",
-        words="an orbit on which nothing is seen to decay",
+        words="no decay was seen on it",
     ),
     Bad(
         name="growth by e^60",

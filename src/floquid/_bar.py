@@ -36,7 +36,7 @@ def bar(
 ) -> Iterator[Callable[[str], None]]:
     """Listener to each stage: `report`, and, where it is wanted, a bar on stderr; without a terminal, lines.
 
-    The bar is one of so many `stages`, or else of the «3 of 10» in what is told.
+    The bar is one of the given number of `stages`, or else of the «3 of 10» in what is told.
     """
     if not wanted:
         yield report

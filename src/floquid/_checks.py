@@ -264,7 +264,7 @@ def integer(
 
 
 def index(value: object, argument: str, of: str, end: int) -> int:
-    """`value` as an index of something of which there are `end`."""
+    """`value` as an index below `end`."""
     if (number := integer(value, argument, of, at_least=0)) >= end:
         raise input_error(argument, of, f"be less than {end}", f"is {value}", "Counting starts at 0.")
     return number

@@ -84,7 +84,7 @@ class Told:
         return late("cli", "text_of")(self)
 
     def _repr_html_(self) -> str:
-        """The same for a notebook."""
+        """Text of the object as HTML, for a notebook."""
         return late("reporting", "fragment")(self)
 
 
@@ -94,7 +94,7 @@ class Drawn:
     __slots__ = ()
 
     def _figures(self) -> Drawings:
-        """Of each figure of `floquid.plot` that there is: what it is drawn of, and options."""
+        """Subject and options of each figure of `floquid.plot` that exists."""
         raise NotImplementedError
 
     @property

@@ -1,6 +1,6 @@
 """The exceptions that floquid raises.
 
-`InputError` is the caller's mistake and the message follows one grammar: which argument of which callable, what it
+`InputError` is the caller's mistake and the message follows one grammar: the argument and its callable, what it
 must be, what it is, and what to do. `IdentificationError` is a record from which no honest result can be had.
 """
 

@@ -32,7 +32,7 @@ def test_a_model_that_does_not_pass(forced):
     words = f"{GOOD} --forced none --order 4 --out new"
     text = typed(words)
     assert TITLE in text
-    assert "3 per revolution left in channel Y" in " ".join(text.split())
+    assert "3 per revolution in Y" in " ".join(text.split())
     again = typed(f"{words} --enforce", code=3, message="floquid: The model does not pass its checks.\n  ")
     assert again == text
     told = strict_json((forced / "new" / "summary.json").read_text())["validation"]
@@ -42,7 +42,7 @@ def test_a_model_that_does_not_pass(forced):
 
 def test_the_reasons_are_on_stderr_and_json_stays_whole(forced):
     words = f"{GOOD} --forced none --order 4 --format json --enforce"
-    told = json.loads(typed(words, code=3, message="3 per revolution left in channel Y"))["validation"]
+    told = json.loads(typed(words, code=3, message="3 per revolution in Y"))["validation"]
     assert told["passed"] is False
     assert told["metrics"]["tone"] > told["criteria"]["tone"]["at_most"]
 

@@ -23,7 +23,7 @@ def quiet(here):
 
 
 def test_a_model_that_fails(quiet):
-    text = typed(f"{WORDS} --out new", code=1, message="floquid: The model fails: what it leaves of the record is 4")
+    text = typed(f"{WORDS} --out new", code=1, message="floquid: The model fails: its residual is 4")
     assert {path.name for path in (quiet / "new").iterdir()} >= FILES
     told = strict_json((quiet / "new" / "summary.json").read_text())
     assert told["failed"] is True

@@ -263,7 +263,7 @@ def test_two_routes_that_differ_a_little_are_told(work, monkeypatch):
 def test_two_routes_that_both_claim_to_be_right_and_differ_are_refused(work, monkeypatch):
     off_by(1e-3, monkeypatch)
     before = contents(work)
-    message = "The exponents are not to be trusted: integration over the period finds -0.002"
+    message = "Integration over the period and Hill's method disagree. Integration gives -0.002"
     assert typed("floquet rotor.npz --out new", code=1, message=message) == ""
     assert contents(work) == before
     assert "Hill" not in typed("floquet rotor.npz --no-check")

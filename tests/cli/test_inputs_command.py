@@ -185,7 +185,7 @@ def test_without_a_period_what_tells_it_is_named(file, words, capsys):
     assert run(["identify", str(file), *words]) == 2
     said = capsys.readouterr().err
     assert "--estimate-period" not in said
-    assert "A tachometer (--tach), the angle of the shaft (--azimuth) or its speed" in said
+    assert "Use a tachometer (--tach), the shaft angle (--azimuth), or 60 over the speed in rpm." in said
 
 
 @pytest.mark.parametrize("words", [["--inputs", "F"], ["--excitation", "ambient"]])
@@ -253,7 +253,7 @@ def test_info_names_what_seems_to_drive_the_system(file, capsys):
     assert run(["info", str(file)]) == 0
     said = capsys.readouterr().out
     assert "Input candidate: F: its quantity is force (--inputs F)" in said
-    assert f"floquid identify {file} --inputs F --period S\n  A tachometer (--tach)," in said
+    assert f"floquid identify {file} --inputs F --period S\n  A forced response does not tell the period." in said
     assert run(["identify", str(file), "--period", PERIOD]) == 1
     assert "--inputs F" in capsys.readouterr().err
 
@@ -270,10 +270,11 @@ def test_candidates_for_inputs_by_name_and_by_unit(tmp_path, capsys):
     write(Record(values=values, sample_rate=20.0, channels=channels), path)
     assert run(["info", str(path)]) == 0
     said = capsys.readouterr().out
-    assert "motor: its unit is Nm, beside motions; shaker_command: its name has the word 'shaker'; hammer: its" in said
-    assert "(--inputs motor,shaker_command,hammer)" in said
+    assert "motor: its unit is Nm, beside motions; shaker_command: its name has the word 'shaker' (" in said
+    assert "(--inputs motor,shaker_command)" in said
     # After a blow the response is free.
-    assert f"Next: floquid identify {path} --channels x" in said
+    assert "hammer [N]: 1 impact. Use --find-hits." in said
+    assert f"Next: floquid identify {path} --channels x,shaker_command --find-hits" in said
 
 
 def test_a_structure_is_printed_written_and_drawn_from(file, tmp_path, capsys):

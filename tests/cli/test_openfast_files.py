@@ -40,7 +40,7 @@ def test_from_info_to_modes(turbine, name, here):
     text = " ".join(typed(["info", name]).split())
     assert "Azimuth angle deg" in text
     assert "jumps back by a turn of 360 deg" in text
-    assert "(--azimuth Azimuth)" in text
+    assert "Use --azimuth Azimuth." in text
     assert text.endswith(f"Next: floquid identify {name} --azimuth Azimuth")
     typed(["identify", name], 2, "This file seems to have one: --azimuth Azimuth\n")
     command = ["identify", name, "--azimuth", "Azimuth", "--periods-per-rev", "2", "--no-validate"]
@@ -56,13 +56,15 @@ def test_info_of_a_tachometer_ends_with_its_option(here):
     assert text.endswith("Next: floquid identify run.parquet --tach tach\n")
 
 
-NO_PERIOD = " --estimate-period\n  Nothing in this file tells the period: that looks for it in the response."
+NO_PERIOD = (
+    " --estimate-period\n  This file does not state the period; --estimate-period finds it from a free response."
+)
 
 
 def test_info_of_a_record_without_a_clock_makes_no_period_up(here):
     text = typed("info good.npz")
     assert f"Next: floquid identify good.npz{NO_PERIOD}" in text
-    assert "give it, and --excitation ambient where nobody measured" in " ".join(text.split())
+    assert "give the period and --excitation ambient." in " ".join(text.split())
     text = typed("info good.npz --channels X --rate 5")
     assert "1 channel, 320 samples, 5 Hz" in text
     assert f"Next: floquid identify good.npz --channels X --rate 5{NO_PERIOD}" in text
@@ -83,6 +85,6 @@ def test_info_of_a_table_without_a_rate(here):
     (here / "run.csv").write_text("x [m],rpm [rpm]\n1,2\n2,1\n")
     assert typed("info run.csv").endswith("Next, with the sampling rate [Hz]: floquid info run.csv --rate HZ\n")
     text = typed("info run.csv --rate 10")
-    assert "Clock candidate: rpm" in text
+    assert "Possible clock: rpm" in text
     assert "--tach rpm" not in text
     assert f"Next: floquid identify run.csv --rate 10{NO_PERIOD}" in text

@@ -138,7 +138,7 @@ def test_a_structure_that_contradicts_the_record_ends_with_1(rotor):
         ),
         ("--structure auto", "`--structure` must come with states"),
         ("--states X,Y --output-error", "`--output-error` must come with a structure"),
-        ("--states X,Y --delay 2", '`--delay` must be None but for the form "delayed"'),
+        ("--states X,Y --delay 2", '`--delay` must be None unless the form is "delayed"'),
         ("--states X,Y --form square", 'Invalid value "square" for --form'),
         ("--states X+Q,Y", "`--states` must name channels of the record, but has 'Q'"),
     ],

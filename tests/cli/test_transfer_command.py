@@ -80,7 +80,7 @@ def test_polynomials_at_frequencies_that_are_named(file, tmp_path, capsys):
     assert len(found["frequencies_hz"]) == 2
     assert found["harmonics"] == [-1, 0]
     assert run([command[0], str(file), *command[2:]]) == 1
-    assert "take G at its lines (`--method repeats`)" in capsys.readouterr().err
+    assert "use its lines (`--method repeats`)" in capsys.readouterr().err
 
 
 def test_a_loop_with_its_command_as_reference(tmp_path, capsys):
@@ -118,7 +118,7 @@ def test_chirps_in_a_file_each(tmp_path, capsys):
     assert run([*command, "--curvature", "0"]) == 2
     assert "`--curvature` must" in capsys.readouterr().err
     assert run([command[0], *files[:2], *command[5:]]) == 1
-    assert "do not part the harmonics" in capsys.readouterr().err
+    assert "do not part 3 transfer functions" in capsys.readouterr().err
 
 
 @pytest.mark.slow

@@ -62,7 +62,7 @@ def test_six_digits_of_the_step_are_seen_through(at_51200):
     printed = 1 / pyuff.UFF("run.unv").read_sets(0, header_only=True)["abscissa_inc"]
     assert printed != 51200.0
     text = typed(["identify", "run.unv", "--period", period, "--rate", repr(printed)])
-    assert "Fitted as sampled: a period that is no whole number of samples." in " ".join(text.split())
+    assert "Fitted at the original sampling times: a period is no whole number of samples." in " ".join(text.split())
 
 
 def test_a_rate_typed_is_the_one_used(at_51200):

@@ -113,7 +113,7 @@ def test_a_quantised_copy_is_refused_too():
     """Two loggers at one sensor: what the second rounds differently is a hundredth of the noise."""
     v = response()
     step = 0.1 * NOISE * np.abs(v[0]).max()
-    with pytest.raises(fq.InputError, match="channel 'Z' is 1 times channel 'X', noise and all, but for"):
+    with pytest.raises(fq.InputError, match="channel 'Z' equals 1 times channel 'X', noise included, except for"):
         fq.identify(record(np.concatenate([v, step * np.round(v[:1] / step)])))
 
 
@@ -161,5 +161,5 @@ def test_a_decay_in_noise_that_the_structure_makes_itself_is_no_noise(seed):
 def test_sensors_that_share_most_of_their_noise_are_warned_of_and_not_refused():
     found = fq.identify(struck(ambient=0.0, own=5e-4, common=0.01, second=1.0))
     assert any("deviations are too small" in words for words in found.warnings)
-    with pytest.raises(fq.InputError, match="noise and all"):
+    with pytest.raises(fq.InputError, match="noise included"):
         fq.identify(struck(ambient=0.0, own=5e-5, common=0.01, second=1.0))

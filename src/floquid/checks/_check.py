@@ -52,11 +52,13 @@ class Evidence:
         return (why,)
 
     def verdict(self, shape: tuple[int, int]) -> Validation:
-        """The verdict by all that was noted, for so many channels and hits."""
+        """Verdict by all that was noted, for these numbers of channels and hits."""
         nothing = np.full(shape, np.nan)
         none: dict[str, Any] = {"fit": nothing, "held_out_error": nothing, "colour": nothing}
         none |= {"tones": np.zeros((*shape, 0)), "lines": np.zeros((*shape, 0))}
-        failed = any(own.failed(self.metrics[name]) for name, own in self.criteria.items() if name in self.metrics)
+        failed = any(
+            criterion.failed(self.metrics[name]) for name, criterion in self.criteria.items() if name in self.metrics
+        )
         return Validation(
             metrics=self.metrics,
             criteria=self.criteria,
@@ -108,13 +110,13 @@ def looked_at(subject: Subject, checks: Sequence[Check], *, verdict: bool) -> Ev
     evidence, kind = Evidence(), type(subject)
     for check in checks:
         if check.answered(kind) and (check.name in kind.of_verdict) is verdict:
-            look = check.look or (lambda own, _, name=check.needs: getattr(own, name)())
+            look = check.look or (lambda asked, _, name=check.needs: getattr(asked, name)())
             evidence.findings += look(subject, evidence)
     return evidence
 
 
 def strongest(sizes: np.ndarray) -> list[tuple[int, ...]]:
     """The indices of what is above zero, the largest first."""
-    found = np.argwhere(sizes > 0)
-    order = np.argsort(-1.0 * sizes[tuple(found.T)], kind="stable")
-    return [tuple(int(i) for i in found[k]) for k in order]
+    places = np.argwhere(sizes > 0)
+    order = np.argsort(-1.0 * sizes[tuple(places.T)], kind="stable")
+    return [tuple(int(i) for i in places[k]) for k in order]

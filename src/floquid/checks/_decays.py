@@ -74,7 +74,7 @@ class Decays(Subject):
     @cached_property
     def left(self) -> list[Floats]:
         """The residual of each record, from which each check takes the lines off that it finds."""
-        return [np.array(own) for own in unexplained(self.model, self.records, self.clocks)]
+        return [np.array(residual) for residual in unexplained(self.model, self.records, self.clocks)]
 
     def places(self, places: Sequence[tuple[int, ...]]) -> dict[str, list[Any]]:
         """The names of the channels and the numbers of the hits of responses; 0 where there is one hit alone."""
@@ -100,8 +100,8 @@ class Decays(Subject):
         return self.noise.size
 
     def alive_records(self) -> list[Record]:
-        """The records, but for what comes after their response has died."""
-        return [only(record, own >= 0) for record, own in zip(self.records, self.cycles, strict=True)]
+        """The records, except for what comes after their response has died."""
+        return [only(record, numbers >= 0) for record, numbers in zip(self.records, self.cycles, strict=True)]
 
     def alive(self, hit: int) -> slice:
         """The samples of a record up to the last in which its response is alive."""
@@ -109,14 +109,14 @@ class Decays(Subject):
 
     def period_off(self) -> Off | None:
         """The period that the harmonics of the response turn with, against that of the model."""
-        own = None
+        difference = None
         if all(isinstance(clock, ConstantPeriod) for clock in self.clocks):
             with suppress(FloquidError, np.linalg.LinAlgError):
-                own = own_period(self.model, self.alive_records(), self.clocks, noise=self.noise)
-        if own is None:
+                difference = own_period(self.model, self.alive_records(), self.clocks, noise=self.noise)
+        if difference is None:
             return None  # a shaft that tells the period, or a response without harmonics
-        relative, std = own
-        cycles = max(int(own.max()) + 1 for own in self.cycles)
+        relative, std = difference
+        cycles = max(int(numbers.max()) + 1 for numbers in self.cycles)
         slip = abs(relative) * cycles * 2.0 * self.highest
         alive = min(cycles, 1.0 / max(np.abs(self.model.exponents.real).min() * self.model.period, 1e-300))
         if 2.0 * np.pi * abs(relative) * alive > TURNED:

@@ -1,4 +1,4 @@
-"""What drives the modes: the way of the inputs to them, their instants, noise and powers of the response beside."""
+"""Checks of the drive: inputs to modes, their instants, noise on them, and powers of the response."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ POWERS = 4
 """Numbers by which squares and cubes of one channel drive a mode."""
 
 MORE = 2.0
-"""What squares and cubes must gain, over what noise that drives the system does: it lets them gain by chance."""
+"""Least gain by squares and cubes over that by driving noise, which lets them gain by chance."""
 
 UNTOLD = 15.0
 """The criterion of a fit of one size over another below which the record does not tell them: Φ(-√15) is 10⁻⁴/2."""
@@ -77,11 +77,11 @@ def _beside(scores: Scores) -> tuple[Finding, ...]:
 def _moved(samples: Samples, lag: int) -> NDArray[np.float64]:
     """The inputs some samples ago, zero where there were none (inputs, samples)."""
 
-    def of(own: NDArray) -> NDArray:
-        found, count = np.zeros_like(own), own.shape[1]
+    def of(values: NDArray) -> NDArray:
+        moved, count = np.zeros_like(values), values.shape[1]
         if abs(lag) < count:
-            found[:, max(lag, 0) : count + min(lag, 0)] = own[:, max(-lag, 0) : count - max(lag, 0)]
-        return found
+            moved[:, max(lag, 0) : count + min(lag, 0)] = values[:, max(-lag, 0) : count - max(lag, 0)]
+        return moved
 
     return samples.each(samples.inputs, of)
 
@@ -91,63 +91,69 @@ def _instants(fit: Uncertainty, scores: Scores) -> tuple[tuple[Finding, ...], Sc
 
     With it, where that is so, the scores of the fit with inputs as they were then.
 
-    Gains take up a delay but for the first samples of each response. For those a direct term stands, or modes that die
+    Gains take up a delay except in the first samples of each response. A direct term takes those up, or modes that die
     at once: with the right instants none of that is needed. Else a fit to first order tells what no other needs to be.
     """
-    samples, now = scores.samples, scores.now
+    samples, current = scores.samples, scores.now
     modes = [
         mode
-        for mode, (place, _) in zip(now.modes, fit.places, strict=True)
+        for mode, (place, _) in zip(current.modes, fit.places, strict=True)
         if fit.parameters[place.start, place.start] ** 0.5 < TAKING_UP * abs(mode.exponent.real)
         and -mode.exponent.real * samples.step < AT_ONCE
     ]
     if not modes:
         return (), None
-    plainly, others = not now.direct and len(modes) == len(now.modes), {}
-    for (delay, hold), other in _others(samples):
-        alike = [answering(samples, mode, other, delay) for mode in modes]
-        if not (plainly and gain_of(scores, other, alike) < HOPELESS):
-            others[delay, hold] = other, solve(other, alike, iterations=STEPS)
+    plainly, others = not current.direct and len(modes) == len(current.modes), {}
+    for (delay, hold), alternative in _others(samples):
+        alike = [answering(samples, mode, alternative, delay) for mode in modes]
+        if not (plainly and gain_of(scores, alternative, alike) < HOPELESS):
+            others[delay, hold] = alternative, solve(alternative, alike, iterations=STEPS)
     if not others:
         return (), None
 
     # A direct term comes in by noise, too: as it was said, but without it, is one of those compared.
-    plain = now.criterion if plainly else solve(samples, modes, iterations=STEPS).criterion
+    plain = current.criterion if plainly else solve(samples, modes, iterations=STEPS).criterion
     # Inputs that are held and those that act at the samples alone are one fit: the first of them is named.
-    best = max(found.criterion for _, found in others.values())
-    delay, hold = next(key for key, (_, found) in others.items() if found.criterion > best - ALIKE)
-    if others[delay, hold][1].criterion > max(plain + UNTOLD, now.criterion):
-        told = failure("inputs_instants", delay=delay, hold=hold, given=samples.hold)
-        return (told,), Scores(*others[delay, hold], rough=False)
-    least, smooth = max(plain, now.criterion) - UNTOLD, _smooth(samples)
-    near = [(own, other) for (own, other), (_, found) in others.items() if found.criterion >= least and (own or smooth)]
+    best = max(fitted.criterion for _, fitted in others.values())
+    delay, hold = next(key for key, (_, fitted) in others.items() if fitted.criterion > best - ALIKE)
+    if others[delay, hold][1].criterion > max(plain + UNTOLD, current.criterion):
+        finding = failure("inputs_instants", delay=delay, hold=hold, given=samples.hold)
+        return (finding,), Scores(*others[delay, hold], rough=False)
+    least, smooth = max(plain, current.criterion) - UNTOLD, _smooth(samples)
+    near = [
+        (lag, alternative)
+        for (lag, alternative), (_, fitted) in others.items()
+        if fitted.criterion >= least and (lag or smooth)
+    ]
     if samples.hold != "first":  # inputs that are held and those that act at the samples alone are one fit
-        near = [(own, other) for own, other in near if own or other == "first"]
-    if now.direct and smooth:
+        near = [(lag, alternative) for lag, alternative in near if lag or alternative == "first"]
+    if current.direct and smooth:
         # A direct term at the harmonics of C(t) makes inputs that are held and those that run straight one model.
-        other = "zero" if samples.hold == "first" else "first"
-        moved = replace(samples, hold=other)
-        answers = [answering(samples, mode, moved, 0) for mode in now.modes]
-        if solve(moved, answers, now.direct, iterations=STEPS).criterion >= now.criterion - UNTOLD:
-            near.append((0, other))
-    told = {}
-    for own, other in near:
-        share = max(abs(np.expm1(mode.exponent * (own or 0.5) * samples.step)) for mode in modes)
-        kind = "instants" if own else "hold"
-        if kind not in told or share > told[kind].numbers["share"]:
-            told[kind] = warning("inputs_untold", delay=own, hold=other, given=samples.hold, share=share)
-    return tuple(told.values()), None
+        alternative = "zero" if samples.hold == "first" else "first"
+        moved = replace(samples, hold=alternative)
+        answers = [answering(samples, mode, moved, 0) for mode in current.modes]
+        if solve(moved, answers, current.direct, iterations=STEPS).criterion >= current.criterion - UNTOLD:
+            near.append((0, alternative))
+    findings = {}
+    for lag, alternative in near:
+        share = max(abs(np.expm1(mode.exponent * (lag or 0.5) * samples.step)) for mode in modes)
+        kind = "instants" if lag else "hold"
+        if kind not in findings or share > findings[kind].numbers["share"]:
+            findings[kind] = warning("inputs_untold", delay=lag, hold=alternative, given=samples.hold, share=share)
+    return tuple(findings.values()), None
 
 
 def _smooth(samples: Samples) -> bool:
-    """Whether an input goes on from sample to sample, as what was measured does: white ones are held."""
-    inputs = samples.each(samples.inputs, lambda own: own - own.mean(axis=1, keepdims=True))
-    products = samples.each(inputs, lambda own: np.append(own[:, 1:] * own[:, :-1], np.zeros_like(own[:, :1]), axis=1))
+    """True where an input is correlated from sample to sample, as a measured one is; white inputs are held."""
+    inputs = samples.each(samples.inputs, lambda values: values - values.mean(axis=1, keepdims=True))
+    products = samples.each(
+        inputs, lambda values: np.append(values[:, 1:] * values[:, :-1], np.zeros_like(values[:, :1]), axis=1)
+    )
     return bool(np.any(products.sum(axis=1) > SMOOTH * np.sum(inputs**2, axis=1)))
 
 
 def _others(samples: Samples) -> Iterator[tuple[tuple[int, str], Samples]]:
-    """Samples of which the inputs act at other instants, with the delay in samples and the hold."""
+    """Samples whose inputs act at other instants, with the delay in samples and the hold."""
     for delay in (1, -1):
         yield (delay, samples.hold), replace(samples, inputs=_moved(samples, delay))
     for hold in ("zero", "first", "none"):
@@ -156,7 +162,7 @@ def _others(samples: Samples) -> Iterator[tuple[tuple[int, str], Samples]]:
 
 
 def _by_noise(scores: Scores) -> float:
-    """The gain by noise that drives the modes: near its limits by so many draws that these do not decide."""
+    """Gain by noise that drives the modes: near its limits by `MANY` draws, so that chance does not decide."""
     gain = scores.by_noise()
     return scores.by_noise(MANY) if chi2_limit(1, HINT) / NEAR < gain < chi2_limit(1, SURE) * NEAR else gain
 
@@ -178,15 +184,17 @@ def _by_powers(scores: Scores) -> NDArray[np.float64]:
     Less what is linear beside the response that repeats with the period: that is of harmonics of a linear system, and
     those that were too weak to be kept would pass for squares.
     """
-    samples, now = scores.samples, scores.now
-    known = len(now.columns) - len(samples.known)
-    repeated, beside = (now.coefficients[own].T @ now.columns[own] for own in (slice(known, None), slice(known)))
+    samples, current = scores.samples, scores.now
+    known = len(current.columns) - len(samples.known)
+    repeated, beside = (
+        current.coefficients[part].T @ current.columns[part] for part in (slice(known, None), slice(known))
+    )
     size = beside.std(axis=1, keepdims=True)
     size = np.where(size > 0.0, size, 1.0)
-    repeated, beside = ((own - own.mean(axis=1, keepdims=True)) / size for own in (repeated, beside))
+    repeated, beside = ((part - part.mean(axis=1, keepdims=True)) / size for part in (repeated, beside))
     powers = np.concatenate([beside**2, beside**2 * (beside + 3.0 * repeated)])
     powers -= powers.mean(axis=1, keepdims=True)
-    return scores.by_inputs([(number, mode.axis) for number, mode in enumerate(now.modes)], powers)
+    return scores.by_inputs([(number, mode.axis) for number, mode in enumerate(current.modes)], powers)
 
 
 def _nonlinear(scores: Scores, gains: NDArray[np.float64]) -> tuple[Finding, ...]:
@@ -206,23 +214,23 @@ BUSY = 0.5
 
 def reach(case: Any, _: Evidence) -> tuple[Finding, ...]:
     """Findings on modes that no input reaches, and on inputs that were measured from later on alone."""
-    found = _unreached(case.fit)
-    ringing = any(not own.numbers["line"] for own in found)
-    return (*found, *(_began(case.own) if case.coloured or ringing else ()))
+    findings = _unreached(case.fit)
+    ringing = any(not finding.numbers["line"] for finding in findings)
+    return (*findings, *(_began(case.own) if case.coloured or ringing else ()))
 
 
 def _unreached(fit: Uncertainty) -> tuple[Finding, ...]:
     """Findings on modes that no input reaches as far as the record shows: what does not decay there is a line."""
-    found, longest = [], max(own.stop - own.start for own in fit.samples.records) * fit.samples.step
+    findings, longest = [], max(record.stop - record.start for record in fit.samples.records) * fit.samples.step
     for number, mode in enumerate(fit.at.modes):
         place, free = fit.places[number]
         size, starts = mode.gains.size, len(mode.initial)
-        own = np.concatenate([mode.gains.real.ravel(), mode.gains.imag.ravel()])
+        gains = np.concatenate([mode.gains.real.ravel(), mode.gains.imag.ravel()])
         # The imaginary part of a real multiplier's turn zero is no parameter.
         there = np.concatenate([np.ones(size, bool), np.tile(mode.reach > 0.0, len(mode.gains)) | (not mode.real)])
         later = 1 + size if mode.real else 2 + size + starts
         rows = np.concatenate([np.arange(1, 1 + size), np.arange(later, later + size)])[there]
-        flat = own[there]
+        flat = gains[there]
         if not free[rows].all():
             continue  # its scale is that of an input: that one reaches it
         index = place.start + np.cumsum(free)[rows] - 1
@@ -231,36 +239,36 @@ def _unreached(fit: Uncertainty) -> tuple[Finding, ...]:
             half = mode.turns[0] % 1.0 if mode.real else 0.0  # of a negative multiplier
             exponent = mode.exponent + 1j * half * fit.samples.fundamental
             line = abs(exponent.real) * longest < 1.0
-            told, hertz = failure if line else warning, abs(exponent) / (2.0 * np.pi)
-            found.append(told("unreached", frequency=hertz, line=line))
-    return tuple(found)
+            report, hertz = failure if line else warning, abs(exponent) / (2.0 * np.pi)
+            findings.append(report("unreached", frequency=hertz, line=line))
+    return tuple(findings)
 
 
-def _began(own: Parted) -> tuple[Finding, ...]:
+def _began(parted: Parted) -> tuple[Finding, ...]:
     """Findings on inputs that begin later than a record, as where they were measured from then on alone.
 
     What drove the system before is taken for modes that ring from the begin, which no input reaches.
     """
-    samples, found = own.samples, []
+    samples, findings = parted.samples, []
     for number, part in enumerate(samples.records, start=1):
         moves = samples.inputs[:, part] != samples.inputs[:, part.start, None]
         quiet = moves.argmax(axis=1)
         busy = [bool(row[first:].mean() > BUSY) for row, first in zip(moves, quiet, strict=True)]
         late = np.flatnonzero(busy & (quiet * samples.step * samples.fundamental > 2.0 * np.pi))
         if len(late):
-            names, seconds = [own.inputs[row].name for row in late], float(quiet[late].max()) * samples.step
-            found.append(failure("inputs_began", channels=names, record=number, seconds=seconds))
-    return tuple(found)
+            names, seconds = [parted.inputs[row].name for row in late], float(quiet[late].max()) * samples.step
+            findings.append(failure("inputs_began", channels=names, record=number, seconds=seconds))
+    return tuple(findings)
 
 
 def undriven(model: PeriodicModel) -> tuple[Finding, ...]:
-    """Finding on inputs of which no b is told from none: they act at too few phases of the period, or frequencies."""
-    own = model.inputs
-    if own is None or own.coefficient_std is None:
+    """Finding on inputs whose b is not determined: they act at too few phases of the period, or frequencies."""
+    inputs = model.inputs
+    if inputs is None or inputs.coefficient_std is None:
         return ()
-    size, std = np.abs(own.coefficients), np.abs(own.coefficient_std)
+    size, std = np.abs(inputs.coefficients), np.abs(inputs.coefficient_std)
     # The b that is the scale of a mode has no deviation: it is told if the others of that mode are known by it.
     fixed = np.where(std == 0.0, size, 0.0).max(axis=-1) > POOR * std.max(axis=-1)
-    told = np.any(((size > POOR * std) & (std > 0.0)).any(axis=-1) | fixed, axis=0)
-    names = [own.channels[row].name for row in np.flatnonzero(~told)]
+    determined = np.any(((size > POOR * std) & (std > 0.0)).any(axis=-1) | fixed, axis=0)
+    names = [inputs.channels[row].name for row in np.flatnonzero(~determined)]
     return (warning("inputs_poor", channels=names),) if names else ()

@@ -54,43 +54,43 @@ def excitation_of(
     """
     from scipy.special import chdtrc
 
-    found, varying = [], []
+    findings, varying = [], []
     for number in range(len(fit.at.modes)):
         squares, degrees = fit.varying(number)
         varying.append(bool(degrees and chdtrc(degrees, squares) < SURE))
     if not any(varying):
-        found.append(note("ambient_constant"))
+        findings.append(note("ambient_constant"))
     places = np.cumsum([0, *(mode.rows for mode in fit.at.modes)])[:-1]
     shares, hertz = relative[places], np.abs(model.exponents[places]) / (2.0 * np.pi)
-    decays, own = np.abs(model.exponents[places].real), _own(fit)
+    decays, certain = np.abs(model.exponents[places].real), _own(fit)
     # Two that were read from one block are two, however near.
     groups = [
         np.array(group)
         for group in alike(fit.at.modes, model.fundamental)
         if len(set(group) - set(as_read)) > 0 and len(group) > 1
     ]
-    found += _no_estimates(fit, model, shares, own, groups)
+    findings += _no_estimates(fit, model, shares, certain, groups)
     longest = max(np.diff(fit.samples.begins)) * fit.samples.step
-    still, low = ~own & (_away(fit) * longest < STILL), hertz * 2.0 * np.pi * longest < STILL
-    for told, which in ((failure, still & low), (warning, still & ~low)):  # a line of the period may be a mode's
+    still, low = ~certain & (_away(fit) * longest < STILL), hertz * 2.0 * np.pi * longest < STILL
+    for report, which in ((failure, still & low), (warning, still & ~low)):  # a line of the period may be a mode's
         if which.any():
-            found.append(told("ambient_slow", frequencies=hertz[which].tolist()))
+            findings.append(report("ambient_slow", frequencies=hertz[which].tolist()))
     several = len(fit.samples.records) > 1  # many short ones may tell a decay
-    line = ~(own | still) & (decays * longest < 1.0) & ~(several & (shares < 1.0 / DEVIATIONS))
+    line = ~(certain | still) & (decays * longest < 1.0) & ~(several & (shares < 1.0 / DEVIATIONS))
     if line.any():
-        found.append(failure("ambient_line", frequencies=hertz[line].tolist()))
+        findings.append(failure("ambient_line", frequencies=hertz[line].tolist()))
     no_axis = np.array([mode.axis == 0.0 for mode in fit.at.modes])
     single = ~(still | line.any()) & ~np.array(varying) & any(varying) & no_axis  # a line spoils what is said of others
     gone, real = decays * model.period > GONE, np.array([mode.real for mode in fit.at.modes])
-    fast, lasts = gone & ~single & ~own, real & ~(gone | single | still | line | own)
+    fast, lasts = gone & ~single & ~certain, real & ~(gone | single | still | line | certain)
     for code, which in (("ambient_single", single), ("ambient_fast", fast), ("ambient_real", lasts)):
         if which.any():
-            found.append(warning(code, frequencies=hertz[which].tolist()))
+            findings.append(warning(code, frequencies=hertz[which].tolist()))
     if (shares[~(still | line)] > AIM).any():
         worst = int(np.argmax(np.where(still | line, 0.0, shares)))
-        told, periods = warning if shares[worst] > VAGUE else note, duration / model.period * (shares / AIM) ** 2
-        found.append(
-            told(
+        report, periods = warning if shares[worst] > VAGUE else note, duration / model.period * (shares / AIM) ** 2
+        findings.append(
+            report(
                 "ambient_length",
                 frequency=float(hertz[worst]),
                 share=float(shares[worst]),
@@ -102,41 +102,43 @@ def excitation_of(
         fit, shares * decays, (decays * model.period < GONE) & ~np.isin(range(len(decays)), list(as_read))
     )
     if groups or same:
-        told = failure if same or any(_one(fit, model, group, shares) for group in groups) else warning
-        found.append(told("ambient_alike", frequencies=hertz[np.unique(np.concatenate([*groups, *same]))].tolist()))
-    return tuple(found)
+        report = failure if same or any(_one(fit, model, group, shares) for group in groups) else warning
+        findings.append(
+            report("ambient_alike", frequencies=hertz[np.unique(np.concatenate([*groups, *same]))].tolist())
+        )
+    return tuple(findings)
 
 
 def _no_estimates(
     fit: Fit,
     model: PeriodicModel,
     shares: NDArray[np.float64],
-    own: NDArray[np.bool_],
+    certain: NDArray[np.bool_],
     groups: Sequence[NDArray[np.int64]],
 ) -> list[Finding]:
-    """Findings on modes of which the fit is no maximum, or the decay not determined.
+    """Findings on modes whose fit is no maximum, or whose decay is not determined.
 
     Of poles of the excitation that are nearly one no decay is claimed, which another finding says.
     """
     places = np.cumsum([0, *(mode.rows for mode in fit.at.modes)])[:-1]
     nepers, hertz = np.abs(model.exponents[places].real) * model.period, np.abs(model.exponents[places]) / (2.0 * np.pi)
     grouped = np.isin(np.arange(len(nepers)), np.concatenate([*groups, []]))
-    claimed = ~(grouped & (nepers > GONE) & ~own)
+    claimed = ~(grouped & (nepers > GONE) & ~certain)
     short = np.array([fit.short(number) for number in range(len(nepers))])
     # A decay of six nepers a period that is known to one is told; so is a slow one that is known to half of it.
     dead = (shares > VAGUE) & (shares * nepers > 1.0) & claimed
-    found = [failure("undetermined", frequencies=hertz[dead].tolist())] if dead.any() else []
+    findings = [failure("undetermined", frequencies=hertz[dead].tolist())] if dead.any() else []
     which = claimed & (short > SHORT[0])
     if which.any():
-        told, most = failure if short[which].max() > SHORT[1] else warning, float(short[which].max())
-        found.append(told("ambient_short", frequencies=hertz[which].tolist(), deviations=most))
-    return found
+        report, most = failure if short[which].max() > SHORT[1] else warning, float(short[which].max())
+        findings.append(report("ambient_short", frequencies=hertz[which].tolist(), deviations=most))
+    return findings
 
 
 def _away(fit: Fit) -> NDArray[np.float64]:
     """The distance of each exponent from the multiples of iω, where an offset and what repeats is (modes,) [1/s]."""
     omega = fit.samples.fundamental
-    rates = np.array([complex(own.exponent.real, own.exponent.imag + own.axis * omega) for own in fit.at.modes])
+    rates = np.array([complex(mode.exponent.real, mode.exponent.imag + mode.axis * omega) for mode in fit.at.modes])
     return np.abs(rates - 1j * omega * np.rint(rates.imag / omega))
 
 
@@ -147,23 +149,23 @@ def _own(fit: Fit) -> NDArray[np.bool_]:
     """
     from scipy.special import chdtrc
 
-    found, omega = [], fit.samples.fundamental
+    certain, omega = [], fit.samples.fundamental
     for number, (mode, place) in enumerate(zip(fit.at.modes, fit.places, strict=True)):
         squares, degrees = fit.reached(number)
         halves = 2.0 * (mode.axis + mode.exponent.imag / omega)
         away, std = 0.5 * omega * abs(halves - round(halves)), fit.parameters[(place.start + mode.rows - 1,) * 2] ** 0.5
         negative = round(halves) % 2 == 1 and away <= min(LIMIT * std, NEAR_HALF * abs(mode.exponent.real))
-        found.append(negative or bool(degrees and chdtrc(degrees, squares) < SURE))
-    return np.array(found)
+        certain.append(negative or bool(degrees and chdtrc(degrees, squares) < SURE))
+    return np.array(certain)
 
 
 def _not_apart(fit: Fit, std: NDArray[np.float64], lasting: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
-    """Twos of modes that outlast a period, and of which the deviations (modes,) do not tell that they are two."""
+    """Pairs of modes that outlast a period and that their deviations (modes,) do not separate."""
     modes, omega = fit.at.modes, fit.samples.fundamental
     return [
-        np.array([one, other])
-        for one, other in combinations(np.flatnonzero(lasting).tolist(), 2)
-        if gap_of(modes[one], modes[other], omega)[0] < TOGETHER * float(np.hypot(std[one], std[other]))
+        np.array([first, second])
+        for first, second in combinations(np.flatnonzero(lasting).tolist(), 2)
+        if gap_of(modes[first], modes[second], omega)[0] < TOGETHER * float(np.hypot(std[first], std[second]))
     ]
 
 

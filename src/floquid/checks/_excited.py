@@ -47,7 +47,7 @@ PREDICTABLE = 0.03
 """The share of the variance of the innovations that is predictable from those before, from which on a model fails."""
 
 MOST_UNTOLD = 3.0
-"""What deviations of the fit to a part may make of the prediction, over the noise: more is no model to predict with."""
+"""Most error of the prediction, over the noise, by deviations of the fit to a part: beyond, it predicts nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +86,7 @@ class Excited(Subject):
         step, std = self.chain.period_step(self.tested)
         if abs(step) <= LIMIT * std:
             return None
-        longest = max(own.stop - own.start for own in self.own.samples.records) * self.own.samples.step
+        longest = max(record.stop - record.start for record in self.own.samples.records) * self.own.samples.step
         near = abs(step) * longest / self.model.period <= self.slip
         return Off(relative=step, std=std, deviations=abs(step) / std, limit=LIMIT, near=near)
 
@@ -95,7 +95,7 @@ class Excited(Subject):
         return [self.chain.phase_step(self.tested, number) for number in range(1, len(self.own.records))]
 
     def undriven(self) -> tuple[Finding, ...]:
-        """Finding on inputs of which it is not determined how they reach the modes."""
+        """Finding on inputs whose way to the modes is not determined."""
         return undriven(self.model)
 
     def left_out(self) -> LeftOut:
@@ -145,7 +145,7 @@ class Driven(Excited):
         if self.most is None:
             return []
         columns, channels = self.tested.now.slices(), len(self.tested.left)
-        sizes = [channels * (own.stop - own.start) for own, _ in columns]
+        sizes = [channels * (columns_of_mode.stop - columns_of_mode.start) for columns_of_mode, _ in columns]
         return list(zip(self.tested.of_modes.tolist(), sizes, strict=True))
 
     def colour(self, _: Evidence) -> Colour:
@@ -162,22 +162,22 @@ class Driven(Excited):
 
         Expected are the noise, and what the deviations of that fit make of the prediction.
         """
-        whole, found = self.own.samples, self.fit.at
+        whole, fitted_model = self.own.samples, self.fit.at
         first, fitted = first_part(whole)
-        part = Uncertainty(first, inputs.solve(first, found.modes, found.direct))
+        part = Uncertainty(first, inputs.solve(first, fitted_model.modes, fitted_model.direct))
         whole_at = linearise(whole, part.at.modes, part.at.direct)
         states = state_slopes(whole, whole_at)
         beyond = ~fitted
         columns, errors = whole_at.columns[:, beyond], []
         for channel, noise in enumerate(part.at.noise):
-            left = whole.values[channel, beyond] - part.at.coefficients[:, channel] @ columns
+            residual = whole.values[channel, beyond] - part.at.coefficients[:, channel] @ columns
             at = replace(whole_at, coefficients=part.at.coefficients)
             by_parameters = slopes_of(whole, at, channel, states)[:, beyond]
             # What the part does not tell of the model is no error of it.
             expected = noise**2 + np.minimum(
                 part.errors.variance(channel, by_parameters.T, columns.T), MOST_UNTOLD * noise**2
             )
-            errors.append(float(np.sqrt(np.mean(left**2 / expected))))
+            errors.append(float(np.sqrt(np.mean(residual**2 / expected))))
         return np.array(errors)
 
 
@@ -232,9 +232,11 @@ class Ambient(Excited):
 
     def errors(self) -> Floats:
         """The rms of the innovations over that of the part fitted, on the last quarter of each record (outputs,)."""
-        samples, found = self.own.samples, self.fit.at
+        samples, fitted_model = self.own.samples, self.fit.at
         part, mask = first_part(samples)
-        start = innovations.predicted(part, found.modes, found.columns, found.initial, found.whitening[mask])
+        start = innovations.predicted(
+            part, fitted_model.modes, fitted_model.columns, fitted_model.initial, fitted_model.whitening[mask]
+        )
         whole = None
         fitted = None if start is None else innovations.solve(part, start, rough=True)
         if fitted is not None:

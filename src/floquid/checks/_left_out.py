@@ -24,7 +24,7 @@ ERROR = 1.05
 """The prediction error over noise and its own deviation that is let pass in any case; a tenth more over a stretch."""
 
 FAILING = 1.4
-"""How many times its limit the same is where a model fails, twice over a stretch; where the excitation goes on, over
+"""Factor of the limit from which on a model fails, twice over a stretch; where the excitation goes on, over
 what is expected."""
 
 KEPT = 0.75
@@ -42,25 +42,25 @@ class LeftOut:
     least: Mapping[str, Any] | None = None  # where that is least
 
 
-def left_out(case: Any, found: Evidence) -> tuple[Finding, ...]:
+def left_out(case: Any, evidence: Evidence) -> tuple[Finding, ...]:
     """Findings on samples that were left out of a fit and are not predicted by it."""
     try:
-        own, why = case.left_out(), failure("held_out_too_few")
+        errors, why = case.left_out(), failure("held_out_too_few")
     except (FloquidError, np.linalg.LinAlgError) as error:
-        own, why = None, failure("held_out_singular", error=str(error).rstrip("."))
-    if own is None:
-        return found.missing(case.predicted, why)
-    found.arrays |= own.arrays
-    if any(np.isinf(value) for value, *_ in own.sizes.values()):
-        return found.missing(case.predicted, failure("held_out_grows"))
-    said: tuple[Finding, ...] = ()
-    if own.fit is not None and not found.kept("fit", own.fit, LEAST_FIT, at_least=True):
-        said = found.against("held_out_fit", "fit", fit=own.fit, **own.least)
-    kept = [found.kept(name, value, limit, failing=most) for name, (value, limit, most) in own.sizes.items()]
+        errors, why = None, failure("held_out_singular", error=str(error).rstrip("."))
+    if errors is None:
+        return evidence.missing(case.predicted, why)
+    evidence.arrays |= errors.arrays
+    if any(np.isinf(value) for value, *_ in errors.sizes.values()):
+        return evidence.missing(case.predicted, failure("held_out_grows"))
+    findings: tuple[Finding, ...] = ()
+    if errors.fit is not None and not evidence.kept("fit", errors.fit, LEAST_FIT, at_least=True):
+        findings = evidence.against("held_out_fit", "fit", fit=errors.fit, **errors.least)
+    kept = [evidence.kept(name, value, limit, failing=most) for name, (value, limit, most) in errors.sizes.items()]
     if not all(kept):
-        share = 0.0 if own.fit is None else 1.0 - found.metrics.get("fit", 0.0)
-        said += found.against("held_out_error", *own.sizes, share=share, **own.numbers)
-    return said
+        share = 0.0 if errors.fit is None else 1.0 - evidence.metrics.get("fit", 0.0)
+        findings += evidence.against("held_out_error", *errors.sizes, share=share, **errors.numbers)
+    return findings
 
 
 def of_cycles(case: Any, sums: HeldOut) -> LeftOut:
@@ -69,14 +69,14 @@ def of_cycles(case: Any, sums: HeldOut) -> LeftOut:
 
     nothing = np.full(case.noise.shape, np.nan)
     alarm = FALSE_ALARM / case.responses
-    numbers, own = sums.numbers.sum(axis=2), sums.own.sum(axis=2)
+    numbers, squares = sums.numbers.sum(axis=2), sums.own.sum(axis=2)
     most = chdtri(np.maximum(numbers, 1), alarm)
-    beyond, response = np.maximum(own - most, 0.0), sums.response.sum(axis=2) - numbers
+    beyond, response = np.maximum(squares - most, 0.0), sums.response.sum(axis=2) - numbers
     seen = response > np.maximum(most - numbers, 0.0)
     fit = np.where(seen, 1.0 - np.sqrt(beyond / np.where(seen, response, 1.0)), np.nan)
     total = response[seen].sum()
     worst = (strongest(np.where(seen, 1.0 - fit, 0.0)) or [(0, 0)])[0]
-    whole = _worst(own, numbers, alarm, ERROR)
+    whole = _worst(squares, numbers, alarm, ERROR)
     along = _worst(sums.own, sums.numbers, alarm / sums.numbers.shape[2], 1.0 + 2.0 * (ERROR - 1.0))
     channel, hit, stretch = along[2]
     part = ("first", "middle", "last")[min(3 * stretch // sums.numbers.shape[2], 2)]
@@ -93,19 +93,19 @@ def of_cycles(case: Any, sums: HeldOut) -> LeftOut:
     )
 
 
-def _worst(own: Floats, numbers: Integers, alarm: float, least: float) -> tuple[float, float, tuple[int, ...]]:
+def _worst(squares: Floats, numbers: Integers, alarm: float, least: float) -> tuple[float, float, tuple[int, ...]]:
     """The root of a mean square that most exceeds its limit, the limit, and where it is."""
     from scipy.special import chdtri
 
     size = np.maximum(numbers, 1)
-    ratio = np.sqrt(np.maximum(own, 0.0) / size)
+    ratio = np.sqrt(np.maximum(squares, 0.0) / size)
     limit = np.maximum(np.sqrt(chdtri(size, alarm) / size), least)
     place = tuple(int(i) for i in np.unravel_index(int(np.argmax(ratio / limit)), ratio.shape))
     return float(ratio[place]), float(limit[place]), place
 
 
 def quiet_for(inputs: NDArray[np.float64]) -> int:
-    """Samples at the begin of a record in which no input moves; none where none ever does."""
+    """Samples at the start of a record in which no input moves; none where none ever does."""
     return int((inputs != inputs[:, :1]).any(axis=0).argmax())
 
 
@@ -115,17 +115,17 @@ def first_part(samples: Samples) -> tuple[Samples, NDArray[np.bool_]]:
     What is at its begin before any input moves is none of the four: a model needs inputs.
     """
     kept = []
-    for one in samples.records:
-        quiet = quiet_for(samples.inputs[:, one])
-        kept.append(slice(one.start, one.start + quiet + int(KEPT * (one.stop - one.start - quiet))))
+    for piece in samples.records:
+        quiet = quiet_for(samples.inputs[:, piece])
+        kept.append(slice(piece.start, piece.start + quiet + int(KEPT * (piece.stop - piece.start - quiet))))
     mask = np.zeros(samples.n_samples, bool)
-    for one in kept:
-        mask[one] = True
+    for piece in kept:
+        mask[piece] = True
     part = replace(
         samples,
         values=samples.values[:, mask],
         inputs=samples.inputs[:, mask],
-        begins=(0, *np.cumsum([one.stop - one.start for one in kept]).tolist()),
+        begins=(0, *np.cumsum([piece.stop - piece.start for piece in kept]).tolist()),
         times=samples.times[mask],
         known=samples.known[:, mask],
     )
@@ -144,7 +144,7 @@ BRIEF = 2.0
 
 PARTS = 4  # parts of a cycle, every other one left out of a brief hit: the rest of it tells the states
 
-STRETCHES = 8  # stretches of the record in each of which the error is looked at
+STRETCHES = 8  # stretches of the record, each with its own error
 AT_REST = 0.1  # the deviations that the last step of a refit may have: what comes after is far below the noise
 
 
@@ -173,19 +173,19 @@ def held_out(
     .. math:: \frac{e^T r}{\sigma^2} = e^T \big(\sigma^2 (I - H)^{-1}\big)^{-1} e \sim \chi^2_n
 
     which is the error over the noise *and* the prediction's own variance, without either being formed. Brief hits that
-    share their shapes are left out one after the other, but for parts of each cycle that tell their states.
+    share their shapes are left out one after the other, except for parts of each cycle that tell their states.
 
     `cycles` are those of the samples, as `cycles_of` tells them. None where there are too few; IdentificationError
     where the model cannot be fitted to what is left of the record.
     """
-    alive = [only(record, own >= 0) for record, own in zip(records, cycles, strict=True)]
+    alive = [only(record, numbers_of_hit >= 0) for record, numbers_of_hit in zip(records, cycles, strict=True)]
     whole = refit(model, alive, clocks, noise=noise, at_rest=AT_REST, one_shape=model.one_shape)
     folds = _folds(whole, cycles)
     if folds is None:
         return None
-    left = unexplained(whole, alive, clocks)
+    residuals = unexplained(whole, alive, clocks)
     shape = (len(model.channels), model.n_hits, folds.stretches)
-    numbers, squares, own, response = np.zeros(shape, np.int64), *np.zeros((3, *shape))
+    numbers, squares, products, response = np.zeros(shape, np.int64), *np.zeros((3, *shape))
     for mine in folds.masks:
         rest = [only(record, ~out) for record, out in zip(alive, mine, strict=True)]
         anew = refit(whole, rest, clocks, noise=noise, at_rest=AT_REST, one_shape=whole.one_shape)
@@ -194,14 +194,14 @@ def held_out(
             taken = np.flatnonzero(mine[hit])
             place = (cycles[hit][taken] - folds.first) * folds.stretches // (folds.end - folds.first)
             place = np.minimum(place, folds.stretches - 1)
-            e, r, y = errors[:, taken], left[hit][:, taken], records[hit].values[:, taken]
+            e, r, y = errors[:, taken], residuals[hit][:, taken], records[hit].values[:, taken]
             there = ~np.isnan(y)
-            for target, values in ((numbers, there), (squares, e * e), (own, e * r), (response, y * y)):
+            for target, values in ((numbers, there), (squares, e * e), (products, e * r), (response, y * y)):
                 counted = np.where(there, values, 0.0)
                 for channel, row in enumerate(counted):
                     target[channel, hit] += np.bincount(place, row, folds.stretches).astype(target.dtype)
     weight = 1.0 / noise[:, :, None] ** 2
-    return HeldOut(numbers, squares * weight, own * weight, response * weight)
+    return HeldOut(numbers, squares * weight, products * weight, response * weight)
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,7 +216,7 @@ class Folds:
 
 def _folds(model: PeriodicModel, cycles: Sequence[Integers]) -> Folds | None:
     """Pieces of some cycles in all hits, or parts of each cycle of some brief hits; None where there are too few."""
-    last = max(int(own.max()) for own in cycles)
+    last = max(int(numbers.max()) for numbers in cycles)
     first, end = _predictable(model, last + 1)
     folds = min(FOLDS, (end - first) // 2)
     if model.one_shape and folds < 2:
@@ -241,16 +241,16 @@ def _of_hits(cycles: Sequence[Integers], end: int) -> Folds | None:
     """Every other part of the cycles of some hits, then the parts between, then those of other hits."""
     groups = min(FOLDS, len(cycles))
     parts = []
-    for own in cycles:
-        places = np.zeros(len(own), np.int64)
-        for cycle in range(int(own.max()) + 1):
-            inside = np.flatnonzero(own == cycle)
+    for numbers in cycles:
+        places = np.zeros(len(numbers), np.int64)
+        for cycle in range(int(numbers.max()) + 1):
+            inside = np.flatnonzero(numbers == cycle)
             places[inside] = np.arange(len(inside)) * PARTS // max(len(inside), 1)
         parts.append(places)
     masks = [
         [
-            (own >= 0) & (place % 2 == side) & (hit % groups == group)
-            for hit, (own, place) in enumerate(zip(cycles, parts, strict=True))
+            (numbers >= 0) & (place % 2 == side) & (hit % groups == group)
+            for hit, (numbers, place) in enumerate(zip(cycles, parts, strict=True))
         ]
         for group in range(groups)
         for side in range(2)
@@ -262,7 +262,7 @@ def cycles_of(model: PeriodicModel, instants: Sequence[tuple[Floats, Floats]], n
     """The whole cycle that each sample of each record is in, from its first sample on; -1 in none, or a dead one."""
     phases = np.arange(PHASES) / PHASES * model.period
     shapes = model.shapes(phases) * np.exp(np.multiply.outer(model.exponents, phases))[:, None, None]
-    found = []
+    cycles = []
     for hit, (times, angles) in enumerate(instants):
         turns = (angles - angles[0]) / (2.0 * np.pi)
         number = int(turns[-1] * (1.0 + 1.0 / max(len(turns) - 1, 1)) + 1e-9)
@@ -272,12 +272,12 @@ def cycles_of(model: PeriodicModel, instants: Sequence[tuple[Floats, Floats]], n
         alive = np.flatnonzero(power > ALIVE**2)
         end = int(alive[-1]) + 1 if len(alive) else 0
         cycle = np.floor(turns + 1e-9).astype(np.int64)
-        found.append(np.where(cycle < end, cycle, -1))
-    return found
+        cycles.append(np.where(cycle < end, cycle, -1))
+    return cycles
 
 
 def _predictable(model: PeriodicModel, cycles: int) -> tuple[int, int]:
-    """The cycles of those that the others can tell: not the one that holds all there is of a brief mode."""
+    """Cycles that the remaining ones can predict: one that alone contains a short-lived mode is left out."""
     rates = model.exponents.real * model.period
     return int((rates < -1.0 / BRIEF).any()), cycles - int((rates > 1.0 / BRIEF).any())
 

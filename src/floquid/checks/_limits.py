@@ -39,13 +39,13 @@ def limits(case: Any, _: Evidence) -> tuple[Finding, ...]:
 
 def bands(case: Any, _: Evidence) -> tuple[Finding, ...]:
     """Findings on bands that end at the highest harmonics looked for."""
-    found, highest = [], case.limits.highest
+    findings, highest = [], case.limits.highest
     if case.most is not None and _clear(case.model, highest):
         if nearly_one(case.own.samples, case.fit.at):  # a copy of the mode makes up for harmonics beyond the limit
-            found.append(failure("inputs_copies", most=highest))
+            findings.append(failure("inputs_copies", most=highest))
         elif highest == case.most:
-            found.append(warning("inputs_harmonics", most=case.most))
-    return tuple(found)
+            findings.append(warning("inputs_harmonics", most=case.most))
+    return tuple(findings)
 
 
 def _clear(model: PeriodicModel, highest: int) -> bool:
@@ -84,18 +84,18 @@ SHARP = 1e-3
 """The deviation of a frequency over the fundamental below which a mode at a line warns."""
 
 SURE = 1.5e-4
-"""That below which it fails: one in a hundred modes that do not decay is as near to some line by chance."""
+"""Distance below which it fails: one in a hundred undamped modes is as near to some line by chance."""
 
 ROUNDING = 1e-9
-"""What is rounding of a frequency, over the fundamental."""
+"""Rounding of a frequency, over the fundamental."""
 
 
-def steady(case: Any, found: Evidence) -> tuple[Finding, ...]:
+def steady(case: Any, evidence: Evidence) -> tuple[Finding, ...]:
     """Findings on modes that do not decay at a fraction of the fundamental, as lines of a revolution are."""
     if not case.turning or case.model.exponent_std is None:
         return ()
     longest = max(record.duration for record in case.own.records)
-    unreached = [own.numbers["frequency"] for own in found.findings if own.code == "unreached"]
+    unreached = [finding.numbers["frequency"] for finding in evidence.findings if finding.code == "unreached"]
     return lines_of_revolution(case.model, longest, unreached, case.own.periods_per_revolution)
 
 
@@ -111,17 +111,17 @@ def lines_of_revolution(
     # The frequency of a real multiplier is none measured; no input reaches what drives the system itself.
     apart = np.isclose(np.abs(model.exponents)[:, None], 2.0 * np.pi * np.array(unreached), rtol=1e-9).any(axis=1)
     known = (std.imag < SURE * model.fundamental) & (~model.real | apart)
-    turns, found = model.exponents.imag / model.fundamental, []
+    turns, findings = model.exponents.imag / model.fundamental, []
     for count in range(2, MOST_PERIODS + 1):
         near = np.rint(turns * count).astype(np.int64)
         off = np.abs(turns * count - near) * model.fundamental / count
         at = still & sharp & (np.gcd(near, count) == 1) & (off <= STILL * std.imag + ROUNDING * model.fundamental)
         if at.any():
             hertz = np.unique(np.abs(model.exponents.imag[at])) / (2.0 * np.pi)
-            told = failure if known[at].any() else warning
+            report = failure if known[at].any() else warning
             real = bool(model.real[at].any())
             # Where the revolution was said they are weak, and were left out: their numbers in it.
             lines = np.unique(np.rint(np.abs(turns[at]) * periods_of_turn)).astype(int).tolist()
             forced = lines if periods_of_turn % count == 0.0 else []
-            found.append(told("line_as_mode", frequencies=hertz.tolist(), periods=count, real=real, forced=forced))
-    return tuple(found)
+            findings.append(report("line_as_mode", frequencies=hertz.tolist(), periods=count, real=real, forced=forced))
+    return tuple(findings)

@@ -23,7 +23,7 @@ NEIGHBOURS = 0.75
 taken for both: what a cubic term makes of a mode decays three times as fast, at half of that sum."""
 
 WANDERING = 5.0
-"""The same on a shaft whose speed wanders: a frequency that follows it has lines as far beside as that is fast."""
+"""Distance on a shaft whose speed wanders: a frequency that follows it has lines as far beside as that is fast."""
 
 SAME_SHAPE = 0.95  # the squared correlation of two shapes from which on they are one
 
@@ -49,16 +49,16 @@ def _still(model: PeriodicModel, std: NDArray[np.complex128]) -> list[Finding]:
     steady = np.maximum(std.real, std.imag) < CONFIDENT * model.fundamental
     steady &= np.abs(model.exponents.real) < 4.0 * std.real + 1e-9 * model.fundamental
     turn, within = np.abs(np.angle(model.multipliers)), 3.0 * std.imag * model.period + 1e-12
-    found = [warning("multiplier_one")] if (steady & (turn < within)).any() else []
-    return found + ([warning("multiplier_minus_one")] if (steady & (np.pi - turn < within)).any() else [])
+    findings = [warning("multiplier_one")] if (steady & (turn < within)).any() else []
+    return findings + ([warning("multiplier_minus_one")] if (steady & (np.pi - turn < within)).any() else [])
 
 
 def _moving(model: PeriodicModel, near: float) -> list[Finding]:
     """Pairs of modes of one shape in a row that are nearer to each other than they decay: one mode that changes."""
     from scipy.sparse.csgraph import connected_components
 
-    found, own = [], [int(mode) for mode in model.upper_modes if not model.unpaired[mode]]
-    exponents = model.exponents[own]
+    findings, modes = [], [int(mode) for mode in model.upper_modes if not model.unpaired[mode]]
+    exponents = model.exponents[modes]
     gaps = exponents - exponents[:, None]
     turns = np.rint(gaps.imag / model.fundamental).astype(int)
     decays = np.abs(exponents.real)
@@ -66,44 +66,44 @@ def _moving(model: PeriodicModel, near: float) -> list[Finding]:
     # Of a cubic spring the third decays five times as fast as the first: the second lies between.
     groups = connected_components(apart <= near * (decays + decays[:, None]), directed=False)[1]
     scale = np.abs(model.coefficients).max(axis=(0, 2, 3), initial=0.0)[:, None, None]
-    shapes = (model.coefficients / np.where(scale > 0.0, scale, 1.0))[own]
-    for one, other in zip(*np.triu_indices(len(own), 1), strict=True):
-        if groups[one] != groups[other]:
+    shapes = (model.coefficients / np.where(scale > 0.0, scale, 1.0))[modes]
+    for lower, upper in zip(*np.triu_indices(len(modes), 1), strict=True):
+        if groups[lower] != groups[upper]:
             continue
         # e^{i turns θ} goes from the exponent to the shape.
-        moved = np.roll(shapes[other], turns[one, other], axis=-1)
-        power = float(np.sum(np.abs(shapes[one]) ** 2) * np.sum(np.abs(moved) ** 2))
-        telling = min(np.count_nonzero(shapes[one]), np.count_nonzero(moved)) >= TELLING
-        if telling and abs(np.vdot(shapes[one], moved)) ** 2 > SAME_SHAPE * power:
-            first, second = model.frequencies_hz[[own[one], own[other]]]
-            found.append(warning("one_that_moves", first=first, second=second))
-    return found
+        moved = np.roll(shapes[upper], turns[lower, upper], axis=-1)
+        power = float(np.sum(np.abs(shapes[lower]) ** 2) * np.sum(np.abs(moved) ** 2))
+        telling = min(np.count_nonzero(shapes[lower]), np.count_nonzero(moved)) >= TELLING
+        if telling and abs(np.vdot(shapes[lower], moved)) ** 2 > SAME_SHAPE * power:
+            first, second = model.frequencies_hz[[modes[lower], modes[upper]]]
+            findings.append(warning("one_that_moves", first=first, second=second))
+    return findings
 
 
 def doubts_of(model: PeriodicModel, *, wanders: bool = False) -> tuple[Finding, ...]:
     """Findings on the modes of a model: hardly determined, without decay, of another period, growing."""
-    found, std = [], model.exponent_std
+    findings, std = [], model.exponent_std
     if std is not None:
         weak = int((np.maximum(std.real, std.imag) > CONFIDENT * model.fundamental).sum())
         if weak:
-            found.append(warning("weakly_determined", number=weak, order=model.order, limit=CONFIDENT))
-        found += _still(model, std)
+            findings.append(warning("weakly_determined", number=weak, order=model.order, limit=CONFIDENT))
+        findings += _still(model, std)
     if model.order and not ((np.abs(model.coefficients).max(axis=(1, 2)) > 0).sum(axis=1) > 1).any():
-        found.append(warning("no_second_harmonic"))
-    found += _moving(model, WANDERING if wanders else NEIGHBOURS)
+        findings.append(warning("no_second_harmonic"))
+    findings += _moving(model, WANDERING if wanders else NEIGHBOURS)
     if std is not None and _halved(model, std):
-        found.append(warning("period_halved"))
+        findings.append(warning("period_halved"))
     growing = model.exponents.real > (4.0 * std.real if std is not None else 0.0)
     if growing.any():
-        found.append(warning("growing", number=int(growing.sum()), order=model.order))
-    return tuple(found)
+        findings.append(warning("growing", number=int(growing.sum()), order=model.order))
+    return tuple(findings)
 
 
 EXPLAINED = 1e-9  # the probability at which noise passes for a mode, over all lines and decays that it is looked for at
 LOOKS = 8  # decays that a mode may have been looked for at, on each line
 
 
-def weak_modes(case: Decays, found: Evidence) -> tuple[Finding, ...]:
+def weak_modes(case: Decays, evidence: Evidence) -> tuple[Finding, ...]:
     r"""Each mode's power in the records over the noise, against what a fit makes of noise alone.
 
     .. math:: \frac{1}{\ell_r} \sum_{c,h} \frac{1}{\sigma_{c,h}^2}
@@ -114,18 +114,18 @@ def weak_modes(case: Decays, found: Evidence) -> tuple[Finding, ...]:
     """
     from scipy.special import chdtri
 
-    model, own = case.model, np.flatnonzero(case.model.exponents.imag >= 0)
-    if not len(own):
+    model, modes = case.model, np.flatnonzero(case.model.exponents.imag >= 0)
+    if not len(modes):
         return ()
-    powers = np.array([_power(case, int(mode)) for mode in own])
-    kept = (model.coefficients[own] != 0).any(axis=(1, 2)).sum(axis=1)
+    powers = np.array([_power(case, int(mode)) for mode in modes])
+    kept = (model.coefficients[modes] != 0).any(axis=(1, 2)).sum(axis=1)
     looks = LOOKS * sum(record.n_samples for record in case.records)
     limits = chdtri(2 * case.responses * np.maximum(kept, 1) + 2, EXPLAINED / looks)
     shares = powers / limits
-    if found.kept("mode", float(shares.min()), 1.0, at_least=True):
+    if evidence.kept("mode", float(shares.min()), 1.0, at_least=True):
         return ()
     below = [k for (k,) in strongest(np.where(shares < 1.0, 2.0 - shares, 0.0))]
-    return found.against("mode_weak", "mode", frequencies=model.frequencies_hz[own[below]], shares=shares[below])
+    return evidence.against("mode_weak", "mode", frequencies=model.frequencies_hz[modes[below]], shares=shares[below])
 
 
 def _power(case: Decays, mode: int) -> float:

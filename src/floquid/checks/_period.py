@@ -28,15 +28,15 @@ class Off:
     near: bool = True  # a step so small that first order tells the own period
 
 
-def period(case: Any, found: Evidence) -> tuple[Finding, ...]:
+def period(case: Any, evidence: Evidence) -> tuple[Finding, ...]:
     """Finding on a period that is not that of the response."""
     off: Off | None = case.period_off()
-    if off is None or found.kept("period", off.deviations, off.limit):
+    if off is None or evidence.kept("period", off.deviations, off.limit):
         return ()
     given, numbers = case.model.period, dict[str, Any](deviations=off.deviations)
     if off.near:
         numbers |= {"own": given * (1.0 + off.relative), "std": None if off.std is None else given * off.std}
-    return found.against("wrong_period", "period", given=given, **numbers)
+    return evidence.against("wrong_period", "period", given=given, **numbers)
 
 
 LIMIT = 5.0  # deviations from which on a period, or a phase, is another one than that given
@@ -90,7 +90,7 @@ def blurred(case: Decays) -> tuple[Finding, ...]:
     return () if energy < ENERGY else (warning("vague_angle", degrees=degrees, energy=energy),)
 
 
-def shaken(own: Parted, columns: Floats, noise: Floats) -> tuple[Finding, ...]:
+def shaken(parted: Parted, columns: Floats, noise: Floats) -> tuple[Finding, ...]:
     r"""Findings on what the error of the shaft's angle makes of the response, over the variance of what is left.
 
     .. math:: \max_c \frac{\sigma_\theta^2}{s_c^2} \Big(\frac12 \sum_j (j\, a_{c,j})^2 + \sigma_c^2\Big)
@@ -98,17 +98,19 @@ def shaken(own: Parted, columns: Floats, noise: Floats) -> tuple[Finding, ...]:
     with a the amplitudes of the harmonics j of the steady response, of `columns` (channels, known), σ the deviations of
     the angle of the system and of the rest of the response, and s the `noise` (channels,).
     """
-    samples, several = own.samples, own.periods_per_revolution
+    samples, several = parted.samples, parted.periods_per_revolution
     columns = columns[:, : len(samples.known)]  # inputs that act at once may follow
-    parts = columns[:, len(samples.records) :].reshape(len(columns), len(own.turns), 2)
-    steady = 0.5 * np.sum((np.array(own.turns)[:, None] * parts) ** 2, axis=(1, 2))
+    parts = columns[:, len(samples.records) :].reshape(len(columns), len(parted.turns), 2)
+    steady = 0.5 * np.sum((np.array(parted.turns)[:, None] * parts) ** 2, axis=(1, 2))
     power = float(np.max((steady + np.var(samples.values - columns @ samples.known, axis=1)) / noise**2))
-    found = []
-    for shaft, record in zip(own.shafts, own.records, strict=True):
+    findings = []
+    for shaft, record in zip(parted.shafts, parted.records, strict=True):
         std = several * float(np.sqrt(np.mean(shaft.angle_std(np.clip(record.times, shaft.first, shaft.last)) ** 2)))
         if (share := std**2 * power) > SHAKEN:
-            told = failure if share > BLURRED else warning
-            found.append(told("vague_angle", degrees=float(np.degrees(std / several)), share=share))
-        left = several**2 * float(np.mean(shaft.residuals[shaft.kept] ** 2))
-        found += [finding for finding in shaft.findings if finding.code == "angle_alike" and left * power > SHAKEN]
-    return tuple(found)
+            report = failure if share > BLURRED else warning
+            findings.append(report("vague_angle", degrees=float(np.degrees(std / several)), share=share))
+        scatter = several**2 * float(np.mean(shaft.residuals[shaft.kept] ** 2))
+        findings += [
+            finding for finding in shaft.findings if finding.code == "angle_alike" and scatter * power > SHAKEN
+        ]
+    return tuple(findings)

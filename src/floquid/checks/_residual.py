@@ -43,24 +43,24 @@ BESIDE = 4  # harmonics on each side of a mode's band that are looked at
 PIECE = 64  # lines of a spectrum over which its level is taken
 
 
-def tones(case: Decays, found: Evidence) -> tuple[Finding, ...]:
+def tones(case: Decays, evidence: Evidence) -> tuple[Finding, ...]:
     """Finding on harmonics of the revolution in the residual; those that are found are taken off."""
-    left: list[Floats] = case.left
-    said: tuple[Finding, ...] = ()
+    residuals: list[Floats] = case.left
+    findings: tuple[Finding, ...] = ()
     turns = tones_of(case.highest, case.per_revolution)
     size, score = np.zeros((2, *case.noise.shape, len(turns)))
-    for hit, rest in enumerate(left):
+    for hit, rest in enumerate(residuals):
         amplitudes, squares = line_amplitudes(*_residual(case, hit, rest), np.zeros(len(turns)), turns)
         size[:, hit] = amplitudes / case.noise[:, hit, None]
         score[:, hit] = squares / case.noise[:, hit, None] ** 2
     there = (score > chi2_limit(2, FALSE_ALARM / score.size)) & (size > TONE)
     candidates = np.flatnonzero(there.any(axis=(0, 1)))
-    there[..., candidates] &= score[..., candidates] > ABOVE * _beside(case, left, turns[candidates])
-    found.kept("tone", float(np.max(size * there, initial=0.0)), TONE, failing=LOUD_TONE)
+    there[..., candidates] &= score[..., candidates] > ABOVE * _beside(case, residuals, turns[candidates])
+    evidence.kept("tone", float(np.max(size * there, initial=0.0)), TONE, failing=LOUD_TONE)
     which = strongest((size * there).max(axis=1))
     if which:
         at = [(channel, int(np.argmax((size * there)[channel, :, tone])), tone) for channel, tone in which]
-        said = found.against(
+        findings = evidence.against(
             "tone_left",
             "tone",
             share=_share(case, (size * there) ** 2),
@@ -70,21 +70,23 @@ def tones(case: Decays, found: Evidence) -> tuple[Finding, ...]:
             **case.places([(channel, hit) for channel, hit, _ in at]),
         )
     for channel, hit in {(c, h) for c, h, _ in strongest(there)}:
-        own = turns[there[channel, hit]]
-        left[hit][channel] = without_lines(*_residual(case, hit, left[hit]), np.zeros(len(own)), own)[channel]
-    found.arrays |= {"turns": turns, "tones": size}
-    return said
+        loud = turns[there[channel, hit]]
+        residuals[hit][channel] = without_lines(*_residual(case, hit, residuals[hit]), np.zeros(len(loud)), loud)[
+            channel
+        ]
+    evidence.arrays |= {"turns": turns, "tones": size}
+    return findings
 
 
-def _residual(case: Decays, hit: int, left: Floats) -> tuple[Record, ConstantPeriod | ShaftAngle, float]:
+def _residual(case: Decays, hit: int, values: Floats) -> tuple[Record, ConstantPeriod | ShaftAngle, float]:
     """Residual of a hit, from its first sample on, as a record with its clock and period."""
-    return replace(case.records[hit], values=left), case.clocks[hit], case.model.period
+    return replace(case.records[hit], values=values), case.clocks[hit], case.model.period
 
 
-def _beside(case: Decays, left: list[Floats], turns: Floats) -> Floats:
+def _beside(case: Decays, residuals: list[Floats], turns: Floats) -> Floats:
     """The mean score a few lines of the record on either side of tones (channels, hits, tones)."""
     score = np.zeros((*case.noise.shape, len(turns)))
-    for hit, rest in enumerate(left):
+    for hit, rest in enumerate(residuals):
         angles = case.instants[hit][1]
         apart = 2.0 * np.pi / max(float(angles[-1] - angles[0]), 1e-300)
         shifts = apart * np.array(LINES_BESIDE)
@@ -96,28 +98,28 @@ def _beside(case: Decays, left: list[Floats], turns: Floats) -> Floats:
     return score
 
 
-def harmonics(case: Decays, found: Evidence) -> tuple[Finding, ...]:
+def harmonics(case: Decays, evidence: Evidence) -> tuple[Finding, ...]:
     """Finding on harmonics of the modes beside their bands; those that are found are taken off."""
-    model, left = case.model, case.left
-    said: tuple[Finding, ...] = ()
+    model, residuals = case.model, case.left
+    findings: tuple[Finding, ...] = ()
     modes, turns = lines_of(model, case.highest)
     score = np.zeros((*case.noise.shape, len(modes)))
-    for hit, rest in enumerate(left):
+    for hit, rest in enumerate(residuals):
         alive = case.alive(hit)
         if alive.stop:
             _, squares = line_amplitudes(*_residual(case, hit, rest[:, alive]), model.exponents[modes], turns)
             score[:, hit] = squares / case.noise[:, hit, None] ** 2
-    found.arrays |= {"modes": modes, "harmonics": turns, "lines": np.sqrt(score)}
+    evidence.arrays |= {"modes": modes, "harmonics": turns, "lines": np.sqrt(score)}
     if not len(modes):
         return ()
     joint, degrees = score.sum(axis=(0, 1)), 2 * case.responses
     there = np.sqrt(joint) > np.sqrt(chi2_limit(degrees, LEFT_OUT)) + MARGIN
     share = np.sqrt(np.maximum(joint - degrees, 0.0) / max(_energy(case), 1.0)) * there
-    if not found.kept("harmonic", float(share.max()), HARMONIC, failing=REMAINDER):
+    if not evidence.kept("harmonic", float(share.max()), HARMONIC, failing=REMAINDER):
         over = share > HARMONIC
         lines = [line for (line,) in strongest(share * over)]
         largest = np.argmax(score.reshape(-1, len(modes))[:, lines], axis=0)
-        said = found.against(
+        findings = evidence.against(
             "harmonic_left",
             share=float(np.sqrt(np.sum(share[over] ** 2))),
             harmonics=turns[lines],
@@ -125,11 +127,11 @@ def harmonics(case: Decays, found: Evidence) -> tuple[Finding, ...]:
             shares=share[lines],
             **case.places([divmod(int(place), model.n_hits) for place in largest]),
         )
-        for hit, rest in enumerate(left):
+        for hit, rest in enumerate(residuals):
             alive = case.alive(hit)
-            own = _residual(case, hit, rest[:, alive])
-            rest[:, alive] = without_lines(*own, model.exponents[modes[over]], turns[over])
-    return said
+            located = _residual(case, hit, rest[:, alive])
+            rest[:, alive] = without_lines(*located, model.exponents[modes[over]], turns[over])
+    return findings
 
 
 def _energy(case: Decays) -> float:
@@ -143,13 +145,13 @@ def _energy(case: Decays) -> float:
 
 def _share(case: Decays, squares: Floats) -> float:
     """The share of the response, in amplitude, of lines of squared sizes over the noise (channels, hits, lines)."""
-    samples = np.array([int((own >= 0).sum()) for own in case.cycles])
+    samples = np.array([int((cycles >= 0).sum()) for cycles in case.cycles])
     return float(np.sqrt(0.5 * np.sum(squares * samples[:, None]) / max(_energy(case), 1.0)))
 
 
-def lines(case: Decays, found: Evidence) -> tuple[Finding, ...]:
+def lines(case: Decays, evidence: Evidence) -> tuple[Finding, ...]:
     """Finding on lines that are none of those known, in the whole record and where the response is alive."""
-    looks, said = [], ()
+    looks, findings = [], ()
     for hit, rest in enumerate(case.left):
         for end in sorted({rest.shape[1], case.alive(hit).stop} - {0}):
             score, where = peaks(rest[:, :end], case.noise[:, hit])
@@ -161,13 +163,13 @@ def lines(case: Decays, found: Evidence) -> tuple[Finding, ...]:
         better = (score > np.log(total / FALSE_ALARM)) & (amplitude > TONE) & (amplitude > size[:, hit])
         size[better, hit] = amplitude[better]
         frequency[better, hit] = where[better] * case.records[hit].sample_rate
-    if not found.kept("line", float(size.max()), TONE, failing=LOUD_LINE):
+    if not evidence.kept("line", float(size.max()), TONE, failing=LOUD_LINE):
         channels, hits = np.transpose(at := strongest(size))
         sizes, share = size[channels, hits], _share(case, size[..., None] ** 2)
         of = frequency[channels, hits]
-        said = found.against("line_left", "line", share=share, frequencies=of, sizes=sizes, **case.places(at))
-    found.hidden = size > 0
-    return said
+        findings = evidence.against("line_left", "line", share=share, frequencies=of, sizes=sizes, **case.places(at))
+    evidence.hidden = size > 0
+    return findings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -180,14 +182,14 @@ class Colour:
     numbers: Mapping[str, Any]  # what is said of it; empty where nothing is
 
 
-def colour(case: Any, found: Evidence) -> tuple[Finding, ...]:
+def colour(case: Any, evidence: Evidence) -> tuple[Finding, ...]:
     """Finding on a residual that is not white."""
-    own: Colour = case.colour(found)
-    found.kept("colour", own.size, own.limit, failing=own.failing)
-    return found.against("colour_left", "colour", **own.numbers) if own.numbers else ()
+    measured: Colour = case.colour(evidence)
+    evidence.kept("colour", measured.size, measured.limit, failing=measured.failing)
+    return evidence.against("colour_left", "colour", **measured.numbers) if measured.numbers else ()
 
 
-def colour_of(case: Decays, found: Evidence) -> Colour:
+def colour_of(case: Decays, evidence: Evidence) -> Colour:
     """Excess of squared autocorrelations over those of white noise, of responses without a line of their own."""
     excess, limit = np.zeros(case.noise.shape), np.zeros(case.noise.shape)
     rates = rates_of(case.model)
@@ -200,8 +202,8 @@ def colour_of(case: Decays, found: Evidence) -> Colour:
         limit[:, hit] = np.maximum((chi2_limit(lags, FALSE_ALARM / case.responses) - lags) / size, COLOUR)
     place = np.unravel_index(int(np.argmax(excess / limit)), excess.shape)
     bound = float(limit[place])
-    which = strongest(np.where(found.hidden, 0.0, excess) * (excess > limit))
-    found.arrays["colour"] = excess
+    which = strongest(np.where(evidence.hidden, 0.0, excess) * (excess > limit))
+    evidence.arrays["colour"] = excess
     return Colour(
         size=float(excess[place]),
         limit=bound,
@@ -240,41 +242,41 @@ def lines_of(model: PeriodicModel, highest: float) -> tuple[Integers, Integers]:
     return np.concatenate(modes or empty).astype(np.int64), np.concatenate(harmonics or empty).astype(np.int64)
 
 
-def peaks(left: Floats, noise: Floats) -> tuple[Floats, Floats]:
+def peaks(residual: Floats, noise: Floats) -> tuple[Floats, Floats]:
     """The highest line of the spectrum of each channel over its level there, and where it is, in turns a sample."""
-    there = ~np.isnan(left)
-    lines = np.fft.rfft(np.where(there, left, 0.0), axis=1)
+    there = ~np.isnan(residual)
+    lines = np.fft.rfft(np.where(there, residual, 0.0), axis=1)
     spectrum = lines.real**2 + lines.imag**2
     level = noise[:, None] ** 2 * np.maximum(there.sum(axis=1, keepdims=True), 1)
     pieces = spectrum.shape[1] // PIECE
     if pieces > 1:
         size = spectrum.shape[1] // pieces
-        cut = spectrum[:, : pieces * size].reshape(len(left), pieces, size)
+        cut = spectrum[:, : pieces * size].reshape(len(residual), pieces, size)
         local = np.median(cut, axis=2) / np.log(2.0)
         level = np.maximum(level, local[:, np.minimum(np.arange(spectrum.shape[1]) // size, pieces - 1)])
     over = spectrum / level
     over[:, 0] = 0.0  # the mean is one of the tones
-    if left.shape[1] % 2 == 0:
+    if residual.shape[1] % 2 == 0:
         over[:, -1] *= 0.5  # half the sampling rate: one number, not two
     place = np.argmax(over, axis=1)
-    return over[np.arange(len(left)), place], place / left.shape[1]
+    return over[np.arange(len(residual)), place], place / residual.shape[1]
 
 
-def squared_correlations(left: Floats, step: float, rates: Complexes, most: int) -> tuple[Floats, Floats, int]:
+def squared_correlations(residual: Floats, step: float, rates: Complexes, most: int) -> tuple[Floats, Floats, int]:
     r"""The sum of squared autocorrelations of each channel (Ljung and Box 1978), the number of samples, and of lags.
 
     .. math:: Q = \sum_{k=1}^{K} \frac{n}{n_k} \Big(r_k + \frac{1}{n}\sum_j e^{s_j k \Delta t}\Big)^2
 
     A fit takes of white noise what looks like its columns e^{st}: at lag k it leaves the mean correlation
     -Σ_j e^{s_j kΔt}/n, which is taken off here: `rates` are s of every column of the model, conjugates too (columns,)
-    [1/s]. `left` is (channels, samples), `most` the highest lag; Q has the expectation K/n.
+    [1/s]. `residual` is (channels, samples), `most` the highest lag; Q has the expectation K/n.
     """
-    there = ~np.isnan(left)
-    filled = np.where(there, left, 0.0)
+    there = ~np.isnan(residual)
+    filled = np.where(there, residual, 0.0)
     numbers = there.sum(axis=1)
-    lags = int(max(min(LAGS, most, left.shape[1] // 4), 1))
+    lags = int(max(min(LAGS, most, residual.shape[1] // 4), 1))
     power = np.maximum(np.sum(filled**2, axis=1), np.finfo(float).tiny)
-    total = np.zeros(len(left))
+    total = np.zeros(len(residual))
     for lag in range(1, lags + 1):
         pairs = np.sum(there[:, lag:] & there[:, :-lag], axis=1)
         expected = -np.exp(rates * lag * step).sum().real
@@ -286,8 +288,8 @@ def squared_correlations(left: Floats, step: float, rates: Complexes, most: int)
 def rates_of(model: PeriodicModel) -> Complexes:
     """Rates s of every column that a model has (columns,) [1/s], growing ones seen from their end."""
     kept = (model.coefficients != 0).any(axis=(1, 2))
-    own = -np.abs(model.exponents.real) + 1j * model.exponents.imag
-    return (own[:, None] + 1j * model.fundamental * model.harmonics)[kept]
+    rates = -np.abs(model.exponents.real) + 1j * model.exponents.imag
+    return (rates[:, None] + 1j * model.fundamental * model.harmonics)[kept]
 
 
 SPIKE, SPOILT, QUARTILE = 12.0, 0.1, 0.6745
@@ -297,23 +299,23 @@ size of a normal number, from which the deviation is taken."""
 
 def spikes(case: Any, _: Evidence) -> tuple[Finding, ...]:
     """Findings on spikes in the residual; warnings where a blow that nobody measured is excitation, and no fault."""
-    found = of_outliers(case.residual, case.own)
-    return tuple(replace(own, severity=Severity.WARNING) for own in found) if case.random else found
+    findings = of_outliers(case.residual, case.own)
+    return tuple(replace(finding, severity=Severity.WARNING) for finding in findings) if case.random else findings
 
 
-def of_outliers(left: Floats, own: Parted) -> tuple[Finding, ...]:
+def of_outliers(residual: Floats, parted: Parted) -> tuple[Finding, ...]:
     """Findings on samples, in what is left of each output (outputs, samples), that are no noise: spikes."""
-    found = []
-    for values, channel in zip(left, own.outputs, strict=True):
+    findings = []
+    for values, channel in zip(residual, parted.outputs, strict=True):
         far = np.abs(values) > SPIKE * np.median(np.abs(values)) / QUARTILE
         if far.any():
             share, first = float(np.sum(values[far] ** 2) / np.sum(values**2)), int(np.argmax(far))
-            record = int(np.searchsorted(own.samples.begins, first, side="right"))
-            sample = first - own.samples.begins[record - 1] + 1
-            told, number = failure if share > SPOILT else warning, int(far.sum())
+            record = int(np.searchsorted(parted.samples.begins, first, side="right"))
+            sample = first - parted.samples.begins[record - 1] + 1
+            report, number = failure if share > SPOILT else warning, int(far.sum())
             numbers = {"number": number, "share": share, "record": record, "sample": sample}
-            found.append(told("outliers", channel=channel.name, **numbers))
-    return tuple(found)
+            findings.append(report("outliers", channel=channel.name, **numbers))
+    return tuple(findings)
 
 
 MISFIT = 1.3  # times the noise that a fit may leave
@@ -326,8 +328,8 @@ def misfit(case: Any, _: Evidence) -> tuple[Finding, ...]:
     return () if size is None or not MISFIT < size < FAILED else (warning("misfit", misfit=size),)
 
 
-def level(case: Any, found: Evidence) -> tuple[Finding, ...]:
+def level(case: Any, evidence: Evidence) -> tuple[Finding, ...]:
     """Note what the fit leaves over the level of its noise: a model that fails does not pass."""
     if case.misfit is not None:
-        found.kept("misfit", case.misfit, FAILED)
+        evidence.kept("misfit", case.misfit, FAILED)
     return ()

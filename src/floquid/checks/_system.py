@@ -36,26 +36,26 @@ class Consistency:
     composition: float  # the largest relative difference of Φ(t + T, t0), integrated, and Φ(t, t0) Φ(t0 + T, t0)
 
 
-def system(case: Any, found: Evidence) -> tuple[Finding, ...]:
+def system(case: Any, evidence: Evidence) -> tuple[Finding, ...]:
     """Finding on A(t), integrated over a period, that is not the model's."""
     if case.state is None:
         return ()
-    own = consistency(case.model, case.state)
-    if isinstance(own, Finding):
-        return found.missing({"multipliers": 1.0, "liouville": 1.0, "composition": PHI}, own)
-    multipliers = found.kept("multipliers", own.multipliers, 1.0)
-    trace = found.kept("liouville", own.liouville, 1.0)
-    composition = found.kept("composition", own.composition, PHI)
+    compared = consistency(case.model, case.state)
+    if isinstance(compared, Finding):
+        return evidence.missing({"multipliers": 1.0, "liouville": 1.0, "composition": PHI}, compared)
+    multipliers = evidence.kept("multipliers", compared.multipliers, 1.0)
+    trace = evidence.kept("liouville", compared.liouville, 1.0)
+    composition = evidence.kept("composition", compared.composition, PHI)
     if multipliers and trace and composition:
         return ()
-    return found.against(
+    return evidence.against(
         "system_other",
         "multipliers",
         "liouville",
         "composition",
-        pair=None if multipliers else own.pair,
+        pair=None if multipliers else compared.pair,
         trace=not trace,
-        composition=None if composition else own.composition,
+        composition=None if composition else compared.composition,
     )
 
 
@@ -93,17 +93,17 @@ def consistency(model: PeriodicModel, state: StateModel) -> Consistency | Findin
     return Consistency(multipliers, pair, liouville, composition)
 
 
-def _multipliers(found: Complexes, model: PeriodicModel) -> tuple[float, tuple[complex, complex]]:
+def _multipliers(of_system: Complexes, model: PeriodicModel) -> tuple[float, tuple[complex, complex]]:
     """The largest difference from the nearest multiplier, both ways, over what it may be; and the pair."""
-    own = model.multipliers
+    of_model = model.multipliers
     std = 0.0 if model.exponent_std is None else np.abs(model.exponent_std) * model.period
-    may = np.abs(own) * (DEVIATIONS * std + TOLERANCE) + SMALL * np.abs(own).max()
-    off = np.abs(np.subtract.outer(found, own)) / may
+    may = np.abs(of_model) * (DEVIATIONS * std + TOLERANCE) + SMALL * np.abs(of_model).max()
+    off = np.abs(np.subtract.outer(of_system, of_model)) / may
     # Two that are one would not be seen by this: the sum of the exponents is looked at beside it.
     pairs = [(int(np.argmin(row)), k) for k, row in enumerate(off.T)]
     pairs += [(k, int(np.argmin(row))) for k, row in enumerate(off)]
     worst = max(pairs, key=lambda pair: off[pair])
-    return float(off[worst]), (complex(found[worst[0]]), complex(own[worst[1]]))
+    return float(off[worst]), (complex(of_system[worst[0]]), complex(of_model[worst[1]]))
 
 
 def _scales(state: StateModel) -> Floats:
@@ -123,11 +123,11 @@ def _integrated(state: StateModel, period: float) -> tuple[Floats, Floats] | Non
     largest = float(np.abs(parts).sum(axis=0).sum(axis=1).max())
     steps, before = 2 ** max(0, int(np.ceil(np.log2(max(width * largest, 1.0))))), None
     while steps * len(state.times) <= MOST_STEPS:
-        now = _propagated(parts, len(state.times), steps, period)
-        if before is not None and np.abs(now[-1] - before).max() <= ACCURACY * np.abs(now[-1]).max():
-            whole = now * scale[:, None] / scale
+        transition = _propagated(parts, len(state.times), steps, period)
+        if before is not None and np.abs(transition[-1] - before).max() <= ACCURACY * np.abs(transition[-1]).max():
+            whole = transition * scale[:, None] / scale
             return whole[:-1], whole[-1]
-        steps, before = 2 * steps, now[-1]
+        steps, before = 2 * steps, transition[-1]
     return None
 
 
@@ -147,11 +147,11 @@ def _propagated(parts: Complexes, instants: int, steps: int, period: float) -> F
     first, second = system(begin + 0.5 * step - node), system(begin + 0.5 * step + node)
     bracket = second @ first - first @ second
     moved = expm(0.5 * step * (first + second) + np.sqrt(3.0) / 12.0 * step**2 * bracket)
-    found = np.empty((instants + 1, n, n))
-    found[0] = np.eye(n)
+    transitions = np.empty((instants + 1, n, n))
+    transitions[0] = np.eye(n)
     for k in range(instants):
-        now = found[k]
-        for one in moved[k * steps : (k + 1) * steps]:
-            now = one @ now
-        found[k + 1] = now
-    return found
+        state = transitions[k]
+        for factor in moved[k * steps : (k + 1) * steps]:
+            state = factor @ state
+        transitions[k + 1] = state
+    return transitions

@@ -30,8 +30,8 @@ KEPT = ".floquid-draws.npz"
 FILES = ("bootstrap.json", "bootstrap.npz")
 
 LEGEND = (
-    "said: the deviation that the fit gave; drawn: that of the draws; ratio: drawn over said; 95 %: what holds so many "
-    "of the draws"
+    "said: the deviation that the fit gave; drawn: that of the draws; ratio: drawn over said; 95 %: the interval that "
+    "holds 95 % of the draws"
 )
 
 

@@ -55,9 +55,9 @@ PAPER_FILES = ("paper.md", *(f"figures/paper_{number}.png" for number in range(2
 COLUMNS = ("printed", "corrected", "AMI", "max. likelihood")
 
 LEGEND = (
-    "corrected: the right value by the rotor's equations; of an error, what is left of it with exact residues. AMI and "
-    "max. likelihood are ours: (19) is one standard deviation in the last digits, and without one the value is that of "
-    "the first draw of the noise. All is without dimension: time is counted in 1/ω_n."
+    "corrected: the right value by the rotor's equations; of an error, its part with exact residues. AMI and max. "
+    "likelihood are ours: (19) is one standard deviation in the last digits. Values without one are of the first draw "
+    "of the noise. All is without dimension: time is counted in 1/ω_n."
 )
 
 

@@ -39,7 +39,7 @@ OF = "floquid floquet"
 STAGES = 4
 
 _STRUCTURE = re.compile(r"(ED|BD|BD_\d+|SD) ")
-"""How OpenFAST's states of motions begin: of ElastoDyn, BeamDyn and SubDyn."""
+"""Prefixes of OpenFAST's states of motion: ElastoDyn, BeamDyn and SubDyn."""
 
 
 def floquet(
@@ -119,14 +119,14 @@ def _examined(file: MatrixFile, tolerance: float, check: bool, report: Callable[
 
 
 def _refuse_disagreement(found: FloquetModes, difference: Floats, verdict: Stability) -> None:
-    """Refuse a result of which two routes that both claim to be right say something else."""
+    """Refuse a result on which two routes disagree that both claim to be right."""
     relative = difference / np.maximum(np.abs(found.exponents), found.fundamental)
     worst = int(relative.argmax())
     if relative[worst] > AGREE:
         raise IdentificationError(
-            f"The exponents are not to be trusted: integration over the period finds {found.exponents[worst]:.8g} 1/s "
-            f"(verdict: {verdict.verdict.value}), Hill's method has settled {difference[worst]:.3g} 1/s away from it, "
-            f"and they must agree to {AGREE:g} of max(|λ|, ω).\n"
+            f"Integration over the period and Hill's method disagree. Integration gives {found.exponents[worst]:.8g} "
+            f"1/s (verdict: {verdict.verdict.value}); Hill's method settles {difference[worst]:.3g} 1/s away. The "
+            f"limit is {AGREE:g} of max(|λ|, ω).\n"
             "  Lower --tolerance; where A(t) jumps give it with `edges`; or see the integration alone with --no-check."
         )
 

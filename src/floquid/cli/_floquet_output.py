@@ -33,19 +33,19 @@ from floquid.floquet import (
 FILES = ("summary.json", "modes.npz", "figures/exponents.png", "figures/shapes.png")
 
 LEGEND = (
-    "A row with ± is a conjugate pair. λ: Floquet exponent, on the branch of the strongest harmonic of its shape; "
-    "f = |λ|/2π; ζ = -Re λ/|λ|; |μ| = e^(Re λ T), the growth in one period; folded: |Im λ| modulo ω, over ω"
+    "A row with ± is a conjugate pair. λ: Floquet exponent, on the branch of the strongest harmonic of its shape. "
+    "f = |λ|/2π, ζ = -Re λ/|λ|. |μ| = e^(Re λ T): growth in one period. folded: |Im λ| modulo ω, over ω"
 )
 NOTES = {
     "μ<0": "a negative real multiplier, no pair",
     "μ>0": "a positive real multiplier, no pair",
     "grows": "unstable",
-    "rests": "neither grows nor decays, as far as can be told: Re λ is the value found, of no certain sign",
+    "rests": "neither grows nor decays within its error: the sign of Re λ is not determined",
     "shared": "shares its shape with another: their mean is right, each alone less so",
 }
 SHARES = (
-    "m: the strongest harmonics of the shape, and their part of its mean square; states: the strongest, and their part "
-    "in the mode (participation factors, which no unit changes)"
+    "m: the strongest harmonics of the shape, with their share of its mean square. states: the strongest, with their "
+    "participation factors, which no unit changes"
 )
 AGREE = 1e-6  # of max(|λ|, ω): by how much the two routes may differ, where both claim to be right
 _HILL = 1e-10  # of max(|λ|, ω): to what `hill` settles unless told otherwise

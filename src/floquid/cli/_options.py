@@ -197,7 +197,7 @@ class Choices:
         return self.settings if self.identifier is None else replace(self.settings, identifier=self.identifier)  # type: ignore[arg-type]
 
     def with_given(self, **given: Any) -> Choices:
-        """These choices with those put over them that are given, which is to say, not None."""
+        """Choices with the given ones (not None) put over them."""
         given = {name: value for name, value in given.items() if value is not None}
         reading = {name: given.pop(name) for name in _HOW if name in given}
         return replace(self, settings=replace(self.settings, **given), **reading)

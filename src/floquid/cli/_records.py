@@ -37,10 +37,10 @@ _DRIVING = re.compile(
 """Words in the names of channels that drive a system."""
 
 _TELLS = (
-    "A tachometer (--tach), the angle of the shaft (--azimuth) or its speed (60 over the revolutions a minute) tells "
-    "it: where the excitation goes on the response does not."
+    "A forced response does not tell the period. Use a tachometer (--tach), the shaft angle (--azimuth), or 60 over "
+    "the speed in rpm."
 )
-"""What gives the period where the response does not."""
+"""Sources of the period where the response is forced."""
 
 _BLOWS = 12.0  # the range of a force over its deviation from which on it is one of blows: of a random one it is 8 or 10
 
@@ -75,9 +75,8 @@ def read_records(
             got = f"neither it nor --frequency is, and {file} does not state one"
             free = not chosen.inputs and chosen.excitation == "none"
             remedy = (
-                "Give the period of the system [s], as in --period 0.02, its frequency [Hz], as in --frequency 50, or "
-                "the channel of a tachometer, as in --tach tach"
-                f"{'; --estimate-period finds it from the response.' if free else f'. {_TELLS}'}"
+                "Give the period [s] (--period 0.02), its frequency [Hz] (--frequency 50), or the channel of a "
+                f"tachometer (--tach tach). {'--estimate-period finds it from the response.' if free else _TELLS}"
                 f"{_likely(file, choices.rate)}"
             )
             raise input_error("--period", of, "be given", got, remedy)
@@ -129,11 +128,15 @@ def _print_summary(found: FileSummary) -> None:
         console.print(f"Note: {note}")
     for candidate in found.clock_candidates:
         option = _option_of(candidate)
-        console.print(f"Clock candidate: {candidate.name}: {candidate.why}{f' ({option})' if option else ''}")
+        console.print(f"Possible clock: {candidate.name}, {candidate.why}.{f' Use {option}.' if option else ''}")
     if found.period is not None:
         console.print(f"The file states a period of {found.period:.12g} s.")
     elif not found.clock_candidates:
         console.print("No candidate for a clock: give the period with --period or --frequency.", style="dim")
+    for c in found.channels:
+        if c.impacts:
+            unit = "" if c.unit == "-" else f" [{c.unit}]"
+            console.print(f"{c.name}{unit}: {counted(c.impacts, 'impact')}. Use --find-hits.")
     if why := _driving(found):
         words = "; ".join(f"{name}: {reason}" for name, reason in why.items())
         option = f"--inputs {shlex.quote(','.join(why))}"
@@ -159,7 +162,7 @@ def _driving(found: FileSummary) -> dict[str, str]:
     clocks = [candidate.name for candidate in found.clock_candidates]
     reasons = {}
     for c in found.channels:
-        if c.name in clocks or c.quantity in ("pulse", "angle") or c.minimum is None or c.is_constant:
+        if c.name in clocks or c.quantity in ("pulse", "angle") or c.minimum is None or c.is_constant or c.impacts:
             continue
         if c.quantity == "force":
             reasons[c.name] = "its quantity is force"
@@ -188,6 +191,8 @@ def _next_command(found: FileSummary, given: str) -> str:
     best = _best_option(found.clock_candidates)
     if "--channels" not in given:
         given += _responses(found, best or "")
+    if any(c.impacts for c in found.channels):
+        given += " --find-hits"
     if lasting := _lasting(found):
         given += f" --inputs {shlex.quote(','.join(lasting))}"
     if best is None and lasting:
@@ -195,9 +200,9 @@ def _next_command(found: FileSummary, given: str) -> str:
     if best is None:
         return (
             f"Next: floquid identify {path}{given} --estimate-period\n"
-            "  Nothing in this file tells the period: that looks for it in the response. Where you know it, give it by "
-            "--period [s] or --frequency [Hz] instead. Where the response is not free it does not tell the period: "
-            "give it, and --excitation ambient where nobody measured what drives the system."
+            "  This file does not state the period; --estimate-period finds it from a free response. If you know it, "
+            "give --period [s] or --frequency [Hz]. For random excitation that nobody measured give the period and "
+            "--excitation ambient."
         )
     return f"Next: floquid identify {path}{given}{f' {best}' if best else ''}"
 

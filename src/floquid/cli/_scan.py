@@ -53,11 +53,10 @@ HIGHEST = 10_000  # the highest order that is looked at in a list: what lies bey
 FILES = ("scan.json", "figures/stabilisation.png", "figures/indicators.png")
 
 LEGEND = (
-    "stable: poles that agree with one of the order before in frequency, damping and shape; left: share of the sum of "
-    "squares that the poles do not explain; misfit: the same over what white noise of the size found would "
-    "leave, 1 for a right model; ΔAIC, ΔBIC: two criteria that weigh misfit against the number of parameters, above "
-    "their lowest value (*). "
-    "True poles stay stable from some order on, and there the misfit comes to rest near 1."
+    "stable: poles that agree with the order before in frequency, damping and shape. left: share of the sum of squares "
+    "that the poles do not explain. misfit: the same over that of white noise of this size; 1 for a right model. ΔAIC, "
+    "ΔBIC: misfit weighed against the number of parameters, above the least value (*). True poles stay stable from "
+    "some order on, where the misfit rests near 1."
 )
 
 
@@ -211,7 +210,7 @@ def print_orders(console: Console, found: OrderScan, title: str = "Orders") -> N
     console.print(LEGEND, style="dim")
     seen = found.indicators
     last = f"{counted(seen.n_above, 'singular value')} of the responses above white noise"
-    console.print(f"{last}: at least so many poles, if the noise is white.")
+    console.print(f"{last}: the least number of poles, if the noise is white.")
 
 
 def _table(found: OrderScan) -> Table:

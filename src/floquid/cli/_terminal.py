@@ -34,9 +34,9 @@ from floquid.views import (
 )
 
 LEGEND = (
-    "λ: Floquet exponent, known up to multiples of iω and given where the line is strongest in these channels and "
-    "hits; f = |λ|/2π and ζ = -Re λ/|λ| go with that line; |μ| = e^(Re λ T), the decay in one period, and folded, "
-    "|Im λ| modulo ω over ω, do not"
+    "λ: Floquet exponent, known up to multiples of iω; the branch shown is that of its strongest line. f = |λ|/2π and "
+    "ζ = -Re λ/|λ| go with that line. |μ| = e^(Re λ T), the decay in one period, and folded, |Im λ| modulo ω over ω, "
+    "do not"
 )
 DEVIATIONS = "digits in brackets are one standard deviation in the last digits"
 NO_DEVIATIONS = "this identifier gives no standard deviations (its -ml form does)"

@@ -59,22 +59,22 @@ Method: TypeAlias = Literal["model", "repeats", "polynomials", "chirps", "fit"]
 _AT = "Frequencies [Hz]: one, several with commas, or first:last:number. By default all that the method has."
 _HARMONICS = "Harmonics m, with commas: the response at the input's frequency plus m times the fundamental."
 _METHOD = (
-    "model: that of the modes identified. repeats: line by line from inputs that repeat, as those of floquid "
-    "multisine, or of a scan, one sine a record and a file for each. polynomials: line by line from any broad-band "
-    "inputs. chirps: of chirps at different phases of the period, a file for each, from rest and back to rest, the "
-    "curvature over frequency penalised; without deviations. fit: of modes fitted to lines so measured."
+    "model: from the modes identified. repeats: line by line, from inputs that repeat (floquid multisine), or a scan "
+    "of sines, a file for each. polynomials: line by line, from any broad-band inputs. chirps: from chirps at "
+    "different phases of the period, from rest to rest, a file for each; smoothed, without deviations. fit: from modes "
+    "fitted to such lines."
 )
 _ENDINGS = r"\.(csv|mat|s\d+p|png|pdf|svg|h5|html?)"
 _LINES = (
-    "In the place of records, for --method fit: transfer functions that were measured before, or by another program, "
-    "as .csv or .mat as --out writes them, or .h5. They need their deviations."
+    "Instead of records, for --method fit: measured transfer functions with their deviations, .csv, .mat or .h5 as "
+    "--out writes them."
 )
 _REPEAT = "Periods of the system in a repeat of the inputs, by default found from them."
 _CURVATURE = "The weight of the curvature, with --method chirps: more of it averages more noise, and flattens more."
-_DROP = "Repeats at the begin of each record that are left out, for what rings there to die."
+_DROP = "First repeats of each record that are left out, until the transient has died."
 _REFERENCE = (
-    "Channels, with commas, one for each input, that drive the inputs and know nothing of the noise: for a closed loop "
-    "and noisy inputs, with polynomials or fit."
+    "Reference signals without the noise, one for each input, with commas: for a closed loop or noisy inputs, with "
+    "polynomials or fit."
 )
 _BAND = "The lowest and the highest line [Hz], with a comma; by default up to a fifth of the rate."
 
@@ -93,8 +93,8 @@ def transfer(
     out: Annotated[
         Path | None,
         Parameter(
-            help="A table (.csv, .mat, Touchstone .sNp of one harmonic of N paths), a picture (.png, .pdf, .svg), "
-            "all that was found (.h5), or of modes its page (.html)."
+            help="A table (.csv, .mat, .sNp for one harmonic of N paths), a picture (.png, .pdf, .svg), the whole "
+            "result (.h5), or a page of modes (.html)."
         ),
     ] = None,
     format: Format = "text",  # noqa: A002
@@ -334,7 +334,7 @@ def multisine(
     seed: Whole = 0,
     out: NewRecordFile = Path("multisine.csv"),
 ) -> None:
-    """Write inputs for measuring harmonic transfer functions: random lines of which no two sidebands meet.
+    """Write inputs for measuring harmonic transfer functions: random lines whose sidebands do not meet.
 
     Parameters
     ----------
@@ -349,7 +349,7 @@ def multisine(
     rms
         That of each input, in its unit.
     repeats
-        How often it is repeated: the first for what rings at the begin, four and more for a variance.
+        How often it is repeated: the first for the transient, four and more for a variance.
     seed
         The seed of lines and phases.
     out

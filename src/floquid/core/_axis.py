@@ -116,7 +116,7 @@ def readings(
     imag = float(np.abs(_changes(-square, s)).max())
     real = _apart(square, covariance)
     if real is None:
-        # σ moves with q by their covariance, and by itself.
+        # σ moves with q by their covariance, and on its own.
         along = float(covariance[0, 1]) / max(s, 1e-300)
         changes = _changes(square, s)
         real = np.array([np.abs(along + way * changes).max() for way in (1.0, -1.0)])

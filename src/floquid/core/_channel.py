@@ -89,7 +89,7 @@ class Channel(Brief):
 
 
 def _by_name(name: str, possible: Sequence[str]) -> str | None:
-    """The first of the quantities that are `possible` of which a name has a word; None without one."""
+    """First of the `possible` quantities with a word in the name; None without one."""
     words = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|_", " ", name).lower()
     found = (own for own in _NAMES if own in possible and re.search(rf"(?<![a-z])(?:{_NAMES[own]})(?![a-z])", words))
     return next(found, None)

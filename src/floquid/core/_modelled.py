@@ -18,7 +18,7 @@ from floquid.errors import IdentificationError
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Driven:
-    """Effects of measured inputs beside driving the modes: D, and the states at the begin of each record.
+    """Effects of measured inputs beside driving the modes: D, and the states at the start of each record.
 
     Parameters
     ----------

@@ -23,7 +23,7 @@ class Provenance(Brief):
     steps: tuple[str, ...] = ()
 
     def then(self, *steps: str) -> Provenance:
-        """The same history with `steps` added at its end."""
+        """History with `steps` added at its end."""
         return replace(self, steps=self.steps + steps)
 
     @staticmethod

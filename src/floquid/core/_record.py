@@ -145,7 +145,7 @@ class Record(Rebuilt):
         return replace(self, values=values, channels=tuple(self.channels[row] for row in rows), orbit=orbit)
 
     def with_clock(self, clock: Clock) -> Record:
-        """The same record, tied to `clock`."""
+        """Record tied to `clock`."""
         return replace(self, clock=clock)
 
 

@@ -31,7 +31,7 @@ def to_periodic_system(
               C(t) = 2\,[\Re c(t), -\Im c(t)]
 
     and a positive real multiplier has one state. Two negative ones turn together by half a turn a period, which makes
-    them real and periodic (Montagnier, Paige and Spiteri 2003): A is constant but for them. All is exact, and discrete
+    them real and periodic (Montagnier, Paige and Spiteri 2003): the rest of A is constant. All is exact, and discrete
     systems come by `floquet.discretise`, lifted ones by `floquet.lift`, those of python-control by its `to_control`.
     Of free responses there is no B and D, and C is that of the hit in which a mode is strongest.
 

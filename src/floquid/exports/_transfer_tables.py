@@ -146,7 +146,7 @@ def transfer_entries(found: TransferFunctions) -> dict[str, Any]:
 
 
 def measured_entries(found: MeasuredTransfer) -> dict[str, Any]:
-    """What is known of transfer functions measured, `found`, beside their values, for `json.dump`."""
+    """Facts about measured transfer functions `found`, beside their values, for `json.dump`."""
     return for_json(
         {
             "method": found.method,
@@ -158,7 +158,7 @@ def measured_entries(found: MeasuredTransfer) -> dict[str, Any]:
 
 
 def fit_entries(fit: TransferFit) -> dict[str, Any]:
-    """What is known of modes fitted to transfer functions, `fit`, for `json.dump`: of a pair the upper one."""
+    """Facts about the modes of a `fit` to transfer functions, for `json.dump`; the upper mode of each pair."""
     upper, std = list(fit.model.upper_modes), fit.model.exponent_std
     return for_json(
         {

@@ -22,7 +22,7 @@ from floquid.readers import UFF_KINDS
 
 _STRUCTURAL, _FIRST_ORDER, _TRANSLATIONS, _WITH_ROTATIONS, _COMPLEX = 1, 3, 2, 3, 5
 _SPECIFIC = UFF_KINDS | {"force": 1}
-"""Quantity of a shape: the codes of dataset 58, but for a force, whose 13 is an energy in dataset 55. 1 is general."""
+"""Quantity of a shape: the codes of dataset 58, except a force, whose 13 is an energy in dataset 55. 1 is general."""
 
 _DIRECTION = re.compile(r"([+-]?)(R?)([XYZ])")
 _MONTHS = ("JAN", "FEB", "MAR", "APR", "MAY", "JUN", "JUL", "AUG", "SEP", "OCT", "NOV", "DEC")

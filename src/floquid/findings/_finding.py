@@ -81,7 +81,7 @@ class Finding(Rebuilt):
 
     @property
     def clause(self) -> str:
-        """The same as a part of another sentence: without the record, a capital and a full stop."""
+        """Sentence as a part of another: without the record, the capital and the full stop."""
         text = str(replace(self, where=""))
         return text[:1].lower() + text[1:].removesuffix(".")
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 from floquid.findings._phrases import both
 
 WRONG = "Exponents and shapes would look right and be wrong."
-REMEDY = f"{WRONG} Correct the period, or the rate, or measure the shaft."
-SMALLEST = 1e-300  # probabilities below this are not told apart
+REMEDY = f"{WRONG} Correct the period or the rate, or measure the shaft."
+SMALLEST = 1e-300  # below, a double has too few digits for a probability to be printed
 
 
 def _wrong_period(
@@ -19,64 +18,65 @@ def _wrong_period(
     deviations: float = 0.0,
     fraction: bool = False,
     scores: Sequence[float] = (),
-    **rounded: Any,
+    slip: float | None = None,
+    rate: float = 0.0,
+    whole: int = 0,
 ) -> str:
     if own is None:
         return (
-            f"The response does not repeat with the period given, {given:.10g} s: the residual goes with a change of "
-            f"it ({deviations:.0f} deviations), too large to tell the right one. {REMEDY}"
+            f"The response does not repeat with the period given, {given:.10g} s. The residual asks for another one by "
+            f"{deviations:.0f} deviations, too far off to estimate. {REMEDY}"
         )
     size = f"{own:.10g} s" if std is None else f"{own:.10g} ± {std:.1g} s"
     size = f"about {own:.5g} s" if scores or fraction else size
-    said = f"The response does not repeat with the period given: its own is {size}, not {given:.10g} s"
-    if fraction:
-        said = f"{said}; it repeats with its own or a fraction of it"
+    parts = f"{size}{' or a fraction of it' * fraction}, not {given:.10g} s"
+    text = f"The response does not repeat with the period given: its own is {parts}."
     if scores:
         seen, with_given, noise = scores
-        said = f"{said} (squared scores of {seen:.3g} and {with_given:.3g}; noise alone stays below {noise:.3g})"
-    return _rounded(said, given, **rounded) if rounded else f"{said}. {REMEDY}"
+        text += f" The squared scores are {seen:.3g} and {with_given:.3g}; noise alone stays below {noise:.3g}."
+    if slip is None:
+        return f"{text} {REMEDY}"
+    text += f" Over the record the phase slips by {slip:.3g} samples. {WRONG}"
+    return f"{text} {_rounded(given, rate, whole)}" if whole else text
 
 
-def _rounded(said: str, given: float, slip: float, rate: float, whole: int) -> str:
-    """The sentence with the slip over the record, and with the remedy where the own period is whole samples."""
-    said = f"{said}; over the record the phase slips by {slip:.3g} samples. {WRONG}"
-    if not whole:
-        return said
+def _rounded(given: float, rate: float, whole: int) -> str:
+    """Remedy where the response's own period is a whole number of samples."""
     return (
-        f"{said} Its own is {whole} sampling intervals, a whole number: the period or the sampling interval of "
-        f"{1.0 / rate:.6g} s was rounded. If the period is right, the sampling interval is {given / whole:.10g} s: "
-        f"pass `rate={whole / given:.12g}`. If the rate is right, pass `period={whole / rate:.12g}`."
+        f"Its own period is {whole} samples exactly, so the period or the sampling interval of {1.0 / rate:.6g} s was "
+        f"rounded. If the period is right, pass `rate={whole / given:.12g}`. If the rate is right, pass "
+        f"`period={whole / rate:.12g}`."
     )
 
 
 def _twice(given: float, even: float, odd: float, limit: float) -> str:
     return (
-        f"The response repeats twice within the {given:.6g} s given: even harmonics have squared scores of {even:.3g}, "
-        f"odd ones of {odd:.3g}, which noise alone has (up to {limit:.3g}). Modes would be found more than once. Give "
-        f"half of it: `period={0.5 * given:.10g}`; if a shaft that is out of balance turns once in two of these "
-        "halves, give `periods_per_revolution=2` as well."
+        f"The response repeats twice within the {given:.6g} s given. Even harmonics have squared scores of {even:.3g}, "
+        f"odd ones {odd:.3g}, within the noise (limit {limit:.3g}). Modes would be found more than once. Pass half of "
+        f"it: `period={0.5 * given:.10g}`. For a shaft that turns once in two of these, add "
+        "`periods_per_revolution=2`."
     )
 
 
 def _phase(record: int, deviations: float | None = None) -> str:
-    how = "is about half a period off" if deviations is None else f"is off by {deviations:.0f} deviations from"
+    how = "by about half a period" if deviations is None else f"by {deviations:.0f} deviations"
     return (
-        f"Record {record} {how} the phase of the first. Records must count from the same phase: give their begins on "
-        "one time axis, the origin of the clock, or a tachometer."
+        f"The phase of record {record} differs from that of the first {how}. Records must count from the same phase: "
+        "give their beginnings on one time axis, the origin of the clock, or a tachometer."
     )
 
 
 def _of_orbit(period: float, orbit: float, harmonics: Sequence[int], symmetric: bool) -> str:
-    said = (
-        f"The period is told by the lines that do not decay, at {both([str(m) for m in harmonics[:8]])} times "
-        f"{1.0 / orbit:.6g} Hz: a limit cycle, or the response to a force; lines that decay do not tell it."
+    text = (
+        "The period follows from lines that do not decay, a limit cycle or a response to a force, not from the modes. "
+        f"They are {both([str(m) for m in harmonics[:8]])} times {1.0 / orbit:.6g} Hz."
     )
     if not symmetric:
-        return said
+        return text
     return (
-        f"{said} All are odd multiples: the orbit is half-wave symmetric, x(t + T/2) = -x(t), with T = {orbit:.7g} s. "
-        f"A(t) of a symmetric system has half of its period, {period:.7g} s, which is taken; if the system is not "
-        f"symmetric, give its own: `period={orbit:.10g}`."
+        f"{text} All are odd multiples: the orbit is half-wave symmetric, x(t + T/2) = -x(t), with T = {orbit:.7g} s. "
+        f"A(t) of a symmetric system has half of its period, {period:.7g} s, and that was used. If the system is not "
+        f"symmetric, pass `period={orbit:.10g}`."
     )
 
 
@@ -94,49 +94,49 @@ def _periodic(p: float, harmonic: int, mode: int, channel: str) -> str:
 def _not_periodic(p: float, least: float, most: float, low: int, high: int, power: float) -> str:
     small, large = f"{100 * least:.2g} %", f"{100 * most:.2g} %"
     size = large if small == large else f"{small} (mode {low}) to {large} (mode {high})"
-    seen = f"harmonics above {size} of the mode would have been, {100 * power:.3g} times in 100"
-    return f"Nothing periodic is seen: {_p(p)}; {seen}."
+    return (
+        f"Nothing periodic is seen: {_p(p)}. Harmonics above {size} of the mode would show {100 * power:.3g} times in "
+        "100."
+    )
 
 
 def _untested(modes: Sequence[int], harmonics: Sequence[int]) -> str:
     cases = ", ".join(f"{m} of mode {mode}" for mode, m in zip(modes, harmonics, strict=True))
-    return f"Not tested, being beyond what the sampling shows, not fitted, or on a mode: m = {cases}."
+    return f"Not tested: m = {cases}. They are above the Nyquist frequency, not fitted, or on another mode."
 
 
 PERIOD: dict[str, str | Callable[..., str]] = {
     "wrong_period": _wrong_period,
-    "no_second_harmonic": "No mode has a second harmonic above the noise: the system looks constant, or the period is "
-    "wrong and tore each harmonic into a mode of its own.",
-    "period_halved": "Modes come in pairs of equal decay, half a fundamental apart: the true period is most likely "
+    "no_second_harmonic": "No mode has a second harmonic above the noise. The system looks constant, or the period is "
+    "wrong and each harmonic became a mode.",
+    "period_halved": "Modes come in pairs of equal decay, half a fundamental apart. Most likely the true period is "
     "twice the one given, and each mode is listed twice.",
     "period_twice": _twice,
     "records_phase": _phase,
     "period_of_orbit": _of_orbit,
-    "orbit_of_two_periods": "What does not decay repeats after two periods, with the opposite sign after one: a limit "
-    "cycle or a forced orbit that is half-wave symmetric, or the imbalance of a shaft that turns once in two periods. "
-    "It was fitted beside the modes, where a revolution is two periods.",
-    "period_no_line": "Cannot tell: no line that decays rises above the noise.",
-    "period_no_family": "Cannot tell: no two lines have one decay, as harmonics of a mode have: the response is that "
-    "of a system that is constant, as far as it rises above the noise.",
-    "period_one_spacing": "Cannot tell: one spacing alone is no period: two modes of a constant system with the same "
-    "damping look the same.",
-    "period_by_chance": "Cannot tell: spacings as noisy as these would agree by chance.",
-    "period_other": "Cannot tell: spacings of {frequency:.6g} Hz explain the lines as well, with other lines belonging "
-    "together.",
-    "period_lost": "Cannot tell: the fit with one spacing for all families goes away from the lines.",
-    "period_differs": "Cannot tell: fitted to the whole record the period is another than that of its lines.",
+    "orbit_of_two_periods": "The steady response repeats after two periods, with the opposite sign after one. It is a "
+    "half-wave symmetric orbit, or the imbalance of a shaft that turns once in two periods. It was fitted beside the "
+    "modes, with two periods a revolution.",
+    "period_no_line": "No period found: no line that decays rises above the noise.",
+    "period_no_family": "No period found: no two lines have the same decay, as harmonics of a mode have. The system "
+    "looks constant.",
+    "period_one_spacing": "No period found: there is only one spacing of lines. Two modes of a constant system with "
+    "the same damping look the same.",
+    "period_by_chance": "No period found: spacings as noisy as these would agree by chance.",
+    "period_other": "No period found: spacings of {frequency:.6g} Hz explain the lines as well, in other families.",
+    "period_lost": "No period found: a fit with one spacing for all families moves away from the lines.",
+    "period_differs": "No period found: a fit to the whole record gives another period than its lines.",
     "periodic": _periodic,
     "not_periodic": _not_periodic,
-    "periodic_untestable": "Whether anything is periodic cannot be tested: no harmonic beside the zeroth is to be "
-    "seen.",
+    "periodic_untestable": "Periodicity was not tested: no harmonic rises above the noise beside the zeroth.",
     "periodic_untold": lambda p, spacing: (
-        f"Whether anything is periodic cannot be told: there are harmonics ({_p(p)}), but not where harmonics are "
-        f"(p = {spacing:.2g}). Most likely modes of a constant system fold onto one another, and were taken for one."
+        f"Periodicity is undecided: there are further lines ({_p(p)}), but not where harmonics are (p = {spacing:.2g})."
+        " Most likely modes of a constant system fold onto one another and were taken for one."
     ),
     "untested": _untested,
     "locked": lambda modes: (
-        f"The multipliers of modes {', '.join(map(str, modes))} are real, as those of modes that periodicity locks; a "
-        "constant system has that only by chance. It is no part of the test."
+        f"The multipliers of modes {', '.join(map(str, modes))} are real, as periodicity makes them; a constant system "
+        "has that only by chance. The test does not count it."
     ),
 }
 """By code."""

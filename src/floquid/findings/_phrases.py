@@ -8,7 +8,7 @@ LISTED = 3  # places of one kind that are named one by one
 
 
 def listed(parts: Sequence[str]) -> str:
-    """The first few, and how many more there are."""
+    """First few of some parts, and the number of the rest."""
     more = len(parts) - LISTED
     return "; ".join(parts[:LISTED]) + (f"; and {more} more" if more > 0 else "")
 
@@ -20,4 +20,9 @@ def both(parts: Sequence[str]) -> str:
 
 def response(channel: str, hit: int) -> str:
     """The response of a channel to a hit, counted from one; 0 where there is one hit alone."""
-    return f"channel {channel} of hit {hit}" if hit else f"channel {channel}"
+    return f"{channel} (hit {hit})" if hit else channel
+
+
+def hertz(frequencies: Sequence[float]) -> str:
+    """Frequencies in a row: «1.2 and 3.4 Hz»."""
+    return f"{both([f'{frequency:.4g}' for frequency in frequencies])} Hz"

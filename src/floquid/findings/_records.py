@@ -55,48 +55,48 @@ CUT = "Cut the record to a part of steady speed."  # remedy where no periodic mo
 def _absent(absent: tuple[int, ...], lines: int) -> str:
     which = ", ".join(str(line) for line in absent[:6]) + (f" and {len(absent) - 6} more" if absent[6:] else "")
     word = "lines" if absent[1:] else "line"
-    return f"No pulse ever comes from {word} {which} of {lines}: phase zero is the first line after the gap."
+    return f"No pulse comes from {word} {which} of {lines}. Phase zero is the first line after the gap."
 
 
 def _bridged(first: float, last: float, revolutions: float, more: int) -> str:
     others = f"; there are {more} more such gaps" if more else ""
     where = f"{first:.6g} and {last:.6g} s, {revolutions:.3g} revolutions"
-    return f"Nothing tells the angle between {where}: a smooth curve bridges them{others}."
+    return f"The angle was not measured between {where}: a smooth curve bridges them{others}."
 
 
 def _beyond(before: float, after: float) -> str:
     parts = [f"{many:.3g} revolutions {where} it" for many, where in ((before, "before"), (after, "after")) if many]
     by = " and ".join(parts)
-    return f"The record goes beyond the evidence of the angle, by {by}: there the speed is taken as constant."
+    return f"The record goes beyond the measured angle, by {by}: the speed is taken as constant there."
 
 
 SHAFT: dict[str, str | Callable[..., str]] = {
     "speed_runs": lambda percent, hz: (
-        f"The speed {'rises' if percent > 0.0 else 'falls'} by {abs(percent):.3g} % of its mean of {hz:.6g} Hz from "
-        f"one end to the other: exponents change with it, and no periodic model holds. {CUT}"
+        f"The speed {'rises' if percent > 0.0 else 'falls'} by {abs(percent):.3g} % of its mean of {hz:.6g} Hz over "
+        f"the record. Exponents change with it, so no periodic model holds. {CUT}"
     ),
     "speed_wanders": "The speed wanders by {percent:.2g} % (rms) about {hz:.6g} Hz, more than {limit:g} %: no periodic "
     f"model holds. {CUT}",
-    "speed_usable": "The speed wanders by {percent:.2g} % (rms) about {hz:.6g} Hz: usable with care above {limit:g} %, "
-    "since the exponents themselves depend on speed.",
+    "speed_usable": "The speed wanders by {percent:.2g} % (rms) about {hz:.6g} Hz. Above {limit:g} % take care: "
+    "exponents themselves depend on speed.",
     "speed_steady": "The speed wanders by {percent:.2g} % (rms) about {hz:.6g} Hz: steady enough for a periodic model.",
-    "speed_constant": "The speed is constant at {hz:.6g} Hz within what the evidence can tell.",
+    "speed_constant": "The speed is constant at {hz:.6g} Hz, to the accuracy of its measurement.",
     "backwards": "The azimuth falls: the shaft turns backwards, and that way is counted as positive.",
-    "pulses_guessed": "How many pulses were lost between {first:.6g} and {last:.6g} s is a guess: the speeds before "
+    "pulses_guessed": "The number of lost pulses between {first:.6g} and {last:.6g} s is a guess: the speeds before "
     "and after differ.",
     "few_revolutions": "There are fewer than three revolutions: the {lines} lines are taken as evenly spaced.",
-    "no_mark": "Nothing marks one of the lines: phase zero is at the first pulse, not at a known angle.",
+    "no_mark": "No line is marked: phase zero is at the first pulse, not at a known angle.",
     "absent_lines": _absent,
-    "pulses_missing": "Missing beside {used} {what}: {number}; the angle was counted on over them.",
-    "pulses_doubled": "Too many for the lines, and left out: {number} {what}.",
-    "pulses_rejected": "Far off the angle of the others, and left out: {number} {what}.",
+    "pulses_missing": "{number} {what} missing beside {used}: the angle was counted on over them.",
+    "pulses_doubled": "{number} {what} left out: more than there are lines.",
+    "pulses_rejected": "{number} {what} left out: far off the angle of the others.",
     "angle_bridged": _bridged,
     "uneven_lines": "The {lines} lines are unevenly spaced, by up to {degrees:.3g} deg or {percent:.3g} % of their "
     "spacing: learned from the pulses and taken out.",
-    "rough_angle": "What is left over scatters by {degrees:.3g} deg: the sensor is poor, or the speed changes within a "
-    "revolution.",
-    "angle_alike": "What is left over is alike from one to the next (correlation {correlation:.2g}): the speed changes "
-    "faster than the curve can follow, or the sensor's error goes with the angle. The deviations stated are too small.",
+    "rough_angle": "The residual of the angle scatters by {degrees:.3g} deg: the sensor is poor, or the speed changes "
+    "within a revolution.",
+    "angle_alike": "The residual of the angle is correlated ({correlation:.2g}) from pulse to pulse, so its deviations "
+    "are too small. The speed changes faster than the curve can follow, or the sensor's error depends on the angle.",
     "beyond_angle": _beyond,
 }
 """By code."""

@@ -95,7 +95,7 @@ class Normal(Rebuilt):
 
 @dataclass(frozen=True, kw_only=True)
 class Steps(Generic[Point]):
-    """Functions of which the steps of a fit are made.
+    """Functions that make the steps of a fit.
 
     Parameters
     ----------
@@ -123,7 +123,7 @@ class Steps(Generic[Point]):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ends:
-    """When a fit ends, and how fast it comes there.
+    """Ends of a fit, and its pace.
 
     Parameters
     ----------

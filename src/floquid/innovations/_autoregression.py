@@ -24,14 +24,14 @@ MOST = 0.05
 
 
 def first_innovations(samples: Samples, acting: int = 0) -> NDArray[np.float64]:
-    r"""Innovations (channels, samples) by least squares on the samples before, zero at the begin of each record.
+    r"""Innovations (channels, samples) by least squares on the samples before, zero at the start of each record.
 
     .. math:: y_k = \sum_{j \ge 1} \alpha_j(t_k)\, y_{k-j} + \sum_{j \ge 0} \beta_j(t_k)\, u_{k-j} + e_k
 
-    β at no lag is zero but for the first inputs, `acting` of them.
+    β at no lag is zero except for the first inputs, `acting` of them.
     Lags and harmonics of α and β are those of the least criterion of Schwarz (1978).
 
-    Raises IdentificationError where the record is too short for so many signals.
+    Raises IdentificationError where the record is too short for this number of signals.
     """
     for tried in (LAGS, SHORT):
         found = _least(samples, tried, acting)

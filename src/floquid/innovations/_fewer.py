@@ -1,4 +1,4 @@
-"""Modes that noise explains, or of which one does for several, left out."""
+"""Remove modes that noise explains, and merge copies."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ GONE = 1.0
 """The decay over a period [nepers] from which on a mode is gone within it."""
 
 FEW = 2
-"""The states of which all that is gone within a period is tried to be."""
+"""Numbers of states tried for all modes that are gone within a period."""
 
 TOGETHER = 3
 """Fits with a mode less that are compared, those first whose mode is needed least to first order: each takes long."""
 
 SEVERAL = 3
-"""Real multipliers on one axis of which each is tried to be left out: a pair that splits has two."""
+"""Real multipliers on one axis that are left out in turn: a pair that splits has two."""
 
 ALIKE = 0.5
 """The distance of two modes over their decay below which they may be one."""
@@ -159,7 +159,7 @@ def stable(samples: Samples, now: Predictor, modes: Sequence[Mode], limits: Limi
 
 
 def alike(modes: Sequence[Mode], omega: float, near: float = ALIKE) -> list[list[int]]:
-    """Groups of modes that may be one: so near over their decay but for iω, real multipliers beside pairs, too.
+    """Groups of modes that may be one: so near over their decay, modulo iω; real multipliers beside pairs, too.
 
     Real multipliers of both signs are never one.
     """

@@ -40,7 +40,7 @@ def stable_gains(
     gains, seen = gains[own], seen[own]
     driven = np.einsum("kij,jl->kil", gains, covariance)
     added = driven @ gains.swapaxes(1, 2)
-    # What grows has no variance by itself: that of its mirror image is a begin.
+    # What grows has no variance of its own: that of its mirror image is a start.
     decays = np.concatenate([np.full(mode.rows, np.exp(mode.exponent.real * samples.step)) for mode in modes])
     variance = solve_discrete_lyapunov(system / np.maximum(decays, 1.0)[:, None] ** 2, added.mean(axis=0))
     # States of half harmonics come back with the other sign.

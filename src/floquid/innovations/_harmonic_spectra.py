@@ -20,7 +20,7 @@ SEGMENTS = 12
 """Segments of the shortest record by default, next to each other."""
 
 SEGMENT = 3
-"""Segments of which correlations are taken, over the longest lag."""
+"""Length of a segment for correlations, over the longest lag."""
 
 WHOLE = 1e-4
 """The share of a sample by which a period, or the angle at a sample, may be off a whole number of steps."""
@@ -147,7 +147,7 @@ def h_oma(
 
     Correlations at whole periods are free decays of the multipliers, and any LTI identification takes them. In the
     frequency domain they are transforms of the harmonic power spectra, over that of the segments' window (Allen,
-    Sracic, Chauhan and Hansen 2011); in the time domain those of the lifted outputs, a discrete transform of which over
+    Sracic, Chauhan and Hansen 2011); in the time domain those of the lifted outputs, whose discrete transform over
     each period is the modulation. No deviations are given, since errors of correlations are not white: for those there
     is `floquid.identify`.
 

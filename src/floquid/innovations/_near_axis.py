@@ -93,7 +93,7 @@ def _begun(samples: Samples, now: Predictor, numbers: Sequence[int]) -> Predicto
 
 
 def block_of_pair(samples: Samples, mode: Mode, initial: NDArray[np.float64]) -> tuple[Mode, NDArray[np.float64]]:
-    """The block of a pair, about the axis that it is nearest to, and its states at the begins of the records.
+    """The block of a pair, about the axis that it is nearest to, and its states at the starts of the records.
 
     Its states are the real part of z, and the imaginary one over the distance from the axis.
     """
@@ -120,7 +120,7 @@ def block_of_pair(samples: Samples, mode: Mode, initial: NDArray[np.float64]) ->
 def block_of_reals(
     modes: Sequence[Mode], states: Sequence[NDArray[np.float64]], omega: float
 ) -> tuple[Mode, NDArray[np.float64]]:
-    """The block of two real multipliers of one sign, with harmonics as wide, and its states at the begins."""
+    """The block of two real multipliers of one sign, with harmonics as wide, and its states at the starts."""
     decays = np.array([mode.exponent.real for mode in modes])
     (one, other), (first, second) = ([own[k] for k in np.argsort(-decays)] for own in (modes, states))
     apart = begun_off(0.5 * float(np.ptp(decays)), float(decays.mean()), omega)
@@ -150,7 +150,7 @@ def divided(block: Mode, initial: NDArray[np.float64]) -> tuple[Mode, NDArray[np
     assert block.square is not None
     (first, second), (seen, beside) = np.split(block.gains, 2), np.split(block.shape, 2)
     parts = np.array([np.concatenate([own.real.ravel(), own.imag.ravel()]) for own in (first, second)])
-    # One of which this is zero drives one of two multipliers alone: a block cannot be divided by it.
+    # If this is zero, it drives one of two multipliers alone: a block cannot be divided by it.
     norms = parts[0] ** 2 - block.square * parts[1] ** 2
     largest = int(np.argmax(np.abs(norms)))
     (a, b), norm = parts[:, largest], norms[largest] or 1.0
@@ -162,7 +162,7 @@ def divided(block: Mode, initial: NDArray[np.float64]) -> tuple[Mode, NDArray[np
 
 
 def ordinary(samples: Samples, mode: Mode, initial: NDArray[np.float64]) -> tuple[list[Mode], NDArray[np.float64]]:
-    """The pair, or the two real multipliers, that a block is, and their states at the begins of the records."""
+    """The pair, or the two real multipliers, that a block is, and their states at the starts of the records."""
     assert mode.square is not None
     root, omega = float(np.sqrt(abs(mode.square))), samples.fundamental
     gains, shape = np.split(mode.gains, 2), np.split(mode.shape, 2)

@@ -26,9 +26,9 @@ TOGETHER = 512
 LARGEST = 1e3
 """Innovations over the response from which on the predictor diverges."""
 GROWTH = 3.0
-"""What the predictor of a fit may make of a state over a record: of one that hardly decays, more than 1 for a while."""
+"""Most growth of a state over a record in the predictor of a fit; one that hardly decays may exceed 1 for a while."""
 FORGOTTEN = 1e-12
-"""What is left of a state at the first sample that counts as nothing: products of smaller numbers underflow, slowly."""
+"""Sensitivity to the initial state below which it is set to zero: denormal numbers are slow."""
 STEEPEST = 1e4  # the most that a state may do to one at the next sample, lest rounding to single precision diverges
 
 
@@ -72,7 +72,7 @@ class Predictor(Rebuilt):
 
     @cached_property
     def root(self) -> NDArray[np.float64]:
-        """What makes innovations white and of variance 1 (samples, channels, channels)."""
+        """Factor that makes innovations white and of variance 1 (samples, channels, channels)."""
         return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance)) @ self.whitening, np.float64)
 
     def white(self, signals: NDArray[np.float64]) -> NDArray[np.float64]:

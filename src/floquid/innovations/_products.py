@@ -1,4 +1,4 @@
-"""Modes of the best products of shape and gains that so many can have, for some that are nearly one."""
+"""Merge modes that are nearly one, by their best products of shape and gains."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ APART = (0.8, 1.25)
 
 
 def gap_of(first: Mode, second: Mode, omega: float) -> tuple[float, float, bool]:
-    """The least distance of two exponents but for iω [1/s], the turns between them, and whether of the conjugate."""
+    """The least distance of two exponents modulo iω [1/s], the turns between them, and whether of the conjugate."""
     at, there = (mode.exponent + 1j * omega * mode.axis for mode in (first, second))
     if first.real and second.real and first.axis != second.axis:
         return np.inf, 0.0, False
@@ -63,7 +63,7 @@ def merged(samples: Samples, now: Predictor, modes: Sequence[Mode]) -> list[Mode
 
 
 def as_real(samples: Samples, now: Predictor, modes: Sequence[Mode], half: float, count: int) -> list[Mode]:
-    """So many real multipliers for pairs near their axis and for such, by the first products of shape and gains.
+    """Replace pairs near their axis by `count` real multipliers, by the first products of shape and gains.
 
     With z = a + ib of a pair, y is Re(s) a - Im(s) b, and Re(g) drives a, Im(g) drives b.
     """

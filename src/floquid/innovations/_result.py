@@ -129,7 +129,7 @@ class Fit(Rebuilt):
         return transfer_of(grid, modes, shapes, direct, joint.errors, (channels, inputs), joint.free)
 
     def direct(self, inputs: int) -> dict[int, NDArray[np.complex128]]:
-        """D (outputs, inputs) by its harmonic, of so many inputs."""
+        """D (outputs, inputs) by its harmonic."""
         columns = self.at.columns
         return {0: columns[:, columns.shape[1] - inputs :].astype(complex)} if self.acting else {}
 
@@ -177,7 +177,7 @@ class Fit(Rebuilt):
         return float(np.sqrt(np.mean(np.sum(own**2, axis=1))))
 
     def varying(self, number: int) -> tuple[float, int]:
-        """Squared deviations of the harmonics of a shape, but for the largest, from zero, and how many those are."""
+        """Squared deviations of the harmonics of a shape, except for the largest, from zero, and how many those are."""
         mode = self.at.modes[number]
         turns = np.arange(len(mode.turns)) != int(np.argmax(np.sum(np.abs(mode.shape / self.at.noise) ** 2, axis=0)))
         return self._squares(number, shape=np.tile(turns, len(mode.shape)))
@@ -266,7 +266,7 @@ def sized(fit: Fit) -> Fit:
 
 
 def _input_modes(fit: Fit) -> list[InputMode]:
-    """The modes of a fit as those of measured inputs alone, with their states at the begin of each record."""
+    """The modes of a fit as those of measured inputs alone, with their states at the start of each record."""
     modes, row = [], 0
     for mode in fit.at.modes:
         initial = fit.at.initial[:, row].astype(complex)

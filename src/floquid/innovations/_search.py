@@ -169,7 +169,7 @@ def _with_one_more(
     poles = np.concatenate([candidates(own, now.innovations, held=len(samples.inputs) > 0)[0], before])
     ranked = [fitted_together(own, now.innovations, [_bare(own, pole)], acting=0) for pole in poles.tolist()]
     ranked.sort(key=lambda one: -one[0])
-    # Coloured excitation has several poles at one place, of which candidates hold one: another beside it comes first.
+    # Coloured excitation has several poles at one place, and candidates hold one: another beside it comes first.
     period, beside = 2.0 * np.pi / samples.fundamental, []
     for mode in now.modes:
         if -mode.exponent.real * period > GONE:

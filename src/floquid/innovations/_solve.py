@@ -26,7 +26,7 @@ FINE = (100, 1e-3, 3)
 """Steps at most, the gain in twice the logarithm of the likelihood that ends them, and so small ones at most."""
 
 ROUGH = (10, 0.5, 2)
-"""Those of a fit that is not the last."""
+"""Limits of a fit that is not the last."""
 
 PACED = 3
 """Steps after which a fit whose gains go down is given up where it will not gain what it must at their pace."""
@@ -95,7 +95,7 @@ def solve(samples: Samples, start: Predictor, *, rough: bool = False, least: flo
 def bend(
     samples: Samples, now: Predictor, step: NDArray[np.float64], root: NDArray[np.float64], normal: Normal
 ) -> NDArray[np.float64]:
-    r"""What a step bends by along the curve of the residual (Transtrum and Sethna 2012), by a root W of the inverse.
+    r"""Second-order correction of a step along the curve of the residual (Transtrum and Sethna 2012), by a root W.
 
     .. math:: \tfrac12 a = -\tfrac12 W W^T J^T R^{-1} \frac{\partial^2 e}{\partial\delta^2}
 
@@ -152,7 +152,7 @@ def moved(samples: Samples, at: Predictor, step: NDArray[np.float64], period: fl
 
 
 def _travel(mode: Mode, step: NDArray[np.float64], period: float) -> float:
-    """How far a step of λ, or of σ and q, moves over a period."""
+    """Length of a step of λ, or of σ and q, over a period."""
     return float(np.linalg.norm(step * (period if mode.square is None else np.array([period, period**2]))))
 
 

@@ -24,7 +24,7 @@ COMMON = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Errors:
-    """Errors of a fit of which amplitudes are linear: of its free parameters, and of the columns of each output.
+    """Errors of a fit with linear amplitudes: of its free parameters, and of the columns of each output.
 
     Parameters
     ----------
@@ -101,7 +101,7 @@ def estimates_of(
     """The estimates of modes with amplitudes 2 c (outputs, turns) each, of pairs once.
 
     Columns are those of each mode: real parts at each turn, then imaginary ones of those that turn. Parameters are
-    those that are `free` of each mode, of which a mask may be given, and the others of the errors.
+    those that are `free` of each mode (a mask may be given), and the others of the errors.
     """
     turning = [np.ones(len(mode.turns), bool) if not mode.real else mode.turns > 0.0 for mode in modes]
     begins = np.array([mode.axis for mode in modes])

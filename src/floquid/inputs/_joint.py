@@ -24,7 +24,7 @@ PROBABILITY = 1e-9
 def chosen_together(
     samples: Samples, bare: Sequence[InputMode], most: int, *, acting: int | None = None
 ) -> list[InputMode]:
-    r"""Some of many modes of which exponents and harmonics are known, by what they explain beside those chosen.
+    r"""Select from many modes with known exponents and harmonics, by what they explain beside those chosen.
 
     With all λ given the response is linear in the products :math:`c_m b_{i,l}` of every candidate: groups of columns
     enter by the gain in likelihood (orthogonal matching pursuit, Pati et al. 1993; Swirszcz et al. 2009 for groups).
@@ -48,7 +48,7 @@ def chosen_together(
 def fitted_together(
     samples: Samples, response: NDArray[np.float64], bare: Sequence[InputMode], *, acting: int | None = None
 ) -> tuple[float, list[InputMode]]:
-    """Modes of which exponents and harmonics are known, from a response (channels, samples): all products together.
+    """Modes with known exponents and harmonics, from a response (channels, samples): all products together.
 
     With the gain in twice the logarithm of the likelihood, the products free. The first inputs, `acting` of them, act
     on the response at once as well: all by default.

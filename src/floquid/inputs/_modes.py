@@ -53,7 +53,7 @@ class InputMode(Rebuilt):
         z at the first sample of each record (records,); at the last one of a mode that grows beyond all bounds. Of a
         block those of the second state follow (2 records,).
     sizes
-        The state that a gain of 1 makes of each input, about (inputs,): b counts by it beside z at the begin.
+        The state that a gain of 1 makes of each input, about (inputs,): b counts by it beside z at the start.
     square
         q of a block [1/s²]; None of another mode.
     """
@@ -74,7 +74,7 @@ class InputMode(Rebuilt):
 
     @property
     def strengths(self) -> NDArray[np.float64]:
-        """Factors by which b and z at the begin are compared, whatever the units of the inputs (parts,)."""
+        """Factors by which b and z at the start are compared, whatever the units of the inputs (parts,)."""
         sizes = np.repeat(np.tile(self.sizes, self.states), len(self.reach))
         return np.concatenate([sizes, np.ones(len(self.initial))])
 
@@ -82,8 +82,8 @@ class InputMode(Rebuilt):
     def free(self) -> NDArray[np.bool_]:
         """Mask of the parameters that are free, the scale of the state fixed by its largest part (parameters,).
 
-        Parameters are the real parts of λ, b and z at the begin, then the imaginary ones; of a real multiplier those
-        of λ and z have none. A block has σ, the real and the imaginary parts of b, z at the begin, and q.
+        Parameters are the real parts of λ, b and z at the start, then the imaginary ones; of a real multiplier those
+        of λ and z have none. A block has σ, the real and the imaginary parts of b, z at the start, and q.
         """
         size, starts = self.gains.size, len(self.initial)
         flat = np.concatenate([self.gains.ravel(), self.initial])
@@ -101,13 +101,13 @@ class InputMode(Rebuilt):
 
     @property
     def _elements(self) -> tuple[NDArray[np.float64], int]:
-        """Numbers a, of a block a and b, of Re b, Im b and z at the begin (states, elements), and which is largest."""
+        """Numbers a, of a block a and b, of Re b, Im b and z at the start (states, elements), and which is largest."""
         parts = (self.gains.real, self.gains.imag, self.initial.real)
         elements = np.concatenate([own.reshape(self.states, -1) for own in parts], axis=1)
         first = np.split(self.strengths, [self.gains.size])
         sizes, ones = (own[: len(own) // self.states] for own in first)
         weights = np.concatenate([sizes, sizes * self._turning, ones])
-        # One of which a² - q b² is zero drives one of two multipliers alone: a block cannot be divided by it.
+        # If a² - q b² is zero, it drives one of two multipliers alone: a block cannot be divided by it.
         squares = elements[0] ** 2 - (self.square or 0.0) * elements[-1] ** 2
         return elements, int(np.argmax(np.abs(squares) * weights**2))
 
@@ -205,7 +205,7 @@ def input_gain(exponent: complex, turn: float, omega: float, step: float, hold: 
 
 
 def answering(samples: Samples, mode: InputMode, other: Samples, delay: int) -> InputMode:
-    """A mode with b such that it answers to other inputs as to these, but for the first samples of each answer.
+    """A mode with b such that it answers to other inputs as to these, except for the first samples of each answer.
 
     The other inputs are these some samples later, or with another hold.
     """
@@ -232,7 +232,7 @@ def state_of(samples: Samples, mode: InputMode) -> NDArray:
 
 
 def reached_by(samples: Samples, mode: InputMode) -> NDArray:
-    """The state by each part of b and z at the begin alone (parts, samples): of a real multiplier by Re b, Im b, z.
+    """The state by each part of b and z at the start alone (parts, samples): of a real multiplier by Re b, Im b, z.
 
     Of a block both states, in that order (parts, 2, samples).
     """

@@ -114,7 +114,7 @@ class Uncertainty(Rebuilt):
         return transfer_of(grid, self.at.modes, self.shapes, direct, self.errors, (channels, inputs))
 
     def direct(self, inputs: int) -> dict[int, NDArray[np.complex128]]:
-        """D (outputs, inputs) by harmonics from 0 on, of so many inputs."""
+        """D (outputs, inputs) by harmonics from 0 on."""
         place, found = self.at.slices()[-1][0].stop if self.at.modes else 0, {}
         for turn in map(int, self.at.direct):
             own = self.at.coefficients[place : place + (1 + (turn > 0)) * inputs].T

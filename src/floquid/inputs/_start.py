@@ -208,7 +208,7 @@ def _products_of_lags(signals: NDArray[np.float64], lags: int) -> NDArray[np.flo
 def bare_mode(
     samples: Samples, exponent: complex, reach: NDArray[np.float64], turns: NDArray[np.float64], *, real: bool = False
 ) -> InputMode:
-    """A mode of which the exponent and the harmonics alone are known."""
+    """A mode with only exponent and harmonics known."""
     count, starts = len(samples.inputs), len(samples.records)
     longest = samples.step * max(own.stop - own.start for own in samples.records)
     return InputMode(

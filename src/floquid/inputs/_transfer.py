@@ -185,7 +185,7 @@ class Grid(Rebuilt):
                     source, turn = divmod(index - firsts[part], len(mode.reach))
                     found.append(np.zeros_like(own))
                     found[-1][:, :, source] = by_gain[part][:, :, turn]
-                else:  # of what rings at the begin, which is linear, too
+                else:  # of the transient, which is linear, too
                     step[index] = 1.0
                     found.append(self.response(mode.moved(step), shape) - own)
         return found
@@ -213,7 +213,7 @@ class Grid(Rebuilt):
 
 
 def turning(mode: InputMode) -> NDArray[np.bool_]:
-    """Mask of the turns of which an amplitude has an imaginary part (turns,)."""
+    """Mask of the turns whose amplitude has an imaginary part (turns,)."""
     return (mode.turns > 0.0) | (not mode.real)
 
 

@@ -30,7 +30,7 @@ def mat_order(path: Path) -> str:
 def load_variables(path: Path) -> dict[str, Any]:
     """The variables of a file at `path`, as scipy has them: text as letters, a struct as records.
 
-    Each is read by itself: of objects of MATLAB's classes scipy tells the names in the place of their content alone.
+    Each is read alone: of objects of MATLAB's classes scipy tells the names in the place of their content alone.
     """
     import scipy.io
     from scipy.io.matlab import MatlabOpaque

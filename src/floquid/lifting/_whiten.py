@@ -1,6 +1,6 @@
 r"""Noise that is coloured along the record, and the filter that makes it white.
 
-A filter along the record leaves e^{λt} p(t) as it is but for the shape: harmonic m is multiplied by the gain of the
+A filter along the record leaves e^{λt} p(t) as it is except for the shape: harmonic m is multiplied by the gain of the
 filter at λ + imω, and stays one. Noise that is an autoregression becomes white, between the phases as well as between
 periods, and least squares on the filtered responses is what maximum likelihood is on the record (Aitken 1935).
 """

@@ -205,7 +205,7 @@ def polish(
 
 
 def no_longer(_at: object, step: Floats, _normal: Normal, _damping: float) -> Floats:
-    """A step of which no part is above one neper or radian a sample."""
+    """A step whose parts are at most one neper or radian a sample."""
     return step / max(1.0, float(np.abs(step).max()))
 
 

@@ -22,7 +22,7 @@ class AbstractIdentifier(ABC):
     Attributes
     ----------
     decides
-        Whether the algorithm finds the order by itself; one that does not refuses `extract(state, None)`.
+        True where the algorithm finds the order; one that does not refuses `extract(state, None)`.
     """
 
     __slots__ = ()

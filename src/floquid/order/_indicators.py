@@ -40,7 +40,7 @@ def indicators(data: TimeResponses, model: ModalModel | None = None, *, smoothin
 
     `data` are the responses and their noise; spectra of unequally long inputs are those of the shorter ones filled with
     zeros. A `model` of them gives the composite of what it leaves. `smoothing` is the number of adjacent lines, odd; 5,
-    as far as there are so many, when not given. Raises InputError where it is not an odd positive number below the
+    as far as there are enough, when not given. Raises InputError where it is not an odd positive number below the
     number of lines, or the model is not one of the data.
     """
     of, lines = "indicators", data.values.shape[2] // 2 + 1
@@ -115,7 +115,7 @@ def _singular_values(values: Floats, delays: int) -> Floats:
 
 @lru_cache(maxsize=64)
 def delayed_edge(rows: int, samples: int, delays: int) -> float:
-    """The largest singular value that white noise of unit variance has, but for one time in a thousand or so."""
+    """The largest singular value that white noise of unit variance has, except for one time in a thousand or so."""
     if delays == 1:
         return noise_edge(rows, samples)
     generator = np.random.default_rng(0)

@@ -45,7 +45,7 @@ def scan(
     """Identify at each of several orders, and see which poles stay.
 
     The data are looked at through their principal responses (`lti.compress`), which neither the poles nor their
-    stability can tell from the data; the identifier prepares once, but for those of a rational function without a
+    stability can tell from the data; the identifier prepares once, except for those of a rational function without a
     degree of their own: their degree grows with the order, since the strongest roots of one denominator would agree
     with themselves. The poles of each order are held against those of
     the next lower order reached (see `stability`). An order that is not reached is kept, takes no part in the

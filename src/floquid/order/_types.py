@@ -24,7 +24,7 @@ class Stability(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tolerances:
-    """When poles of neighbouring orders count as one.
+    """Tolerances within which poles of neighbouring orders count as one.
 
     Raises InputError where a tolerance is not between 0 and 1.
 
@@ -137,7 +137,7 @@ class Indicators(Rebuilt):
 
     @property
     def n_above(self) -> int:
-        """Number of singular values above the noise: at least so many poles are there."""
+        """Number of singular values above the noise: the least number of poles."""
         return int((self.singular_values > self.noise_edge).sum())
 
 

@@ -257,7 +257,7 @@ def _strongest(analysis: Analysis, row: int, phase: int | None) -> float:
 
 
 def prominent(analysis: Analysis, row: int, phase: int | None, candidates: Floats) -> dict[float, float]:
-    """Those of the candidates [rad/s] that stand out, with their heights over the median of their surroundings."""
+    """Candidates [rad/s] that stand out, with their heights over the median of their surroundings."""
     frequencies, magnitudes = _lines(analysis, row, phase)
     found = {}
     for candidate in candidates:
@@ -271,7 +271,7 @@ def prominent(analysis: Analysis, row: int, phase: int | None, candidates: Float
 
 
 def _residue_of(analysis: Analysis, mode: int, row: int) -> tuple[float, float, float, float]:
-    """Of a residue: its constant, the rest of its smooth part, the scatter about that, and what the noise gives."""
+    """Parts of a residue: its constant, the rest of its smooth part, the scatter about it, and that of the noise."""
     model, whole = analysis.model, uncut(analysis)
     assert whole.coefficient_std is not None
     own, kept = model.coefficients[mode, row, 0], model.harmonics

@@ -68,7 +68,7 @@ _NOTES = {
     "four": "The fourth coefficient is below the noise: the fourth largest of all fifty is of any harmonic.",
     "four_near": "The fourth one looked for beside the others only: this may be what the paper did.",
     "two_harmonics": BRANCH,
-    "own": "The band of harmonics that `identify` keeps by itself.",
+    "own": "The band of harmonics that `identify` keeps by default.",
 }
 
 
@@ -248,7 +248,7 @@ def _coefficients(done: Reproduction) -> Iterator[Number]:
     words = f"{BRANCH} Ours are a band common to the channels, chosen by a chi-square test and not by eye."
     yield _row("3.2", "kept", "Fourier coefficients kept of a residue", "3", ours, form="g", note=words)
     phases = done.ami.lifted.n_phases
-    yield _row("3.2", "of_all", "  of so many", "50", (phases, phases), form="g")
+    yield _row("3.2", "of_all", "  of", "50", (phases, phases), form="g")
     assert done.ami.state is not None
     instants, what = len(done.ami.state.times), "instants of a period at which A(t) is given"
     yield _row("3.2", "instants", what, "50", (instants, instants), form="g")

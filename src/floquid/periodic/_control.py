@@ -177,7 +177,7 @@ def _real_block(multiplier: complex, residue: Complexes) -> _Block:
     if multiplier.imag == 0.0:
         return _Block(A=np.diag(np.full(rank, multiplier.real)), C=exits.real, start=start.real)
     turn = np.array([[multiplier.real, -multiplier.imag], [multiplier.imag, multiplier.real]])
-    # 2 Re(c z), of which the states are the real and the imaginary part of z
+    # 2 Re(c z): the states are the real and the imaginary part of z
     return _Block(
         A=np.kron(np.eye(rank), turn),
         C=np.stack([2.0 * exits.real, -2.0 * exits.imag], axis=2).reshape(len(exits), -1),

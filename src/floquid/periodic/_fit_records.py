@@ -259,7 +259,7 @@ class Samples:
     final: tuple[Block, ...]
     fundamental: float
     nu: float
-    half: float  # half of the samples a period: a forced response may lie there, of which only one phase is seen
+    half: float  # half of the samples a period: a forced response may lie there, and only one phase of it is seen
 
     @property
     def most(self) -> int:
@@ -388,11 +388,10 @@ def _no_mode(found: SearchResult) -> str:
             f"Identification ended without a result: no mode rises above the noise{beside}. Use a record with a clear "
             "free decay, or start it closer to the blow."
         )
-    way = "grows" if found.peak.exponent.real > 0 else "decays"
+    way = "growing" if found.peak.exponent.real > 0 else "decaying"
     return (
-        f"Identification ended without a result: what rises above the noise{beside} could not be fitted by a mode; it "
-        f"{way}, most at {found.peak.exponent.imag / (2.0 * np.pi):.4g} Hz. Either it is none (a glitch, a step), or "
-        "too fast: in a record without a whole number of samples a period, modes that grow or decay by more than a "
-        "factor of 2 or 3 in a period are not found. Look at the record; measured anew with a whole number of samples "
-        "a period, modes up to about twice as fast are found."
+        f"Identification ended without a result: no mode could be fitted{beside}. A {way} response is strongest at "
+        f"{found.peak.exponent.imag / (2.0 * np.pi):.4g} Hz. Check the period or the tachometer first, then the record "
+        "for glitches and steps. Modes that decay by more than a factor of 2 or 3 a period need a whole number of "
+        "samples a period."
     )

@@ -50,7 +50,7 @@ def refit(
     wider: bool = False,
     one_shape: bool = False,
 ) -> PeriodicModel:
-    r"""The same modes with the same bands of harmonics, fitted anew to records as they were sampled, or lifted.
+    r"""Refit modes with their bands of harmonics to records as they were sampled, or lifted.
 
     .. math:: \min_{\lambda, B} \sum_{c,h} \frac{1}{\sigma_{c,h}^2} \sum_k
               \Big(y_{c,h}(t_k) - \sum_r \sum_{m \in M_r} B_{r,c,h,m}\, e^{\lambda_r t_k + i m \theta(t_k)}\Big)^2

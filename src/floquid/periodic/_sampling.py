@@ -23,7 +23,7 @@ def below(half: float) -> int:
 
 
 def half_of(records: Sequence[Record], period: float) -> float:
-    """Half of the samples a period at the lowest rate, a whole number of them where it is one but for rounding."""
+    """Half of the samples a period at the lowest rate, a whole number of them where it is one up to rounding."""
     least = min(record.sample_rate for record in records) * period
     if least < 2.0:
         remedy = "Check the period and the sampling rate."

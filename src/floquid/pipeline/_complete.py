@@ -144,7 +144,7 @@ def _peaked(choice: Choice | None) -> tuple[Finding, ...]:
 
 
 def _refuse_peaks(model: PeriodicModel, choice: Choice | None, settings: Settings) -> None:
-    """Refuse modes of which none is known to decay, where the noise has a peak."""
+    """Refuse modes where none is known to decay and the noise has a peak."""
     std = model.exponent_std
     if choice is None or std is None or settings.identifier is not None or not _peaked(choice):
         return
@@ -153,7 +153,7 @@ def _refuse_peaks(model: PeriodicModel, choice: Choice | None, settings: Setting
 
 
 def _alike(model: PeriodicModel, other: PeriodicModel | None) -> bool:
-    """True where two models have the same poles but for the accuracy of one of them."""
+    """True where two models have the same poles except for the accuracy of one of them."""
     if other is None or model.order != other.order:
         return False
     gaps = np.abs(model.multipliers[:, None] - other.multipliers[None, :])

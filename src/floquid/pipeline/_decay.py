@@ -41,7 +41,7 @@ class Decay(Brief):
 
 
 def fails(found: Fit) -> bool:
-    """True where a fit leaves so many times the noise that its model is none of the record."""
+    """True where the residual is too many times the noise for a model of the record."""
     return found.misfit is not None and found.misfit >= FAILED
 
 

@@ -17,7 +17,7 @@ from floquid.pipeline.preparation import NO_NEWS, name_of
 OWN = 0.1
 """Share of its noise that a channel has beside the others, below which it has none of its own: 1 % of its power."""
 
-COPIED = 0.04  # the same below which it is a copy, but for rounding; above, sensors may share what they do not measure
+COPIED = 0.04  # the same below which it is a copy, up to rounding; above, sensors may share what they do not measure
 ENOUGH = 4  # samples for each response from which on sums of them are looked for
 NORMAL_QUARTILE = 0.6745  # the median size of a normal number of unit deviation
 LOOKED_AT = 5000  # second differences whose median tells the noise to two percent
@@ -48,8 +48,8 @@ def _sum_of_others(analysis: Analysis) -> dict[str, Any] | None:
     .. math:: D^{-1} Y = L Q, \qquad |L_{kk}| / \sqrt{N} < 0.1
 
     with Y the responses (channels · hits, N samples), D their noise (of what the model leaves, without what is smooth),
-    and L lower triangular: what a response has beside those before it, over its noise, is at least its own noise, but
-    for a sum of the others. Records with hardly any noise are passed over: there, modes that are fewer than channels
+    and L lower triangular: what a response has beside those before it, over its noise, is at least its own noise,
+    unless it is a sum of the others. Records with hardly any noise are passed over: there, fewer modes than channels
     make sums of all of them. None where there is none.
     """
     records = analysis.responses

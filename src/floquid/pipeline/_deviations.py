@@ -65,7 +65,7 @@ def with_misfit(found: Fit) -> Fit:
 
 
 def widened(estimates: Estimates, factor: float) -> Estimates:
-    """The same estimates with deviations larger by a factor: of the parameters, and of the noise of each row."""
+    """Estimates with deviations larger by a factor: of the parameters, and of the noise of each row."""
     if factor == 1.0:
         return estimates
     return replace(estimates, covariance=factor**2 * estimates.covariance, spread=factor**2 * estimates.spread)

@@ -17,7 +17,7 @@ from floquid.order import Choice, judge
 from floquid.pipeline._noise_colour import ALL_PEAKED, dies_away, first_filter, under_a_peak
 from floquid.pipeline._settings import Settings
 
-ENOUGH_CYCLES = 3  # cycles a pole that a hit must hold for its noise to be judged by itself
+ENOUGH_CYCLES = 3  # cycles a pole that a hit must hold for a noise estimate of its own
 NOISE_ROUNDS = 4  # estimates of the noise from the residual, at most
 WHITENINGS = 3  # estimates of the filter that whitens the noise, at most
 SAME = 0.02  # the difference of taps that is not worth another search
@@ -101,9 +101,9 @@ def _settled(lifted: Lifted, settings: Settings, report: Callable[[str], None]) 
             words = f"{failure(modal.outcome.value).clause}."
             if modal.outcome is Outcome.ORDER_UNREACHED:
                 words = (
-                    f"order {settings.order} cannot be reached, the nearest found is {modal.order}: the data hold no "
-                    "more, or a conjugate pair, which counts as two, would have to be halved. Ask for that order, or "
-                    "let it be found."
+                    f"order {settings.order} cannot be reached; the nearest is {modal.order}. The data hold no more "
+                    "poles, or a conjugate pair, which counts as two, would be halved. Ask for that order, or let it "
+                    "be found."
                 )
             kind = UnsettledError if modal.outcome is Outcome.NOT_WHITE else IdentificationError
             raise kind(f"Identification ended without a result: {words}")
@@ -158,7 +158,7 @@ def _noise_left(lifted: Lifted, modal: ModalModel) -> NDArray[np.float64]:
     if long.any() and not long.all():
         short = int(np.argmin(lengths))
         raise IdentificationError(
-            f"Hit {short + 1} holds {lengths[short]} whole periods, fewer than {ENOUGH_CYCLES} for each of the "
-            f"{modal.order} poles found: its noise cannot be judged beside that of the longer hits. Leave it out."
+            f"Hit {short + 1} holds {lengths[short]} whole periods, fewer than {ENOUGH_CYCLES} for each of "
+            f"{modal.order} poles. Its noise cannot be estimated beside that of longer hits. Leave it out."
         )
     return np.sqrt(np.mean(lifted.by_channel(modal.residual_std**2), axis=1))

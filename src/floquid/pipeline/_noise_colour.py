@@ -22,9 +22,9 @@ def first_filter(lifted: Lifted) -> NDArray[np.float64] | None:
 
 
 ALL_PEAKED = (
-    "Identification ended without a result: no mode rises above the noise. What was found hardly decays over the "
-    "record and lies where the noise is loudest: noise with a peak, or a drift, looks so. Use a record with a clear "
-    "free decay, or start it closer to the blow; to have it fitted all the same, give the order (`order=`)."
+    "Identification ended without a result: no mode rises above the noise. The candidates hardly decay and lie where "
+    "the noise is loudest, as a drift or a peak of the noise does. Use a record with a clear free decay, or start it "
+    "closer to the blow. To fit them anyway, give the order (`order=`)."
 )
 
 

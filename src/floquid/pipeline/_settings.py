@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
+from difflib import get_close_matches
 from inspect import Parameter, signature
 from typing import Any, Literal, TypeAlias, TypedDict, TypeVar, get_args, get_type_hints
 
@@ -42,7 +43,7 @@ def _identifier_named(word: str, alarm: float) -> AbstractIdentifier:
     return MaximumLikelihood(false_alarm=alarm, initial=found) if last else found
 
 
-_PERIOD = {"T": "period=T", "frequency": "period=1/frequency", "rpm": "period=60/rpm"}
+_PERIOD = {"T": "period=T", "freq": "period=1/freq", "frequency": "period=1/frequency", "rpm": "period=60/rpm"}
 SLIPS = {**_PERIOD, "n_modes": "order=2*n_modes", "tachometer": 'tach="tach"', "method": "identifier=AMI()"}
 """Names that one may try for a field, and what to write."""
 
@@ -62,12 +63,12 @@ class Settings(Brief):
     channels
         Names of the channels to use; all if not given.
     inputs
-        Names of the channels that drive the system: their way to each mode is identified, too.
+        Names of the channels that drive the system, whose gains to each mode are identified.
     hold
-        Inputs between their samples: zero where they are held, first where they are linear, none where they act at the
-        samples alone (no record tells that from zero: b and G differ by what a sample stands for).
+        The input between samples: zero is constant (a D/A converter), first straight lines (a measured force), none
+        impulses. The modes are the same; transfer functions differ.
     excitation
-        Excitation that goes on and that nobody measured: none, or ambient, which is random.
+        Unmeasured excitation that goes on: none, or ambient, which is random.
     order
         The number of complex poles, conjugates counted one by one; found from the data if not given.
     harmonics
@@ -82,27 +83,27 @@ class Settings(Brief):
     delay
         The delay [s] of delayed states; the one with the best condition if not given.
     structure
-        What A(t) is fitted to be, such as "stiffness 2 symmetric; damping 0", or "auto"; free if not given. An
-        `AbstractStructure` or its text (`structure_of`); "auto" is the simplest second-order form that the data do not
-        contradict, with deviations that count what wider ones could hide; kept as text.
+        The form of A(t), such as "stiffness 2 symmetric; damping 0", or "auto"; free if not given. An
+        `AbstractStructure` or its text (`structure_of`), kept as text. "auto" is the simplest second-order form that
+        fits, with deviations that count what wider ones could hide.
     output_error
         Fit the structured A(t) once more, to the record linearised anew at its exponents.
     system_times
         The number of instants of a period at which A(t) is given, 10,000 at most.
     identifier
-        The algorithm that finds the poles; maximum likelihood if not given. An object of `floquid.lti`, with its
-        options, or its word on the command line ("poly-ml"), which is made such an object, at `mode_false_alarm`.
+        The algorithm that finds the poles; maximum likelihood if not given. An object of `floquid.lti`, or its word on
+        the command line ("poly-ml"), at `mode_false_alarm`.
     mode_false_alarm
         The probability at which noise may pass for a mode. The `identifier` given has its own.
     harmonic_false_alarm
         The probability that noise passes for a harmonic anywhere. Over all harmonics of all modes together.
     seconds
-        The processor time after which a search for modes ends with the best found so far, which a warning says [s].
+        The processor time after which a search for modes ends with the best so far, and a warning [s].
     noise_floor
-        The least share of a channel's largest value that the noise is taken to be. It is the level down to which the
-        record can be believed.
+        The least noise, as a share of a channel's largest value. Raise it to the level down to which the record is
+        right.
     constrained
-        Finish with residues constrained to their harmonics. Modes that lifting cannot tell apart are looked for, too.
+        Finish with residues constrained to their harmonics, which also separates modes that fold onto one another.
     trust_period
         Warn instead of refusing where the response seems to repeat with another period than the one given.
     estimate_period
@@ -124,11 +125,11 @@ class Settings(Brief):
         Look for impacts in each record, and take each free response after one as a hit of its own.
     skip
         Periods left out after each impact, or at the start of each record, where the response is not linear yet. None
-        leaves out first periods of free responses that hold what is gone after them.
+        leaves out first periods of free responses where that explains more.
     repair
         Leave out clipped samples, spikes and channels that stand still, and cut a record where it was hit again.
     validate
-        Check the model on cycles left out, on what it leaves of the record, and on A(t) integrated.
+        Check the model on cycles left out, on the residual, and on A(t) integrated.
     """
 
     period: float | None = None
@@ -220,7 +221,7 @@ class Settings(Brief):
             object.__setattr__(self, "delay", positive(self.delay, "delay", of, unit="s"))
             if self.form != "delayed":
                 got = f'is {self.delay:g} with the form "{self.form}"'
-                raise input_error("delay", of, 'be None but for the form "delayed"', got, 'Pass form="delayed".')
+                raise input_error("delay", of, 'be None unless the form is "delayed"', got, 'Pass form="delayed".')
         self._check_flag("output_error")
         structure = self.structure
         if isinstance(structure, AbstractStructure):
@@ -348,7 +349,7 @@ def takes_settings(function: Function) -> Function:
 
 
 EXAMPLE = 'Record(values=y, sample_rate=fs, channels=["x", "y"])'
-"""How a record is made of an array (channels, samples), for messages."""
+"""Call that makes a record of an array (channels, samples), for messages."""
 
 
 def settings_of(settings: Settings | None, options: Mapping[str, Any], of: str) -> Settings:
@@ -356,9 +357,10 @@ def settings_of(settings: Settings | None, options: Mapping[str, Any], of: str) 
     known = [field.name for field in fields(Settings)]
     for name in options:
         if name not in known:
-            must, got = "be a field of Settings", "there is none of that name"
-            remedy = f"Write `{SLIPS[name]}`." if name in SLIPS else f"The fields are: {', '.join(known)}."
-            raise input_error(name, of, must, got, remedy)
+            near = [f"`{word}`" for word in get_close_matches(name, known, n=2)]
+            meant = f"`{SLIPS[name]}`" if name in SLIPS else " or ".join(near)
+            remedy = f"Did you mean {meant}?" if meant else f"Its options are: {', '.join(known)}."
+            raise InputError(f"`{of}` has no option `{name}`. {remedy}")
     if not isinstance(settings, Settings | None):
         remedy = f"Write `{of}({EXAMPLE}, period=T)`."
         raise input_error("settings", of, "be Settings, or options by name", f"is {describe(settings)}", remedy)

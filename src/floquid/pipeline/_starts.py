@@ -25,7 +25,7 @@ UNDETERMINED = 0.5  # the deviation of a decay, over the decay, from which on a 
 
 
 class AbstractOpening(Protocol):
-    """Where modes may lie, from records lifted."""
+    """Starts of modes, from lifted records."""
 
     def starts(self, prepared: Prepared, cutting: Lifting, report: Callable[[str], None]) -> Iterator[Start]:
         """The starts, the best first. Raises IdentificationError where there is none."""

@@ -78,9 +78,8 @@ def state_of(
         return free, None
     if model.unselected is None and model.estimates is None:
         raise IdentificationError(
-            "A state matrix with a structure is fitted to coefficients with their joint covariance, and there is none: "
-            "the residues were not held to their harmonics.\n  Use maximum likelihood with `constrained=True`, the "
-            "defaults, or leave `structure=` out."
+            "A(t) with a structure needs the joint covariance of the coefficients, and this fit has none.\n  Use "
+            "maximum likelihood with `constrained=True`, the defaults, or leave `structure=` out."
         )
     found = refine(
         model,

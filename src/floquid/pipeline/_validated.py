@@ -14,7 +14,7 @@ from floquid.pipeline._analysis import Analysis
 
 
 def validated(analysis: Analysis, *, report: Callable[[str], None] = lambda _: None) -> Analysis:
-    """The same analysis with the verdict on its model, and on its A(t) where it has one.
+    """Analysis with the verdict on its model, and on its A(t) where it has one.
 
     A verdict that cannot be had is one against the model, and says why. `analysis` is what `identify` found, or `load`
     read; `report` is told of each stage.

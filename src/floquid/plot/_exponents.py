@@ -72,7 +72,7 @@ def exponents(modes: FloquetModes | PeriodicModel, *, truth: ArrayLike | None = 
 
 
 def _columns(modes: FloquetModes | PeriodicModel, beyond: float) -> Complexes:
-    """The copies of all exponents up to so many fundamentals beyond the highest of them."""
+    """The copies of all exponents up to some fundamentals beyond the highest of them."""
     turn = modes.fundamental
     reach = np.abs(modes.exponents.imag).max(initial=0.0) + beyond * turn
     last = int(np.ceil(reach / turn)) + 1
@@ -118,11 +118,11 @@ def _draw_exponents(axes: Axes, modes: FloquetModes) -> None:
 
 
 def _kinds(modes: FloquetModes) -> tuple[tuple[Mask, dict[str, Any], str], ...]:
-    """Groups of modes that decay, grow, or do neither as far as can be told, with their marks."""
+    """Groups of modes that decay, grow, or do neither within their errors, with their marks."""
     real, margins = modes.exponents.real, stability(modes).margins
     return (
         (real < -margins, _DECAYS, "decays"),
-        (np.abs(real) <= margins, _RESTS, "neither, as far as can be told"),
+        (np.abs(real) <= margins, _RESTS, "neither, within its error"),
         (real > margins, _GROWS, "grows"),
     )
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 INSET = (0.36, 0.58, 0.62, 0.33)  # where the inset is: left, bottom, width and height as shares of the axes
 MOST_ANGLES = 3  # how many angles of the shaft the legend lists
 INSET_WITH_LABELS = 0.46  # the height below which the record must stay beside the inset, as a share of the axes
-STRETCHES = 40  # stretches of the record in each of which the rms of what is left is drawn
+STRETCHES = 40  # stretches of the record, each with its rms of the residual
 
 _RING: dict[str, Any] = {"linestyle": "none", "marker": "o", "markerfacecolor": "none"}
 _MODEL: dict[str, Any] = {"color": VERMILION, "linestyle": "-"}

@@ -115,7 +115,7 @@ def periodic_shapes(
 
 
 def _damping(modes: FloquetModes) -> Floats:
-    """The damping ratios (modes,), one for a mode that neither swings nor grows as far as can be told."""
+    """The damping ratios (modes,), one for a mode that neither swings nor grows within its error."""
     margins = stability(modes).margins
     rests = (np.abs(modes.exponents.imag) <= margins) & (modes.exponents.real <= margins)
     return np.where(rests, 1.0, modes.damping_ratios.round(12))

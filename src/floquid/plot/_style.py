@@ -110,7 +110,7 @@ def keep_sizes(figure: Figure) -> None:
 
 
 def columns_that_fit(labels: list[str], across: int = ACROSS) -> int:
-    """In how many columns a legend fits a width of so many characters, in as few rows as it can."""
+    """Columns of a legend that fits a width in characters, in as few rows as it can."""
     rows = 1
     while rows < len(labels) and _characters(labels, -(-len(labels) // rows)) > across:
         rows += 1
@@ -163,7 +163,7 @@ def degrees_a_period(periods_per_revolution: int | None, of: str) -> float:
 
 
 def label_angle(axes: Axes, periods_per_revolution: int | None, of: str, steps: int = 8) -> None:
-    """Label the lower axis of `axes`, with so many steps: the phase of the period, or the angle of the shaft."""
+    """Label the lower axis of `axes`, with this number of steps: the phase of the period, or the angle of the shaft."""
     end = degrees_a_period(periods_per_revolution, of)
     name = "phase of the period" if periods_per_revolution is None else "shaft angle"
     axes.set(xlabel=f"{name} [deg]", xlim=(-end / 60.0, end * 61.0 / 60.0), xticks=np.linspace(0.0, end, steps + 1))

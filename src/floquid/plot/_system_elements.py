@@ -40,7 +40,7 @@ def system_elements(
 ) -> Figure:
     """Chosen elements of A(t) over the period: circles, with the truth as lines where it is known.
 
-    Bands are 1.96 standard deviations each way, where those are estimated: at each instant by itself, 95 % of such
+    Bands are 1.96 standard deviations each way, where those are estimated: at each instant alone, 95 % of such
     intervals hold the true value.
 
     One panel an element. Raises InputError where an element is not in A, the truth does not fit, or the period is

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 HARMONIC_COLORS = (BLACK, BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY)
 HARMONIC_DASHES = ("-", "--", ":", "-.")
-LINES = 150  # up to so many frequencies a deviation is a bar
+LINES = 150  # frequencies up to which a deviation is a bar
 
 
 def transfer(

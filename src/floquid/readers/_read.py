@@ -80,7 +80,7 @@ SUFFIXES = ", ".join(kind.suffix for kind in FORMATS)
 """The suffixes in one line, for messages and help."""
 
 WRITTEN = ", ".join(kind.suffix for kind in FORMATS if kind.save)
-"""Those of the formats that are written, too."""
+"""Suffixes of the formats that are written, too."""
 
 
 def format_of(path: Path, *, of: str) -> Format:
@@ -146,7 +146,7 @@ def read(
 
 
 def write(record: Record, path: str | PathLike[str]) -> None:
-    """Write `record` to a file that `read` gives back as it was, but for its provenance.
+    """Write `record` to a file that `read` gives back as it was, except for its provenance.
 
     The format is chosen by the suffix: .npz, .csv, .mat, .h5, .hdf5, .uff, .unv or .parquet. The file
     appears whole or not at all: an existing one is replaced at the end, in one step.
@@ -176,7 +176,7 @@ def write(record: Record, path: str | PathLike[str]) -> None:
 def load_table(
     path: str | PathLike[str], *, of: str, channels: Sequence[str] | None, ignore_time: bool
 ) -> tuple[Source, Format, Table]:
-    """The content of a file, checked but for its time axis."""
+    """The content of a file, checked except for its time axis."""
     source = Source(of=of, name=str(as_path(path, of=of)))
     kind = format_of(source.path, of=of)
     readable_file(path, of=of)

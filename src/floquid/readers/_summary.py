@@ -27,6 +27,7 @@ _CLOCK_NAME = re.compile(
 )  # a word in the name of a channel that may be a clock
 
 _TURNS = {"deg": 360.0, "rad": 6.283185307179586}  # a revolution in the units of an angle
+QUIET = 0.1  # of its largest value: a force of blows stays below that nine tenths of the time
 _SPEEDS = ("rpm", "RPM", "Hz", "rad/s", "deg/s")
 
 
@@ -42,6 +43,8 @@ class ChannelSummary:
         Extremes and standard deviation of the samples that are there [unit]; None if all are missing.
     n_missing
         How many are missing.
+    impacts
+        Blows in a force that is near zero between them; 0 in any other channel.
     """
 
     name: str
@@ -51,6 +54,7 @@ class ChannelSummary:
     maximum: float | None
     std: float | None
     n_missing: int
+    impacts: int = 0
 
     @property
     def is_constant(self) -> bool:
@@ -168,7 +172,18 @@ def _summary(channel: Channel, row: Floats) -> ChannelSummary:
         maximum=float(there.max()) if there.size else None,
         std=_std(there) if there.size else None,
         n_missing=len(row) - len(there),
+        impacts=_impacts(there) if channel.quantity == "force" else 0,
     )
+
+
+def _impacts(force: Floats) -> int:
+    """Blows in the samples of a force: runs above half of its largest value, where it is near zero otherwise."""
+    size = np.abs(force - np.median(force)) if force.size else force
+    most = float(size.max(initial=0.0))
+    if not 0.0 < most < np.inf or np.percentile(size, 90) > QUIET * most:
+        return 0
+    high = size > 0.5 * most
+    return int(np.count_nonzero(high[1:] & ~high[:-1])) + int(high[0])
 
 
 def _std(there: Floats) -> float:
@@ -195,7 +210,7 @@ def _candidates(
         if name:
             reasons.append(f"its name has the word {name[0]!r}")
         wraps = _wraps(channel, row)
-        signal = wraps or _pulses(row, axis)
+        signal = wraps or ("" if channel.quantity == "force" else _pulses(row, axis))
         if signal:
             reasons.append(signal)
         if reasons:

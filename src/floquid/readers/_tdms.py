@@ -31,7 +31,7 @@ class _Signal:
 
     @property
     def path(self) -> str:
-        """As in «group/channel»."""
+        """Path of the channel, as in «group/channel»."""
         return f"{self.group}/{self.name}"
 
     @property

@@ -32,7 +32,7 @@ class Part:
         return self.gain * rates**self.power * np.exp(rates * self.delay)
 
     def slope(self, rates: NDArray[Any]) -> NDArray[Any]:
-        """Its slope by the rate."""
+        """Slope of the gain by the rate."""
         by_power = self.power * rates ** (self.power - 1) if self.power else np.zeros_like(rates)
         return self.gain * np.exp(rates * self.delay) * (by_power + self.delay * rates**self.power)
 
@@ -82,8 +82,8 @@ class Coordinates:
     form: str  # "second-order", "first-order" or "delayed"
     words: str  # the states in words
     mixing: Floats | None = None
-    """Of states from all channels: what each channel is of the displacements (channels, displacements)."""
-    chosen: tuple[int, ...] = ()  # the channels that are the displacements themselves then, but for noise
+    """Weights of the displacements in each channel, of states from all channels (channels, displacements)."""
+    chosen: tuple[int, ...] = ()  # the channels that are the displacements themselves then, up to noise
     loose: Complexes | None = None
     """Slopes of E by the coefficients of the model (displacements, displacements, modes, channels, hits, harmonics): by
     the errors of `mixing` the displacements are (1 + E) times those of the chosen channels."""

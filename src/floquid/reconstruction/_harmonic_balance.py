@@ -44,7 +44,7 @@ class Slopes:
     coefficients: Array  # (parameters + 1, harmonics, displacements)
 
     def with_gap(self, count: int) -> Slopes:
-        """With so many parameters more, before ω, that move nothing."""
+        """With parameters added, before ω, that move nothing."""
         place = len(self.exponent) - 1
         still = np.zeros((count, *self.coefficients.shape[1:]))
         return Slopes(

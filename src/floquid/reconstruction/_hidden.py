@@ -32,7 +32,7 @@ SHARES = np.linspace(0.0, 1.0, 2001)[1:]  # values of B that are summed over
 
 @dataclass(frozen=True, slots=True)
 class Hidden:
-    """What a wider structure adds to the second moments about the fit of the chosen one."""
+    """Addition of a wider structure to the second moments about the fit of the chosen one."""
 
     basis: Basis
     point: Point  # the fit, as one of the wider structure
@@ -41,7 +41,7 @@ class Hidden:
 
 
 def hidden_in(problem: Problem, name: str, chosen: Point, basis: Basis) -> tuple[Hidden | None, Finding]:
-    """What the wider structure of a problem adds to the fit of the chosen one, which has this basis; and its test.
+    """Addition of the wider structure of a problem to the fit of the chosen one, which has this basis; and its test.
 
     None where the estimates do not determine the wider structure.
     """
@@ -77,7 +77,7 @@ def hidden_in(problem: Problem, name: str, chosen: Point, basis: Basis) -> tuple
 
 
 def _weights(gain: float, more: int) -> Array:
-    """The probability of each share of noise, after a gain with so many numbers more."""
+    """The probability of each share of noise, after a gain by `more` numbers."""
     logs = 0.5 * (more - 1.0) * np.log(SHARES) - 0.5 * gain * SHARES
     weights = np.exp(logs - logs.max())
     return weights / weights.sum()

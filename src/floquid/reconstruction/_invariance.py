@@ -70,7 +70,7 @@ class Problem:
 
     @property
     def n_others(self) -> int:
-        """Parameters of the estimates of which a structure says nothing: gains of inputs, errors in common."""
+        """Parameters of the estimates that a structure leaves free: gains of inputs, errors in common."""
         return int((self.parts > self.estimates.fundamental_place).sum())
 
     @property
@@ -296,8 +296,8 @@ def covariance_of(point: Point) -> Array:
 
 def _undetermined() -> IdentificationError:
     return IdentificationError(
-        "The response does not determine every parameter of the structure asked for: it has too many harmonics or too "
-        "few equal elements for the modes that were seen. Give it fewer harmonics, a symmetry, or known elements."
+        "The response does not determine every parameter of the structure asked for. It has too many harmonics or free "
+        "elements for these modes. Give it fewer harmonics, a symmetry, or known elements."
     )
 
 

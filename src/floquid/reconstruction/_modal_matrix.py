@@ -133,7 +133,7 @@ class Modal:
 
     modal: Complexes  # Ψ (times, states, modes)
     inverse: Complexes
-    system: Complexes  # a (times, states, states), real but for rounding
+    system: Complexes  # a (times, states, states), real up to rounding
     condition: Floats  # of the equilibrated Ψ (times,)
 
 

@@ -183,7 +183,7 @@ def _built_from(
 
 
 def instants_of(times: ArrayLike | int, period: float, of: str) -> Floats:
-    """The instants [s] that are meant: given, or so many over a period."""
+    """The instants [s] that are meant: given, or a number of them over a period."""
     if isinstance(times, (int, np.integer)):
         count = integer(times, "times", of, at_least=0, at_most=MOST_TIMES, remedy="Give the instants themselves.")
         instants = np.arange(count) * period / max(count, 1)
@@ -204,7 +204,7 @@ def coordinates_of(model: PeriodicModel, states: Names, form: str, delay: float 
         words = ", ".join(f'"{one}"' for one in get_args(Form))
         raise input_error("form", "reconstruct", f"be one of {words}", f"is {form!r}")
     if delay is not None and form != "delayed":
-        raise input_error("delay", "reconstruct", 'be None but for form="delayed"', f"is {delay!r}")
+        raise input_error("delay", "reconstruct", 'be None unless form="delayed"', f"is {delay!r}")
     if form == "delayed":
         return delayed(model, states, delay)
     return (second_order if form == "second-order" else first_order)(model, states)

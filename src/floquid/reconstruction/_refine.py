@@ -141,7 +141,7 @@ class _Fit:
     estimates: Estimates
     seen: tuple[Seen, ...]
     shapes: tuple[Array, ...]
-    """Of the displacements, one a mode of the estimates (harmonics of the model, displacements)."""
+    """Shapes of the displacements, one a mode of the estimates (harmonics of the model, displacements)."""
     system: Floats  # A(t) of the free model
     times: Floats
     gains: dict[int, float]  # first values of the gains in `seen` that are unknown
@@ -265,7 +265,7 @@ def _from_wider(
 def _hidden(
     fit: _Fit, structure: AbstractStructure, point: Point, basis: Basis
 ) -> tuple[tuple[Hidden, ...], tuple[Finding, ...]]:
-    """What each next wider structure adds to the deviations, and its test."""
+    """Addition of each next wider structure to the deviations, and its test."""
     width = len(point.modes[0].coefficients) // 2
     found = []
     for name, other in structure.wider():
@@ -279,8 +279,8 @@ def _contradicted(point: Point, refuse: float, wider: Sequence[tuple[float, str]
     """The refusal, with what the structure lacks."""
     remedy = f" Of the next wider structures, {wider[0][1]}." if wider and wider[0][0] > point.p_value else ""
     return (
-        f"The structure contradicts the data: what is left between it and the free model is a chi-square of "
-        f"{point.cost:.4g} for {point.degrees} degrees of freedom (p = {point.p_value:.1g}, refused below {refuse:g})."
+        f"The structure contradicts the data. It differs from the free model by a chi-square of {point.cost:.4g} for "
+        f"{point.degrees} degrees of freedom (p = {point.p_value:.1g}, refused below {refuse:g})."
         f"{remedy} {REMEDY}"
     )
 

@@ -158,12 +158,12 @@ def _condition(model: PeriodicModel, rows: Sequence[int], delay: float) -> float
 
 
 def combined(model: PeriodicModel, count: int) -> Coordinates:
-    r"""Displacements u from all channels, of which each is a constant combination of them.
+    r"""Displacements u from all channels, each a constant combination of them.
 
     .. math:: B_{c} = s^{p_c} \sum_i V_{ci} u_i, \qquad u = (V^T \Sigma^{-1} V)^{-1} V^T \Sigma^{-1} (s^{-p} B)
 
     with Σ the noise of the channels and V their leading singular vectors, so scaled that the `count` channels that are
-    farthest from dependent are u themselves, but for noise.
+    farthest from dependent are u themselves, up to noise.
     """
     from scipy.linalg import qr
 
@@ -249,7 +249,7 @@ def _refuse_more(left: float, degrees: int, count: int) -> None:
 
     if degrees and chdtrc(degrees, left) < NO_CHANCE:
         raise IdentificationError(
-            f"The channels are no constant combinations of {count} displacements (what is left is a chi-square of "
-            f"{left:.4g} for {degrees} degrees of freedom): what they see varies with the period. Choose {count} of "
+            f"The channels are no constant combinations of {count} displacements: the residual has a chi-square of "
+            f"{left:.4g} for {degrees} degrees of freedom. Their combination varies with the period. Choose {count} of "
             "them with `states`."
         )

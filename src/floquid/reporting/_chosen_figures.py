@@ -82,7 +82,7 @@ def _shape(case: Case, row: int) -> dict[str, Any]:
 
 
 def _coefficients(case: Case, row: int) -> dict[str, Any]:
-    """Of every harmonic that the record says something about: those that the model keeps, and several beside them."""
+    """Coefficients of the harmonics that the model keeps, and of several beside them."""
     model, mode, hit = case.analysis.model, case.modes[row], case.hits[row]
     whole = model.unselected
     if whole is None:

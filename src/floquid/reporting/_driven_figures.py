@@ -52,7 +52,7 @@ def _name(found: TransferFunctions, path: Path) -> str:
 
 
 def matrix_rows(found: TransferFunctions, paths: list[Path]) -> list[tuple[str, list[tuple[str, int]]]]:
-    """Of each path its name, and of each harmonic its share of the largest, in words and as grey."""
+    """Name of each path, and share of each harmonic of the largest, in words and as grey."""
     rows = []
     for row, column in paths:
         largest = np.abs(found.values[:, row, column]).max(axis=1)
@@ -208,7 +208,7 @@ def harmonic_figure(found: SpectraOfModes, lines: Chosen) -> Figure:
 
 
 def reach_figures(case: Case) -> list[Figure]:
-    """Of each mode, the strength at which each input drives it at each harmonic."""
+    """Strength at which each input drives each mode at each harmonic."""
     from bokeh.models import BasicTicker
 
     analysis: Analysis = case.analysis
@@ -239,7 +239,7 @@ def reach_figures(case: Case) -> list[Figure]:
 
 
 def left_out_figures(case: Case) -> tuple[list[Figure], bool]:
-    """Measured and predicted outputs at the begin of the samples left out, and whether any were."""
+    """Measured and predicted outputs at the start of the samples left out, and whether any were."""
     analysis: Analysis = case.analysis
     assert analysis.driven is not None
     samples = analysis.driven.samples

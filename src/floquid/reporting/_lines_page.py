@@ -23,7 +23,7 @@ POINTS = 600  # frequencies of a curve, beside those measured
 
 @dataclass(frozen=True, slots=True)
 class _Settings:
-    """What a fit of lines was told."""
+    """Settings of a fit of lines."""
 
     period: float
     hold: str

@@ -273,7 +273,7 @@ def _embedded(figures: dict[str, Figure]) -> str:
 
 
 def _numbered(part: Any, numbers: dict[str, str]) -> Any:
-    """The same JSON with the identities of models by their order of appearance."""
+    """JSON with the identities of models by their order of appearance."""
     if isinstance(part, dict):
         return {
             key: numbers.setdefault(value, f"m{len(numbers)}")

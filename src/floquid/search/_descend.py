@@ -18,7 +18,7 @@ Structure = TypeVar("Structure")
 
 @dataclass(frozen=True, slots=True)
 class Move(Generic[Structure]):
-    """Another structure, and the change of J that is predicted."""
+    """Candidate structure, and the predicted change of J."""
 
     change: float
     name: str

@@ -196,7 +196,7 @@ def _settings(group: Any) -> Settings:
 
 
 def _fit(group: Any, model: PeriodicModel, samples: tuple[Record, ...]) -> Fit:
-    """The fit of free responses, of which `samples` were fitted, the forced response in them."""
+    """The fit of free responses, to `samples` with the forced response in them."""
     names = [f"free/hit{number}" for number in range(1, model.n_hits + 1)]
     free = tuple(_record(group[name]) if name in group else one for name, one in zip(names, samples, strict=True))
     found = get_fields(group, Fit)

@@ -71,7 +71,7 @@ def _write(analysis: Result, stream: BytesIO) -> None:
 
 
 def _put_analysis(file: Any, analysis: Analysis) -> None:
-    """What was found in the records, and the fit that it is of."""
+    """Write the findings of the records, and the fit that they belong to."""
     put_object(file, analysis)
     for number, shaft in enumerate(analysis.shafts, start=1):
         put_object(file.create_group(f"shafts/hit{number}"), shaft)

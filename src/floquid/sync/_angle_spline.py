@@ -138,7 +138,7 @@ class _Rung:
         from scipy.linalg import cho_solve
 
         inverse = np.asarray(cho_solve(self.factor, np.eye(len(self.coefficients))))
-        # The offsets' own covariance is D⁻¹ + Wᵀ N⁻¹ W, of which no more is formed than is needed.
+        # The offsets' own covariance is D⁻¹ + Wᵀ N⁻¹ W; no more of it is formed than is needed.
         n_seen = np.count_nonzero(self.inverse_counts) + 1
         spread = inverse @ self.weights
         variances = self.inverse_counts + np.einsum("kl,kl->l", self.weights, spread)
@@ -207,7 +207,7 @@ def _moving(residuals: Floats, n_parameters: int) -> bool:
         return False
     sums = [float(residuals[lag:] @ residuals[:-lag]) ** 2 / (n - lag) for lag in range(1, LAGS + 1)]
     score = n * (n + 2.0) * sum(sums) / power**2
-    # Of white errors a fit of so many parameters makes residuals whose squared correlations sum to about (p/n)²/2 n.
+    # Of white errors a fit of p parameters makes residuals whose squared correlations sum to about (p/n)²/2 n.
     return score - 0.5 * n_parameters**2 / n > chi2_limit(LAGS, SURE)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from floquid._arrays import Floats, Indices, Integers
 from floquid.sync._impact_search import longest_run
 
-SPAN = 11  # the fewest intervals of which the median is the local one: every second pulse but one may be wrong
+SPAN = 11  # the fewest intervals whose median is the local one: every second pulse but one may be wrong
 
 DOUBT = 0.25
 """Line spacings that a pulse, a revolution or the speeds beside a gap may be off: half of one would be another line."""
@@ -30,7 +30,7 @@ class Counted:
 
 
 def count(times: Floats, lines: int) -> Counted:
-    """Number the pulses at `times` (pulses,) [s] of a shaft with so many lines a revolution."""
+    """Number the pulses at `times` (pulses,) [s] of a shaft with some lines a revolution."""
     kept = np.arange(len(times))
     numbers = np.arange(len(times))
     for _ in range(10):

@@ -84,7 +84,7 @@ def dropouts(record: Record, *, least: int = STUCK) -> tuple[Finding, ...]:
 def gaps(record: Record) -> tuple[Finding, ...]:
     """The runs of missing samples of `record`, in order of time; channels that miss the same stretch share one.
 
-    `Finding.numbers` has the `channels` that miss it `of` so many, the times of the `first` and the `last` sample [s],
+    `Finding.numbers` has the `channels` that miss it `of` all, the times of the `first` and the `last` sample [s],
     and how many `samples` they are in each channel.
     """
     where: dict[tuple[int, int], list[str]] = {}

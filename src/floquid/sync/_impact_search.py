@@ -99,7 +99,7 @@ def _memory(complete: Mask, channels: int) -> tuple[int, Mask]:
         memory //= 2
     need = 2 * (ROWS_A_TERM * channels + 1)
     must = f"have {need} samples or more with few missing, to find impacts in {channels} response channels"
-    got = f"has {len(complete)}, of which {int((~complete).sum())} miss a channel"
+    got = f"has {len(complete)}, and {int((~complete).sum())} of them miss a channel"
     remedy = "Leave channels with gaps out by `channels`, or give the instants of the impacts."
     raise input_error("record", "find_impacts", must, got, remedy)
 
@@ -139,7 +139,7 @@ def _moments(in_time: Floats, free: Mask) -> tuple[Floats, Floats]:
 
     .. math:: G_{i+1,j+1} = G_{i,j} + \sum_{[a,b)} (x_{b+i} x_{b+j}^T - x_{a+i} x_{a+j}^T)
 
-    over the runs [a, b) of free rows: but for their ends, a row later is the same products one lag on.
+    over the runs [a, b) of free rows: except for their ends, a row later is the same products one lag on.
     """
     (samples, channels), chosen = in_time.shape, np.flatnonzero(free)
     memory, number = samples - len(free), len(chosen)

@@ -1,4 +1,4 @@
-"""When the pulses of a tachometer came, to a small fraction of a sample."""
+"""Instants of the pulses of a tachometer, to a small fraction of a sample."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ ENDS = (2, 1, 4)
 """Samples of base and of top that the sum over an edge takes in beyond the rise: filters ring, and noise adds up."""
 
 NEAR = 16  # most samples beside an edge from which the levels there are taken: bases drift, and teeth differ in height
-CLEAR = 15.0  # heights of pulses must be so many standard deviations of the base: the threshold is then six above it
+CLEAR = 15.0  # least height of pulses, in standard deviations of the base: the threshold is then six above it
 MOSTLY = 0.6  # fraction of the time beyond which a high level is the base: pulses of half the time go up
 
 

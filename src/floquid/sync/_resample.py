@@ -237,7 +237,7 @@ def bandwidth(record: Record) -> float:
     for the periodograms S_k of K half overlapping stretches and their mean with ν degrees of freedom (Welch 1967), at
     stretches of 256, 1024, 4096 and 16384 samples: a short decay shows in the short ones, a weak line in the long. The
     level of noise s is the median of the mean over frequency, so that a response may fill up to about half of the
-    lines. White noise in every channel gives 0 but for one record in a million. A line below a millionth of the largest
+    lines. White noise in every channel gives 0, bar one record in a million. A line below a millionth of the largest
     one's amplitude is taken for rounding or leakage, and one within five lines of a larger one for its flank. Stretches
     with missing samples are left out. Zero where nothing rises above the noise; half the sampling rate where no 64
     samples follow one another.

@@ -85,7 +85,7 @@ def alike(residuals: Floats) -> list[Finding]:
 
 
 def outside(before: float, after: float) -> list[Finding]:
-    """Finding on a record that goes beyond the evidence by so many revolutions."""
+    """Finding on a record that goes beyond the evidence, in revolutions."""
     before, after = (many if many > GAP else 0.0 for many in (before, after))
     return [note("beyond_angle", before=before, after=after)] if before or after else []
 
@@ -200,7 +200,7 @@ class ShaftAngle(Rebuilt):
         return self._at(self.spline.speed_std, times, "speed_std")
 
     def time_at(self, angle: ArrayLike) -> Floats:
-        """When the shaft comes to `angle` [rad]: the time [s] of each, by Newton's method.
+        """Time [s] at which the shaft comes to each `angle` [rad], by Newton's method.
 
         Raises InputError where an angle is not finite.
         """

@@ -145,7 +145,7 @@ class Run(Brief):
         return np.linalg.solve(np.eye(4) - turn[:4, :4], turn[:4, 4])
 
     def _propagators(self, times: Floats) -> Floats:
-        """What takes [u, u', 1] to the next of equidistant times (times - 1, 5, 5).
+        """Propagators of [u, u', 1] to the next of equidistant times (times - 1, 5, 5).
 
         By Magnus' method of fourth order, two Gauss points a step.
         """

@@ -143,7 +143,7 @@ def orbit_of(record: Record) -> dict[str, Floats]:
 
 
 def refuse_blurred_times(record: Record) -> None:
-    """Refuse to write times of a `record` of which neighbours are one number."""
+    """Refuse to write times of a `record` whose neighbours are one number."""
     if np.spacing(np.abs(record.times).max()) * record.sample_rate > 0.01:
         must = "have times that a table of numbers can tell apart"
         got = f"starts at {record.start:.6g} s with steps of {1.0 / record.sample_rate:.3g} s"

@@ -132,7 +132,7 @@ def rounding(times: NDArray[np.floating], scale: float) -> Rounding:
 
 
 def _decades_and_decimals(size: Floats) -> tuple[NDArray[np.int16], NDArray[np.int16]]:
-    """Of each non-negative number the decade (0 of zero), and how many decimals it needs (rows,)."""
+    """Decade of each non-negative number (0 of zero), and the decimals that it needs (rows,)."""
     decade, decimals = np.zeros(len(size), np.int16), np.zeros(len(size), np.int16)
     for first in range(0, len(size), _BLOCK):  # block by block: a long column is held once, not ten times
         part = size[first : first + _BLOCK]

@@ -34,9 +34,9 @@ JITTER = 0.01
 hundredth of a step is a phase error of 0.0016 rad, and sums of a rounded step wander by far less."""
 
 MAX_GROWTH = 2
-"""Gaps are filled while the record stays within so many times its own length: a crafted time allocates no more."""
+"""Gaps are filled while the record stays within this multiple of its length: a crafted time allocates no more."""
 
-_COARSE = 0.25  # rounding, in steps, from which the length of a gap can no longer be read off by itself
+_COARSE = 0.25  # rounding, in steps, from which the length of a gap can no longer be read off alone
 
 _FARTHEST, _SHORTEST = 1e13, 1e-15
 """Bounds on a time and on a step [s]; beyond them the numbers are not times, and their squares overflow."""
@@ -52,7 +52,7 @@ class TimeColumn(Brief):
     Parameters
     ----------
     values, scale
-        The times (samples,), in a unit of so many seconds; None where no unit is stated.
+        The times (samples,), in a unit in seconds; None where no unit is stated.
     label
         What they are called there.
     """
@@ -185,7 +185,7 @@ def _whole_steps(times: Floats, rounded: Rounding) -> float | None:
 def _positions_with_gaps(times: Floats, rounded: Rounding, whole: float | None, label: str, source: Source) -> Floats:
     """The sample number k_n of each time, when some steps are whole multiples of the shortest."""
     steps = np.diff(times)
-    width = int(min(16, max(1, len(steps) // 4)))  # several steps together, of which rounding is a smaller part
+    width = int(min(16, max(1, len(steps) // 4)))  # several steps together: rounding is a smaller part of them
     step = float(np.median(times[width:] - times[:-width])) / width if whole is None else whole
     if whole is None and rounded.coarsest > _COARSE * step:
         must = "have times of more digits than one step, or no gaps"

@@ -47,7 +47,7 @@ def by_chirps(
     channels
         Those of the outputs and of the inputs.
     frequencies_hz
-        Ω/2π (frequencies,) [Hz], the nearest lines are taken; or so many over what the inputs excite.
+        Ω/2π (frequencies,) [Hz], the nearest lines are taken; or a number of them over what the inputs excite.
     curvature
         α: more of it averages more noise, and flattens more.
 
@@ -116,7 +116,7 @@ def _refuse_alike(meeting: NDArray[np.complex128]) -> None:
     least = np.linalg.eigvalsh(unit.conj().swapaxes(1, 2) @ unit)[:, 0]
     if least @ power.min(axis=1) < ALIKE * power.min(axis=1).sum():
         raise IdentificationError(
-            f"The records do not part the harmonics: {parts.shape[2]} of them or more must hold a chirp each, begun at "
-            f"different phases of the period, for as many transfer functions of each output; there are {len(meeting)}. "
-            "Record more, or ask for fewer harmonics."
+            f"{len(meeting)} records do not part {parts.shape[2]} transfer functions of each output. At "
+            "least as many chirps are needed, begun at different phases of the period. Record more, or ask for fewer "
+            "harmonics."
         )

@@ -121,7 +121,7 @@ def fit_transfer(
 
     with conjugates. Exponents begin on a grid, one after another as long as χ² falls by more than noise makes it; the
     harmonics of each mode grow by the same test; one real multiplier or two take the place of pairs near their axis
-    where noise explains the rest; all is finished by least squares. What rings at the begin of
+    where noise explains the rest; all is finished by least squares. What rings at the start of
     records of repeats is fitted beside the modes where it is seen. G of the fit is nearer than the lines by the root of
     the numbers measured over those fitted: a fifth of their error needs twenty-five times as many.
 

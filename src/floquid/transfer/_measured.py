@@ -35,7 +35,7 @@ class MeasuredTransfer(Rebuilt):
         The share of the power of the response at those frequencies that the inputs explain (outputs, frequencies).
     nonlinear
         The power where a linear system has none, over that of the noise (outputs,): 1 of a linear one; NaN where the
-        inputs leave no such lines, or what rang at the begin is in them.
+        inputs leave no such lines, or the transient is in them.
     echoes, begins
         What one unit in the spectrum of the response of each record adds to G (records, inputs, frequencies), and the
         times at which the records begin (records,) [s]: what rings there is fitted with them. Of repeats alone.
@@ -79,7 +79,7 @@ def measured_of(
     g: tuple[NDArray[np.complex128], NDArray[np.complex128] | None],
     **rest: Any,
 ) -> MeasuredTransfer:
-    """G of samples and its deviations at some lines of a spectrum of so many, with the rest of what was measured."""
+    """G of samples and its deviations at some lines of a spectrum, with the rest of what was measured."""
     places, count = lines
     transfer = TransferFunctions(
         frequencies_hz=places / (count * samples.step),

@@ -44,7 +44,7 @@ class Lines(Grid):
         What one unit in the spectrum of the response of each record adds to G (records, inputs, frequencies), and the
         times at which the records begin [s].
     alive
-        True where what rings at the begin is fitted from the first on, False where it is tried at last.
+        True where the transient is fitted from the first on, False where it is tried at last.
     """
 
     values: NDArray[np.complex128]

@@ -19,7 +19,7 @@ DEGREE = 2
 """Degree of the polynomials."""
 
 FREE = (20, 0.6)
-"""Lines of a window beyond the unknowns: so many, and this share of them more."""
+"""Lines of a window beyond the unknowns: a number, and a share of them more."""
 
 LEAKAGE = 0.02
 """The share of a sample by which a whole number of periods may not be one of samples."""
@@ -66,7 +66,7 @@ def by_polynomials(
     channels
         Those of the outputs and of the inputs.
     frequencies_hz
-        Ω/2π (frequencies,) [Hz], the nearest lines are taken; or so many over what the inputs excite.
+        Ω/2π (frequencies,) [Hz], the nearest lines are taken; or a number of them over what the inputs excite.
     reference
         Signals that drive the inputs and know nothing of the noise (inputs, samples); None for the inputs themselves.
 
@@ -145,9 +145,8 @@ def _refuse_lines(values: NDArray[np.complex128], hertz: NDArray[np.float64]) ->
     if 2 * np.count_nonzero(without) > len(hertz):
         raise IdentificationError(
             f"The inputs have no power between their lines at {np.count_nonzero(without)} of {len(hertz)} "
-            f"frequencies, as at {hertz[without][0]:.4g} Hz: the equations of polynomials over neighbouring lines are "
-            'rank deficient there. Of a multisine that repeats take G at its lines (`method="repeats"`), or drive '
-            "the system with a broad-band input."
+            f"frequencies, as at {hertz[without][0]:.4g} Hz, so G is not determined there. For a multisine that "
+            'repeats use its lines (`method="repeats"`), or drive the system with a broad-band input.'
         )
 
 
@@ -199,14 +198,14 @@ def spectra_of(samples: Samples, signals: NDArray[np.float64], count: int) -> ND
 
 
 def chosen_lines(inputs: NDArray, frequencies_hz: NDArray[np.float64] | int, step: float) -> NDArray[np.int64]:
-    """The lines nearest to frequencies [Hz], or so many over what inputs (records, inputs, lines) excite."""
+    """The lines nearest to frequencies [Hz], or a number of them over what inputs (records, inputs, lines) excite."""
     if isinstance(frequencies_hz, int):
         return _excited(inputs, frequencies_hz)
     return np.unique(np.rint(frequencies_hz * inputs.shape[2] * step).astype(int))
 
 
 def _excited(inputs: NDArray, count: int) -> NDArray[np.int64]:
-    """Lines, so many at most, over the band in which the inputs have their power."""
+    """Lines, a number at most, over the band in which the inputs have their power."""
     half = inputs.shape[2] // 2
     power = np.sum(np.abs(inputs[:, :, 1:half]) ** 2, axis=(0, 1))
     share = np.cumsum(power) / power.sum()

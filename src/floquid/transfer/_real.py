@@ -26,8 +26,8 @@ def near_real(
 ) -> Iterator[list[int]]:
     """Pairs, by their numbers, for which one real multiplier or two are to be tried: those of one sign together first.
 
-    They are `within` so many deviations of the axis. `parameters` has the covariance of the free numbers of all modes,
-    and it may have more beyond. Pairs of which none was taken join `refused`.
+    They are `within` deviations of the axis. `parameters` has the covariance of the free numbers of all modes,
+    and it may have more beyond. Pairs that were not taken join `refused`.
     """
     spread, place = None, 0
     near: dict[float, list[int]] = {}

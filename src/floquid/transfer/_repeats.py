@@ -21,7 +21,7 @@ EXCITED = 1e-3
 """The amplitude of a line over the largest from which on it is one of the input,"""
 
 LOUD = 50.0
-"""where its power is so many times that of the noise of the input."""
+"""where its power is this multiple of that of the noise of the input."""
 
 ROUNDING = 1e-13
 """The share of the largest line below which noise is rounding."""
@@ -81,7 +81,7 @@ def by_repeats(
     channels
         Those of the outputs and of the inputs.
     drop
-        Repeats at the begin of each record that are left out, for the transient to die.
+        Repeats at the start of each record that are left out, for the transient to die.
 
     Returns
     -------
@@ -215,9 +215,9 @@ def _refuse_collisions(excited: NDArray[np.bool_], turns: int) -> None:
     pairs = np.minimum(lines % turns, -lines % turns)
     if len(np.unique(pairs)) < len(pairs) or (pairs == 0).any() or (2 * pairs == turns).any():
         raise IdentificationError(
-            "Lines of the inputs, or of one and its mirror image, are a multiple of the fundamental apart: the lines "
-            "of the response belong to more than one of them. Take a multisine designed for it (`multisine`), or let "
-            "polynomials over neighbouring lines part them (`method`)."
+            "Lines of the inputs, or a line and its mirror image, are a multiple of the fundamental apart. A line of "
+            "the response then belongs to several. Use a multisine designed for it (`multisine`), or "
+            '`method="polynomials"`.'
         )
 
 

@@ -27,7 +27,7 @@ ROUGH = 8
 """Evaluations of a fit that is to be compared with others."""
 
 LOOSE = 0.02
-"""The probability at which noise may pass for what rings at the begin: one that is missing does more harm."""
+"""The probability at which noise may pass for the transient: one that is missing does more harm."""
 
 REAL = 1e-3
 """The probability at which noise may move a real multiplier off the axis."""
@@ -77,7 +77,7 @@ def _less(modal: Modal, numbers: Sequence[int]) -> Modal:
 
 
 def _with_echoes(lines: Lines, now: Fitted) -> Fitted:
-    """The fit with what rings at the begin of the records, where it is more than noise is likely to be."""
+    """The fit with the transient of the records, where it is more than noise is likely to be."""
     begins = lines.echoes[1]
     if lines.alive or not len(begins):
         return now
@@ -94,7 +94,7 @@ def _level(lines: Lines, fit: Fitted, chi_square: float | None = None) -> float:
 
 
 def _by_noise(lines: Lines, fit: Fitted, more: int, alarm: float) -> float:
-    """Fall of χ² by noise for so many numbers more; infinite where a fit has as many as were measured."""
+    """Fall of χ² that noise alone may give to `more` parameters; infinite where a fit has as many as data."""
     return chi2_limit(max(more, 1), alarm) * _level(lines, fit) if _degrees(lines, fit) > 0 else np.inf
 
 

@@ -40,7 +40,7 @@ def shape_curves(model: PeriodicModel, mode: int, hit: int = 0, points: int = 91
 
     .. math:: R(t) = \sum_m B_m\, e^{im\omega t}
 
-    (Allen 2009, eq. 11.) It is as the `model` has it, neither scaled nor turned, at so many `points`; `mode` and `hit`
+    (Allen 2009, eq. 11.) It is as the `model` has it, neither scaled nor turned, at `points` instants; `mode` and `hit`
     count from 0. Raises InputError where there is no such mode or hit.
     """
     of = "shape_curves"

@@ -33,7 +33,7 @@ def outcome_lines(analysis: Analysis) -> dict[str, str]:
 
 
 def done_words(analysis: Analysis) -> list[str]:
-    """What was done to the records of an `analysis`, and notes that no line of its outcome has, a sentence each."""
+    """Steps of preparing the records of an `analysis`, and notes that no line of its outcome has, a sentence each."""
     steps = [step for record in analysis.records for step in record.provenance.steps]
     notes = [own for own in analysis.findings if own.severity is Severity.NOTE and own.code != ORDER]
     return list(dict.fromkeys([*steps, *texts(notes)]))
@@ -89,17 +89,17 @@ def _period(analysis: Analysis) -> str:
     line, tested = f"{period_words(analysis)} s, {how}", analysis.periodicity
     if analysis.decay is not None and analysis.decay.fit.own_period is not None:
         difference, std = analysis.decay.fit.own_period
-        line += f"; the response's own differs by {difference:.1g} ± {std:.1g} of that"
+        line += f"; the response differs by {100.0 * difference:.1g} ± {100.0 * std:.1g} %"
     if tested is None or not tested.degrees:
         return line
     p = "p < 1e-300" if tested.p_value < 1e-300 else f"p = {tested.p_value:.2g}"
-    words = {True: "periodic", False: "nothing periodic is seen", None: "whether periodic cannot be told"}
+    words = {True: "periodic", False: "nothing periodic is seen", None: "periodicity undecided"}
     return f"{line}; {words[tested.periodic]} ({p})"
 
 
 def _untold(analysis: Analysis) -> str:
     told = analysis.failed or analysis.model.exponent_std is not None
-    return "" if told else "; this identifier gives no deviations: how far the exponents are off, it cannot say"
+    return "" if told else "; this identifier gives no deviations, so the errors of the exponents are unknown"
 
 
 def _interference(analysis: Analysis) -> str:
@@ -148,7 +148,7 @@ def passed_words(validation: Validation) -> str:
     fit = validation.metrics["fit"]
     return (
         f"{fit:.1%} of the response is predicted in cycles left out, with an error of {error:.3g} times the noise at "
-        "most, and nothing else is left that noise does not explain."
+        "most. Noise explains the rest."
     )
 
 

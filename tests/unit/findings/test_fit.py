@@ -13,14 +13,15 @@ def test_modes_that_are_needed_are_counted(number, words):
 
 
 @pytest.mark.parametrize(
-    ("loud", "end"), [(False, "that noise alone mostly has."), (True, "drifting amplitude, another tone).")]
+    ("loud", "end"), [(False, "0.50 of the limit for noise."), (True, "another tone leave such peaks too.")]
 )
 def test_a_loud_peak_is_no_noise(loud, end):
     assert str(note("strongest_peak", frequency=1.0, share=0.5, loud=loud)).endswith(end)
 
 
 @pytest.mark.parametrize(
-    ("of", "names"), [((2.0,), "of those at 2 Hz, which"), ((2.0, 3.5), "of those at 2 Hz and 3.5 Hz, which")]
+    ("of", "names"),
+    [((2.0,), "the product of those at 2 Hz. A"), ((2.0, 3.5), "the product of those at 2 Hz and 3.5 Hz. A")],
 )
 def test_a_product_names_the_modes_it_is_of(of, names):
     assert names in str(warning("product", frequency=5.0, of=of))
@@ -29,8 +30,8 @@ def test_a_product_names_the_modes_it_is_of(of, names):
 @pytest.mark.parametrize(
     ("spacings", "families", "words"),
     [
-        (1, 1, "6 lines that decay are one family with one spacing of multiples of 2.5 Hz; odds"),
-        (4, 2, "6 lines that decay are 2 families with 4 spacings of multiples of 2.5 Hz; odds"),
+        (1, 1, "6 lines that decay form one family with one spacing of multiples of 2.5 Hz. The odds"),
+        (4, 2, "6 lines that decay form 2 families with 4 spacings of multiples of 2.5 Hz. The odds"),
     ],
 )
 def test_lines_are_counted_by_family(spacings, families, words):
@@ -42,7 +43,7 @@ def test_lines_are_counted_by_family(spacings, families, words):
 
 def test_lines_that_do_not_decay_are_named():
     said = str(note("undamped_lines", frequencies=(1.25, 2.5), on=1))
-    assert said.startswith("Lines that do not decay, at 1.25, 2.5 Hz, are a steady response")
+    assert said.startswith("Lines that do not decay, at 1.25 and 2.5 Hz, are a steady response")
     assert said.endswith("1 of 2 are at multiples of half the fundamental.")
 
 
@@ -65,4 +66,4 @@ def test_what_is_periodic_is_placed_where_it_is_strongest(p, places, words):
 )
 def test_the_limits_of_modes_are_one_where_they_look_alike(most, size):
     said = str(note("not_periodic", p=0.5, least=0.01, most=most, low=2, high=1, power=0.95))
-    assert said == f"Nothing periodic is seen: p = 0.5; harmonics {size} would have been, 95 times in 100."
+    assert said == f"Nothing periodic is seen: p = 0.5. Harmonics {size} would show 95 times in 100."

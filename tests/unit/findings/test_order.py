@@ -15,17 +15,16 @@ from floquid.lti import Outcome
 )
 def test_the_mode_that_would_be_missed_least_is_named_by_its_multiplier(real, just, mode, end):
     assert str(note("modes_needed", needed=True, modes=3, real=real, share=0.25, rise=1.234, just=just)) == (
-        "Each of the 3 modes is needed: without the one that would be missed least, "
-        f"{mode}, the misfit rises by 1.23 times what {end}"
+        f"Each of the 3 modes is needed. Without the weakest, {mode}, the misfit rises by 1.23 times what {end}"
     )
 
 
 @pytest.mark.parametrize(
     ("share", "doubtful", "end"),
     [
-        (0.2, False, "takes 0.20 of what it must take out of the misfit."),
-        (0.8, True, "out of the misfit: too little to be kept, but more than noise mostly has."),
-        (1.5, True, "out of the misfit: a mode is missing."),
+        (0.2, False, "candidate stays below the limit (0.20 of it)."),
+        (0.8, True, "(0.80 of it). Noise alone rarely comes so close."),
+        (1.5, True, "exceeds the limit (1.50 of it): a mode is missing."),
     ],
 )
 def test_a_further_mode_is_judged_by_its_share(share, doubtful, end):
@@ -42,8 +41,8 @@ def test_the_nearest_modes_may_be_one(near, end):
 @pytest.mark.parametrize(
     ("code", "one", "two"),
     [
-        ("modes_or_drift", "One mode turns and decays by less", "2 modes turn and decay by less"),
-        ("shared_multipliers", "One multiplier is that of", "2 multipliers are that of"),
+        ("modes_or_drift", "One mode changes by less", "2 modes change by less"),
+        ("shared_multipliers", "One multiplier belongs to", "2 multipliers belong to"),
     ],
 )
 def test_one_and_several_are_counted(code, one, two):
@@ -55,8 +54,8 @@ def test_one_and_several_are_counted(code, one, two):
 @pytest.mark.parametrize(
     ("taps", "independent", "words"),
     [
-        (0, 1.0, "What is left is white noise (1.2 standard deviations from it)."),
-        (3, 0.5, "white once 3 taps have taken its colour off (1.2 standard deviations from it); its responses are"),
+        (0, 1.0, "The residual is white noise (1.2 standard deviations from it)."),
+        (3, 0.5, "white after a filter of 3 taps (1.2 standard deviations from it); its responses are"),
         (0, 0.5, "its responses are worth 50% of their number."),
     ],
 )

@@ -8,9 +8,9 @@ from floquid.findings import failure, note, warning
 @pytest.mark.parametrize(
     ("absent", "words"),
     [
-        ((58,), "from line 58 of 60:"),
-        ((57, 58), "from lines 57, 58 of 60:"),
-        (tuple(range(50, 58)), "from lines 50, 51, 52, 53, 54, 55 and 2 more of 60:"),
+        ((58,), "from line 58 of 60."),
+        ((57, 58), "from lines 57, 58 of 60."),
+        (tuple(range(50, 58)), "from lines 50, 51, 52, 53, 54, 55 and 2 more of 60."),
     ],
 )
 def test_lines_that_never_gave_a_pulse_are_named_up_to_six(absent, words):
@@ -20,7 +20,7 @@ def test_lines_that_never_gave_a_pulse_are_named_up_to_six(absent, words):
 @pytest.mark.parametrize(("more", "end"), [(0, "bridges them."), (2, "bridges them; there are 2 more such gaps.")])
 def test_the_widest_gap_is_named_and_the_others_are_counted(more, end):
     assert str(warning("angle_bridged", first=1.0, last=3.5, revolutions=25.0, more=more)) == (
-        f"Nothing tells the angle between 1 and 3.5 s, 25 revolutions: a smooth curve {end}"
+        f"The angle was not measured between 1 and 3.5 s, 25 revolutions: a smooth curve {end}"
     )
 
 

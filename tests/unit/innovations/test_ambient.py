@@ -425,7 +425,7 @@ def test_a_prediction_that_grows_fails(values, monkeypatch):
     found = identify(record_from(values), excitation="ambient")
     assert found.failed
     assert "fails" in repr(found)
-    assert "not predicted by it" in " ".join(found.summary().split())
+    assert "of samples left out of the fit grows" in " ".join(found.summary().split())
 
 
 @pytest.mark.first(2)

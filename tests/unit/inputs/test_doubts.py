@@ -29,7 +29,7 @@ def codes(found):
 
 
 @pytest.mark.parametrize(
-    ("moved", "hold", "words"), [(1, "zero", "came one sample earlier"), (0, "first", 'use hold="zero"')]
+    ("moved", "hold", "words"), [(1, "zero", "came one sample earlier"), (0, "first", 'use `hold="zero"`')]
 )
 def test_inputs_at_other_instants_are_named(moved, hold, words):
     system = mathieu()

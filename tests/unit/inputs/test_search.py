@@ -199,7 +199,7 @@ def test_a_mode_that_no_input_reaches_is_named():
     assert [own.code for own in found.findings if own.code == "unreached"] == ["unreached"]
     assert " by none" in found.summary()
     assert "inputs_poor" not in [own.code for own in found.findings]
-    assert "No input reaches the mode" in found.warnings[0]
+    assert "No measured input reaches the mode" in found.warnings[0]
 
 
 @pytest.mark.first(1)
@@ -242,7 +242,7 @@ def test_limits_at_which_a_search_ends_are_told(monkeypatch):
     monkeypatch.setattr("floquid.pipeline.excited._identify.HIGHEST", 2)
     found = identified(mathieu(), 60, 20, 0.01, seed=3)
     assert found.model.order == 2
-    assert any("as many harmonics as are looked for (2)" in text for text in found.warnings)
+    assert any("as many harmonics as were looked for (2)" in text for text in found.warnings)
     # Those of one order more are fitted for what they do to the deviations, and are noise.
     monkeypatch.setattr("floquid.pipeline.excited._identify.HIGHEST", 3)
     found = identified(mathieu(), 60, 20, 0.01, seed=3)
@@ -254,7 +254,7 @@ def test_noise_alone_has_no_mode():
     system = mathieu()
     generator = np.random.default_rng(5)
     values, inputs = generator.standard_normal((2, 1, 1200))
-    with pytest.raises(IdentificationError, match="no mode that the inputs reach"):
+    with pytest.raises(IdentificationError, match="no mode rises above the noise, driven by the inputs"):
         identify(record(system, values, inputs, 20), period=system.period, inputs=["F0"])
 
 

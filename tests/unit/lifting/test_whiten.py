@@ -291,7 +291,7 @@ def test_noise_that_wanders_beside_modes():
         others = np.delete(found.model.multipliers, pairing.permutation)
         assert len(others) <= 2
         assert_allclose(others, 1.0, atol=0.05)
-        assert not len(others) or any("where the noise has a peak" in words for words in found.choice.doubts)
+        assert not len(others) or any("at a peak of the noise" in words for words in found.choice.doubts)
 
 
 def test_what_is_scanned_is_whitened():

@@ -127,7 +127,13 @@ def test_deviations_hold_in_noise_that_responses_share(monkeypatch):
 def test_the_reasons_name_what_was_looked_at():
     choice = choose(ringing(PAIRS, (white(), 0.02)))
     text = " ".join(choice.reasons)
-    for words in ("3 modes is needed", "well determined", "standard deviations apart", "further mode", "white noise"):
+    for words in (
+        "3 modes is needed",
+        "well determined",
+        "standard deviations apart",
+        "further candidate",
+        "white noise",
+    ):
         assert words in text
     assert choice.doubts == ()
     assert choice.runner_up.order in {4, 5, 7, 8}
@@ -144,7 +150,7 @@ def test_an_order_too_low_is_in_doubt():
     identifier = MaximumLikelihood()
     choice = judge(data, identifier.extract(identifier.prepare(data), 4))
     assert choice.ambiguous
-    assert any("further mode takes" in doubt for doubt in choice.doubts)
+    assert any("further candidate exceeds" in doubt for doubt in choice.doubts)
     assert choice.runner_up.order == 6
 
 

@@ -63,7 +63,7 @@ def test_a_step_is_no_sum_of_modes():
     (record,) = records(system(channels=2), noise=1e-3, n_cycles=200)
     values = np.array(record.values)
     values[0, values.shape[1] // 3 :] += 0.2 * np.abs(values[0]).max()
-    with pytest.raises(IdentificationError, match="There may be a step or a glitch in the record"):
+    with pytest.raises(IdentificationError, match="Likely: a step or a glitch"):
         identify(replace(record, values=values), validate=False)
 
 

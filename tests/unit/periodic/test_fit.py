@@ -185,7 +185,7 @@ def test_noise_that_is_coloured_along_the_record_is_whitened(seeds):
         assert found.model.order == 4
         assert found.whitening is not None
         assert found.noise == pytest.approx(0.05 * np.sqrt(1.0 - 0.9**2), rel=0.15)
-        assert not any("not white along the record" in doubt for doubt in texts(found.findings, "warning"))
+        assert not any("noise is not white: about" in doubt for doubt in texts(found.findings, "warning"))
         scores.append(pulls(found.model))
     assert np.abs(scores).max() < 4.5
     assert 0.7 < np.sqrt(np.mean(np.square(scores))) < 1.4
@@ -198,7 +198,7 @@ def test_noise_that_is_coloured_and_not_whitened_is_named():
         given = coloured(record(n=1000), 0.9, seed=seed)
         found = fit([given], [CLOCK], start=start, search=False, forced="none")
         assert found.whitening is None
-        assert any("not white along the record" in doubt for doubt in texts(found.findings, "warning"))
+        assert any("noise is not white: about" in doubt for doubt in texts(found.findings, "warning"))
 
 
 @pytest.mark.slow
@@ -230,8 +230,8 @@ def test_a_search_that_ends_but_for_its_limit_says_so(monkeypatch):
     more = response(given.times, OMEGA * given.times, shapes(seed=3), exponents=others)
     found = fit([replace(given, values=given.values + more)], [CLOCK], forced="none")
     doubts = texts(found.findings, "warning")
-    assert any("was ended at 2, the most" in doubt for doubt in doubts)
-    assert any("peak that is left" in doubt and "is not all noise" in doubt for doubt in doubts)
+    assert any("ended at 2 modes, its limit" in doubt for doubt in doubts)
+    assert any("peak of the residual" in doubt and "is not explained" in doubt for doubt in doubts)
     monkeypatch.setattr("floquid.periodic._fit_records.MOST_ENTRIES", 3)
     right = fit([coloured(record(n=500), 0.0, seed=0)], [CLOCK], forced="none")
     assert not any(own.code == "search_ended" for own in right.findings)

@@ -158,21 +158,21 @@ class TestNotTold:
         self.check(found, "no line that decays")
 
     def test_a_constant_system(self):
-        self.check(estimate_period([record_of(THREE)]), "no two lines have one decay")
+        self.check(estimate_period([record_of(THREE)]), "no two lines have the same decay")
 
     def test_a_constant_rotor_whose_modes_have_one_damping(self):
         rotor = JeffcottRotor(rotor_y=1.0).simulate(n_periods=300)
-        self.check(estimate_period([rotor]), "one spacing alone")
+        self.check(estimate_period([rotor]), "only one spacing")
 
     @pytest.mark.first(1)
     @pytest.mark.parametrize("seed", range(5))
     def test_a_constant_system_of_five_modes_of_one_damping(self, seed):
         turns = np.sort(np.random.default_rng(seed).uniform(0.5, 30.0, 5))
         found = estimate_period([record_of(1j * turns, damping=0.02, seed=seed)])
-        self.check(found, "Cannot tell")
+        self.check(found, "No period found")
 
     def test_one_mode_with_one_spacing(self):
-        self.check(estimate_period([record_of([-0.02 + 2.5j], width=1, empty=(-1,))]), "one spacing alone")
+        self.check(estimate_period([record_of([-0.02 + 2.5j], width=1, empty=(-1,))]), "only one spacing")
 
     def test_two_fundamentals_that_explain_the_lines_alike(self):
         # λ, λ + iω and those moved by the distance of the modes: a parallelogram, whose other side would do as well.

@@ -170,7 +170,7 @@ def test_nothing_left_to_test_is_no_error():
     own = random_estimates()
     found = periodicity(model_with(own.picked(terms=own.harmonics == 0)))
     assert (found.degrees, found.p_value, found.periodic) == (0, 1.0, False)
-    assert "cannot be tested" in found.sentences[0]
+    assert "was not tested" in found.sentences[0]
     assert np.isnan(found.limits).all()
 
 
@@ -235,7 +235,7 @@ def test_constant_modes_that_were_merged_are_not_called_periodic():
     assert found.p_value < 1e-6
     assert found.periodic is None
     assert found.spacing_p < 0.01
-    assert "cannot be told" in found.sentences[0]
+    assert "is undecided" in found.sentences[0]
     # It is the look at where harmonics are that makes the difference.
     assert periodicity(analysis.model).periodic is True
 

@@ -49,7 +49,7 @@ def test_a_rig_with_a_tachometer_a_wander_and_an_imbalance():
     assert analysis.shafts[0].wander == pytest.approx(0.002, rel=0.3)
     assert analysis.model.channels == ROTOR.channels
     said = " ".join(analysis.synchronisation)
-    assert "a shaft angle that is measured" in said
+    assert "the shaft angle is measured" in said
     assert "1 a revolution" in said
 
 
@@ -95,7 +95,7 @@ def test_a_rounded_sampling_interval_is_refused_with_its_cause(seed):
     wrong = Record(
         values=right.values, sample_rate=1.0 / 0.126, channels=right.channels, clock=ConstantPeriod(period=2.0 * np.pi)
     )
-    with pytest.raises(IdentificationError, match=r"50 sampling intervals, a whole number.*rounded(.|\n)*rate=7\.9577"):
+    with pytest.raises(IdentificationError, match=r"50 samples exactly.*rounded(.|\n)*rate=7\.9577"):
         identify(wrong)
     assert identify(right).model.order == 4
 
@@ -194,7 +194,7 @@ def test_an_imbalance_that_is_left_in_is_named():
 def test_an_angle_too_rough_for_its_imbalance_is_named():
     """Pulses of one and a half samples: what the errors of the angle leave of the imbalance looks like a mode."""
     rough = identify(Run(n_periods=100, samples_per_period=16.37, seed=3).record())
-    assert any("angle of the shaft is known to 0.2" in warning for warning in rough.warnings)
+    assert any("gives the shaft angle to ±0.2" in warning for warning in rough.warnings)
     fine = identify(Run(n_periods=100, samples_per_period=16.37, pulse_deg=60.0, seed=3).record())
     assert fine.model.order == 4
     assert not any("angle of the shaft" in warning for warning in (*fine.warnings, *of_run().warnings))
@@ -206,7 +206,7 @@ def test_a_tachometer_without_slopes_is_named_at_a_steady_speed_too():
     fine = Run(n_periods=80, samples_per_period=25.1, imbalance=5.0, pulse_deg=36.0).record()
     values = np.concatenate([fine.values[:-1], [5.0 * (fine.values[-1] > 2.5)]])
     level = identify(replace(fine, values=values), validate=False)
-    assert any("angle of the shaft is known to" in warning for warning in level.warnings)
+    assert any("gives the shaft angle to" in warning for warning in level.warnings)
     assert not any("angle of the shaft" in warning for warning in identify(fine, validate=False).warnings)
 
 

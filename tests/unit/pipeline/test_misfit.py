@@ -139,7 +139,7 @@ def test_a_bootstrap_takes_wider_deviations_for_bounds(bent):
     assert not plain.exponents.bound
     assert wide.exponents.bound
     assert wide.holds
-    assert any("they also count what is left beside noise" in reason for reason in wide.reasons)
+    assert any("they also count the residual's excess over noise" in reason for reason in wide.reasons)
 
 
 @pytest.mark.parametrize("which", ["failing", "forced"])
@@ -153,7 +153,7 @@ def test_a_model_that_fails_has_no_deviations(which, request):
     assert (model.multiplier_std, model.frequency_std_hz, model.damping_ratio_std) == (None,) * 3
     assert found.modal.covariance is None
     assert found.periodicity is None
-    assert found.warnings[0].startswith("The model fails: what it leaves of the record is ")
+    assert found.warnings[0].startswith("The model fails: its residual is ")
     assert "`order=`" in found.warnings[0]
     assert not found.validation.passed
     assert found.reasons[0].startswith("The model fails: ")

@@ -62,7 +62,7 @@ def of_fields(one, other):
 @pytest.mark.parametrize("output_error", [False, True])
 def test_a_structure_is_fitted_on_both_routes(structured, free, route, output_error):
     found = structured(route, output_error)
-    assert ("Fitted as sampled" in " ".join(found.synchronisation)) == (route == "as sampled")
+    assert ("Fitted at the original sampling times" in " ".join(found.synchronisation)) == (route == "as sampled")
     assert found.refinement.state is found.state
     assert found.refinement.structure == SecondOrder(stiffness=Block(harmonics=1, symmetry="symmetric"))
     assert found.refinement.p_value > 1e-3
@@ -119,7 +119,7 @@ def test_a_structure_that_contradicts_the_record_is_refused(record):
 
 
 def test_without_joint_covariance_there_is_nothing_to_fit_to(record):
-    with pytest.raises(IdentificationError, match="there is none: the residues were not held"):
+    with pytest.raises(IdentificationError, match="needs the joint covariance of the coefficients"):
         identify(record, states=["X", "Y"], structure="auto", identifier=ERA(), order=4, harmonics=2, validate=False)
 
 
@@ -205,7 +205,7 @@ def test_a_structure_is_kept_as_text():
         ({"form": "first-order", "structure": "auto"}, "structure", 'come with the form "second-order"'),
         ({"constrained": False, "structure": "auto"}, "structure", "come with `constrained=True`"),
         ({"structure": "", "output_error": True}, "output_error", "come with a structure"),
-        ({"form": "first-order", "delay": 0.1}, "delay", 'be None but for the form "delayed"'),
+        ({"form": "first-order", "delay": 0.1}, "delay", 'be None unless the form is "delayed"'),
         ({"form": "delayed", "delay": 0.0}, "delay", "be positive"),
     ],
 )

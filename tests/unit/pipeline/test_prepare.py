@@ -298,7 +298,7 @@ def test_a_shaft_that_turns_too_seldom_is_refused():
         (ringing, {"states": ("X", "Q")}, "'Q'"),
         (ringing, {"skip": 60.5}, "holds 3 whole periods"),
         (ringing, {"skip": 63.9}, "leave most of each record"),
-        (ringing, {"no_such": 1}, "must be a field of Settings"),
+        (ringing, {"no_such": 1}, "has no option `no_such`"),
         (ringing, {"estimate_period": True, "period": 1e-3}, "two sampling intervals or more"),
         (ringing, {"estimate_period": True, "period": 1e4}, "shorter than the record"),
     ],

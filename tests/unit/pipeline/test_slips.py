@@ -24,10 +24,11 @@ WRITE = 'identify(Record(values=y, sample_rate=fs, channels=["x", "y"]), period=
         ),
         (lambda: identify("run.csv", period=1.0), "is 'run.csv'.\n  Read files with `read`"),
         (lambda: identify(RECORD, 6.28), "`settings` of `identify` must be Settings, or options by name, but is 6.28"),
-        (lambda: identify(RECORD, T=6.28), "Argument `T` of `identify` must be a field of Settings"),
-        (lambda: identify(RECORD, T=6.28), "Write `period=T`"),
-        (lambda: identify(RECORD, n_modes=2), "Write `order=2*n_modes`"),
-        (lambda: identify(RECORD, colour="red"), "The fields are: period, channels, inputs"),
+        (lambda: identify(RECORD, T=6.28), "`identify` has no option `T`."),
+        (lambda: identify(RECORD, T=6.28), "Did you mean `period=T`?"),
+        (lambda: identify(RECORD, n_modes=2), "`identify` has no option `n_modes`. Did you mean `order=2*n_modes`?"),
+        (lambda: identify(RECORD, perid=6.28), "Did you mean `period`?"),
+        (lambda: identify(RECORD, colour="red"), "Its options are: period, channels, inputs"),
     ],
 )
 def test_a_slip_is_answered_with_what_to_write(call, says):

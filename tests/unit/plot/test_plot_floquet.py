@@ -95,7 +95,7 @@ def test_growth_and_rest_have_marks_of_their_own(locked, far_apart):
     assert points(left, "grows") == pytest.approx([0.0499415702 + 1j], abs=1e-8)
     assert points(left, "decays") == pytest.approx([-0.0499415702 + 1j], abs=1e-8)
     left = exponents(far_apart).axes[0]
-    assert points(left, "neither, as far as can be told") == pytest.approx([0.0], abs=1e-9)
+    assert points(left, "neither, within its error") == pytest.approx([0.0], abs=1e-9)
     looks = [line for figure in (exponents(locked), exponents(far_apart)) for line in figure.axes[0].lines[4:]]
     assert len({(line.get_marker(), to_hex(line.get_color())) for line in looks}) == 3
 

@@ -154,7 +154,7 @@ def test_the_rate_and_what_is_said_of_it(tmp_path):
     ) in record.provenance.steps
     record = read(saved(tmp_path, function(np.zeros(200_000), step="3.94737e-04")))
     assert record.sample_rate == 1 / 3.94737e-4
-    assert "known to 6 digits only: the true one may drift by up to 0.253 samples" in notes(record)
+    assert "known to 6 digits only. The true one may drift by up to 0.253 samples" in notes(record)
     assert "No round rate is clearly meant; `rate=` overrides it." in notes(record)
     record = read(saved(tmp_path, function(step="1.95313e-05")), rate=51199.0)
     assert record.sample_rate == 51199.0

@@ -300,7 +300,7 @@ def test_an_odd_number_of_modes_may_be_delayed(oracle):
         ([], {"form": "delayed"}, "must name 1 to 4 channels, but names 0"),
         (["c0"], {"form": "delayed", "delay": 0.0}, "`delay` of `reconstruct` must be positive"),
         (["c0"], {"form": "delayed", "delay": -1.0}, "`delay` of `reconstruct` must be positive"),
-        (["c0", "c1"], {"delay": 0.1}, "`delay` of `reconstruct` must be None but for"),
+        (["c0", "c1"], {"delay": 0.1}, "`delay` of `reconstruct` must be None unless"),
         (["c0", "c1"], {"form": "third-order"}, "`form` of `reconstruct` must be one of"),
         (["c0", "c1"], {"harmonics": "all"}, '`harmonics` of `reconstruct` must be "auto", "model" or a whole number'),
         (["c0", "c1"], {"harmonics": -1}, "`harmonics` of `reconstruct`"),

@@ -331,7 +331,7 @@ def test_what_a_record_does_not_tell_is_said_to_be_taken_for_granted(oracle):
     found = refine(known.drawn(np.random.default_rng(0)), ["c0"], times=3)
     assert found.structure == SecondOrder(stiffness=Block(symmetry="symmetric"), damping=Block())
     assert found.conditional_on == ("no stiffness with 1 harmonic", "no damping with 1 harmonic")
-    words = "Stiffness with 1 harmonic cannot be told from none by this record: the deviations are conditional on"
+    words = "This record cannot tell stiffness with 1 harmonic from none: the deviations are conditional on"
     assert words in found.reasons[1]
 
 

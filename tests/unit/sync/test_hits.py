@@ -354,9 +354,9 @@ def test_what_cannot_be_searched_is_refused():
         find_hits(record, least=5.0)
     with pytest.raises(InputError, match="`apart` of `find_impacts` must be positive"):
         find_impacts(record, apart=0.0)
-    with pytest.raises(InputError, match=r"to find impacts in 4 response channels, but has 20, of which 0 miss"):
+    with pytest.raises(InputError, match=r"to find impacts in 4 response channels, but has 20, and 0 of them miss"):
         find_hits(replace(record, values=record.values[:, :20]))
     values = record.values.copy()
     values[0, ::2] = np.nan
-    with pytest.raises(InputError, match="5000 miss a channel"):
+    with pytest.raises(InputError, match="5000 of them miss a channel"):
         find_hits(replace(record, values=values))

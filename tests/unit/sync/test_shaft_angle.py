@@ -156,8 +156,8 @@ def test_missing_and_doubled_pulses_are_found(lines, by, seed):
     assert (shaft.missing, shaft.doubled) == (4, 5)
     assert shaft.rejected == 0 or by == 0.3
     assert np.abs(standardised(shaft, lambda t: theta(t, 0.002) - 0.5 - geometry[0])).max() < 6.0
-    assert said(shaft, "Missing beside")
-    assert said(shaft, "Too many for the lines")
+    assert said(shaft, " missing beside ")
+    assert said(shaft, "left out: more than there are lines")
     if lines > 1:
         assert np.abs((shaft.geometry - geometry) / shaft.geometry_std).max() < 5.0
         assert said(shaft, "unevenly spaced")
@@ -185,7 +185,7 @@ def test_a_wheel_of_four_less_one():
     times = when(TURN * numbers / 4, 0.002) + 1e-6 * np.random.default_rng(0).standard_normal(len(numbers))
     shaft = found(times, 4)
     assert (shaft.missing, shaft.doubled, shaft.rejected) == (40, 0, 0)
-    assert said(shaft, "No pulse ever comes from line 3 of 4")
+    assert said(shaft, "No pulse comes from line 3 of 4")
 
 
 def test_even_lines_are_not_called_uneven():
@@ -201,7 +201,7 @@ def test_a_wheel_with_missing_teeth_says_where_zero_is(first):
     shaft = found(times, 60)
     assert (shaft.doubled, shaft.rejected) == (0, 0)
     assert shaft.missing == numbers[-1] - numbers[0] + 1 - len(numbers)
-    assert said(shaft, "No pulse ever comes from lines 58, 59 of 60: phase zero is the first line after the gap.")
+    assert said(shaft, "No pulse comes from lines 58, 59 of 60. Phase zero is the first line after the gap.")
     assert np.isnan(shaft.geometry[58:]).all()
     assert np.isfinite(shaft.geometry[:58]).all()
     at_gap = when(np.array([TURN * (22 + 60 * 5) / 60]), 0.002)
@@ -216,7 +216,7 @@ def test_outliers_are_left_out():
     assert shaft.rejected == 4
     assert np.flatnonzero(~shaft.kept).tolist() == late
     assert np.sqrt(np.mean(standardised(shaft, lambda t: theta(t, 0.002) - 0.5) ** 2)) < 2.0
-    assert said(shaft, "Far off the angle of the others, and left out: 4 pulses.")
+    assert said(shaft, "4 pulses left out: far off the angle of the others.")
 
 
 @pytest.mark.parametrize(("rate", "place"), [(2.0, 0.01), (0.6, 0.1)])
@@ -243,11 +243,11 @@ def test_a_wander_that_the_curve_cannot_follow_is_told():
     times = (
         numbers / 10.0 + 1e-3 * np.sin(TURN * numbers / 7.0) + JITTER * np.random.default_rng(0).standard_normal(100)
     )
-    assert not said(found(times), "alike from one to the next")
+    assert not said(found(times), "from pulse to pulse, so its deviations are too small")
     numbers = np.arange(400)
     fast = numbers / 40.0 + 1e-3 * np.sin(TURN * numbers / 7.0)
-    assert said(found(fast, 4), "alike from one to the next")
-    assert not said(found(pulses(0.002)), "alike from one to the next")
+    assert said(found(fast, 4), "from pulse to pulse, so its deviations are too small")
+    assert not said(found(pulses(0.002)), "from pulse to pulse, so its deviations are too small")
 
 
 @pytest.mark.slow
@@ -272,7 +272,7 @@ def test_a_gap_that_cannot_be_counted_is_told():
 
 
 def test_a_record_beyond_the_pulses_is_told():
-    assert said(found(pulses(0.0)[:80]), "revolutions after it: there the speed is taken as constant.")
+    assert said(found(pulses(0.0)[:80]), "revolutions after it: the speed is taken as constant there.")
     assert not said(found(pulses(0.0, turns=100)), "beyond the evidence")
 
 
@@ -284,7 +284,7 @@ def test_a_record_beyond_the_pulses_is_told():
     [
         (0.0, True, "The speed is constant at 10"),
         (0.01, True, "steady enough for a periodic model"),
-        (0.04, True, "usable with care above 1 %"),
+        (0.04, True, "Above 1 % take care"),
         (0.1, False, "more than 5 %: no periodic model holds"),
     ],
 )
@@ -371,7 +371,7 @@ def test_missing_samples_and_samples_averaged_over_the_wrap():
     assert shaft.rejected > 50
     times = np.linspace(0.5, 9.5, 50)
     assert np.abs(shaft.angle(times) - true(times)).max() < 0.002
-    assert said(shaft, "samples: 200")
+    assert said(shaft, "200 samples missing")
 
 
 # What is refused.

@@ -190,7 +190,7 @@ def test_coefficients_of_a_fit_have_their_floor():
     values = np.array(record.values)
     values[:, 700:703] = np.nan
     analysis = identify(replace(record, values=values), validate=False)
-    assert "Fitted as sampled: missing samples." in analysis.synchronisation
+    assert "Fitted at the original sampling times: samples are missing." in analysis.synchronisation
     seen = views.expansion(analysis, 0, 0)
     assert seen.harmonics[seen.kept].tolist() == [-1, 0, 1]
     own = analysis.model.coefficients[0, 0, 0]
@@ -230,7 +230,7 @@ def odd():
 
 
 def test_synthesis_of_a_record_fitted_as_sampled(odd):
-    assert "Fitted as sampled: missing samples." in odd.synchronisation
+    assert "Fitted at the original sampling times: samples are missing." in odd.synchronisation
     seen = views.synthesis(odd, 0)
     record = odd.fit.free[0]
     assert seen.times == pytest.approx(record.times)

@@ -43,7 +43,7 @@ class LinSignals(Brief):
         Which of them are in the rotating frame (signals,); None in files too old to say.
     derivative_orders
         The highest order of derivative in the equation each belongs to: 2 for displacements and velocities, 1 for a
-        state by itself, 0 for what is no state (signals,); None in files too old to say.
+        state alone, 0 for what is no state (signals,); None in files too old to say.
     """
 
     names: tuple[str, ...] = ()
@@ -223,7 +223,7 @@ def _table(text: _Text, title: str, count: int) -> tuple[LinSignals, Floats]:
         return LinSignals(), np.empty(0)
     start = text.starting(title)
     if start is None:
-        raise text.error(None, f"has no table «{title.capitalize()[:-1]}», of which {count} are announced")
+        raise text.error(None, f"announces {count} and has no table «{title.capitalize()[:-1]}»")
     head = text.lines[start + 1].lower() if start + 1 < len(text.lines) else ""
     if "operating point" not in head:
         raise text.error(start + 1, "must be the head of a table, with the column «Operating Point»")

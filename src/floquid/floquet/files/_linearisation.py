@@ -208,7 +208,7 @@ class OpenFastLinearisation(Rebuilt):
         )
 
     def every_other(self) -> OpenFastLinearisation:
-        """The same at the azimuths 0, 2, 4, .... Where its exponents are near those of all azimuths, these are enough.
+        """Linearisation at azimuths 0, 2, 4, …: where its exponents are near those of all, the azimuths are enough.
 
         Raises InputError where the number of azimuths is odd, so that half of them are not spread over the revolution,
         or below six.

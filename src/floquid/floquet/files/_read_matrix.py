@@ -86,7 +86,7 @@ def read_matrix(
     - beside them `states`, the names of the states;
 
     `summary.json` and `result.h5` of `floquid identify` with an A(t); and `.lin` files of OpenFAST, or folders of them
-    (see `read_openfast`), of which the harmonics are taken that the azimuths determine.
+    (see `read_openfast`): the harmonics that the azimuths determine are taken.
 
     Raises InputError where there is no such file; it is of another kind, damaged or cut short; it has not the names
     above (the message lists those that it has); an array is not of its shape, or is not finite; or the period is not

@@ -46,7 +46,7 @@ def read_openfast(
     without the row and column of ψ, and a_ψx the row of ψ without its own column (a one under the generator's speed).
     The rank-one term is there because a faster rotor comes sooner to each azimuth: it is as large as the orbit's own
     motion, and nothing where x* is constant. The factor in front, of mean one, makes the time t = ψ/Ω̄. So the
-    exponents are those of the turbine but for the one zero that belongs to a shift along the orbit. B is treated as
+    exponents are those of the turbine except for the one zero that belongs to a shift along the orbit. B is treated as
     A, row by row; C loses a column; D stays.
 
     Nothing else is left out: the speed of the generator, the torsion of the drivetrain and every state of first order
@@ -62,7 +62,7 @@ def read_openfast(
     Parameters
     ----------
     paths
-        A folder, of which all `.lin` files are taken but those of single modules (`Main.1.ED.lin`); a pattern with
+        A folder: all its `.lin` files except those of single modules (`Main.1.ED.lin`); a pattern with
         `*`; a file; or several of these. In any order.
     azimuth
         "phase" as above. "drop" only strikes out the row and column of ψ, as is usual after a multi-blade transform.

@@ -61,7 +61,7 @@ class Truncated(NamedTuple):
         return 4.0 * _EPS * self.condition * problem.norm
 
     def split(self, problem: Problem) -> Floats:
-        """Distance, modulo iω, of each to the farthest of those that may be one with it but for rounding (modes,)."""
+        """Distance, modulo iω, of each to the farthest of those equal to it up to rounding (modes,)."""
         apart = np.abs(modulo(np.subtract.outer(self.exponents, self.exponents), problem.fundamental))
         # The condition of an exactly defective one is without bound, that by which it splits is not.
         rounding = np.minimum(self.rounding(problem), np.cbrt(_EPS) * problem.norm)
@@ -90,7 +90,7 @@ def effect_of_edges(problem: Problem, modes: Truncated) -> Floats:
 def truncated(problem: Problem) -> Truncated | None:
     r"""The modes of A_{k-m} - i m ω δ_{km}; None while the truncation cannot tell n of them.
 
-    Every mode is there about 2 N + 1 times, as λ + i k ω with its harmonics moved by k; that copy is taken of which the
+    Every mode is there about 2 N + 1 times, as λ + i k ω with its harmonics moved by k; that copy is taken whose
     least is carried over the edges, the best centred of several. Where multiple exponents are not told from copies,
     all are taken from one multiple of iω, where each stands once.
     """
@@ -188,7 +188,7 @@ def swinging_along(problem: Problem, found: Truncated, index: int) -> Truncated:
 
     .. math:: x = e^{g(t)}\, z, \qquad z' = (A - g' I)\, z, \qquad g(t + T) = g(t)
 
-    A shape of which some phases are 1e-6 of others, and whose left partner is as small where it is large, has an
+    A shape with some phases 1e-6 of others, and whose left partner is as small where it is large, has an
     exponent that is well conditioned at each instant, but not in harmonics, where all phases are mixed. With g the
     logarithm of the shape's size both partners are level, and the exponent is the same.
     """

@@ -27,8 +27,8 @@ class HillOutcome(Enum):
         "harmonics (`n_harmonics`); or use `floquet.exponents`, which integrates."
     )
     ROUNDED = (
-        "no truncation would make them settle, they are ill conditioned: nearly multiple exponents that share a shape, "
-        "as on a boundary of stability, or shapes that nearly coincide."
+        "the exponents are ill conditioned, and no truncation makes them settle. They nearly coincide and share a "
+        "shape, as on a boundary of stability."
     )
 
 
@@ -54,7 +54,7 @@ class HillModes(Rebuilt):
         The truncation N.
     change
         What each exponent is known to (modes,) [1/s]: its change from the truncation before, or how far it is from
-        another that may be one with it but for rounding.
+        another that may be one with it up to rounding.
     condition
         Of each exponent as an eigenvalue of the truncated problem, 1 at best (modes,).
     outcome
@@ -143,7 +143,7 @@ def _principal(modes: Truncated, doubt: Floats, fundamental: float) -> tuple[Com
     """Principal exponents, the multiples of iω taken off; whose shape each has, and whether conjugate.
 
     A(t) is real, so that the exponents are conjugate in pairs modulo iω, or are their own conjugates: real, or on the
-    edge of the strip (a real negative multiplier). The truncation is exact in this but for its own error.
+    edge of the strip (a real negative multiplier). The truncation is exact in this except for its own error.
     """
     from scipy.optimize import linear_sum_assignment
 

@@ -122,7 +122,7 @@ def _constant(value: Operand) -> Floats | None:
 def _declared_together(
     first: AbstractPeriodicMatrix, second: AbstractPeriodicMatrix, of: str
 ) -> tuple[AbstractPeriodicMatrix, AbstractPeriodicMatrix, float]:
-    """Both over their least common period."""
+    """Declare two matrices over their least common period."""
     period, counts = multiples((first.period, second.period), of)
     return declared(first, counts[0], period), declared(second, counts[1], period), period
 

@@ -72,7 +72,7 @@ def fourier(matrix: AbstractPeriodicMatrix, n_harmonics: int) -> Complexes:
 
     In closed form for harmonics, constant pieces and trigonometric samples. A function without breaks is sampled at
     equal steps until its upper harmonics have died away, which is checked between the samples; what has breaks or does
-    not die away is cut into elements, on each of which it is a Legendre series, with coefficients in closed form too.
+    not die away is cut into elements; on each it is a Legendre series, with coefficients in closed form too.
     """
     if isinstance(matrix, HarmonicMatrix):
         lines = np.arange(-n_harmonics, n_harmonics + 1)

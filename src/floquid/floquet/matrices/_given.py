@@ -17,7 +17,7 @@ OFFSET = 0.381966  # off every simple fraction of the period, where jumps and ze
 
 
 def checked_period(period: float, of: str) -> float:
-    """The period, of which the fundamental is finite too."""
+    """The period, whose fundamental is finite too."""
     length = positive(period, "period", of, unit="s")
     if not np.isfinite(4096.0 / length):
         raise input_error("period", of, "be long enough for a fundamental", f"is {length:g} s", "Check its unit.")
@@ -52,7 +52,7 @@ def checked_breaks(breaks: ArrayLike, period: float, of: str) -> Floats:
 
 
 def refuse_repeated_end(values: Floats, name: str, of: str) -> None:
-    """Refuse samples of which the last is the first again, as `linspace(0, T, P + 1)` makes them."""
+    """Refuse samples whose last is the first again, as `linspace(0, T, P + 1)` makes them."""
     n_samples = values.shape[2]
     largest = np.abs(values).max(axis=2)
     parts = (values, values[..., :-1])

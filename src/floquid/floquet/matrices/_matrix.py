@@ -117,11 +117,11 @@ class AbstractPeriodicMatrix(ABC):
         return _operations().to_pieces(self, n_pieces)
 
     def repeated(self, count: int) -> AbstractPeriodicMatrix:
-        """The same matrix, in the same form, declared over `count` of its periods."""
+        """Matrix in the same form, declared over `count` of its periods."""
         return _operations().repeated(self, count)
 
     def reduced(self) -> AbstractPeriodicMatrix:
-        """The same matrix, in the same form, declared over its smallest period.
+        """Matrix in the same form, declared over its smallest period.
 
         That is the period over k for the largest k, up to 1000, with which the matrix repeats itself to 1e-10 of its
         largest value: by its harmonics if it has them, else at 32 instants and between any two of its breaks. What is

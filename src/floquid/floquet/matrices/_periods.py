@@ -64,7 +64,7 @@ def constant_value(matrix: AbstractPeriodicMatrix) -> Floats | None:
 
 
 def repeated(matrix: AbstractPeriodicMatrix, count: int) -> AbstractPeriodicMatrix:
-    """The same matrix over `count` of its periods; see `AbstractPeriodicMatrix.repeated`."""
+    """Matrix over `count` of its periods; see `AbstractPeriodicMatrix.repeated`."""
     number = integer(count, "count", "AbstractPeriodicMatrix.repeated", at_least=1)
     return declared(matrix, number, number * matrix.period)
 
@@ -92,7 +92,7 @@ def declared(matrix: AbstractPeriodicMatrix, count: int, period: float) -> Abstr
 
 
 def reduced(matrix: AbstractPeriodicMatrix) -> AbstractPeriodicMatrix:
-    """The same matrix over its smallest period; see `AbstractPeriodicMatrix.reduced`."""
+    """Matrix over its smallest period; see `AbstractPeriodicMatrix.reduced`."""
     if constant_value(matrix) is not None:
         return matrix
     if isinstance(matrix, HarmonicMatrix):

@@ -108,7 +108,7 @@ def factorise(
 
     .. math:: \lVert (\Phi_1 - \Phi)\,\Phi^{-1} \rVert, \qquad \lVert \Phi^{-1} (\Phi_1 - \Phi) \rVert
 
-    Where A is `smooth` within each interval, the halves are better than the difference by 2^{2s}, of which the square
+    Where A is `smooth` within each interval, the halves are better than the difference by 2^{2s}, whose square
     root is counted on; elsewhere the difference itself must be within the tolerance. A factor must also be so well
     conditioned that rounding does not spoil its small directions. The equations are solved, and errors measured, in
     units of the states `scale` (n,), powers of two.

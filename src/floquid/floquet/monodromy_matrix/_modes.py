@@ -35,9 +35,8 @@ class ModesOutcome(Enum):
 
     FULL = "the modes are a full set"
     DEFECTIVE = (
-        "some exponents cannot be told from multiple ones that share a shape (see `defective`): their mean is right, "
-        "each by itself only to the root of the tolerance, and terms t e^{λt} belong to the response; use "
-        "`floquet_lyapunov`, which needs no full set"
+        "some exponents may be multiple and share a shape (see `defective`). Their mean is right; each alone only to "
+        "the root of the tolerance. The response has terms t e^{λt}: use `floquet_lyapunov`, which needs no full set"
     )
 
 

@@ -101,7 +101,7 @@ def product_shapes(factors: Floats) -> tuple[Complexes, Complexes]:
 
 
 def periodic_shapes(found: ProductModes, nodes: Indices) -> Complexes:
-    """Of eigenvectors at the nodes of equal phases, the shapes x_k exp(growth_k - λ t_k) (phases, n, modes)."""
+    """Shapes x_k exp(growth_k - λ t_k) (phases, n, modes) from eigenvectors at the nodes of equal phases."""
     share = np.arange(len(nodes))[:, None] / len(nodes)
     # The two terms are large and nearly equal: they are taken apart before the exponential.
     real = found.growth[nodes] - share * found.logarithms.real

@@ -173,8 +173,8 @@ def intervals(prepared: Prepared, instants: Floats, of: str) -> tuple[Indices, F
             f"be integrable in {MOST} steps",
             f"it is as large as {prepared.size:.3g} 1/s over {instants[-1] - instants[0]:.3g} s, which takes "
             f"{wanted.sum():.2g}",
-            "Check its unit and that of the period; take out states that decay at once; take a shorter interval; or "
-            "use `floquet.hill`, which takes no steps.",
+            "Check its unit and that of the period. Take out states that decay at once, or use a shorter interval, or "
+            "`floquet.hill`, which takes no steps.",
         )
     parts = wanted.astype(np.intp)
     _, lefts, rights = divided(left, right, parts)

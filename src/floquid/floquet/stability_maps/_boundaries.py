@@ -38,7 +38,7 @@ def samples(points: Floats, found: Spectra, margin: float) -> Samples:
 
 
 def added(old: Samples, new: Samples) -> Samples:
-    """Both, the new ones last."""
+    """Join old and new samples, the new ones last."""
     return Samples(
         np.concatenate([old.points, new.points]),
         joined([old.spectra, new.spectra]),
@@ -204,7 +204,7 @@ def boundary(of: Cells, tolerance: Floats, evaluate: Evaluate, margin: float) ->
     edges, met = bisect(calm, unstable, tolerance, evaluate, margin)
     place = np.full(crossing.shape, -1)
     place[crossing] = back.ravel()
-    # Four crossings: opposite corners agree. Each unstable corner is cut off by itself.
+    # Four crossings: opposite corners agree. Each unstable corner is cut off alone.
     twice = crossing.all(axis=1)
     pairs = [place[~twice][crossing[~twice]].reshape(-1, 2)]
     for row, first in zip(place[twice], wild[cut[twice], 0], strict=True):

@@ -37,7 +37,7 @@ class Instability(IntEnum):
     """Kinds of instability, by the largest multiplier μ."""
 
     STABLE = 0
-    """It is not."""
+    """No instability."""
 
     DIVERGENCE = 1
     """μ > 1: growth without oscillation, or at whole multiples of the system's own frequency."""

@@ -22,7 +22,7 @@ _NUMBERS = 50_000  # of the matrices of one sample of a batch
 
 @contextmanager
 def shared_by(count: int, of: Family) -> Iterator[Callable[..., Spectra]]:
-    """The spectra at points (points, parameters), found by so many workers; a listener is told how many are done.
+    """The spectra at points (points, parameters), found by `workers` processes; a listener is told how many are done.
 
     The points are taken in chunks that do not depend on how many work on them. Nothing is left behind.
     """

@@ -264,7 +264,7 @@ def _apart(found: Sequence[Peak], blocks: Sequence[Block]) -> list[Peak]:
 
 
 def first_fits(peak: Peak, now: Isolated, blocks: Sequence[Block], rank_one: bool) -> Iterator[Mode]:
-    """One-mode fits near a peak of what is left: a pair, and next to an end of the band a real pole too."""
+    """One-mode fits near a peak of the residual: a pair, and next to an end of the band a real pole too."""
     samples = blocks[peak.block].samples
     spacing = 2.0 * np.pi / samples
     angle, reach = peak.line * spacing, max(2 * peak.width, 8) * spacing

@@ -297,7 +297,7 @@ def pruned(
 ) -> ProductFit:
     """The fit without the entries, one after another, whose absence raises the cost by less than their `limits`.
 
-    At `least` so many entries are kept.
+    At `least` this number of entries is kept.
     """
     while len(found.products.poles) > least:
         trials = [

@@ -110,7 +110,7 @@ class Residual:
 
 
 def _lagged(values: Floats, lags: int) -> Floats:
-    """Sums of products of values so many samples apart, of all columns (lags + 1,)."""
+    """Sums of products of values, by their lag in samples, of all columns (lags + 1,)."""
     size = 2 * len(values)
     power = np.sum(np.abs(np.fft.rfft(values, size, axis=0)) ** 2, axis=1)
     return np.fft.irfft(power, size)[: lags + 1]

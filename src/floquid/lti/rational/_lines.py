@@ -137,7 +137,7 @@ def model_on(modes: Modes, data: TimeResponses, scale: Floats, rows: Sequence[Ro
 
 
 def _fittings(modes: Modes, rows: Sequence[Rows]) -> list[Fitting]:
-    """Inputs that are fitted together: all of them where they share participations, and otherwise each by itself."""
+    """Inputs that are fitted together: all of them where they share participations, and otherwise each alone."""
     every = list(range(len(rows)))
     return [Fitting.of(modes, group, rows) for group in ([[i] for i in every] if modes.shares is None else [every])]
 

@@ -139,8 +139,8 @@ def _check(modal: ModalModel, lifted: Lifted, harmonics: int | None, of: str = "
     if harmonics is None and not _has_deviations(modal):
         got = "is None: which harmonics rise above the noise cannot be told"
         remedy = (
-            "Pass the number of harmonics to keep on each side, or let maximum likelihood finish the poles: "
-            "MaximumLikelihood(initial=...) as `identifier=`, or era-ml, lscf-ml, poly-ml by name."
+            "Pass the number of harmonics to keep on each side, or let maximum likelihood finish the poles. Pass "
+            "`identifier=MaximumLikelihood(initial=...)`, or era-ml, lscf-ml, poly-ml by name."
         )
         raise input_error("harmonics", "assemble", "be given when the modal model has no deviations", got, remedy)
 

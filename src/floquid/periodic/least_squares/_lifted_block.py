@@ -75,7 +75,7 @@ class LiftedBlock(Block):
         return np.abs(self._values()).max(axis=(1, 2))
 
     def with_noise(self, noise: Floats) -> LiftedBlock:
-        """The same samples with other noise (rows,)."""
+        """Samples with other noise (rows,)."""
         return replace(self, noise=noise)
 
     def gain(self, rates: Complexes, *, slope: bool = False) -> Complexes:
@@ -238,10 +238,10 @@ class KeptCycles(LiftedBlock):
         return KeptCycles(lifted, hit, rows, np.ones(len(rows)), kept=kept)
 
     def _values(self) -> Floats:
-        """Those of the cycles that are there (rows, phases, cycles)."""
+        """Values of the cycles that are there (rows, phases, cycles)."""
         return self.lifted.responses.values[:, 0].reshape(len(self.rows), self.lifted.n_phases, -1)
 
     def _factors(self, columns: Columns) -> tuple[NDArray, NDArray, NDArray, Terms, Integers]:
-        """Those of the cycles that are there."""
+        """Factors of the cycles that are there."""
         starts, cycles, phases, terms, outer = LiftedBlock._factors(self, columns)  # noqa: SLF001  # super() is not to be had with slots
         return starts[self.kept], cycles[self.kept], phases, terms, outer

@@ -126,7 +126,7 @@ class OneShape:
 
     @cached_property
     def inverse(self) -> Floats:
-        """Its inverse (channels, numbers, numbers)."""
+        """Inverse of the information (channels, numbers, numbers)."""
         return np.array([scaled_inverse(matrix, ROUNDING) for matrix in self.information])
 
     @property
@@ -144,7 +144,7 @@ class OneShape:
 
     @cached_property
     def complex_shapes(self) -> Complexes:
-        """The same as complex numbers (columns, channels)."""
+        """Shapes as complex numbers (columns, channels)."""
         whole = np.zeros((2 * len(self.own), self.n_channels))
         whole[self.kept] = self.shapes
         return whole[: len(self.own)] + 1j * whole[len(self.own) :]
@@ -294,7 +294,7 @@ class OneShape:
 
     @cached_property
     def covariance(self) -> Floats:
-        """Of exponents and all states (n, n), zero where one is no parameter."""
+        """Covariance of exponents and all states (n, n), zero where one is no parameter."""
         found = np.zeros((len(self.whole[1]),) * 2)
         found[np.ix_(self.parameters, self.parameters)] = self.normal_inverse
         return found
@@ -323,7 +323,7 @@ class OneShape:
         return found
 
     def with_noise(self, least: Sequence[Floats]) -> OneShape:
-        """The same with the noise that it leaves, at least `least` of each block (rows,)."""
+        """Fit with the noise of its own residual, at least `least` of each block (rows,)."""
         blocks = []
         for block, left, used, low in zip(self.blocks, self.left, self.used, least, strict=True):
             noise = np.sqrt(np.maximum(left, 0.0) / np.maximum(block.n_samples - used, 1.0))
@@ -340,7 +340,7 @@ class OneShape:
         return replace(found, linear=linear, cost=self.cost)
 
     def with_bands(self, bands: Integers) -> OneShape:
-        """The same exponents and states with other bands of harmonics."""
+        """Exponents and states with other bands of harmonics."""
         entries = replace(self.entries, bands=bands)
         linear = tuple(eliminated(self.blocks, entries))
         return OneShape(self.blocks, entries, linear, self.states, self.held)

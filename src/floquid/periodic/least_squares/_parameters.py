@@ -155,7 +155,7 @@ class ModeParameters:
 
     @cached_property
     def _even_alone(self) -> Integers:
-        """Even columns of which the odd entry does not have the harmonic (columns,)."""
+        """Even columns whose odd entry does not have the harmonic (columns,)."""
         modes, harmonics = self._members
         odd = set(zip(modes.tolist(), harmonics.tolist(), strict=True))
         return np.array(
@@ -240,7 +240,7 @@ class ModeParameters:
         return float(size) * 2.0 * np.pi / self.fundamental
 
     def padded(self, by: int, most: int) -> ModeParameters:
-        """With bands of the modes wider `by` so many harmonics a side, but within `most` fundamentals of the axis."""
+        """With bands of the modes wider `by` harmonics a side, but within `most` fundamentals of the axis."""
         turns = np.rint(self.exponents.imag / self.fundamental + self.offsets).astype(np.int64)
         low = np.maximum(self.bands[:, 0] - by, -most - turns)
         high = np.minimum(self.bands[:, 1] + by, most - turns)
@@ -254,7 +254,7 @@ class ModeParameters:
         return replace(self, **{name: getattr(self, name)[own] for name in BY_ENTRY}, squares=squares)
 
     def joined(self, other: ModeParameters) -> ModeParameters:
-        """These and then the `other` ones."""
+        """Join these parameters and then the `other` ones."""
         both = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in BY_ENTRY}
         if self.squares is not None or other.squares is not None:
             both["squares"] = np.concatenate([self.all_squares, other.all_squares])

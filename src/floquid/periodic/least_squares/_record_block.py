@@ -78,11 +78,11 @@ class RecordBlock(Block):
         return step_of(self.times)
 
     def with_noise(self, noise: Floats) -> RecordBlock:
-        """The same samples with other noise (rows,)."""
+        """Samples with other noise (rows,)."""
         return replace(self, noise=noise)
 
     def placed(self, hit: int, rows: Integers) -> RecordBlock:
-        """The same samples as those of another hit, and of other channels."""
+        """Samples as those of another hit, and of other channels."""
         return replace(self, hit=hit, rows=rows)
 
     def gain(self, rates: Complexes, *, slope: bool = False) -> Complexes:
@@ -171,7 +171,7 @@ class RecordBlock(Block):
         return both, both * self.times[chunk, None]
 
     def _through(self, columns: Columns, chunk: slice) -> tuple[Floats, Floats]:
-        """The same after the filter, which is one for all rows."""
+        """Factors after the filter, which is one for all rows."""
         assert self.before is not None
         assert self.taps is not None
         plain, order = replace(self, before=None, taps=None), self.taps.shape[1] - 1
@@ -226,7 +226,7 @@ def _turned(turns: Floats, angles: Floats) -> Complexes:
 
 @dataclass(frozen=True, kw_only=True)
 class GappyBlock(RecordBlock):
-    """Evenly spaced samples of which some are missing: sums over all, with any values there, less those of these."""
+    """Evenly spaced samples with some missing: sums over all, with any values there, less those of these."""
 
     holes: RecordBlock  # the missing samples with the values that stand for them
     taken: Integers  # indices of the samples that are there (samples there,)

@@ -47,7 +47,7 @@ class Residual:
         return Residual(values, taken, step, np.median(levels, axis=1), levels)
 
     def level(self) -> Residual:
-        """The same with one level for all bands."""
+        """Residual with one level for all bands."""
         return replace(self, levels=np.broadcast_to(self.noise[:, None], self.levels.shape))
 
     def between(self, rates: Complexes) -> tuple[Floats, Integers]:
@@ -88,7 +88,7 @@ def _hann(samples: int) -> Floats:
 
 
 def squared(lines: NDArray[np.complexfloating]) -> NDArray[np.floating]:
-    """Their squared sizes, without the roots that `abs` takes."""
+    """Squared sizes of lines, without the roots that `abs` takes."""
     return lines.real**2 + lines.imag**2
 
 

@@ -113,7 +113,7 @@ class Block(ABC):
 
     @abstractmethod
     def with_noise(self, noise: Floats) -> Block:
-        """The same samples with other noise (rows,)."""
+        """Samples with other noise (rows,)."""
 
     @property
     def wanders(self) -> bool:

@@ -86,7 +86,7 @@ class Solution:
     """Addition to variances, of clusters and of modes next to their conjugate (parameters,); None for nothing."""
 
     def covariance(self) -> Floats:
-        """Of the real parameters (parameters, parameters): the sandwich of information and scatter."""
+        """Covariance of the real parameters (parameters, parameters): the sandwich of information and scatter."""
         size = np.diag(self.information)
         told = np.flatnonzero(size > NOTHING * size.max(initial=0.0))
         own = np.ix_(told, told)
@@ -182,9 +182,8 @@ def solve(
             return now
         if not hold:
             raise IdentificationError(
-                "Holding the residues to their harmonics moves an exponent away from where lifting found it, by "
-                f"{away(now).max():.2g} a period: a mode hardly rises above the noise. Leave it out (`order=`), or "
-                "finish without (`constrained=False`)."
+                f"The fit with shared harmonics moves an exponent by {away(now).max():.2g} a period from its start: a "
+                "mode hardly rises above the noise. Leave it out (`order=`), or pass `constrained=False`."
             )
         exponents = np.where(gone, begin.exponents, now.entries.exponents)
         put_back = replace(now.entries, exponents=exponents, fixed=now.entries.fixed | gone)
@@ -192,7 +191,7 @@ def solve(
 
 
 def normal(at: Solution) -> Normal:
-    """The normal equations; a parameter of which all but nothing is known stays."""
+    """The normal equations; a parameter with almost no information stays."""
     size = np.diag(at.information)
     there = size > NOTHING * size.max(initial=0.0)
     return Normal(matrix=at.information, gradient=at.gradient, given=np.sqrt(np.where(there, size, np.inf)))

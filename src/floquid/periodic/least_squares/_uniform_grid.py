@@ -72,7 +72,7 @@ class EvenColumns:
     def of(
         cls, columns: Columns, times: Floats, step: float | None, *, middle: float, half: float
     ) -> EvenColumns | None:
-        """Those columns, None where they cannot be had in pieces."""
+        """Columns on the grid; None where they cannot be had in pieces."""
         if step is None or ((columns.factors >= SPEED) & (columns.factors <= SPEED_RATE)).any():
             return None
         growth = float(columns.growth.max(initial=0.0))

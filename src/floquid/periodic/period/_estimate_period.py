@@ -131,7 +131,7 @@ def estimate_period(
     third …, is judged by how well it explains all lines; then the period, the exponents, and all amplitudes over the
     harmonics seen and one beyond are fitted together, by maximum likelihood in white noise.
 
-    The fundamental is the largest ω of which all spacings seen are whole multiples: the half revolution of a shaft
+    The fundamental is the largest ω that divides all spacings seen: the half revolution of a shaft
     with two equal halves, as far as the response shows it. One spacing alone is no period, however clear: two modes
     of a constant system with the same damping look the same. Lines that do not decay are a steady response: a limit
     cycle, or that to a force. Where they are multiples of half the fundamental they speak for it; where the lines that
@@ -145,7 +145,7 @@ def estimate_period(
     Parameters
     ----------
     records
-        One record, or one a hit on the same system, of equal channels. Their clocks are not looked at, but for the
+        One record, or one a hit on the same system, of equal channels. Their clocks are not looked at, except for the
         instant of phase zero that a constant period gives.
     longest, shortest
         Bounds of the period [s]; a quarter of the record, and two sampling intervals, where not given.

@@ -28,7 +28,7 @@ HIGHEST = 40  # the highest harmonic of an orbit that is fitted for its period
 
 @dataclass(frozen=True, slots=True)
 class OrbitLines:
-    """A fundamental of which lines that do not decay are multiples."""
+    """A fundamental whose multiples are lines that do not decay."""
 
     fundamental: float  # [rad/s]
     std: float  # its deviation [rad/s]
@@ -50,7 +50,7 @@ def orbit_of(blocks: Sequence[RecordBlock], lines: Lines, least: float, most: fl
 
 
 def _seen(tones: Lines, lines: Lines, least: float, most: float, duration: float) -> OrbitLines | None:
-    r"""The fundamental from `least` to `most` [rad/s] of which tones are multiples; None where chance explains that.
+    r"""The fundamental from `least` to `most` [rad/s] with tones as its multiples; None where chance explains that.
 
     Of ω that makes each of two or more frequencies fᵢ a multiple mᵢ, the largest, by weighted least squares; by chance
     one is as near with the probability 2.5 σᵢ/ω. An orbit x(t + T/2) = -x(t) has odd harmonics alone, and a system

@@ -34,7 +34,7 @@ CROWDED = 0.15
 """The difference of two exponents, over both decays, within which lines that both have tell hardly anything apart."""
 
 CLUSTER = 1e-3  # the probability of harmonics of one exponent at which a mode is taken for several
-LASTING = 0.5  # decay over the record, in nepers, within two deviations of which a tone is steady
+LASTING = 0.5  # decay over the record, in nepers: a tone within two deviations of it is steady
 
 NEAREST = 3  # branches on each side that a speed which wanders is asked about
 BETTER = 9.0  # the fall of the misfit within which no branch is the better one
@@ -92,7 +92,7 @@ def _padded(point: Point, most: int) -> Point:
 
 
 def _uncrowded(entries: ModeParameters, padded: Integers) -> Integers:
-    """Padded bands but for harmonics on the lines of a mode that folds next to it: there the two are not told apart."""
+    """Padded bands without harmonics on the lines of a mode that folds next to it: the two are not determined there."""
     free, padded = np.flatnonzero(~entries.fixed & ~entries.real), padded.copy()
     for entry in free:
         taken: set[int] = set()
@@ -111,7 +111,7 @@ def _uncrowded(entries: ModeParameters, padded: Integers) -> Integers:
 
 
 def named(point: Point) -> Point:
-    """The same fit, each mode on the branch whose zeroth harmonic carries most of the energy of its shape.
+    """Fit with each mode on the branch whose zeroth harmonic carries most of the energy of its shape.
 
     Channels are weighted by the inverse of their noise; ties go to the larger frequency. At a speed that wanders the
     branches are no names, and stay.

@@ -98,7 +98,7 @@ def _hides(found: Point, point: Point, trial: Trial) -> bool:
 
 
 def _hidden(found: Solution) -> float:
-    """How far from a single real multiplier a second one may be that noise explains, by the interval of q [1/s]."""
+    """Distance from a single real multiplier to a second one that noise hides, by the interval of q [1/s]."""
     return float(np.sqrt(max(float(found.entries.all_squares[-1]) + WITHIN * _square_std(found), 0.0)))
 
 
@@ -134,7 +134,7 @@ def _coefficients(entries: ModeParameters) -> int:
 
 
 def _trials(solution: Solution, bands: Integers, axis: int) -> Iterator[Trial]:
-    """What may be one pair near an axis: all modes there together, each pair of conjugates, the two real multipliers.
+    """Candidates for one pair near an axis: all modes there together, each pair of conjugates, two real multipliers.
 
     Of a single real multiplier, it and a second one.
     """

@@ -28,7 +28,7 @@ from floquid.periodic.least_squares import (
 from floquid.search import Move
 
 LONGEST_STEP = 0.3  # the most that an exponent moves in a step [1/period]: beyond, one linearisation says nothing
-STEPS = 12  # steps of one fit: what is far from rest after so many is not near a minimum
+STEPS = 12  # steps of one fit: what is far from rest after them is not near a minimum
 SINGULAR = 1e-11  # the share of the largest eigenvalue of a scaled matrix below which a direction says nothing
 HOPE = 2.0  # times the fall that a full step promises beyond which no fit goes
 FARTHEST = 0.5  # the most that a wider band may move an exponent [1/period]: beyond, the multiplier is another one

@@ -56,7 +56,7 @@ def peaks(
     most: int,
     decays: int = DECAYS,
 ) -> tuple[Peak, list[Peak]]:
-    """The exponential that takes most out of what is left, and those that may be tried, at most so many.
+    """The exponential that explains most of the residual, and those that may be tried, at most `most`.
 
     These are apart from one another and from the angular frequencies `passed` [rad/s], strongest first; the first is
     there in any case, the others pass the limit. Other parameters as of `strongest`.

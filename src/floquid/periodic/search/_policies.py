@@ -129,8 +129,8 @@ def searched_white(
 ) -> tuple[Point, Floats | None]:
     """The search of samples after the filter that whitens the residual, and that filter (channels, taps).
 
-    The filter is None where the residual is white. The colour is judged twice: by the residual of loud modes, none of
-    which is noise, and by that of all.
+    The filter is None where the residual is white. The colour is judged twice: by the residual of loud modes, which
+    are no noise, and by that of all.
     """
     taps, after = None, blocks
 

@@ -15,7 +15,7 @@ report."""
 
 
 def untold(point: Point) -> Indices:
-    """Places of the modes whose own information is next to none, but for the last one, which stays.
+    """Places of the modes whose own information is next to none, except for the last one, which stays.
 
     One that stands still for longer than the record is known if that is: its decay has no share of its own.
     """

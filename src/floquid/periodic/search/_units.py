@@ -12,7 +12,7 @@ ALIKE = 1e-7  # the share of a scaled column beyond the others below which it is
 
 
 class Units:
-    """Columns of a fit with wide bands, of which those of narrower bands are in."""
+    """Columns of a fit with wide bands, those of narrower bands among them."""
 
     def __init__(self, point: Point, wide: Point, bands: Integers | None = None) -> None:
         """Take columns of a `point` with `wide` bands; those in are its own, or the `bands` given."""

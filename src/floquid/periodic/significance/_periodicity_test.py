@@ -29,7 +29,7 @@ below, chi-squares are no longer those of chance (measured)."""
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PartialTests(Rebuilt):
-    """The same test on parts of the harmonics, one a harmonic, a mode or a channel.
+    """Tests on parts of the harmonics, one a harmonic, a mode or a channel.
 
     Parameters
     ----------
@@ -296,7 +296,7 @@ def _table(part: list[tuple[float, int, float]], adjusted: Floats) -> PartialTes
 
 
 def _clear(whole: Estimates, tested: Indices) -> Indices:
-    """Harmonics that clearly rise above the noise, each by itself."""
+    """Harmonics that clearly rise above the noise, each alone."""
     every = np.arange(whole.blocks.shape[0])
     found = [k for k in tested if whole.turning[k] and wald(whole, np.array([k]), every)[2] < SURE]
     return np.array(found, np.intp)

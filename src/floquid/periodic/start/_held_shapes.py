@@ -45,7 +45,7 @@ def held_shapes(modal: ModalModel, lifted: Lifted, *, false_alarm: float) -> tup
 
 
 def _held(modal: ModalModel, lifted: Lifted, exponents: Complexes, width: int) -> Complexes:
-    """Residues (modes, outputs, hits) with so many harmonics on each side of the branch of each mode."""
+    """Residues (modes, outputs, hits) with harmonics on each side of the branch of each mode."""
     omega, found = 2.0 * np.pi / lifted.period, np.array(modal.residues)
     for mode, value in enumerate(exponents):
         low = high = 0

@@ -129,7 +129,7 @@ def _columns(poles: Complexes, n_cycles: int) -> Floats:
 
 
 def _orthonormal(columns: Floats) -> Floats:
-    """A basis of columns, but for those that are rounding (cycles, rank)."""
+    """A basis of columns, except for those that are rounding (cycles, rank)."""
     size = np.linalg.norm(columns, axis=0)
     left, values, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
     return left[:, values > ROUNDING * values.max(initial=1e-300)]

@@ -141,7 +141,7 @@ class Bootstrap(Told, Rebuilt):
         )
 
     def _on_bounds(self) -> list[Finding]:
-        """Those deviations that are larger than the draws spread."""
+        """Finding on deviations that exceed the spread of the draws."""
         wide = {}
         for spread in self.quantities:
             ratios = spread.ratios()

@@ -28,7 +28,7 @@ class Plan:
 
     model: PeriodicModel  # the model drawn from, without its joint covariance
     fitted: PeriodicModel
-    """The same with every harmonic that was fitted, also those that the model does not keep: where fits start."""
+    """Model with every harmonic that was fitted, also those that it does not keep: where fits start."""
     built: PeriodicModel  # the same with the harmonics alone that A(t) was built from
     states: tuple[str, ...]  # names of the states of A(t); none where there is no A(t)
     settings: Settings  # without states where there is no A(t); with the structure and the delay that were found

@@ -213,7 +213,7 @@ def _memory(taps: Floats, longest: int) -> int:
 
 
 def _fitted(plan: Plan, values: Sequence[Floats]) -> Draw:
-    """The same modes and bands fitted anew, and A(t) as before."""
+    """Refit the modes and bands, and A(t) as before."""
     records = [replace(record, values=own) for record, own in zip(plan.records, values, strict=True)]
     clocks = plan.clocks
     if plan.lifted is not None and (plan.modal is not None or plan.lifted.whitening is not None):
@@ -295,7 +295,7 @@ def _identified(plan: Plan, values: Sequence[Floats]) -> Draw:
 
 
 def drawn(plan: Redrawn, seeds: Sequence[SeedSequence], workers: int) -> Iterator[Draw]:
-    """The draws in the order of their seeds, by so many processes; InputError where one cannot start, or dies."""
+    """The draws in the order of their seeds, by several processes; InputError where one cannot start, or dies."""
     from threadpoolctl import threadpool_limits
 
     if workers == 1:

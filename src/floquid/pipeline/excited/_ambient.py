@@ -91,13 +91,13 @@ def identified_ambient(records: Sequence[Record], settings: Settings, report: Ca
 
 
 def _refuse_copies(first: NDArray[np.float64], own: Parted) -> None:
-    """Refuse outputs of which one is a sum of others: they have no innovations of their own."""
+    """Refuse outputs that are sums of others: they have no innovations of their own."""
     spread = np.linalg.eigvalsh(np.corrcoef(first).reshape(len(first), -1))
     if spread[0] < COPY:
         names = ", ".join(repr(channel.name) for channel in own.outputs)
         raise IdentificationError(
-            f"Of the outputs {names} one is a copy or a sum of others, without noise of its own: what each sample adds "
-            "to those before is not independent. Leave it out: `channels=`."
+            f"One of the outputs {names} is a copy or a sum of others, without noise of its own. Their innovations are "
+            "not independent. Leave it out: `channels=`."
         )
 
 

@@ -37,7 +37,7 @@ def identified_driven(records: Sequence[Record], settings: Settings, report: Cal
 
     with e white in each output. Candidates for λ come from a subspace method on modulated inputs, those together that
     come up most, then others from what is left; harmonics, modes and real multipliers are decided by tests; all is
-    finished by maximum likelihood. The state at the begin of each record is free: a decay after a measured blow is the
+    finished by maximum likelihood. The state at the start of each record is free: a decay after a measured blow is the
     same fit.
 
     Raises InputError where the records, the inputs or the clock are not possible, IdentificationError where the inputs
@@ -69,8 +69,8 @@ def identified_driven(records: Sequence[Record], settings: Settings, report: Cal
         raise IdentificationError(f"Identification ended without a result: {late[0].clause}.")
     if not found.modes:
         raise IdentificationError(
-            "Identification ended without a result: no mode that the inputs reach, or that rings at the begin, rises "
-            "above the noise. Drive it harder or for longer, or check which channels are `inputs`."
+            "Identification ended without a result: no mode rises above the noise, driven by the inputs or ringing at "
+            "first. Drive it harder or for longer, or check which channels are `inputs`."
         )
     report("estimating deviations")
     near = read_near_axis(samples, found)

@@ -82,7 +82,7 @@ class Lines:
     def _above(
         self, harmonics: NDArray[np.float64], values: Sequence[NDArray[np.float64]], periods: float = 0.0
     ) -> NDArray[np.float64]:
-        """Lines over those beside, the most of all channels in records of so many periods or more (harmonics,)."""
+        """Lines over those beside, the most of all channels in records that are long enough (harmonics,)."""
         each = [
             _above_beside(own, times, self.period, harmonics)
             for own, times in zip(values, self.times, strict=True)

@@ -20,7 +20,7 @@ from floquid.transfer import CURVATURE, MeasuredTransfer, by_chirps, by_polynomi
 OF = "measure_transfer"
 
 Method: TypeAlias = Literal["repeats", "polynomials", "chirps"]
-"""How G is measured."""
+"""Ways to measure G."""
 
 POINTS = 400
 """Frequencies where none are named."""
@@ -67,7 +67,7 @@ def measure_transfer(
     repeat
         Periods of the system in a repeat of the inputs; by default found from them.
     drop
-        Repeats at the begin of each record that are left out, for the transient to die.
+        Repeats at the start of each record that are left out, for the transient to die.
     reference
         Names of channels, as many as inputs, that drive the inputs and know nothing of the noise, as the command of a
         loop: G is then free of bias where there is a feedback or noise on the inputs. By polynomials alone.

@@ -43,7 +43,7 @@ LEAST = 2.1
 """Samples that a period must last."""
 
 STILL = 5
-"""Periods at the begin of a record in which nothing drives: from so many on a response must ring down."""
+"""Periods without drive at the start of a record from which on a response must ring down."""
 
 FADED, FAINT = 0.5, 0.05
 """Shares of the energy before, and of that when driven, that a response has left then which does not ring down."""
@@ -214,15 +214,15 @@ def _refuse(names: Sequence[str], inputs: Sequence[NDArray[np.float64]], rate: f
         )
     if np.linalg.eigvalsh(np.corrcoef(centred).reshape(len(size), -1))[0] < COPY:
         raise IdentificationError(
-            "The inputs are copies or sums of one another: what each does cannot be told. Leave one out of `inputs`, "
-            "or drive them with signals that are independent."
+            "The inputs are copies or sums of one another: their effects cannot be separated. Leave one out of "
+            "`inputs`, or drive them with signals that are independent."
         )
     for name, rows in zip(names, zip(*inputs, strict=True), strict=True):
         if max(_off_harmonics(row[None], rate, period) for row in rows) < PERIODIC:
             raise IdentificationError(
                 f"Input {name!r} repeats with the period of the system: all of its lines are multiples of its "
-                "fundamental. The response to it then repeats, too, and nothing but that can be learned: leave it "
-                "out of `inputs`, or drive with lines between the harmonics, at random, or with blows."
+                "fundamental. So does the response to it, which shows no modes. Leave it out of `inputs`, or drive "
+                "with lines between the harmonics, at random, or with blows."
             )
 
 

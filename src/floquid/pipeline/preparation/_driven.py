@@ -19,7 +19,7 @@ BROAD = 16.0
 """Lines of a spectrum over which the energy is spread, at least: those of a tone or a lasting mode are a few."""
 
 WHITE = 0.125
-"""The same as a share of all lines, from which on it is noise and no response."""
+"""Share of all lines from which on a force is noise and no response."""
 
 BESIDE = 3  # lines on either side of a harmonic of the period that are its own
 
@@ -52,7 +52,7 @@ def refuse_driven(records: Sequence[Record], settings: Settings) -> None:
             raise IdentificationError(
                 f"Channel {channel.name!r}{where} is a force that acts during the record: the response is not free, "
                 f"and modes found in it would be wrong. Name what drives the system (`inputs={every}`), or use a "
-                "record that begins when the force is off (cut it, or `skip=` the periods in which it acts)."
+                "record that begins when the force is off: cut it, or pass `skip=`."
             )
 
 

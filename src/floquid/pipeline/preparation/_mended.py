@@ -1,4 +1,4 @@
-"""Faults that a record shows by itself mended: samples that are none left out, and the record cut where it was hit."""
+"""Repair the faults of a record: leave out false samples, and cut it where it was hit."""
 
 from __future__ import annotations
 

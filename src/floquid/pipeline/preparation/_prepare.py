@@ -144,7 +144,7 @@ def without_clock(record: Record) -> Record:
 
 
 def uneven_speed(shafts: Sequence[ShaftAngle]) -> tuple[Finding, ...]:
-    """Those shafts at whose speed a periodic model does not hold, and why."""
+    """Findings on shafts at whose speed a periodic model does not hold."""
     return tuple(warning("uneven_speed", reasons=shaft.reasons) for shaft in shafts if not shaft.steady)
 
 

@@ -56,7 +56,7 @@ def refuse_period(records: Sequence[Record], of: str, *, near: float = 1.0) -> N
 
 
 def refuse_short(records: Sequence[Record], clocks: Sequence[ConstantPeriod | ShaftAngle]) -> None:
-    """Refuse records of which none holds 4 periods."""
+    """Refuse records that are all shorter than 4 periods."""
     turned = any(isinstance(clock, ShaftAngle) for clock in clocks)
     check = (
         "the pulses and periods of a revolution (`pulses_per_revolution=`, `periods_per_revolution=`)" if turned else ""
@@ -79,7 +79,7 @@ def refuse_few(periods: float, check: str = "", slip: str = "") -> None:
 
 
 def _once_a_period(samples: float, record: Record) -> bool:
-    """True where a period of so many samples is a single one over all of the record."""
+    """True where a period of this number of samples is the only one in the record."""
     return abs(samples - 1.0) * record.n_samples <= LARGEST_DRIFT
 
 

@@ -37,7 +37,7 @@ _BLANK = ' \t,;"\n'
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Body:
-    """The rows under the header: the lines `first` to `last` of the file (from 1), of which `count` hold numbers."""
+    """The rows under the header: the lines `first` to `last` of the file (from 1), with `count` lines of numbers."""
 
     path: Path
     first: int

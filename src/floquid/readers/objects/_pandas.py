@@ -73,7 +73,7 @@ def from_pandas(
     (`floquid.read`). Dates count from the first of them, at 0 s. NaN and `pandas.NA` are missing samples. A column
     that does not hold real numbers is refused, not left out.
 
-    Of what `to_pandas` gave it is the record that was, but for its provenance. Raises InputError where pandas is not
+    Of what `to_pandas` gave it is the record that was, except for its provenance. Raises InputError where pandas is not
     installed, the table has no times and no rate is given, times are uneven, or a column, a unit or a number is not
     possible.
 

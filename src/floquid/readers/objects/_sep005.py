@@ -75,7 +75,7 @@ def from_sep005(
     Each has `data` (samples,), `name`, `unit_str`, and `fs` [Hz] or `time` (samples,) [s]; of the optional keys
     `quantity`, `group` and `start_timestamp` are used. A sample that is NaN or None is missing.
 
-    Of what `to_sep005` gave it is the record that was, but for its provenance. Raises InputError where a key is
+    Of what `to_sep005` gave it is the record that was, except for its provenance. Raises InputError where a key is
     missing, the signals were not sampled together (the message says which), or a unit or a number is not possible.
 
     `signals` has one dictionary a channel; a single one will do. `rate`, `units`, by the names of channels in place of

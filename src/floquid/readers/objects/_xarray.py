@@ -63,7 +63,7 @@ def from_xarray(
     the first of them; it is repaired as the times of a file are (`floquid.read`). Names are the coordinate of the
     other dimension, or those of the variables. Units are the coordinate `unit`, or `attrs["units"]`.
 
-    Of what `to_xarray` gave it is the record that was, but for its provenance. Raises InputError where xarray is not
+    Of what `to_xarray` gave it is the record that was, except for its provenance. Raises InputError where xarray is not
     installed, there are no times and no rate is given, times are uneven, or a dimension, a unit or a number is not
     possible.
 

@@ -100,7 +100,7 @@ def _rate_of(step: Printed, n_points: int) -> tuple[float, str]:
         return rate, f"Sampling rate {rate:.12g} Hz: one over the header's {step.text} s."
     return rate, (
         f"Sampling rate {rate:.12g} Hz: one over the header's {step.text} s, known to "
-        f"{counted(step.digits, 'digit')} only: the true one may drift by up to {drift:.3g} samples over the record. "
+        f"{counted(step.digits, 'digit')} only. The true one may drift by up to {drift:.3g} samples over the record. "
         "No round rate is clearly meant; `rate=` overrides it."
     )
 
@@ -115,7 +115,7 @@ def _start_notes(start: Printed, step: Printed) -> tuple[str, ...]:
 def _check_alike(
     source: Source, headers: Sequence[FunctionHeader], own: Sequence[OwnLines | None], names: Sequence[str]
 ) -> None:
-    """The same for all: what the headers say, and what our ID lines say where there are such."""
+    """Check that all headers agree, and our ID lines where there are such."""
     facts = [_facts(header) for header in headers]
     for row, words in enumerate(facts):
         if words != facts[0]:

@@ -296,7 +296,7 @@ def _end_of_text(source: Source, data: bytes, place: int, number: int, first: in
 def _end_of_bytes(
     source: Source, data: bytes, place: int, binary: BinaryBlock, header: FunctionHeader | None, first: int
 ) -> tuple[int, int]:
-    """The same for binary content: by its own count of bytes, or else by its count of values."""
+    """Extent of binary content, by its count of bytes, or else by its count of values."""
     sizes = [binary.n_bytes, *(() if header is None else header.sizes)]
     for size in sizes:
         closing = _CLOSING.match(data, place + size) if size <= len(data) - place else None

@@ -32,7 +32,7 @@ from floquid.readers.variables._variables import (
 from floquid.tables import Table, TimeColumn, make_channel
 
 _LABELS = re.compile("label|channel|name|sensor", re.IGNORECASE)
-"""What a variable is called that holds the names of channels, where several might."""
+"""Name of a variable that holds the names of channels, where several might."""
 
 _PATH = re.compile(r"(?P<path>.+?)(?P<turned>\.T)?(?:\[(?P<row>\d{1,9})\])?")
 
@@ -60,13 +60,11 @@ def _table_by_path(source: Source, file: VariableFile, *, channels: Sequence[str
     if channels is None:
         missing = "channels" if "values" in file.variables else "values"
         such = example(file)
+        named = f"Name them by `channels=`, as in {such}; without times beside them pass `rate=` [Hz], too. "
         raise source.error(
-            "hold `values` and `channels`, or have its channels named by their paths",
+            "say which variables are its channels",
             f"has no `{missing}` and none is named. It holds:\n{listing(file) or '    nothing'}",
-            f"Name them by `channels=`, as in {such}; without times beside them pass `rate=` [Hz], too. "
-            f"{file.dialect.save}"
-            if such
-            else file.dialect.save,
+            f"{named if such else ''}{file.dialect.save}",
         )
     beside = _times(file)
     rows = [row for word in channels for row in _rows(source, file, beside, _parse(source, file, word))]

@@ -292,7 +292,7 @@ def break_line(text, start, new):
         ("Rotor Speed:", "   Rotor Speed: fast rad/s", "must state the rotor speed in rad/s, but states 'fast rad/s'"),
         ("Rotor Speed:", "   Rotor Speed: 12.1 rpm", "must state the rotor speed in rad/s"),
         ("Azimuth:", "   Azimuth: 12.1 deg", "must state the azimuth in rad"),
-        ("Order of inputs:", "Order of imputs:", "has no table «Order of inputs», of which 2 are announced"),
+        ("Order of inputs:", "Order of imputs:", "announces 2 and has no table «Order of inputs»"),
         ("Row/Column", "   Row/Column  Description", "must be the head of a table"),
         ("2   ", lambda line: line.replace(" T ", " X "), "must say T or F"),
         ("2   ", lambda line: line.replace("2   ED", "two ED"), "must have an integer under «Derivative Order»"),
