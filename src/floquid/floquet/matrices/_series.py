@@ -247,7 +247,7 @@ class SampledMatrix(Rebuilt, AbstractPeriodicMatrix):
         return self._with(np.tile(np.asarray(self.values), count), times, period)
 
     def part(self, count: int) -> AbstractPeriodicMatrix:
-        """The samples of one repetition; of samples that are no whole number of them, harmonics or a function."""
+        """The samples of one of `count` repetitions; harmonics or a function where none holds a whole number."""
         period, times = self.period / count, np.asarray(self.times)
         if len(times) % count == 0:
             rows = times.reshape(count, -1)
