@@ -24,7 +24,7 @@ export PYTHONDONTWRITEBYTECODE :=
 export PYTHONPYCACHEPREFIX := $(CURDIR)/$(VENV)/bytecode
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test slow kill pages bench peers order adversary turbine drawn structure methods frozen edge simulators fuzz platform lint format docs requirements upgrade clean
+.PHONY: help install demo test slow kill pages bench paper peers order adversary turbine drawn structure methods frozen edge simulators fuzz platform lint format docs requirements upgrade clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 22
@@ -47,6 +47,9 @@ pages: $(INSTALLED) ## make the report and open it in a browser, and run every b
 
 bench: $(INSTALLED) ## time the benchmarks
 	$(PYTEST) benchmarks --benchmark-enable --benchmark-only
+
+paper: $(INSTALLED) ## the paper's figures and numbers beside ours (into build/paper/; two minutes)
+	$(BIN)/python -m benchmarks.paper --out build/paper
 
 order: $(INSTALLED) ## how often the order is right, over random systems (into build/order/; ten minutes on two cores)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.order --jobs 2 --out build/order

@@ -73,7 +73,6 @@ def lint(tmp_path):
 ALLOWED = {
     "cli": "import floquid.systems, floquid.plot, floquid.testing, floquid.store, floquid.pipeline, floquid.floquet",
     "plot": "import matplotlib, bokeh, floquid.pipeline",
-    "paper": "import floquid.plot, floquid.pipeline, floquid.systems, floquid.floquet, floquid.testing",
     "reporting": "import jinja2, bokeh, floquid.plot",
     "pipeline": "import floquid.checks, floquid.lifting, floquid.lti, floquid.readers, floquid.errors",
     "periodic": "import floquid.lti, floquid.order, floquid.fit",
@@ -108,9 +107,7 @@ WRONG = [
     ("store", "import floquid.plot", "layers"),
     ("pipeline", "def late():\n    import floquid.plot", "layers"),
     ("lifting", "import floquid.order", "layers"),
-    ("pipeline", "import floquid.paper", "layers"),
-    ("paper", "import floquid.reporting", "layers"),
-    ("reporting", "import floquid.paper", "layers"),
+    ("pipeline", "import floquid.reporting", "layers"),
     ("surprise", "import floquid.core", "layers"),
     ("lti", "import floquid.core", "lti-is-anonymous"),
     ("errors", "import floquid.core", "foundations"),
@@ -129,7 +126,6 @@ WRONG = [
     ("pipeline", "import matplotlib.pyplot", "plotting"),
     ("cli", "import matplotlib", "plotting"),
     ("store", "import jinja2", "plotting"),
-    ("paper", "import matplotlib", "plotting"),
     ("systems", "def draw():\n    from bokeh import plotting", "plotting"),
 ]
 

@@ -69,7 +69,7 @@ def quick_pictures(monkeypatch):
     quicken(monkeypatch)
 
 
-DRAWN = ("test_commands", "test_paper_command", "test_report_command")
+DRAWN = ("test_commands", "test_report_command")
 """Modules that look at pictures and at the report; in the others these would take most of the time."""
 
 

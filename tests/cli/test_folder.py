@@ -38,10 +38,9 @@ made = [
 ]
 
 def put(which):
-    others = {"paper.md": lambda path: path.write_text(f"paper of {which}")} if which else {}
     with result_folder(place, NAMES) as folder:
         mark = write_result(folder, made[which], f"of = {which}", lambda _: None)
-    draw_result(place, made[which], mark, lambda _: None, others=others)
+    draw_result(place, made[which], mark, lambda _: None)
 """
 )
 
@@ -130,8 +129,7 @@ def check_kill(place, results, seen):
     between = any((place / name).exists() for name in (READY, MOVING))
     settle(place)
     after = visible(place)
-    extra = {name: data for name, data in after.items() if name == "paper.md"}
-    whole = [{**own, **extra} for own in (*results, *({name: own[name] for name in FIRST} for own in results))]
+    whole = [*results, *({name: own[name] for name in FIRST} for own in results)]
     assert after in whole
     assert not any((place / name).exists() for name in (READY, MOVING))
     seen.append("between" if between else "mended" if after != now else "whole")

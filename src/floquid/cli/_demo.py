@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -18,7 +17,7 @@ from floquid._arrays import Floats
 from floquid._checks import input_error
 from floquid.cli._folder import NAMES, draw_result, result_folder, write_result
 from floquid.cli._identify import STAGES
-from floquid.cli._options import Choices, Flag, Format, NewRecordFile, Noise, Periods, Place, Seed, Whole
+from floquid.cli._options import Choices, Format, NewRecordFile, Noise, Periods, Place, Seed, Whole
 from floquid.cli._terminal import (
     json_text,
     new_table,
@@ -32,10 +31,8 @@ from floquid.cli._terminal import (
 from floquid.core import Record
 from floquid.errors import IdentificationError
 from floquid.exports import summary
-from floquid.paper import Number, PaperFigure, figures, numbers, page, reproduce
 from floquid.pipeline import Analysis, validated
 from floquid.pipeline import identify as identify_records
-from floquid.plot import save_figure
 from floquid.readers import write
 from floquid.reconstruction import reconstruct
 from floquid.systems import SYSTEMS, JeffcottRotor, Run
@@ -48,17 +45,6 @@ PUBLISHED = {"X, Y": 0.013, "X_tt, Y_tt": 0.031}
 """The largest errors of A(t) that the paper states: 0.013 with the mass's displacements, 3.1 % with the turntable's."""
 
 STATES = ("X", "Y")
-
-PAPER_FILES = ("paper.md", *(f"figures/paper_{number}.png" for number in range(2, 9)))
-"""Files that --paper writes beside the usual ones."""
-
-COLUMNS = ("printed", "corrected", "AMI", "max. likelihood")
-
-LEGEND = (
-    "corrected: the right value by the rotor's equations; of an error, its part with exact residues. AMI and max. "
-    "likelihood are ours: (19) is one standard deviation in the last digits. Values without one are of the first draw "
-    "of the noise. All is without dimension: time is counted in 1/ω_n."
-)
 
 
 def simulate(
@@ -125,8 +111,6 @@ def demo(
     periods: Periods = 1024,
     noise: Noise = 0.02,
     seed: Seed = 0,
-    paper: Annotated[bool, Flag] = False,
-    draws: Whole = 10,
     format: Format = "text",  # noqa: A002
 ) -> None:
     """Simulate the experiment of Allen's paper, identify it, and compare with the truth.
@@ -137,17 +121,10 @@ def demo(
         The system: jeffcott, a rotor on an anisotropic shaft in anisotropic bearings.
     out
         A folder for record.npz, result.h5, summary.json, settings.toml, figures/ and report.html.
-    paper
-        Redraw the figures 2 to 8 of the paper, and hold every number of its section 3 against ours by both algorithms.
-    draws
-        With --paper: over how many draws of the noise, from `seed` on, errors are taken.
     format
         text prints tables; json prints summary.json alone.
     """
     rotor = _system_named(system)
-    if paper:
-        _demo_of_paper(out, periods, noise, seed, draws, format)
-        return
     with result_folder(out, NAMES) as folder, progress(STAGES + 3) as report:
         report("simulating")
         record = rotor.simulate(n_periods=periods, noise=noise, seed=seed)
@@ -164,29 +141,6 @@ def demo(
         draw_result(out, analysis, mark, report, truth=_truth(rotor))
     if format == "text":
         print_folder(out, "record.npz")
-
-
-def _demo_of_paper(out: Path, periods: int, noise: float, seed: int, draws: int, format: str) -> None:  # noqa: A002
-    """The paper's experiment by both algorithms; the result written is that of maximum likelihood."""
-    if draws < 1:
-        raise input_error("--draws", "floquid demo", "be at least 1", f"is {draws}")
-    with result_folder(out, (*NAMES, *PAPER_FILES)) as folder, progress(draws + 5) as report:
-        done = reproduce(seed=seed, draws=draws, n_periods=periods, noise=noise, report=report)
-        report("collecting the numbers")
-        rows, analysis = numbers(done), done.maximum_likelihood
-        mark = write_result(folder, analysis, _settings(analysis), report, record=done.record)
-    if format == "json":
-        sys.stdout.write(json_text(summary(analysis)))
-    else:
-        _print_numbers(rows)
-    with progress(4) as report:
-        report("drawing the figures of the paper")
-        files = _files_of_paper(figures(done), rows)
-        draw_result(out, analysis, mark, report, truth=_truth(done.rotor), others=files)
-    if format == "json":
-        return
-    terminal().print(f"The figures beside the paper's words, and this table: {out / 'paper.md'}", soft_wrap=True)
-    print_folder(out, "record.npz", "paper.md")
 
 
 def _settings(analysis: Analysis) -> str:
@@ -239,41 +193,3 @@ def _compared(rotor: JeffcottRotor, analysis: Analysis) -> dict[str, Table]:
         "Principal Floquet exponents, against the truth": exponents,
         "Largest error of A(t), over all elements and the period": errors,
     }
-
-
-def _files_of_paper(figures: Sequence[PaperFigure], rows: Sequence[Number]) -> dict[str, Callable[[Path], object]]:
-    """The files of the comparison by name, each with a function that writes it to a path."""
-    files = {_paper_name(figure): partial(save_figure, figure.figure) for figure in figures}
-    text = page(figures, rows, _paper_name)
-    return {"paper.md": lambda path: path.write_text(text, encoding="utf-8"), **files}
-
-
-def _paper_name(figure: PaperFigure) -> str:
-    return f"figures/paper_{figure.number}.png"
-
-
-def _print_numbers(rows: Sequence[Number]) -> None:
-    """The table of numbers, a part for each section of the paper, and the notes below."""
-    console = terminal()
-    notes = list(dict.fromkeys(number.note for number in rows if number.note))
-    # The parts of the table stand under one another.
-    widths = [max(len(number.cells[column]) for number in rows) for column in range(len(COLUMNS))]
-    longest = min(max(len(number.what) for number in rows) + 5, max(20, console.width - sum(widths) - 10))
-    for section in dict.fromkeys(number.section for number in rows):
-        print_title(console, f"Section {section} of the paper, and ours")
-        table = Table(box=None, pad_edge=False)
-        table.add_column("", min_width=longest)
-        for name, width in zip(COLUMNS, widths, strict=True):
-            table.add_column(name, justify="right", no_wrap=True, min_width=width)
-        for number in rows:
-            if number.section != section:
-                continue
-            mark = f" [{notes.index(number.note) + 1}]" if number.note else ""
-            table.add_row(number.what + mark, *number.cells)
-            for words, *ours in number.over_draws:
-                table.add_row(f"    {words}", "", "", *ours)
-        console.print(table)
-    console.print()
-    console.print(LEGEND, style="dim")
-    for place, note in enumerate(notes, start=1):
-        console.print(f"[{place}] {note}", style="dim")

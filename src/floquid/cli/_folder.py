@@ -20,7 +20,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
@@ -282,25 +281,21 @@ def draw_result(
     report: Callable[[str], None],
     *,
     truth: tuple[np.ndarray, np.ndarray] | None = None,
-    others: Mapping[str, Callable[[Path], object]] = MappingProxyType({}),
 ) -> None:
     """Draw the figures and the page of a result that `write_result` marked into its folder, `path`.
 
-    `others` are further files by their names in the folder, each with a function that writes it to a path. Where
-    another program has put its result there meanwhile, nothing is added to that.
+    Where another program has put its result there meanwhile, nothing is added to that.
     """
     from floquid.plot import save_figures
     from floquid.reporting import report as write_report
 
-    with result_folder(path, (*NAMES, *others)) as folder:
+    with result_folder(path, NAMES) as folder:
         place = folder.unfinished
         report("drawing the figures")
         (place / "figures").mkdir()
         save_figures(analysis, place / "figures", truth=truth)
         known = truth if analysis.state is not None else None
         write_report(analysis, place / "report.html", truth=known, progress=report)
-        for name, make in others.items():
-            make(place / name)
         folder.publish(beside=mark)
 
 

@@ -67,18 +67,18 @@ def export_modes(
     if suffix not in MODE_FORMATS:
         got = f"{file} has the suffix {suffix!r}"
         raise input_error("path", of, "end in a known suffix", got, f"Use one of {', '.join(MODE_FORMATS)}.")
-    model = result if isinstance(result, PeriodicModel) else result.model
+    model, analysis = _parts(result)
     if coordinates is not None and suffix not in (".uff", ".unv"):
         got = f"{file} has no place for them"
         raise input_error("coordinates", of, "come with a universal file (.uff, .unv)", got, "Leave them out.")
     if suffix in (".uff", ".unv"):
         content = uff_bytes(model, coordinates or {})
     elif suffix == ".mat":
-        content = mat_bytes(model, None if isinstance(result, PeriodicModel) else result.state)
+        content = mat_bytes(model, None if analysis is None else analysis.state)
     elif suffix == ".csv":
         content = csv_bytes(model)
     else:
-        content = _json_bytes(result)
+        content = _json_bytes(model, analysis)
     with atomic_path(file, of=of) as temporary:
         temporary.write_bytes(content)
 
@@ -90,7 +90,7 @@ def modes_frame(result: Analysis | PeriodicModel) -> pd.DataFrame:
     `result` is what `identify` found, or its `model`. Raises InputError where pandas is not installed.
     """
     pandas = load_package("pandas", "modes_frame")
-    model = result if isinstance(result, PeriodicModel) else result.model
+    model, _ = _parts(result)
     upper = list(model.upper_modes)
     columns = {
         name: np.full(len(upper), np.nan) if values is None else values[upper]
@@ -99,10 +99,15 @@ def modes_frame(result: Analysis | PeriodicModel) -> pd.DataFrame:
     return pandas.DataFrame(columns, index=pandas.RangeIndex(1, len(upper) + 1, name="mode"))
 
 
-def _json_bytes(result: Analysis | PeriodicModel) -> bytes:
+def _parts(result: Analysis | PeriodicModel) -> tuple[PeriodicModel, Analysis | None]:
+    """The model, and the analysis that it is of where that was given."""
+    return (result, None) if isinstance(result, PeriodicModel) else (result.model, result)
+
+
+def _json_bytes(result: PeriodicModel, analysis: Analysis | None) -> bytes:
     content: dict[str, Any]
-    if isinstance(result, Analysis):
-        content = summary(result)
+    if analysis is not None:
+        content = summary(analysis)
     else:
         content = {
             "format": "floquid-modes/1",

@@ -177,14 +177,16 @@ def from_periodic_system(
     (harmonics, seen), (reach, gains), (straight, direct) = (
         _told(*part, of) for part in ((harmonics, seen), (reach, gains), (straight, direct))
     )
-    own = ModelInputs(
-        channels=sources,
-        coefficients=np.moveaxis(gains, (0, 2), (2, 0)),
-        harmonics=reach,
-        direct=np.moveaxis(direct, 0, 2),
-        direct_harmonics=straight,
-        initial=np.zeros((len(exponents), 0), complex),
-    )
+    own = None
+    if sources:
+        own = ModelInputs(
+            channels=sources,
+            coefficients=np.moveaxis(gains, (0, 2), (2, 0)),
+            harmonics=reach,
+            direct=np.moveaxis(direct, 0, 2),
+            direct_harmonics=straight,
+            initial=np.zeros((len(exponents), 0), complex),
+        )
     return PeriodicModel(
         exponents=exponents,
         coefficients=np.moveaxis(seen, (0, 2), (2, 0))[:, :, None],
@@ -192,7 +194,7 @@ def from_periodic_system(
         period=system.period,
         channels=outputs,
         provenance=Provenance(sources=(f"a {type(system).__name__}",)),
-        inputs=own if sources else None,
+        inputs=own,
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 from floquid._checks import input_error, integer
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
@@ -44,6 +44,11 @@ class AbstractIdentifier(ABC):
         poles, conjugates one by one, where None lets an algorithm that decides do so, and `report` is told of each
         stage.
         """
+
+    def of_order(self, order: int) -> Self:
+        """The algorithm with options that follow from an `order` to be scanned and were not given; itself if none."""
+        del order
+        return self
 
     def refine(self, state: Any, model: ModalModel) -> ModalModel:
         """The model, of the data in `state`, of the same order as `model` and nearest to it.

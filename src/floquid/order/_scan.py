@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -11,11 +10,9 @@ from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import input_error, integer
 from floquid.lti import (
     ERA,
-    LSCF,
     AbstractIdentifier,
     ModalModel,
     Outcome,
-    PolyLSCF,
     TimeResponses,
     fit_residues,
     weighted_blocks,
@@ -29,9 +26,6 @@ FAR = 10.0
 """The misfit, in tolerances, beyond which two poles are just as far: one that is lost pushes no other off its match."""
 
 DEFAULT = Tolerances()
-
-DEGREES = 4
-"""The degree of a rational function over the order asked for: well above one, since noise takes most of the roots."""
 
 
 def scan(
@@ -85,7 +79,7 @@ def scan(
     models = []
     for order in listed:
         report(f"scanning: order {order}")
-        own = _of_order(chosen, order)
+        own = chosen.of_order(order)
         models.append(own.extract(state if own is chosen else own.prepare(principal), order))
     return OrderScan(
         orders=listed,
@@ -110,13 +104,6 @@ def _orders(orders: Sequence[int] | None, samples: int) -> tuple[int, ...]:
         remedy = "Record more samples, or ask for fewer poles."
         raise input_error("orders", "scan", f"be less than the {samples} samples", f"has {listed[-1]}", remedy)
     return tuple(listed)
-
-
-def _of_order(identifier: AbstractIdentifier, order: int) -> AbstractIdentifier:
-    """The identifier with the degree of its rational function by the `order`, where it has one and it is not given."""
-    if isinstance(identifier, (LSCF, PolyLSCF)) and identifier.degree is None:
-        return replace(identifier, degree=DEGREES * order)
-    return identifier
 
 
 def _rank_one(identifier: AbstractIdentifier) -> bool:

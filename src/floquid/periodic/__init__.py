@@ -1,10 +1,8 @@
 """A modal model of lifted responses → the `PeriodicModel`: delay, branch, harmonics and their uncertainty.
 
-`fit` holds the residues to their harmonics, and `refit` keeps them; `to_control` and `from_control` take the model to
-python-control and back.
+`fit` holds the residues to their harmonics, and `refit` keeps them.
 """
 
-from floquid.periodic._control import from_control, to_control
 from floquid.periodic._fit_records import Fit, OrderError, fit
 from floquid.periodic._fit_shapes import fit_shapes
 from floquid.periodic._forced_part import ForcedResponse
@@ -38,7 +36,7 @@ __all__ = [
     "assemble",
     "combinations_of", "distinct_multipliers", "drift", "estimate_at", "estimate_period", "fit",
     "fit_shapes",
-    "from_control", "fse", "generous_poles", "groups", "held_shapes", "instants", "line_amplitudes", "own_period",
-    "participation", "periodicity", "physical_exponents", "refit", "select_bands", "spacing", "synchrony", "to_control",
+    "fse", "generous_poles", "groups", "held_shapes", "instants", "line_amplitudes", "own_period",
+    "participation", "periodicity", "physical_exponents", "refit", "select_bands", "spacing", "synchrony",
     "unexplained", "without_known", "without_lines",
 ]  # fmt: skip

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from floquid._arrays import Complexes, Floats
 from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid.core import PeriodicModel, Provenance, modelled
 from floquid.errors import IdentificationError
@@ -152,9 +154,9 @@ def fit_transfer(
     """
     from scipy.special import chdtrc
 
-    of, own = "fit_transfer", measured if isinstance(measured, TransferFunctions) else measured.transfer
-    if period is None and isinstance(measured, MeasuredTransfer):
-        period = measured.period
+    of = "fit_transfer"
+    own, known, echoes, said = _parts(measured)
+    period = known if period is None else period
     if period is None:
         raise input_error("period", of, "be given", "is not, and the lines have none", "Pass `period=` in s.")
     if not (np.isfinite(period) and period > 0.0):
@@ -162,7 +164,6 @@ def fit_transfer(
     if own.std is None:
         remedy = "A constant one will do where nothing is known: only its ratios count then."
         raise input_error("measured", of, "have deviations", "has none", remedy)
-    none = np.zeros((0, len(own.inputs), len(own.frequencies_hz)), complex), np.zeros(0)
     lines = Lines(
         omega=2.0 * np.pi * own.frequencies_hz,
         harmonics=own.harmonics,
@@ -170,9 +171,8 @@ def fit_transfer(
         std=own.std,
         fundamental=2.0 * np.pi / period,
         held=None if own.step is None else (own.step, hold),
-        echoes=(measured.echoes, measured.begins) if isinstance(measured, MeasuredTransfer) else none,
-        alive=isinstance(measured, MeasuredTransfer)
-        and any(one.code == "measured_transient" for one in measured.findings),
+        echoes=echoes,
+        alive="measured_transient" in said,
     )
     report("searching for modes")
     found = searched(lines, limits or Limits(), report)
@@ -206,14 +206,24 @@ def fit_transfer(
             *([warning("modes_of_lines_misfit", ratio=ratio)] if misfit else []),
             *([failure("modes_of_lines_real")] if on_axis else []),
             *([failure("modes_of_lines_undetermined", frequencies=hertz.tolist())] if hertz.size else []),
-            *_flattened(measured, model),
+            *_flattened(said, model),
         ),
     )
 
 
-def _flattened(measured: MeasuredTransfer | TransferFunctions, model: PeriodicModel) -> list[Finding]:
+def _parts(
+    measured: MeasuredTransfer | TransferFunctions,
+) -> tuple[TransferFunctions, float | None, tuple[Complexes, Floats], dict[str, Mapping[str, Any]]]:
+    """G, its period where known, the echoes and begins of its records, and the numbers of its findings by code."""
+    if isinstance(measured, MeasuredTransfer):
+        said = {finding.code: finding.numbers for finding in measured.findings}
+        return measured.transfer, measured.period, (measured.echoes, measured.begins), said
+    none = np.zeros((0, len(measured.inputs), len(measured.frequencies_hz)), complex), np.zeros(0)
+    return measured, None, none, {}
+
+
+def _flattened(said: Mapping[str, Mapping[str, Any]], model: PeriodicModel) -> list[Finding]:
     """Finding on modes whose resonance is narrower than the window of polynomials: a failure where that is seen."""
-    said = {} if isinstance(measured, TransferFunctions) else {one.code: one.numbers for one in measured.findings}
     if "measured_polynomials" not in said:
         return []
     window, told = float(said["measured_polynomials"]["width"]), failure if "measured_flattened" in said else warning

@@ -103,6 +103,29 @@ def test_an_identified_model_and_its_system_have_one_response():
     assert (free.B, free.n_outputs) == (None, 1)
 
 
+def test_a_free_response_is_that_of_its_lifted_system_to_an_initial_state():
+    """By `lift`, which stacks phases, against the series of the model: one for the real part of each mode."""
+    control = pytest.importorskip("control")
+    rotor = JeffcottRotor()
+    record = rotor.simulate(n_periods=60, samples_per_period=20, noise=0.01, seed=0)
+    model = floquid.identify(record, validate=False).model
+    system = to_periodic_system(model)
+    lifted = lift(discretise(system, 20)).to_control()
+    start = np.array([float(name.startswith("Re")) for name in system.states])
+
+    def off(initial):
+        response = control.initial_response(lifted, np.arange(60) * lifted.dt, initial).outputs
+        found = response.reshape(20, 4, 60).transpose(1, 2, 0).reshape(4, 1200)
+        return np.abs(found - model.response(record.times)[:, 0]).max()
+
+    assert off(start) < 1e-11
+    assert off(start + 1e-3) > 1e-4
+    assert np.sort_complex(lifted.poles()) == pytest.approx(np.sort_complex(model.multipliers), abs=1e-12)
+    back = from_periodic_system(realise(lifted, 20))
+    off_by = (back.exponents[:, None] - model.exponents) / model.fundamental
+    assert np.abs(off_by - 1j * np.rint(off_by.imag)).min(axis=0).max() < 1e-9
+
+
 def test_what_has_no_such_form_is_refused():
     model = from_periodic_system(SYSTEMS["flapping"]())
     one = replace(

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from floquid._arrays import Floats, Indices
 from floquid._checks import frozen_array, input_error
 from floquid.floquet.control._system import PeriodicSystem, checked_system, input_units, matrix_reach
-from floquid.floquet.matrices import SAME, AbstractPeriodicMatrix, FunctionMatrix, Prepared, after_jumps, joint_breaks
+from floquid.floquet.matrices import SAME, AbstractPeriodicMatrix, Prepared, after_jumps, joint_breaks
 from floquid.floquet.monodromy_matrix import TOLERANCE, Evaluate, checked, divided, factorise, stages
 
 Between: TypeAlias = Literal["linear", "held"]
@@ -172,7 +172,7 @@ def _factors(
         right,
         scale=np.concatenate([prepared.scale, units]),
         tolerance=tolerance,
-        smooth=prepared.smooth and not isinstance(entry, FunctionMatrix),
+        smooth=prepared.smooth and not (entry is not None and entry.is_function),
     )
     if not found.finished:
         worst = found.left[int(np.argmin(found.right - found.left))]

@@ -17,7 +17,7 @@ from floquid.floquet.matrices import (
     Operand,
     Prepared,
     constant_matrix,
-    constant_value,
+    constant_of,
     declared,
     multiples,
     named,
@@ -130,16 +130,13 @@ def _check_shape(matrix: Operand, argument: str, shape: tuple[int, int], words: 
 def _over_one_period(given: dict[str, Operand]) -> dict[str, AbstractPeriodicMatrix]:
     """All of them over the least common period of those that vary."""
     of = "PeriodicSystem"
-    values = {name: constant_value(m) if isinstance(m, AbstractPeriodicMatrix) else m for name, m in given.items()}
-    varying = {
-        name: matrix
-        for name, matrix in given.items()
-        if isinstance(matrix, AbstractPeriodicMatrix) and values[name] is None
-    }
+    values = {name: constant_of(matrix) for name, matrix in given.items()}
+    periodic = {name: matrix for name, matrix in given.items() if isinstance(matrix, AbstractPeriodicMatrix)}
+    varying = {name: matrix for name, matrix in periodic.items() if values[name] is None}
     if varying:
         period, counts = multiples(tuple(matrix.period for matrix in varying.values()), of)
     else:
-        some = [matrix.period for matrix in given.values() if isinstance(matrix, AbstractPeriodicMatrix)]
+        some = [matrix.period for matrix in periodic.values()]
         if not some:
             remedy = "Pass `HarmonicMatrix(coefficients=A[:, :, None], harmonics=[0], period=...)`."
             raise input_error("A", of, "have a period where all is constant", "is an array", remedy)

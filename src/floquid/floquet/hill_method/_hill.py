@@ -15,7 +15,6 @@ from floquid.floquet.hill_method._hill_modes import HillModes, HillOutcome, asse
 from floquid.floquet.hill_method._smoothing import smoothed
 from floquid.floquet.matrices import (
     AbstractPeriodicMatrix,
-    FunctionMatrix,
     Reach,
     StateMatrix,
     binary_units,
@@ -94,7 +93,7 @@ def hill(
         got = f"{wanted or 3} harmonics of {n_states} states are {(2 * (wanted or 3) + 1) * n_states}"
         remedy = "Reduce the states, or use `floquet.exponents`, whose cost does not grow with the harmonics."
         raise input_error("n_harmonics", of, f"keep (2 N + 1) n within {_LARGEST}", got, remedy)
-    if isinstance(matrix, FunctionMatrix):
+    if matrix.is_function:
         refuse_other_period(matrix, of)
     smooth = smoothed(matrix)
     seen = matrix if smooth is None else smooth.matrix

@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
-from floquid._arrays import Complexes, Floats, Indices, Integers
+from floquid._arrays import Complexes, Floats, Indices
 from floquid._checks import input_error, integer, positive
-from floquid.floquet.matrices._forms import (
-    AbstractPeriodicMatrix,
-    FunctionMatrix,
-    HarmonicMatrix,
-    PiecewiseMatrix,
-    SampledMatrix,
-)
+from floquid.floquet.matrices._forms import PiecewiseMatrix
 from floquid.floquet.matrices._fourier import fourier
 from floquid.floquet.matrices._given import refuse_other_period
+from floquid.floquet.matrices._matrix import SAME, AbstractPeriodicMatrix
+from floquid.floquet.matrices._series import HarmonicMatrix, SampledMatrix, real_series
 
-SAME = 1e-12  # relative difference within which two periods, or two instants of one period, are the same
 FIRST, LAST = 8, 512  # harmonics tried until the upper ones have died away
 _FLOOR = 16.0 * 2.0**-52  # entries below this share of the largest are rounding, whose harmonics never die away
 _GOLDEN = 0.3819660112501051
@@ -38,10 +30,8 @@ def to_harmonics(matrix: AbstractPeriodicMatrix, n_harmonics: int | None, tolera
     accuracy = positive(tolerance, "tolerance", of)
     if not 1e-14 <= accuracy < 1.0:
         raise input_error("tolerance", of, "lie in [1e-14, 1)", f"is {accuracy:g}")
-    if isinstance(matrix, HarmonicMatrix):
-        return _trimmed(matrix, accuracy)
-    if isinstance(matrix, SampledMatrix) and matrix.interpolation == "fourier":
-        return _trimmed(series_of_samples(matrix), accuracy)
+    if (series := matrix.series()) is not None:
+        return _trimmed(series, accuracy)
     probes = matrix.period * (1.0 + _GOLDEN * np.arange(1, 4))
     count, left = FIRST, np.inf
     while count <= LAST:
@@ -77,18 +67,14 @@ def to_pieces(matrix: AbstractPeriodicMatrix, n_pieces: int) -> PiecewiseMatrix:
     _check_period(matrix, of)
     period = matrix.period
     edges = period * np.arange(count) / count
-    if isinstance(matrix, SampledMatrix) and matrix.interpolation == "fourier":
-        matrix = series_of_samples(matrix)
-    if isinstance(matrix, HarmonicMatrix):
-        values = _means_of_series(matrix, edges, period / count)
-    else:
-        values = _means(matrix, edges, of)
+    series = matrix.series()
+    values = _means(matrix, edges, of) if series is None else _means_of_series(series, edges, period / count)
     return PiecewiseMatrix(values=values, edges=edges, period=period)
 
 
 def _check_period(matrix: AbstractPeriodicMatrix, of: str) -> None:
     """Only a function can be other than its period says, and what is made of one period would hide it."""
-    if isinstance(matrix, FunctionMatrix):
+    if matrix.is_function:
         refuse_other_period(matrix, of)
 
 
@@ -99,22 +85,6 @@ def after_jumps(matrix: AbstractPeriodicMatrix, times: Floats) -> Floats:
         apart = np.abs(times[:, None] - np.append(breaks, breaks[0] + matrix.period)).min(axis=1)
         times = np.where(apart <= SAME * matrix.period, times + 2.0 * SAME * matrix.period, times)
     return matrix.at(times)
-
-
-def real_series(values: NDArray[Any], harmonics: Integers, period: float) -> HarmonicMatrix:
-    """The series whose upper half is given: the lower half is made its conjugate exactly, whatever rounding did."""
-    half = len(harmonics) // 2
-    upper = values[..., half:].astype(np.complex128)
-    if harmonics[half] == 0:
-        upper[..., 0] = upper[..., 0].real
-    lower = upper[..., len(harmonics) % 2 :][..., ::-1].conj()
-    return HarmonicMatrix(coefficients=np.concatenate([lower, upper], axis=2), harmonics=harmonics, period=period)
-
-
-def series_of_samples(matrix: SampledMatrix) -> HarmonicMatrix:
-    """The trigonometric polynomial through samples at equal steps, as a series."""
-    count = np.shape(matrix.values)[2] // 2
-    return real_series(fourier(matrix, count), np.arange(-count, count + 1), matrix.period)
 
 
 def _trimmed(matrix: HarmonicMatrix, tolerance: float) -> HarmonicMatrix:

@@ -9,8 +9,8 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats
 from floquid._checks import input_error
-from floquid.floquet.matrices._forms import AbstractPeriodicMatrix, HarmonicMatrix, PiecewiseMatrix, SampledMatrix
-from floquid.floquet.matrices._interpolation import line_weights
+from floquid.floquet.matrices._matrix import AbstractPeriodicMatrix, Elements
+from floquid.floquet.matrices._series import two_sided
 
 _FIRST, _LAST = 64, 2048  # samples of a period of a function without breaks, before it is cut into elements
 _POINTS = 16  # of Gauss, in an element
@@ -19,14 +19,6 @@ _ROUNDING = 4e-15
 _ENDLESS = 256  # lines that are looked at of a matrix whose lines have no end
 _STRONG, _STRONG_OF_MANY = 1e-3, 5e-2  # of the largest line: what a step has to pass over, where the lines have an end
 _PROBES = np.array([0.1180339887, 0.4721359549, 0.7639320225])  # off every simple fraction of the period
-
-
-class Elements(NamedTuple):
-    """A periodic matrix as a series of Legendre polynomials in each of some intervals."""
-
-    left: Floats  # where each begins (elements,) [s]
-    width: Floats  # how long each is (elements,) [s]
-    series: Floats  # the coefficients (elements, degrees, rows, columns)
 
 
 class Reach(NamedTuple):
@@ -56,10 +48,8 @@ def _last_above(norms: Floats, floor: float) -> int:
 
 def _all_lines(matrix: AbstractPeriodicMatrix) -> tuple[Complexes, bool]:
     """All coefficients of M(t) (rows, columns, 2 M + 1), and whether that is all."""
-    if isinstance(matrix, HarmonicMatrix):
-        return fourier(matrix, int(np.asarray(matrix.harmonics)[-1])), True
-    if isinstance(matrix, SampledMatrix) and matrix.interpolation == "fourier":
-        return fourier(matrix, np.shape(matrix.values)[2] // 2), True
+    if (series := matrix.series()) is not None:
+        return fourier(series, int(np.asarray(series.harmonics)[-1])), True
     if not np.size(matrix.breaks):
         found = _of_smooth(matrix, None)
         if found is not None:
@@ -74,19 +64,14 @@ def fourier(matrix: AbstractPeriodicMatrix, n_harmonics: int) -> Complexes:
     equal steps until its upper harmonics have died away, which is checked between the samples; what has breaks or does
     not die away is cut into elements; on each it is a Legendre series, with coefficients in closed form too.
     """
-    if isinstance(matrix, HarmonicMatrix):
+    if (series := matrix.series()) is not None:
         lines = np.arange(-n_harmonics, n_harmonics + 1)
-        out = np.zeros((*matrix.shape, len(lines)), dtype=np.complex128)
-        _, to, source = np.intersect1d(lines, np.asarray(matrix.harmonics), return_indices=True)
-        out[..., to] = np.asarray(matrix.coefficients)[..., source]
+        out = np.zeros((*series.shape, len(lines)), dtype=np.complex128)
+        _, to, source = np.intersect1d(lines, np.asarray(series.harmonics), return_indices=True)
+        out[..., to] = np.asarray(series.coefficients)[..., source]
         return out
-    if isinstance(matrix, PiecewiseMatrix):
-        values, edges = np.asarray(matrix.values), np.asarray(matrix.edges)
-        width = np.append(edges[1:], edges[0] + matrix.period) - edges
-        pieces = Elements(edges, width, np.moveaxis(values, 2, 0)[:, None])
+    if (pieces := matrix.pieces()) is not None:
         return _of_elements(pieces, matrix.period, n_harmonics)
-    if isinstance(matrix, SampledMatrix) and matrix.interpolation == "fourier":
-        return _of_samples(matrix, n_harmonics)
     if not np.size(matrix.breaks):
         found = _of_smooth(matrix, n_harmonics)
         if found is not None:
@@ -148,21 +133,6 @@ def _window(coefficients: Complexes, n_harmonics: int) -> Complexes:
     return out
 
 
-def _two_sided(upper: Complexes) -> Complexes:
-    """Coefficients of -M..M of a real matrix from those of 0..M."""
-    parts = [upper[..., :0:-1].conj(), upper[..., :1].real, upper[..., 1:]]
-    return np.concatenate(parts, axis=-1, dtype=np.complex128)
-
-
-def _of_samples(matrix: SampledMatrix, n_harmonics: int) -> Complexes:
-    values, times = np.asarray(matrix.values), np.asarray(matrix.times)
-    n_samples = values.shape[2]
-    lines = np.fft.rfft(values, axis=2) * line_weights(n_samples)
-    lines[..., 1:] *= 0.5  # each line is shared by m and -m
-    lines *= np.exp(-2j * np.pi * times[0] / matrix.period * np.arange(lines.shape[2]))
-    return _window(_two_sided(lines), n_harmonics)
-
-
 def _of_smooth(matrix: AbstractPeriodicMatrix, n_harmonics: int | None) -> Complexes | None:
     """The coefficients, all there are for N of None, from samples at equal steps; None if they do not die away."""
     period, n = matrix.period, _FIRST
@@ -178,7 +148,7 @@ def _of_smooth(matrix: AbstractPeriodicMatrix, n_harmonics: int | None) -> Compl
             angle = 2.0 * np.pi * np.multiply.outer(np.arange(n // 2), _PROBES)
             series = 2.0 * (upper @ np.exp(1j * angle)).real - upper[..., :1].real
             if (np.abs(np.moveaxis(probes, 0, 2) - series).max(axis=2) <= 1e3 * _ROUNDING * units).all():
-                every = _two_sided(upper)
+                every = two_sided(upper)
                 return every if n_harmonics is None else _window(every, n_harmonics)
         if n >= _LAST:
             return None
@@ -206,7 +176,7 @@ def _of_elements(pieces: Elements, period: float, n_harmonics: int) -> Complexes
             if not real:
                 # for harmonic -m the angle and the turn change sign: the conjugate weight
                 lower += np.tensordot(series[:, degree], weight.conj(), (0, 0))
-    return _two_sided(out) if real else np.concatenate([lower[..., :0:-1], out], axis=-1)
+    return two_sided(out) if real else np.concatenate([lower[..., :0:-1], out], axis=-1)
 
 
 def _projection() -> tuple[Floats, Floats]:

@@ -3,15 +3,57 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from floquid._arrays import Floats
 
 if TYPE_CHECKING:
-    from floquid.floquet.matrices._forms import HarmonicMatrix, PiecewiseMatrix, SampledMatrix
+    from floquid.floquet.matrices._forms import PiecewiseMatrix
+    from floquid.floquet.matrices._series import HarmonicMatrix, SampledMatrix
+
+SAME = 1e-12  # relative difference within which two periods, or two instants of one period, are the same
+
+Change: TypeAlias = Callable[[NDArray[Any]], NDArray[Any]]
+"""A linear change of every matrix of a stack (..., rows, columns)."""
+
+
+class Elements(NamedTuple):
+    """A periodic matrix as a series of Legendre polynomials in each of some intervals."""
+
+    left: Floats  # where each begins (elements,) [s]
+    width: Floats  # how long each is (elements,) [s]
+    series: Floats  # the coefficients (elements, degrees, rows, columns)
+
+
+def merged(times: Floats, period: float) -> Floats:
+    """Instants of one period, ascending, each once: those nearer than `SAME` of the period are one instant."""
+    ordered = np.unique(np.minimum(times, np.nextafter(period, 0.0)))
+    if ordered.size < 2:
+        return ordered
+    kept = ordered[np.append(True, np.diff(ordered) > SAME * period)]
+    # The end of the period is its beginning.
+    return kept[:-1] if kept.size > 1 and period - kept[-1] + kept[0] <= SAME * period else kept
+
+
+def tiled(times: Floats, period: float, count: int, whole: float) -> Floats:
+    """Instants of one period in `count` of them, which are together `whole` to within rounding."""
+    every = np.add.outer(period * np.arange(count), times).ravel() * (whole / (count * period))
+    return np.minimum(every, np.nextafter(whole, 0.0))
+
+
+def of_stack(change: Change, values: NDArray[Any]) -> NDArray[Any]:
+    """Matrices (rows, columns, stack) after a `change` of each."""
+    return np.moveaxis(change(np.moveaxis(values, 2, 0)), 0, 2)
+
+
+def _changed(change: Change, matrix: AbstractPeriodicMatrix, times: Floats) -> Floats:
+    """The values after a change: no closure, so that what holds it can be pickled."""
+    return change(matrix.at(times))
 
 
 def _operations():
@@ -44,6 +86,58 @@ class AbstractPeriodicMatrix(ABC):
     @abstractmethod
     def at(self, times: ArrayLike) -> Floats:
         """The values at `times` [s] of any shape (..., rows, columns)."""
+
+    @property
+    def is_constant(self) -> bool:
+        """True of a form that has one value only."""
+        return False
+
+    @property
+    def is_function(self) -> bool:
+        """True where calls of a function alone tell the values: it may have another period, or jump unseen."""
+        return False
+
+    @property
+    def narrowest(self) -> float:
+        """The shortest feature that must be seen, as a fraction of the period."""
+        return 1.0
+
+    @property
+    def fastest(self) -> int:
+        """The highest harmonic that counts in any entry; 0 where the form has none."""
+        return 0
+
+    def series(self) -> HarmonicMatrix | None:
+        """The Fourier series, where the form is one exactly."""
+        return None
+
+    def samples(self) -> SampledMatrix | None:
+        """The matrix itself, where it is given by samples."""
+        return None
+
+    def pieces(self) -> Elements | None:
+        """The constant pieces, where the form has them."""
+        return None
+
+    def mapped(self, change: Change) -> AbstractPeriodicMatrix:
+        """The matrix after a linear `change` of every value, in the same form."""
+        return self._function(partial(_changed, change, self), self.period, self.breaks)
+
+    def shifted(self, value: Floats) -> AbstractPeriodicMatrix:
+        """The matrix plus a constant `value` (rows, columns), in the same form."""
+        return self.mapped(partial(np.add, value))  # a spline through shifted samples is the shifted spline
+
+    def declared(self, count: int, period: float) -> AbstractPeriodicMatrix:
+        """The matrix over `count` of its periods, together `period` to within rounding."""
+        return self._function(self.at, period, tiled(self.breaks, self.period, count, period))
+
+    def part(self, count: int) -> AbstractPeriodicMatrix:
+        """The matrix over one of the `count` repetitions in its period."""
+        period = self.period / count
+        return self._function(self.at, period, merged(np.mod(self.breaks, period), period))
+
+    def _function(self, function: Callable[..., Floats], period: float, breaks: Floats) -> AbstractPeriodicMatrix:
+        return _operations().FunctionMatrix(function=function, period=period, breaks=breaks, vectorised=True)
 
     def __call__(self, times: ArrayLike) -> Floats:
         return self.at(times)

@@ -9,17 +9,10 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid._checks import input_error, integer, positive
-from floquid.floquet.matrices._conversion import SAME, real_series, series_of_samples
-from floquid.floquet.matrices._forms import (
-    AbstractPeriodicMatrix,
-    FunctionMatrix,
-    HarmonicMatrix,
-    PiecewiseMatrix,
-    SampledMatrix,
-)
+from floquid.floquet.matrices._matrix import SAME, AbstractPeriodicMatrix, merged
+from floquid.floquet.matrices._series import REPEATS
 
 MOST = 1000  # periods of one matrix in a common period
-REPEATS = 1e-10  # difference, as a share of the largest value, within which a matrix repeats itself
 _GOLDEN = 0.3819660112501051
 _PROBES = 32
 
@@ -54,17 +47,11 @@ def multiples(periods: tuple[float, ...], of: str) -> tuple[float, list[int]]:
 
 def constant_value(matrix: AbstractPeriodicMatrix) -> Floats | None:
     """The one value of a matrix whose form has no other (rows, columns)."""
-    if isinstance(matrix, HarmonicMatrix):
-        single = np.shape(matrix.harmonics) == (1,)
-    elif isinstance(matrix, (PiecewiseMatrix, SampledMatrix)):
-        single = np.shape(matrix.values)[2] == 1
-    else:
-        single = False
-    return matrix.at(0.0) if single else None
+    return matrix.at(0.0) if matrix.is_constant else None
 
 
 def repeated(matrix: AbstractPeriodicMatrix, count: int) -> AbstractPeriodicMatrix:
-    """Matrix over `count` of its periods; see `AbstractPeriodicMatrix.repeated`."""
+    """The same matrix over `count` of its periods; see `AbstractPeriodicMatrix.repeated`."""
     number = integer(count, "count", "AbstractPeriodicMatrix.repeated", at_least=1)
     return declared(matrix, number, number * matrix.period)
 
@@ -73,42 +60,13 @@ def declared(matrix: AbstractPeriodicMatrix, count: int, period: float) -> Abstr
     """The matrix over `count` of its periods, together `period` to within rounding."""
     if count == 1 and period == matrix.period:
         return matrix
-    if isinstance(matrix, HarmonicMatrix):
-        lines = np.asarray(matrix.harmonics) * count
-        return HarmonicMatrix(coefficients=matrix.coefficients, harmonics=lines, period=period)
-    turns = matrix.period * np.arange(count)
-
-    def tiled(times: Floats) -> Floats:
-        every = np.add.outer(turns, times).ravel() * (period / (count * matrix.period))
-        return np.minimum(every, np.nextafter(period, 0.0))
-
-    if isinstance(matrix, PiecewiseMatrix):
-        values, edges = np.tile(np.asarray(matrix.values), count), tiled(np.asarray(matrix.edges))
-        return PiecewiseMatrix(values=values, edges=edges, period=period)
-    if isinstance(matrix, SampledMatrix):
-        values, times = np.tile(np.asarray(matrix.values), count), tiled(np.asarray(matrix.times))
-        return SampledMatrix(values=values, period=period, times=times, interpolation=matrix.interpolation)
-    return FunctionMatrix(function=matrix.at, period=period, breaks=tiled(np.asarray(matrix.breaks)), vectorised=True)
+    return matrix.declared(count, period)
 
 
 def reduced(matrix: AbstractPeriodicMatrix) -> AbstractPeriodicMatrix:
     """Matrix over its smallest period; see `AbstractPeriodicMatrix.reduced`."""
-    if constant_value(matrix) is not None:
-        return matrix
-    if isinstance(matrix, HarmonicMatrix):
-        return _reduced_series(matrix)
-    count = _repetitions(matrix)
-    if count == 1:
-        return matrix
-    period = matrix.period / count
-    if isinstance(matrix, PiecewiseMatrix):
-        edges = merged(np.mod(np.asarray(matrix.edges), period), period)
-        return PiecewiseMatrix(values=values_between(matrix, edges, period), edges=edges, period=period)
-    samples = _reduced_samples(matrix, count) if isinstance(matrix, SampledMatrix) else None
-    if samples is not None:
-        return samples
-    breaks = merged(np.mod(np.asarray(matrix.breaks), period), period)
-    return FunctionMatrix(function=matrix.at, period=period, breaks=breaks, vectorised=True)
+    count = 1 if matrix.is_constant else _repetitions(matrix)
+    return matrix if count == 1 else matrix.part(count)
 
 
 def joint_breaks(matrices: tuple[AbstractPeriodicMatrix, ...], period: float) -> Floats:
@@ -118,43 +76,6 @@ def joint_breaks(matrices: tuple[AbstractPeriodicMatrix, ...], period: float) ->
         for matrix in matrices
     ]
     return merged(np.concatenate(every), period)
-
-
-def merged(times: Floats, period: float) -> Floats:
-    """Instants of one period, ascending, each once: those nearer than `SAME` of the period are one instant."""
-    ordered = np.unique(np.minimum(times, np.nextafter(period, 0.0)))
-    if ordered.size < 2:
-        return ordered
-    kept = ordered[np.append(True, np.diff(ordered) > SAME * period)]
-    # The end of the period is its beginning.
-    return kept[:-1] if kept.size > 1 and period - kept[-1] + kept[0] <= SAME * period else kept
-
-
-def values_between(matrix: AbstractPeriodicMatrix, edges: Floats, period: float) -> Floats:
-    """The values in the middle between each edge and the next one (rows, columns, edges)."""
-    ends = np.append(edges[1:], edges[0] + period)
-    return np.moveaxis(matrix.at(0.5 * (edges + ends)), 0, 2)
-
-
-def _reduced_samples(matrix: SampledMatrix, count: int) -> SampledMatrix | HarmonicMatrix | None:
-    """The samples of one repetition, or the harmonics of samples that are no whole number of repetitions."""
-    period, times, values = matrix.period / count, np.asarray(matrix.times), np.asarray(matrix.values)
-    if len(times) % count == 0:
-        rows = times.reshape(count, -1)
-        if np.abs(rows - rows[0] - period * np.arange(count)[:, None]).max() < 1e-9 * period:
-            one = values[..., : rows.shape[1]]
-            return SampledMatrix(values=one, period=period, times=rows[0], interpolation=matrix.interpolation)
-    return _reduced_series(series_of_samples(matrix)) if matrix.interpolation == "fourier" else None
-
-
-def _reduced_series(matrix: HarmonicMatrix) -> HarmonicMatrix:
-    lines, values = np.asarray(matrix.harmonics), np.asarray(matrix.coefficients)
-    sizes = np.abs(values).max(axis=(0, 1))
-    count = int(np.gcd.reduce(lines[sizes > REPEATS * sizes.max()])) if sizes.any() else 0
-    if count < 2:  # 0: only the mean counts, and what is constant has no smallest period
-        return matrix
-    kept = lines % count == 0
-    return real_series(values[..., kept], lines[kept] // count, matrix.period / count)
 
 
 def _repetitions(matrix: AbstractPeriodicMatrix) -> int:

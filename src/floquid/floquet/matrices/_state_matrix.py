@@ -11,9 +11,10 @@ from numpy.typing import ArrayLike
 from floquid._arrays import Complexes, Floats
 from floquid._checks import frozen_array, input_error, positive
 from floquid.floquet.matrices._balancing import balance
-from floquid.floquet.matrices._forms import AbstractPeriodicMatrix, FunctionMatrix, HarmonicMatrix, SampledMatrix
+from floquid.floquet.matrices._forms import FunctionMatrix
 from floquid.floquet.matrices._given import OFFSET, as_array, probe_times, refuse_other_period
-from floquid.floquet.matrices._interpolation import line_weights
+from floquid.floquet.matrices._matrix import AbstractPeriodicMatrix
+from floquid.floquet.matrices._series import HarmonicMatrix, SampledMatrix, line_weights
 
 StateMatrix: TypeAlias = AbstractPeriodicMatrix | Callable[[float], ArrayLike] | ArrayLike
 """A(t): a periodic matrix, a callable t [s] -> (n, n) [1/s], or samples (n, n, phases) at t = 0, T/P, ..."""
@@ -54,7 +55,7 @@ def periodic(system: StateMatrix, period: float | None, breaks: ArrayLike, of: s
 
 def prepare(matrix: AbstractPeriodicMatrix, tolerance: float, of: str) -> Prepared:
     """A(t) in harmonics if they die away below `tolerance` of it, else as it is; refused if it has another period."""
-    if isinstance(matrix, FunctionMatrix):
+    if matrix.is_function:
         found = None if np.size(matrix.breaks) else resolve(matrix, tolerance)
         if found is None:
             refuse_other_period(matrix, of)
@@ -67,7 +68,7 @@ def prepare(matrix: AbstractPeriodicMatrix, tolerance: float, of: str) -> Prepar
     return Prepared(matrix, smooth=True, scale=scale, size=size)
 
 
-def resolve(matrix: FunctionMatrix, tolerance: float) -> Prepared | None:
+def resolve(matrix: AbstractPeriodicMatrix, tolerance: float) -> Prepared | None:
     """The harmonics of a matrix, the upper below `tolerance` of its size; None if they have no end within reach."""
     period = matrix.period
     n = first = 2 * int(np.ceil(0.5 / matrix.narrowest))

@@ -8,8 +8,6 @@ from numpy.typing import ArrayLike
 from floquid._arrays import Complexes, Floats, Indices
 from floquid._checks import finite, frozen_array, input_error
 from floquid.floquet.matrices import (
-    FunctionMatrix,
-    HarmonicMatrix,
     Prepared,
     StateMatrix,
     checked_tolerance,
@@ -161,10 +159,9 @@ def intervals(prepared: Prepared, instants: Floats, of: str) -> tuple[Indices, F
         left, right = left[real], right[real]
     n_nodes = stages(len(prepared.scale))
     longest = min(0.5 * period, n_nodes / (1.5 * prepared.size)) if prepared.size else 0.5 * period
-    if not prepared.smooth and isinstance(matrix, FunctionMatrix):
+    if not prepared.smooth:
         longest = min(longest, n_nodes * matrix.narrowest * period)
-    if isinstance(matrix, HarmonicMatrix):
-        longest = min(longest, n_nodes * period / (4.0 * max(1, _fastest(matrix))))
+    longest = min(longest, n_nodes * period / (4.0 * max(1, matrix.fastest)))
     wanted = np.maximum(1.0, np.ceil((right - left) / longest - 1e-9))
     if not wanted.sum() <= MOST:
         raise input_error(
@@ -180,13 +177,6 @@ def intervals(prepared: Prepared, instants: Floats, of: str) -> tuple[Indices, F
     _, lefts, rights = divided(left, right, parts)
     gap = np.searchsorted(instants, 0.5 * (lefts + rights), side="right") - 1
     return gap, lefts, rights
-
-
-def _fastest(matrix: HarmonicMatrix) -> int:
-    """The highest harmonic of an entry above a millionth of that entry: the steps must see it, however slow Φ is."""
-    sizes = np.abs(np.asarray(matrix.coefficients))
-    counts = (sizes > 1e-6 * sizes.max(axis=2, keepdims=True)).any(axis=(0, 1))
-    return int(np.abs(np.asarray(matrix.harmonics)[counts]).max(initial=0))
 
 
 def multipliers(
@@ -246,8 +236,8 @@ def refuse_lost(logs: Complexes, found: Factors, prepared: Prepared, of: str) ->
 def trace_integral(found: Factors, prepared: Prepared) -> float:
     """The integral of the trace of A over a period."""
     matrix = prepared.matrix
-    if isinstance(matrix, HarmonicMatrix):
-        mean = np.asarray(matrix.coefficients)[..., np.asarray(matrix.harmonics) == 0].sum(axis=2)
+    if (series := matrix.series()) is not None:
+        mean = np.asarray(series.coefficients)[..., np.asarray(series.harmonics) == 0].sum(axis=2)
         return float(np.trace(mean).real) * matrix.period
     rule = gauss(stages(len(prepared.scale)))
     width = found.right - found.left

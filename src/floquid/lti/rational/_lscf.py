@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar, final
 
 import numpy as np
@@ -21,6 +21,10 @@ from floquid.lti.rational._denominator import Band, Basis, Denominators, Equatio
 from floquid.lti.rational._lines import SMOOTH, Modes, Rows, chosen, model_on
 
 DEGREE = 128  # the roots of a denominator on all lines, if there are twice as many samples: their cost is its cube
+
+
+DEGREES = 4
+"""The degree over the order of a scan: well above one, since noise takes most of the roots."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +85,9 @@ class LSCF(AbstractIdentifier):
 
     def __post_init__(self) -> None:
         checked_options(self.degree, self.band, "LSCF")
+
+    def of_order(self, order: int) -> LSCF:
+        return self if self.degree is not None else replace(self, degree=DEGREES * order)
 
     def prepare(self, data: TimeResponses) -> Candidates:
         """The normal matrix of the responses in `data`, and the roots of the denominators in it."""
@@ -145,6 +152,9 @@ class PolyLSCF(AbstractIdentifier):
 
     def __post_init__(self) -> None:
         checked_options(self.degree, self.band, "PolyLSCF")
+
+    def of_order(self, order: int) -> PolyLSCF:
+        return self if self.degree is not None else replace(self, degree=DEGREES * order)
 
     def prepare(self, data: TimeResponses) -> Candidates:
         """The normal matrix of the responses in `data`, and the roots of the denominators in it."""

@@ -10,12 +10,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from benchmarks.paper import Estimate, Number, figure_text, figures, numbers, page, reproduce, table
+from benchmarks.paper.__main__ import main
+from benchmarks.paper._experiment import dominant, lowest
+from benchmarks.paper._figures import prominent
 
 from floquid import reconstruct
 from floquid.errors import IdentificationError, InputError
-from floquid.paper import Estimate, Number, figure_text, figures, numbers, page, reproduce, table
-from floquid.paper._experiment import dominant, lowest
-from floquid.paper._figures import prominent
 from floquid.systems import JeffcottRotor
 from floquid.testing import assert_exponents_close
 
@@ -382,6 +383,19 @@ def test_figure_6_is_of_the_papers_first_mode(done, drawn):
     (line,) = [line for line in axes.lines if line.get_label() == "AMI, identified"]
     assert abs(line.get_ydata().mean()) == pytest.approx(0.389, abs=0.003)
     assert "Predominantly constant: Y and Y_tt; not so: X and X_tt" in drawn[6].seen
+
+
+# The command.
+
+
+def test_the_command_writes_the_page_and_every_figure(tmp_path, capsys):
+    assert main(["--out", str(tmp_path), "--periods", "60", "--draws", "1"]) == 0
+    text = (tmp_path / "paper.md").read_text(encoding="utf-8")
+    names = re.findall(r"!\[.*?\]\((.*?)\)", text)
+    assert names == [f"figures/paper_{number}.png" for number in range(2, 9)]
+    assert all((tmp_path / name).read_bytes().startswith(b"\x89PNG") for name in names)
+    assert "| 0.1256637 |" in text
+    assert str(tmp_path) in capsys.readouterr().out
 
 
 # The text.

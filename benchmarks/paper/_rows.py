@@ -6,12 +6,12 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
+from benchmarks.paper._experiment import MASS, WINDOW, Reproduction, cut_errors, paired, uncut
+from benchmarks.paper._numbers import Estimate, Number
+from benchmarks.paper._truth import frozen_range, instability_edges
 
 from floquid._arrays import Floats
 from floquid.core import PeriodicModel
-from floquid.paper._experiment import MASS, WINDOW, Reproduction, cut_errors, paired, uncut
-from floquid.paper._numbers import Estimate, Number
-from floquid.paper._truth import frozen_range, instability_edges
 from floquid.pipeline import Analysis
 from floquid.reconstruction import reconstruct
 from floquid.systems import JeffcottRotor

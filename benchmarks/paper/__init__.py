@@ -5,10 +5,10 @@
 truth. `table` and `page` write them in Markdown.
 """
 
-from floquid.paper._experiment import Draw, Reproduction, reproduce
-from floquid.paper._figures import PaperFigure, figure_text, figures, page, table
-from floquid.paper._numbers import Estimate, Number
-from floquid.paper._rows import numbers
+from benchmarks.paper._experiment import Draw, Reproduction, reproduce
+from benchmarks.paper._figures import PaperFigure, figure_text, figures, page, table
+from benchmarks.paper._numbers import Estimate, Number
+from benchmarks.paper._rows import numbers
 
 __all__ = [
     "Draw", "Estimate", "Number", "PaperFigure", "Reproduction", "figure_text", "figures", "numbers", "page",

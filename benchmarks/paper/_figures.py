@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from benchmarks.paper._experiment import CUTS, MASS, TURNTABLE, Reproduction, uncut
+from benchmarks.paper._numbers import Number
 
 from floquid import plot
 from floquid._arrays import Floats
 from floquid.lti import WHITE, composites
-from floquid.paper._experiment import CUTS, MASS, TURNTABLE, Reproduction, uncut
-from floquid.paper._numbers import Number
 from floquid.pipeline import Analysis
 from floquid.reconstruction import StateModel, reconstruct
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
+from benchmarks.paper._truth import exact_model
 
 from floquid._arrays import Floats
 from floquid._checks import input_error, integer
@@ -14,7 +15,6 @@ from floquid._show import Brief
 from floquid.core import PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.lti import AMI, AbstractIdentifier
-from floquid.paper._truth import exact_model
 from floquid.periodic import assemble
 from floquid.pipeline import Analysis, Settings, identify, validated
 from floquid.reconstruction import reconstruct
