@@ -105,7 +105,7 @@ def constant_of(value: Operand) -> Floats | None:
 
 
 def _operands(left: Any, right: Any, of: str) -> tuple[AbstractPeriodicMatrix, AbstractPeriodicMatrix]:
-    """Both operands as matrices: an array is a constant over the period of the other, which is no array."""
+    """Operands as matrices: an array is a constant over the period of the other, which is no array."""
     first, second = operand(left, "left", of), operand(right, "right", of)
     if isinstance(first, AbstractPeriodicMatrix):
         return first, second if isinstance(second, AbstractPeriodicMatrix) else constant_matrix(second, first.period)

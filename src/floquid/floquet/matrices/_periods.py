@@ -51,7 +51,7 @@ def constant_value(matrix: AbstractPeriodicMatrix) -> Floats | None:
 
 
 def repeated(matrix: AbstractPeriodicMatrix, count: int) -> AbstractPeriodicMatrix:
-    """The same matrix over `count` of its periods; see `AbstractPeriodicMatrix.repeated`."""
+    """Matrix over `count` of its periods; see `AbstractPeriodicMatrix.repeated`."""
     number = integer(count, "count", "AbstractPeriodicMatrix.repeated", at_least=1)
     return declared(matrix, number, number * matrix.period)
 

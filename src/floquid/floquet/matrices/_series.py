@@ -332,7 +332,7 @@ def interpolant(
             from scipy.interpolate import CubicSpline, make_interp_spline
 
             if kind == "cubic":
-                return CubicSpline(knots, stack, bc_type="periodic")  # it goes on periodically by itself
+                return CubicSpline(knots, stack, bc_type="periodic")  # a periodic spline continues itself
             line = make_interp_spline(knots, stack, k=1)
             line.extrapolate = "periodic"
             return line
