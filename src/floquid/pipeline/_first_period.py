@@ -12,6 +12,8 @@ from floquid.periodic import Fit, unexplained
 from floquid.pipeline._analysis import clocks_of
 from floquid.pipeline.preparation import Prepared, from_sample
 
+STANDS_OUT = 2.0  # the fall that the first period promises over that of the second, at least
+
 
 def promised(fitted: Fit, prepared: Prepared) -> float:
     r"""Fall of the criterion where the first period of each hit has values of its own, these modes staying.
@@ -19,13 +21,20 @@ def promised(fitted: Fit, prepared: Prepared) -> float:
     .. math:: \sum_{c,h} N_h \log \frac{\mathrm{RSS}_{c,h}}{\mathrm{RSS}_{c,h} - \mathrm{RSS}^{(1)}_{c,h}} - \chi^2_n
 
     with n the number of their samples: what noise exceeds with the probability allowed for a mode is no fall, nor is
-    what is below the least noise.
+    what is below the least noise. None is promised where the second period adds half as much: such a residual decays
+    on, and no period would be the last to be left out.
     """
+    first, both = (_fall(fitted, prepared, periods) for periods in (1, 2))
+    return min(first, first - STANDS_OUT * (both - first))
+
+
+def _fall(fitted: Fit, prepared: Prepared, periods: int) -> float:
+    """Fall of the criterion where the first periods of each hit have values of their own."""
     clocks, settings = clocks_of(fitted.free, prepared.shafts), prepared.settings
     floor = floor_of((row for record in fitted.free for row in record.values), settings.noise_floor)
     gain, numbers = 0.0, 0
     for record, left in zip(fitted.free, unexplained(fitted.model, fitted.free, clocks), strict=True):
-        first = int(np.ceil(fitted.model.period * record.sample_rate))
+        first = int(np.ceil(periods * fitted.model.period * record.sample_rate))
         squares, samples = np.nan_to_num(left) ** 2, np.isfinite(left).sum(axis=1)
         least = samples * (floor * np.nanmax(np.abs(record.values), axis=1)) ** 2
         whole, rest = (least + part.sum(axis=1) for part in (squares, squares[:, first:]))

@@ -69,6 +69,24 @@ def test_a_first_period_like_the_others_promises_nothing(seed):
     assert analysis.records[0].start == 0.0
 
 
+@pytest.mark.parametrize("left", [(1.0, 0.5), (30.0, 15.0)], ids=["beside noise", "far above it"])
+def test_a_residual_that_decays_on_promises_nothing(left, monkeypatch):
+    """A share of the response itself: each period stands out against the next, and none would be the last."""
+    records = decays(SLOW)
+    fit, prepared = identify(records, validate=False).fit, prepare(records)
+    noise = np.random.default_rng(1).standard_normal((2, 5, records[0].n_samples))
+    sizes = np.exp(-0.08 * records[0].times) + (records[0].times < PERIOD) * 4.0
+
+    def of(size):
+        monkeypatch.setattr("floquid.pipeline._first_period.unexplained", lambda *_: list(size * noise))
+        return promised(fit, prepared)
+
+    first, second = left
+    assert of(sizes) > 0.0
+    assert of(np.exp(-0.3 * records[0].times)) < 0.0
+    assert of(1.0 + first * (records[0].times < PERIOD) + second * (np.abs(records[0].times - 1.5) < 0.5)) < 0.0
+
+
 def test_no_more_periods_are_left_out_once_the_time_is_over():
     analysis = identify(decays(SLOW, FAST[0], seed=3), trust_period=True, validate=False, seconds=1e-6)
     assert analysis.records[0].start == 0.0
