@@ -23,8 +23,8 @@ from floquid.reconstruction import StateModel
 from floquid.sync import ShaftAngle
 
 
-def _remainder(_: Subject, found: Evidence) -> tuple[Finding, ...]:
-    found.kept("remainder", found.remainder, REMAINDER)
+def _remainder(_: Subject, evidence: Evidence) -> tuple[Finding, ...]:
+    evidence.kept("remainder", evidence.remainder, REMAINDER)
     return ()
 
 
