@@ -57,8 +57,8 @@ class Estimates(Rebuilt):
     imaginary part alone is here, and of a real multiplier the harmonics that turn forwards: the others are their mirror
     images.
 
-    Where all hits share one shape (`shared`), the errors e are those of a channel, the same in each of its hits, and p
-    has further parameters behind ω that move coefficients alone: the states of modes in hits.
+    Where all hits share one shape (`shared`), the errors e are those of a channel, the same in each hit. Then p has
+    further parameters behind ω that move coefficients alone: the states of modes in hits.
 
     Raises InputError where a shape or a value is not possible.
 

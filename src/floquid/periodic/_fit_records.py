@@ -142,10 +142,10 @@ def fit(
     with θ the phase angle of the system (2π a period), ν periods a revolution, and t_h the instant of phase zero at or
     before the first sample of hit h. Decay and frequency run in time, shapes in angle: on a shaft whose speed wanders
     neither time nor angle alone makes the response one of an LTI system. All modes are fitted together, residues held
-    to contiguous bands of harmonics (Allen 2009, eq. 12). Bands, modes that are parted, joined or left out, and further
-    lines in the spectrum of the residual (section 2.2.3, the FSE view) are decided by scores of one linearisation.
-    Missing samples (NaN) take no part. Where the speed wanders, F is let follow it to second order. Returns model,
-    forced response and noise.
+    to contiguous bands of harmonics (Allen 2009, eq. 12). Scores of one linearisation decide on bands, on modes to
+    split, merge or remove, and on further lines in the spectrum of the residual (section 2.2.3, the FSE view). Missing
+    samples (NaN) take no part. Where the speed wanders, F is let follow it to second order. Returns model, forced
+    response and noise.
 
     Raises InputError where records or clocks do not belong together, or the forced response or the harmonics cannot be
     what is asked for; IdentificationError where no mode rises above the noise, or what does is no mode that could be

@@ -199,7 +199,7 @@ def pooled_noise(blocks: Iterable[Sequence[Floats]]) -> Floats:
     .. math:: \hat\sigma = s_{(1/4)} / \bar s_{(1/4)}
 
     s the lower quartile of the singular values of a block (rows, samples), over that of white noise of unit variance
-    and the same size. A block of twice as many samples as it has values beyond the edge of noise tells its own, the
+    and the same size. A block of twice as many samples as it has values beyond the edge of noise gives its own. The
     others have that of all side by side (outputs, inputs). That holds where the modes are fewer than three quarters of
     the samples of all inputs together: the samples of one may be few.
     """

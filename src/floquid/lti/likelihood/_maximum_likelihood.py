@@ -58,15 +58,14 @@ class MaximumLikelihood(AbstractIdentifier):
 
     .. math:: \min_\mu \operatorname{tr}\left((I - P_\mu)\, Y Y^T\right)
 
-    (Golub and Pereyra 1973, in Kaufman's form). Conjugate
-    pairs, positive real and negative real multipliers are kinds of their own. ERA at generous orders gives the start;
-    with `order=None` each mode must pass a chi-square test with the others refitted. Any other identifier may be
-    wrapped (`initial`): one that decides the order leaves only the finish to this, and the poles of one that does not
-    are where the search starts instead of those of ERA.
+    (Golub and Pereyra 1973, in Kaufman's form). Conjugate pairs, positive real and negative real multipliers are kinds
+    of their own. ERA at generous orders gives the start; with `order=None` each mode must pass a chi-square test with
+    the others refitted. Any other identifier may be wrapped (`initial`): one that decides the order leaves only the
+    finish to this. The poles of one that does not are the start of the search, instead of those of ERA.
 
-    Noise that is correlated in time is whitened by a short filter, and responses whose noise is not independent count
-    for as many as they are worth. Of several inputs the residues are free in the search; where those of a pole are
-    of higher rank than one, modes of equal multipliers are told apart as outer products.
+    Noise that is correlated in time is whitened by a short filter. Responses with dependent noise count for as many as
+    they are worth. Of several inputs the residues are free in the search; where those of a pole are of higher rank than
+    one, modes of equal multipliers are told apart as outer products.
 
     Parameters
     ----------

@@ -33,8 +33,8 @@ def assemble(
     poles does to them.
 
     Modes are by ascending |λ|, a conjugate after its partner. Raises InputError where the models do not belong
-    together, more harmonics are asked for than there are phases, or none while the modal model has no deviations to
-    choose them by.
+    together, or more harmonics are asked for than there are phases. So it does without `harmonics`, where the modal
+    model has no deviations to choose them by.
 
     Parameters
     ----------

@@ -137,9 +137,9 @@ def combinations_of(model: PeriodicModel, noise: Floats, *, nonlinear: bool = Fa
 
     .. math:: \lambda_c = \lambda_a + \lambda_b + i m \omega
 
-    `noise` are the deviations of the noise (channels, hits) [units of the channels] of the periodic `model`. Of a
-    record that is known not to be one of modes alone (`nonlinear`) sums are looked for from farther away, since several
-    may have come out as one. Returns one finding a mode.
+    `noise` are the deviations of the noise (channels, hits) [units of the channels] of the periodic `model`. Where a
+    record is known not to be one of modes alone (`nonlinear`), sums are looked for from farther away: several may have
+    come out as one. Returns one finding a mode.
     """
     chosen, std = list(model.upper_modes), model.exponent_std
     if std is None or not chosen:

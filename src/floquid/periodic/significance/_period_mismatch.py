@@ -55,10 +55,10 @@ class Synchrony:
 def synchrony(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
     """Difference of the response's own period from the one it was lifted with.
 
-    Two signs are looked for: a slow turn of the harmonics within each mode (`drift`), and, where the difference is so
-    large that each harmonic came out as a mode of its own, modes of equal decay spaced by something close to ω
-    (`spacing`). Returns the one with the smaller deviation; None when the response does not tell the period. The
-    `model` was identified from the responses `lifted`.
+    Two signs are looked for: a slow turn of the harmonics within each mode (`drift`), and modes of equal decay spaced
+    by nearly ω (`spacing`). The latter come where the difference is so large that each harmonic became a mode. Returns
+    the one with the smaller deviation; None when the response does not tell the period. The `model` was identified from
+    the responses `lifted`.
     """
     signs = [sign for sign in (drift(model, lifted), spacing(model, lifted)) if sign is not None]
     return min(signs, key=lambda sign: sign.std, default=None)

@@ -22,8 +22,8 @@ def groups(modal: ModalModel, lifted: Lifted) -> ModeParameters:
     """One mode for each pole of `modal` and group of its harmonics significant in `lifted`, its band about the largest.
 
     Modes fold onto one another in lifted responses: their poles then come out as one, or bent. Their harmonics lie at
-    different unfolded frequencies, and start as modes of their own, parted at the sign of the frequency and at gaps of
-    more than `APART` harmonics; where they are one mode after all, a test of equal exponents joins them.
+    different unfolded frequencies, and start as separate modes. They are split at the sign of the frequency and at gaps
+    of more than `APART` harmonics; where they are one mode after all, a test of equal exponents joins them.
     """
     expanded = expansion(modal, lifted)
     omega = 2.0 * np.pi / lifted.period
