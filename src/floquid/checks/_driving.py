@@ -60,8 +60,8 @@ def driving(case: Any, _: Evidence) -> tuple[Finding, ...]:
 
     Inputs at other instants leave what noise and squares do, so that these are looked for with the right instants.
     """
-    instants, other = _instants(case.fit, case.tested)
-    return (*_beside(other or case.tested), *instants)
+    instants, right = _instants(case.fit, case.tested)
+    return (*_beside(right or case.tested), *instants)
 
 
 def _beside(scores: Scores) -> tuple[Finding, ...]:

@@ -126,4 +126,4 @@ class Validation(Rebuilt):
     def unmet(self) -> tuple[str, ...]:
         """The names of the criteria that are not met, or have no number."""
         values = self.metrics
-        return tuple(n for n, own in self.criteria.items() if n not in values or not own.met(values[n]))
+        return tuple(n for n, criterion in self.criteria.items() if n not in values or not criterion.met(values[n]))

@@ -23,8 +23,8 @@ from floquid.reconstruction import StateModel
 from floquid.sync import ShaftAngle
 
 
-def _remainder(_: Subject, found: Evidence) -> tuple[Finding, ...]:
-    found.kept("remainder", found.remainder, REMAINDER)
+def _remainder(_: Subject, evidence: Evidence) -> tuple[Finding, ...]:
+    evidence.kept("remainder", evidence.remainder, REMAINDER)
     return ()
 
 
@@ -88,10 +88,10 @@ def validate(
     .. math:: \mathrm{fit} = 1 - \sqrt{\frac{\max(\sum e\,r - \sigma^2 \chi^2_{n,\alpha},\, 0)}{\sum y^2 - n\sigma^2}}
 
     with e the error of prediction and r what the fit to all cycles leaves: Σ e r is the error with the prediction's own
-    variance taken off, and all of it that noise explains counts as none. What the model leaves of the record is
-    searched for tones at harmonics of the revolution, for harmonics of each mode beside its band, for other lines, and
-    for colour (Ljung and Box 1978). Each mode is held against what a fit makes of noise alone. A(t) is integrated over
-    two periods and held against the model's multipliers.
+    variance taken off, and all of it that noise explains counts as none. The residual is searched for tones at
+    harmonics of the revolution, harmonics beside each mode's band, other lines, and colour (Ljung and Box 1978). Each
+    mode is held against what a fit makes of noise alone. A(t) is integrated over two periods and held against the
+    model's multipliers.
 
     Raises InputError where an argument is not possible, or does not belong to the model.
 

@@ -66,9 +66,9 @@ def read_blocks(
     """Read the exponents of each block, by its number among `modes`, from a covariance with σ and q at its `places`."""
     return {
         number: read_axis(
-            mode.exponent.real, mode.square, covariance[np.ix_(own, own)], round(2.0 * mode.axis), fundamental
+            mode.exponent.real, mode.square, covariance[np.ix_(place, place)], round(2.0 * mode.axis), fundamental
         )
-        for number, (mode, own) in enumerate(zip(modes, places, strict=True))
+        for number, (mode, place) in enumerate(zip(modes, places, strict=True))
         if mode.square is not None
     }
 
@@ -83,9 +83,9 @@ def with_deviations(covariance: Floats, std: Complexes) -> Floats:
     before, after = np.sqrt(np.diag(covariance)), np.concatenate([std.real, std.imag])
     after = np.where(np.isnan(after), before, after)
     share = np.where(before > 0.0, after / np.where(before > 0.0, before, 1.0), 0.0)
-    found = covariance * np.outer(share, share)
-    found[np.diag_indices(len(after))] = after**2
-    return found
+    scaled = covariance * np.outer(share, share)
+    scaled[np.diag_indices(len(after))] = after**2
+    return scaled
 
 
 def readings(
@@ -134,8 +134,8 @@ def _apart(square: float, covariance: Floats) -> Floats | None:
         return None
     slope = 0.5 / np.sqrt(square)
     turn = np.array([[1.0, slope], [1.0, -slope]])
-    own = turn @ covariance @ turn.T
-    return np.sqrt(np.maximum(np.diag(own), 0.0)) if correlation(covariance) > correlation(own) else None
+    of_each = turn @ covariance @ turn.T
+    return np.sqrt(np.maximum(np.diag(of_each), 0.0)) if correlation(covariance) > correlation(of_each) else None
 
 
 def _changes(square: float, s: float) -> Floats:

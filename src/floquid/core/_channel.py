@@ -91,8 +91,12 @@ class Channel(Brief):
 def _by_name(name: str, possible: Sequence[str]) -> str | None:
     """First of the `possible` quantities with a word in the name; None without one."""
     words = re.sub(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|_", " ", name).lower()
-    found = (own for own in _NAMES if own in possible and re.search(rf"(?<![a-z])(?:{_NAMES[own]})(?![a-z])", words))
-    return next(found, None)
+    matching = (
+        quantity
+        for quantity in _NAMES
+        if quantity in possible and re.search(rf"(?<![a-z])(?:{_NAMES[quantity]})(?![a-z])", words)
+    )
+    return next(matching, None)
 
 
 def channels_named(channels: Sequence[Channel], names: Sequence[str], *, argument: str, of: str) -> list[int]:

@@ -57,8 +57,8 @@ class Estimates(Rebuilt):
     imaginary part alone is here, and of a real multiplier the harmonics that turn forwards: the others are their mirror
     images.
 
-    Where all hits share one shape (`shared`), the errors e are those of a channel, the same in each of its hits, and p
-    has further parameters behind ω that move coefficients alone: the states of modes in hits.
+    Where all hits share one shape (`shared`), the errors e are those of a channel, the same in each hit. Then p has
+    further parameters behind ω that move coefficients alone: the states of modes in hits.
 
     Raises InputError where a shape or a value is not possible.
 
@@ -169,17 +169,17 @@ class Estimates(Rebuilt):
         """Derivatives of the exponents with respect to the parameters (modes, parameters)."""
         count = len(self.exponents)
         slopes = np.zeros((count, len(self.covariance)), complex)
-        own = np.arange(count)
-        slopes[own, own], slopes[own, count + own] = 1.0, 1j * ~self.real
+        modes = np.arange(count)
+        slopes[modes, modes], slopes[modes, count + modes] = 1.0, 1j * ~self.real
         slopes[:, self.fundamental_place] = 0.5j * self.half_turns
         return slopes
 
     def std(self) -> Complexes:
         """Deviations of the coefficients (terms, channels, hits): real part of the real, imaginary of the imaginary."""
         n = len(self.modes)
-        own = np.diagonal(self.spread, axis1=1, axis2=2)[self.blocks]
+        spread = np.diagonal(self.spread, axis1=1, axis2=2)[self.blocks]
         cross = np.diagonal(self.spread[:, :n, n:], axis1=1, axis2=2)[self.blocks]
-        up, down, both = (np.moveaxis(part, -1, 0) for part in (own[..., :n], own[..., n:], cross))
+        up, down, both = (np.moveaxis(part, -1, 0) for part in (spread[..., :n], spread[..., n:], cross))
         g, s = self.scales, self.slopes
         real = g.real**2 * up + g.imag**2 * down - 2.0 * g.real * g.imag * both
         imag = g.imag**2 * up + g.real**2 * down + 2.0 * g.real * g.imag * both
@@ -195,8 +195,8 @@ class Estimates(Rebuilt):
 
     def row_covariance(self, channel: int, hit: int) -> Floats:
         """Covariance of the coefficients of a row, `channel` and `hit`, by all errors (2 terms, 2 terms)."""
-        own = self.slopes[:, channel, hit]
-        both = np.concatenate([own.real, own.imag])
+        slopes = self.slopes[:, channel, hit]
+        both = np.concatenate([slopes.real, slopes.imag])
         return self.noise_covariance(channel, hit) + both @ self.covariance @ both.T
 
     def slopes_at(self, coefficients: Complexes, channel: int, hit: int) -> Complexes:
@@ -247,8 +247,8 @@ class Estimates(Rebuilt):
         variance = np.einsum("qp,qp->q", total @ self.covariance, total)
         used = by_coefficients.any(axis=(0, 1))
         for block, spread in enumerate(self.spread):
-            own = used & (self.blocks == block)
-            seen = by_coefficients[:, :, own] * self.scales[:, own]
+            in_block = used & (self.blocks == block)
+            seen = by_coefficients[:, :, in_block] * self.scales[:, in_block]
             if self.shared:
                 seen = seen.sum(axis=2, keepdims=True)  # the rows of a block are the hits of a channel
             both = np.concatenate([seen.real, -seen.imag], axis=1).swapaxes(1, 2)
@@ -263,24 +263,24 @@ class Estimates(Rebuilt):
             chosen = chosen[np.asarray(terms)]
         place = np.full(len(self.exponents), -1)
         place[kept] = np.arange(len(kept))
-        own = [k for mode in kept for k in chosen if self.modes[k] == mode]
+        kept_terms = [k for mode in kept for k in chosen if self.modes[k] == mode]
         others = np.arange(self.fundamental_place, len(self.covariance))
         parts = np.concatenate([kept, kept + len(self.exponents), others])
-        both = np.concatenate([own, np.array(own, int) + len(self.modes)]).astype(int)
+        both = np.concatenate([kept_terms, np.array(kept_terms, int) + len(self.modes)]).astype(int)
         return Estimates(
             exponents=self.exponents[kept],
             real=self.real[kept],
             fundamental=self.fundamental,
-            modes=place[self.modes[own]],
-            harmonics=self.harmonics[own],
-            coefficients=self.coefficients[own],
+            modes=place[self.modes[kept_terms]],
+            harmonics=self.harmonics[kept_terms],
+            coefficients=self.coefficients[kept_terms],
             covariance=self.covariance[np.ix_(parts, parts)],
-            slopes=self.slopes[own][..., parts],
+            slopes=self.slopes[kept_terms][..., parts],
             spread=self.spread[:, both][:, :, both],
             blocks=self.blocks,
-            scales=self.scales[own],
+            scales=self.scales[kept_terms],
             drift=None if self.drift is None else self.drift[:, both][:, :, both],
-            bend=None if self.bend is None else self.bend[own],
+            bend=None if self.bend is None else self.bend[kept_terms],
             gains=None if self.gains is None else self._gains_of(self.gains, kept, parts),
             shared=self.shared,
         )
@@ -306,8 +306,8 @@ class Estimates(Rebuilt):
 
     def term(self, mode: int, harmonic: int) -> int | None:
         """The position of the term of a `mode` and `harmonic`; None where there is none."""
-        found = np.flatnonzero((self.modes == mode) & (self.harmonics == harmonic))
-        return int(found[0]) if len(found) else None
+        places = np.flatnonzero((self.modes == mode) & (self.harmonics == harmonic))
+        return int(places[0]) if len(places) else None
 
     def period_std(self) -> float:
         """The deviation of the period [s]; zero where it was given."""
@@ -322,6 +322,6 @@ class Estimates(Rebuilt):
 def _deviations(slopes: Complexes, covariance: Floats) -> Complexes:
     """Deviations by slopes (…, parameters): that of the real part as the real part, of the imaginary the imaginary."""
     real, imag = (
-        np.sqrt(np.maximum(np.sum((own @ covariance) * own, axis=-1), 0.0)) for own in (slopes.real, slopes.imag)
+        np.sqrt(np.maximum(np.sum((part @ covariance) * part, axis=-1), 0.0)) for part in (slopes.real, slopes.imag)
     )
     return np.asarray(real + 1j * imag, np.complex128)

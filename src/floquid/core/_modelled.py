@@ -65,19 +65,19 @@ def modelled(
     as_read
         Deviations of exponents near an axis, by the modes of the estimates.
     """
-    own = np.repeat(np.arange(len(estimates.exponents)), np.where(estimates.real, 1, 2))
-    back = np.append(False, own[1:] == own[:-1])[: len(own)]
-    slopes = np.where(back[:, None], estimates.exponent_slopes[own].conj(), estimates.exponent_slopes[own])
+    entries = np.repeat(np.arange(len(estimates.exponents)), np.where(estimates.real, 1, 2))
+    back = np.append(False, entries[1:] == entries[:-1])[: len(entries)]
+    slopes = np.where(back[:, None], estimates.exponent_slopes[entries].conj(), estimates.exponent_slopes[entries])
     by = np.concatenate([slopes.real, slopes.imag])
     covariance = by @ estimates.covariance @ by.T
     if not (np.isfinite(covariance).all() and (np.diag(covariance) >= 0.0).all()):
         raise IdentificationError("A mode is not determined at all: with its residues held, it has no deviation.")
     if as_read:
         covariance = with_deviations(
-            covariance, np.array([as_read.get(k, complex(np.nan, np.nan)) for k in own.tolist()])
+            covariance, np.array([as_read.get(k, complex(np.nan, np.nan)) for k in entries.tolist()])
         )
-    exponents = estimates.exponents[own]
-    harmonics, coefficients, std = _shapes(estimates, kept, own)
+    exponents = estimates.exponents[entries]
+    harmonics, coefficients, std = _shapes(estimates, kept, entries)
     return PeriodicModel(
         exponents=np.where(back, exponents.conj(), exponents),
         coefficients=coefficients,
@@ -89,7 +89,7 @@ def modelled(
         estimates=estimates,
         unselected=unselected,
         provenance=provenance,
-        inputs=None if driven is None else _inputs(estimates, driven, own, back),
+        inputs=None if driven is None else _inputs(estimates, driven, entries, back),
     )
 
 

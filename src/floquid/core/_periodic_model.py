@@ -266,27 +266,28 @@ class PeriodicModel(Drawn, Rebuilt):
         """
         if self.covariance is None:
             return None
-        own, n = self.estimates, self.order
-        if own is None or own.fundamental_std == 0.0:
+        estimates, n = self.estimates, self.order
+        if estimates is None or estimates.fundamental_std == 0.0:
             slope = self.multipliers * self.period
             turned = np.moveaxis(np.array([[slope.real, -slope.imag], [slope.imag, slope.real]]), 2, 0)
             parts = np.array([self.covariance[r::n, r::n] for r in range(n)]).reshape(n, 2, 2)
             return turned @ parts @ turned.transpose(0, 2, 1)
         # Half the fundamental, in a real multiplier, turns by half a turn a period whatever the period is.
-        slope = self.multipliers[self.modes_of(own)] * self.period
-        by = slope[:, None] * own.exponent_slopes
-        by[:, own.fundamental_place] -= slope * own.exponents / own.fundamental
+        slope = self.multipliers[self.modes_of(estimates)] * self.period
+        by = slope[:, None] * estimates.exponent_slopes
+        by[:, estimates.fundamental_place] -= slope * estimates.exponents / estimates.fundamental
         both = np.stack([by.real, by.imag], axis=1)
-        known = both @ own.covariance @ both.transpose(0, 2, 1)
+        known = both @ estimates.covariance @ both.transpose(0, 2, 1)
         straight, mirrored = (
-            np.abs(np.subtract.outer(self.exponents, side)) for side in (own.exponents, own.exponents.conj())
+            np.abs(np.subtract.outer(self.exponents, side))
+            for side in (estimates.exponents, estimates.exponents.conj())
         )
         of = np.argmin(np.minimum(straight, mirrored), axis=1)
         sign = np.where((straight <= mirrored)[np.arange(n), of], 1.0, -1.0)  # of a conjugate the imaginary part's
-        found = known[of]
-        found[:, 0, 1] *= sign
-        found[:, 1, 0] *= sign
-        return found
+        covariances = known[of]
+        covariances[:, 0, 1] *= sign
+        covariances[:, 1, 0] *= sign
+        return covariances
 
     @property
     def frequency_std_hz(self) -> Floats | None:
@@ -345,13 +346,13 @@ class PeriodicModel(Drawn, Rebuilt):
             if mode not in wanted and not np.isin(partner, wanted).any():
                 continue
             # All exponents stay: those of other modes move these coefficients too.
-            own = self.estimates.picked(terms=kept & (self.estimates.modes == entry))
-            turned = np.exp(1j * self.fundamental * np.multiply.outer(own.harmonics, t))
-            mirror = -own.half_turns[entry] - own.harmonics
-            back = np.exp(1j * self.fundamental * np.multiply.outer(mirror, t)) * (own.multiplicity == 2.0)[:, None]
-            back = back if own.real[entry] else np.zeros_like(back)
-            std[mode] = _real_imag_std(own, turned.T, back.T)
-            if not own.real[entry] and len(partner):
+            of_mode = self.estimates.picked(terms=kept & (self.estimates.modes == entry))
+            turned = np.exp(1j * self.fundamental * np.multiply.outer(of_mode.harmonics, t))
+            mirror = -of_mode.half_turns[entry] - of_mode.harmonics
+            back = np.exp(1j * self.fundamental * np.multiply.outer(mirror, t)) * (of_mode.multiplicity == 2.0)[:, None]
+            back = back if of_mode.real[entry] else np.zeros_like(back)
+            std[mode] = _real_imag_std(of_mode, turned.T, back.T)
+            if not of_mode.real[entry] and len(partner):
                 std[partner[0]] = std[mode]
         return std[wanted]
 
@@ -368,17 +369,17 @@ class PeriodicModel(Drawn, Rebuilt):
         return there & kept[modes, place]
 
 
-def _real_imag_std(own: Estimates, straight: Complexes, mirrored: Complexes) -> Complexes:
+def _real_imag_std(estimates: Estimates, straight: Complexes, mirrored: Complexes) -> Complexes:
     """Deviations of Σ B·straight + B̄·mirrored (channels, hits, quantities), by (quantities, terms)."""
-    std = np.zeros((*own.blocks.shape, len(straight)), complex)
+    std = np.zeros((*estimates.blocks.shape, len(straight)), complex)
     # Row by row: their noises are independent, and slopes by all rows at once would be nearly all zero.
-    for channel, hit in np.ndindex(*own.blocks.shape):
-        noise = own.noise_covariance(channel, hit)
+    for channel, hit in np.ndindex(*estimates.blocks.shape):
+        noise = estimates.noise_covariance(channel, hit)
         for unit in (1.0, 1j):
             # Re((a B + b B̄)/unit) = Re((a/unit + conj(b/unit)) B)
             by = straight / unit + (mirrored / unit).conj()
-            both, moved = np.concatenate([by.real, -by.imag], axis=1), (by @ own.slopes[:, channel, hit]).real
+            both, moved = np.concatenate([by.real, -by.imag], axis=1), (by @ estimates.slopes[:, channel, hit]).real
             variance = np.einsum("qk,qk->q", both @ noise, both)
-            variance += np.einsum("qp,qp->q", moved @ own.covariance, moved)
+            variance += np.einsum("qp,qp->q", moved @ estimates.covariance, moved)
             std[channel, hit] += unit * np.sqrt(np.maximum(variance, 0.0))
     return std

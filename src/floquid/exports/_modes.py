@@ -42,9 +42,9 @@ def export_modes(
     The shape of mode r in hit h is :math:`\sum_m B_{r,h,m} e^{(\lambda_r + i m \omega) t}`.
 
     - `.uff`, `.unv`: universal file with datasets 151 (header), 15 (nodes) and 55 (data at nodes, complex eigenvalues
-      of first order). Each coefficient B of a mode and a harmonic m is a shape of its own, of eigenvalue λ + imω, so
-      that a program for time-invariant modes animates it. Of conjugates there is the one above the real axis. Numbers
-      have six digits; the ID lines have λ, its deviation and the period in full.
+      of first order). Each coefficient B of a mode and a harmonic m is a shape of its own, of eigenvalue λ + imω. A
+      program for time-invariant modes can animate it. Of conjugates there is the one above the real axis. Numbers have
+      six digits; the ID lines have λ, its deviation and the period in full.
     - `.mat`: MATLAB version 5: `exponents`, `coefficients` (modes, channels, hits, harmonics), `harmonics`, `period`,
       ..., of measured inputs `input_coefficients` (modes, inputs, harmonics), `input_harmonics`, `direct` (channels,
       inputs, harmonics), `direct_harmonics`, ..., and of A(t), where there is one, `A` and `Phi` (states, states,

@@ -19,15 +19,15 @@ def summary(analysis: Analysis) -> dict[str, Any]:
 
     Every exponent is listed, conjugates included; a complex number is [real, imaginary]. `participation` is the share
     of each of the mode's `harmonics` in the energy of its shape, channels weighted by the inverse of their noise.
-    `forced` has the forced response beside the free one, `interference` each steady tone that was taken off,
-    `synchronisation` what was done to the record and how well it is synchronised, `warnings` what a reader must know,
-    `findings` both by code, severity and numbers. `validation` has the verdict on the model with its numbers and their
-    limits. `noise_whitening` has the filter of each channel that took the colour of the noise off. `periodicity` says
-    whether the response is that of a periodic system at all: probabilities, and the share of its mode that each
-    harmonic has and would be seen at. `misfit` is what the fit leaves over its noise, null where there is none, and
-    `failed` whether it is so much that the model fails: then no exponent and no shape has a deviation. `system` has
-    A(t) over the period and its deviations, what its states are (`coordinates`), and, where it was fitted with a
-    structure, that structure, its parameters, and how well it fits.
+    `forced` has the forced response, `interference` each steady tone that was taken off, `synchronisation` the
+    preparation of the record. `warnings` are sentences; `findings` hold them and the notes by code, severity and
+    numbers. `validation` has the verdict on the model with its numbers and their limits. `noise_whitening` has the
+    filter of each channel that took the colour of the noise off. `periodicity` says whether the response is that of a
+    periodic system at all: probabilities, and the share of its mode that each harmonic has and would be seen at.
+    `misfit` is what the fit leaves over its noise, null where there is none, and `failed` whether it is so much that
+    the model fails: then no exponent and no shape has a deviation. `system` has A(t) over the period and its
+    deviations, and its states (`coordinates`). Where it was fitted with a structure, it has that structure, its
+    parameters, and the quality of the fit.
 
     `excitation` is free, inputs or ambient. `inputs` has, of each mode, its `coefficients` b over the inputs'
     `harmonics` with deviations, and the `direct` term, and is null where none were measured; `system` then has B(t),

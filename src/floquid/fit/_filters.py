@@ -20,7 +20,7 @@ def filtered(values: Floats, taps: Floats) -> Floats:
     """Values (channels, samples) after the filter of each channel, from the first sample with all its past on."""
     if taps.shape[1] > values.shape[1]:
         return values[:, :0]
-    return np.array([np.convolve(row, own, "valid") for row, own in zip(values, taps, strict=True)])
+    return np.array([np.convolve(row, filter_, "valid") for row, filter_ in zip(values, taps, strict=True)])
 
 
 def filter_gain(taps: Floats, delays: Floats, rates: Complexes, *, slope: bool = False) -> Complexes:

@@ -105,7 +105,7 @@ def correlation(covariance: Floats) -> float:
 
 
 def with_blocks(
-    now: Fit, may_be: Callable[[Fit], Iterator[list[int]]], as_block: Callable[[Fit, list[int]], Fit | None]
+    fit: Fit, may_be: Callable[[Fit], Iterator[list[int]]], as_block: Callable[[Fit, list[int]], Fit | None]
 ) -> Fit:
     """The fit with each couple of modes that `may_be` of either kind as a block, where `as_block` finds one.
 
@@ -113,14 +113,14 @@ def with_blocks(
     """
     tried: set[tuple[complex, ...]] = set()
     while True:
-        for numbers in may_be(now):
-            key = tuple(now.modes[number].exponent for number in numbers)
+        for numbers in may_be(fit):
+            key = tuple(fit.modes[number].exponent for number in numbers)
             if key not in tried:
                 break
         else:
-            return now
+            return fit
         tried.add(key)
-        now = as_block(now, numbers) or now
+        fit = as_block(fit, numbers) or fit
 
 
 def begun_off(away: float, decay: float, omega: float) -> float:
@@ -128,7 +128,7 @@ def begun_off(away: float, decay: float, omega: float) -> float:
     return float(np.copysign(max(abs(away), OFF * abs(decay), 1e-9 * omega), away))
 
 
-def block_stands(trial: AxisFit, now: AxisFit, variance: float, omega: float, *, real: bool) -> bool:
+def block_stands(trial: AxisFit, without: AxisFit, variance: float, omega: float, *, real: bool) -> bool:
     """True where a fit with a block, its last mode, takes the place of one with a pair, or two `real` multipliers.
 
     Its q has a `variance`. It does not where q is not determined, or one kind is certain and regular.
@@ -139,8 +139,8 @@ def block_stands(trial: AxisFit, now: AxisFit, variance: float, omega: float, *,
     if not np.sqrt(std) < 0.25 * omega:
         return False
     # Harmonics that neither kind has cost more than a q that is not open gains.
-    away = DEVIATIONS if trial.n_parameters <= now.n_parameters else WITHIN
+    away = DEVIATIONS if trial.n_parameters <= without.n_parameters else WITHIN
     if abs(square) > away * std and (square > 0.0) == real:
         return False
     # It holds both kinds: where it fits worse its fit has not ended.
-    return now.log_likelihood - trial.log_likelihood < chi2_limit(1, WORSE)
+    return without.log_likelihood - trial.log_likelihood < chi2_limit(1, WORSE)

@@ -145,17 +145,17 @@ class Ends:
 
 def levenberg_marquardt(start: Point, of: Steps[Point], ends: Ends) -> Point:
     """Return the point of least cost near a start."""
-    now, normal, damping, growth = start, of.normal(start), START, 2.0
+    point, normal, damping, growth = start, of.normal(start), START, 2.0
     gains, small, pull, kept = [], 0, normal.gradient, False
     while len(pull) and len(gains) < ends.steps:
         whole = normal.step(damping, pull)
-        step = whole if of.limited is None else of.limited(now, whole, normal, damping)
-        trial, gained = _tried(of, now, step)
+        step = whole if of.limited is None else of.limited(point, whole, normal, damping)
+        trial, gained = _tried(of, point, step)
         if trial is None and not kept and of.bent is not None:
-            step = of.bent(now, step, normal, damping)
-            trial, gained = _tried(of, now, step)
+            step = of.bent(point, step, normal, damping)
+            trial, gained = _tried(of, point, step)
         if trial is None and kept:
-            normal, kept = of.normal(now), False
+            normal, kept = of.normal(point), False
             pull = normal.gradient
             continue
         if trial is None:
@@ -165,27 +165,27 @@ def levenberg_marquardt(start: Point, of: Steps[Point], ends: Ends) -> Point:
             damping, growth = max(growth * damping, WHOLE), 2.0 * growth
             continue
         expected = normal.gain(step, pull)
-        now, growth = trial, 2.0
+        point, growth = trial, 2.0
         gains.append(gained)
         if expected > 0.0:
             damping *= max(FALL, 1.0 - (2.0 * min(gained / expected, 1.0) - 1.0) ** 3)
         small += gained < ends.gain
         idle = gained < ends.gain and (small >= ends.patience or normal.promised(pull) <= 2.0 * ends.gain)
         still = normal.size(step) < ends.deviations or np.abs(step).max() < AT_ONCE
-        if idle or still or len(gains) == ends.steps or (of.enough is not None and of.enough(now, gains)):
+        if idle or still or len(gains) == ends.steps or (of.enough is not None and of.enough(point, gains)):
             break
         kept = of.gradient is not None and step is whole and gained > SERVES * expected
         if kept and of.gradient is not None:
-            pull = of.gradient(now)
+            pull = of.gradient(point)
         else:
-            normal = of.normal(now)
+            normal = of.normal(point)
             pull = normal.gradient
-    return now
+    return point
 
 
-def _tried(of: Steps[Point], now: Point, step: Floats) -> tuple[Point | None, float]:
+def _tried(of: Steps[Point], point: Point, step: Floats) -> tuple[Point | None, float]:
     """The point a step away with what it gains; None where that is nothing."""
-    trial = of.moved(now, step)
-    if trial is None or not trial.cost <= now.cost + max(EQUAL * abs(now.cost), np.finfo(float).tiny):
+    trial = of.moved(point, step)
+    if trial is None or not trial.cost <= point.cost + max(EQUAL * abs(point.cost), np.finfo(float).tiny):
         return None, 0.0
-    return trial, now.cost - trial.cost
+    return trial, point.cost - trial.cost

@@ -49,9 +49,9 @@ def readable_file(path: object, *, of: str, argument: str = "path") -> Path:
 def atomic_path(path: object, *, of: str = "write", argument: str = "path") -> Iterator[Path]:
     """A temporary path beside `path` (`argument` of `of`), of its suffix, that takes its name when the block ends well.
 
-    Write to the path that is yielded. At the end of the block the file is flushed to the disk and renamed, so that
-    `path` holds either what it held before or all of the new file. When the block raises, the temporary file is
-    removed and `path` is untouched.
+    Write to the path that is yielded. At the end of the block the file is flushed to the disk and renamed. So `path`
+    holds either its old content or all of the new file. When the block raises, the temporary file is removed and `path`
+    is untouched.
     """
     target = as_path(path, of=of, argument=argument)
     must = "be a path that can be written"

@@ -28,7 +28,7 @@ class Lifted(Rebuilt):
     """The responses at all phases of all channels, as responses of one LTI system sampled once a period.
 
     Output `channel * n_phases + phase` and input `hit` of `responses` is the sequence of samples of that channel at
-    that phase in that hit, one a period.
+    that phase in that hit.
 
     Parameters
     ----------

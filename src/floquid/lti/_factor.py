@@ -185,13 +185,13 @@ def compress(data: TimeResponses, *, rank_one: bool = False) -> TimeResponses:
     .. math:: W = \big[\,Y_1/\sigma_1 \;\cdots\; Y_I/\sigma_I\,\big] = U S V^T, \qquad C = U^T W = S V^T
 
     with a row an output and the inputs side by side in time. The change of outputs Uᵀ is common to all inputs, so C
-    holds free responses of the same system, their poles the same. Since WᵀW = CᵀC, sums of squares, the Gram matrix
-    over time, the singular values of spectral matrices and the MAC of noise-weighted residues are those of the data.
+    holds free responses of the same system, their poles the same. Since WᵀW = CᵀC, sums of squares and the Gram matrix
+    over time are those of the data. So are singular values of spectral matrices and the MAC of noise-weighted residues.
     20,000 outputs become as many responses as there are samples, at the cost of the Gram matrix.
 
-    The number of responses is only cut below that for what is too large to be held twice, to the leading directions by
-    a randomised range finder (Halko, Martinsson and Tropp 2011, algorithm 4.4, one power iteration). A mode can be
-    significant and yet lead no direction of its own, when its energy is spread over outputs that are mostly noise.
+    For what is too large to be held twice, the number of responses is cut to the leading directions by a randomised
+    range finder (Halko, Martinsson and Tropp 2011, algorithm 4.4, one power iteration). A mode can be significant and
+    yet lead no direction of its own, when its energy is spread over outputs that are mostly noise.
 
     They are (responses, inputs, samples) in units of the noise of one output. `noise` is √(outputs/responses) for all,
     so that the energy of white noise stays what it is; it is exactly white if there are no more outputs than samples.

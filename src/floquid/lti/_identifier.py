@@ -40,9 +40,8 @@ class AbstractIdentifier(ABC):
         """The model of one order.
 
         Its `outcome` says how it ended. Raises InputError where `order` is not a positive integer below the number of
-        samples, or None where the algorithm cannot decide. `state` is what `prepare` returned, `order` the number of
-        poles, conjugates one by one, where None lets an algorithm that decides do so, and `report` is told of each
-        stage.
+        samples, or None where the algorithm cannot decide. `state` is what `prepare` returned; `report` is told of each
+        stage. `order` is the number of poles, conjugates one by one; None lets an algorithm that decides find it.
         """
 
     def of_order(self, order: int) -> Self:

@@ -69,10 +69,10 @@ def choose(
     .. math:: J(n) = \operatorname{cost}(n) + \sum_{\text{modes}} \ell(\text{mode})
 
     with the limit ℓ of an F test at the false-alarm probability as the penalty of a mode. The choice is ambiguous when
-    a neighbouring order is nearly as good, when modes are not told apart or hardly determined, when they move as one
-    more is added, or when what is left is not white noise. `data` are the responses and their noise, `report` is told
-    of each stage, and `identifier` finds the poles, by default `MaximumLikelihood()`; one that does not decide the
-    order is the start of maximum likelihood.
+    a neighbouring order is nearly as good, or modes are hardly determined. So it is when they move as one more is
+    added, or the residual is not white noise. `data` are the responses and their noise, `report` is told of each stage,
+    and `identifier` finds the poles, by default `MaximumLikelihood()`; one that does not decide the order is the start
+    of maximum likelihood.
     """
     used = identifier or MaximumLikelihood()
     if not used.decides:

@@ -142,10 +142,10 @@ def fit(
     with θ the phase angle of the system (2π a period), ν periods a revolution, and t_h the instant of phase zero at or
     before the first sample of hit h. Decay and frequency run in time, shapes in angle: on a shaft whose speed wanders
     neither time nor angle alone makes the response one of an LTI system. All modes are fitted together, residues held
-    to contiguous bands of harmonics (Allen 2009, eq. 12). Bands, modes that are parted, joined or left out, and further
-    lines in the spectrum of the residual (section 2.2.3, the FSE view) are decided by scores of one linearisation.
-    Missing samples (NaN) take no part. Where the speed wanders, F is let follow it to second order. Returns model,
-    forced response and noise.
+    to contiguous bands of harmonics (Allen 2009, eq. 12). Scores of one linearisation decide on bands, on modes to
+    split, merge or remove, and on further lines in the spectrum of the residual (section 2.2.3, the FSE view). Missing
+    samples (NaN) take no part. Where the speed wanders, F is let follow it to second order. Returns model, forced
+    response and noise.
 
     Raises InputError where records or clocks do not belong together, or the forced response or the harmonics cannot be
     what is asked for; IdentificationError where no mode rises above the noise, or what does is no mode that could be
@@ -223,7 +223,7 @@ def fit(
     if samples.projected:
         # The forced response was at every phase for itself: now it has the harmonics that are there.
         point = Point.at(samples.final, *price_of(samples.final, base), base.joined(point.entries))
-    found = finished(
+    result = finished(
         point,
         noise_floor,
         most=most,
@@ -232,14 +232,14 @@ def fit(
         steady=order is None,
         free_period=free_period,
     )
-    if not (~found.solution.entries.fixed).any():
-        raise IdentificationError(_no_mode(found))
+    if not (~result.solution.entries.fixed).any():
+        raise IdentificationError(_no_mode(result))
     if auto:
-        found = without_noise(found)
-    found = with_one_shape(read_apart(found), harmonic_false_alarm, noise_floor, most)
-    _check_order(found, order)
+        result = without_noise(result)
+    result = with_one_shape(read_apart(result), harmonic_false_alarm, noise_floor, most)
+    _check_order(result, order)
     return result_of(
-        found,
+        result,
         records,
         clocks,
         samples,
@@ -298,9 +298,9 @@ class OrderError(IdentificationError):
     """The fit has not as many poles as were asked for."""
 
 
-def _check_order(found: SearchResult, order: int | None) -> None:
+def _check_order(result: SearchResult, order: int | None) -> None:
     """Refuse a fit without as many poles as were asked for."""
-    free, real = ~found.solution.entries.fixed, found.solution.entries.real
+    free, real = ~result.solution.entries.fixed, result.solution.entries.real
     reached = int(2 * free.sum() - (free & real).sum())
     if order not in (None, reached):
         raise OrderError(
@@ -310,7 +310,7 @@ def _check_order(found: SearchResult, order: int | None) -> None:
 
 
 def result_of(
-    found: SearchResult,
+    result: SearchResult,
     records: Sequence[Record],
     clocks: Sequence[ConstantPeriod | ShaftAngle],
     samples: Samples,
@@ -324,45 +324,45 @@ def result_of(
 ) -> Fit:
     """The result of a search, as it is reported; its noise is what is left, unless it is given."""
     names = records[0].channels
-    colour = (coloured(found) if taps is None else ()) + (_endless(found) if search else ())
+    colour = (coloured(result) if taps is None else ()) + (_endless(result) if search else ())
     try:
         model = model_of(
-            found.blocks,
-            found.solution,
-            found.bands,
+            result.blocks,
+            result.solution,
+            result.bands,
             channels=names,
             provenance=Provenance.merge(tuple(record.provenance for record in records)),
             most=samples.most,
-            as_read=found.as_read,
-            one=found.one,
+            as_read=result.as_read,
+            one=result.one,
         )
     except IdentificationError as error:
         raise IdentificationError(" ".join([str(error), *texts(colour)])) from None
     period_std = None
     if free_period:
-        spread = found.solution.covariance() if found.one is None else found.one.of_rates()
+        spread = result.solution.covariance() if result.one is None else result.one.of_rates()
         period_std = float(2.0 * np.pi / model.fundamental**2 * np.sqrt(spread[-1, -1]))
     return Fit(
         model=model,
-        forced=forced_of(found, samples.nu, names, wanders=samples.wanders),
-        noise=noise_of(found.blocks, found.solution, noise_floor) if noise is None else noise,
-        free=free_records(records, clocks, found, samples.nu),
+        forced=forced_of(result, samples.nu, names, wanders=samples.wanders),
+        noise=noise_of(result.blocks, result.solution, noise_floor) if noise is None else noise,
+        free=free_records(records, clocks, result, samples.nu),
         period_std=period_std,
-        own_period=None if isinstance(clocks[0], ShaftAngle) else period_step(found.solution),
-        misfit=found.misfit,
+        own_period=None if isinstance(clocks[0], ShaftAngle) else period_step(result.solution),
+        misfit=result.misfit,
         whitening=taps,
-        findings=(*_interference(found, names), *evidence(found), *colour),
-        warnings=(*ended, *disagreement(found)),
+        findings=(*_interference(result, names), *evidence(result), *colour),
+        warnings=(*ended, *disagreement(result)),
     )
 
 
-def _interference(found: SearchResult, channels: Sequence[Channel]) -> tuple[Finding, ...]:
+def _interference(result: SearchResult, channels: Sequence[Channel]) -> tuple[Finding, ...]:
     """Notes on the steady tones beside the modes: the frequency of each, and its amplitude where it is largest."""
-    entries = found.solution.entries
+    entries = result.solution.entries
     tones = np.flatnonzero(entries.fixed & (entries.exponents.real == 0.0) & (entries.exponents != 0.0))
     if not len(tones):
         return ()
-    sizes, notes = 2.0 * np.abs(shapes(found.blocks, found.solution).coefficients[tones]).max(axis=(2, 3)), []
+    sizes, notes = 2.0 * np.abs(shapes(result.blocks, result.solution).coefficients[tones]).max(axis=(2, 3)), []
     for tone, size in zip(tones, sizes, strict=True):
         row = int(np.argmax(size))
         frequency = abs(float(entries.exponents[tone].imag)) / (2.0 * np.pi)
@@ -373,25 +373,25 @@ def _interference(found: SearchResult, channels: Sequence[Channel]) -> tuple[Fin
     return tuple(notes)
 
 
-def _endless(found: SearchResult) -> tuple[Finding, ...]:
+def _endless(result: SearchResult) -> tuple[Finding, ...]:
     """Finding that the search ended by its limit of modes alone; empty where it did not."""
-    if int((~found.solution.entries.fixed).sum()) < MOST_ENTRIES:
+    if int((~result.solution.entries.fixed).sum()) < MOST_ENTRIES:
         return ()
     return (warning("search_ended", number=MOST_ENTRIES),)
 
 
-def _no_mode(found: SearchResult) -> str:
+def _no_mode(result: SearchResult) -> str:
     """Message that no mode was found: nothing rises above the noise, or what does is no mode that could be fitted."""
-    beside = ", beside a forced response, an offset and a drift" if found.solution.entries.fixed.any() else ""
-    if found.peak.gain < SURELY * found.peak.limit:
+    beside = ", beside a forced response, an offset and a drift" if result.solution.entries.fixed.any() else ""
+    if result.peak.gain < SURELY * result.peak.limit:
         return (
             f"Identification ended without a result: no mode rises above the noise{beside}. Use a record with a clear "
             "free decay, or start it closer to the blow."
         )
-    way = "growing" if found.peak.exponent.real > 0 else "decaying"
+    way = "growing" if result.peak.exponent.real > 0 else "decaying"
     return (
         f"Identification ended without a result: no mode could be fitted{beside}. A {way} response is strongest at "
-        f"{found.peak.exponent.imag / (2.0 * np.pi):.4g} Hz. Check the period or the tachometer first, then the record "
-        "for glitches and steps. Modes that decay by more than a factor of 2 or 3 a period need a whole number of "
-        "samples a period."
+        f"{result.peak.exponent.imag / (2.0 * np.pi):.4g} Hz. Check the period or the tachometer first, then the "
+        "record for glitches and steps. Modes that decay by more than a factor of 2 or 3 a period need a whole number "
+        "of samples a period."
     )

@@ -50,9 +50,9 @@ def fit_shapes(
     samples = Samples.of(records, clocks, lifted, None, 1.0)
     entries = ModeParameters.of(model)
     values = [2.0 * scaled(model, entries, block) for block in samples.final]
-    found = of_shapes(samples.final, entries, values, noise_floor, samples.most)
+    result = of_shapes(samples.final, entries, values, noise_floor, samples.most)
     noise = np.zeros(lifted.noise.shape)
-    for block in found.blocks:
+    for block in result.blocks:
         noise[block.rows, block.hit] = block.noise
     common = {"free_period": False, "noise_floor": noise_floor, "search": False, "ended": (), "noise": noise}
-    return result_of(found, records, clocks, samples, lifted.whitening, **common)
+    return result_of(result, records, clocks, samples, lifted.whitening, **common)

@@ -139,18 +139,18 @@ def forced_base(chosen: tuple[list[float], bool] | None, fundamental: float, *, 
 
 def angle_std(clocks: Sequence[ConstantPeriod | ShaftAngle], records: Sequence[Record]) -> tuple[float, ...]:
     """The deviation of the system's angle over each record, as the shaft has it [rad]; none of constant periods."""
-    found = []
+    deviations = []
     for clock, record in zip(clocks, records, strict=True):
         if isinstance(clock, ShaftAngle):
-            own = clock.angle_std(np.clip(record.times, clock.first, clock.last))
-            found.append(float(np.sqrt(np.mean(own**2))) * clock.periods_per_revolution)
-    return tuple(found)
+            deviation = clock.angle_std(np.clip(record.times, clock.first, clock.last))
+            deviations.append(float(np.sqrt(np.mean(deviation**2))) * clock.periods_per_revolution)
+    return tuple(deviations)
 
 
-def without_noise(found: SearchResult) -> SearchResult:
+def without_noise(result: SearchResult) -> SearchResult:
     """Without those harmonics of the forced response, offset and drift that noise explains, or a mode beside them."""
-    found = _without_twins(found)
-    apart, entries = read_apart(found), found.solution.entries
+    result = _without_twins(result)
+    apart, entries = read_apart(result), result.solution.entries
     both = shapes(apart.blocks, apart.solution)  # fixed entries have the same places in both
     place = int(np.flatnonzero(both.harmonics == 0)[0])
     kept = ~entries.fixed | entries.columns().paired  # a pair near an axis that is held is no forced response
@@ -164,38 +164,40 @@ def without_noise(found: SearchResult) -> SearchResult:
     follows = entries.fixed & (entries.factors > TREND) & ~entries.columns().paired
     kept &= ~follows | (np.abs(entries.offsets[:, None] - plain) < 1e-9).any(axis=1)
     if kept.all():
-        return found
+        return result
     less = entries.picked(np.flatnonzero(kept))
-    solution = linearise(found.blocks, less)
+    solution = linearise(result.blocks, less)
     with suppress(IdentificationError, np.linalg.LinAlgError):
-        solution = solve(found.blocks, less)
-    return kept_with(found, kept, solution)
+        solution = solve(result.blocks, less)
+    return kept_with(result, kept, solution)
 
 
-def _without_twins(found: SearchResult) -> SearchResult:
+def _without_twins(result: SearchResult) -> SearchResult:
     """Without the forced response on the lines of a real multiplier that hardly decays, where that alone will do."""
-    entries, duration = found.solution.entries, max(block.last for block in found.blocks)
+    entries, duration = result.solution.entries, max(block.last for block in result.blocks)
     free = ~entries.fixed & entries.real & (np.abs(entries.exponents.real) * duration < SLOW)
     turns = entries.offsets[:, None] - entries.offsets[free]
     plain = entries.fixed & (entries.exponents == 0.0) & (entries.factors == PLAIN)
     twins = plain & (np.abs(turns - np.rint(turns)) < 1e-9).any(axis=1)
     if not twins.any():
-        return found
+        return result
     with suppress(IdentificationError, np.linalg.LinAlgError):
-        alone = solve(found.blocks, entries.picked(np.flatnonzero(~twins)), hold=True)
-        fewer = sum(len(block.rows) for block in found.blocks) * int(np.where(entries.real[twins], 1, 2).sum())
-        if alone.cost - found.solution.cost < chi2_limit(fewer, SURE):
-            return kept_with(found, ~twins, alone)
-    return found
+        alone = solve(result.blocks, entries.picked(np.flatnonzero(~twins)), hold=True)
+        fewer = sum(len(block.rows) for block in result.blocks) * int(np.where(entries.real[twins], 1, 2).sum())
+        if alone.cost - result.solution.cost < chi2_limit(fewer, SURE):
+            return kept_with(result, ~twins, alone)
+    return result
 
 
-def forced_of(found: SearchResult, nu: float, channels: tuple[Channel, ...], *, wanders: bool) -> ForcedResponse | None:
+def forced_of(
+    result: SearchResult, nu: float, channels: tuple[Channel, ...], *, wanders: bool
+) -> ForcedResponse | None:
     """The forced response of a fit; None where nothing of it is there."""
-    entries = found.solution.entries
+    entries = result.solution.entries
     forced = entries.fixed & (entries.exponents == 0.0)
     if not forced.any():
         return None
-    both = shapes(found.blocks, found.solution)
+    both = shapes(result.blocks, result.solution)
     place = int(np.flatnonzero(both.harmonics == 0)[0])
     values, std = both.coefficients[..., place], both.std[..., place]
     plain = forced & (entries.factors == PLAIN)
@@ -203,12 +205,12 @@ def forced_of(found: SearchResult, nu: float, channels: tuple[Channel, ...], *, 
     nothing = np.zeros(values.shape[1:])
 
     def alone(which: Mask, scale: Floats | float = 1.0) -> tuple[NDArray, NDArray]:
-        own = np.flatnonzero(which)
-        return (values[own[0]].real / scale, std[own[0]].real / scale) if len(own) else (nothing, nothing)
+        places = np.flatnonzero(which)
+        return (values[places[0]].real / scale, std[places[0]].real / scale) if len(places) else (nothing, nothing)
 
     offset, offset_std = alone(plain & (entries.offsets == 0.0))
     half = np.ones(nothing.shape)
-    for block in found.blocks:
+    for block in result.blocks:
         half[block.rows, block.hit] = block.half if isinstance(block, RecordBlock) else 1.0
     drift, drift_std = alone(forced & (entries.factors == TREND), half)
     return ForcedResponse(
@@ -226,21 +228,21 @@ def forced_of(found: SearchResult, nu: float, channels: tuple[Channel, ...], *, 
 
 
 def free_records(
-    records: Sequence[Record], clocks: Sequence[ConstantPeriod | ShaftAngle], found: SearchResult, nu: float
+    records: Sequence[Record], clocks: Sequence[ConstantPeriod | ShaftAngle], result: SearchResult, nu: float
 ) -> tuple[Record, ...]:
     """The records without what is fixed in the fit."""
-    entries = found.solution.entries
+    entries = result.solution.entries
     if not entries.fixed.any():
         return tuple(records)
-    columns, whole = entries.columns(), estimates_of(found.blocks, found.solution)
+    columns, whole = entries.columns(), estimates_of(result.blocks, result.solution)
     # A column without a sine counts once, the others with their conjugates.
     share = np.where(entries.sines(), 1.0, 0.5) * entries.fixed[columns.modes]
     values = [np.array(record.values) for record in records]
     for block in record_blocks(records, clocks, nu)[0]:
         coefficients = whole.coefficients[:, block.rows, block.hit] * share[:, None] * block.scales(columns)[:, None]
-        _, left = block.residual(columns, coefficients)
+        _, residual = block.residual(columns, coefficients)
         taken = ~np.isnan(records[block.hit].values[block.rows[0]])
-        values[block.hit][np.ix_(block.rows, np.flatnonzero(taken))] = left
+        values[block.hit][np.ix_(block.rows, np.flatnonzero(taken))] = residual
     for array in values:
         array.flags.writeable = False
     return tuple(replace(record, values=array) for record, array in zip(records, values, strict=True))

@@ -85,10 +85,10 @@ def estimate_at(
         entries = entries.joined(_forced(forced, known.fundamental))
     if {(row, block.hit) for block in blocks for row in block.rows.tolist()} != set(np.ndindex(*known.blocks.shape)):
         raise _others(known)
-    found = linearise(blocks, entries)
+    solution = linearise(blocks, entries)
     try:
-        here = estimates_of(blocks, found)
-        step = parts_of(entries) @ np.linalg.solve(found.information, found.gradient)
+        here = estimates_of(blocks, solution)
+        step = parts_of(entries) @ np.linalg.solve(solution.information, solution.gradient)
     except np.linalg.LinAlgError:
         raise IdentificationError("The record does not determine the exponents where it was linearised anew.") from None
     return here.moved(step).picked(modes=np.arange(len(start)))

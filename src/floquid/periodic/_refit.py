@@ -99,20 +99,24 @@ def refit(
     if wider:
         most = most_harmonics(records, model.period) if lifted is None else (lifted.n_phases - 1) // 2
     entries = replace(ModeParameters.of(model), free_period=free_period)
-    found, one = _evaluated(model, blocks, entries), None
+    solution, shared = _evaluated(model, blocks, entries), None
     if one_shape:
-        one = _shared(model, blocks, found).solved(at_rest=at_rest)
-        found = linearise(blocks, one.entries, tuple(own.coefficients for own in one.linear)) if wider else found
+        shared = _shared(model, blocks, solution).solved(at_rest=at_rest)
+        solution = (
+            linearise(blocks, shared.entries, tuple(linear.coefficients for linear in shared.linear))
+            if wider
+            else solution
+        )
     else:
-        found = solve(blocks, found, at_rest=at_rest)
+        solution = solve(blocks, solution, at_rest=at_rest)
     return model_of(
         blocks,
-        found,
+        solution,
         entries.bands,
         channels=model.channels,
         provenance=model.provenance,
         most=most,
-        one=one,
+        one=shared,
     )
 
 
@@ -134,14 +138,14 @@ def own_period(
     together.
     """
     blocks = _noisy(model, records, clocks, noise, "own_period")
-    now = _evaluated(model, blocks, replace(ModeParameters.of(model), free_period=True))
-    if now.information[-1, -1] <= 0.0:
+    solution = _evaluated(model, blocks, replace(ModeParameters.of(model), free_period=True))
+    if solution.information[-1, -1] <= 0.0:
         return None
-    covariance, gradient = now.covariance(), now.gradient
+    covariance, gradient = solution.covariance(), solution.gradient
     if model.one_shape:
-        one = _shared(model, blocks, now)
-        covariance, gradient = one.normal_inverse, one.normal.gradient
-    last = len(now.gradient) - 1
+        shared = _shared(model, blocks, solution)
+        covariance, gradient = shared.normal_inverse, shared.normal.gradient
+    last = len(solution.gradient) - 1
     if not 0.0 < covariance[last, last] < model.fundamental**2:
         return None
     step = float(covariance[last] @ gradient)
@@ -158,12 +162,12 @@ def unexplained(model: PeriodicModel, records: Sequence[Record], clocks: Clocks)
     """
     _check(model, records, clocks, "unexplained")
     entries = ModeParameters.of(model)
-    left = [np.full(record.values.shape, np.nan) for record in records]
+    residuals = [np.full(record.values.shape, np.nan) for record in records]
     for block in seen(model.period, records, clocks):
         taken = np.flatnonzero(~np.isnan(records[block.hit].values[block.rows[0]]))
         _, residual = block.residual(entries.columns(), scaled(model, entries, block))
-        left[block.hit][np.ix_(block.rows, taken)] = residual
-    return tuple(left)
+        residuals[block.hit][np.ix_(block.rows, taken)] = residual
+    return tuple(residuals)
 
 
 def _evaluated(model: PeriodicModel, blocks: Sequence[Block], entries: ModeParameters) -> Solution:
@@ -171,10 +175,10 @@ def _evaluated(model: PeriodicModel, blocks: Sequence[Block], entries: ModeParam
     return linearise(blocks, entries, tuple(reals_of(scaled(model, entries, block)) for block in blocks))
 
 
-def _shared(model: PeriodicModel, blocks: Sequence[Block], found: Solution) -> OneShape:
+def _shared(model: PeriodicModel, blocks: Sequence[Block], solution: Solution) -> OneShape:
     """The fit of one shape for all hits at a model's exponents, states and shapes."""
-    values = [2.0 * scaled(model, found.entries, block) for block in blocks]
-    return OneShape.near(blocks, found.entries, found.linear, values).with_states()
+    values = [2.0 * scaled(model, solution.entries, block) for block in blocks]
+    return OneShape.near(blocks, solution.entries, solution.linear, values).with_states()
 
 
 def scaled(model: PeriodicModel, entries: ModeParameters, block: Block) -> Complexes:
@@ -182,10 +186,10 @@ def scaled(model: PeriodicModel, entries: ModeParameters, block: Block) -> Compl
     columns = entries.columns()
     place = np.searchsorted(model.harmonics, columns.harmonics).clip(0, len(model.harmonics) - 1)
     known = model.harmonics[place] == columns.harmonics
-    own = np.array(model.upper_modes, np.int64)[columns.modes]
+    modes = np.array(model.upper_modes, np.int64)[columns.modes]
     # A column without a sine counts once, the others with their conjugates.
     share = np.where(entries.sines(), 1.0, 0.5) * block.scales(columns) * known
-    coefficients = model.coefficients[own, :, block.hit, place][:, block.rows] * share[:, None]
+    coefficients = model.coefficients[modes, :, block.hit, place][:, block.rows] * share[:, None]
     return coefficients * block.gain(columns.rates).T
 
 
@@ -287,15 +291,15 @@ def line_amplitudes(
     for block in seen(period, [record], [clock]) if n else ():
         sums = block.sums(columns, np.zeros((n, len(block.rows)), complex))
         cosines, sines = np.split(np.diag(sums.gram)[:, None], 2)
-        both, (one, other) = np.diag(sums.gram, n)[:, None], np.split(sums.seen, 2)
+        both, (cosine_sums, sine_sums) = np.diag(sums.gram, n)[:, None], np.split(sums.seen, 2)
         total = np.maximum(cosines + sines, np.finfo(float).tiny)
         determinant = cosines * sines - both**2
         turning = determinant > STILL * total**2
         safe = np.where(turning, determinant, 1.0)
-        alpha = np.where(turning, (sines * one - both * other) / safe, one / total)
-        beta = np.where(turning, (cosines * other - both * one) / safe, other / total)
+        alpha = np.where(turning, (sines * cosine_sums - both * sine_sums) / safe, cosine_sums / total)
+        beta = np.where(turning, (cosines * sine_sums - both * cosine_sums) / safe, sine_sums / total)
         amplitudes[block.rows] = np.hypot(alpha, beta).T
-        squares[block.rows] = (alpha * one + beta * other).T
+        squares[block.rows] = (alpha * cosine_sums + beta * sine_sums).T
     return amplitudes, squares
 
 
@@ -309,14 +313,14 @@ def without_lines(
     Returns what is left (channels, samples) [units of the channels]. `record`, `clock`, `period`, `exponents` and
     `turns` are as of `line_amplitudes`.
     """
-    entries, left = _entries(exponents, turns, period), np.array(record.values)
+    entries, remaining = _entries(exponents, turns, period), np.array(record.values)
     for block in seen(period, [record], [clock]):
         solution = linearise([block.with_noise(np.ones(len(block.rows)))], entries)
         there = ~np.isnan(record.values[block.rows[0]])
-        left[np.ix_(block.rows, there)] = block.residual(
+        remaining[np.ix_(block.rows, there)] = block.residual(
             entries.columns(), complex_of(solution.linear[0].coefficients)
         )[1]
-    return left
+    return remaining
 
 
 def _entries(exponents: ArrayLike, turns: ArrayLike, period: float) -> ModeParameters:

@@ -36,8 +36,8 @@ def find_poles(
 ) -> tuple[Lifted, ModalModel, Choice | None]:
     """Poles and noise together: the noise is taken again from the residual until it stays, and the order is weighed.
 
-    Where what generous poles leave is coloured along the record, it is whitened (`whitened`) before poles are searched
-    for, and judged again by what the poles found leave.
+    Where the residual of generous poles is coloured along the record, it is whitened (`whitened`) before the search.
+    The residual of the poles found is judged again.
 
     The responses come back with the noise that the fit leaves, whitened where it was coloured along the record; the
     choice of the order is None where the settings fix it. Raises IdentificationError where no mode rises above the

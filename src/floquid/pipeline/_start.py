@@ -255,9 +255,8 @@ def lifted(
 ) -> Lifted:
     """The lifted responses of records, with the noise of each channel and hit: what `identify` searches for poles.
 
-    The channels and cycles are those of `identify`. Records that cannot be cut into whole samples a period as they
-    are, with a tachometer, a rate out of step or missing samples, are resampled to them. Where the noise is coloured
-    along the record, the responses are whitened.
+    The channels and cycles are those of `identify`. Records with a tachometer, a rate out of step or missing samples
+    are resampled to whole samples a period. Where the noise is coloured along the record, the responses are whitened.
 
     `records`, or what `prepare` made of them, `settings`, `report`, `options` and the errors are those of `identify`;
     what is set of the stages after lifting changes nothing.

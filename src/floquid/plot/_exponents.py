@@ -46,10 +46,10 @@ def exponents(modes: FloquetModes | PeriodicModel, *, truth: ArrayLike | None = 
     order of `modes`; the dashed lines are the edges of the principal strip, ±ω/2.
 
     Those of an identified model have the regions that hold the true value with 95 %. Such a region is seldom seen at
-    full scale, so that each mode is drawn a second time close up, off its estimate, which is written above with its
-    deviation in units of the last digits. The truth, where it is given, is moved by whole multiples of iω next to the
-    estimate it belongs to. Of a known A(t) whose exponents differ vastly, scales are logarithmic: multipliers then keep
-    their angle, and rings tell their size.
+    full scale. So each mode is drawn again close up, off its estimate, which is written above with its deviation in the
+    last digits. The truth, where it is given, is moved by whole multiples of iω next to the estimate it belongs to. Of
+    a known A(t) whose exponents differ vastly, scales are logarithmic: multipliers then keep their angle, and rings
+    tell their size.
 
     `modes` is what `floquet.modes` found, or the model that `identify` found; of a model alone `truth` are the true
     exponents (exponents,) [1/s], on any branch, and of a conjugate pair one will do. Raises InputError where `modes` is

@@ -127,9 +127,9 @@ def _strongest_channels(analysis: Analysis, mode: int, hit: int) -> list[int]:
 def save_figure(figure: Figure, path: str | PathLike[str], *, dpi: float = 150.0) -> Path:
     """Write one figure, whole or not at all; the same figure always gives the same file.
 
-    `figure` is one of this package, `path` the file, ending in .png, .svg or .pdf, which is replaced, and `dpi` the
-    dots an inch of PNG. Returns the file written. Raises InputError where the ending is another, or the file cannot be
-    written.
+    `figure` is one of this package, and `dpi` the dots an inch of PNG. `path` is the file, ending in .png, .svg or
+    .pdf, which is replaced. Returns the file written. Raises InputError where the ending is another, or the file cannot
+    be written.
     """
     of = "save_figure"
     place = as_path(path, of=of)

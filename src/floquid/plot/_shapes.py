@@ -57,8 +57,8 @@ def periodic_shapes(
 ) -> Figure:
     """The periodic shapes of modes over the period, and the parts of their harmonics.
 
-    Those of an identified model are drawn as they are, in the units of the channels, with bands that hold the true
-    value at each phase with 95 %: a row for each mode and unit, in real and imaginary part.
+    Those of an identified model are in the units of the channels, with bands that hold the true value at each phase
+    with 95 %: a row for each mode and unit, in real and imaginary part.
 
     Those of a known A(t) have a row a mode, by rising damping ratio, in magnitude and phase; each shape is scaled so
     that the strongest coefficient of its zeroth harmonic is one, in the units of the states. The states drawn are those

@@ -104,19 +104,18 @@ def read(
     """The record (channels, samples) in a file: sample n is at `start` + n/`rate` [s].
 
     The format is chosen by the suffix. `.npz`: `values` (channels, samples), `sample_rate` [Hz] or `time` (samples,)
-    [s], `channels`, and optionally `units`, `quantities`, `start` [s], `period` [s], `origin` [s],
-    `orbit` (channels, phases). `.csv`: a header
-    row, a time column, then channels, units in brackets; an empty cell or `nan` is a missing sample. `.mat` (MATLAB v5
-    to v7.3), `.h5` and `.hdf5`: the names of `.npz`. A file of these four without `values` is read by the paths of its
-    variables in `channels`: `run/acc/x` is a vector of samples, `data[2]` row 2 of a matrix (channels, samples),
-    counted from 0, `data.T[2]` column 2 of one (samples, channels), and `data` or `data.T` all of them. A vector `time`
-    or `t` [s] beside them gives the rate, or a number `sample_rate` [Hz]. `.uff` and `.unv`: the time responses of a
-    universal file. `.out` and `.outb`: output of OpenFAST. `.tdms` (needs npTDMS): channels of numbers, by their names,
-    or as `group/channel`. `.parquet` (needs pyarrow): columns headed as in `.csv`, or dates for the times. `.wav`:
-    whole numbers over full scale, others as they are.
+    [s], `channels`, and optionally `units`, `quantities`, `start` [s], `period` [s], `origin` [s], `orbit` (channels,
+    phases). `.csv`: a header row, a time column, then channels, units in brackets; an empty cell or `nan` is a missing
+    sample. `.mat` (MATLAB v5 to v7.3), `.h5` and `.hdf5`: the names of `.npz`. A file of these four without `values` is
+    read by the paths of its variables in `channels`: `run/acc/x` is a vector of samples, `data[2]` row 2 of a matrix
+    (channels, samples), counted from 0. `data.T[2]` is column 2 of one (samples, channels), and `data` or `data.T` all
+    of them. A vector `time` or `t` [s] beside them gives the rate, or a number `sample_rate` [Hz]. `.uff` and `.unv`:
+    the time responses of a universal file. `.out` and `.outb`: output of OpenFAST. `.tdms` (needs npTDMS): channels of
+    numbers, by their names, or as `group/channel`. `.parquet` (needs pyarrow): columns headed as in `.csv`, or dates
+    for the times. `.wav`: whole numbers over full scale, others as they are.
 
-    A time column is repaired, not trusted: the rate is fitted to the whole column and snapped to a nominal value where
-    the evidence is clear, gaps of whole steps become missing samples, and `provenance` says so.
+    A time column is repaired, not trusted: the rate is fitted to the whole column, and is a nominal value where the
+    evidence is clear. Gaps of whole steps become missing samples, and `provenance` says so.
 
     Raises InputError where the file is missing, damaged, of an unknown format or not what it must be; it says no rate
     and none is given; an argument is not possible. The message names the file, the place in it and the way out.
@@ -151,8 +150,8 @@ def write(record: Record, path: str | PathLike[str]) -> None:
     The format is chosen by the suffix: .npz, .csv, .mat, .h5, .hdf5, .uff, .unv or .parquet. The file
     appears whole or not at all: an existing one is replaced at the end, in one step.
 
-    The folder of `path` exists. Raises InputError where `record` is not a record of at least two samples, a name holds
-    a control character, the suffix is not of a format that is written, or the folder does not exist or cannot be
+    The folder of `path` exists. Raises InputError where `record` has fewer than two samples, a name holds a control
+    character, or the suffix is not of a format that is written. So it does where the folder does not exist or cannot be
     written to.
     """
     if not isinstance(record, Record):

@@ -56,8 +56,8 @@ def reconstruct(
 
     (Allen 2009, eqs. 13-21; the factor s belongs to the velocity half alone, and the Vandermonde matrix of eqs. 16-19
     cancels: L(t0) = Ψ(t0)⁻¹ exactly.) Several hits give one shape a mode, up to a factor that cancels too. Standard
-    deviations are those of the estimates, propagated to first order, and what the next harmonic on either side of each
-    band would do, if the series goes on falling as it does (`refine` has no such part).
+    deviations are those of the estimates, to first order. They include the next harmonic on either side of each band,
+    if the series goes on falling as it does (`refine` has no such part).
 
     With measured inputs, of a model that has them, also
 

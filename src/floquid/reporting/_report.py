@@ -31,9 +31,9 @@ def report(
 ) -> Path:
     """Write the report of an analysis: one HTML page that opens in any browser, without a network.
 
-    First the verdict with its reasons and the table of modes, then linked figures (a mode chosen in one is shown by
-    all), what was done to the record, the settings, and how to cite. Curves of more than 3000 points keep their
-    envelope, and of many channels the eight strongest are drawn, so that the page stays under 6 MB.
+    First come the verdict with its reasons and the table of modes, then linked figures. Then follow the preparation of
+    the record, the settings, and how to cite. Curves of more than 3000 points keep their envelope, and the eight
+    strongest channels are drawn: the page stays under 6 MB.
 
     Returns the file written. Raises InputError where `analysis` is none, the file does not end in .html or cannot be
     written, or the truth does not fit.

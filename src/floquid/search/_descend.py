@@ -61,27 +61,27 @@ Report = Callable[[str], None]
 
 def descended(begin: P, stages: Stages[P], until: float, report: Report = lambda _: None) -> P:
     """The point from which no move lowers J; or the last one when the processor time `until` is over."""
-    now = begin
+    point = begin
     seen: set[tuple[Hashable, bool]] = {(begin.name(), False)}
     while True:
-        better = _improved(now, stages, seen, until, report)
+        better = _improved(point, stages, seen, until, report)
         if better is None:
-            return now.ended(unfinished=time.process_time() > until)
-        now = better
+            return point.ended(unfinished=time.process_time() > until)
+        point = better
 
 
-def _improved(now: P, stages: Stages[P], seen: set[tuple[Hashable, bool]], until: float, report: Report) -> P | None:
-    for stage in stages(now):
+def _improved(point: P, stages: Stages[P], seen: set[tuple[Hashable, bool]], until: float, report: Report) -> P | None:
+    for stage in stages(point):
         for move in sorted(stage, key=lambda move: move.change)[:TRIES]:
-            name = (now.name(move.structure), move.again)
+            name = (point.name(move.structure), move.again)
             if name in seen:
                 continue
             if time.process_time() > until:
                 return None
             seen.add(name)
             with suppress(np.linalg.LinAlgError):
-                trial = now.tried(move)
-                if trial.value < now.value - move.least:
+                trial = point.tried(move)
+                if trial.value < point.value - move.least:
                     report(f"searching for modes: {trial.n_modes} found")
                     return trial
     return None

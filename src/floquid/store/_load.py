@@ -44,8 +44,8 @@ AGAIN = "Write it again: `floquid identify ... --out DIR`, or `save(analysis, pa
 def load(path: str | PathLike[str]) -> Result:
     """The analysis in a file that `save` wrote, every intermediate included.
 
-    The free response is cut into periods and lifted again, and where the excitation goes on the fit is linearised at
-    its modes again, which gives the same numbers; nothing is identified again.
+    The free response is cut into periods and lifted again. Where the excitation goes on the fit is linearised at its
+    modes again, with the same numbers; nothing is identified again.
 
     It is equal to the one saved, field by field. The `path` is by custom `result.h5`. Raises InputError where there is
     no such file, it is no result file, it is of another version of the layout, or it is damaged.

@@ -27,8 +27,8 @@ def clipped(record: Record) -> tuple[Finding, ...]:
 
     r samples further out on either side. A flat top loses more, by half at least. So a coarsely quantised or coarsely
     sampled sine is not called clipped, nor is one of less than about six bits that is. Pulse and angle channels, those
-    of the clock and those that switch between two levels are passed over; so are a level of zero, which is a dropout's
-    or the padding of a file, and a level at which the channel rests for half of the record.
+    of the clock and those that switch between two levels are passed over; so are a level of zero, as of a dropout or of
+    padding, and a level at which the channel rests for half of the record.
 
     `Finding.numbers` has the `channel` and its `unit`, the `levels` it is cut at (lowest, highest or both), the
     `samples` in flat tops, and their `share` of those that are not missing.
@@ -55,12 +55,12 @@ def clipped(record: Record) -> tuple[Finding, ...]:
 def dropouts(record: Record, *, least: int = STUCK) -> tuple[Finding, ...]:
     """The stretches of `record` in which a channel stands still: zeros put in for lost samples, or a last value held.
 
-    A run of `least` equal samples that the channel enters or leaves by a jump of more than four quanta, away from its
-    highest and lowest values unless it is zero. The channels that `clipped` passes over are passed over, and forces,
-    which rest between blows. In the order of channels, then of time.
+    A run of `least` equal samples that the channel enters or leaves by a jump of more than four quanta. Unless it is
+    zero, it lies away from the highest and lowest values. The channels that `clipped` passes over are passed over, and
+    forces, which rest between blows. In the order of channels, then of time.
 
-    `Finding.numbers` has the `channel` and its `unit`, the `level` it stands at, the times of the `first` and the
-    `last` sample [s], and how many `samples` they are.
+    `Finding.numbers` has the `channel` and its `unit`, and the `level` it stands at. It has the times of the `first`
+    and the `last` sample [s], and the number of `samples`.
     """
     found: list[Finding] = []
     for row, values, quantum in measuring(record, standing=True):
@@ -84,8 +84,8 @@ def dropouts(record: Record, *, least: int = STUCK) -> tuple[Finding, ...]:
 def gaps(record: Record) -> tuple[Finding, ...]:
     """The runs of missing samples of `record`, in order of time; channels that miss the same stretch share one.
 
-    `Finding.numbers` has the `channels` that miss it `of` all, the times of the `first` and the `last` sample [s],
-    and how many `samples` they are in each channel.
+    `Finding.numbers` has the `channels` that miss it `of` all, and the times of the `first` and the `last` sample [s].
+    `samples` is their number in each channel.
     """
     where: dict[tuple[int, int], list[str]] = {}
     for channel, values in zip(record.channels, record.values, strict=True):
@@ -138,9 +138,9 @@ def _cut(values: Floats, first: int, stop: int, quantum: float) -> bool:
 def wrapped(record: Record) -> tuple[Finding, ...]:
     """The channels of `record` whose counts wrapped round in integers that were too narrow, in its order.
 
-    Values are whole numbers, or whole multiples of the smallest step between two of them, span the range of an integer
-    of some width nearly from end to end and nowhere leave it, jump by more than half of it, and are much smoother once
-    the whole range is added after each jump. The channels that `clipped` passes over are passed over.
+    Values are multiples of the smallest step between two of them, and span nearly the range of an integer of some
+    width. They jump by more than half of it, and are much smoother once the whole range is added after each jump. The
+    channels that `clipped` passes over are passed over.
 
     `Finding.numbers` has the `channel`, the `bits` of the integers, and the number of `jumps` by the whole range.
     """

@@ -61,21 +61,21 @@ def find_impacts(
         s_m = \sum_{n=m}^{m+w-1} e_n^T R^{-1} e_n + \sum_{n=m-w}^{m-1} b_n^T R_b^{-1} b_n
 
     A force channel is read by two thresholds above its resting level: an impact begins and ends at the lower one and
-    must reach the upper one. Without a force (or where it shows no blow), a multi-channel autoregressive model is
-    fitted by least squares to the whole record, once forwards (e) and once backwards (b). Free decays, their periodic
+    must reach the upper one. Without a force, or without a blow in it, a multi-channel autoregressive model is fitted
+    by least squares to the whole record. One fit goes forwards (e) and one backwards (b). Free decays, their periodic
     modulation and a periodic forced response are all sums of exponentials, which such a model foretells; an impact is
-    not. It disturbs e only after it and b only before it, so that s stands out exactly there. The model is fitted
-    again without the impacts found, until these stay the same. `s` is compared with its own median nearby and over
-    the record.
+    not. It disturbs e only after it and b only before it, so that s stands out exactly there. The model is fitted again
+    without the impacts found, until these stay the same. `s` is compared with its own median nearby and over the
+    record.
 
     A free response that starts at the first sample is no impact: an empty result says that the record is one free
     response from its first sample (or that the first samples are all that was hit). Two blows nearer than the model's
-    memory (up to 64 samples) cannot be told from one long impact in the response alone, and the soft beginning and end
-    of a long one drown in noise: then split with a `skip`. A hard knock of loose parts is an impact; longer chatter,
-    which both predictions miss on both of its sides, is not counted.
+    memory (up to 64 samples) look like one long impact in the response alone. The soft beginning and end of a long one
+    drown in noise: then split with a `skip`. A hard knock of loose parts is an impact; longer chatter, which both
+    predictions miss on both of its sides, is not counted.
 
-    Raises InputError where a channel is unknown, a number is out of its range, or the response is too short or has too
-    many missing samples.
+    Raises InputError where a channel is unknown or a number is out of its range. So it does where the response is too
+    short or misses too many samples.
 
     Parameters
     ----------
@@ -127,8 +127,8 @@ def split_hits(
     views of the record's (of one copy, where a force channel lies in the midst of the others). What is left out is
     said in the provenance.
 
-    Raises InputError where an instant is outside the record or the instants do not ascend, a channel is unknown, a
-    number is out of its range, or nothing is left.
+    Raises InputError where an instant is outside the record or the instants do not ascend. So it does where a channel
+    is unknown, a number is out of its range, or nothing is left.
 
     Parameters
     ----------

@@ -56,8 +56,8 @@ def resample(
     its samples on either side; with missing samples, the longest run of such cycles. The provenance says what was done
     and warns of a response beyond the pass band.
 
-    Raises InputError where the channels differ, there is not one clock a record, a period is shorter than two samples
-    or longer than its record, or no whole cycle has all the samples it needs.
+    Raises InputError where the channels differ, there is not one clock a record, or no whole cycle has all the samples
+    it needs. So it does where a period is shorter than two samples or longer than its record.
 
     Parameters
     ----------
@@ -236,11 +236,11 @@ def bandwidth(record: Record) -> float:
 
     for the periodograms S_k of K half overlapping stretches and their mean with ν degrees of freedom (Welch 1967), at
     stretches of 256, 1024, 4096 and 16384 samples: a short decay shows in the short ones, a weak line in the long. The
-    level of noise s is the median of the mean over frequency, so that a response may fill up to about half of the
-    lines. White noise in every channel gives 0, bar one record in a million. A line below a millionth of the largest
-    one's amplitude is taken for rounding or leakage, and one within five lines of a larger one for its flank. Stretches
-    with missing samples are left out. Zero where nothing rises above the noise; half the sampling rate where no 64
-    samples follow one another.
+    level of noise s is the median of the mean over frequency: a response may fill up to about half of the lines. White
+    noise in every channel gives 0, bar one record in a million. A line below a millionth of the largest one's amplitude
+    counts as rounding or leakage. One within five lines of a larger one counts as its flank. Stretches with missing
+    samples are left out. Zero where nothing rises above the noise; half the sampling rate where no 64 samples follow
+    one another.
     """
     gaps = np.concatenate(([0], np.cumsum(np.isnan(record.values).any(axis=0))))
     begins = {length: _stretches(gaps, length) for length in _LENGTHS if length <= max(256, record.n_samples // 8)}

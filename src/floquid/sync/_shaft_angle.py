@@ -234,8 +234,8 @@ def shaft_angle(record: Record) -> ShaftAngle:
     Pulses beyond five robust deviations are left out.
 
     The clock of the `record` is a `TachometerSignal`, an `AzimuthSignal` or `PulseTimes`. Raises InputError where the
-    clock is another, its channel is not in the record or holds no pulses or no angle, fewer than three pulses are left,
-    or the shaft stands still or turns back on the way.
+    clock is another, or its channel is not in the record or holds no pulses or no angle. So it does where fewer than
+    three pulses remain, or the shaft stands still or turns back.
     """
     clock = record.clock
     if not isinstance(clock, TachometerSignal | AzimuthSignal | PulseTimes):

@@ -155,7 +155,7 @@ def settle_axis(table: Table, source: Source, rate: float | None) -> TimeAxis | 
 def times_of(values: NDArray[Any], *, scale: float | None, label: str) -> tuple[TimeColumn, tuple[str, ...]] | None:
     """The times in the `values` (samples,) of an index or a column called `label`, and notes; None of no such type.
 
-    Numbers are in units of `scale` seconds (None where no unit is stated), durations are as they are, and dates count
+    Numbers are in units of `scale` seconds (None where no unit is stated). Durations are as they are, and dates count
     from the first of them.
     """
     kind, notes = values.dtype.kind, ()

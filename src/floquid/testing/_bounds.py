@@ -68,11 +68,11 @@ def cramer_rao_bound(
               F = \sum_{oi} \frac{1}{\sigma_{oi}^2} J_{oi}^T (I - P_i) J_{oi}, \qquad
               J_{oi} = \frac{\partial y_{oi}}{\partial s}
 
-    with s the real and imaginary parts of ln μ and P the projector on the real columns of the exponentials, which
-    takes out what the free residues could do. The slopes k μ^k are those of all outputs, so that F is an entrywise
-    product of their projected Gram matrices and the outer products of the residues, summed over outputs (Golub and
-    Pereyra 1973; Stoica and Nehorai 1989). A real multiplier has no imaginary part to estimate. Where modes coincide
-    the variance is very large rather than infinite.
+    with s the real and imaginary parts of ln μ and P the projector on the real columns of the exponentials. P takes out
+    the part of the free residues. The slopes k μ^k are those of all outputs, so that F is an entrywise product of their
+    projected Gram matrices and the outer products of the residues, summed over outputs (Golub and Pereyra 1973; Stoica
+    and Nehorai 1989). A real multiplier has no imaginary part to estimate. Where modes coincide the variance is very
+    large rather than infinite.
 
     The bound is that of the poles ln μ / dt (2 modes, 2 modes), real parts, then imaginary parts [1/s²]. Raises
     InputError where a shape or a value is not possible, a conjugate is missing, or there are as many poles as samples.

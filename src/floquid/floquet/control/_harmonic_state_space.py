@@ -165,8 +165,8 @@ def harmonic_transfer(
     Wereley and Hall 1990; Möllerstedt and Bernhardsson 2000. That of an unstable system is one too, but no steady
     response. Where A(t) jumps, it is first made smooth by a periodic change of coordinates, as in `hill`.
 
-    Raises InputError where the system has no inputs, a line meets an undamped exponent, modulo ω, or the values have
-    not settled and `raises` is true.
+    Raises InputError where the system has no inputs, or a line meets an undamped exponent, modulo ω. So it does where
+    the values have not settled and `raises` is true.
 
     Parameters
     ----------

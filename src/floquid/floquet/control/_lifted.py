@@ -177,9 +177,9 @@ def realise(system: control.StateSpace, n_phases: int, *, first_phase: int = 0) 
     .. math:: \begin{bmatrix} y_k, \ldots, y_{P-1}, x_P \end{bmatrix}^T = O_k\, x_k, \qquad
               x_k = R_k \begin{bmatrix} x_0, u_0, \ldots, u_{k-1} \end{bmatrix}^T
 
-    The state at each phase comes from factors of low rank, so its coordinates are those of `system` at the first
-    phase and others between, as many as the phase needs that needs most. All responses are the same: it is the
-    inverse of `lift(...).to_control()` up to coordinates.
+    The state at each phase comes from factors of low rank. So its coordinates are those of `system` at the first phase
+    and others between, as many as the neediest phase needs. All responses are the same: it is the inverse of
+    `lift(...).to_control()` up to coordinates.
 
     `system` is one of discrete time whose step is the period, its inputs and outputs by phase, then by name; `n_phases`
     are the steps a period, P, and `first_phase`, 0 to P - 1, is the phase with which a step of it begins. Raises

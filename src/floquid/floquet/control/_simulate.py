@@ -32,10 +32,10 @@ def simulate(
     .. math:: x(t_{k+1}) = \Phi(t_{k+1}, t_k)\, x(t_k) + \int_{t_k}^{t_{k+1}} \Phi(t_{k+1}, s)\, B(s)\, u(s)\, ds,
               \qquad y(t_k) = C(t_k)\, x(t_k) + D(t_k)\, u(t_k)
 
-    Φ and the integral are found together, as the transition matrix of the states with the forcing as one more column
-    (Van Loan 1978), by collocation on intervals halved until each reaches the tolerance. Of samples, what belongs to a
-    gap between two instants is found once for every phase of the period that it begins at: a long record in steps that
-    divide the period costs hardly more than one period of it.
+    Φ and the integral are found together: the forcing is one more column of the transition matrix (Van Loan 1978).
+    Collocation halves its intervals until each reaches the tolerance. Of samples, what belongs to a gap between two
+    instants is found once for every phase of the period that it begins at: a long record in steps that divide the
+    period costs hardly more than one period of it.
 
     Raises InputError where a shape is not possible, `times` does not ascend, the system cannot be integrated, or the
     response overflows.

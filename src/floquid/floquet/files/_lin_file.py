@@ -127,8 +127,8 @@ def read_lin(path: object, *, of: str = "floquet.read_lin", argument: str = "pat
     """One linearisation file of OpenFAST.
 
     `path` is the file; messages name the callable `of` and its `argument`. Raises InputError where there is no such
-    file, it is no linearisation file, ends early, or has a line that is not what is due there. The message names the
-    file and the line.
+    file, it is no linearisation file, or it ends early. So it does where a line is not the one due there. The message
+    names the file and the line.
     """
     text = _open(path, of, argument)
     header = _header(text)

@@ -57,10 +57,9 @@ def hill(
 
     Each exponent is among the eigenvalues about 2 N + 1 times, as λ + i m ω. The copy is taken that leaks least over
     the edges of the truncation and is best centred in it; conjugates are taken together. N starts from the highest
-    harmonic of A(t) and grows, by half or by the highest strong harmonic, until no exponent changes by more than the
-    tolerance, little leaks over the edges, and their sum is the mean trace of A(t). An A(t) that jumps is
-    seen from coordinates in which it is smooth first, which leaves the exponents as they are; so its breaks must be
-    named.
+    harmonic of A(t) and grows by half, or by the highest strong harmonic. It stops where no exponent changes by more
+    than the tolerance, little leaks over the edges, and their sum is the mean trace of A(t). An A(t) that jumps is seen
+    from coordinates in which it is smooth first, which leaves the exponents as they are; so its breaks must be named.
 
     Hill 1886; in state form Wereley 1990. Zhou, Hagiwara and Araki 2004 show that the truncation converges.
     Selection by the shape rather than by Im λ: Moore 2005; Bentvelsen and Lazarus 2018.

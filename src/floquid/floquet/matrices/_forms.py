@@ -20,8 +20,8 @@ from floquid.floquet.matrices._matrix import AbstractPeriodicMatrix, Change, Ele
 class FunctionMatrix(Rebuilt, AbstractPeriodicMatrix):
     """M(t) as a callable.
 
-    Raises InputError where the period is not positive, a break lies outside the first period, or the function does not
-    return finite real matrices of one shape.
+    Raises InputError where the period is not positive or a break lies outside the first period. So it does where the
+    function does not return finite real matrices of one shape.
 
     Parameters
     ----------

@@ -181,10 +181,9 @@ class AbstractPeriodicMatrix(ABC):
     def to_harmonics(self, n_harmonics: int | None = None, *, tolerance: float = 1e-12) -> HarmonicMatrix:
         """The Fourier series.
 
-        `n_harmonics` is the highest harmonic kept, by default as many as it takes for the rest to fall below
-        `tolerance`, a share of each entry of the matrix. Raises InputError where the harmonics do not fall below
-        `tolerance` within 512, as at a jump, and `n_harmonics` is not given; or a function does not repeat itself after
-        its period.
+        `n_harmonics` is the highest harmonic kept. By default the rest falls below `tolerance`, a share of each entry
+        of the matrix. Raises InputError where the harmonics do not fall below `tolerance` within 512, as at a jump, and
+        `n_harmonics` is not given; or a function does not repeat itself after its period.
         """
         return _operations().to_harmonics(self, n_harmonics, tolerance)
 
@@ -202,8 +201,8 @@ class AbstractPeriodicMatrix(ABC):
 
         .. math:: M_i = \frac{P}{T} \int_{iT/P}^{(i + 1)T/P} M(t)\, dt
 
-        The mean, rather than the value in the middle, keeps the integral over the period, so that of A(t) the product
-        of the multipliers stays what it is. Exponents are right to second order in the length of a piece.
+        The mean, rather than the value in the middle, keeps the integral over the period. So the product of the
+        multipliers of A(t) stays. Exponents are right to second order in the length of a piece.
 
         Raises InputError where the means are not found, as of a function that jumps where it names no break; or a
         function does not repeat itself after its period.

@@ -56,8 +56,8 @@ def stability(modes: FloquetModes, *, tolerance: float = TOLERANCE, errors: Arra
 
     .. math:: \max_r \mathrm{Re}\,\lambda_r < 0
 
-    A real part is told from zero where it is larger than a hundred times the tolerance of the factors times the
-    condition of the exponent, over the period; of exponents that share a shape, the root of that.
+    A real part has a sign where it is larger than a hundred times the tolerance of the factors times the condition of
+    the exponent, over the period; of exponents that share a shape, the root of that.
 
     `modes` is what `modes` found, `tolerance` that with which they were found, and `errors` what else each exponent is
     known to (modes,) [1/s], as from `compare`. Raises InputError where the tolerance is not positive, or the errors are

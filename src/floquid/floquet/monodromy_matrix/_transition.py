@@ -40,8 +40,8 @@ def transition(
     interval. What happens within less than 1/64 of the period may pass unseen unless it stands between `breaks`: see
     `FunctionMatrix.narrowest`.
 
-    Raises InputError where `system` is not a finite real (n, n) of that period, `times` does not ascend from `start`, a
-    break lies outside the first period, or A(t) cannot be integrated.
+    Raises InputError where `system` is not a finite real (n, n) of that period, or A(t) cannot be integrated. So it
+    does where `times` does not ascend from `start`, or a break lies outside the first period.
 
     Parameters
     ----------

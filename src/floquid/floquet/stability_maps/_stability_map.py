@@ -122,8 +122,8 @@ def stability_map(
               A(t + T(p); p) = A(t; p)
 
     The grid given is evaluated whole. Of one parameter, thin bands are then looked for between its values, and the
-    edges of all bands are halved down to `edge_tolerance`. Of two, the cells of the grid are halved where their
-    corners differ and where a band may hide, and the boundary's crossings of the sides of the smallest are halved.
+    edges of all bands are halved down to `edge_tolerance`. With two parameters, the cells of the grid are halved where
+    their corners differ or a band may hide. So are the boundary's crossings of the sides of the smallest.
 
     A band is found if it holds a value of the grid. Between two stable values it is found if it is wider than
     2^-refinements of their distance and one pair of multipliers meets there once, from which it springs: the

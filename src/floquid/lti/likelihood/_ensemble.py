@@ -56,8 +56,8 @@ class States:
         counts = ends - delays + 1
         kept = np.concatenate([start + np.arange(count) for start, count in zip(starts, counts, strict=True)])
         loud = np.concatenate([stacked.values[:, kept + delay] for delay in range(delays)])
-        left, values, _ = np.linalg.svd(loud, full_matrices=False)
-        return States(stacked, loud, np.cumsum(counts) - counts, left, values)
+        vectors, values, _ = np.linalg.svd(loud, full_matrices=False)
+        return States(stacked, loud, np.cumsum(counts) - counts, vectors, values)
 
     @property
     def rank(self) -> int:
@@ -123,15 +123,15 @@ class Ensemble(AbstractIdentifier):
             return _empty(data, Outcome.TOO_FEW_SAMPLES)  # any matrix takes so few steps
         report(f"states of many short responses: rank {rank}")
         try:
-            found = _straightened(polish_products(state.start(rank), state.stacked), state.stacked)
+            fit = _straightened(polish_products(state.start(rank), state.stacked), state.stacked)
             if order is None:
-                found = pruned(found, state.stacked, lambda products: self._limits(products, state.stacked), least=1)
+                fit = pruned(fit, state.stacked, lambda products: self._limits(products, state.stacked), least=1)
             else:
-                found = _lowered(found, state.stacked, order)
+                fit = _lowered(fit, state.stacked, order)
         except np.linalg.LinAlgError:
             return _empty(data)
-        number = found.products.poles.order
-        return model_of_products(found, state.stacked, reached(order, number), np.ones(number))
+        number = fit.products.poles.order
+        return model_of_products(fit, state.stacked, reached(order, number), np.ones(number))
 
     def refine(self, state: States, model: ModalModel) -> ModalModel:
         """The maximum-likelihood model in `state` of the order and outcome of `model`, from its poles."""
@@ -144,37 +144,37 @@ class Ensemble(AbstractIdentifier):
         return [rise_limit(self.false_alarm, float(number), float(rows * outputs)) for number in numbers]
 
 
-def _lowered(found: ProductFit, stacked: Stacked, order: int) -> ProductFit:
+def _lowered(fit: ProductFit, stacked: Stacked, order: int) -> ProductFit:
     """The fit with no more than `order` poles where that can be had: the entries that are missed least are removed."""
-    while found.products.poles.order > order:
-        sizes = found.products.poles.sizes
-        fitting = np.flatnonzero(sizes <= found.products.poles.order - order)
+    while fit.products.poles.order > order:
+        sizes = fit.products.poles.sizes
+        fitting = np.flatnonzero(sizes <= fit.products.poles.order - order)
         if not len(fitting) or len(sizes) == 1:
             break
-        trials = [polish_products(found.products.without(int(entry)), stacked) for entry in fitting]
-        found = min(trials, key=lambda trial: trial.cost)
-    return found
+        trials = [polish_products(fit.products.without(int(entry)), stacked) for entry in fitting]
+        fit = min(trials, key=lambda trial: trial.cost)
+    return fit
 
 
-def _straightened(found: ProductFit, stacked: Stacked) -> ProductFit:
+def _straightened(fit: ProductFit, stacked: Stacked) -> ProductFit:
     """The fit with two real multipliers of one sign as a pair where that costs less: noise makes the one of the other.
 
     The pair starts as far off the axis as they are apart.
     """
     for kind, axis in ((POSITIVE, 0.0), (NEGATIVE, np.pi)):
-        poles = found.products.poles
+        poles = fit.products.poles
         along = np.flatnonzero(poles.kind == kind)
         along = along[np.argsort(poles.s[along].real)]
         for first, second in pairwise(along.tolist()):
-            poles, shares = found.products.poles, found.products.shares
+            poles, shares = fit.products.poles, fit.products.shares
             middle, gap = poles.s[[first, second]].real.mean(), abs(np.diff(poles.s[[first, second]].real)[0])
             pair = PoleSet.of(np.array([middle + 1j * (axis - max(gap, 0.05))]), np.array([PAIR]))
             rest = ~np.isin(np.arange(len(poles)), [first, second])
             both = np.concatenate([shares[rest], (shares[[first]] + 1j * shares[[second]])])
             trial = polish_products(Products.of(poles.keep(rest).plus(pair), both), stacked)
-            if trial.cost < found.cost:
+            if trial.cost < fit.cost:
                 return _straightened(trial, stacked)
-    return found
+    return fit
 
 
 def _empty(data: TimeResponses, outcome: Outcome = Outcome.NO_MODE) -> ModalModel:
@@ -199,15 +199,15 @@ def pooled_noise(blocks: Iterable[Sequence[Floats]]) -> Floats:
     .. math:: \hat\sigma = s_{(1/4)} / \bar s_{(1/4)}
 
     s the lower quartile of the singular values of a block (rows, samples), over that of white noise of unit variance
-    and the same size. A block of twice as many samples as it has values beyond the edge of noise tells its own, the
+    and the same size. A block of twice as many samples as it has values beyond the edge of noise gives its own. The
     others have that of all side by side (outputs, inputs). That holds where the modes are fewer than three quarters of
     the samples of all inputs together: the samples of one may be few.
     """
     sigma = []
     for several in blocks:
         whole, _ = _noise_of(np.concatenate(several, axis=1))
-        own = [(block.shape[1], *_noise_of(block)) for block in several]
-        sigma.append([one if 2 * rank <= samples else whole for samples, one, rank in own])
+        estimates = [(block.shape[1], *_noise_of(block)) for block in several]
+        sigma.append([sigma_of_block if 2 * rank <= samples else whole for samples, sigma_of_block, rank in estimates])
     return np.array(sigma)
 
 

@@ -78,34 +78,32 @@ class Evidence(Rebuilt):
         self._freeze(finite=False, rises=each, limits=each, firm_limits=each, deviations=(*each, 2))
 
 
-def removed(found: Fit, factors: Sequence[Factor], limits: Floats) -> tuple[Floats, Fit]:
+def removed(fit: Fit, factors: Sequence[Factor], limits: Floats) -> tuple[Floats, Fit]:
     """The rise for each entry with the others fitted again, and the fit without the weakest."""
-    fits = [
-        polish(found.poles.without(entry), factors, iterations=25, tolerance=1e-2) for entry in range(len(found.poles))
-    ]
-    rises = np.array([max(less.cost - found.cost, 0.0) for less in fits])
+    fits = [polish(fit.poles.without(entry), factors, iterations=25, tolerance=1e-2) for entry in range(len(fit.poles))]
+    rises = np.array([max(less.cost - fit.cost, 0.0) for less in fits])
     return rises, fits[int(np.argmin(rises / limits))]
 
 
-def clearest(found: Fit, factors: Sequence[Factor], threshold: Threshold) -> tuple[Fit, int] | None:
+def clearest(fit: Fit, factors: Sequence[Factor], threshold: Threshold) -> tuple[Fit, int] | None:
     """The fit with the further mode that comes nearest to passing, and its size."""
     best: tuple[float, Fit, int] | None = None
-    found_ones = candidates(found.poles, factors)
-    ranked = sorted(found_ones, key=lambda one: -one[1] / threshold.of(int(one[0].sizes[0])))
+    found_ones = candidates(fit.poles, factors)
+    ranked = sorted(found_ones, key=lambda pair: -pair[1] / threshold.of(int(pair[0].sizes[0])))
     for candidate, promised in ranked:
         size = int(candidate.sizes[0])
         if best is not None and promised < threshold.promising(size):
             continue
-        more = polish(found.poles.plus(candidate), factors, iterations=25, tolerance=1e-2)
-        share = (found.cost - more.cost) / threshold.of(size)
+        more = polish(fit.poles.plus(candidate), factors, iterations=25, tolerance=1e-2)
+        share = (fit.cost - more.cost) / threshold.of(size)
         if possible(more) and (best is None or share > best[0]):
             best = share, more, size
     return None if best is None else (best[1], best[2])
 
 
-def nearest_pair(found: Fit) -> float:
+def nearest_pair(fit: Fit) -> float:
     """The least distance of two entries of one kind over its standard deviation."""
-    poles, covariance = found.poles, found.covariance()
+    poles, covariance = fit.poles, fit.covariance()
     starts, least = poles.starts(), np.inf
     for i in range(len(poles)):
         for j in range(i):
@@ -121,22 +119,22 @@ def nearest_pair(found: Fit) -> float:
     return float(least)
 
 
-def movement(found: Fit, more: PoleSet) -> float:
+def movement(fit: Fit, more: PoleSet) -> float:
     """The largest distance from a pole to the nearest one of a larger set, in its own standard deviations."""
-    if not len(found.poles):
+    if not len(fit.poles):
         return 0.0
-    std = entry_deviations(found)
+    std = entry_deviations(fit)
     worst = 0.0
-    for s, (decay, angle) in zip(found.poles.s, std, strict=True):
+    for s, (decay, angle) in zip(fit.poles.s, std, strict=True):
         apart = more.s - s
         size = np.hypot(apart.real / max(decay, 1e-300), apart.imag / max(angle, decay, 1e-300))
         worst = max(worst, float(size.min()))
     return worst
 
 
-def entry_deviations(found: Fit) -> Floats:
+def entry_deviations(fit: Fit) -> Floats:
     """Standard deviations of Re s and Im s of each entry (k, 2), zero where a part is not free."""
-    std = np.sqrt(np.maximum(np.diag(found.covariance()), 0.0))
-    starts = found.poles.starts()
-    second = np.where(found.poles.kind == PAIR, std[np.minimum(starts + 1, len(std) - 1)], 0.0)
+    std = np.sqrt(np.maximum(np.diag(fit.covariance()), 0.0))
+    starts = fit.poles.starts()
+    second = np.where(fit.poles.kind == PAIR, std[np.minimum(starts + 1, len(std) - 1)], 0.0)
     return np.stack([std[starts], second], axis=1)

@@ -58,15 +58,14 @@ class MaximumLikelihood(AbstractIdentifier):
 
     .. math:: \min_\mu \operatorname{tr}\left((I - P_\mu)\, Y Y^T\right)
 
-    (Golub and Pereyra 1973, in Kaufman's form). Conjugate
-    pairs, positive real and negative real multipliers are kinds of their own. ERA at generous orders gives the start;
-    with `order=None` each mode must pass a chi-square test with the others refitted. Any other identifier may be
-    wrapped (`initial`): one that decides the order leaves only the finish to this, and the poles of one that does not
-    are where the search starts instead of those of ERA.
+    (Golub and Pereyra 1973, in Kaufman's form). Conjugate pairs, positive real and negative real multipliers are kinds
+    of their own. ERA at generous orders gives the start; with `order=None` each mode must pass a chi-square test with
+    the others refitted. Any other identifier may be wrapped (`initial`): one that decides the order leaves only the
+    finish to this. The poles of one that does not are the start of the search, instead of those of ERA.
 
-    Noise that is correlated in time is whitened by a short filter, and responses whose noise is not independent count
-    for as many as they are worth. Of several inputs the residues are free in the search; where those of a pole are
-    of higher rank than one, modes of equal multipliers are told apart as outer products.
+    Noise that is correlated in time is whitened by a short filter. Responses with dependent noise count for as many as
+    they are worth. Of several inputs the residues are free in the search; where those of a pole are of higher rank than
+    one, modes of equal multipliers are told apart as outer products.
 
     Parameters
     ----------
@@ -106,20 +105,20 @@ class MaximumLikelihood(AbstractIdentifier):
         checked_order(order, self, state.data)
         most = min(self.most, int(state.data.lengths.max()) // 2)
         if self.initial is not None and self.initial.decides:
-            found = self.initial.extract(state.initial, order, report=report)
-            return self.refine(state, found) if found.order else found
-        found, blocks, ended, left = self._choose(state, most, report)
+            fit = self.initial.extract(state.initial, order, report=report)
+            return self.refine(state, fit) if fit.order else fit
+        fit, blocks, ended, residual = self._choose(state, most, report)
         outcome = Outcome.SUCCESS
         if order is not None:
-            found = force_order(found, blocks, order, self.false_alarm)
-            outcome = reached(order, found.poles.order)
-        elif not len(found.poles):
+            fit = force_order(fit, blocks, order, self.false_alarm)
+            outcome = reached(order, fit.poles.order)
+        elif not len(fit.poles):
             outcome = Outcome.NO_MODE
         elif not ended:
             outcome = Outcome.NOT_WHITE
-        elif found.poles.order >= most:
+        elif fit.poles.order >= most:
             outcome = Outcome.TOO_FEW_SAMPLES
-        model = _model(state, polish(found, blocks, tolerance=AT_REST), blocks, outcome, left)
+        model = _model(state, polish(fit, blocks, tolerance=AT_REST), blocks, outcome, residual)
         several = self.rank_one and order is None and min(state.data.n_inputs, state.data.n_outputs) > 1
         if not several or not model.order:
             return model
@@ -135,31 +134,31 @@ class MaximumLikelihood(AbstractIdentifier):
     def weigh(self, state: Prepared, model: ModalModel) -> Evidence:
         """Weigh the order of a `model` of the data in `state`: take modes away, add one more, look at what is left."""
         poles, blocks, taps = self._seen(state, model)
-        found = polish(poles, blocks)
-        left = Residual.of(found.poles, blocks)
-        threshold = Threshold.for_(blocks, self.false_alarm, left)
-        limits = np.array([threshold.of(int(size)) for size in found.poles.sizes])
-        rises, less = removed(found, blocks, limits) if len(poles) else (np.zeros(0), None)
-        further = clearest(found, blocks, threshold) if poles.order < self.most else None
-        more, size = further or (found, 1)
+        fit = polish(poles, blocks)
+        residual = Residual.of(fit.poles, blocks)
+        threshold = Threshold.for_(blocks, self.false_alarm, residual)
+        limits = np.array([threshold.of(int(size)) for size in fit.poles.sizes])
+        rises, less = removed(fit, blocks, limits) if len(poles) else (np.zeros(0), None)
+        further = clearest(fit, blocks, threshold) if poles.order < self.most else None
+        more, size = further or (fit, 1)
         return Evidence(
-            multipliers=found.poles.multipliers()[found.poles.starts()],
+            multipliers=fit.poles.multipliers()[fit.poles.starts()],
             rises=rises,
             limits=limits,
-            firm_limits=np.array([threshold.at(SURE * self.false_alarm, int(size)) for size in found.poles.sizes]),
-            deviations=entry_deviations(found),
-            gap=nearest_pair(found),
-            gain=max(found.cost - more.cost, 0.0),
+            firm_limits=np.array([threshold.at(SURE * self.false_alarm, int(size)) for size in fit.poles.sizes]),
+            deviations=entry_deviations(fit),
+            gap=nearest_pair(fit),
+            gain=max(fit.cost - more.cost, 0.0),
             gain_limit=threshold.of(size),
             doubtful_gain=threshold.at(SURE, size),
-            moved=movement(found, more.poles),
+            moved=movement(fit, more.poles),
             less=None if less is None else _model(state, less, blocks, Outcome.SUCCESS),
             more=None if further is None else _model(state, more, blocks, Outcome.SUCCESS),
-            colour=left.colour(),
+            colour=residual.colour(),
             whitened=0 if taps is None else len(taps) - 1,
-            independent=left.independent,
-            cost=found.cost,
-            degrees=_degrees(blocks, found.poles.order),
+            independent=residual.independent,
+            cost=fit.cost,
+            degrees=_degrees(blocks, fit.poles.order),
         )
 
     def _seen(self, state: Prepared, model: ModalModel) -> tuple[PoleSet, tuple[Factor, ...], Floats | None]:
@@ -172,8 +171,8 @@ class MaximumLikelihood(AbstractIdentifier):
     def _noise(self, state: Prepared, model: ModalModel) -> Noise:
         """The noise that a model leaves, as its poles see it."""
         poles, blocks, taps = self._seen(state, model)
-        left = Residual.of(poles, blocks)
-        return Noise.whitened_by(taps, model, left.independent, left.variance)
+        residual = Residual.of(poles, blocks)
+        return Noise.whitened_by(taps, model, residual.independent, residual.variance)
 
     def _choose(self, state: Prepared, most: int, report: Report) -> tuple[Fit, tuple[Factor, ...], bool, Residual]:
         """The poles from the samples that hold energy, and again from more when a mode lasts longer than those.
@@ -193,7 +192,7 @@ class MaximumLikelihood(AbstractIdentifier):
                 start = self._start(state, blocks)
                 generous = start(self._starts(blocks)[-1]).plausible()
                 noise = Residual.of(generous if before is None else before, blocks)
-            found, ended, left = choose(
+            fit, ended, residual = choose(
                 blocks,
                 start,
                 false_alarm=self.false_alarm,
@@ -203,19 +202,19 @@ class MaximumLikelihood(AbstractIdentifier):
                 report=report,
             )
             if looks == LOOKS:
-                return found, blocks, ended, left
-            needed = horizon(found.poles, state.whole, self.time_constants)
+                return fit, blocks, ended, residual
+            needed = horizon(fit.poles, state.whole, self.time_constants)
             if ended and needed > len(state.factors[0].values):
                 state = replace(state, factors=state.first(needed))
                 start, noise = self._looked_at(state, state.factors)
                 continue
-            after = whitening_of(left if taps is None else Residual.of(found.poles, state.factors))
-            same = before is not None and before.order == found.poles.order
+            after = whitening_of(residual if taps is None else Residual.of(fit.poles, state.factors))
+            same = before is not None and before.order == fit.poles.order
             if (after is None) == (taps is None) and (taps is None or same):
-                return found, blocks, ended, left
+                return fit, blocks, ended, residual
             if after is None:
                 start, noise = self._looked_at(state, state.factors)
-            taps, before = after, found.poles
+            taps, before = after, fit.poles
 
     def _looked_at(self, state: Prepared, blocks: tuple[Factor, ...]) -> tuple[Callable[[int], PoleSet], Residual]:
         """Source of poles of any order, and the noise that generous ones leave."""
@@ -243,15 +242,15 @@ def horizon(poles: PoleSet, whole: int, time_constants: float) -> int:
 
 
 def _model(
-    state: Prepared, found: Fit, blocks: tuple[Factor, ...], outcome: Outcome, left: Residual | None = None
+    state: Prepared, fit: Fit, blocks: tuple[Factor, ...], outcome: Outcome, residual: Residual | None = None
 ) -> ModalModel:
-    """The model of a fit, with residues from all samples; `left` is what poles like these leave, where it is known."""
-    if len(found.poles) and (left or Residual.of(found.poles, blocks)).independent < 1.0:
-        found = of_dependent_noise(found, blocks)
-    unit = found.covariance() if len(found.poles) else np.zeros((0, 0))
-    covariance = found.poles.covariance_of_all(unit) / state.data.dt**2
-    stats = {"cost": found.cost, "degrees": _degrees(blocks, found.poles.order)}
-    return model_of(found.poles, state.data, covariance=covariance, outcome=outcome, stats=stats)
+    """The model of a fit, with residues from all samples; `residual` is that of such poles, where it is known."""
+    if len(fit.poles) and (residual or Residual.of(fit.poles, blocks)).independent < 1.0:
+        fit = of_dependent_noise(fit, blocks)
+    unit = fit.covariance() if len(fit.poles) else np.zeros((0, 0))
+    covariance = fit.poles.covariance_of_all(unit) / state.data.dt**2
+    stats = {"cost": fit.cost, "degrees": _degrees(blocks, fit.poles.order)}
+    return model_of(fit.poles, state.data, covariance=covariance, outcome=outcome, stats=stats)
 
 
 def _degrees(blocks: tuple[Factor, ...], order: int) -> float:

@@ -69,18 +69,18 @@ def ranks(model: ModalModel, data: TimeResponses, false_alarm: float, noise: Noi
     unequal = (data.noise / scale) ** 2
     worth = float(unequal.sum() ** 2 / np.sum(unequal**2) / unequal.size)
     noise = noise or Noise(np.ones(model.order))
-    found = np.ones(model.order, np.int64)
+    counts = np.ones(model.order, np.int64)
     for r in range(model.order):
         carried = scale * np.sqrt(model.residue_spread[:, r, r].real)
         values = np.linalg.svd(model.residues[r] / carried, compute_uv=False)
         parts = 1 if model.multipliers[r].imag == 0 else 2
         for rank in range(1, min(outputs, inputs)):
             degrees = parts * (outputs - rank) * (inputs - rank)
-            left = parts * float(np.sum(values[rank:] ** 2)) / float(unequal.mean())
-            if left * worth < noise.limit(r, degrees * worth, false_alarm):
+            excess = parts * float(np.sum(values[rank:] ** 2)) / float(unequal.mean())
+            if excess * worth < noise.limit(r, degrees * worth, false_alarm):
                 break
-            found[r] = rank + 1
-    return found
+            counts[r] = rank + 1
+    return counts
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,10 +115,10 @@ def split(model: ModalModel, data: TimeResponses, counts: Integers) -> Products:
         if mu.imag < 0:
             continue
         right = np.linalg.svd(model.residues[r] / scale, full_matrices=False)[2]
-        one = PoleSet.from_multipliers(np.array([mu]))
+        pole = PoleSet.from_multipliers(np.array([mu]))
         for number in range(int(counts[r])):
-            s.append(one.s[0])
-            kind.append(one.kind[0])
+            s.append(pole.s[0])
+            kind.append(pole.kind[0])
             shares.append(right[number])
     return Products.of(PoleSet(np.array(s), np.array(kind)), np.array(shares))
 
@@ -138,12 +138,12 @@ class Tangents:
         Where two poles are one, a participation moves nothing: divided by rounding, its step would be the longest, and
         that of all others be shortened to nothing.
         """
-        left = []
+        parts = []
         for moved in (self.first, self.second):
             beside = moved - q @ (q.T @ moved)
             beside[:, np.sum(beside**2, axis=0) <= ROUNDING * np.sum(moved**2, axis=0)] = 0.0
-            left.append(beside)
-        return Tangents(left[0], left[1], self.a, self.b)
+            parts.append(beside)
+        return Tangents(parts[0], parts[1], self.a, self.b)
 
     def products(self, moments: Floats) -> Floats:
         """Products of the tangents with one another, over all responses, from the second moments of the residues."""
@@ -163,9 +163,9 @@ class ProductFit:
     information: Floats
 
 
-def _columns(now: Products, lengths: Integers) -> tuple[Floats, Tangents]:
+def _columns(products: Products, lengths: Integers) -> tuple[Floats, Tangents]:
     """The real columns (rows, order), inputs one after the other, and their tangents, a column a parameter."""
-    poles = now.poles
+    poles = products.poles
     terms = powers(poles.s, int(lengths.max()))
     ends = np.cumsum(lengths)
     rows = int(ends[-1])
@@ -176,9 +176,9 @@ def _columns(now: Products, lengths: Integers) -> tuple[Floats, Tangents]:
         alone: list[Complexes] = []
         for i, (end, length) in enumerate(zip(ends, lengths, strict=True)):
             part = slice(int(end - length), int(end))
-            whole[part] = now.shares[entry, i] * terms[:length, entry]
+            whole[part] = products.shares[entry, i] * terms[:length, entry]
             slope[part] = np.arange(length) * whole[part]
-            if i != now.reference[entry]:
+            if i != products.reference[entry]:
                 single = np.zeros(rows, np.complex128)
                 single[part] = terms[:length, entry]
                 alone.append(single)
@@ -196,38 +196,38 @@ def _columns(now: Products, lengths: Integers) -> tuple[Floats, Tangents]:
     )
 
 
-def fit_products(now: Products, block: Factor, lengths: Integers) -> ProductFit:
+def fit_products(products: Products, block: Factor, lengths: Integers) -> ProductFit:
     """Cost, gradient and information matrices."""
-    moves, inverse, residues, left = _eliminated(now, block, lengths)
-    gradient = np.einsum("pj,pj->p", moves.first.T @ left, residues[moves.a])
-    gradient += np.einsum("pj,pj->p", moves.second.T @ left, residues[moves.b])
+    moves, inverse, residues, residual = _eliminated(products, block, lengths)
+    gradient = np.einsum("pj,pj->p", moves.first.T @ residual, residues[moves.a])
+    gradient += np.einsum("pj,pj->p", moves.second.T @ residual, residues[moves.b])
     whole = moves.products(residues @ residues.T)
     noise = block.columns * moves.products(inverse @ inverse.T)
-    cost = float(np.sum(left**2)) + block.left_out
-    return ProductFit(now, cost, gradient, whole, positive_part(whole, whole - noise))
+    cost = float(np.sum(residual**2)) + block.left_out
+    return ProductFit(products, cost, gradient, whole, positive_part(whole, whole - noise))
 
 
-def _eliminated(now: Products, block: Factor, lengths: Integers) -> tuple[Tangents, Floats, Floats, Floats]:
+def _eliminated(products: Products, block: Factor, lengths: Integers) -> tuple[Tangents, Floats, Floats, Floats]:
     """The tangents beside the columns QR, R⁻¹, the residues (order, responses), and what is left (rows, responses)."""
-    columns, moves = _columns(now, lengths)
+    columns, moves = _columns(products, lengths)
     q, r = np.linalg.qr(columns)
     projected = q.T @ block.values
     inverse = np.linalg.pinv(r, rcond=1e-12)
     return moves.beside(q), inverse, inverse @ projected, block.values - q @ projected
 
 
-def _moved(now: Products, step: Floats) -> Products:
+def _moved(products: Products, step: Floats) -> Products:
     """After a step in the real parameters: of each entry, those of the pole, then those of the participations."""
-    s, shares, at = now.poles.s.copy(), now.shares.copy(), 0
-    for entry, kind in enumerate(now.poles.kind):
-        free = [i for i in range(shares.shape[1]) if i != now.reference[entry]]
+    s, shares, at = products.poles.s.copy(), products.shares.copy(), 0
+    for entry, kind in enumerate(products.poles.kind):
+        free = [i for i in range(shares.shape[1]) if i != products.reference[entry]]
         width = 2 if kind == PAIR else 1
         parts = step[at : at + width * (1 + len(free))].reshape(-1, width)
         numbers = parts[:, 0] + (1j * parts[:, 1] if width == 2 else 0.0)
         s[entry] += numbers[0]
         shares[entry, free] += numbers[1:]
         at += width * (1 + len(free))
-    return Products(PoleSet.of(s, now.poles.kind), shares, now.reference)
+    return Products(PoleSet.of(s, products.poles.kind), shares, products.reference)
 
 
 @dataclass(frozen=True, slots=True)
@@ -249,11 +249,11 @@ class Stacked:
         return Stacked(data, scale, values, factors(TimeResponses(values=values[:, None], dt=data.dt))[0])
 
 
-def polish_products(now: Products, stacked: Stacked, *, steps: int = 60, tolerance: float = 1e-3) -> ProductFit:
-    """The poles and participations of least cost near `now`."""
+def polish_products(start: Products, stacked: Stacked, *, steps: int = 60, tolerance: float = 1e-3) -> ProductFit:
+    """The poles and participations of least cost near `start`."""
     block, lengths = stacked.block, stacked.data.lengths
     return levenberg_marquardt(
-        fit_products(now, block, lengths),
+        fit_products(start, block, lengths),
         Steps(
             normal=lambda at: Normal(matrix=at.information, gradient=at.gradient),
             moved=lambda at, step: fit_products(_moved(at.products, step), block, lengths),
@@ -273,7 +273,7 @@ def separated(model: ModalModel, data: TimeResponses, false_alarm: float, noise:
     if counts.max(initial=1) == 1:
         return model
     stacked = Stacked.of(data)
-    found = polish_products(split(model, data, counts), stacked)
+    fitted = polish_products(split(model, data, counts), stacked)
     before, level = int((model.multipliers.imag >= 0).sum()), float(np.mean((data.noise / stacked.scale) ** 2))
 
     def limits(products: Products) -> list[float]:
@@ -285,31 +285,31 @@ def separated(model: ModalModel, data: TimeResponses, false_alarm: float, noise:
             for pole, degree in zip(near.tolist(), degrees.tolist(), strict=True)
         ]
 
-    found = pruned(found, stacked, limits, least=before)
-    if len(found.products.poles) == before:
+    fitted = pruned(fitted, stacked, limits, least=before)
+    if len(fitted.products.poles) == before:
         return model
-    near = np.argmin(np.abs(found.products.poles.multipliers()[:, None] - model.multipliers), axis=1)
-    return model_of_products(found, stacked, model.outcome, noise.colour[near])
+    near = np.argmin(np.abs(fitted.products.poles.multipliers()[:, None] - model.multipliers), axis=1)
+    return model_of_products(fitted, stacked, model.outcome, noise.colour[near])
 
 
 def pruned(
-    found: ProductFit, stacked: Stacked, limits: Callable[[Products], list[float]], *, least: int = 0
+    fit: ProductFit, stacked: Stacked, limits: Callable[[Products], list[float]], *, least: int = 0
 ) -> ProductFit:
     """The fit without the entries, one after another, whose absence raises the cost by less than their `limits`.
 
     At `least` this number of entries is kept.
     """
-    while len(found.products.poles) > least:
+    while len(fit.products.poles) > least:
         trials = [
-            polish_products(found.products.without(entry), stacked, tolerance=1e-2)
-            for entry in range(len(found.products.poles))
+            polish_products(fit.products.without(entry), stacked, tolerance=1e-2)
+            for entry in range(len(fit.products.poles))
         ]
-        excess = np.array([trial.cost - found.cost for trial in trials]) - np.array(limits(found.products))
+        excess = np.array([trial.cost - fit.cost for trial in trials]) - np.array(limits(fit.products))
         weakest = int(np.argmin(excess))
         if excess[weakest] > 0.0:
             break
-        found = polish_products(trials[weakest].products, stacked)
-    return found
+        fit = polish_products(trials[weakest].products, stacked)
+    return fit
 
 
 def merged(model: ModalModel) -> PoleSet:
@@ -320,7 +320,7 @@ def merged(model: ModalModel) -> PoleSet:
     size = np.hypot(std[: model.order], std[model.order :])[poles.starts()]
     kept: list[int] = []
     for entry, s in enumerate(poles.s):
-        if all(abs(s - poles.s[other]) > DEVIATIONS * (size[entry] + size[other]) for other in kept):
+        if all(abs(s - poles.s[known]) > DEVIATIONS * (size[entry] + size[known]) for known in kept):
             kept.append(entry)
     return poles.keep(np.isin(np.arange(len(poles)), kept))
 
@@ -332,64 +332,64 @@ def refined(model: ModalModel, data: TimeResponses, noise: Noise) -> ModalModel:
     return model_of_products(polish_products(split(model, data, ones), stacked), stacked, model.outcome, noise.colour)
 
 
-def model_of_products(found: ProductFit, stacked: Stacked, outcome: Outcome, colour: Floats) -> ModalModel:
+def model_of_products(fit: ProductFit, stacked: Stacked, outcome: Outcome, colour: Floats) -> ModalModel:
     """The modal model of outer products, with the covariance of its poles."""
-    now, data, scale, values = found.products, stacked.data, stacked.scale, stacked.values
-    poles, n = now.poles, now.poles.order
-    columns, _ = _columns(now, data.lengths)
+    products, data, scale, values = fit.products, stacked.data, stacked.scale, stacked.values
+    poles, n = products.poles, products.poles.order
+    columns, _ = _columns(products, data.lengths)
     pinv = np.linalg.pinv(columns, rcond=1e-12)
     real = np.asarray(pinv @ values.T, np.float64)
     scale_zero, back = from_sample_zero(poles, int(data.lengths.max()))
     shapes, spread = (
         scale_zero[:, None] * complex_residues(poles, part) for part in (real, np.asarray(pinv, np.float64))
     )
-    own = [now.in_input(i) for i in range(data.n_inputs)]
-    residues = np.stack([own[i][:, None] * shapes * scale[:, i] for i in range(data.n_inputs)], axis=2)
+    in_inputs = [products.in_input(i) for i in range(data.n_inputs)]
+    residues = np.stack([in_inputs[i][:, None] * shapes * scale[:, i] for i in range(data.n_inputs)], axis=2)
     rest = (values - (columns @ real).T) ** 2
     ends = np.cumsum(data.lengths)
     parts = [slice(int(end - length), int(end)) for end, length in zip(ends, data.lengths, strict=True)]
     free = [max(length - n / data.n_inputs, 1) for length in data.lengths]
-    left = [scale[:, i] * np.sqrt(rest[:, part].sum(axis=1) / free[i]) for i, part in enumerate(parts)]
+    residual_std = [scale[:, i] * np.sqrt(rest[:, part].sum(axis=1) / free[i]) for i, part in enumerate(parts)]
     terms = powers(poles.full(), int(data.lengths.max()))
-    steps = [np.arange(length)[:, None] * terms[:length] * own[i] * back for i, length in enumerate(data.lengths)]
+    steps = [np.arange(length)[:, None] * terms[:length] * in_inputs[i] * back for i, length in enumerate(data.lengths)]
     slope = spread @ np.concatenate(steps)
     # An input that hardly holds a mode says nothing of how its residue there moves with the pole.
     least = np.sqrt(np.finfo(float).eps)
-    safe = [np.where(np.abs(share) > least, share, least) for share in own]
+    safe = [np.where(np.abs(share) > least, share, least) for share in in_inputs]
     return ModalModel(
         multipliers=poles.multipliers(),
         residues=residues,
         dt=data.dt,
-        covariance=_covariance(found, stacked, colour) / data.dt**2,
-        residue_spread=np.stack([np.outer(share, share.conj()) * (spread @ spread.conj().T) for share in own]),
-        residue_slope=np.stack([one[:, None] * slope / other for one, other in zip(own, safe, strict=True)]),
-        residual_std=np.stack(left, axis=1),
+        covariance=_covariance(fit, stacked, colour) / data.dt**2,
+        residue_spread=np.stack([np.outer(share, share.conj()) * (spread @ spread.conj().T) for share in in_inputs]),
+        residue_slope=np.stack([one[:, None] * slope / divisor for one, divisor in zip(in_inputs, safe, strict=True)]),
+        residual_std=np.stack(residual_std, axis=1),
         outcome=outcome,
-        stats={"cost": found.cost, PRODUCTS: 1.0},
+        stats={"cost": fit.cost, PRODUCTS: 1.0},
     )
 
 
-def _covariance(found: ProductFit, stacked: Stacked, colour: Floats) -> Floats:
+def _covariance(fit: ProductFit, stacked: Stacked, colour: Floats) -> Floats:
     """Covariance of the logarithms of the multipliers (2 order, 2 order), real parts, then imaginary parts."""
-    unit = sandwich(found.information, _scatter(found.products, stacked), 1e-12)
-    own = _pole_parameters(found.products)
-    map_ = found.products.poles.parameter_map()
-    stack = np.concatenate([map_.real, map_.imag]) * np.sqrt(colour)[found.products.poles.columns()[0]]
-    return stack @ unit[np.ix_(own, own)] @ stack.T
+    unit = sandwich(fit.information, _scatter(fit.products, stacked), 1e-12)
+    places = _pole_parameters(fit.products)
+    map_ = fit.products.poles.parameter_map()
+    stack = np.concatenate([map_.real, map_.imag]) * np.sqrt(colour)[fit.products.poles.columns()[0]]
+    return stack @ unit[np.ix_(places, places)] @ stack.T
 
 
-def _scatter(now: Products, stacked: Stacked) -> Floats:
+def _scatter(products: Products, stacked: Stacked) -> Floats:
     """The covariance of the gradient, with that of the responses taken from what is left (`of_dependent_noise`)."""
-    moves, _, residues, left = _eliminated(now, stacked.block, stacked.data.lengths)
-    turned = left @ residues.T
-    return moves.products(turned.T @ turned / max(len(left) - now.poles.order, 1))
+    moves, _, residues, residual = _eliminated(products, stacked.block, stacked.data.lengths)
+    turned = residual @ residues.T
+    return moves.products(turned.T @ turned / max(len(residual) - products.poles.order, 1))
 
 
-def _pole_parameters(now: Products) -> Integers:
+def _pole_parameters(products: Products) -> Integers:
     """The positions of the poles' parameters among all (order,)."""
     positions, at = [], 0
-    for kind in now.poles.kind:
+    for kind in products.poles.kind:
         width = 2 if kind == PAIR else 1
         positions += list(range(at, at + width))
-        at += width * now.shares.shape[1]
+        at += width * products.shares.shape[1]
     return np.array(positions)

@@ -55,16 +55,16 @@ class Residual:
         block = factors[0].cut(SHORT)
         taken = np.zeros((len(block.values), 0)) if block.taken is None else block.taken
         # What was taken off belongs to the fit: no noise is left there either, whichever samples are looked at.
-        own = real_powers(poles, len(block.values)) if len(poles) else taken[:, :0]
-        q, _ = np.linalg.qr(np.concatenate([taken, own], axis=1))
-        left = block.values - q @ (q.T @ block.values)
-        free = max((len(left) - q.shape[1]) * block.columns, 1)
-        size = np.sqrt(max(np.einsum("nj,nj->", left, left), np.finfo(float).tiny) / free)
-        left /= size
-        judged = _lasts(left, q)
-        independent = _independent(left, q, block.columns) if judged else 1.0
+        columns = real_powers(poles, len(block.values)) if len(poles) else taken[:, :0]
+        q, _ = np.linalg.qr(np.concatenate([taken, columns], axis=1))
+        residual = block.values - q @ (q.T @ block.values)
+        free = max((len(residual) - q.shape[1]) * block.columns, 1)
+        size = np.sqrt(max(np.einsum("nj,nj->", residual, residual), np.finfo(float).tiny) / free)
+        residual /= size
+        judged = _lasts(residual, q)
+        independent = _independent(residual, q, block.columns) if judged else 1.0
         variance = float(size**2) if judged else 1.0
-        return Residual(left, q, block.columns, independent, variance, judged, taken.shape[1])
+        return Residual(residual, q, block.columns, independent, variance, judged, taken.shape[1])
 
     def filtered(self, taps: Floats) -> Residual:
         """The residual of filtered responses, near enough: what was fitted is filtered with them."""
@@ -116,31 +116,31 @@ def _lagged(values: Floats, lags: int) -> Floats:
     return np.fft.irfft(power, size)[: lags + 1]
 
 
-def _lasts(left: Floats, fitted: Floats) -> bool:
+def _lasts(residual: Floats, fitted: Floats) -> bool:
     """True where the residual is as large in the second half of the record as in the first: noise is, no decay is."""
     samples, poles = fitted.shape
     if samples - poles < FEWEST:
         return False
-    energy = np.einsum("nj,nj->n", left, left)
+    energy = np.einsum("nj,nj->n", residual, residual)
     room = 1.0 - np.einsum("nk,nk->n", fitted, fitted)
     half = samples // 2
     first, second = (energy[part].sum() / room[part].sum() for part in (slice(half), slice(half, None)))
     return bool(first < LASTING * second)
 
 
-def _independent(left: Floats, fitted: Floats, columns: int) -> float:
+def _independent(residual: Floats, fitted: Floats, columns: int) -> float:
     """The share of the responses that the noise is worth, from all elements of G off its diagonal.
 
     What was fitted is missing from the noise, which makes times depend on one another: the mean of G is (I - QQᵀ) times
     their number.
     """
-    samples, rank = left.shape
-    inner = left.T @ left if rank < samples else left @ left.T
-    own = np.einsum("nj,nj->n", left, left)
+    samples, rank = residual.shape
+    inner = residual.T @ residual if rank < samples else residual @ residual.T
+    powers = np.einsum("nj,nj->n", residual, residual)
     kept = 1.0 - np.einsum("nk,nk->n", fitted, fitted)
     free = samples - fitted.shape[1]
-    squares = np.sum(inner**2) - 2.0 * columns * own.sum() + columns**2 * free
-    spread = (squares - np.sum((own - columns * kept) ** 2)) / (samples * (samples - 1) * columns)
+    squares = np.sum(inner**2) - 2.0 * columns * powers.sum() + columns**2 * free
+    spread = (squares - np.sum((powers - columns * kept) ** 2)) / (samples * (samples - 1) * columns)
     return 1.0 if spread < 1.0 + 8.0 / max(free, 1) else 1.0 / spread
 
 

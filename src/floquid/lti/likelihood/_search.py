@@ -29,7 +29,7 @@ def candidates(poles: PoleSet, factors: Sequence[Factor]) -> list[tuple[PoleSet,
     angles = 2.0 * np.pi * np.arange(lines // 2 + 1) / lines
     decays = np.concatenate([[0.0], np.geomspace(0.3 / longest, 1.0, 8)])
     gains = sum(_gains(poles, block, decays, lines) for block in factors)
-    found: dict[int, tuple[float, complex]] = {}
+    best: dict[int, tuple[float, complex]] = {}
     for decay, gain in zip(decays, np.atleast_2d(gains), strict=True):
         tops = {
             PAIR: int(np.argmax(gain[1:-1])) + 1 if len(gain) > 2 else None,
@@ -37,9 +37,9 @@ def candidates(poles: PoleSet, factors: Sequence[Factor]) -> list[tuple[PoleSet,
             NEGATIVE: len(gain) - 1,
         }
         for kind, line in tops.items():
-            if line is not None and gain[line] > found.get(kind, (0.0, 0j))[0]:
-                found[kind] = (float(gain[line]), complex(-decay, angles[line]))
-    order = sorted(found.items(), key=lambda item: -item[1][0])
+            if line is not None and gain[line] > best.get(kind, (0.0, 0j))[0]:
+                best[kind] = (float(gain[line]), complex(-decay, angles[line]))
+    order = sorted(best.items(), key=lambda item: -item[1][0])
     return [(PoleSet.of(np.array([s]), np.array([kind])), gain) for kind, (gain, s) in order]
 
 
@@ -64,8 +64,8 @@ def _gains(poles: PoleSet, block: Factor, decays: Floats, lines: int) -> Floats:
     pair = 2.0 * (straight * power - (crossed.conj() * pseudo).real)
     gain = np.divide(pair, determinant, out=np.zeros_like(pair), where=determinant > 1e-6 * whole**2)
     ends = [0, lines // 2]
-    own = straight[:, ends] > 1e-6 * whole
-    gain[:, ends] = np.divide(power[:, ends], straight[:, ends], out=np.zeros((len(decays), 2)), where=own)
+    seen = straight[:, ends] > 1e-6 * whole
+    gain[:, ends] = np.divide(power[:, ends], straight[:, ends], out=np.zeros((len(decays), 2)), where=seen)
     return gain
 
 

@@ -64,10 +64,10 @@ class Threshold:
         """
         return min(self.at(SURE, size, own=0.0), self.of(size))
 
-    def penalised(self, found: Fit) -> float:
+    def penalised(self, fit: Fit) -> float:
         """The cost plus the thresholds of all that was spent on it."""
-        pairs = int((found.poles.kind == PAIR).sum())
-        return found.cost + pairs * self.of(2) + (len(found.poles) - pairs) * self.of(1)
+        pairs = int((fit.poles.kind == PAIR).sum())
+        return fit.cost + pairs * self.of(2) + (len(fit.poles) - pairs) * self.of(1)
 
 
 CROWD = 48
@@ -100,89 +100,89 @@ def choose(
         if begin.order > CROWD:
             report(f"start of order {order}: {begin.order} poles, more than are searched through")
             return (best, ended, Residual.of(best.poles, factors)) if ended else (fit(begin, factors), False, noise)
-        now = _settle(polish(begin, factors), factors, threshold, most)
-        report(f"start of order {order}: {now.poles.order} poles kept")
-        if not ended or threshold.penalised(now) < threshold.penalised(best) - 1e-6 * abs(best.cost):
-            best, ended = now, True
-        if 2 * now.poles.order <= order:
+        settled = _settle(polish(begin, factors), factors, threshold, most)
+        report(f"start of order {order}: {settled.poles.order} poles kept")
+        if not ended or threshold.penalised(settled) < threshold.penalised(best) - 1e-6 * abs(best.cost):
+            best, ended = settled, True
+        if 2 * settled.poles.order <= order:
             break
-    left = Residual.of(best.poles, factors)
-    again = Threshold.for_(factors, false_alarm, left)
+    residual = Residual.of(best.poles, factors)
+    again = Threshold.for_(factors, false_alarm, residual)
     if again.of(2) > 1.1 * threshold.of(2):
-        report(f"the noise is worth {left.independent:.0%} of the responses")
+        report(f"the noise is worth {residual.independent:.0%} of the responses")
         best = _settle(best, factors, again, most)
-        left = Residual.of(best.poles, factors)
-    return best, ended, left
+        residual = Residual.of(best.poles, factors)
+    return best, ended, residual
 
 
-def possible(found: Fit) -> bool:
+def possible(fit: Fit) -> bool:
     """True where all poles of a fit could be seen."""
-    return len(found.poles.plausible()) == len(found.poles)
+    return len(fit.poles.plausible()) == len(fit.poles)
 
 
-def _settle(now: Fit, factors: Sequence[Factor], threshold: Threshold, most: int) -> Fit:
+def _settle(fit: Fit, factors: Sequence[Factor], threshold: Threshold, most: int) -> Fit:
     """Prune, try the real axis and add from the residual, until nothing gets better."""
     lowest = np.inf
     while True:
-        before = now.poles
-        now = _prune(now, factors, threshold)
-        now = _straighten(now, factors, threshold)
-        if now.poles.order < most:
-            now = _add(now, factors, threshold)
-        score = threshold.penalised(now)
-        if now.poles is before or score >= lowest:
-            return now
+        before = fit.poles
+        fit = _prune(fit, factors, threshold)
+        fit = _straighten(fit, factors, threshold)
+        if fit.poles.order < most:
+            fit = _add(fit, factors, threshold)
+        score = threshold.penalised(fit)
+        if fit.poles is before or score >= lowest:
+            return fit
         lowest = score
 
 
-def _prune(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
+def _prune(fit: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
     """Take away each entry whose absence, the others refitted, the noise could explain."""
     changed = True
-    while changed and len(now.poles):
+    while changed and len(fit.poles):
         changed = False
-        if not possible(now):
-            now, changed = polish(now.poles.plausible(), factors), True
+        if not possible(fit):
+            fit, changed = polish(fit.poles.plausible(), factors), True
             continue
-        rises = Removal.of(now.poles, factors).rises()
+        rises = Removal.of(fit.poles, factors).rises()
         for entry in np.argsort(rises):
-            limit = threshold.of(int(now.poles.sizes[entry]))
-            enough = now.cost + limit
-            less = polish(now.poles.without(int(entry)), factors, iterations=25, tolerance=1e-2, enough=enough)
-            if less.cost - now.cost < limit:
-                now, changed = polish(less, factors), True
+            limit = threshold.of(int(fit.poles.sizes[entry]))
+            enough = fit.cost + limit
+            less = polish(fit.poles.without(int(entry)), factors, iterations=25, tolerance=1e-2, enough=enough)
+            if less.cost - fit.cost < limit:
+                fit, changed = polish(less, factors), True
                 break
-    return now
+    return fit
 
 
-def _straighten(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
+def _straighten(fit: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
     """Turn a pair next to the real axis into one real pole, or into two that are told apart, where the data say so."""
-    for entry in np.flatnonzero(now.poles.kind == PAIR):
-        s = now.poles.s[entry]
+    for entry in np.flatnonzero(fit.poles.kind == PAIR):
+        s = fit.poles.s[entry]
         for kind, angle in ((POSITIVE, s.imag), (NEGATIVE, np.pi - s.imag)):
             if angle > 0.5 * abs(s.real) + 0.05:
                 continue
-            rest = now.poles.without(int(entry))
-            one = polish(rest.plus(real_poles(kind, s.real)), factors)
-            if possible(one) and one.cost - now.cost < threshold.of(2) - threshold.of(1):
-                return one
+            rest = fit.poles.without(int(entry))
+            single = polish(rest.plus(real_poles(kind, s.real)), factors)
+            if possible(single) and single.cost - fit.cost < threshold.of(2) - threshold.of(1):
+                return single
             gap = max(angle, 0.2 * abs(s.real), 1e-3)
             two = polish(rest.plus(real_poles(kind, s.real - gap, s.real + gap)), factors)
-            if possible(two) and two.cost - now.cost < -(DEVIATIONS**2) and _told_apart(two, -2, -1):
+            if possible(two) and two.cost - fit.cost < -(DEVIATIONS**2) and _told_apart(two, -2, -1):
                 return two
     for kind in (POSITIVE, NEGATIVE):
-        along = np.flatnonzero(now.poles.kind == kind)
-        along = along[np.argsort(now.poles.s[along].real)]
+        along = np.flatnonzero(fit.poles.kind == kind)
+        along = along[np.argsort(fit.poles.s[along].real)]
         for first, second in pairwise(along):
-            if _told_apart(now, int(first), int(second)):
+            if _told_apart(fit, int(first), int(second)):
                 continue
-            middle = now.poles.s[[first, second]].mean()
+            middle = fit.poles.s[[first, second]].mean()
             turn = max(0.1 * abs(middle.real), 1e-3)
             pair = PoleSet.of(np.array([middle + (1j if kind == POSITIVE else -1j) * turn]), np.array([PAIR]))
-            rest = now.poles.keep(~np.isin(np.arange(len(now.poles)), [first, second]))
+            rest = fit.poles.keep(~np.isin(np.arange(len(fit.poles)), [first, second]))
             met = polish(rest.plus(pair), factors)
-            if met.cost - now.cost < DEVIATIONS**2:
+            if met.cost - fit.cost < DEVIATIONS**2:
                 return met
-    return now
+    return fit
 
 
 def real_poles(kind: int, *decays: float) -> PoleSet:
@@ -190,41 +190,41 @@ def real_poles(kind: int, *decays: float) -> PoleSet:
     return PoleSet.of(np.array(decays) + 0j, np.full(len(decays), kind))
 
 
-def _told_apart(found: Fit, first: int, second: int) -> bool:
+def _told_apart(fit: Fit, first: int, second: int) -> bool:
     """True where two real entries are `DEVIATIONS` standard deviations apart."""
-    starts = found.poles.starts()
-    difference = np.zeros(found.poles.order)
+    starts = fit.poles.starts()
+    difference = np.zeros(fit.poles.order)
     difference[starts[first]], difference[starts[second]] = 1.0, -1.0
-    gap = abs((found.poles.s[first] - found.poles.s[second]).real)
-    return bool(gap > DEVIATIONS * np.sqrt(difference @ found.covariance() @ difference))
+    gap = abs((fit.poles.s[first] - fit.poles.s[second]).real)
+    return bool(gap > DEVIATIONS * np.sqrt(difference @ fit.covariance() @ difference))
 
 
-def _add(now: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
+def _add(fit: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
     """The fit with the mode that the residual holds most clearly, if it holds one."""
-    for candidate, promised in candidates(now.poles, factors):
+    for candidate, promised in candidates(fit.poles, factors):
         size = int(candidate.sizes[0])
         if promised < threshold.promising(size):
             continue
-        more = polish(now.poles.plus(candidate), factors, iterations=25, tolerance=1e-2)
-        if possible(more) and now.cost - more.cost > threshold.of(size):
+        more = polish(fit.poles.plus(candidate), factors, iterations=25, tolerance=1e-2)
+        if possible(more) and fit.cost - more.cost > threshold.of(size):
             return polish(more, factors)
-    return now
+    return fit
 
 
-def force_order(now: Fit, factors: Sequence[Factor], order: int, false_alarm: float) -> Fit:
+def force_order(fit: Fit, factors: Sequence[Factor], order: int, false_alarm: float) -> Fit:
     """The fit brought to `order` poles where that can be done: the least significant leave, the clearest join."""
-    threshold = Threshold.for_(factors, false_alarm, Residual.of(now.poles, factors))
-    while now.poles.order > order:
-        excess = Removal.of(now.poles, factors).rises() - np.array([threshold.of(int(n)) for n in now.poles.sizes])
-        excess[now.poles.sizes > now.poles.order - order] = np.inf
+    threshold = Threshold.for_(factors, false_alarm, Residual.of(fit.poles, factors))
+    while fit.poles.order > order:
+        excess = Removal.of(fit.poles, factors).rises() - np.array([threshold.of(int(n)) for n in fit.poles.sizes])
+        excess[fit.poles.sizes > fit.poles.order - order] = np.inf
         if not np.isfinite(excess).any():
             break
-        now = polish(now.poles.without(int(np.argmin(excess))), factors)
-    while now.poles.order < order:
-        room = order - now.poles.order
-        trials = [polish(now.poles.plus(c), factors) for c, _ in candidates(now.poles, factors) if c.order <= room]
-        trials = [t for t in trials if possible(t) and t.cost < now.cost]
+        fit = polish(fit.poles.without(int(np.argmin(excess))), factors)
+    while fit.poles.order < order:
+        room = order - fit.poles.order
+        trials = [polish(fit.poles.plus(c), factors) for c, _ in candidates(fit.poles, factors) if c.order <= room]
+        trials = [t for t in trials if possible(t) and t.cost < fit.cost]
         if not trials:
             break
-        now = min(trials, key=threshold.penalised)
-    return now
+        fit = min(trials, key=threshold.penalised)
+    return fit

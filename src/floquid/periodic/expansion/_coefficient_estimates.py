@@ -23,7 +23,7 @@ def free_estimates(
     assert modal.covariance is not None
     assert modal.residue_spread is not None
     assert modal.residue_slope is not None
-    own = list(dict.fromkeys(mode for mode, _ in terms))
+    distinct = list(dict.fromkeys(mode for mode, _ in terms))
     modes, harmonics = (np.array(column, np.int64) for column in zip(*terms, strict=True))
     times, omega = lifted.phase_times, 2.0 * np.pi / lifted.period
     rates = exponents[modes] + 1j * harmonics * omega
@@ -41,21 +41,21 @@ def free_estimates(
     relative = (lifted.gain(rates, slope=True) / gain).T / lifted.period
     moved[modes, np.arange(len(terms))] -= values * relative[:, :, None]
     moved = moved * lifted.period
-    real = np.array([partners[mode] == mode for mode in own])
-    other = moved[[partners[mode] for mode in own]]
-    straight = moved[own]
-    both = np.where(real[:, None, None, None], straight, straight + other)
-    across = np.where(real[:, None, None, None], 0.0, 1j * (straight - other))
+    real = np.array([partners[mode] == mode for mode in distinct])
+    mirrored = moved[[partners[mode] for mode in distinct]]
+    straight = moved[distinct]
+    both = np.where(real[:, None, None, None], straight, straight + mirrored)
+    across = np.where(real[:, None, None, None], 0.0, 1j * (straight - mirrored))
     slopes = np.moveaxis(np.concatenate([both, across, np.zeros_like(both[:1])]), 0, -1)
-    order, count = modal.order, len(own)
-    parts = np.array([*own, *(order + mode for mode in own)])
+    order, count = modal.order, len(distinct)
+    parts = np.array([*distinct, *(order + mode for mode in distinct)])
     covariance = np.zeros((2 * count + 1, 2 * count + 1))
     covariance[:-1, :-1] = modal.covariance[np.ix_(parts, parts)]
     covariance[count:-1][real], covariance[:, count:-1][:, real] = 0.0, 0.0
     n_hits = lifted.n_hits
-    place = {mode: number for number, mode in enumerate(own)}
+    place = {mode: number for number, mode in enumerate(distinct)}
     return Estimates(
-        exponents=exponents[own],
+        exponents=exponents[distinct],
         real=real,
         fundamental=omega,
         modes=np.array([place[int(mode)] for mode in modes], np.int64),

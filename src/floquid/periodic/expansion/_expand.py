@@ -33,8 +33,8 @@ def assemble(
     poles does to them.
 
     Modes are by ascending |λ|, a conjugate after its partner. Raises InputError where the models do not belong
-    together, more harmonics are asked for than there are phases, or none while the modal model has no deviations to
-    choose them by.
+    together, or more harmonics are asked for than there are phases. So it does without `harmonics`, where the modal
+    model has no deviations to choose them by.
 
     Parameters
     ----------
@@ -49,33 +49,33 @@ def assemble(
     """
     _check(modal, lifted, harmonics)
     modal = _sorted(modal)
-    found = _expand(modal, lifted)
+    expanded = _expand(modal, lifted)
     if harmonics is None:
         kept = select_bands(
-            found.coefficients,
-            found.std,
-            found.harmonics,
-            found.seeds,
+            expanded.coefficients,
+            expanded.std,
+            expanded.harmonics,
+            expanded.seeds,
             false_alarm=false_alarm,
             n_modes=sum(_partner(modal, r) >= r for r in range(modal.order)),
         )
     else:
-        low, high = found.seeds[:, :1] - harmonics, found.seeds[:, 1:] + harmonics
-        kept = (found.harmonics >= low) & (found.harmonics <= high)
-        kept &= (found.coefficients != 0).any(axis=(1, 2)) | (found.harmonics == 0)
-    order = _by_frequency(modal, found)
-    estimates = _estimates(modal, lifted, found, kept, order) if _has_deviations(modal) and order else None
+        low, high = expanded.seeds[:, :1] - harmonics, expanded.seeds[:, 1:] + harmonics
+        kept = (expanded.harmonics >= low) & (expanded.harmonics <= high)
+        kept &= (expanded.coefficients != 0).any(axis=(1, 2)) | (expanded.harmonics == 0)
+    order = _by_frequency(modal, expanded)
+    estimates = _estimates(modal, lifted, expanded, kept, order) if _has_deviations(modal) and order else None
     kept = kept[order]
     used = kept.any(axis=0)
     mask = kept[:, None, None, used]
     return PeriodicModel(
-        exponents=found.exponents[order],
-        coefficients=found.coefficients[order][..., used] * mask,
-        harmonics=found.harmonics[used],
+        exponents=expanded.exponents[order],
+        coefficients=expanded.coefficients[order][..., used] * mask,
+        harmonics=expanded.harmonics[used],
         period=lifted.period,
         channels=lifted.channels,
         covariance=_reordered(modal, order).covariance,
-        coefficient_std=found.std[order][..., used] * mask if _has_deviations(modal) else None,
+        coefficient_std=expanded.std[order][..., used] * mask if _has_deviations(modal) else None,
         estimates=estimates,
         unselected=estimates,
         provenance=lifted.provenance,
@@ -94,33 +94,33 @@ def physical_exponents(modal: ModalModel, lifted: Lifted) -> Complexes:
     InputError where the models do not belong together.
     """
     _check(modal, lifted, 0, "physical_exponents")
-    found = np.array(modal.poles)
+    exponents = np.array(modal.poles)
     for r in np.flatnonzero(modal.multipliers.imag >= 0):
         turn = _physical_turn(modal, lifted, int(r))
-        found[r] += 2j * np.pi * turn / lifted.period
+        exponents[r] += 2j * np.pi * turn / lifted.period
         partner = _partner(modal, int(r))
         if partner != r:
-            found[partner] = found[r].conj()
-    return found
+            exponents[partner] = exponents[r].conj()
+    return exponents
 
 
-def _estimates(modal: ModalModel, lifted: Lifted, found: Expansion, kept: Mask, order: list[int]) -> Estimates:
+def _estimates(modal: ModalModel, lifted: Lifted, expanded: Expansion, kept: Mask, order: list[int]) -> Estimates:
     """The coefficients of the bands and of several harmonics beside them, with their joint covariance."""
     partners = np.array([_partner(modal, r) for r in range(modal.order)])
-    turns = np.abs(found.exponents.imag[:, None] * lifted.period / (2.0 * np.pi) + found.harmonics)
+    turns = np.abs(expanded.exponents.imag[:, None] * lifted.period / (2.0 * np.pi) + expanded.harmonics)
     terms = []
     for r in order:
         if partners[r] < r:
             continue
-        ends = found.harmonics[kept[r]][[0, -1]] + (-GAP - 1, GAP + 1)
-        own = (found.harmonics >= ends[0]) & (found.harmonics <= ends[1])
-        inside = own & (turns[r] < 0.5 * lifted.n_phases - 1e-6)
+        ends = expanded.harmonics[kept[r]][[0, -1]] + (-GAP - 1, GAP + 1)
+        near = (expanded.harmonics >= ends[0]) & (expanded.harmonics <= ends[1])
+        inside = near & (turns[r] < 0.5 * lifted.n_phases - 1e-6)
         # On the Nyquist frequency only the sum of two harmonics is seen: it stands for a mode that has no other.
-        own = inside if inside.any() else own & (share_of_nyquist(turns[r], lifted.n_phases) > 0)
+        near = inside if inside.any() else near & (share_of_nyquist(turns[r], lifted.n_phases) > 0)
         if partners[r] == r:
-            own &= found.harmonics + found.exponents[r].imag * lifted.period / (2.0 * np.pi) > -1e-6
-        terms += [(r, int(m)) for m in found.harmonics[own]]
-    return free_estimates(modal, lifted, found.exponents, partners, terms)
+            near &= expanded.harmonics + expanded.exponents[r].imag * lifted.period / (2.0 * np.pi) > -1e-6
+        terms += [(r, int(m)) for m in expanded.harmonics[near]]
+    return free_estimates(modal, lifted, expanded.exponents, partners, terms)
 
 
 def _has_deviations(modal: ModalModel) -> bool:
@@ -222,8 +222,8 @@ def _expand(modal: ModalModel, lifted: Lifted) -> Expansion:
         exponents[r] = modal.poles[r] + 1j * turn * 2.0 * np.pi / lifted.period
         share = share_of_nyquist(exponents[r].imag * lifted.period / (2.0 * np.pi) + harmonics, lifted.n_phases)
         seen = share > 0
-        own, deviation = _coefficients(modal, lifted, r, exponents[r], harmonics[seen])
-        coefficients[r][..., seen], std[r][..., seen] = own * share[seen], deviation * share[seen]
+        values, deviation = _coefficients(modal, lifted, r, exponents[r], harmonics[seen])
+        coefficients[r][..., seen], std[r][..., seen] = values * share[seen], deviation * share[seen]
         if partner == r:
             # A real multiplier's shape is its own conjugate: harmonic m belongs with this mirror image of it.
             mirror = -2 * turn - (1 if modal.multipliers[r].real < 0 else 0)
@@ -256,9 +256,9 @@ def _coefficients(
     kernel = np.exp(-np.multiply.outer(rates, times)) / phases
     gain = lifted.gain(rates)
     residues = lifted.by_channel(modal.residues)
-    own = np.einsum("mk,ckh->chm", kernel, residues[mode]) / gain[:, None]
+    coefficients = np.einsum("mk,ckh->chm", kernel, residues[mode]) / gain[:, None]
     if modal.residue_spread is None or modal.residue_slope is None or modal.covariance is None:
-        return own, np.zeros_like(own)  # `_has_deviations` is false: they are not handed on
+        return coefficients, np.zeros_like(coefficients)  # `_has_deviations` is false: they are not handed on
     partner = _partner(modal, mode)
     strength = np.sum(np.abs(kernel) ** 2, axis=1) / np.abs(gain[:, None]) ** 2
     pseudo = np.sum(kernel**2, axis=1) / gain[:, None] ** 2
@@ -269,14 +269,14 @@ def _coefficients(
     moved = np.einsum("mk,rckh->rchm", kernel, residues) * -modal.residue_slope[:, mode, :].T[:, None, :, None]
     moved[mode] -= np.einsum("mk,k,ckh->chm", kernel, times / lifted.period, residues[mode])
     moved /= gain[:, None]
-    moved[mode] -= own * (lifted.gain(rates, slope=True) / gain)[:, None] / lifted.period
+    moved[mode] -= coefficients * (lifted.gain(rates, slope=True) / gain)[:, None] / lifted.period
     moved = moved * lifted.period
     root = covariance_root(modal.covariance)
     along_real = np.tensordot(root, np.concatenate([moved.real, -moved.imag]), axes=(0, 0))
     along_imag = np.tensordot(root, np.concatenate([moved.imag, moved.real]), axes=(0, 0))
     real = np.sqrt(np.maximum(0.5 * (whole + skew), 0.0) + np.sum(along_real**2, axis=0))
     imag = np.sqrt(np.maximum(0.5 * (whole - skew), 0.0) + np.sum(along_imag**2, axis=0))
-    return own, real + 1j * imag
+    return coefficients, real + 1j * imag
 
 
 def _by_frequency(modal: ModalModel, expansion: Expansion) -> list[int]:

@@ -30,13 +30,13 @@ def select_bands(
 
     exceeds what chance gives at the level α', a chi-square of two degrees of freedom a term. The band is common to the
     channels, since a shape that is cut at different harmonics in different channels is no solution of one system. The
-    band grows outward from the seed to each significant harmonic that is at most `GAP` insignificant ones away, and
-    what lies between is kept too. A false alarm far out would be multiplied by the square of its frequency in A(t):
-    hence contiguous, and a small probability.
+    band grows outward from the seed to each significant harmonic that is at most `GAP` insignificant ones away. Those
+    between are kept too. A false alarm far out would be multiplied by the square of its frequency in A(t): hence
+    contiguous, and a small probability.
 
-    `false_alarm` is the probability α that any band of any mode goes on beyond its last harmonic that is there. To do
-    so it has to meet noise at one of the `GAP` + 1 harmonics next to an end, so n modes are 2n(`GAP` + 1) chances, each
-    at the level of Šidák (1967):
+    `false_alarm` is the probability α that any band of any mode goes on beyond its last harmonic that is there. Noise
+    has to be met at one of the `GAP` + 1 harmonics next to an end. So n modes are 2n(`GAP` + 1) chances, each at the
+    level of Šidák (1967):
 
     .. math:: \alpha' = 1 - (1 - \alpha)^{1/(2 n (\mathrm{GAP} + 1))}
 

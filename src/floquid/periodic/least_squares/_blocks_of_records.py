@@ -85,6 +85,6 @@ def _speeds(shaft: ShaftAngle, times: Floats) -> Floats | None:
     if deviation.std() < WANDERS:
         return None
     square = deviation**2
-    found = np.array([deviation, square - square.mean(), np.gradient(deviation, times)])
-    size = found.std(axis=1, keepdims=True)
-    return found / np.where(size > 0, size, 1.0)
+    factors = np.array([deviation, square - square.mean(), np.gradient(deviation, times)])
+    size = factors.std(axis=1, keepdims=True)
+    return factors / np.where(size > 0, size, 1.0)

@@ -32,33 +32,33 @@ class Shapes:
     std: Complexes
 
 
-def estimates_of(blocks: Sequence[Block], found: Solution) -> Estimates:
+def estimates_of(blocks: Sequence[Block], solution: Solution) -> Estimates:
     """Coefficients of every entry of a fit, those of the forced response too, with their joint covariance."""
-    entries = found.entries
+    entries = solution.entries
     columns, sines, parameters = entries.columns(), entries.sines(), entries.parameters()
     n, count = len(columns.modes), len(entries.exponents)
     shape = (n, 1 + max(int(b.rows.max()) for b in blocks), 1 + max(b.hit for b in blocks))
     coefficients, scales = np.zeros((2, *shape), complex)
-    slopes = np.zeros((*shape, len(found.gradient)), complex)
+    slopes = np.zeros((*shape, len(solution.gradient)), complex)
     spread, drift = np.zeros((2, len(blocks), 2 * n, 2 * n))
     which, bend = np.zeros(shape[1:], np.int64), np.zeros(shape, complex)
     # What each parameter moves the rate of a column by.
     rate = np.where(parameters.turns[:, None], 1j, 1.0) * parameters.weights[:, :n]
     signs = np.repeat([1.0, -1.0], n)
-    for number, (block, linear) in enumerate(zip(blocks, found.linear, strict=True)):
+    for number, (block, linear) in enumerate(zip(blocks, solution.linear, strict=True)):
         gain = block.gain(columns.rates)
         relative = (block.gain(columns.rates, slope=True) / gain).T
         factor = np.where(sines, 0.5, 1.0)[:, None] / gain.T / block.scales(columns)[:, None]
         alpha, beta = np.split(linear.coefficients, 2)
-        own = (alpha - 1j * beta) * factor
+        block_coefficients = (alpha - 1j * beta) * factor
         # The slopes are those of e^{st} counted from t = 0, also where a column is scaled by its end.
         along = linear.inverse @ linear.mixed
         moved = -np.einsum("kl,plc->kcp", along, parameters.applied(linear.coefficients))
         up, down = np.split(moved, 2)
-        coefficients[:, block.rows, block.hit] = own
-        slopes[:, block.rows, block.hit] = (up - 1j * down) * factor[:, :, None] - own[:, :, None] * np.einsum(
-            "kc,pk->kcp", relative, rate
-        )
+        coefficients[:, block.rows, block.hit] = block_coefficients
+        slopes[:, block.rows, block.hit] = (up - 1j * down) * factor[:, :, None] - block_coefficients[
+            :, :, None
+        ] * np.einsum("kc,pk->kcp", relative, rate)
         scales[:, block.rows, block.hit] = factor * block.noise
         spread[number], drift[number] = (signs[:, None] * matrix * signs for matrix in (linear.inverse, along))
         bend[:, block.rows, block.hit] = relative
@@ -71,7 +71,9 @@ def estimates_of(blocks: Sequence[Block], found: Solution) -> Estimates:
         modes=columns.modes,
         harmonics=columns.harmonics,
         coefficients=coefficients,
-        covariance=place @ found.covariance() @ place.T if len(found.gradient) else np.zeros((2 * count + 1,) * 2),
+        covariance=place @ solution.covariance() @ place.T
+        if len(solution.gradient)
+        else np.zeros((2 * count + 1,) * 2),
         slopes=np.matmul(slopes, place.T, dtype=np.complex128),
         spread=spread,
         blocks=which,
@@ -81,30 +83,35 @@ def estimates_of(blocks: Sequence[Block], found: Solution) -> Estimates:
     )
 
 
-def estimates_of_shapes(one: OneShape, further: Floats | None = None) -> Estimates:
+def estimates_of_shapes(shared: OneShape, further: Floats | None = None) -> Estimates:
     """Coefficients of the modes of a fit of one shape for all hits, with their joint covariance.
 
     `further` is added to the variances of the parameters that move exponents.
     """
-    entries, own, count = one.entries, one.own, len(one.entries.exponents)
+    entries, columns_free, count = shared.entries, shared.own, len(shared.entries.exponents)
     columns, sines, parameters = entries.columns(), entries.sines(), entries.parameters()
-    n, rates = len(own), one.n_rates
-    shape = (n, one.n_channels, one.states.shape[1])
+    n, rates = len(columns_free), shared.n_rates
+    shape = (n, shared.n_channels, shared.states.shape[1])
     coefficients, scales, bend = np.zeros((3, *shape), complex)
-    slopes = np.zeros((*shape, len(one.whole[1])), complex)
-    rate = np.where(parameters.turns[:, None], 1j, 1.0) * parameters.weights[:, own]
-    spread, along = np.zeros((one.n_channels, 2 * n, 2 * n)), np.zeros((one.n_channels, 2 * n, len(one.whole[1])))
-    spread[np.ix_(np.arange(one.n_channels), one.kept, one.kept)] = one.inverse
-    along[:, one.kept] = -one.inverse @ one.whole[2]
+    slopes = np.zeros((*shape, len(shared.whole[1])), complex)
+    rate = np.where(parameters.turns[:, None], 1j, 1.0) * parameters.weights[:, columns_free]
+    spread, along = (
+        np.zeros((shared.n_channels, 2 * n, 2 * n)),
+        np.zeros((shared.n_channels, 2 * n, len(shared.whole[1]))),
+    )
+    spread[np.ix_(np.arange(shared.n_channels), shared.kept, shared.kept)] = shared.inverse
+    along[:, shared.kept] = -shared.inverse @ shared.whole[2]
     moved = np.moveaxis(along[:, :n] + 1j * along[:, n:], 0, 1)  # of the shapes (columns, channels, parameters)
-    first = rates + one.modes * one.states.shape[1]  # the real part of the state of a column's mode in the first hit
-    for block in one.blocks:
-        gain = block.gain(columns.rates)[:, own].T
-        relative = block.gain(columns.rates, slope=True)[:, own].T / gain
-        factor = np.where(sines, 0.5, 1.0)[own, None] / gain / block.scales(columns)[own, None]
-        state, seen = one.states[one.modes, block.hit][:, None], one.complex_shapes[:, block.rows]
+    first = (
+        rates + shared.modes * shared.states.shape[1]
+    )  # the real part of the state of a column's mode in the first hit
+    for block in shared.blocks:
+        gain = block.gain(columns.rates)[:, columns_free].T
+        relative = block.gain(columns.rates, slope=True)[:, columns_free].T / gain
+        factor = np.where(sines, 0.5, 1.0)[columns_free, None] / gain / block.scales(columns)[columns_free, None]
+        state, seen = shared.states[shared.modes, block.hit][:, None], shared.complex_shapes[:, block.rows]
         own_slopes = state[..., None] * moved[:, block.rows]
-        for part, unit in ((0, 1.0), (one.states.size, 1j)):
+        for part, unit in ((0, 1.0), (shared.states.size, 1j)):
             own_slopes[np.arange(n), :, first + part + block.hit] += unit * seen
         coefficients[:, block.rows, block.hit] = state * seen * factor
         own_slopes *= factor[..., None]
@@ -112,22 +119,22 @@ def estimates_of_shapes(one: OneShape, further: Floats | None = None) -> Estimat
         slopes[:, block.rows, block.hit] = own_slopes
         scales[:, block.rows, block.hit] = state * factor
         bend[:, block.rows, block.hit] = relative
-    place = np.zeros((2 * count + 1 + len(one.free), len(one.whole[1])))
+    place = np.zeros((2 * count + 1 + len(shared.free), len(shared.whole[1])))
     place[: 2 * count + 1, :rates] = parts_of(entries)
-    place[2 * count + 1 + np.arange(len(one.free)), rates + one.free] = 1.0
-    covariance = one.covariance.copy()
-    covariance[:rates, :rates] = one.of_rates(further)
+    place[2 * count + 1 + np.arange(len(shared.free)), rates + shared.free] = 1.0
+    covariance = shared.covariance.copy()
+    covariance[:rates, :rates] = shared.of_rates(further)
     return Estimates(
         exponents=entries.exponents + 1j * entries.fundamental * entries.offsets * entries.real,
         real=entries.real,
         fundamental=entries.fundamental,
-        modes=columns.modes[own],
-        harmonics=columns.harmonics[own],
+        modes=columns.modes[columns_free],
+        harmonics=columns.harmonics[columns_free],
         coefficients=coefficients,
         covariance=place @ covariance @ place.T,
         slopes=np.matmul(slopes, place.T, dtype=np.complex128),
         spread=spread,
-        blocks=np.tile(np.arange(one.n_channels)[:, None], (1, shape[2])),
+        blocks=np.tile(np.arange(shared.n_channels)[:, None], (1, shape[2])),
         scales=scales,
         bend=bend if bend.any() else None,
         shared=True,
@@ -144,9 +151,9 @@ def parts_of(entries: ModeParameters) -> Floats:
     return place
 
 
-def shapes(blocks: Sequence[Block], found: Solution) -> Shapes:
+def shapes(blocks: Sequence[Block], solution: Solution) -> Shapes:
     """The coefficients that a fit has, with their deviations."""
-    return _shapes(found.entries, estimates_of(blocks, found))
+    return _shapes(solution.entries, estimates_of(blocks, solution))
 
 
 def _shapes(entries: ModeParameters, whole: Estimates) -> Shapes:
@@ -168,19 +175,19 @@ def _mirror(entries: ModeParameters, harmonics: Integers, coefficients: NDArray,
     """The other half of a real multiplier's shape."""
     for entry in np.flatnonzero(entries.real):
         for place, m in enumerate(harmonics):
-            other = -int(entries.half_turns[entry]) - m - harmonics[0]
-            if 2 * m + entries.half_turns[entry] > 0 and 0 <= other < len(harmonics):
-                coefficients[entry, :, :, other] = coefficients[entry, :, :, place].conj()
-                std[entry, :, :, other] = std[entry, :, :, place]
+            mirrored = -int(entries.half_turns[entry]) - m - harmonics[0]
+            if 2 * m + entries.half_turns[entry] > 0 and 0 <= mirrored < len(harmonics):
+                coefficients[entry, :, :, mirrored] = coefficients[entry, :, :, place].conj()
+                std[entry, :, :, mirrored] = std[entry, :, :, place]
 
 
 def chosen_bands(blocks: Sequence[Block], wide: Solution, false_alarm: float, *, each: bool = False) -> Integers:
     """The bands above the noise, of entries not fixed; `false_alarm` is that of all, or with `each` of one harmonic."""
-    entries, found = wide.entries, shapes(blocks, wide)
-    harmonics = found.harmonics
+    entries, fitted_shapes = wide.entries, shapes(blocks, wide)
+    harmonics = fitted_shapes.harmonics
     seeds = np.stack([np.minimum(0, -entries.half_turns), np.maximum(0, -entries.half_turns)], axis=1)
     seeds = np.clip(seeds, harmonics[0], harmonics[-1])
-    those = (found.coefficients, found.std, harmonics, seeds)
+    those = (fitted_shapes.coefficients, fitted_shapes.std, harmonics, seeds)
     free = int((~entries.fixed).sum())
     kept = bands_at(*those, level=false_alarm) if each else select_bands(*those, false_alarm=false_alarm, n_modes=free)
     bands = np.array([(harmonics[row][0], harmonics[row][-1]) for row in kept], np.int64).reshape(-1, 2)
@@ -189,7 +196,7 @@ def chosen_bands(blocks: Sequence[Block], wide: Solution, false_alarm: float, *,
 
 def model_of(
     blocks: Sequence[Block],
-    found: Solution,
+    solution: Solution,
     bands: Integers,
     *,
     channels: tuple[Channel, ...],
@@ -204,10 +211,10 @@ def model_of(
     exponents near an axis are those `as_read`, by their entries, where they are given. With `one`, the same fit with
     one shape for all hits, exponents and coefficients are of that.
     """
-    own = _in_order(found.entries if one is None else one.entries)
-    whole = estimates_of(blocks, found) if one is None else estimates_of_shapes(one, found.further)
-    estimates = whole.picked(modes=own)
-    low, high = bands[own].T
+    order = _in_order(solution.entries if one is None else one.entries)
+    whole = estimates_of(blocks, solution) if one is None else estimates_of_shapes(one, solution.further)
+    estimates = whole.picked(modes=order)
+    low, high = bands[order].T
     # Of a real multiplier the harmonics that turn backwards are mirror images.
     mirror = -estimates.half_turns - low
     high = np.where(estimates.real, np.maximum(high, mirror), high)[estimates.modes]
@@ -217,8 +224,8 @@ def model_of(
         kept=kept,
         channels=channels,
         provenance=provenance,
-        unselected=None if most is None else unselected(blocks, found, bands, most),
-        as_read={number: as_read[int(entry)] for number, entry in enumerate(own) if int(entry) in as_read}
+        unselected=None if most is None else unselected(blocks, solution, bands, most),
+        as_read={number: as_read[int(entry)] for number, entry in enumerate(order) if int(entry) in as_read}
         if as_read
         else None,
     )
@@ -231,18 +238,18 @@ def _in_order(entries: ModeParameters) -> Integers:
     return free[np.argsort(size, kind="stable")]
 
 
-def unselected(blocks: Sequence[Block], found: Solution, bands: Integers, most: int) -> Estimates | None:
+def unselected(blocks: Sequence[Block], solution: Solution, bands: Integers, most: int) -> Estimates | None:
     """The estimates of the same fit with more harmonics beyond the bands reported; None where there is no such fit."""
     try:
-        wide = linearise(blocks, replace(found.entries, bands=bands).padded(GAP + 1, most))
+        wide = linearise(blocks, replace(solution.entries, bands=bands).padded(GAP + 1, most))
         scale = np.sqrt(np.maximum(np.diag(wide.information), 0.0))
         step = np.asarray(np.linalg.solve(wide.information, wide.gradient), np.float64)
         if np.abs(step * scale).max(initial=0.0) > SHORT:
             wide = solve(blocks, wide, at_rest=0.1, iterations=FEW)
         else:
-            start = tuple(own.coefficients for own in wide.linear)
+            start = tuple(block.coefficients for block in wide.linear)
             wide = linearise(blocks, wide.entries.moved(step), start)
         whole = estimates_of(blocks, wide)
     except (IdentificationError, np.linalg.LinAlgError):
         return None
-    return whole.picked(modes=_in_order(found.entries))
+    return whole.picked(modes=_in_order(solution.entries))

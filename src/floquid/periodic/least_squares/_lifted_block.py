@@ -88,7 +88,7 @@ class LiftedBlock(Block):
         parts = _parts(self._off_known(cycles))
         times = np.add.outer(starts, self.lifted.phase_times).ravel()
         shapes = _shapes(coefficients[terms.of], phases, outer, cycles.shape[1])
-        residual = [(block - own @ parts.T).T.ravel() for own, block in zip(shapes, self._values(), strict=True)]
+        residual = [(block - row @ parts.T).T.ravel() for row, block in zip(shapes, self._values(), strict=True)]
         return times, np.array(residual)
 
     def sums(self, columns: Columns, coefficients: Complexes) -> Sums:
@@ -98,16 +98,16 @@ class LiftedBlock(Block):
         # Real and imaginary parts beside each other, and the same times nT: one real product a channel.
         weights, own_parts = np.concatenate([parts, starts[:, None] * parts], axis=1), _parts(self._off_known(cycles))
         met = np.empty((len(self.rows), self.lifted.n_phases, weights.shape[1]))
-        left = np.zeros(len(self.rows))
+        squares = np.zeros(len(self.rows))
         shapes = _shapes(coefficients[terms.of], phases, outer, cycles.shape[1])
         for row, block in enumerate(self._values()):
             residual = block - shapes[row] @ own_parts.T
-            left[row] = np.einsum("pn,pn->", residual, residual)
+            squares[row] = np.einsum("pn,pn->", residual, residual)
             np.matmul(residual, weights, out=met[row])
         real, imag, late_real, late_imag = (part[:, :, outer] for part in np.split(met, 4, axis=2))
-        own, late = real + 1j * imag, late_real + 1j * late_imag
-        seen = np.einsum("pj,cpj->jc", phases.conj(), own)
-        late = np.einsum("pj,cpj->jc", phases.conj(), late + times[:, None] * own)
+        plain, late = real + 1j * imag, late_real + 1j * late_imag
+        seen = np.einsum("pj,cpj->jc", phases.conj(), plain)
+        late = np.einsum("pj,cpj->jc", phases.conj(), late + times[:, None] * plain)
         # What is known takes its share of the columns, and of the columns times nT.
         late_cycles = starts[:, None] * cycles
         whole, late_whole = self._off_known(cycles), self._off_known(late_cycles)
@@ -116,7 +116,7 @@ class LiftedBlock(Block):
         )
         crossed = _products((cycles, late_cycles), (whole, late_whole), phases, phases, times, outer)
         gram, mixed, slopes = (real_products(*both) for both in zip(straight, crossed, strict=True))
-        return terms.gathered(Sums(gram, mixed, slopes, _real_data(seen), _real_data(late), left))
+        return terms.gathered(Sums(gram, mixed, slopes, _real_data(seen), _real_data(late), squares))
 
     def _values(self) -> Floats:
         """(rows, phases, cycles)."""
@@ -143,8 +143,10 @@ class LiftedBlock(Block):
         for place, (entry, kind) in enumerate(functions):
             turning = 1j * columns.fundamental * columns.offsets[entry]
             if kind == EXPONENTIAL:
-                own = columns.exponents[entry]
-                cycles[:, place] = np.exp((own + turning) * starts - (starts[-1] * own if own.real > 0 else 0.0))
+                exponent = columns.exponents[entry]
+                cycles[:, place] = np.exp(
+                    (exponent + turning) * starts - (starts[-1] * exponent if exponent.real > 0 else 0.0)
+                )
             else:
                 cycles[:, place] = entry_function(columns, entry, kind, starts, growth=starts[-1])
                 cycles[:, place] *= np.exp(turning * starts)
@@ -170,17 +172,17 @@ def _shapes(coefficients: Complexes, phases: Complexes, outer: Integers, count: 
 def _products(
     first: tuple[Complexes, Complexes],
     second: tuple[Complexes, Complexes],
-    one: Complexes,
-    other: Complexes,
+    left_factor: Complexes,
+    right_factor: Complexes,
     times: Floats,
     outer: Integers,
 ) -> tuple[Complexes, ...]:
     """Σ (first one) (second other), with t at the second, with t at both (terms, terms).
 
-    `first` and `second` are functions of the cycle and the same times nT, `one` and `other` of the phase.
+    `first` and `second` are functions of the cycle and the same times nT, the two factors are of the phase.
     """
     long = {(p, q): (first[p].T @ second[q])[outer][:, outer] for p in (0, 1) for q in (0, 1)}
-    short = [(one * (times**k)[:, None]).T @ other for k in range(3)]
+    short = [(left_factor * (times**k)[:, None]).T @ right_factor for k in range(3)]
     return (
         long[0, 0] * short[0],
         long[0, 0] * short[1] + long[0, 1] * short[0],

@@ -121,7 +121,7 @@ class Terms:
 
         Those of pairs near an axis alone: of plain columns it has ones. What grows is e^{-rate · growth} times that.
         """
-        columns, found = self.columns, np.ones((len(times), len(self.of)), complex)
+        columns, functions = self.columns, np.ones((len(times), len(self.of)), complex)
         known: dict[tuple[int, int], Floats] = {}
         for term, (column, kind) in enumerate(zip(self.of.tolist(), kinds.tolist(), strict=True)):
             entry = int(columns.modes[column])
@@ -129,8 +129,8 @@ class Terms:
                 continue
             if (entry, kind) not in known:
                 known[entry, kind] = entry_function(columns, entry, kind, times, growth=growth)
-            found[:, term] = known[entry, kind]
-        return found
+            functions[:, term] = known[entry, kind]
+        return functions
 
 
 def entry_function(columns: Columns, entry: int, kind: int, times: Floats, *, growth: float = 0.0) -> Floats:

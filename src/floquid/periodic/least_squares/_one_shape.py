@@ -65,11 +65,11 @@ class OneShape:
 
         Where free residues are hardly determined, those nearest to smaller ones lead further.
         """
-        found = []
+        candidates = []
         for ridge in RIDGES:
-            values = [complex_parts(smaller(own, ridge)) for own in linear]
-            found.append(OneShape.near(blocks, entries, linear, values).with_states())
-        return min(found, key=lambda one: one.cost)
+            values = [complex_parts(smaller(part, ridge)) for part in linear]
+            candidates.append(OneShape.near(blocks, entries, linear, values).with_states())
+        return min(candidates, key=lambda candidate: candidate.cost)
 
     @staticmethod
     def near(
@@ -79,8 +79,8 @@ class OneShape:
         columns, hits = entries.columns(), 1 + max(block.hit for block in blocks)
         channels = 1 + max(int(block.rows.max()) for block in blocks)
         seen = np.zeros((len(columns.modes), channels, hits), complex)
-        for block, own, each in zip(blocks, linear, values, strict=True):
-            size = np.sqrt(np.maximum(np.diag(own.gram)[: len(columns.modes)], 0.0))
+        for block, part, each in zip(blocks, linear, values, strict=True):
+            size = np.sqrt(np.maximum(np.diag(part.gram)[: len(columns.modes)], 0.0))
             seen[:, block.rows, block.hit] = size[:, None] * each / block.noise
         states = np.ones((len(entries.exponents), hits), complex)
         for entry in np.flatnonzero(~entries.fixed):
@@ -120,8 +120,8 @@ class OneShape:
     def information(self) -> Floats:
         """The Gram matrix of the shape of each channel (channels, numbers, numbers)."""
         total = np.zeros((self.n_channels, len(self.kept), len(self.kept)))
-        for block, own, turn in zip(self.blocks, self.reduced, self.turns, strict=True):
-            total[block.rows] += (turn.T @ own.gram @ turn) / block.noise[:, None, None] ** 2
+        for block, part, turn in zip(self.blocks, self.reduced, self.turns, strict=True):
+            total[block.rows] += (turn.T @ part.gram @ turn) / block.noise[:, None, None] ** 2
         return total
 
     @cached_property
@@ -138,8 +138,8 @@ class OneShape:
     def shapes(self) -> Floats:
         """The shapes, least squares by the states (numbers, channels)."""
         total = np.zeros((len(self.kept), self.n_channels))
-        for block, own, turn in zip(self.blocks, self.reduced, self.turns, strict=True):
-            total[:, block.rows] += turn.T @ own.gram @ real_parts(own.seen[self.own]) / block.noise**2
+        for block, part, turn in zip(self.blocks, self.reduced, self.turns, strict=True):
+            total[:, block.rows] += turn.T @ part.gram @ real_parts(part.seen[self.own]) / block.noise**2
         return np.einsum("cij,jc->ic", self.inverse, total)
 
     @cached_property
@@ -152,30 +152,32 @@ class OneShape:
     @cached_property
     def coefficients(self) -> list[Complexes]:
         """The coefficients of all columns in each block, those of fixed ones by least squares (all, rows)."""
-        found = []
-        for block, own, turn in zip(self.blocks, self.reduced, self.turns, strict=True):
-            values, seen = own.seen.copy(), own.seen[self.own]
+        coefficients = []
+        for block, part, turn in zip(self.blocks, self.reduced, self.turns, strict=True):
+            values, seen = part.seen.copy(), part.seen[self.own]
             parts = turn @ self.shapes[:, block.rows]
             values[self.own] = parts[: len(self.own)] + 1j * parts[len(self.own) :]
             beside = np.setdiff1d(np.arange(len(values)), self.own)
-            shift = own.back @ real_parts(values[self.own] - seen)
+            shift = part.back @ real_parts(values[self.own] - seen)
             values[beside] -= shift[: len(beside)] + 1j * shift[len(beside) :]
-            found.append(values)
-        return found
+            coefficients.append(values)
+        return coefficients
 
     @cached_property
     def left(self) -> list[Floats]:
         """The sum of squares left of each block (rows,)."""
-        found = []
-        for linear, own, values in zip(self.linear, self.reduced, self.coefficients, strict=True):
-            off = real_parts(values[self.own] - own.seen[self.own])
-            found.append(linear.left + np.sum(off * (own.gram @ off), axis=0))
-        return found
+        squares = []
+        for linear, part, values in zip(self.linear, self.reduced, self.coefficients, strict=True):
+            off = real_parts(values[self.own] - part.seen[self.own])
+            squares.append(linear.left + np.sum(off * (part.gram @ off), axis=0))
+        return squares
 
     @property
     def cost(self) -> float:
         """χ²: the sum of squares over the noise."""
-        return float(sum(np.sum(left / block.noise**2) for block, left in zip(self.blocks, self.left, strict=True)))
+        return float(
+            sum(np.sum(squares / block.noise**2) for block, squares in zip(self.blocks, self.left, strict=True))
+        )
 
     @cached_property
     def free(self) -> Indices:
@@ -200,7 +202,9 @@ class OneShape:
         mixed = np.zeros((self.n_channels, len(self.kept), count + 2 * size))
         entry = np.flatnonzero(~self.entries.fixed)
         member = (self.modes == entry[:, None]).astype(float)
-        for block, own, turn, values in zip(self.blocks, self.reduced, self.turns, self.coefficients, strict=True):
+        for block, free_block, turn, values in zip(
+            self.blocks, self.reduced, self.turns, self.coefficients, strict=True
+        ):
             weight = 1.0 / block.noise**2
             place = np.concatenate(
                 [np.arange(count), *(count + part * size + entry * hits + block.hit for part in (0, 1))]
@@ -211,19 +215,22 @@ class OneShape:
             by_state = np.concatenate(
                 [np.concatenate([part.real, part.imag], axis=1) for part in (shape, 1j * shape)]
             )  # (2 states, 2 columns, rows)
-            off = real_parts(values[self.own] - own.seen[self.own])
-            late = own.late - own.mixed.T @ off
+            off = real_parts(values[self.own] - free_block.seen[self.own])
+            late = free_block.late - free_block.mixed.T @ off
             pull = np.concatenate(
                 [
                     np.einsum("pkc,kc,c->p", by_rate, late, weight),
-                    -np.einsum("akc,kc,c->a", by_state, own.gram @ off, weight),
+                    -np.einsum("akc,kc,c->a", by_state, free_block.gram @ off, weight),
                 ]
             )
             on_columns = np.concatenate(
-                [np.einsum("ik,pkc->pic", own.mixed, by_rate), np.einsum("ik,akc->aic", own.gram, by_state)]
+                [
+                    np.einsum("ik,pkc->pic", free_block.mixed, by_rate),
+                    np.einsum("ik,akc->aic", free_block.gram, by_state),
+                ]
             )
             by_weight = on_columns * weight
-            rates = np.einsum("pkc,qkc->pq", np.einsum("kl,pkc->plc", own.slopes, by_rate) * weight, by_rate)
+            rates = np.einsum("pkc,qkc->pq", np.einsum("kl,pkc->plc", free_block.slopes, by_rate) * weight, by_rate)
             cross = np.einsum("pic,aic->pa", by_weight[:count], by_state)
             states = np.einsum("pic,aic->pa", by_weight[count:], by_state)
             matrix[np.ix_(place, place)] += np.block([[rates, cross], [cross.T, states]])
@@ -245,20 +252,20 @@ class OneShape:
     def normal(self) -> Normal:
         """Normal equations of the parameters, shapes eliminated."""
         matrix, gradient, mixed = self.whole
-        own = self.parameters
-        taken = np.einsum("cnp,cnm,cmq->pq", mixed[..., own], self.inverse, mixed[..., own], optimize=True)
-        return Normal(matrix=matrix[np.ix_(own, own)] - taken, gradient=gradient[own])
+        chosen = self.parameters
+        taken = np.einsum("cnp,cnm,cmq->pq", mixed[..., chosen], self.inverse, mixed[..., chosen], optimize=True)
+        return Normal(matrix=matrix[np.ix_(chosen, chosen)] - taken, gradient=gradient[chosen])
 
     def with_states(self) -> OneShape:
         """The states of least cost at these exponents."""
         rates = self.n_rates
 
-        def normal(now: OneShape) -> Normal:
-            whole = now.normal
+        def normal(at: OneShape) -> Normal:
+            whole = at.normal
             return Normal(matrix=whole.matrix[rates:, rates:], gradient=whole.gradient[rates:])
 
-        def moved(now: OneShape, step: Floats) -> OneShape:
-            return OneShape(now.blocks, now.entries, now.linear, now._stepped(step), now.held)
+        def moved(at: OneShape, step: Floats) -> OneShape:
+            return OneShape(at.blocks, at.entries, at.linear, at._stepped(step), at.held)
 
         return levenberg_marquardt(self, Steps(normal=normal, moved=moved), Ends(steps=ITERATIONS, gain=1.0))
 
@@ -285,8 +292,8 @@ class OneShape:
         """The least squares near this point."""
         period = 2.0 * np.pi / self.entries.fundamental
 
-        def limited(now: OneShape, step: Floats, _normal: Normal, _damping: float) -> Floats:
-            longest = np.abs(step[: now.n_rates]).max(initial=0.0) * period
+        def limited(at: OneShape, step: Floats, _normal: Normal, _damping: float) -> Floats:
+            longest = np.abs(step[: at.n_rates]).max(initial=0.0) * period
             return step * min(1.0, LONGEST_STEP / (longest + np.finfo(float).tiny))
 
         steps = Steps(normal=lambda now: now.normal, moved=OneShape.moved, limited=limited)
@@ -295,9 +302,9 @@ class OneShape:
     @cached_property
     def covariance(self) -> Floats:
         """Covariance of exponents and all states (n, n), zero where one is no parameter."""
-        found = np.zeros((len(self.whole[1]),) * 2)
-        found[np.ix_(self.parameters, self.parameters)] = self.normal_inverse
-        return found
+        covariance = np.zeros((len(self.whole[1]),) * 2)
+        covariance[np.ix_(self.parameters, self.parameters)] = self.normal_inverse
+        return covariance
 
     @cached_property
     def normal_inverse(self) -> Floats:
@@ -306,8 +313,8 @@ class OneShape:
 
     def of_rates(self, further: Floats | None = None) -> Floats:
         """Covariance of the parameters that move exponents; `further` is added to their variances."""
-        found = self.covariance[: self.n_rates, : self.n_rates]
-        return found if further is None else found + np.diag(further)
+        covariance = self.covariance[: self.n_rates, : self.n_rates]
+        return covariance if further is None else covariance + np.diag(further)
 
     @property
     def used(self) -> list[Floats]:
@@ -315,29 +322,29 @@ class OneShape:
         states, rates = np.where(self.entries.real, 1, 2)[~self.entries.fixed].sum(), self.n_rates
         whole = sum(len(block.rows) for block in self.blocks)
         beside = 2 * (len(self.entries.sines()) - len(self.own))
-        found = []
-        for block, own, turn in zip(self.blocks, self.reduced, self.turns, strict=True):
-            gram = turn.T @ own.gram @ turn
+        numbers = []
+        for block, part, turn in zip(self.blocks, self.reduced, self.turns, strict=True):
+            gram = turn.T @ part.gram @ turn
             lever = np.einsum("cij,ji->c", self.inverse[block.rows], gram) / block.noise**2
-            found.append(lever + states / self.n_channels + rates / whole + beside)
-        return found
+            numbers.append(lever + states / self.n_channels + rates / whole + beside)
+        return numbers
 
     def with_noise(self, least: Sequence[Floats]) -> OneShape:
         """Fit with the noise of its own residual, at least `least` of each block (rows,)."""
         blocks = []
-        for block, left, used, low in zip(self.blocks, self.left, self.used, least, strict=True):
-            noise = np.sqrt(np.maximum(left, 0.0) / np.maximum(block.n_samples - used, 1.0))
+        for block, squares, used, low in zip(self.blocks, self.left, self.used, least, strict=True):
+            noise = np.sqrt(np.maximum(squares, 0.0) / np.maximum(block.n_samples - used, 1.0))
             blocks.append(block.with_noise(np.maximum(noise, low)))
         return OneShape(tuple(blocks), self.entries, self.linear, self.states, self.held)
 
     def as_solution(self) -> Solution:
         """The linearisation with residues free in each hit, with the coefficients of this fit."""
-        found = weighted(self.blocks, self.entries, self.linear)
+        solution = weighted(self.blocks, self.entries, self.linear)
         linear = tuple(
-            replace(each, coefficients=real_parts(values.conj()), left=left)
-            for each, values, left in zip(self.linear, self.coefficients, self.left, strict=True)
+            replace(each, coefficients=real_parts(values.conj()), left=squares)
+            for each, values, squares in zip(self.linear, self.coefficients, self.left, strict=True)
         )
-        return replace(found, linear=linear, cost=self.cost)
+        return replace(solution, linear=linear, cost=self.cost)
 
     def with_bands(self, bands: Integers) -> OneShape:
         """Exponents and states with other bands of harmonics."""

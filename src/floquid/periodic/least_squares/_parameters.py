@@ -45,8 +45,8 @@ class Rows:
 
     def of_coefficients(self, count: int) -> tuple[Integers, Floats]:
         """Places among 2 `count` coefficients, α then β, of both parts of each row, and their factors (rows, 2)."""
-        straight, other = self.columns, count + self.columns
-        place = np.stack([np.where(self.turned, other, straight), np.where(self.turned, straight, other)], axis=1)
+        straight, opposite = self.columns, count + self.columns
+        place = np.stack([np.where(self.turned, opposite, straight), np.where(self.turned, straight, opposite)], axis=1)
         signs = np.stack([np.ones(len(self.columns)), np.where(self.turned, -1.0, 1.0)], axis=1)
         return place, signs * self.factors[:, None]
 
@@ -136,21 +136,21 @@ class ModeParameters:
 
         Those are the derivatives of the odd columns, and odd columns of harmonics that the even entry alone has.
         """
-        own = self.columns()
+        plain = self.columns()
         if not self.even.any():
-            return own
-        entries, harmonics, factors = own.modes, own.harmonics, self.factors[own.modes]
+            return plain
+        entries, harmonics, factors = plain.modes, plain.harmonics, self.factors[plain.modes]
         odd, beside = np.flatnonzero(factors == ODD), self._even_alone
         count = len(self.exponents)
         both = np.concatenate([entries[odd], entries[beside] + 1])
         return Columns(
-            np.concatenate([own.exponents, own.exponents]),
-            np.concatenate([own.offsets, own.offsets]),
-            np.concatenate([own.factors, np.where(own.factors == ODD, ODD_SLOPE, own.factors)]),
+            np.concatenate([plain.exponents, plain.exponents]),
+            np.concatenate([plain.offsets, plain.offsets]),
+            np.concatenate([plain.factors, np.where(plain.factors == ODD, ODD_SLOPE, plain.factors)]),
             np.concatenate([entries, both[: len(odd)] + count, both[len(odd) :]]),
             np.concatenate([harmonics, harmonics[odd], harmonics[beside]]),
-            own.fundamental,
-            np.concatenate([own.squares, own.squares]),
+            plain.fundamental,
+            np.concatenate([plain.squares, plain.squares]),
         )
 
     @cached_property
@@ -187,8 +187,8 @@ class ModeParameters:
     def parameters(self) -> Parameters:
         """Real parameters of a fit without pairs near an axis: decays, frequencies of pairs, the fundamental."""
         columns = self.columns()
-        own = (columns.modes == np.arange(len(self.exponents))[:, None]).astype(float)
-        rows = [own[~self.fixed], own[~self.fixed & ~self.real]]
+        members = (columns.modes == np.arange(len(self.exponents))[:, None]).astype(float)
+        rows = [members[~self.fixed], members[~self.fixed & ~self.real]]
         if self.free_period:
             rows.append(columns.turns[None, :])
         weights = np.concatenate(rows)
@@ -201,19 +201,19 @@ class ModeParameters:
         Parameters are decays, frequencies of pairs, q of pairs near an axis, and the fundamental.
         """
         columns = self.columns()
-        own = (columns.modes == np.arange(len(self.exponents))[:, None]).astype(float)
-        own[:-1][self.even[:-1]] += own[1:][self.even[:-1]]  # both entries of a pair near an axis move together
-        n, rows = own.shape[1], len(self.rows.columns)
-        squares = own[self.even][:, self.rows.columns[2 * n :]]
-        parts = [(own[self.leading], 0), (own[~self.fixed & ~self.real], n), (squares, 2 * n)]
+        members = (columns.modes == np.arange(len(self.exponents))[:, None]).astype(float)
+        members[:-1][self.even[:-1]] += members[1:][self.even[:-1]]  # both entries of a pair near an axis move together
+        n, rows = members.shape[1], len(self.rows.columns)
+        squares = members[self.even][:, self.rows.columns[2 * n :]]
+        parts = [(members[self.leading], 0), (members[~self.fixed & ~self.real], n), (squares, 2 * n)]
         if self.free_period:
             parts.append((columns.turns[None, :], n))
-        found = np.zeros((sum(len(part) for part, _ in parts), rows))
+        derivatives = np.zeros((sum(len(part) for part, _ in parts), rows))
         place = 0
         for part, first in parts:
-            found[place : place + len(part), first : first + part.shape[1]] = part
+            derivatives[place : place + len(part), first : first + part.shape[1]] = part
             place += len(part)
-        return found
+        return derivatives
 
     def moved(self, step: Floats) -> ModeParameters:
         """After a step in the real parameters."""
@@ -249,9 +249,9 @@ class ModeParameters:
 
     def picked(self, which: ArrayLike) -> ModeParameters:
         """The entries of these places, `which`, in the order given."""
-        own = np.asarray(which, np.int64)
-        squares = None if self.squares is None else self.squares[own]
-        return replace(self, **{name: getattr(self, name)[own] for name in BY_ENTRY}, squares=squares)
+        places = np.asarray(which, np.int64)
+        squares = None if self.squares is None else self.squares[places]
+        return replace(self, **{name: getattr(self, name)[places] for name in BY_ENTRY}, squares=squares)
 
     def joined(self, other: ModeParameters) -> ModeParameters:
         """Join these parameters and then the `other` ones."""
@@ -275,10 +275,10 @@ class ModeParameters:
 
         One pair of ends stands for all bands; `real` and `offsets` may be one for all, `fixed` and `factor` are.
         """
-        own = np.array(exponents, complex).reshape(-1)
-        n = len(own)
+        values = np.array(exponents, complex).reshape(-1)
+        n = len(values)
         return ModeParameters(
-            exponents=own,
+            exponents=values,
             real=np.broadcast_to(np.asarray(real, bool), n).copy(),
             bands=np.broadcast_to(np.array(bands, np.int64).reshape(-1, 2), (n, 2)).copy(),
             fundamental=fundamental,
@@ -294,24 +294,26 @@ class ModeParameters:
         real = model.real[chosen]
         kept = (model.coefficients != 0).any(axis=(1, 2))[chosen]
         bands = [(model.harmonics[row][0], model.harmonics[row][-1]) if row.any() else (0, 0) for row in kept]
-        own = model.exponents[chosen]
-        offsets = np.where(real, 0.5 * np.rint(2.0 * own.imag / model.fundamental), 0.0)
-        return ModeParameters.made(np.where(real, own.real, own), bands, model.fundamental, real=real, offsets=offsets)
+        values = model.exponents[chosen]
+        offsets = np.where(real, 0.5 * np.rint(2.0 * values.imag / model.fundamental), 0.0)
+        return ModeParameters.made(
+            np.where(real, values.real, values), bands, model.fundamental, real=real, offsets=offsets
+        )
 
     @staticmethod
     def of_terms(known: Estimates, exponents: Complexes | None = None) -> ModeParameters:
         """The modes of the estimates `known`, at `exponents` or their own, with the terms that they have as bands."""
-        own = known.exponents if exponents is None else exponents
-        terms = [known.harmonics[known.modes == mode] for mode in range(len(own))]
+        values = known.exponents if exponents is None else exponents
+        terms = [known.harmonics[known.modes == mode] for mode in range(len(values))]
         bands = [(each.min(), each.max()) for each in terms]
-        rates, offsets = np.where(known.real, own.real, own), 0.5 * known.half_turns
+        rates, offsets = np.where(known.real, values.real, values), 0.5 * known.half_turns
         return ModeParameters.made(rates, bands, known.fundamental, real=known.real, offsets=offsets)
 
 
 def forced_entries(turns: Sequence[float], fundamental: float, *, factor: int = 0) -> ModeParameters:
     """Fixed entries of a forced response, one for each of the turns a period."""
-    own = np.asarray(turns, float)
-    n = len(own)
+    values = np.asarray(turns, float)
+    n = len(values)
     return ModeParameters.made(
-        np.zeros(n), np.zeros((n, 2)), fundamental, real=own == 0.0, offsets=own, fixed=True, factor=factor
+        np.zeros(n), np.zeros((n, 2)), fundamental, real=values == 0.0, offsets=values, fixed=True, factor=factor
     )

@@ -131,11 +131,11 @@ class RecordBlock(Block):
         even = self._even(columns)
         if even is not None:
             return self.times, even.residual(self.values, coefficients)
-        left = self.values.copy()
+        residual = self.values.copy()
         for chunk in self._chunks():
             both = self._columns(columns, chunk)
-            left[:, chunk] -= reals_of(coefficients).T @ both.T
-        return self.times, left
+            residual[:, chunk] -= reals_of(coefficients).T @ both.T
+        return self.times, residual
 
     def sums(self, columns: Columns, coefficients: Complexes) -> Sums:
         """The sums of the scaled columns, and of what the model 2 Re Σ B_j z_j leaves."""
@@ -144,7 +144,7 @@ class RecordBlock(Block):
             return even.sums(self.values, coefficients)
         n, rows = 2 * len(columns.modes), len(self.rows)
         gram, mixed, slopes = np.zeros((3, n, n))
-        seen, late, left = np.zeros((n, rows)), np.zeros((n, rows)), np.zeros(rows)
+        seen, late, squares = np.zeros((n, rows)), np.zeros((n, rows)), np.zeros(rows)
         weights = reals_of(coefficients).T
         for chunk in self._chunks():
             both, timed = self._with_times(columns, chunk)
@@ -154,8 +154,8 @@ class RecordBlock(Block):
             slopes += timed.T @ timed
             seen += both.T @ residual.T
             late += timed.T @ residual.T
-            left += np.einsum("cn,cn->c", residual, residual)
-        return Sums(gram, mixed, slopes, seen, late, left)
+            squares += np.einsum("cn,cn->c", residual, residual)
+        return Sums(gram, mixed, slopes, seen, late, squares)
 
     def _even(self, columns: Columns) -> EvenColumns | None:
         """The columns in pieces, None where the times are not evenly spaced, or the shaft is not steady."""
@@ -206,8 +206,8 @@ class RecordBlock(Block):
         for entry in np.flatnonzero(columns.paired):
             decays[entry] = own_function(columns, int(entry), times, growth=self.last)
         if self.speeds is not None:
-            for factor, own in zip((SPEED, SPEED_SQUARED, SPEED_RATE), self.speeds, strict=True):
-                decays[columns.factors == factor] *= own[chunk]
+            for factor, factors in zip((SPEED, SPEED_SQUARED, SPEED_RATE), self.speeds, strict=True):
+                decays[columns.factors == factor] *= factors[chunk]
         turns, where = np.unique(columns.turns, return_inverse=True)
         z: Complexes = decays[columns.modes] * _turned(turns, angles)[where]
         return np.concatenate([z.real, z.imag]).T
@@ -215,13 +215,13 @@ class RecordBlock(Block):
 
 def _turned(turns: Floats, angles: Floats) -> Complexes:
     """Exponentials e^{iqθ} of sorted turns q (turns, angles): each a step of one from the one before, where it is."""
-    unit, found = np.exp(1j * angles), np.empty((len(turns), len(angles)), complex)
+    unit, exponentials = np.exp(1j * angles), np.empty((len(turns), len(angles)), complex)
     for k, turn in enumerate(turns):
         if k and turn == turns[k - 1] + 1.0:
-            np.multiply(found[k - 1], unit, out=found[k])
+            np.multiply(exponentials[k - 1], unit, out=exponentials[k])
         else:
-            found[k] = np.exp(1j * turn * angles)
-    return found
+            exponentials[k] = np.exp(1j * turn * angles)
+    return exponentials
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -238,8 +238,8 @@ class GappyBlock(RecordBlock):
 
     def residual(self, columns: Columns, coefficients: Complexes) -> tuple[NDArray, NDArray]:
         """Times (samples,) [s] and what the model leaves at each (rows, samples)."""
-        times, left = super().residual(columns, coefficients)
-        return times[self.taken], left[:, self.taken]
+        times, residual = super().residual(columns, coefficients)
+        return times[self.taken], residual[:, self.taken]
 
     def sums(self, columns: Columns, coefficients: Complexes) -> Sums:
         """The sums of the scaled columns, and of what the model 2 Re Σ B_j z_j leaves."""
@@ -260,14 +260,14 @@ class GappyBlock(RecordBlock):
         if grid.angles is not None or grid.step is None or taken.mean() < ENOUGH:
             return None
         index = np.arange(len(taken))
-        filled = np.array([np.interp(index, index[taken], own[taken]) for own in grid.values])
+        filled = np.array([np.interp(index, index[taken], row[taken]) for row in grid.values])
         return GappyBlock.with_holes(grid, np.where(taken, grid.values, filled), taken)
 
     @staticmethod
     def with_holes(grid: RecordBlock, values: Floats, taken: Mask) -> GappyBlock:
         """The samples `taken` of a grid whose values are all finite."""
-        own = {name: getattr(grid, name) for name in ("hit", "rows", "noise", "taps")}
+        shared = {name: getattr(grid, name) for name in ("hit", "rows", "noise", "taps")}
         ends = (grid.first, grid.last)
-        holes = RecordBlock(times=grid.times[~taken], values=values[:, ~taken], ends=ends, **own)
+        holes = RecordBlock(times=grid.times[~taken], values=values[:, ~taken], ends=ends, **shared)
         places = np.flatnonzero(taken)
-        return GappyBlock(times=grid.times, values=values, ends=grid.ends, holes=holes, taken=places, **own)
+        return GappyBlock(times=grid.times, values=values, ends=grid.ends, holes=holes, taken=places, **shared)

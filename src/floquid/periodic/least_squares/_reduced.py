@@ -50,7 +50,7 @@ def times(states: Complexes) -> Floats:
     return np.block([[real, -imag], [imag, real]])
 
 
-def reduced(linear: Linear, entries: ModeParameters, own: Indices) -> Reduced:
+def reduced(linear: Linear, entries: ModeParameters, free: Indices) -> Reduced:
     """The sums of a block, its fixed columns eliminated."""
     n, sines = len(entries.sines()), entries.sines()
     signs = np.repeat([1.0, -1.0], n)
@@ -58,8 +58,8 @@ def reduced(linear: Linear, entries: ModeParameters, own: Indices) -> Reduced:
     gram, mixed = turn * linear.gram, turn * linear.mixed
     slopes = turn * (linear.curvature + linear.mixed.T @ linear.inverse @ linear.mixed)
     late = signs[:, None] * linear.slope
-    beside = np.setdiff1d(np.arange(n), own)
-    here, there = np.concatenate([own, n + own]), np.concatenate([beside, n + beside])
+    beside = np.setdiff1d(np.arange(n), free)
+    here, there = np.concatenate([free, n + free]), np.concatenate([beside, n + beside])
     inverse = np.zeros((len(there),) * 2)
     kept = np.flatnonzero(np.concatenate([np.ones(len(beside), bool), sines[beside]]))
     inverse[np.ix_(kept, kept)] = scaled_inverse(gram[np.ix_(there, there)][np.ix_(kept, kept)], ROUNDING)

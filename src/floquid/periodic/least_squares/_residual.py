@@ -33,12 +33,12 @@ class Residual:
     levels: Floats  # the level of each band (rows, bands)
 
     @staticmethod
-    def of(times: Floats, left: Floats, least: Floats) -> Residual:
+    def of(times: Floats, residual: Floats, least: Floats) -> Residual:
         """From what is left at times [s]; the noise is at least `least` (rows,)."""
         step = float(np.median(np.diff(times)))
         taken = np.rint((times - times[0]) / step).astype(np.int64)
-        values = np.zeros((len(left), int(taken[-1]) + 1))
-        values[:, taken] = left
+        values = np.zeros((len(residual), int(taken[-1]) + 1))
+        values[:, taken] = residual
         power = _power(values, taken)
         parts = np.array_split(power, min(BANDS, power.shape[1]), axis=1)
         # The power of a line of white noise is exponentially distributed: its median is ln 2 of its mean.
@@ -63,9 +63,14 @@ class Residual:
             apart &= np.abs(omega - abs(rate.imag)) > abs(rate.real) + APART * 2.0 * np.pi / grid
         bands = np.array_split(np.arange(len(omega)), min(BANDS, len(omega)))
         kept = [band[apart[band]] for band in bands]
-        levels = [np.sqrt(np.median(power[:, own], axis=1) / np.log(2.0)) if len(own) else 0.0 for own in kept]
+        levels = [
+            np.sqrt(np.median(power[:, lines_of_band], axis=1) / np.log(2.0)) if len(lines_of_band) else 0.0
+            for lines_of_band in kept
+        ]
         full = np.stack([np.broadcast_to(level, len(power)) for level in levels], axis=1)
-        return np.maximum(full, self.levels.min(axis=1, keepdims=True)), np.array([len(own) for own in kept])
+        return np.maximum(full, self.levels.min(axis=1, keepdims=True)), np.array(
+            [len(lines_of_band) for lines_of_band in kept]
+        )
 
     @property
     def span(self) -> float:
@@ -121,12 +126,12 @@ def noise_of(blocks: Sequence[Block], solution: Solution, floor: float) -> Float
     return noise
 
 
-def noise_left(blocks: Sequence[Block], found: Solution) -> Floats:
+def noise_left(blocks: Sequence[Block], solution: Solution) -> Floats:
     """The deviation of what is left (channels, hits), corrected for the parameters used."""
-    columns = int(found.entries.sines().sum()) + len(found.entries.sines())
+    columns = int(solution.entries.sines().sum()) + len(solution.entries.sines())
     squares = np.zeros((1 + max(int(b.rows.max()) for b in blocks), 1 + max(b.hit for b in blocks)))
     free = np.zeros(squares.shape)
-    for block, linear in zip(blocks, found.linear, strict=True):
+    for block, linear in zip(blocks, solution.linear, strict=True):
         squares[block.rows, block.hit] += linear.left
         free[block.rows, block.hit] += max(block.n_samples - columns, 1)
     # Sums over all samples less those over missing ones may round to less than nothing.

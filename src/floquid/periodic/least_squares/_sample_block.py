@@ -126,8 +126,8 @@ class Block(ABC):
 
     def scales(self, columns: Columns) -> Complexes:
         """Factors that make z of the scaled columns (columns,)."""
-        own = np.where(columns.paired, columns.growth, np.where(columns.exponents.real > 0, columns.exponents, 0.0))
-        return np.asarray(np.exp(own * self.last)[columns.modes], np.complex128)
+        growth = np.where(columns.paired, columns.growth, np.where(columns.exponents.real > 0, columns.exponents, 0.0))
+        return np.asarray(np.exp(growth * self.last)[columns.modes], np.complex128)
 
 
 def complex_of(coefficients: Floats) -> Complexes:
@@ -144,8 +144,13 @@ def reals_of(coefficients: Complexes) -> Floats:
 def real_products(straight: Complexes, crossed: Complexes) -> Floats:
     """Products of the real columns from Σ z̄_i z_j and Σ z_i z_j (2 columns, 2 columns)."""
     n = len(straight)
-    found = np.empty((2 * n, 2 * n))
+    products = np.empty((2 * n, 2 * n))
     both, beside = straight + crossed, crossed - straight
-    found[:n, :n], found[:n, n:], found[n:, :n], found[n:, n:] = both.real, both.imag, beside.imag, -beside.real
-    found *= 0.5
-    return found
+    products[:n, :n], products[:n, n:], products[n:, :n], products[n:, n:] = (
+        both.real,
+        both.imag,
+        beside.imag,
+        -beside.real,
+    )
+    products *= 0.5
+    return products

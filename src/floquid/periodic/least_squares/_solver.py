@@ -88,15 +88,15 @@ class Solution:
     def covariance(self) -> Floats:
         """Covariance of the real parameters (parameters, parameters): the sandwich of information and scatter."""
         size = np.diag(self.information)
-        told = np.flatnonzero(size > NOTHING * size.max(initial=0.0))
-        own = np.ix_(told, told)
+        determined = np.flatnonzero(size > NOTHING * size.max(initial=0.0))
+        inner = np.ix_(determined, determined)
         # What nothing is known of may be anything, up to another branch.
-        found = np.diag(np.full(len(size), self.entries.fundamental**2))
-        found[own] = sandwich(self.information[own], self.gauss_newton[own])
-        lost = ~(np.diag(found) >= 0.0) | ~np.isfinite(found).all(axis=1)
-        found[lost], found[:, lost] = 0.0, 0.0
-        found[lost, lost] = self.entries.fundamental**2
-        return found if self.further is None else found + np.diag(self.further)
+        covariance = np.diag(np.full(len(size), self.entries.fundamental**2))
+        covariance[inner] = sandwich(self.information[inner], self.gauss_newton[inner])
+        lost = ~(np.diag(covariance) >= 0.0) | ~np.isfinite(covariance).all(axis=1)
+        covariance[lost], covariance[:, lost] = 0.0, 0.0
+        covariance[lost, lost] = self.entries.fundamental**2
+        return covariance if self.further is None else covariance + np.diag(self.further)
 
 
 def linearise(blocks: Sequence[Block], entries: ModeParameters, start: tuple[Floats, ...] | None = None) -> Solution:
@@ -110,7 +110,7 @@ def eliminated(
     """Linear part of each block at these exponents."""
     columns, sines = entries.with_slopes(), entries.sines()
     first = [None] * len(blocks) if start is None else start
-    return [_linear(block, columns, sines, own) for block, own in zip(blocks, first, strict=True)]
+    return [_linear(block, columns, sines, first_values) for block, first_values in zip(blocks, first, strict=True)]
 
 
 def weighted(blocks: Sequence[Block], entries: ModeParameters, linear: Sequence[Linear]) -> Solution:
@@ -120,14 +120,14 @@ def weighted(blocks: Sequence[Block], entries: ModeParameters, linear: Sequence[
     cost, gradient, scatter, noise = 0.0, np.zeros(size), np.zeros((size, size)), np.zeros((size, size))
     rows = entries.rows
     place, signs = rows.of_coefficients(n)
-    for block, own in zip(blocks, linear, strict=True):
+    for block, part in zip(blocks, linear, strict=True):
         weight = 1.0 / block.noise**2
-        cost += float(own.left @ weight)
-        slopes, width = own.slope * weight, len(own.slope) // 2
+        cost += float(part.left @ weight)
+        slopes, width = part.slope * weight, len(part.slope) // 2
         functions = np.stack([rows.functions, width + rows.functions], axis=1)
-        gradient += np.einsum("rpc,rpc,rp->r", own.coefficients[place], slopes[functions], signs)
-        scatter += _folded(own.curvature, (own.coefficients * weight) @ own.coefficients.T, functions, place, signs)
-        noise += len(block.rows) * _folded(own.curvature, own.inverse, functions, place, signs)
+        gradient += np.einsum("rpc,rpc,rp->r", part.coefficients[place], slopes[functions], signs)
+        scatter += _folded(part.curvature, (part.coefficients * weight) @ part.coefficients.T, functions, place, signs)
+        noise += len(block.rows) * _folded(part.curvature, part.inverse, functions, place, signs)
     by_column = ByColumn(gradient, scatter, noise)
     return Solution(entries, tuple(linear), cost, *by_column.tied(entries.ties()), by_column)
 
@@ -137,11 +137,11 @@ def _folded(curvature: Floats, moments: Floats, functions: Integers, place: Inte
 
     Each row is two parts, cosine and sine: a function, a place among the coefficients and a factor (rows, 2).
     """
-    found = np.zeros((len(place), len(place)))
+    products = np.zeros((len(place), len(place)))
     for i, j in np.ndindex(2, 2):
         both = curvature[functions[:, i][:, None], functions[:, j]] * moments[place[:, i][:, None], place[:, j]]
-        found += signs[:, i][:, None] * signs[:, j] * both
-    return found
+        products += signs[:, i][:, None] * signs[:, j] * both
+    return products
 
 
 def solve(
@@ -159,14 +159,14 @@ def solve(
 
     Raises IdentificationError where, without `hold`, an exponent moves by more than `FARTHEST`.
     """
-    now = start if isinstance(start, Solution) else linearise(blocks, start)
-    begin, period = now.entries, 2.0 * np.pi / now.entries.fundamental
+    solution = start if isinstance(start, Solution) else linearise(blocks, start)
+    begin, period = solution.entries, 2.0 * np.pi / solution.entries.fundamental
 
     def moved(at: Solution, step: Floats) -> Solution | None:
         trial = at.entries.moved(step)
         if np.sqrt(np.abs(trial.all_squares).max(initial=0.0)) * period > ASUNDER:
             return None
-        return linearise(blocks, trial, tuple(own.coefficients for own in at.linear))
+        return linearise(blocks, trial, tuple(part.coefficients for part in at.linear))
 
     def limited(at: Solution, step: Floats, _normal: Normal, _damping: float) -> Floats:
         return step * min(1.0, LONGEST_STEP / (at.entries.longest(step) + np.finfo(float).tiny))
@@ -176,18 +176,18 @@ def solve(
 
     steps = Steps(normal=normal, moved=moved, limited=limited, enough=lambda at, _: bool((away(at) > FARTHEST).any()))
     while True:
-        now = levenberg_marquardt(now, steps, Ends(steps=iterations, deviations=at_rest))
-        gone = away(now) > FARTHEST
+        solution = levenberg_marquardt(solution, steps, Ends(steps=iterations, deviations=at_rest))
+        gone = away(solution) > FARTHEST
         if not gone.any():
-            return now
+            return solution
         if not hold:
             raise IdentificationError(
-                f"The fit with shared harmonics moves an exponent by {away(now).max():.2g} a period from its start: a "
-                "mode hardly rises above the noise. Leave it out (`order=`), or pass `constrained=False`."
+                f"The fit with shared harmonics moves an exponent by {away(solution).max():.2g} a period from its "
+                "start: a mode hardly rises above the noise. Leave it out (`order=`), or pass `constrained=False`."
             )
-        exponents = np.where(gone, begin.exponents, now.entries.exponents)
-        put_back = replace(now.entries, exponents=exponents, fixed=now.entries.fixed | gone)
-        now = linearise(blocks, put_back, tuple(own.coefficients for own in now.linear))
+        exponents = np.where(gone, begin.exponents, solution.entries.exponents)
+        put_back = replace(solution.entries, exponents=exponents, fixed=solution.entries.fixed | gone)
+        solution = linearise(blocks, put_back, tuple(part.coefficients for part in solution.linear))
 
 
 def normal(at: Solution) -> Normal:
@@ -202,7 +202,7 @@ def _linear(block: Block, columns: Columns, sines: Mask, start: Floats | None) -
     kept = np.concatenate([np.ones(len(sines), bool), sines])
     n, whole, size = len(sines), len(columns.modes), 2 * len(sines)
     # Columns beyond those of the fit are derivatives: they stand beside the columns times t.
-    own = np.concatenate([np.arange(n), whole + np.arange(n)])
+    fitted = np.concatenate([np.arange(n), whole + np.arange(n)])
     coefficients, full = (
         np.zeros((size, len(block.rows))) if start is None else start,
         np.zeros((2 * whole, len(block.rows))),
@@ -210,16 +210,16 @@ def _linear(block: Block, columns: Columns, sines: Mask, start: Floats | None) -
     passes, round_ = (1 if start is not None else 2), 0
     while True:
         round_ += 1
-        full[own] = coefficients
-        found = block.sums(columns, complex_of(full))
-        gram, mixed, slopes, late = _by_functions(found, columns, own)
+        full[fitted] = coefficients
+        sums = block.sums(columns, complex_of(full))
+        gram, mixed, slopes, late = _by_functions(sums, columns, fitted)
         inverse = np.zeros((size, size))
         inverse[np.ix_(kept, kept)], safe = _inverse(gram[np.ix_(kept, kept)], _sizes(gram, columns)[kept])
-        step = inverse @ found.seen[own]
-        gained = np.sum(step * found.seen[own], axis=0)
+        step = inverse @ sums.seen[fitted]
+        gained = np.sum(step * sums.seen[fitted], axis=0)
         coefficients = coefficients + step
         enough = GAINED if safe else LITTLE
-        if round_ == PASSES or (round_ >= passes and (gained <= enough * (found.left - gained)).all()):
+        if round_ == PASSES or (round_ >= passes and (gained <= enough * (sums.left - gained)).all()):
             break
     return Linear(
         coefficients=coefficients,
@@ -228,23 +228,23 @@ def _linear(block: Block, columns: Columns, sines: Mask, start: Floats | None) -
         mixed=mixed,
         curvature=slopes - mixed.T @ inverse @ mixed,
         slope=late - mixed.T @ step,
-        left=found.left - gained,
+        left=sums.left - gained,
     )
 
 
-def _by_functions(found: Sums, columns: Columns, own: Integers) -> tuple[Floats, Floats, Floats, Floats]:
+def _by_functions(sums: Sums, columns: Columns, fitted: Integers) -> tuple[Floats, Floats, Floats, Floats]:
     """Products of the columns, with the functions of their derivatives, of those, and of those with the residual."""
     whole = len(columns.modes)
-    if len(own) == 2 * whole:
-        return found.gram, found.mixed, found.slopes, found.late
+    if len(fitted) == 2 * whole:
+        return sums.gram, sums.mixed, sums.slopes, sums.late
     # Of each half, the columns times t, and of derivatives by q the columns themselves.
     beyond = columns.factors[columns.modes] == ODD_SLOPE
     timed = np.tile(~beyond, 2)
-    mixed = np.where(timed, found.mixed[own], found.gram[own])
-    once = np.where(timed, found.mixed, found.gram)  # products of the columns with the functions
-    slopes = np.where(timed[:, None], np.where(timed, found.slopes, found.mixed.T), once)
-    residual = np.where(timed[:, None], found.late, found.seen)
-    return found.gram[np.ix_(own, own)], mixed, slopes, residual
+    mixed = np.where(timed, sums.mixed[fitted], sums.gram[fitted])
+    once = np.where(timed, sums.mixed, sums.gram)  # products of the columns with the functions
+    slopes = np.where(timed[:, None], np.where(timed, sums.slopes, sums.mixed.T), once)
+    residual = np.where(timed[:, None], sums.late, sums.seen)
+    return sums.gram[np.ix_(fitted, fitted)], mixed, slopes, residual
 
 
 def _sizes(gram: Floats, columns: Columns) -> Floats:

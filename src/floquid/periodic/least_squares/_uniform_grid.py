@@ -96,16 +96,16 @@ class EvenColumns:
         later = self.step * np.arange(length, dtype=np.float64)
         last = self.first + self.step * (self.n_samples - 1)
         terms = self._terms
-        own = self._exponentials(later, later[-1])[:, terms.of]
+        within = self._exponentials(later, later[-1])[:, terms.of]
         first = self._exponentials(times, last - later[-1])[:, terms.of]
         if not terms.plain:
-            own = own * terms.at(terms.second, later, growth=later[-1])
+            within = within * terms.at(terms.second, later, growth=later[-1])
             first = first * terms.at(terms.first, times, growth=last - later[-1])
         trend = self.columns.factors[self.columns.modes[terms.of]] == TREND
-        own = np.concatenate([own, own[:, trend] * (later / self.half)[:, None]], axis=1)
+        within = np.concatenate([within, within[:, trend] * (later / self.half)[:, None]], axis=1)
         first = np.concatenate([first, first[:, trend]], axis=1)
         first[:, : len(trend)][:, trend] *= ((times - self.middle) / self.half)[:, None]
-        return Pieces(slice(begin, end), own, first, times, later)
+        return Pieces(slice(begin, end), within, first, times, later)
 
     @property
     def _terms(self) -> Terms:
@@ -115,10 +115,10 @@ class EvenColumns:
     def _exponentials(self, times: Floats, last: float) -> Complexes:
         """The columns without factors (times, columns): what grows is counted from the last."""
         columns = self.columns
-        grows, own = columns.exponents.real > 0, np.where(columns.paired, 0.0, columns.exponents)
+        grows, plain = columns.exponents.real > 0, np.where(columns.paired, 0.0, columns.exponents)
         grows &= ~columns.paired
-        decays = np.exp(np.multiply.outer(times, np.where(grows, 0j, own)))
-        decays[:, grows] = np.exp(np.multiply.outer(times - last, own[grows]))
+        decays = np.exp(np.multiply.outer(times, np.where(grows, 0j, plain)))
+        decays[:, grows] = np.exp(np.multiply.outer(times - last, plain[grows]))
         turns, where = np.unique(columns.turns, return_inverse=True)
         turned = np.exp(1j * columns.fundamental * np.multiply.outer(times, turns))
         z: Complexes = decays[:, columns.modes] * turned[:, where]
@@ -131,36 +131,36 @@ class EvenColumns:
 
     def residual(self, values: Floats, coefficients: Complexes) -> Floats:
         """Residual of the values beside the model 2 Re Σ B_j z_j (rows, samples)."""
-        left, coefficients = np.empty_like(values), coefficients[self._stands_for()]
+        remaining, coefficients = np.empty_like(values), coefficients[self._stands_for()]
         for pieces in self.pieces():
-            left[:, pieces.slots] = _rest(pieces, values, coefficients).reshape(len(values), -1)
-        return left
+            remaining[:, pieces.slots] = _rest(pieces, values, coefficients).reshape(len(values), -1)
+        return remaining
 
     def sums(self, values: Floats, coefficients: Complexes) -> Sums:
         """The sums of `Block.sums`."""
         stands_for, rows = self._stands_for(), len(values)
         coefficients, n = coefficients[stands_for], 2 * len(stands_for)
         gram, mixed, slopes = np.zeros((3, n, n))
-        seen, late, left = np.zeros((n, rows)), np.zeros((n, rows)), np.zeros(rows)
+        seen, late, squares = np.zeros((n, rows)), np.zeros((n, rows)), np.zeros(rows)
         for pieces in self.pieces():
             for total, part in zip((gram, mixed, slopes), _products(pieces), strict=True):
                 total += part
             residual = _rest(pieces, values, coefficients)
-            left += np.einsum("rck,rck->r", residual, residual)
+            squares += np.einsum("rck,rck->r", residual, residual)
             for total, part in zip((seen, late), _met(pieces, residual), strict=True):
                 total += part
         of = np.eye(len(self.columns.modes))[stands_for]
         both = np.kron(np.eye(2), of)
         gram, mixed, slopes = (both.T @ each @ both for each in (gram, mixed, slopes))
-        return Sums(gram, mixed, slopes, both.T @ seen, both.T @ late, left)
+        return Sums(gram, mixed, slopes, both.T @ seen, both.T @ late, squares)
 
 
 def _rest(pieces: Pieces, values: Floats, coefficients: Complexes) -> Floats:
     """Residual (rows, pieces, samples of a piece)."""
     shape = (len(values), len(pieces.times), len(pieces.later))
     weights = 2.0 * coefficients.T[:, None, :] * pieces.first
-    own = np.concatenate([pieces.own.real, -pieces.own.imag], axis=1)
-    model = np.concatenate([weights.real, weights.imag], axis=-1) @ own.T
+    within = np.concatenate([pieces.own.real, -pieces.own.imag], axis=1)
+    model = np.concatenate([weights.real, weights.imag], axis=-1) @ within.T
     return values[:, pieces.slots].reshape(shape) - model
 
 
@@ -168,25 +168,28 @@ def _met(pieces: Pieces, residual: Floats) -> tuple[Floats, Floats]:
     """Sums of the products with what is left, and of the products times t (2 products, rows)."""
     n = pieces.own.shape[1]
     timed = pieces.own * pieces.later[:, None]
-    found = residual @ np.concatenate([pieces.own.real, pieces.own.imag, timed.real, timed.imag], axis=1)
-    own, moved = found[..., :n] + 1j * found[..., n : 2 * n], found[..., 2 * n : 3 * n] + 1j * found[..., 3 * n :]
-    seen = np.einsum("rcj,cj->jr", own, pieces.first)
-    late = np.einsum("rcj,cj->jr", moved + pieces.times[:, None] * own, pieces.first)
+    products = residual @ np.concatenate([pieces.own.real, pieces.own.imag, timed.real, timed.imag], axis=1)
+    plain, moved = (
+        products[..., :n] + 1j * products[..., n : 2 * n],
+        products[..., 2 * n : 3 * n] + 1j * products[..., 3 * n :],
+    )
+    seen = np.einsum("rcj,cj->jr", plain, pieces.first)
+    late = np.einsum("rcj,cj->jr", moved + pieces.times[:, None] * plain, pieces.first)
     return np.concatenate([seen.real, seen.imag]), np.concatenate([late.real, late.imag])
 
 
 def _products(pieces: Pieces) -> tuple[Floats, ...]:
     """Sums of the products with each other, times t, and times t² (2 products, 2 products)."""
-    found = []
+    sums = []
     for of in (np.conj, np.asarray):  # with the conjugates, and with the products themselves
-        own, first = of(pieces.own).T, of(pieces.first).T
-        inner = [own @ (pieces.own * pieces.later[:, None] ** power) for power in range(3)]
+        within, first = of(pieces.own).T, of(pieces.first).T
+        inner = [within @ (pieces.own * pieces.later[:, None] ** power) for power in range(3)]
         outer = [first @ (pieces.first * pieces.times[:, None] ** power) for power in range(3)]
-        found.append(
+        sums.append(
             (
                 inner[0] * outer[0],
                 inner[0] * outer[1] + inner[1] * outer[0],
                 inner[0] * outer[2] + 2.0 * inner[1] * outer[1] + inner[2] * outer[0],
             )
         )
-    return tuple(real_products(*both) for both in zip(*found, strict=True))
+    return tuple(real_products(*both) for both in zip(*sums, strict=True))

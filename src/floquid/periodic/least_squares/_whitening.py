@@ -55,5 +55,5 @@ def through(blocks: Sequence[Block], taps: Floats | None) -> Sequence[Block]:
 
 def filtered_blocks(blocks: Sequence[Block], taps: Floats) -> tuple[Block, ...] | None:
     """The blocks after a filter of each channel; None where samples are missing and too few would be left."""
-    found = [block.filtered(taps[block.rows]) if isinstance(block, RecordBlock) else None for block in blocks]
-    return None if any(block is None for block in found) else tuple(block for block in found if block is not None)
+    filtered = [block.filtered(taps[block.rows]) if isinstance(block, RecordBlock) else None for block in blocks]
+    return None if any(block is None for block in filtered) else tuple(block for block in filtered if block is not None)

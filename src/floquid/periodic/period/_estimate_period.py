@@ -157,20 +157,20 @@ def estimate_period(
     blocks = raw_blocks(records)
     lines = find_lines(blocks, shortened=True, report=report)
     damped, tones = lines.picked(~lines.undamped), lines.picked(lines.undamped)
-    found = spacings_of(damped, tones, 2.0 * np.pi / longest, 2.0 * np.pi / shortest)
-    findings, told = _judgement(damped, tones, found)
+    spacings = spacings_of(damped, tones, 2.0 * np.pi / longest, 2.0 * np.pi / shortest)
+    findings, determined = _judgement(damped, tones, spacings)
     refined = None
-    if told:
+    if determined:
         report("fitting the period")
         try:
-            refined = _refined(records, blocks, damped, tones, found[0])
+            refined = _refined(records, blocks, damped, tones, spacings[0])
         except (IdentificationError, np.linalg.LinAlgError):
-            told, findings = False, (*findings, warning("period_lost"))
+            determined, findings = False, (*findings, warning("period_lost"))
     if refined is not None:
         model, period_std = refined
-        std = float(np.hypot(2.0 * np.pi * found[0].std / found[0].fundamental ** 2, period_std))
-        if abs(model.period - 2.0 * np.pi / found[0].fundamental) > AGREE * std:
-            told, findings, refined = False, (*findings, warning("period_differs")), None
+        std = float(np.hypot(2.0 * np.pi * spacings[0].std / spacings[0].fundamental ** 2, period_std))
+        if abs(model.period - 2.0 * np.pi / spacings[0].fundamental) > AGREE * std:
+            determined, findings, refined = False, (*findings, warning("period_differs")), None
     period, period_std = (None, None) if refined is None else (refined[0].period, refined[1])
     orbit = orbit_of(blocks, lines, 2.0 * np.pi / longest, 2.0 * np.pi / shortest)
     if orbit is not None:
@@ -178,22 +178,24 @@ def estimate_period(
         if period is None or period_std is None:
             period = whole / (2 if orbit.symmetric else 1)
             numbers = {"orbit": whole, "harmonics": orbit.harmonics, "symmetric": orbit.symmetric}
-            findings, told = (note("period_of_orbit", period=period, **numbers),), True
+            findings, determined = (note("period_of_orbit", period=period, **numbers),), True
             period_std = period * orbit.std / orbit.fundamental
         else:
             halves = max(round(2.0 * whole / period), 1)
             agree = abs(2.0 * whole / halves - period) < AGREE * period_std < EXACT * period / halves
             snapped = 2.0 * whole / halves, 2.0 * whole / halves * orbit.std / orbit.fundamental
             period, period_std = (
-                min((period, period_std), snapped, key=lambda one: one[1]) if agree else (period, period_std)
+                min((period, period_std), snapped, key=lambda candidate: candidate[1])
+                if agree
+                else (period, period_std)
             )
             orbit = None
     return PeriodEstimate(
         period=period,
         period_std=period_std,
-        told=told,
+        told=determined,
         findings=findings,
-        candidates=tuple(_candidate(one) for one in found[:SHOWN]),
+        candidates=tuple(_candidate(candidate) for candidate in spacings[:SHOWN]),
         model=None if refined is None else refined[0],
         lines=damped.exponents,
         undamped=tones.exponents,
@@ -217,15 +219,15 @@ def _bounds(records: Sequence[Record], longest: float | None, shortest: float | 
     return high, low
 
 
-def _judgement(lines: Lines, tones: Lines, found: list[Spacing]) -> tuple[tuple[Finding, ...], bool]:
+def _judgement(lines: Lines, tones: Lines, spacings: list[Spacing]) -> tuple[tuple[Finding, ...], bool]:
     """Findings on whether the lines determine the period, and whether they do."""
     findings = []
     if len(tones.exponents):
-        heard, on = np.abs(tones.exponents.imag) / (2.0 * np.pi), found[0].tones if found else 0
+        heard, on = np.abs(tones.exponents.imag) / (2.0 * np.pi), spacings[0].tones if spacings else 0
         findings.append(note("undamped_lines", frequencies=heard, on=on))
-    if not found:
+    if not spacings:
         return (*findings, warning("period_no_family" if len(lines.exponents) else "period_no_line")), False
-    best = found[0]
+    best = spacings[0]
     findings.append(
         note(
             "line_families",
@@ -238,7 +240,7 @@ def _judgement(lines: Lines, tones: Lines, found: list[Spacing]) -> tuple[tuple[
     )
     if best.certainty < CERTAIN:
         return (*findings, warning("period_one_spacing" if best.spacings == 1 else "period_by_chance")), False
-    others = [one for one in found[1:] if one.partition != best.partition]
+    others = [spacing for spacing in spacings[1:] if spacing.partition != best.partition]
     if others and best.evidence - others[0].evidence < DISTINCT:
         return (*findings, warning("period_other", frequency=others[0].fundamental / (2.0 * np.pi))), False
     return tuple(findings), True
@@ -280,12 +282,14 @@ def _free(tones: Lines, fundamental: float) -> ModeParameters:
 
 def _grown(blocks: Sequence[Block], entries: ModeParameters, families: int, most: int) -> tuple[Solution, Integers]:
     """The fit with one harmonic beyond each band of the families, and the bands that rise above the noise."""
-    own = (np.arange(len(entries.bands)) < families)[:, None]
+    of_families = (np.arange(len(entries.bands)) < families)[:, None]
     rounds = 0
     while True:
         rounds += 1
-        solution = solve(blocks, replace(entries, bands=np.where(own, entries.padded(1, most).bands, entries.bands)))
-        chosen = np.where(own, chosen_bands(blocks, solution, SURE), entries.bands)
+        solution = solve(
+            blocks, replace(entries, bands=np.where(of_families, entries.padded(1, most).bands, entries.bands))
+        )
+        chosen = np.where(of_families, chosen_bands(blocks, solution, SURE), entries.bands)
         low, high = np.minimum(chosen[:, 0], entries.bands[:, 0]), np.maximum(chosen[:, 1], entries.bands[:, 1])
         union = np.stack([low, high], axis=1)
         if rounds == ROUNDS or (union == entries.bands).all():
@@ -293,14 +297,14 @@ def _grown(blocks: Sequence[Block], entries: ModeParameters, families: int, most
         entries = replace(solution.entries, bands=union)
 
 
-def _candidate(one: Spacing) -> PeriodCandidate:
-    period = 2.0 * np.pi / one.fundamental
+def _candidate(spacing: Spacing) -> PeriodCandidate:
+    period = 2.0 * np.pi / spacing.fundamental
     return PeriodCandidate(
         period=period,
-        period_std=period * one.std / one.fundamental,
-        families=len(one.groups),
-        spacings=one.spacings,
-        tones=one.tones,
-        evidence=one.evidence,
-        certainty=one.certainty,
+        period_std=period * spacing.std / spacing.fundamental,
+        families=len(spacing.groups),
+        spacings=spacing.spacings,
+        tones=spacing.tones,
+        evidence=spacing.evidence,
+        certainty=spacing.certainty,
     )

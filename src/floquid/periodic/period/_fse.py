@@ -128,8 +128,8 @@ def fse(
         must = "be two sampling intervals or more"
         raise input_error("period", "fse", must, f"is {period:g} s", "Check the period and the sampling rate.")
     blocks = raw_blocks(records)
-    found = find_lines(blocks) if identifier is None else lines_by(identifier, records, blocks, order=order)
-    damped = found.picked(~found.undamped)
+    lines = find_lines(blocks) if identifier is None else lines_by(identifier, records, blocks, order=order)
+    damped = lines.picked(~lines.undamped)
     groups = grouped(damped, fundamental)
     alone = [line for group in groups if len(group.lines) < least for line in group.lines]
     damped, others = (
@@ -140,9 +140,9 @@ def fse(
         raise IdentificationError("Identification ended without a result: no family of lines rises above the noise.")
     groups = grouped(damped, fundamental)
     average = averaged(damped, groups, fundamental, free=False)
-    entries, undamped = entries_of(groups, average), found.exponents[found.undamped]
+    entries, undamped = entries_of(groups, average), lines.exponents[lines.undamped]
     beside_them = np.concatenate([undamped, others.exponents])
-    model = model_at(records, blocks, entries, average.covariance, beside_them, entries.bands, found.noise)
+    model = model_at(records, blocks, entries, average.covariance, beside_them, entries.bands, lines.noise)
     return FSE(
         model=model,
         families=tuple(families_of(damped, groups, average)),
@@ -150,7 +150,7 @@ def fse(
         undamped=undamped,
         misfit=average.misfit,
         degrees=average.degrees,
-        noise=found.noise,
+        noise=lines.noise,
     )
 
 
@@ -188,15 +188,15 @@ def families_of(lines: Lines, groups: list[Group], average: Average) -> list[Fam
     turns = iter(std[len(groups) :])
     made = []
     for place, group in enumerate(groups):
-        own = np.array(group.lines)
+        places = np.array(group.lines)
         real = group.half_turns is not None
         value = complex(average.exponents[place]) + 0.5j * (group.half_turns or 0) * average.fundamental
         made.append(
             Family(
                 exponent=value,
                 exponent_std=complex(std[place], 0.0 if real else next(turns)),
-                lines=lines.exponents[own],
-                line_std=lines.std[own],
+                lines=lines.exponents[places],
+                line_std=lines.std[places],
                 harmonics=np.array(group.harmonics),
                 conjugated=np.array(group.signs) < 0,
             )

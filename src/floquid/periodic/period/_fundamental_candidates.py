@@ -55,15 +55,15 @@ def spacings_of(lines: Lines, tones: Lines, least: float, most: float) -> list[S
     ω/2, ω/3 … the largest has the highest odds.
     """
     values, variances = _fundamentals(lines, least, most)
-    found: dict[tuple[Group, ...], Spacing | None] = {}
+    judged: dict[tuple[Group, ...], Spacing | None] = {}
     for value, variance in zip(values, variances, strict=True):
         # A real multiplier is no special case here: its lines are harmonics of one another all the same.
         groups = grouped(lines, float(value), float(np.sqrt(variance)))
         key = tuple(replace(group, half_turns=None) for group in groups)
-        if key not in found:
-            found[key] = _judged(lines, tones, key, float(value), float(np.log(most / least)))
-    kept = [one for one in found.values() if one is not None and least <= one.fundamental <= most]
-    return sorted(kept, key=lambda one: -one.evidence)
+        if key not in judged:
+            judged[key] = _judged(lines, tones, key, float(value), float(np.log(most / least)))
+    kept = [spacing for spacing in judged.values() if spacing is not None and least <= spacing.fundamental <= most]
+    return sorted(kept, key=lambda spacing: -spacing.evidence)
 
 
 def _fundamentals(lines: Lines, least: float, most: float) -> tuple[Floats, Floats]:
@@ -123,9 +123,9 @@ def _judged(lines: Lines, tones: Lines, groups: tuple[Group, ...], fundamental: 
 def _on_tones(tones: Lines, omega: float, std: float) -> tuple[float, int]:
     """Addition to the odds by tones at multiples of half the fundamental, and their number."""
     added, count = 0.0, 0
-    for value, own in zip(np.abs(tones.exponents.imag), tones.std.imag, strict=True):
+    for value, deviation in zip(np.abs(tones.exponents.imag), tones.std.imag, strict=True):
         half = round(2.0 * value / omega)
-        sigma = float(np.hypot(own, 0.5 * half * std))
+        sigma = float(np.hypot(deviation, 0.5 * half * std))
         off = (value - 0.5 * half * omega) / sigma if sigma > 0.0 else np.inf
         if half and abs(off) < DEVIATIONS:
             added += max(float(np.log(0.5 * omega / (sigma * np.sqrt(2.0 * np.pi)))) - 0.5 * off**2, 0.0)

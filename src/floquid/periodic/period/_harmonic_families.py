@@ -76,9 +76,9 @@ def _half_turns(lines: Lines, line: int, fundamental: float, std: float) -> int 
 def _distance(lines: Lines, seed: int, line: int, sign: int, fundamental: float, std: float) -> tuple[int, float]:
     """The harmonic that a line would be, and the chi-square of its distance from there."""
     n, cov = len(lines.exponents), lines.covariance
-    one, other = lines.exponents[seed], lines.exponents[line]
-    turns = round((sign * other.imag - one.imag) / fundamental)
-    decay, turn = other.real - one.real, sign * other.imag - one.imag - turns * fundamental
+    first, second = lines.exponents[seed], lines.exponents[line]
+    turns = round((sign * second.imag - first.imag) / fundamental)
+    decay, turn = second.real - first.real, sign * second.imag - first.imag - turns * fundamental
     a = cov[seed, seed] + cov[line, line] - 2.0 * cov[seed, line]
     c = cov[n + seed, n + seed] + cov[n + line, n + line] - 2.0 * sign * cov[n + seed, n + line] + (turns * std) ** 2
     b = cov[seed, n + seed] + sign * cov[line, n + line] - sign * cov[seed, n + line] - cov[line, n + seed]

@@ -42,10 +42,10 @@ def orbit_of(blocks: Sequence[RecordBlock], lines: Lines, least: float, most: fl
     """The fundamental of what does not decay in records, fitted to all its harmonics; None where nothing tells it."""
     duration = max(block.last - float(block.times[0]) for block in blocks)
     steady = ~lines.real & (lines.undamped | (np.abs(lines.exponents.real) * duration < STEADY))
-    found = _seen(lines.picked(steady), lines.picked(~steady), least, most, duration)
-    if found is not None:
+    orbit = _seen(lines.picked(steady), lines.picked(~steady), least, most, duration)
+    if orbit is not None:
         with suppress(IdentificationError, np.linalg.LinAlgError):
-            return _refined(blocks, found)
+            return _refined(blocks, orbit)
     return None
 
 
@@ -66,16 +66,16 @@ def _seen(tones: Lines, lines: Lines, least: float, most: float, duration: float
             omega = float(turns[base]) / part
             multiples = np.rint(turns / omega).astype(np.int64) if omega > 0.0 else np.zeros(len(turns), np.int64)
             off = np.abs(turns - multiples * omega) / np.hypot(sigma, multiples / part * sigma[base])
-            own = np.flatnonzero((off < DEVIATIONS) & (multiples > 0))
-            if len(own) < 2 or np.gcd.reduce(multiples[own]) > 1:
+            members = np.flatnonzero((off < DEVIATIONS) & (multiples > 0))
+            if len(members) < 2 or np.gcd.reduce(multiples[members]) > 1:
                 continue
-            weights = 1.0 / sigma[own] ** 2
-            size = float(np.sum(weights * multiples[own] ** 2))
-            omega = float(np.sum(weights * multiples[own] * turns[own])) / size
-            others = own[own != base]
+            weights = 1.0 / sigma[members] ** 2
+            size = float(np.sum(weights * multiples[members] ** 2))
+            omega = float(np.sum(weights * multiples[members] * turns[members])) / size
+            others = members[members != base]
             odds = float(np.sum(np.log(omega / (2.5 * sigma[others])))) - np.log(PARTS * len(turns))
             if least <= omega <= most and odds > CERTAIN and (best is None or odds > best[0]):
-                best = odds, omega, size**-0.5, multiples[own]
+                best = odds, omega, size**-0.5, multiples[members]
     if best is None:
         return None
     _, omega, std, multiples = best
@@ -97,10 +97,10 @@ def _refined(blocks: Sequence[RecordBlock], orbit: OrbitLines) -> OrbitLines:
         for block in blocks
         for half in [block.n_samples // 2]
     ]
-    own = with_noise_left(later, linearise(later, entries))
-    solution = solve(own, replace(entries, free_period=True))
-    own = with_noise_left(own, solution)
-    solution = solve(own, solution.entries)
+    noisy = with_noise_left(later, linearise(later, entries))
+    solution = solve(noisy, replace(entries, free_period=True))
+    noisy = with_noise_left(noisy, solution)
+    solution = solve(noisy, solution.entries)
     return replace(orbit, fundamental=solution.entries.fundamental, std=float(np.sqrt(solution.covariance()[-1, -1])))
 
 

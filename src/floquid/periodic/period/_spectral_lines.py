@@ -59,14 +59,14 @@ class Lines:
 
     def picked(self, which: NDArray) -> Lines:
         """Some of the lines."""
-        own = np.arange(len(self.exponents))[which]
-        both = np.concatenate([own, own + len(self.exponents)])
+        places = np.arange(len(self.exponents))[which]
+        both = np.concatenate([places, places + len(self.exponents)])
         return Lines(
-            self.exponents[own],
-            self.real[own],
+            self.exponents[places],
+            self.real[places],
             self.covariance[np.ix_(both, both)],
-            self.strength[own],
-            self.undamped[own],
+            self.strength[places],
+            self.undamped[places],
             self.noise,
         )
 
@@ -158,23 +158,23 @@ def lines_by(
     data = TimeResponses(values=values, dt=1.0 / records[0].sample_rate, noise=noise, lengths=lengths)
     model = identifier.extract(identifier.prepare(data), order, report=report)
     poles = model.poles
-    own = np.flatnonzero((poles.imag > 0) | (model.multipliers.imag == 0) & (model.multipliers.real > 0))
-    own = own[poles[own].imag < np.pi / data.dt * (1.0 - 1e-9)]
-    if not len(own):
+    upper = np.flatnonzero((poles.imag > 0) | (model.multipliers.imag == 0) & (model.multipliers.real > 0))
+    upper = upper[poles[upper].imag < np.pi / data.dt * (1.0 - 1e-9)]
+    if not len(upper):
         raise IdentificationError(
             f"Identification ended without a result: {type(identifier).__name__} finds no pole: "
             f"{failure(model.outcome.value).clause}."
         )
-    real = poles[own].imag == 0
-    entries = ModeParameters.made(np.where(real, poles[own].real, poles[own]), (0, 0), fundamental, real=real).joined(
-        base
-    )
+    real = poles[upper].imag == 0
+    entries = ModeParameters.made(
+        np.where(real, poles[upper].real, poles[upper]), (0, 0), fundamental, real=real
+    ).joined(base)
     noisy = tuple(block.with_noise(noise[block.rows, block.hit]) for block in blocks)
     if model.covariance is None:
         solution = _clear(noisy, entries, false_alarm)
         return _lines_of(with_noise_left(noisy, solution), solution)
     solution = linearise(noisy, entries)
-    both = np.concatenate([own, own + model.order])
+    both = np.concatenate([upper, upper + model.order])
     return replace(
         _lines_of(with_noise_left(noisy, solution), solution), covariance=model.covariance[np.ix_(both, both)]
     )
@@ -188,8 +188,8 @@ def _clear(blocks: Sequence[Block], entries: ModeParameters, false_alarm: float)
             solution, ran_away = solve(blocks, entries), False
         except IdentificationError:
             solution, ran_away = linearise(blocks, entries), True
-        own = with_noise_left(blocks, solution)
-        size, responses = _strengths(own, linearise(own, solution.entries), relative=True)
+        noisy = with_noise_left(blocks, solution)
+        size, responses = _strengths(noisy, linearise(noisy, solution.entries), relative=True)
         if not len(free) or not (ran_away or size.min() ** 2 < chi2_limit(2 * responses + 2, false_alarm)):
             return solution
         entries = solution.entries.picked(np.delete(np.arange(len(entries.exponents)), free[np.argmin(size)]))
@@ -234,8 +234,8 @@ def _strengths(blocks: Sequence[Block], solution: Solution, *, relative: bool = 
 def _lines_of(blocks: Sequence[Block], solution: Solution) -> Lines:
     """The lines of a fit."""
     entries = solution.entries
-    own = np.flatnonzero(~entries.fixed)
-    n, values, real = len(own), entries.exponents[own], entries.real[own]
+    free = np.flatnonzero(~entries.fixed)
+    n, values, real = len(free), entries.exponents[free], entries.real[free]
     place = np.concatenate([np.arange(n), n + np.flatnonzero(~real)])
     covariance = np.zeros((2 * n, 2 * n))
     covariance[np.ix_(place, place)] = solution.covariance()

@@ -45,17 +45,17 @@ def additions(
     least = price.mode(real=False) + float(price.harmonics(np.array([True]))[0])
     # Far from a loud mode its skirts are above the noise there: by one level for all bands the loudest is first.
     for levels in (rest, [residual.level() for residual in rest]):
-        _, found = peaks(point.blocks, levels, point.period, EXPECTED, most=PEAKS)
-        found = [peak for peak in found if peak.gain > loud * max(peak.limit, PROMISED * least)]
-        if not found:
+        _, candidates = peaks(point.blocks, levels, point.period, EXPECTED, most=PEAKS)
+        candidates = [peak for peak in candidates if peak.gain > loud * max(peak.limit, PROMISED * least)]
+        if not candidates:
             return
-        yield _moves(point, rest, found, forced, most, room=room, width=width)
+        yield _moves(point, rest, candidates, forced, most, room=room, width=width)
 
 
 def _moves(
     point: Point,
-    left: Sequence[Residual],
-    found: Sequence[Peak],
+    residuals: Sequence[Residual],
+    candidates: Sequence[Peak],
     forced: Floats,
     most: int,
     *,
@@ -63,7 +63,7 @@ def _moves(
     width: int | None,
 ) -> Iterator[Move]:
     entries, price = point.entries, point.price.of(point.entries)
-    line = 4.0 * np.pi / max(residual.span for residual in left)
+    line = 4.0 * np.pi / max(residual.span for residual in residuals)
 
     def move(name: str, trial: ModeParameters, gain: float) -> Iterator[Move]:
         more = point.price.of(trial) - price
@@ -71,13 +71,13 @@ def _moves(
             yield Move(more - gain, name, trial)
 
     several, total = entries, 0.0
-    for number, peak in enumerate(found):
+    for number, peak in enumerate(candidates):
         known = _known(entries, peak, forced, line, most, bands=width is None)
         if known is not None:
             yield from move("harmonic", known, peak.gain)
         if not room or number > AT_ONCE:
             continue
-        alone = _alone(point, left, peak)
+        alone = _alone(point, residuals, peak)
         if width:
             alone = replace(alone, bands=np.array([[-width, width]]))
         if number < AT_ONCE:
@@ -85,11 +85,11 @@ def _moves(
             several = several.joined(alone) if wider is None else wider
             total += peak.gain
         yield from move("new mode", entries.joined(alone), peak.gain)
-    if total and len(found) > 1 and several is not entries:
+    if total and len(candidates) > 1 and several is not entries:
         yield from move("new modes", several, total)
 
 
-def _alone(point: Point, left: Sequence[Residual], peak: Peak) -> ModeParameters:
+def _alone(point: Point, residuals: Sequence[Residual], peak: Peak) -> ModeParameters:
     """The exponential of a peak fitted to the residual."""
     alone = ModeParameters.made([peak.exponent], [(0, 0)], point.entries.fundamental)
     grids = [
@@ -100,7 +100,7 @@ def _alone(point: Point, left: Sequence[Residual], peak: Peak) -> ModeParameters
             rows=block.rows,
             noise=block.noise,
         )
-        for block, residual in zip(point.blocks, left, strict=True)
+        for block, residual in zip(point.blocks, residuals, strict=True)
     ]
     with suppress(np.linalg.LinAlgError):
         return Point.at(grids, point.floors, point.price, alone).settled().entries

@@ -28,26 +28,26 @@ SPREAD = 0.82
 that are independent, more under a window, which makes neighbouring lines alike."""
 
 
-def evidence(found: SearchResult) -> tuple[Finding, ...]:
+def evidence(result: SearchResult) -> tuple[Finding, ...]:
     """Findings for and against the modes of a search."""
-    entries, peak = found.solution.entries, found.peak
+    entries, peak = result.solution.entries, result.peak
     share = peak.gain / peak.limit
     loud = bool(share > LOUD)
-    left = (warning if loud else note)("strongest_peak", frequency=_hertz(peak.exponent), share=share, loud=loud)
+    highest = (warning if loud else note)("strongest_peak", frequency=_hertz(peak.exponent), share=share, loud=loud)
     return (
         note("all_needed", number=int((~entries.fixed).sum())),
-        left,
-        *clusters(found),
-        *doubles(found),
-        *near_axis(found),
-        *combinations(found),
-        *(() if found.one is None else (note("one_shape", hits=found.one.states.shape[1]),)),
+        highest,
+        *clusters(result),
+        *doubles(result),
+        *near_axis(result),
+        *combinations(result),
+        *(() if result.one is None else (note("one_shape", hits=result.one.states.shape[1]),)),
     )
 
 
-def disagreement(found: SearchResult) -> tuple[Finding, ...]:
+def disagreement(result: SearchResult) -> tuple[Finding, ...]:
     """Warning that hits do not share their shapes; empty where they do, or where that is not known."""
-    off = found.disagreement
+    off = result.disagreement
     if off is None:
         return ()
     return (warning("hits_disagree", frequency=_hertz(off.exponent), share=off.share, probability=off.probability),)
@@ -58,7 +58,7 @@ def _hertz(exponent: complex) -> float:
     return abs(float(exponent.imag)) / (2.0 * np.pi)
 
 
-def coloured(found: SearchResult) -> tuple[Finding, ...]:
+def coloured(result: SearchResult) -> tuple[Finding, ...]:
     r"""Finding that the residual is not white along the record, so that deviations are not those stated; else empty.
 
     .. math:: \sum_{c,h} \sum_{b} \frac{n_b}{v} (\ln s_{c,h,b} - \overline{\ln s_{c,h}})^2 \sim \chi^2
@@ -68,18 +68,18 @@ def coloured(found: SearchResult) -> tuple[Finding, ...]:
     from scipy.special import chdtrc
 
     score, degrees, worst = 0.0, 0, (1.0, 0.0, 0.0)
-    rates = found.solution.entries.columns().rates
-    for residual in found.residuals:
+    rates = result.solution.entries.columns().rates
+    for residual in result.residuals:
         levels, lines = residual.between(rates)
-        own = np.flatnonzero(lines >= ENOUGH_LINES)
-        if len(own) < 2:
+        bands = np.flatnonzero(lines >= ENOUGH_LINES)
+        if len(bands) < 2:
             continue
-        logs, weights = np.log(levels[:, own]), lines[own]
+        logs, weights = np.log(levels[:, bands]), lines[bands]
         mean = (logs @ weights / weights.sum())[:, None]
         score += float(np.sum((logs - mean) ** 2 @ weights)) / SPREAD
-        degrees += len(logs) * (len(own) - 1)
+        degrees += len(logs) * (len(bands) - 1)
         row = int(np.argmax(np.ptp(logs, axis=1)))
-        ends = own[[int(np.argmax(logs[row])), int(np.argmin(logs[row]))]]
+        ends = bands[[int(np.argmax(logs[row])), int(np.argmin(logs[row]))]]
         centres = (ends + 0.5) / len(lines) * (0.5 / residual.step)
         worst = max(worst, (float(np.exp(np.ptp(logs[row]))), *centres.tolist()))
     ratio, loud, quiet = worst
@@ -88,48 +88,48 @@ def coloured(found: SearchResult) -> tuple[Finding, ...]:
     return (warning("coloured_noise", ratio=ratio, loud=loud, quiet=quiet),)
 
 
-def clusters(found: SearchResult) -> tuple[Finding, ...]:
+def clusters(result: SearchResult) -> tuple[Finding, ...]:
     """Modes whose harmonics do not have one exponent."""
-    exponents = found.solution.entries.exponents
-    return tuple(warning("cluster", frequency=_hertz(exponents[entry])) for entry in found.clusters)
+    exponents = result.solution.entries.exponents
+    return tuple(warning("cluster", frequency=_hertz(exponents[entry])) for entry in result.clusters)
 
 
-def near_axis(found: SearchResult) -> tuple[Finding, ...]:
+def near_axis(result: SearchResult) -> tuple[Finding, ...]:
     """Pairs near an axis of either kind, and real multipliers beside which noise may hide a second one."""
-    entries, told = found.solution.entries, []
+    entries, findings = result.solution.entries, []
     values = entries.exponents + 1j * entries.fundamental * entries.offsets
-    for place, apart in found.apart.items():
-        told.append(kind_open(complex(values[place]), apart))
+    for place, apart in result.apart.items():
+        findings.append(kind_open(complex(values[place]), apart))
     for entry in np.flatnonzero(~entries.fixed & entries.real):
         turn = float(entries.offsets[entry])
-        if turn in found.hidden and entry not in found.apart:
-            numbers = {"frequency": _hertz(complex(values[entry])), "apart": found.hidden[turn]}
-            told.append(note("hidden_partner", decay=-float(values[entry].real), **numbers))
-    return tuple(told)
+        if turn in result.hidden and entry not in result.apart:
+            numbers = {"frequency": _hertz(complex(values[entry])), "apart": result.hidden[turn]}
+            findings.append(note("hidden_partner", decay=-float(values[entry].real), **numbers))
+    return tuple(findings)
 
 
-def doubles(found: SearchResult) -> tuple[Finding, ...]:
+def doubles(result: SearchResult) -> tuple[Finding, ...]:
     """Modes that fold onto one another nearer than they decay: they may be one."""
-    entries = found.solution.entries
+    entries = result.solution.entries
     free = np.flatnonzero(~entries.fixed)
     omega, near = entries.fundamental, []
     values = entries.exponents[free] + 1j * omega * entries.offsets[free]
-    both = {place for place in found.as_read if entries.real[place] and place + 1 in found.as_read}
+    both = {place for place in result.as_read if entries.real[place] and place + 1 in result.as_read}
     for k, value in enumerate(values):
-        for other in values[k + 1 + (free[k] in both) :]:
-            gaps = [value - other, value - other.conjugate()]
+        for second in values[k + 1 + (free[k] in both) :]:
+            gaps = [value - second, value - second.conjugate()]
             gaps = [complex(gap.real, gap.imag - omega * round(gap.imag / omega)) for gap in gaps]
-            if min(abs(gap) for gap in gaps) < DOUBLE * min(abs(value.real), abs(other.real)):
-                near.append(warning("double", first=_hertz(value), second=_hertz(other), decays=DOUBLE))
+            if min(abs(gap) for gap in gaps) < DOUBLE * min(abs(value.real), abs(second.real)):
+                near.append(warning("double", first=_hertz(value), second=_hertz(second), decays=DOUBLE))
     return tuple(near)
 
 
-def combinations(found: SearchResult) -> tuple[Finding, ...]:
+def combinations(result: SearchResult) -> tuple[Finding, ...]:
     """Modes of a search that a nonlinearity makes of others."""
-    entries = found.solution.entries
+    entries = result.solution.entries
     free = np.flatnonzero(~entries.fixed)
     values = entries.exponents[free] + 1j * entries.fundamental * entries.offsets[free]
-    return _products(values, _deviations(found, free), _sizes(found, free), entries.fundamental)
+    return _products(values, _deviations(result, free), _sizes(result, free), entries.fundamental)
 
 
 def combinations_of(model: PeriodicModel, noise: Floats, *, nonlinear: bool = False) -> tuple[Finding, ...]:
@@ -137,9 +137,9 @@ def combinations_of(model: PeriodicModel, noise: Floats, *, nonlinear: bool = Fa
 
     .. math:: \lambda_c = \lambda_a + \lambda_b + i m \omega
 
-    `noise` are the deviations of the noise (channels, hits) [units of the channels] of the periodic `model`. Of a
-    record that is known not to be one of modes alone (`nonlinear`) sums are looked for from farther away, since several
-    may have come out as one. Returns one finding a mode.
+    `noise` are the deviations of the noise (channels, hits) [units of the channels] of the periodic `model`. Where a
+    record is known not to be one of modes alone (`nonlinear`), sums are looked for from farther away: several may have
+    come out as one. Returns one finding a mode.
     """
     chosen, std = list(model.upper_modes), model.exponent_std
     if std is None or not chosen:
@@ -164,8 +164,10 @@ def _products(
     for c, value in enumerate(values):
         larger = np.flatnonzero(size > size[c])
         signed = [(a, sign) for a in larger for sign in (1, -1)]
-        for (a, one), (b, other) in combinations_with_replacement(signed, 2):
-            total = (values[a] if one > 0 else values[a].conj()) + (values[b] if other > 0 else values[b].conj())
+        for (a, first_sign), (b, second_sign) in combinations_with_replacement(signed, 2):
+            total = (values[a] if first_sign > 0 else values[a].conj()) + (
+                values[b] if second_sign > 0 else values[b].conj()
+            )
             gap = value - total
             gap = complex(gap.real, gap.imag - omega * round(gap.imag / omega))
             tolerance = max(CERTAIN * float(np.hypot(std[c], std[a] + std[b])), near * abs(value.real))
@@ -176,19 +178,19 @@ def _products(
     return tuple(products)
 
 
-def _sizes(found: SearchResult, free: Integers) -> Floats:
+def _sizes(result: SearchResult, free: Integers) -> Floats:
     """The largest coefficient of each mode over the noise (modes,)."""
-    both = shapes(found.blocks, found.solution)
+    both = shapes(result.blocks, result.solution)
     noise = np.full(both.coefficients.shape[1:3], np.inf)
-    for block in found.blocks:
+    for block in result.blocks:
         noise[block.rows, block.hit] = block.noise
     return np.abs(both.coefficients[free] / noise[:, :, None]).max(axis=(1, 2, 3))
 
 
-def _deviations(found: SearchResult, free: Integers) -> Floats:
+def _deviations(result: SearchResult, free: Integers) -> Floats:
     """The larger deviation of the parts of each exponent by noise alone (modes,)."""
-    entries = found.solution.entries
-    std = np.sqrt(np.maximum(np.diag(replace(found.solution, further=None).covariance()), 0.0))
+    entries = result.solution.entries
+    std = np.sqrt(np.maximum(np.diag(replace(result.solution, further=None).covariance()), 0.0))
     turns = np.zeros(len(free))
     pairs = ~entries.real[free]
     turns[pairs] = std[len(free) : len(free) + int(pairs.sum())]

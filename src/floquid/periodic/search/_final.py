@@ -96,10 +96,10 @@ def _uncrowded(entries: ModeParameters, padded: Integers) -> Integers:
     free, padded = np.flatnonzero(~entries.fixed & ~entries.real), padded.copy()
     for entry in free:
         taken: set[int] = set()
-        for other in free:
-            sign, turns, gap = nearest(entries, int(entry), int(other))
-            if other != entry and gap <= CROWDED:
-                ends = sign * entries.bands[other] + turns
+        for neighbour in free:
+            sign, turns, gap = nearest(entries, int(entry), int(neighbour))
+            if neighbour != entry and gap <= CROWDED:
+                ends = sign * entries.bands[neighbour] + turns
                 taken |= set(range(int(ends.min()), int(ends.max()) + 1))
         low, high = entries.bands[entry]
         while low > padded[entry, 0] and low - 1 not in taken:
@@ -181,13 +181,13 @@ def _clusters(point: Point) -> tuple[tuple[int, ...], Floats]:
         return [int(np.searchsorted(free, entry)), len(free) + int(np.searchsorted(turns, entry))]
 
     sure = _sure(point)
-    found = []
+    clusters = []
     for entry in turns.tolist():
         score, degrees = equality(solution, entry, sure)
         if degrees and chdtrc(degrees, score) < CLUSTER:
-            found.append(entry)
+            clusters.append(entry)
             further[parameters(entry)] += spread_of_harmonics(solution, entry, sure)
-    return tuple(found), further
+    return tuple(clusters), further
 
 
 def _sure(point: Point) -> Mask:

@@ -27,14 +27,14 @@ def bands(point: Point, most: int) -> Iterator[Move]:
     """Bands of all modes at once: both ways, growth alone, shrinkage alone."""
     wide = wide_of(point, most)
     for grow, shrink, name in ((True, True, "bands"), (True, False, "grow"), (False, True, "shrink")):
-        change, found = Units(point, wide).stepwise(grow=grow, shrink=shrink)
-        if (found != point.entries.bands).any():
-            yield Move(change, name, replace(point.entries, bands=found))
+        change, chosen = Units(point, wide).stepwise(grow=grow, shrink=shrink)
+        if (chosen != point.entries.bands).any():
+            yield Move(change, name, replace(point.entries, bands=chosen))
     # Where modes share lines, exponents follow the noise until no shared harmonic can be done without.
     seeds = np.clip(0, *point.entries.bands.T)
     seeds = np.where(point.entries.fixed[:, None], point.entries.bands, np.stack([seeds, seeds], axis=1))
-    _, found = Units(point, wide, seeds).stepwise(grow=True, shrink=False)
-    trial = replace(point.entries, bands=found)
+    _, chosen = Units(point, wide, seeds).stepwise(grow=True, shrink=False)
+    trial = replace(point.entries, bands=chosen)
     fewer = point.price.of(trial) - point.price.of(point.entries)
     if fewer < 0.0:
         yield Move(REDUCED * fewer, "bands anew", trial)
@@ -60,16 +60,16 @@ def shared(point: Point) -> Iterator[Move]:
     entries = point.entries
     pairs = np.flatnonzero(~entries.fixed & ~entries.real).tolist()
     for entry in pairs:
-        found, takers = entries.bands.copy(), 0
-        for other in pairs:
-            sign, turns, gap = nearest(entries, other, entry)
-            if other == entry or gap > 1.0:
+        widened, takers = entries.bands.copy(), 0
+        for taker in pairs:
+            sign, turns, gap = nearest(entries, taker, entry)
+            if taker == entry or gap > 1.0:
                 continue
             ends = sign * entries.bands[entry] + turns
-            found[other] = min(found[other, 0], ends.min()), max(found[other, 1], ends.max())
+            widened[taker] = min(widened[taker, 0], ends.min()), max(widened[taker, 1], ends.max())
             takers += 1
         if takers > 1:
-            trial = without(replace(entries, bands=found), [entry])
+            trial = without(replace(entries, bands=widened), [entry])
             yield Move(point.price.of(trial) - point.price.of(entries), "share", trial)
 
 
@@ -95,26 +95,26 @@ def splits(point: Point) -> Iterator[Move]:
     entries, by_column = point.entries, point.solution.by_column
     columns, ties, n = entries.columns(), entries.ties(), len(entries.sines())
     matrix, gradient = ties @ by_column.gauss_newton, by_column.gradient
-    left = _gain(matrix @ ties.T, ties @ gradient)[1] if len(ties) else 0.0  # what the fit itself may still gain
+    slack = _gain(matrix @ ties.T, ties @ gradient)[1] if len(ties) else 0.0  # what the fit itself may still gain
     for entry in np.flatnonzero(~entries.fixed & ~entries.real):
-        own = np.flatnonzero(columns.modes == entry)
-        both = np.concatenate([own, n + own])
+        of_mode = np.flatnonzero(columns.modes == entry)
+        both = np.concatenate([of_mode, n + of_mode])
         others = np.flatnonzero(~ties[:, both].any(axis=1))
         inner = by_column.gauss_newton[np.ix_(both, both)]
         price = point.price.mode(real=False)
-        for place in range(1, len(own)):
+        for place in range(1, len(of_mode)):
             parts = np.zeros((4, len(both)))
-            for k, part in enumerate((slice(0, place), slice(place, len(own)))):
-                parts[2 * k, : len(own)][part] = 1.0
-                parts[2 * k + 1, len(own) :][part] = 1.0
+            for k, part in enumerate((slice(0, place), slice(place, len(of_mode)))):
+                parts[2 * k, : len(of_mode)][part] = 1.0
+                parts[2 * k + 1, len(of_mode) :][part] = 1.0
             mixed = matrix[others][:, both] @ parts.T
             outer = matrix[others] @ ties[others].T
             whole = np.block([[outer, mixed], [mixed.T, parts @ inner @ parts.T]])
             step, gain = _gain(whole, np.concatenate([ties[others] @ gradient, parts @ gradient[both]]))
-            if gain - left > price:
+            if gain - slack > price:
                 moved = (complex(step[-4], step[-3]), complex(step[-2], step[-1]))
-                harmonic = int(columns.harmonics[own[place]])
-                yield Move(price - gain + left, "split", _cut(entries, int(entry), harmonic, moved))
+                harmonic = int(columns.harmonics[of_mode[place]])
+                yield Move(price - gain + slack, "split", _cut(entries, int(entry), harmonic, moved))
 
 
 def doubles(point: Point) -> Iterator[Move]:
@@ -122,8 +122,8 @@ def doubles(point: Point) -> Iterator[Move]:
     entries = point.entries
     columns, strengths = entries.columns(), energies(point)
     for entry in np.flatnonzero(~entries.fixed & ~entries.real):
-        own = np.flatnonzero(columns.modes == entry)
-        harmonic = int(columns.harmonics[own[np.argmax(strengths[own])]])
+        of_mode = np.flatnonzero(columns.modes == entry)
+        harmonic = int(columns.harmonics[of_mode[np.argmax(strengths[of_mode])]])
         value = entries.exponents[entry] + APART * entries.exponents[entry].real
         beside = ModeParameters.made([value], [(harmonic, harmonic)], entries.fundamental)
         trial = entries.joined(beside)
@@ -161,42 +161,42 @@ def _cut(entries: ModeParameters, entry: int, harmonic: int, moved: tuple[comple
 
 def merges(point: Point, span: int) -> Iterator[Move]:
     """Two modes as one where their exponents agree modulo the fundamental (Wald 1943); all disjoint ones at once."""
-    entries, found = point.entries, []
+    entries, candidates = point.entries, []
     free = np.flatnonzero(~entries.fixed)
     if len(free) < 2:  # a pair
         return
     covariance = scaled_inverse(point.solution.information, SINGULAR)
     place = _places(entries)
-    for one, two in combinations(free.tolist(), 2):
-        if entries.real[one] != entries.real[two] or entries.offsets[one] != entries.offsets[two]:
+    for first, second in combinations(free.tolist(), 2):
+        if entries.real[first] != entries.real[second] or entries.offsets[first] != entries.offsets[second]:
             continue
-        for sign in (1, -1) if not entries.real[one] else (1,):
-            turns, gap = difference(entries, one, two, sign)
-            ties = np.zeros((len(place[one]), len(covariance)))
-            for k, (a, b) in enumerate(zip(place[one], place[two], strict=True)):
+        for sign in (1, -1) if not entries.real[first] else (1,):
+            turns, gap = difference(entries, first, second, sign)
+            ties = np.zeros((len(place[first]), len(covariance)))
+            for k, (a, b) in enumerate(zip(place[first], place[second], strict=True)):
                 ties[k, a], ties[k, b] = -1.0, (1.0, float(sign))[k]
             parts = np.array([gap.real, gap.imag])[: len(ties)]
             score = wald_rise(parts, ties @ covariance @ ties.T)
             # Without noise, deviations are smaller than what rounding moves exponents by.
             score = 0.0 if abs(gap) < ROUNDING * entries.fundamental else score
-            merged = _merged(entries, one, two, sign, turns)
-            if np.ptp(merged.bands[one]) > span:
+            merged = _merged(entries, first, second, sign, turns)
+            if np.ptp(merged.bands[first]) > span:
                 continue
             change = score + point.price.of(merged) - point.price.of(entries)
             if change < 0.0:
-                found.append((change, one, two, sign, turns))
+                candidates.append((change, first, second, sign, turns))
                 yield Move(change, "merge", merged)
     used: set[int] = set()
     every, total, steps = entries, 0.0, []
-    for change, one, two, sign, turns in sorted(found, key=lambda pair: pair[0]):
-        if not {one, two} & used:
-            used |= {one, two}
-            steps.append((one, two, sign, turns))
+    for change, first, second, sign, turns in sorted(candidates, key=lambda pair: pair[0]):
+        if not {first, second} & used:
+            used |= {first, second}
+            steps.append((first, second, sign, turns))
             total += change
     if len(steps) > 1:
-        for one, two, sign, turns in steps:
-            every = _widened(every, one, two, sign, turns)
-        yield Move(total, "merge several", without(every, [two for _, two, *_ in steps]))
+        for first, second, sign, turns in steps:
+            every = _widened(every, first, second, sign, turns)
+        yield Move(total, "merge several", without(every, [second for _, second, *_ in steps]))
 
 
 def together(point: Point) -> Point:
@@ -205,44 +205,44 @@ def together(point: Point) -> Point:
     J falls by copies there, as what is left is not white.
     """
     free = np.flatnonzero(~point.entries.fixed).tolist()
-    for one, two in combinations(free, 2):
+    for first, second in combinations(free, 2):
         entries = point.entries
-        if entries.real[one] != entries.real[two] or entries.offsets[one] != entries.offsets[two]:
+        if entries.real[first] != entries.real[second] or entries.offsets[first] != entries.offsets[second]:
             continue
-        for sign in (1, -1) if not entries.real[one] else (1,):
-            turns, gap = difference(entries, one, two, sign)
+        for sign in (1, -1) if not entries.real[first] else (1,):
+            turns, gap = difference(entries, first, second, sign)
             if abs(gap) < ROUNDING * entries.fundamental:
-                trial = point.with_entries(_merged(entries, one, two, sign, turns)).settled()
+                trial = point.with_entries(_merged(entries, first, second, sign, turns)).settled()
                 if trial.at_floor:
                     return together(trial)
     return point
 
 
-def _widened(entries: ModeParameters, one: int, two: int, sign: int, turns: int) -> ModeParameters:
+def _widened(entries: ModeParameters, first: int, second: int, sign: int, turns: int) -> ModeParameters:
     """The entries with the band of one mode wide enough for the harmonics of another."""
-    found = entries.bands.copy()
-    ends = sign * entries.bands[two] + turns if not entries.real[one] else entries.bands[two]
-    found[one] = min(found[one, 0], ends.min()), max(found[one, 1], ends.max())
-    return replace(entries, bands=found)
+    bands = entries.bands.copy()
+    ends = sign * entries.bands[second] + turns if not entries.real[first] else entries.bands[second]
+    bands[first] = min(bands[first, 0], ends.min()), max(bands[first, 1], ends.max())
+    return replace(entries, bands=bands)
 
 
-def _merged(entries: ModeParameters, one: int, two: int, sign: int, turns: int) -> ModeParameters:
-    return without(_widened(entries, one, two, sign, turns), [two])
+def _merged(entries: ModeParameters, first: int, second: int, sign: int, turns: int) -> ModeParameters:
+    return without(_widened(entries, first, second, sign, turns), [second])
 
 
-def difference(entries: ModeParameters, one: int, two: int, sign: int) -> tuple[int, complex]:
+def difference(entries: ModeParameters, first: int, second: int, sign: int) -> tuple[int, complex]:
     """Whole fundamentals m and what is left of λ_two = λ_one + imω, λ_two conjugated for sign -1."""
-    value = entries.exponents[two] if sign > 0 else entries.exponents[two].conjugate()
-    gap = complex(value - entries.exponents[one])
+    value = entries.exponents[second] if sign > 0 else entries.exponents[second].conjugate()
+    gap = complex(value - entries.exponents[first])
     turns = round(gap.imag / entries.fundamental)
     return turns, gap - 1j * turns * entries.fundamental
 
 
-def nearest(entries: ModeParameters, one: int, two: int) -> tuple[int, int, float]:
+def nearest(entries: ModeParameters, first: int, second: int) -> tuple[int, int, float]:
     """Sign and whole fundamentals by which two pairs are nearest, and their distance over both decays."""
-    tried = [(sign, *difference(entries, one, two, sign)) for sign in (1, -1)]
+    tried = [(sign, *difference(entries, first, second, sign)) for sign in (1, -1)]
     sign, turns, gap = min(tried, key=lambda each: abs(each[2]))
-    return sign, turns, abs(gap) / (abs(entries.exponents[[one, two]].real).sum() + 1e-300)
+    return sign, turns, abs(gap) / (abs(entries.exponents[[first, second]].real).sum() + 1e-300)
 
 
 def _places(entries: ModeParameters) -> dict[int, list[int]]:
@@ -259,7 +259,7 @@ def branches(point: Point) -> Iterator[Move]:
     entries = point.entries
     for entry in np.flatnonzero(~entries.fixed & ~entries.real):
         for turns in (-1, 1):
-            exponents, found = entries.exponents.copy(), entries.bands.copy()
+            exponents, bands = entries.exponents.copy(), entries.bands.copy()
             exponents[entry] += 1j * turns * entries.fundamental
-            found[entry] -= turns
-            yield Move(0.0, "branch", replace(entries, exponents=exponents, bands=found), BETTER)
+            bands[entry] -= turns
+            yield Move(0.0, "branch", replace(entries, exponents=exponents, bands=bands), BETTER)

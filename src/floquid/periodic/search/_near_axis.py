@@ -56,64 +56,64 @@ def with_axis_pairs(point: Point, bands: Integers) -> tuple[Point, Integers, dic
         while True:
             for trial in _trials(point.solution, bands, axis):
                 key = tuple(point.entries.exponents[list(trial.places)].tolist())
-                if key not in tried and any((one,) not in tried for one in key):
+                if key not in tried and any((exponent,) not in tried for exponent in key):
                     break
             else:
                 break
             tried.add(key)
-            entries, found = point.entries, _solved(point, trial.entries)
+            entries, trial_fit = point.entries, _solved(point, trial.entries)
             states = sum(1 if entries.real[place] else 2 for place in trial.places)
             # Where the two of a pair run away they are not told apart: one of them may do.
-            fewer = _single(point.with_entries(trial.entries)) if found is None and states == 2 else None
+            fewer = _single(point.with_entries(trial.entries)) if trial_fit is None and states == 2 else None
             if fewer is not None and fewer.value < point.value:
                 point, bands = fewer, trial.bands[:-1]
-            if found is None:
+            if trial_fit is None:
                 continue
             if states == 1:
                 place = trial.places[0]
-                if not _needed(found, point) or len(found.entries.exponents) - 2 in untold(found):
-                    hidden[float(entries.offsets[place])] = _hidden(found.solution)
+                if not _needed(trial_fit, point) or len(trial_fit.entries.exponents) - 2 in untold(trial_fit):
+                    hidden[float(entries.offsets[place])] = _hidden(trial_fit.solution)
                     continue
-                wide = _solved(found, _as_wide(found.entries))
-                point, bands = found if wide is None else wide, trial.bands
+                wide = _solved(trial_fit, _as_wide(trial_fit.entries))
+                point, bands = trial_fit if wide is None else wide, trial.bands
                 continue
-            if states > 2 and _needed(point, found):
+            if states > 2 and _needed(point, trial_fit):
                 # Each as two with lines of their own, all of these would share their lines: they stay as told apart.
-                tried |= {(one,) for one in key}
+                tried |= {(exponent,) for exponent in key}
                 continue
-            fewer = _single(found)
+            fewer = _single(trial_fit)
             # Noise may hide the second of two, but one that is worse than both is none.
             fewer = None if fewer is not None and states == 2 and fewer.value > point.value else fewer
-            if fewer is None and found.value > point.value and _hides(found, point, trial):
+            if fewer is None and trial_fit.value > point.value and _hides(trial_fit, point, trial):
                 continue
-            point, bands = (found, trial.bands) if fewer is None else (fewer, trial.bands[:-1])
+            point, bands = (trial_fit, trial.bands) if fewer is None else (fewer, trial.bands[:-1])
     return point, bands, hidden
 
 
-def _hides(found: Point, point: Point, trial: Trial) -> bool:
+def _hides(with_block: Point, point: Point, trial: Trial) -> bool:
     """True where two functions of many harmonics each take what tells another mode of its decay."""
     before = np.setdiff1d(untold(point), trial.places)
-    after = np.setdiff1d(untold(found), len(found.entries.exponents) - np.array([1, 2]))
+    after = np.setdiff1d(untold(with_block), len(with_block.entries.exponents) - np.array([1, 2]))
     return len(after) > len(before)
 
 
-def _hidden(found: Solution) -> float:
+def _hidden(solution: Solution) -> float:
     """Distance from a single real multiplier to a second one that noise hides, by the interval of q [1/s]."""
-    return float(np.sqrt(max(float(found.entries.all_squares[-1]) + WITHIN * _square_std(found), 0.0)))
+    return float(np.sqrt(max(float(solution.entries.all_squares[-1]) + WITHIN * _square_std(solution), 0.0)))
 
 
-def _square_std(found: Solution) -> float:
+def _square_std(solution: Solution) -> float:
     """The deviation of q of the last pair near an axis [1/s²]."""
-    place = len(found.gradient) - 1 - int(found.entries.free_period)
-    return float(np.sqrt(max(found.covariance()[place, place], 0.0)))
+    place = len(solution.gradient) - 1 - int(solution.entries.free_period)
+    return float(np.sqrt(max(solution.covariance()[place, place], 0.0)))
 
 
 def _solved(point: Point, trial: ModeParameters) -> Point | None:
     """The fit near other entries; None where one of them runs away."""
     with suppress(np.linalg.LinAlgError):
-        found = point.with_entries(trial).settled(rest=SETTLED, steps=STEPS)
-        away = np.abs(found.entries.exponents - trial.exponents) * point.period
-        return found if away.max(initial=0.0) < FARTHEST else None
+        fitted = point.with_entries(trial).settled(rest=SETTLED, steps=STEPS)
+        away = np.abs(fitted.entries.exponents - trial.exponents) * point.period
+        return fitted if away.max(initial=0.0) < FARTHEST else None
     return None
 
 
@@ -143,12 +143,12 @@ def _trials(solution: Solution, bands: Integers, axis: int) -> Iterator[Trial]:
     members = [place for place in _near(solution) if halves[place] % 2 == axis]
     reals = [place for place in members if entries.real[place]]
     several = [group for group in _sharing(entries, members) if 2 * len(group) - int(entries.real[group].sum()) > 2]
-    one = [[place] for place in members if place not in reals]
-    one += [group for group in _sharing(entries, reals) if len(group) <= 2]
+    single_pairs = [[place] for place in members if place not in reals]
+    single_pairs += [group for group in _sharing(entries, reals) if len(group) <= 2]
     taken = np.flatnonzero(entries.even & (halves % 2 == axis)).tolist()
     # Two such pairs on the same lines would not be told apart.
-    one = [group for group in one if not any(_share(entries, group, [place]) for place in taken)]
-    for places in several + one:
+    single_pairs = [group for group in single_pairs if not any(_share(entries, group, [place]) for place in taken)]
+    for places in several + single_pairs:
         decays = entries.exponents[places].real
         half, mean, square = int(halves[places[0]]), float(decays.mean()), 0.25 * float(np.ptp(decays)) ** 2
         if len(places) == 1 and not entries.real[places[0]]:
@@ -164,7 +164,7 @@ def _sharing(entries: ModeParameters, members: list[int]) -> list[list[int]]:
     for place in members:
         joined = [group for group in groups if _share(entries, group, [place])]
         groups = [group for group in groups if group not in joined]
-        groups.append(sorted([place, *(one for group in joined for one in group)]))
+        groups.append(sorted([place, *(member for group in joined for member in group)]))
     return groups
 
 
@@ -179,14 +179,14 @@ def _near(solution: Solution) -> list[int]:
     entries, omega = solution.entries, solution.entries.fundamental
     std, first = np.sqrt(np.maximum(np.diag(solution.covariance()), 0.0)), int(entries.leading.sum())
     std = np.where(std < omega, std, 0.0)  # a whole fundamental stands for nothing that is known
-    turns, found = np.flatnonzero(~entries.fixed & ~entries.real), []
+    turns, places = np.flatnonzero(~entries.fixed & ~entries.real), []
     for entry in np.flatnonzero(~entries.fixed & (entries.factors == PLAIN)):
         value = entries.exponents[entry]
         off = value.imag - 0.5 * omega * round(2.0 * value.imag / omega)
-        own = 0.0 if entries.real[entry] else std[first + int(np.searchsorted(turns, entry))]
-        if entries.real[entry] or abs(off) < BESIDE * max(abs(value.real), own):
-            found.append(int(entry))
-    return found
+        deviation = 0.0 if entries.real[entry] else std[first + int(np.searchsorted(turns, entry))]
+        if entries.real[entry] or abs(off) < BESIDE * max(abs(value.real), deviation):
+            places.append(int(entry))
+    return places
 
 
 def _coupled(
@@ -195,12 +195,14 @@ def _coupled(
     """The entries with an even and an odd one behind the others, as wide as those that they stand for."""
     rest = [k for k in range(len(entries.exponents)) if k not in places]
     low = -(half // 2) - half % 2
-    ends = [(low, int(np.floor(_turns(entries, own, places)[1] - 0.5 * half))) for own in (entries.bands, bands)]
-    found = entries.picked(rest)
+    ends = [(low, int(np.floor(_turns(entries, band, places)[1] - 0.5 * half))) for band in (entries.bands, bands)]
+    coupled = entries.picked(rest)
     for factor in (EVEN, ODD):
-        one = ModeParameters.made([mean], [ends[0]], entries.fundamental, real=True, offsets=0.5 * half, factor=factor)
-        found = found.joined(replace(one, squares=np.array([square])))
-    return found, np.concatenate([bands[rest], [ends[1]] * 2])
+        half_pair = ModeParameters.made(
+            [mean], [ends[0]], entries.fundamental, real=True, offsets=0.5 * half, factor=factor
+        )
+        coupled = coupled.joined(replace(half_pair, squares=np.array([square])))
+    return coupled, np.concatenate([bands[rest], [ends[1]] * 2])
 
 
 def _turns(entries: ModeParameters, bands: Integers, places: list[int]) -> tuple[float, float]:
@@ -219,7 +221,7 @@ def _single(point: Point) -> Point | None:
     entries = point.entries
     if float(entries.all_squares[-1]) < -DEVIATIONS * _square_std(point.solution):
         return None  # surely a pair of conjugates
-    told = len(entries.exponents) - 2 not in untold(point)
+    determined = len(entries.exponents) - 2 not in untold(point)
     fewer = entries.picked(range(len(entries.exponents) - 1))
     last = np.arange(len(fewer.exponents)) == len(fewer.exponents) - 1
     factors, squares = np.where(last, PLAIN, fewer.factors), np.where(last, 0.0, fewer.all_squares)
@@ -227,13 +229,13 @@ def _single(point: Point) -> Point | None:
     answers = []
     for move in (0.0,) if root == 0.0 else (root, -root):
         trial = replace(fewer, factors=factors, squares=squares, exponents=fewer.exponents + last * move)
-        found = _solved(point, trial)
-        if found is None or (told and _needed(point, found)):
+        fitted = _solved(point, trial)
+        if fitted is None or (determined and _needed(point, fitted)):
             continue
-        narrow = _solved(point, _narrow(entries)) if told else None
-        if narrow is None or not _needed(narrow, found):
-            answers.append(found)
-    return min(answers, key=lambda one: one.value, default=None)
+        narrow = _solved(point, _narrow(entries)) if determined else None
+        if narrow is None or not _needed(narrow, fitted):
+            answers.append(fitted)
+    return min(answers, key=lambda answer: answer.value, default=None)
 
 
 def _as_wide(entries: ModeParameters) -> ModeParameters:
@@ -259,23 +261,23 @@ def read_apart(result: SearchResult) -> SearchResult:
     leading, even = np.flatnonzero(entries.leading), np.flatnonzero(entries.even)
     first = len(leading) + int((~entries.fixed & ~entries.real).sum())
     rest = np.flatnonzero(~np.isin(entries.factors, (EVEN, ODD)))
-    found, kept = replace(entries.picked(rest), squares=None), [*bands[rest]]
+    apart_entries, kept = replace(entries.picked(rest), squares=None), [*bands[rest]]
     as_read, apart = {}, {}
     for number, place in enumerate(even):
-        own = [int(np.searchsorted(leading, place)), first + number]
+        rows = [int(np.searchsorted(leading, place)), first + number]
         held, half = bool(entries.fixed[place]), int(entries.half_turns[place])
-        pair = np.zeros((2, 2)) if held else covariance[np.ix_(own, own)]
+        pair = np.zeros((2, 2)) if held else covariance[np.ix_(rows, rows)]
         mean, square = float(entries.exponents[place].real), float(entries.all_squares[place])
         read = read_axis(mean, square, pair, half, omega)
         if read.apart is not None:
-            apart[len(found.exponents)] = read.apart
+            apart[len(apart_entries.exponents)] = read.apart
         ends = np.stack([entries.bands[place], bands[place]])
         modes, ends = _ordinary(mean, read.square, half, omega, ends)
-        as_read |= {len(found.exponents) + k: complex(read.std[k]) for k in range(len(modes.exponents))}
+        as_read |= {len(apart_entries.exponents) + k: complex(read.std[k]) for k in range(len(modes.exponents))}
         kept += [ends] * len(modes.exponents)
-        found = found.joined(replace(modes, fixed=np.full(len(modes.exponents), held)))
-    solution = linearise(result.blocks, found, carried(result.solution, found))
-    solution = replace(solution, further=_moved(result.solution.further, entries, found, rest))
+        apart_entries = apart_entries.joined(replace(modes, fixed=np.full(len(modes.exponents), held)))
+    solution = linearise(result.blocks, apart_entries, carried(result.solution, apart_entries))
+    solution = replace(solution, further=_moved(result.solution.further, entries, apart_entries, rest))
     kept = np.array(kept, np.int64).reshape(-1, 2)
     return replace(result, solution=solution, bands=kept, as_read=as_read, apart=apart)
 
@@ -297,13 +299,13 @@ def _moved(further: Floats | None, old: ModeParameters, new: ModeParameters, res
     """Additions to variances by the parameters of other entries: `rest` of the old ones are the first of the new."""
     if further is None:
         return None
-    found = np.zeros(len(new.ties()))
-    decays, turns = ([mask(own) for own in (old, new)] for mask in (_leading, _turning))
-    for (of, to), first in ((decays, (0, 0)), (turns, [int(own.sum()) for own in decays])):
+    additions = np.zeros(len(new.ties()))
+    decays, turns = ([mask(entries) for entries in (old, new)] for mask in (_leading, _turning))
+    for (of, to), first in ((decays, (0, 0)), (turns, [int(moved.sum()) for moved in decays])):
         kept = np.flatnonzero(to[: len(rest)])
         place = np.searchsorted(np.flatnonzero(of), rest[kept])
-        found[first[1] + np.arange(len(kept))] = further[first[0] + place]
-    return found
+        additions[first[1] + np.arange(len(kept))] = further[first[0] + place]
+    return additions
 
 
 def _leading(entries: ModeParameters) -> Mask:

@@ -100,7 +100,7 @@ class Point:
         apart = np.sqrt(np.abs(entries.all_squares).max(initial=0.0))
         if apart * self.period > ASUNDER or np.abs(entries.exponents.real).max(initial=0.0) * self.period > FASTEST:
             return None
-        start = tuple(own.coefficients for own in self.solution.linear)
+        start = tuple(linear.coefficients for linear in self.solution.linear)
         return _weighted(self.blocks, self.floors, self.price, entries, eliminated(self.blocks, entries, start))
 
     def with_entries(self, entries: ModeParameters) -> Point:
@@ -158,10 +158,10 @@ class Point:
     def settled(self, *, below: float = np.inf, steps: int = STEPS, rest: float = REST) -> Point:
         """The least J near this point; given up where J will not come below a value."""
 
-        def enough(now: Point, gains: list[float]) -> bool:
+        def enough(point: Point, gains: list[float]) -> bool:
             # The first steps may gain little: they are not yet the rate at which J falls.
-            slow = len(gains) > 2 and now.value - (steps + 1 - len(gains)) * gains[-1] > below
-            return slow or now.value - HOPE * now.promised > below
+            slow = len(gains) > 2 and point.value - (steps + 1 - len(gains)) * gains[-1] > below
+            return slow or point.value - HOPE * point.promised > below
 
         if below < np.inf and enough(self, []):
             return self
@@ -181,15 +181,15 @@ class Point:
         return -total * float(np.log1p(-min(gain, 0.999)))
 
 
-def _limited(now: Point, step: Floats, _normal: Normal, _damping: float) -> Floats:
-    return step * min(1.0, LONGEST_STEP / (now.entries.longest(step) + np.finfo(float).tiny))
+def _limited(point: Point, step: Floats, _normal: Normal, _damping: float) -> Floats:
+    return step * min(1.0, LONGEST_STEP / (point.entries.longest(step) + np.finfo(float).tiny))
 
 
 def carried(solution: Solution, entries: ModeParameters) -> tuple[Floats, ...]:
     """First values of the coefficients of other entries: those of the columns of nearest rate."""
     old, new = solution.entries.columns(), entries.columns()
     if not (len(old.modes) and len(new.modes)):
-        return tuple(np.zeros((2 * len(new.modes), own.coefficients.shape[1])) for own in solution.linear)
+        return tuple(np.zeros((2 * len(new.modes), linear.coefficients.shape[1])) for linear in solution.linear)
     apart = np.abs(np.subtract.outer(new.rates, old.rates))
     apart[new.factors[new.modes][:, None] != old.factors[old.modes]] = np.inf
     nearest = np.argmin(apart, axis=1)
@@ -197,7 +197,7 @@ def carried(solution: Solution, entries: ModeParameters) -> tuple[Floats, ...]:
     # Of columns that are nearest to the same one, the first has its coefficients.
     known &= np.isin(np.arange(len(nearest)), np.unique(np.where(known, nearest, -1), return_index=True)[1])
     place = np.concatenate([nearest, nearest + len(old.modes)])
-    return tuple(np.where(np.tile(known, 2)[:, None], own.coefficients[place], 0.0) for own in solution.linear)
+    return tuple(np.where(np.tile(known, 2)[:, None], linear.coefficients[place], 0.0) for linear in solution.linear)
 
 
 def _weighted(

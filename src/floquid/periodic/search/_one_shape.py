@@ -39,33 +39,33 @@ ROUGH = 0.1  # deviations that the last step of a fit may have that another foll
 ROUNDS = 3  # fits, each with the noise that the one before it leaves: weights settle at once
 
 
-def with_one_shape(found: SearchResult, false_alarm: float, floor: float, most: int) -> SearchResult:
+def with_one_shape(result: SearchResult, false_alarm: float, floor: float, most: int) -> SearchResult:
     r"""The result with one shape for all hits, if noise explains what that leaves more; else how much they differ.
 
     .. math:: \Delta\chi^2 \sim \chi^2_n, \qquad n = n_{\text{free residues}} - n_{\text{shapes}} - n_{\text{states}}
 
     Pairs near an axis keep free residues: their functions are no exponentials.
     """
-    entries = found.solution.entries
-    hits = {block.hit for block in found.blocks}
-    if len(hits) < 2 or found.as_read or not (~entries.fixed).any():
-        return found
+    entries = result.solution.entries
+    hits = {block.hit for block in result.blocks}
+    if len(hits) < 2 or result.as_read or not (~entries.fixed).any():
+        return result
     with suppress(IdentificationError, np.linalg.LinAlgError):
-        one, bands = OneShape.at(found.blocks, entries, found.solution.linear).solved(), found.bands
-        if (np.abs(one.entries.exponents.real) * 2.0 * np.pi > BRIEF * entries.fundamental).any():
-            one = grown(one, least_noise(found.blocks, found.solution, floor), most)
-            bands = np.where(entries.fixed[:, None], bands, one.entries.bands)
-        probability = agreement(one, found)
-        away = np.abs(one.entries.exponents - entries.exponents) * 2.0 * np.pi / entries.fundamental
+        shared, bands = OneShape.at(result.blocks, entries, result.solution.linear).solved(), result.bands
+        if (np.abs(shared.entries.exponents.real) * 2.0 * np.pi > BRIEF * entries.fundamental).any():
+            shared = grown(shared, least_noise(result.blocks, result.solution, floor), most)
+            bands = np.where(entries.fixed[:, None], bands, shared.entries.bands)
+        probability = agreement(shared, result)
+        away = np.abs(shared.entries.exponents - entries.exponents) * 2.0 * np.pi / entries.fundamental
         if probability > false_alarm and (away < FARTHEST).all():
-            misfit = misfit_of_all(found.blocks, found.residuals)
-            return replace(found, one=one, bands=bands, misfit=misfit)
-        if all((block.noise < QUIET * block.largest).all() for block in found.blocks):
-            return found
-        entry, share = difference(one)
+            misfit = misfit_of_all(result.blocks, result.residuals)
+            return replace(result, one=shared, bands=bands, misfit=misfit)
+        if all((block.noise < QUIET * block.largest).all() for block in result.blocks):
+            return result
+        entry, share = difference(shared)
         value = complex(entries.exponents[entry] + 1j * entries.fundamental * entries.offsets[entry])
-        return replace(found, disagreement=Disagreement(value, share, probability))
-    return found
+        return replace(result, disagreement=Disagreement(value, share, probability))
+    return result
 
 
 def misfit_of_all(blocks: Sequence[Block], rest: Sequence[Residual]) -> float:
@@ -80,17 +80,17 @@ def misfit_of_all(blocks: Sequence[Block], rest: Sequence[Residual]) -> float:
     return float(np.sqrt(np.max(squares[0] / np.maximum(squares[1], 1.0))))
 
 
-def grown(one: OneShape, least: Sequence[Floats], most: int) -> OneShape:
+def grown(shared: OneShape, least: Sequence[Floats], most: int) -> OneShape:
     """The fit with the harmonics that noise does not explain, by the noise that it leaves, at least `least`."""
-    bands = narrowed(one, LOOSE)
+    bands = narrowed(shared, LOOSE)
     for _ in range(GROWTHS):
-        padded = replace(one.entries, bands=bands).padded(GAP + 1, most).bands
-        wide = one.with_bands(padded).solved(at_rest=ROUGH).with_noise(least)
+        padded = replace(shared.entries, bands=bands).padded(GAP + 1, most).bands
+        wide = shared.with_bands(padded).solved(at_rest=ROUGH).with_noise(least)
         kept = narrowed(wide, LOOSE)
         if (kept[:, 0] >= bands[:, 0]).all() and (kept[:, 1] <= bands[:, 1]).all():
             break
-        one, bands = wide, kept
-    return one.with_bands(bands).solved(at_rest=ROUGH).with_noise(least).solved()
+        shared, bands = wide, kept
+    return shared.with_bands(bands).solved(at_rest=ROUGH).with_noise(least).solved()
 
 
 def of_shapes(
@@ -103,61 +103,61 @@ def of_shapes(
     the axis can be seen.
     """
     least = least_noise(blocks, linearise(blocks, entries.picked([])), floor)
-    one = OneShape.near(blocks, entries, eliminated(blocks, entries), values).with_states()
+    shared = OneShape.near(blocks, entries, eliminated(blocks, entries), values).with_states()
     for _ in range(ROUNDS):
-        one = one.with_noise(least).solved(at_rest=ROUGH)
-    one = grown(one, least, most)
-    solution = one.as_solution()
-    rest = residuals_of(one.blocks, solution, floor)
-    peak = strongest(one.blocks, rest, 2.0 * np.pi / entries.fundamental, EXPECTED)
-    misfit = misfit_of_all(one.blocks, rest)
-    return SearchResult(one.blocks, solution, one.entries.bands, peak, tuple(rest), misfit, one=one)
+        shared = shared.with_noise(least).solved(at_rest=ROUGH)
+    shared = grown(shared, least, most)
+    solution = shared.as_solution()
+    rest = residuals_of(shared.blocks, solution, floor)
+    peak = strongest(shared.blocks, rest, 2.0 * np.pi / entries.fundamental, EXPECTED)
+    misfit = misfit_of_all(shared.blocks, rest)
+    return SearchResult(shared.blocks, solution, shared.entries.bands, peak, tuple(rest), misfit, one=shared)
 
 
-def agreement(one: OneShape, free: SearchResult) -> float:
+def agreement(shared: OneShape, free: SearchResult) -> float:
     """Probability that noise makes as much of a difference to the fit of free residues."""
     from scipy.special import chdtrc
 
     entries = free.solution.entries
     modes = ~entries.fixed[entries.columns().modes]
     numbers = int(modes.sum() + (modes & entries.sines()).sum())
-    degrees = numbers * sum(len(block.rows) for block in one.blocks) - one.n_numbers
-    cost = sum(float(np.sum(left / block.noise**2)) for block, left in zip(free.blocks, one.left, strict=True))
+    degrees = numbers * sum(len(block.rows) for block in shared.blocks) - shared.n_numbers
+    cost = sum(float(np.sum(squares / block.noise**2)) for block, squares in zip(free.blocks, shared.left, strict=True))
     return float(chdtrc(degrees, max(cost - free.solution.cost, 0.0))) if degrees > 0 else 1.0
 
 
-def difference(one: OneShape) -> tuple[int, float]:
+def difference(shared: OneShape) -> tuple[int, float]:
     """The entry whose free residues differ most from one shape, and that over its response, in amplitude."""
-    off, size = np.zeros((2, len(one.entries.exponents)))
-    for block, own, values in zip(one.blocks, one.reduced, one.coefficients, strict=True):
-        for entry in np.unique(one.modes):
-            rows = np.flatnonzero(np.tile(one.modes == entry, 2))
-            gram = own.gram[np.ix_(rows, rows)]
-            for total, part in ((off, values[one.own] - own.seen[one.own]), (size, values[one.own])):
+    off, size = np.zeros((2, len(shared.entries.exponents)))
+    for block, reduced, values in zip(shared.blocks, shared.reduced, shared.coefficients, strict=True):
+        for entry in np.unique(shared.modes):
+            rows = np.flatnonzero(np.tile(shared.modes == entry, 2))
+            gram = reduced.gram[np.ix_(rows, rows)]
+            for total, part in ((off, values[shared.own] - reduced.seen[shared.own]), (size, values[shared.own])):
                 each = real_parts(part)[rows]
                 total[entry] += float(np.sum(each * (gram @ each) / block.noise**2))
     worst = int(np.argmax(off))
     return worst, float(np.sqrt(off[worst] / max(size[worst], np.finfo(float).tiny)))
 
 
-def narrowed(one: OneShape, alarm: float) -> Integers:
+def narrowed(shared: OneShape, alarm: float) -> Integers:
     """The bands without the harmonics at their ends that noise explains with the probability `alarm`, one by one.
 
     Each is asked beside all that are left: of modes that share their lines, harmonics may be needed together.
     """
-    columns, bands = one.entries.columns(), one.entries.bands.copy()
-    harmonics, inverse, shapes = columns.harmonics[one.own], one.inverse.copy(), one.shapes.T.copy()
-    bands[:, 0] = np.where(one.entries.real, np.maximum(bands[:, 0], -(one.entries.half_turns // 2)), bands[:, 0])
+    columns, bands = shared.entries.columns(), shared.entries.bands.copy()
+    harmonics, inverse, shapes = columns.harmonics[shared.own], shared.inverse.copy(), shared.shapes.T.copy()
+    bands[:, 0] = np.where(shared.entries.real, np.maximum(bands[:, 0], -(shared.entries.half_turns // 2)), bands[:, 0])
     while True:
         best = (1.0, 0, 0, np.zeros(0, np.int64))
-        for entry in np.unique(one.modes):
+        for entry in np.unique(shared.modes):
             low, high = bands[entry]
             for harmonic, side in ((low, 0), (high, 1)) if low < high else ():
-                column = int(np.flatnonzero((one.modes == entry) & (harmonics == harmonic))[0])
-                rows = np.flatnonzero(np.isin(one.kept, (column, len(one.own) + column)))
-                own = inverse[:, rows][:, :, rows]
-                cost = np.einsum("cr,cr->", shapes[:, rows], np.linalg.solve(own, shapes[:, rows, None])[..., 0])
-                share = float(cost) / chi2_limit(len(rows) * one.n_channels, alarm)
+                column = int(np.flatnonzero((shared.modes == entry) & (harmonics == harmonic))[0])
+                rows = np.flatnonzero(np.isin(shared.kept, (column, len(shared.own) + column)))
+                inner = inverse[:, rows][:, :, rows]
+                cost = np.einsum("cr,cr->", shapes[:, rows], np.linalg.solve(inner, shapes[:, rows, None])[..., 0])
+                share = float(cost) / chi2_limit(len(rows) * shared.n_channels, alarm)
                 best = min(best, (share, int(entry), side, rows), key=lambda each: each[0])
         share, entry, side, rows = best
         if not len(rows):

@@ -67,7 +67,7 @@ def peaks(
     spectra = [_Spectra(residual) for residual in residuals]
     gains, omegas = zip(*(_gains(spectra, rate) for rate in rates), strict=True)
     gain, omega = np.concatenate(gains), np.concatenate(omegas)
-    rate = np.repeat(rates, [len(own) for own in omegas])
+    rate = np.repeat(rates, [len(lines) for lines in omegas])
     degrees = 2 * sum(len(block.rows) for block in blocks)
     limit = chi2_limit(degrees, false_alarm / len(omega))
 
@@ -77,32 +77,32 @@ def peaks(
     largest = at(int(np.argmax(gain)))
     for frequency in passed:
         gain[np.abs(omega - frequency) <= 8.0 * np.pi / span] = 0.0
-    found: list[Peak] = []
-    while len(found) < most:
+    chosen: list[Peak] = []
+    while len(chosen) < most:
         k = int(np.argmax(gain))
-        if found and gain[k] < limit:
+        if chosen and gain[k] < limit:
             break
-        found.append(at(k))
+        chosen.append(at(k))
         if gain[k] < limit:
             break
         # The skirts of a peak are no peaks of their own.
         width = np.maximum(np.maximum(np.abs(rate), abs(rate[k])), 2.0 * np.pi / span)
         apart = np.abs(omega - omega[k]) / width
         gain[(gain < SKIRT * gain[k] / (1.0 + apart**2)) | (apart < 8.0)] = 0.0
-    return largest, found
+    return largest, chosen
 
 
 def _gains(spectra: Sequence[_Spectra], rate: float) -> tuple[Floats, Floats]:
     """Reduction of the misfit by an exponential of each frequency and one decay, and the frequencies (lines,)."""
     from scipy.fft import next_fast_len
 
-    step = min(own.residual.step for own in spectra)
-    grid = max(own.residual.values.shape[1] * own.residual.step for own in spectra)
+    step = min(spectrum.residual.step for spectrum in spectra)
+    grid = max(spectrum.residual.values.shape[1] * spectrum.residual.step for spectrum in spectra)
     # What comes after a fast decay has died is not looked at, and its lines are as wide as it is fast.
     length = min(grid, DIED / rate) if rate > 0.0 else grid
     lines = cast("int", next_fast_len(int(np.ceil(2.0 * (length / step + 1.0))), real=True))
     omega = np.asarray(2.0 * np.pi * np.fft.rfftfreq(lines, step), np.float64)
-    gain = np.sum([own.gain(rate, omega, lines) for own in spectra], axis=0)
+    gain = np.sum([spectrum.gain(rate, omega, lines) for spectrum in spectra], axis=0)
     gain[0] *= 0.5
     return gain, omega
 
@@ -127,7 +127,7 @@ class _Spectra:
         if lines not in self.weights:
             bands = residual.levels.shape[1]
             centres = (np.arange(bands) + 0.5) / bands * (np.pi / residual.step)
-            levels = [np.interp(omega, centres, own) for own in residual.levels / residual.noise[:, None]]
+            levels = [np.interp(omega, centres, level) for level in residual.levels / residual.noise[:, None]]
             self.weights[lines] = (2.0 / np.square(levels)).astype(precision)
         # scipy's transform of several rows in single precision takes a fifth of the time of numpy's in double.
         power = squared(np.asarray(rfft(self.values[:, :lines] * window.astype(precision), lines, axis=1)))

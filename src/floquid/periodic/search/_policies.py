@@ -59,14 +59,14 @@ def searched(first: Point, bounds: Bounds, report: Log = lambda _: None) -> Poin
     until = time.process_time() + bounds.seconds
 
     # Bands first at the exponents as they are: with wide ones, modes that share lines follow the noise.
-    now = descended(first, lambda point: iter([_bands(point, bounds)]), until, report).settled()
+    current = descended(first, lambda point: iter([_bands(point, bounds)]), until, report).settled()
     while True:
-        now = _blurred(now, bounds.angle_std)
-        least = descended(now, lambda point: _stages(point, bounds), until, report)
-        found = replace(together(least), unfinished=least.unfinished)
-        if _blurred(found, bounds.angle_std).price.blur <= WORSE * now.price.blur:
-            return found
-        now = found
+        current = _blurred(current, bounds.angle_std)
+        least = descended(current, lambda point: _stages(point, bounds), until, report)
+        fitted = replace(together(least), unfinished=least.unfinished)
+        if _blurred(fitted, bounds.angle_std).price.blur <= WORSE * current.price.blur:
+            return fitted
+        current = fitted
 
 
 def _stages(point: Point, bounds: Bounds) -> Iterator[Iterable[Move]]:
@@ -142,10 +142,10 @@ def searched_white(
     def at(samples: tuple[Block, ...], start: ModeParameters) -> Point:
         return Point.at(samples, *price_of(samples), start).settled()
 
-    now = descended(at(blocks, entries), loud, time.process_time() + bounds.seconds, report)
+    current = descended(at(blocks, entries), loud, time.process_time() + bounds.seconds, report)
     for look in range(2):
         before = taps
-        plain = now if before is None else at(blocks, now.entries)
+        plain = current if before is None else at(blocks, current.entries)
         taps = residual_filter(blocks, plain.solution, least=STRONG)
         through = None if taps is None else filtered_blocks(blocks, taps)
         taps, after = (None, blocks) if through is None else (taps, through)
@@ -153,8 +153,8 @@ def searched_white(
             break
         if taps is not None:
             report(f"the noise is coloured along the record: whitened by {taps.shape[1] - 1} taps")
-        now = searched(at(after, now.entries), bounds, report)
-    return now, taps
+        current = searched(at(after, current.entries), bounds, report)
+    return current, taps
 
 
 def _blurred(point: Point, angle_std: tuple[float, ...]) -> Point:

@@ -37,8 +37,8 @@ class SearchResult:
     disagreement: Disagreement | None = None  # of the hits, where they do not
 
 
-def kept_with(found: SearchResult, kept: Mask, solution: Solution) -> SearchResult:
+def kept_with(result: SearchResult, kept: Mask, solution: Solution) -> SearchResult:
     """The result with some entries, and their fit: fixed ones are no parameters, what was added to variances stays."""
-    places = tuple(int(kept[:entry].sum()) for entry in found.clusters)
-    solution = replace(solution, further=found.solution.further)
-    return replace(found, solution=solution, bands=found.bands[kept], clusters=places)
+    places = tuple(int(kept[:entry].sum()) for entry in result.clusters)
+    solution = replace(solution, further=result.solution.further)
+    return replace(result, solution=solution, bands=result.bands[kept], clusters=places)

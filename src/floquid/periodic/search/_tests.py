@@ -45,12 +45,12 @@ def spread_of_harmonics(solution: Solution, entry: int, sure: Mask) -> tuple[flo
     gradient, _, information = solution.by_column.tied(_parted(solution.entries, columns))
     inverse, count = scaled_inverse(information, SINGULAR), len(columns)
     step, variance = inverse @ gradient, np.maximum(np.diag(inverse), 1e-300)
-    found = []
+    variances = []
     for part in (slice(-2 * count, -count), slice(-count, None)):
-        own, weight = step[part], 1.0 / variance[part]
-        mean = float(own @ weight / weight.sum())
-        found.append(float((own - mean) ** 2 @ weight / weight.sum()))
-    return found[0], found[1]
+        steps, weight = step[part], 1.0 / variance[part]
+        mean = float(steps @ weight / weight.sum())
+        variances.append(float((steps - mean) ** 2 @ weight / weight.sum()))
+    return variances[0], variances[1]
 
 
 def _parted(entries: ModeParameters, columns: Indices) -> Floats:

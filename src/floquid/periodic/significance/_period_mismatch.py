@@ -55,13 +55,13 @@ class Synchrony:
 def synchrony(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
     """Difference of the response's own period from the one it was lifted with.
 
-    Two signs are looked for: a slow turn of the harmonics within each mode (`drift`), and, where the difference is so
-    large that each harmonic came out as a mode of its own, modes of equal decay spaced by something close to ω
-    (`spacing`). Returns the one with the smaller deviation; None when the response does not tell the period. The
-    `model` was identified from the responses `lifted`.
+    Two signs are looked for: a slow turn of the harmonics within each mode (`drift`), and modes of equal decay spaced
+    by nearly ω (`spacing`). The latter come where the difference is so large that each harmonic became a mode. Returns
+    the one with the smaller deviation; None when the response does not tell the period. The `model` was identified from
+    the responses `lifted`.
     """
-    found = [sign for sign in (drift(model, lifted), spacing(model, lifted)) if sign is not None]
-    return min(found, key=lambda sign: sign.std, default=None)
+    signs = [sign for sign in (drift(model, lifted), spacing(model, lifted)) if sign is not None]
+    return min(signs, key=lambda sign: sign.std, default=None)
 
 
 def spacing(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
@@ -93,8 +93,8 @@ def spacing(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
     # A mode and its conjugate are one member.
     mode = np.array([np.argmin(np.abs(model.exponents - e.real - 1j * abs(e.imag))) for e in model.exponents], int)
     best, most = None, WITNESSES - 1
-    for value, own in zip(relative, error, strict=True):
-        near = np.abs(relative - value) < 4.0 * np.hypot(error, own)
+    for value, std_of_pair in zip(relative, error, strict=True):
+        near = np.abs(relative - value) < 4.0 * np.hypot(error, std_of_pair)
         if near.sum() <= most or 2 * len(np.unique(mode[members[:, near]])) < len(np.unique(mode)):
             continue
         weight = 1.0 / error[near] ** 2
@@ -159,12 +159,12 @@ def _accumulate(
     n = len(shapes)
     pole = curvature * (shapes.conj() @ shapes.T)
     cross = curvature * (shapes.conj() @ turned.T)
-    own = curvature * (turned.conj() @ turned.T)
+    period = curvature * (turned.conj() @ turned.T)
     factors = np.concatenate([np.eye(n), 1j * np.eye(n)], axis=1)
     information[:-1, :-1] += (factors.conj().T @ pole @ factors).real
     mixed = (factors.conj().T @ cross.sum(axis=1)).real
     information[:-1, -1] += mixed
     information[-1, :-1] += mixed
-    information[-1, -1] += float(own.sum().real)
+    information[-1, -1] += float(period.sum().real)
     score[:-1] += (factors.conj().T @ np.sum(seen * shapes.conj(), axis=1)).real
     score[-1] += float(np.sum(seen * turned.conj()).real)

@@ -139,13 +139,13 @@ class Periodicity(Rebuilt):
     @property
     def findings(self) -> tuple[Finding, ...]:
         """The verdict, then what it does not speak for."""
-        found = [self._verdict()]
+        findings = [self._verdict()]
         if len(self.untested):
             modes, harmonics = self.untested.T
-            found.append(note("untested", modes=modes + 1, harmonics=harmonics))
+            findings.append(note("untested", modes=modes + 1, harmonics=harmonics))
         if len(self.locked):
-            found.append(note("locked", modes=self.locked + 1))
-        return tuple(found)
+            findings.append(note("locked", modes=self.locked + 1))
+        return tuple(findings)
 
     def _verdict(self) -> Finding:
         if not self.degrees:
@@ -245,7 +245,7 @@ def periodicity(
         [wald(whole, tested, every[[c]]) for c in every],
     )
     adjusted = np.split(holm(np.array([p for part in parts for *_, p in part])), np.cumsum([len(p) for p in parts])[:2])
-    tables = [_table(part, own) for part, own in zip(parts, adjusted, strict=True)]
+    tables = [_table(part, probabilities) for part, probabilities in zip(parts, adjusted, strict=True)]
     sizes, limits = _sizes_and_limits(whole, orders, tested, noncentrality(degrees, level, power))
     return Periodicity(
         statistic=statistic,
@@ -298,8 +298,8 @@ def _table(part: list[tuple[float, int, float]], adjusted: Floats) -> PartialTes
 def _clear(whole: Estimates, tested: Indices) -> Indices:
     """Harmonics that clearly rise above the noise, each alone."""
     every = np.arange(whole.blocks.shape[0])
-    found = [k for k in tested if whole.turning[k] and wald(whole, np.array([k]), every)[2] < SURE]
-    return np.array(found, np.intp)
+    clear = [k for k in tested if whole.turning[k] and wald(whole, np.array([k]), every)[2] < SURE]
+    return np.array(clear, np.intp)
 
 
 def _sizes_and_limits(whole: Estimates, orders: Integers, tested: Indices, least: float) -> tuple[Floats, Floats]:

@@ -24,8 +24,8 @@ def wald(whole: Estimates, terms: Indices, channels: Indices) -> tuple[float, in
     count = slopes.shape[1]
     system = np.concatenate([slopes, np.eye(count)])
     target = np.concatenate([values, np.zeros(count)])
-    left = target - system @ np.linalg.lstsq(system, target, rcond=None)[0]
-    statistic = float(left @ left)
+    residual = target - system @ np.linalg.lstsq(system, target, rcond=None)[0]
+    statistic = float(residual @ residual)
     return statistic, len(values), float(chdtrc(len(values), statistic))
 
 
@@ -40,9 +40,9 @@ def _whitened(whole: Estimates, terms: Indices, channels: Indices) -> tuple[Floa
             continue
         whitener = _whitener(spread[block])
         scales = whole.scales[terms][:, *rows]
-        own = whole.coefficients[terms][:, *rows] / scales
+        scaled = whole.coefficients[terms][:, *rows] / scales
         moved = whole.slopes[terms][:, *rows] / scales[..., None]
-        values.append((whitener @ np.concatenate([own.real, own.imag])).ravel())
+        values.append((whitener @ np.concatenate([scaled.real, scaled.imag])).ravel())
         turned = np.tensordot(whitener, np.concatenate([moved.real, moved.imag]), axes=1)
         slopes.append(turned.reshape(-1, turned.shape[-1]) @ own_root)
     return np.concatenate(values), np.concatenate(slopes)

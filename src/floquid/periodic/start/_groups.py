@@ -22,30 +22,32 @@ def groups(modal: ModalModel, lifted: Lifted) -> ModeParameters:
     """One mode for each pole of `modal` and group of its harmonics significant in `lifted`, its band about the largest.
 
     Modes fold onto one another in lifted responses: their poles then come out as one, or bent. Their harmonics lie at
-    different unfolded frequencies, and start as modes of their own, parted at the sign of the frequency and at gaps of
-    more than `APART` harmonics; where they are one mode after all, a test of equal exponents joins them.
+    different unfolded frequencies, and start as separate modes. They are split at the sign of the frequency and at gaps
+    of more than `APART` harmonics; where they are one mode after all, a test of equal exponents joins them.
     """
-    found = expansion(modal, lifted)
+    expanded = expansion(modal, lifted)
     omega = 2.0 * np.pi / lifted.period
-    limit = chi2_limit(2 * found.coefficients.shape[1] * found.coefficients.shape[2], SURE)
+    limit = chi2_limit(2 * expanded.coefficients.shape[1] * expanded.coefficients.shape[2], SURE)
     exponents, bands = [], []
-    for r in found.upper:
-        score = _score(found.coefficients[r], found.std[r])
-        turns = found.exponents[r].imag / omega + found.harmonics
+    for r in expanded.upper:
+        score = _score(expanded.coefficients[r], expanded.std[r])
+        turns = expanded.exponents[r].imag / omega + expanded.harmonics
         seen = (score > limit) & (np.abs(turns) < 0.5 * lifted.n_phases - 1e-6)
-        if found.real[r]:
+        if expanded.real[r]:
             seen &= turns > -1e-6  # the other half is its conjugate
         if not seen.any():
             seen[int(np.argmax(score * (turns > -1e-6)))] = True
         places = np.flatnonzero(seen)
-        cut = (np.diff(found.harmonics[places]) > APART) | (np.sign(turns[places[1:]]) != np.sign(turns[places[:-1]]))
-        for own in np.split(places, np.flatnonzero(cut) + 1):
-            strongest = int(own[np.argmax(score[own])])
-            value = found.exponents[r] + 1j * omega * found.harmonics[strongest]
-            ends = found.harmonics[own[[0, -1]]] - found.harmonics[strongest]
+        cut = (np.diff(expanded.harmonics[places]) > APART) | (
+            np.sign(turns[places[1:]]) != np.sign(turns[places[:-1]])
+        )
+        for group in np.split(places, np.flatnonzero(cut) + 1):
+            strongest = int(group[np.argmax(score[group])])
+            value = expanded.exponents[r] + 1j * omega * expanded.harmonics[strongest]
+            ends = expanded.harmonics[group[[0, -1]]] - expanded.harmonics[strongest]
             if value.imag < 0.0:
                 value, ends = value.conjugate(), -ends[::-1]
-            if found.real[r]:
+            if expanded.real[r]:
                 least = omega / int(lifted.responses.lengths.max())
                 value += 1j * OFF_AXIS * max(abs(value.real), least)
             exponents.append(value)

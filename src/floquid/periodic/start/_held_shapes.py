@@ -46,7 +46,7 @@ def held_shapes(modal: ModalModel, lifted: Lifted, *, false_alarm: float) -> tup
 
 def _held(modal: ModalModel, lifted: Lifted, exponents: Complexes, width: int) -> Complexes:
     """Residues (modes, outputs, hits) with harmonics on each side of the branch of each mode."""
-    omega, found = 2.0 * np.pi / lifted.period, np.array(modal.residues)
+    omega, residues = 2.0 * np.pi / lifted.period, np.array(modal.residues)
     for mode, value in enumerate(exponents):
         low = high = 0
         if modal.multipliers[mode].imag == 0.0:
@@ -55,11 +55,11 @@ def _held(modal: ModalModel, lifted: Lifted, exponents: Complexes, width: int) -
             low, high = min(0, mirror), max(0, mirror)
         rates = value + 1j * omega * np.arange(low - width, high + width + 1)
         columns, _ = np.linalg.qr(np.exp(np.multiply.outer(lifted.phase_times, rates)))
-        shapes = lifted.by_channel(found[mode])
+        shapes = lifted.by_channel(residues[mode])
         held = np.einsum("pm,qm,cqh->cph", columns, columns.conj(), shapes, optimize=True)
-        held = held.reshape(found[mode].shape)
-        found[mode] = held.real if modal.multipliers[mode].imag == 0.0 else held
-    return found
+        held = held.reshape(residues[mode].shape)
+        residues[mode] = held.real if modal.multipliers[mode].imag == 0.0 else held
+    return residues
 
 
 def _rise(modal: ModalModel, held: ModalModel, lifted: Lifted) -> float:

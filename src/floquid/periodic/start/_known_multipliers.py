@@ -131,23 +131,23 @@ def _columns(poles: Complexes, n_cycles: int) -> Floats:
 def _orthonormal(columns: Floats) -> Floats:
     """A basis of columns, except for those that are rounding (cycles, rank)."""
     size = np.linalg.norm(columns, axis=0)
-    left, values, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
-    return left[:, values > ROUNDING * values.max(initial=1e-300)]
+    vectors, values, _ = np.linalg.svd(columns[:, size > 0] / size[size > 0], full_matrices=False)
+    return vectors[:, values > ROUNDING * values.max(initial=1e-300)]
 
 
 def _beyond(basis: Floats, columns: Floats, least: float) -> Floats:
     """A basis of what orthonormal columns have beyond another basis, where it is that share at least (cycles, rank)."""
-    left, values, _ = np.linalg.svd(columns - basis @ (basis.T @ columns), full_matrices=False)
-    return left[:, values > least]
+    vectors, values, _ = np.linalg.svd(columns - basis @ (basis.T @ columns), full_matrices=False)
+    return vectors[:, values > least]
 
 
 def _squares_left(values: Floats, basis: Floats) -> Floats:
     """The sum of squares that orthonormal columns leave of responses (responses,)."""
     taken = values @ basis
     whole = np.einsum("rn,rn->r", values, values)
-    left = whole - np.einsum("rk,rk->r", taken, taken)
-    if (left > ALMOST_ALL * whole).all():
-        return left
+    squares = whole - np.einsum("rk,rk->r", taken, taken)
+    if (squares > ALMOST_ALL * whole).all():
+        return squares
     return np.sum((values - taken @ basis.T) ** 2, axis=1)
 
 
@@ -158,14 +158,18 @@ def _gain(lifted: Lifted, bases: Sequence[Floats], less: Known, more: Known) -> 
     """
     total, data = 0.0, lifted.responses
     for hit, length in enumerate(data.lengths.tolist()):
-        own = bases[hit]
-        basis = np.concatenate([own, _beyond(own, less.basis(length), ROUNDING)], axis=1) if less else own
+        basis_of_hit = bases[hit]
+        basis = (
+            np.concatenate([basis_of_hit, _beyond(basis_of_hit, less.basis(length), ROUNDING)], axis=1)
+            if less
+            else basis_of_hit
+        )
         extra = _beyond(basis, more.basis(length), TOLD)
         values = data.values[:, hit, :length]
         seen = values @ extra
         free = max(length - basis.shape[1] - extra.shape[1], 1)
-        left = _squares_left(values, np.concatenate([basis, extra], axis=1))
-        noise = lifted.by_channel(left[:, None] / free).mean(axis=1)[:, 0]
+        squares = _squares_left(values, np.concatenate([basis, extra], axis=1))
+        noise = lifted.by_channel(squares[:, None] / free).mean(axis=1)[:, 0]
         # Noise that is coloured is loudest near some multiplier: what lies beside the known one says how loud there.
         beside = _beyond(np.concatenate([basis, extra], axis=1), _neighbours(less, more, length), TOLD)
         if beside.shape[1] >= ENOUGH:
@@ -203,26 +207,26 @@ def _subtracted(
 ) -> tuple[Lifted, tuple[float, ...]]:
     """The responses without the known columns, and the turns a period of their harmonics above the noise."""
     data = lifted.responses
-    values, found = np.array(data.values), []
+    values, turns_of_hits = np.array(data.values), []
     for hit, length in enumerate(data.lengths.tolist()):
         columns = [(root, part) for root in known.roots for part in columns_of(root, length)]
         names, stack = [root for root, _ in columns], [part for _, part in columns]
         if known.drift:
             stack.append(_drift(length))
         if speeds is not None:
-            stack += [own * part for _, part in columns for own in speeds[hit]]
+            stack += [speed * part for _, part in columns for speed in speeds[hit]]
         system = np.concatenate([np.stack(stack, axis=1), _columns(poles, length)], axis=1)
         size = np.linalg.norm(system, axis=0)
         system = system[:, size > 0] / size[size > 0]
         inverse = np.linalg.pinv(system, rcond=1e-10)
-        own = data.values[:, hit, :length]
-        amplitudes = own @ inverse.T
-        values[:, hit, :length] = own - amplitudes[:, : len(stack)] @ system[:, : len(stack)].T
-        noise = np.sum((own - amplitudes @ system.T) ** 2, axis=1) / max(length - system.shape[1], 1)
+        response = data.values[:, hit, :length]
+        amplitudes = response @ inverse.T
+        values[:, hit, :length] = response - amplitudes[:, : len(stack)] @ system[:, : len(stack)].T
+        noise = np.sum((response - amplitudes @ system.T) ** 2, axis=1) / max(length - system.shape[1], 1)
         noise = np.maximum(lifted.by_channel(noise[:, None]).mean(axis=1)[:, 0], _least(lifted)[:, hit])
         spread = np.sum(inverse**2, axis=1)
-        found.append(_harmonics(lifted, names, amplitudes[:, : len(names)], noise, spread[: len(names)]))
-    turns = sorted({turn for each in found for turn in each})
+        turns_of_hits.append(_harmonics(lifted, names, amplitudes[:, : len(names)], noise, spread[: len(names)]))
+    turns = sorted({turn for each in turns_of_hits for turn in each})
     values.flags.writeable = False
     free = replace(data, values=values, taken=known.basis(int(data.lengths.max())))
     return replace(lifted, responses=free), tuple(turns)
@@ -231,7 +235,7 @@ def _subtracted(
 def _harmonics(lifted: Lifted, roots: Sequence[float], amplitudes: Floats, noise: Floats, spread: Floats) -> set[float]:
     """Turns a period of the harmonics of known columns that rise above the noise, up to half of the samples."""
     half, omega = lifted.n_phases // 2, 2.0 * np.pi / lifted.period
-    limit, found = chi2_limit(2 * lifted.n_channels, CERTAIN), set()
+    limit, turns_found = chi2_limit(2 * lifted.n_channels, CERTAIN), set()
     for column, root in enumerate(roots):
         turns = root + np.arange(-half, half + 1)
         kernel = np.exp(-1j * omega * np.multiply.outer(turns, lifted.phase_times)) / lifted.n_phases
@@ -239,5 +243,5 @@ def _harmonics(lifted: Lifted, roots: Sequence[float], amplitudes: Floats, noise
         power = np.abs(shapes @ kernel.T) ** 2
         scale = noise[:, None] * spread[column] / (2.0 * lifted.n_phases)
         seen = (power / scale).sum(axis=0) > limit
-        found |= {abs(float(turn)) for turn in turns[seen] if abs(turn) <= 0.5 * lifted.n_phases}
-    return found
+        turns_found |= {abs(float(turn)) for turn in turns[seen] if abs(turn) <= 0.5 * lifted.n_phases}
+    return turns_found

@@ -191,15 +191,15 @@ def bootstrap(
 
     .. math:: y^{(b)}_{c,h}(t_n) = \hat y_{c,h}(t_n) + \hat\sigma_{c,h}\, e^{(b)}_{c,h,n}, \qquad b = 1 \dots B
 
-    with ŷ the response as it was fitted (harmonics that the model does not keep included) at the samples of the record,
-    and e white noise of unit variance, or coloured by the inverse of the filter that whitened the record (Efron and
-    Tibshirani 1993, "An Introduction to the Bootstrap", section 6.5). Measured inputs are those of the record; of
-    outputs alone the innovations are drawn, with their covariance along the period, and go through the model. In each
-    draw the same modes with the same bands of harmonics are fitted anew, from the model on, and A(t) is built from that
-    fit as the analysis built it, with the structure that it has. What the draws show of the deviations that the fit
-    itself gave is said in words: those are right to first order in the noise alone. The deviations of A(t), Φ and B(t)
-    without a structure also count the harmonics that are left out, which are in no draw: the draws may spread less than
-    these, but not more. Returns the spread of each quantity, and the verdict.
+    with ŷ the fitted response, with harmonics that the model does not keep, at the samples of the record. e is white
+    noise of unit variance, or coloured by the inverse of the whitening filter (Efron and Tibshirani 1993, "An
+    Introduction to the Bootstrap", section 6.5). Measured inputs are those of the record; of outputs alone the
+    innovations are drawn, with their covariance along the period, and go through the model. In each draw the same modes
+    with the same bands are fitted anew, from the model on. A(t) is built from that fit as the analysis built it, with
+    its structure. What the draws show of the deviations that the fit itself gave is said in words: those are right to
+    first order in the noise alone. The deviations of A(t), Φ and B(t) without a structure also count the harmonics that
+    are left out, which are in no draw: the draws may spread less than these, but not more. Returns the spread of each
+    quantity, and the verdict.
 
     Raises InputError where an argument is not possible, the processes cannot be started or die, or the draws cannot be
     kept; IdentificationError where fewer than two draws give the order drawn from, or the model fails.

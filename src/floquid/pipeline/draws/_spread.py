@@ -23,9 +23,9 @@ class Spread(Rebuilt):
     .. math:: s^2 = \frac{1}{B - 1} \sum_b (\theta_b - \bar\theta)^2, \qquad
               \frac{\mathrm{std}(s)}{s} \approx \frac{1}{\sqrt{2 (B - 1)}}
 
-    (Efron and Tibshirani 1993, "An Introduction to the Bootstrap", chapters 6 and 13.) Of a complex quantity
-    everything is said of the real part and of the imaginary part: a deviation, an end of an interval or a ratio has
-    that of the real part as its real part, and that of the imaginary part as its imaginary part.
+    (Efron and Tibshirani 1993, "An Introduction to the Bootstrap", chapters 6 and 13.) Of a complex quantity everything
+    is said of the real part and of the imaginary part: a deviation, an end of an interval or a ratio has the real
+    part's as its real part. Its imaginary part is that of the imaginary part.
 
     Parameters
     ----------

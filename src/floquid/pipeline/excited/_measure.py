@@ -45,11 +45,10 @@ def measure_transfer(
     .. math:: u(t) = e^{i \Omega t} \;\to\; y(t) = \sum_m G_m(\Omega)\, e^{i (\Omega + m \omega) t}
 
     of samples: what the input does between them, and what is folded, are in G. Where the inputs repeat after a whole
-    number of periods, as those of `multisine`, G is that of the lines they excite, its variance that of the repeats;
-    otherwise it is found by polynomials over neighbouring lines (local polynomial method). Of chirps, one a record,
-    from rest and back to it and begun at different phases of the period, it may be found at all lines at once, its
-    curvature penalised (Siddiqi 2001, `transfer.by_chirps`). A scan, one sine after another, is several records of
-    repeats.
+    number of periods, as those of `multisine`, G is that of their lines. Its variance is that of the repeats; otherwise
+    it is found by polynomials over neighbouring lines (local polynomial method). Chirps, one a record, from rest and
+    back to it, begin at different phases of the period. From them G is found at all lines at once, its curvature
+    penalised (Siddiqi 2001, `transfer.by_chirps`). A scan, one sine after another, is several records of repeats.
 
     Parameters
     ----------

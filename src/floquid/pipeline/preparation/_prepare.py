@@ -98,13 +98,13 @@ def prepare(
 ) -> Prepared:
     """The responses and their clocks, of records and settings: what `identify`, `lifted` and `floquid scan` start from.
 
-    The clock that the settings name is put on, hits are cut out or the first periods left out, channels that are no
-    responses are left out, the orbit that a file holds is subtracted, and the period or the angle of the shaft is
-    found. What cannot end well is refused before any long work.
+    The clock of the settings is put on, hits are cut out or first periods left out, and so are channels that are no
+    responses. The orbit of the file is subtracted, and the period or the angle of the shaft is found. What cannot end
+    well is refused before any long work.
 
     `records`, `settings`, `report` and `options` are those of `identify`; `of` is the callable that was asked, for
-    messages. Raises InputError where a record or an option is not possible, IdentificationError where the record is too
-    short, or its period or the angle of its shaft cannot be told or is not constant enough.
+    messages. Raises InputError where a record or an option is not possible. Raises IdentificationError where the record
+    is too short, or its period or shaft angle is unknown or not constant enough.
     """
     chosen = settings_of(settings, options, of)
     refuse_excited(chosen, of)

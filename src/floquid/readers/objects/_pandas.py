@@ -74,7 +74,7 @@ def from_pandas(
     that does not hold real numbers is refused, not left out.
 
     Of what `to_pandas` gave it is the record that was, except for its provenance. Raises InputError where pandas is not
-    installed, the table has no times and no rate is given, times are uneven, or a column, a unit or a number is not
+    installed, times are uneven, or there are no times and no rate. So it does where a column, a unit or a number is not
     possible.
 
     Parameters

@@ -76,7 +76,8 @@ def from_sep005(
     `quantity`, `group` and `start_timestamp` are used. A sample that is NaN or None is missing.
 
     Of what `to_sep005` gave it is the record that was, except for its provenance. Raises InputError where a key is
-    missing, the signals were not sampled together (the message says which), or a unit or a number is not possible.
+    missing or the signals were not sampled together (the message says which). So it does where a unit or a number is
+    not possible.
 
     `signals` has one dictionary a channel; a single one will do. `rate`, `units`, by the names of channels in place of
     `unit_str`, `period` and `origin` are those of `from_pandas`.

@@ -64,8 +64,8 @@ def from_xarray(
     other dimension, or those of the variables. Units are the coordinate `unit`, or `attrs["units"]`.
 
     Of what `to_xarray` gave it is the record that was, except for its provenance. Raises InputError where xarray is not
-    installed, there are no times and no rate is given, times are uneven, or a dimension, a unit or a number is not
-    possible.
+    installed, times are uneven, or there are no times and no rate. So it does where a dimension, a unit or a number is
+    not possible.
 
     Parameters
     ----------
