@@ -8,7 +8,7 @@ from floquid import ConstantPeriod, Record, identify
 from floquid.innovations import _search as ambient_search
 from floquid.innovations import _solve as ambient_fits
 from floquid.inputs.search import _point as driven_fits
-from floquid.periodic.search._objective import Point
+from floquid.periodic.search import Point
 
 FREE = {"rotor": (paper_rotor(), 30), "lag": (mathieu_and_lag(), 10), "masses": (two_masses(), 12)}
 DRIVEN = {"masses": two_masses(), "lag": mathieu_and_lag(), "creeping": creeping(0.0145)}
