@@ -40,11 +40,12 @@ def ambient(name, seed):
 
 
 CASES = [
-    *[pytest.param(ambient, "noise", seed, id=f"ambient-noise-{seed}") for seed in range(1, 5)],
-    *[pytest.param(ambient, "creeping", seed, id=f"ambient-creeping-{seed}") for seed in range(3)],
     *[pytest.param(free, name, seed, id=f"free-{name}-{seed}") for name in FREE for seed in range(2)],
     *[pytest.param(driven, name, seed, id=f"driven-{name}-{seed}") for name in DRIVEN for seed in range(2)],
+    *[pytest.param(ambient, "noise", seed, id=f"ambient-noise-{seed}") for seed in range(1, 5)],
+    *[pytest.param(ambient, "creeping", seed, id=f"ambient-creeping-{seed}") for seed in range(3)],
 ]
+"""The first of them is for every day: outputs alone take six seconds."""
 
 
 def identified(system, values, phases, options):
