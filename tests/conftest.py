@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, settings
 os.environ["MPLBACKEND"] = "Agg"
 
 LOOKED_AT = re.compile(r"tests/browser/|tests/docs/test_blocks\.py::test_page\b")
-REPEATED = re.compile(r"tests/statistics/|benchmarks/(paper|peers|order|adversary|structure)/")
+REPEATED = re.compile(r"tests/statistics/|benchmarks/(?!frozen/)\w+/")
 
 # No time is ever asserted: neither a deadline nor hypothesis' own complaint about slow data.
 settings.register_profile(

@@ -54,14 +54,28 @@ def test_no_room_imports_what_is_private_to_another(trees):
     assert not wrong
 
 
-@pytest.mark.parametrize(("module", "needed"), [("floquid", set()), ("floquid.cli", {"rich", "cyclopts"})])
-def test_import_loads_nothing_slow(module, needed):
-    """`import floquid` and `floquid --help` stay quick: what is slow to load is loaded by those who use it."""
-    code = f"import sys, {module}; print('\\n'.join(sys.modules))"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    loaded = set(run.stdout.split())
-    assert module in loaded
-    assert loaded.intersection(SLOW_TO_LOAD) == needed
+LOADS = """
+import sys, floquid
+print(*sys.modules)
+import floquid.cli
+print(*sys.modules)
+record = floquid.systems.JeffcottRotor().simulate(n_periods=30)
+found = floquid.identify(record, validate=False)
+found.summary(), found._repr_html_(), repr(found.plot)
+print(*sys.modules)
+"""
+
+
+def test_what_is_slow_to_load_is_loaded_by_those_who_use_it():
+    """`import floquid` and `floquid --help` stay quick, and what draws nothing loads no plotting library."""
+    run = subprocess.run([sys.executable, "-c", LOADS], capture_output=True, text=True, check=True)
+    alone, command, identified = (set(line.split()) for line in run.stdout.splitlines())
+    assert "floquid" in alone
+    assert not alone & set(SLOW_TO_LOAD)
+    assert "floquid.cli" in command
+    assert command & set(SLOW_TO_LOAD) == {"rich", "cyclopts"}
+    assert "floquid.pipeline" in identified
+    assert not identified & {"matplotlib", "bokeh"}
 
 
 def test_paths_that_the_page_for_contributors_names_exist():

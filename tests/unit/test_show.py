@@ -3,8 +3,6 @@
 import importlib
 import inspect
 import pkgutil
-import subprocess
-import sys
 from dataclasses import dataclass, fields, is_dataclass, replace
 from inspect import signature
 from typing import get_origin
@@ -148,13 +146,3 @@ def test_the_figures_are_those_of_plot(results):
     assert results["scan"].plot.stabilisation(chosen=4).axes
     with pytest.raises(AttributeError, match="this Analysis has no figure 'stabilisation'; those it has: coeff"):
         found.plot.stabilisation()
-
-
-def test_no_plotting_library_is_loaded_before_it_draws():
-    code = (
-        "import sys; from floquid import identify, systems; record = systems.JeffcottRotor().simulate(n_periods=30);"
-        "found = identify(record, validate=False); found.summary(); found._repr_html_(); repr(found.plot);"
-        "print({'matplotlib', 'bokeh'}.intersection(sys.modules))"
-    )
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert run.stdout == "set()\n"

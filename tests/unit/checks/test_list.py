@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from floquid.checks import CHECKS, Ambient, Check, Criterion, Decays, Driven, Validation
-from floquid.checks._check import REMAINDER, Evidence, Subject, looked_at
+from floquid.checks import CHECKS, Ambient, Check, Criterion, Decays, Driven, Evidence, Validation
+from floquid.checks._check import REMAINDER, Subject, looked_at
 from floquid.findings import failure, warning
 from floquid.findings._finding import WORDS
 

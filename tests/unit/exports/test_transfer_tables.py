@@ -7,8 +7,7 @@ import pytest
 from scipy.io import loadmat
 
 from floquid import Channel, InputError
-from floquid.exports import export_transfer, import_transfer
-from floquid.exports._transfer_tables import transfer_rows
+from floquid.exports import export_transfer, import_transfer, transfer_rows
 from floquid.inputs import TransferFunctions
 
 PORTS = {1: "s1p", 2: "s2p", 3: "s3p", 5: "s5p"}

@@ -14,7 +14,7 @@ from floquid.core import ConstantPeriod, PeriodicModel
 from floquid.lifting import filters_of, lift, unlift, whitened, whitening_filter
 from floquid.lti import fit_residues
 from floquid.periodic import Known, assemble, synchrony
-from floquid.periodic.significance._period_mismatch import drift
+from floquid.periodic.significance import drift
 from floquid.pipeline import Settings, _find_poles, _start
 from floquid.pipeline import lifted as lifted_of
 from floquid.pipeline._noise_colour import first_filter

@@ -15,11 +15,12 @@ from floquid.errors import InputError
 from floquid.lti import MaximumLikelihood, Outcome, TimeResponses
 from floquid.lti._era import hankel_covariance
 from floquid.lti._factor import factors
+from floquid.lti.rational import LSCF, PolyLSCF
 from floquid.lti.rational import _denominator as denominator
 from floquid.lti.rational import _lines as lines_module
 from floquid.lti.rational import _lscf as rational
 from floquid.lti.rational._denominator import Band, Basis, Equations
-from floquid.lti.rational._lscf import LSCF, PolyLSCF, common, hankel
+from floquid.lti.rational._lscf import common, hankel
 
 BOTH = pytest.mark.parametrize("kind", [LSCF, PolyLSCF])
 FOUR = np.array([-0.02 + 0.2j, -0.03 + 0.7j, -0.02 + 1.5j, -0.01 + 2.9j])

@@ -196,6 +196,7 @@ def test_impossible_tolerances_are_refused(name, value):
 # The scan.
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("identifier", [None, MaximumLikelihood(), MaximumLikelihood(initial=ERA())], ids=repr)
 def test_any_identifier_is_scanned_and_prepared_once(identifier, monkeypatch):
     chosen = ERA() if identifier is None else identifier

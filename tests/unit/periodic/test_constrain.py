@@ -13,9 +13,7 @@ from floquid.errors import IdentificationError, InputError
 from floquid.lifting import lift, whitened
 from floquid.lti import fit_residues
 from floquid.periodic import assemble, fit, refit
-from floquid.periodic.least_squares._lifted_block import LiftedBlock
-from floquid.periodic.least_squares._parameters import ModeParameters
-from floquid.periodic.least_squares._solver import linearise
+from floquid.periodic.least_squares import LiftedBlock, ModeParameters, linearise
 from floquid.store import load, save
 from floquid.sync import segment
 from floquid.testing import pair_exponents

@@ -9,8 +9,7 @@ from tests.unit.periodic.test_constrain import OMEGA, PERIOD, records, system
 
 from floquid import identify
 from floquid.errors import IdentificationError
-from floquid.periodic.least_squares import forced_entries
-from floquid.periodic.least_squares._record_block import RecordBlock
+from floquid.periodic.least_squares import RecordBlock, forced_entries
 from floquid.periodic.search import Bounds, Point, priced, searched
 from floquid.testing import assert_exponents_close, pair_exponents
 

@@ -14,11 +14,7 @@ from floquid.core import ConstantPeriod, Estimates, Record
 from floquid.errors import InputError
 from floquid.lifting import lift
 from floquid.periodic import assemble
-from floquid.periodic.least_squares._estimates import estimates_of
-from floquid.periodic.least_squares._lifted_block import LiftedBlock
-from floquid.periodic.least_squares._parameters import ModeParameters
-from floquid.periodic.least_squares._record_block import RecordBlock
-from floquid.periodic.least_squares._solver import linearise, solve
+from floquid.periodic.least_squares import LiftedBlock, ModeParameters, RecordBlock, estimates_of, linearise, solve
 from floquid.sync import segment
 
 

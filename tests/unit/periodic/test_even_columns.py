@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from floquid.periodic.least_squares._record_block import RecordBlock
-from floquid.periodic.least_squares._sample_block import PLAIN, SPEED, TREND, Columns
+from floquid.periodic.least_squares import PLAIN, SPEED, TREND, RecordBlock
+from floquid.periodic.least_squares._sample_block import Columns
 from floquid.periodic.least_squares._uniform_grid import AT_ONCE, FEWEST, EvenColumns, step_of
 
 STEP, START = 0.01, 3.7

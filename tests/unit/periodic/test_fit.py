@@ -10,11 +10,7 @@ from floquid import ConstantPeriod, IdentificationError, InputError, Record
 from floquid.findings import texts
 from floquid.lifting import lift
 from floquid.periodic import fit
-from floquid.periodic.least_squares import forced_entries
-from floquid.periodic.least_squares._blocks_of_records import record_blocks
-from floquid.periodic.least_squares._lifted_block import LiftedBlock
-from floquid.periodic.least_squares._parameters import ModeParameters
-from floquid.periodic.least_squares._solver import linearise
+from floquid.periodic.least_squares import LiftedBlock, ModeParameters, forced_entries, linearise, record_blocks
 from floquid.sync import segment
 
 PERIOD = 2.0

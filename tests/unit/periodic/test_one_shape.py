@@ -202,6 +202,7 @@ def test_one_hit_says_nothing_of_shapes(hits):
     assert not {"one_shape", "hits_disagree"} & {finding.code for finding in found.fit.findings}
 
 
+@pytest.mark.slow
 def test_brief_hits_pass():
     """Four periods of twelve hits hold four poles that die in two: each hit alone would be too short."""
     brief = Hits.drawn([-2.0 + 1.6j, -1.0 + 0.9j], 12, 4, phases=16, noise=0.01)

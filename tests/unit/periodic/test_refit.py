@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 
 from floquid import ConstantPeriod, InputError, PeriodicModel, Record, identify
 from floquid.periodic import instants, own_period, refit, unexplained
-from floquid.periodic.least_squares._lifted_block import KeptCycles
+from floquid.periodic.least_squares import KeptCycles
 from floquid.sync import shaft_angle
 from floquid.systems import JeffcottRotor, Run
 

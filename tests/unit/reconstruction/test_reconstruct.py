@@ -52,6 +52,7 @@ STATES = {"mass": (["X", "Y"], ROTOR.system), "turntable": (["X_tt", "Y_tt"], RO
 EVERY_STATES = pytest.mark.parametrize(("states", "truth"), STATES.values(), ids=STATES)
 
 
+@pytest.mark.first(3)
 @EVERY_STATES
 @pytest.mark.parametrize("times", [50, 7, np.array([0.3, 5.0, 40.0, -2.0])], ids=["50", "7", "any"])
 def test_the_state_matrix_is_exact_without_noise(model, states, truth, times):

@@ -274,7 +274,7 @@ WRONG = {
 }
 
 
-@pytest.mark.first(3)
+@pytest.mark.first(2)
 @pytest.mark.parametrize("case", WRONG)
 def test_a_structure_that_is_wrong_in_one_way_is_refused(oracle, case):
     name, structure = WRONG[case]

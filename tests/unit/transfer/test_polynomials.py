@@ -101,7 +101,7 @@ def test_two_inputs_and_frequencies_that_are_named():
 def test_units_of_two_inputs_may_be_far_apart():
     """The power that an input has between the lines of others is its own."""
     system = two_masses()
-    values, inputs = record_of(system, 120, 24, 0.01, 0)
+    values, inputs = record_of(system, 60, 24, 0.01, 0)
     names = ["y0", "y1", "F0", "F1"]
     found = [
         measure_transfer(

@@ -17,7 +17,8 @@ from scipy.linalg import expm
 
 from floquid.errors import InputError
 from floquid.floquet import OpenFastLinearisation, read_openfast
-from floquid.floquet.files._lin_file import LinSignals, number, read_lin
+from floquid.floquet.files import LinSignals, read_lin
+from floquid.floquet.files._lin_file import number
 
 FOLDER = Path(__file__).resolve().parents[5] / "shared" / "data" / "openfast_lin"
 REAL = pytest.mark.skipif(not FOLDER.is_dir(), reason=f"there is no folder {FOLDER.name} of real files")

@@ -208,7 +208,8 @@ def test_harmonics_just_above_half_the_samples_are_seen_though_the_probes_miss_t
 @pytest.mark.parametrize("n_nodes", [2, 3, 4])
 def test_collocation_has_its_order(n_nodes):
     """The error over an interval falls as its width to the power 2s + 1."""
-    from floquid.floquet.monodromy_matrix._collocation import collocate, gauss
+    from floquid.floquet.monodromy_matrix import gauss
+    from floquid.floquet.monodromy_matrix._collocation import collocate
 
     def a(t):
         return np.array([[0.2, 1.0], [-1.0 - 0.5 * np.cos(t), -0.1]])
