@@ -12,7 +12,7 @@ from floquid._arrays import Complexes, Mask
 from floquid._checks import frozen_array, input_error
 from floquid.core import PeriodicModel
 from floquid.floquet import FloquetModes, stability, upper_modes
-from floquid.plot._style import BLACK, BLUE, GREEN, GREY, ORANGE, SIZE, VERMILION, drawing
+from floquid.plot._style import BLACK, BLUE, GREEN, GREY, ORANGE, SIZE, VERMILION, Into, drawing, grid_of
 from floquid.views import exponent_ellipses, grows, multiplier_ellipses, with_error
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ _TRUE: dict[str, Any] = {"linestyle": "none", "marker": "x", "color": BLACK, "ma
 _REGION: dict[str, Any] = {"color": GREEN, "linewidth": 1.1}
 
 
-def exponents(modes: FloquetModes | PeriodicModel, *, truth: ArrayLike | None = None) -> Figure:
+def exponents(modes: FloquetModes | PeriodicModel, *, truth: ArrayLike | None = None, ax: Into = None) -> Figure:
     """The exponents with their families λ + imω, and the multipliers about the unit circle.
 
     Exponents are the representatives, whose zeroth harmonic is the strongest of the shape, numbered as pairs in the
@@ -52,20 +52,20 @@ def exponents(modes: FloquetModes | PeriodicModel, *, truth: ArrayLike | None = 
     tell their size.
 
     `modes` is what `floquet.modes` found, or the model that `identify` found; of a model alone `truth` are the true
-    exponents (exponents,) [1/s], on any branch, and of a conjugate pair one will do. Raises InputError where `modes` is
-    something else, or the truth is no list of numbers or given for modes that are known.
+    exponents (exponents,) [1/s], on any branch, and of a conjugate pair one will do. `ax` are two axes to draw into, of
+    a model with deviations one more for each mode drawn close up. Raises InputError where `modes` is something else,
+    the truth is no list of numbers or given for modes that are known, or the axes do not fit.
     """
     of = "exponents"
     if isinstance(modes, PeriodicModel):
-        return _identified(modes, truth, of)
+        return _identified(modes, truth, ax, of)
     if truth is not None:
         must, got = "be given for an identified model alone", f"is {truth!r:.60}"
         raise input_error("truth", of, must, got, "Leave it out: the exponents of a known A(t) are the truth.")
     if not isinstance(modes, FloquetModes):
         must, remedy = "be a FloquetModes or a PeriodicModel", "Pass floquet.modes(A, period) or analysis.model."
         raise input_error("modes", of, must, f"is {modes!r:.60}", remedy)
-    with drawing(3.9) as figure:
-        left, right = figure.subplots(1, 2, width_ratios=(1, 1))
+    with drawing(3.9, ax, of, panels=grid_of(1, 2)) as (figure, (left, right)):
         _draw_exponents(left, modes)
         _draw_multipliers(right, modes)
     return figure
@@ -227,16 +227,20 @@ def _overlap(one: Sequence[float], other: Sequence[float]) -> float:
     return max(across, 0.0) * max(up, 0.0)
 
 
-def _identified(model: PeriodicModel, truth: ArrayLike | None, of: str) -> Figure:
+def _identified(model: PeriodicModel, truth: ArrayLike | None, ax: Into, of: str) -> Figure:
     """The exponents and the multipliers of a model, and each exponent close up with the region of its errors."""
     known = None if truth is None else frozen_array(truth, "truth", of, axes=("exponents",), dtype=np.complex128)
     upper, edges = list(model.upper_modes), exponent_ellipses(model, LEVEL)
     close = upper[:MOST] if edges is not None else []
     rows = -(-len(close) // ACROSS)
     paired = None if known is None else _truth_of(model, known)
-    with drawing(3.6 + 1.75 * rows) as figure:
-        grid = figure.add_gridspec(1 + rows, 2 * ACROSS, height_ratios=(3.2, *[1.55] * rows))
-        left, right = figure.add_subplot(grid[0, :ACROSS]), figure.add_subplot(grid[0, ACROSS:])
+    # Two panels share the first row; below, each mode has one, and the last row may have room.
+    panels = np.vstack(
+        [np.repeat([[0, 1]], ACROSS, axis=1), 2 + np.arange(2 * rows * ACROSS).reshape(rows, 2 * ACROSS) // 2]
+    )
+    panels[panels >= 2 + len(close)] = -1
+    layout = {"panels": panels.tolist(), "height_ratios": (3.2, *[1.55] * rows), "empty_sentinel": -1}
+    with drawing(3.6 + 1.75 * rows, ax, of, **layout) as (figure, (left, right, *small)):
         _draw_plane(left, model, upper, paired)
         _draw_circle(right, float(np.abs(model.multipliers).max(initial=0.0)))
         _draw_identified(right, model, model.multipliers)
@@ -246,11 +250,8 @@ def _identified(model: PeriodicModel, truth: ArrayLike | None, of: str) -> Figur
         if paired is not None:
             mu = np.asarray(np.exp(paired * model.period), dtype=np.complex128)
             right.plot(mu.real, mu.imag, **_TRUE)
-        for axes in (left, right):
-            axes.tick_params(labelsize=SIZE)
-        for number, mode in enumerate(close):
+        for number, (mode, axes) in enumerate(zip(close, small, strict=True)):
             row, column = divmod(number, ACROSS)
-            axes = figure.add_subplot(grid[1 + row, 2 * column : 2 * column + 2])
             assert edges is not None
             _draw_close(axes, model, mode, number + 1, edges[mode], paired)
             if row == rows - 1:

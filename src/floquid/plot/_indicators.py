@@ -20,9 +20,10 @@ from floquid.plot._style import (
     POINTS,
     PURPLE,
     VERMILION,
+    Into,
     drawing,
     frequency_unit,
-    keep_sizes,
+    grid_of,
     plain,
     plain_decades,
     several,
@@ -40,20 +41,20 @@ LOOKS = ((BLUE, "-", 1.8), (ORANGE, "-", 1.2), (GREEN, (0, (4, 1.5)), 1.2), (PUR
 DEEP = 20  # how many singular values are shown beyond those above the noise
 
 
-def indicators(found: Indicators) -> Figure:
+def indicators(found: Indicators, *, ax: Into = None) -> Figure:
     """Mode indicator functions over the band 0 to ω/2, and the singular values of the responses, both over the noise.
 
     On the left, 1 is where white noise alone would lie: of the mode indicator functions (CMIF) its expected end, of the
     composite its mean. A second CMIF that rises where the first does means a second mode. On the right, each value
     above the line is the trace of a pole.
 
-    `found` is what `order.indicators` found. Raises InputError where it is something else.
+    `found` is what `order.indicators` found, and `ax` are two axes to draw into. Raises InputError where one is
+    something else.
     """
     if not isinstance(found, Indicators):
         remedy = "Pass what `order.indicators` gives."
         raise input_error("found", "indicators", "be an Indicators", f"is {found!r:.60}", remedy)
-    with drawing(3.8) as figure:
-        left, right = figure.subplots(1, 2, width_ratios=(3, 2))
+    with drawing(3.8, ax, "indicators", panels=grid_of(1, 2), width_ratios=(3, 2)) as (figure, (left, right)):
         _draw_curves(left, found)
         _draw_values(right, found)
         left.set_xlabel(r"lifted band, 0 to $\omega$/2 [Hz]")
@@ -94,7 +95,7 @@ def _draw_values(axes: Axes, found: Indicators) -> None:
     axes.text(0.97, 0.96, f"{found.n_above} above the noise", transform=axes.transAxes, ha="right", va="top")
 
 
-def composite(analysis: Analysis | Mapping[str, Analysis], *, angular: bool = False) -> Figure:
+def composite(analysis: Analysis | Mapping[str, Analysis], *, angular: bool = False, ax: Into = None) -> Figure:
     """Composites of the data, of the model and of their difference, over the band 0 to ω/2 of the lifted responses.
 
     A composite is the mean magnitude of the spectra of all lifted responses, each over the standard deviation of its
@@ -102,13 +103,13 @@ def composite(analysis: Analysis | Mapping[str, Analysis], *, angular: bool = Fa
     frequencies of the modes, folded into the band.
 
     `analysis` is what `identify` found, or several by name: then one panel each. With `angular` frequencies are in
-    rad/s instead of Hz. Raises InputError where `analysis` is something else, or there are more of them than fit a
-    figure.
+    rad/s instead of Hz. `ax` are the axes to draw into, one for each analysis. Raises InputError where `analysis` is
+    something else, there are more of them than fit a figure, or the axes do not fit.
     """
     named = several(analysis, Analysis, "analysis", "composite")
     turn, unit = frequency_unit(angular=angular)
-    with drawing(4.0 if len(named) == 1 else 1.0 + 2.6 * len(named)) as figure:
-        panels = figure.subplots(len(named), sharex=True, squeeze=False)[:, 0]
+    height = 4.0 if len(named) == 1 else 1.0 + 2.6 * len(named)
+    with drawing(height, ax, "composite", panels=grid_of(len(named)), sharex=True) as (figure, panels):
         for axes, (name, one) in zip(panels, named.items(), strict=True):
             _draw_composites(axes, one, turn)
             filtered = "" if one.lifted.whitening is None else ",\nafter the whitening filter"
@@ -116,7 +117,6 @@ def composite(analysis: Analysis | Mapping[str, Analysis], *, angular: bool = Fa
             if name:
                 axes.set_title(plain(name), loc="left")
         panels[-1].set_xlabel(rf"frequency in the lifted band, 0 to $\omega$/2 [{unit}]")
-        keep_sizes(figure)
     return figure
 
 

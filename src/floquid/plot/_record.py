@@ -17,9 +17,10 @@ from floquid.plot._style import (
     ORANGE,
     POINTS,
     VERMILION,
+    Into,
     degrees_a_period,
     drawing,
-    keep_sizes,
+    grid_of,
     label_values,
     plain,
 )
@@ -47,6 +48,7 @@ def time_record(
     hit: int = 0,
     inset_cycles: int = 5,
     periods_per_revolution: int | None = None,
+    ax: Into = None,
 ) -> Figure:
     """The free response of one channel, and circles at the samples of one phase: one lifted response.
 
@@ -68,6 +70,8 @@ def time_record(
         The number of cycles in the inset.
     periods_per_revolution
         Name the phase by the angles of the shaft, which turns once in this many periods; not given, by its number.
+    ax
+        The axes to draw into; a new figure when not given.
     """
     of = "time_record"
     index(hit, "hit", of, len(analysis.cycles))
@@ -79,8 +83,7 @@ def time_record(
     period = analysis.model.period
     instants = lifted_points(analysis, row, hit)[0] + phase / cycles.n_phases * period
     samples = cycles.values[row, phase]
-    with drawing(4.0) as figure:
-        axes = figure.add_subplot()
+    with drawing(4.0, ax, of) as (figure, (axes,)):
         shown = record.channels[row]
         label = plain(shown.name) + (f", hit {hit + 1}" if len(analysis.cycles) > 1 else "")
         axes.plot(*envelope(times, values, POINTS), color=BLUE, linewidth=0.7, label=label)
@@ -100,7 +103,6 @@ def time_record(
         label_values(inset, "", shown.unit, largest)
         inset.set_title(f"the first {min(inset_cycles, cycles.n_cycles)} periods, same units", fontsize=8.0, pad=3.0)
         inset.tick_params(labelsize=8.0)
-        keep_sizes(figure)
     return figure
 
 
@@ -125,7 +127,9 @@ def _make_room(axes: Axes, times: Floats, values: Floats) -> None:
     axes.set_ylim(bottom, max(top, needed))
 
 
-def synthesis(analysis: Analysis, channel: str | None = None, *, hit: int = 0, close_cycles: int = 4) -> Figure:
+def synthesis(
+    analysis: Analysis, channel: str | None = None, *, hit: int = 0, close_cycles: int = 4, ax: Into = None
+) -> Figure:
     """A channel of the record with the model's response over it: the first cycles, the whole record, what is left.
 
     Below, what is left lies between the broken lines, 1.96 deviations of the noise, where the model has explained all
@@ -144,6 +148,8 @@ def synthesis(analysis: Analysis, channel: str | None = None, *, hit: int = 0, c
         Which of the hits, from 0.
     close_cycles
         The number of cycles close up.
+    ax
+        Three axes to draw into; a new figure when not given.
     """
     of = "synthesis"
     if not isinstance(analysis, Analysis):
@@ -154,8 +160,7 @@ def synthesis(analysis: Analysis, channel: str | None = None, *, hit: int = 0, c
     row = 0 if channel is None else channels_named(shown, [channel], argument="channel", of=of)[0]
     found = synthesis_of(analysis, row, hit)
     name, unit = shown[row].name, shown[row].unit
-    with drawing(6.2) as figure:
-        close, whole, left = figure.subplots(3, 1, height_ratios=(1.2, 1.2, 1.0))
+    with drawing(6.2, ax, of, panels=grid_of(3), height_ratios=(1.2, 1.2, 1.0)) as (figure, (close, whole, left)):
         _draw_close(close, found, close_cycles * analysis.model.period)
         _draw_whole(whole, found)
         _draw_left(left, found)
@@ -171,8 +176,6 @@ def synthesis(analysis: Analysis, channel: str | None = None, *, hit: int = 0, c
         left.set_title(f"what is left: {rms / found.noise:.3f} times the noise (rms)", loc="left")
         left.set_xlabel("time [s]")
         whole.tick_params(labelbottom=False)
-        keep_sizes(figure)
-        figure.align_ylabels([close, whole, left])
     return figure
 
 

@@ -7,7 +7,6 @@ from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from floquid._checks import index, input_error
 from floquid.core import channels_named
@@ -15,10 +14,11 @@ from floquid.pipeline import Analysis
 from floquid.plot._style import (
     GREY,
     LOOKS,
+    Into,
     degrees_a_period,
     drawing,
     entitled,
-    keep_sizes,
+    grid_of,
     label_angle,
     label_values,
     plain,
@@ -43,6 +43,7 @@ def residues(
     *,
     hit: int = 0,
     periods_per_revolution: int | None = None,
+    ax: Into = None,
 ) -> Figure:
     r"""The residue of a mode at each phase, and the smooth shape of the harmonics kept, both over the period.
 
@@ -67,6 +68,8 @@ def residues(
         Which of the hits, from 0.
     periods_per_revolution
         Draw against the angle of the shaft, which turns once in this many periods; not given, against the phase.
+    ax
+        The axes to draw into, two for each channel; a new figure when not given.
     """
     of = "residues"
     named = several(analysis, Analysis, "analysis", of)
@@ -77,16 +80,14 @@ def residues(
     if not rows:
         raise input_error("channels", of, "name at least one channel", "is empty")
     modes = _chosen_modes(named, mode, hit, of)
-    with drawing(1.1 + 1.45 * len(rows)) as figure:
-        panels = figure.subplots(len(rows), 2, sharex=True, squeeze=False)
-        for pair, row in zip(panels, rows, strict=True):
+    height = 1.1 + 1.45 * len(rows)
+    with drawing(height, ax, of, panels=grid_of(len(rows), 2), sharex=True) as (figure, panels):
+        for pair, row in zip(zip(panels[::2], panels[1::2], strict=True), rows, strict=True):
             _draw_residue(pair, named, modes, row, hit, degrees_a_period(periods_per_revolution, of))
-        for axes, part in zip(panels[0], ("real part", "imaginary part"), strict=True):
+        for axes, part in zip(panels[:2], ("real part", "imaginary part"), strict=True):
             axes.set_title(part)
-        for axes in panels[-1]:
+        for axes in panels[-2:]:
             label_angle(axes, periods_per_revolution, of, steps=4)
-        figure.align_ylabels(panels[:, 0])
-        keep_sizes(figure)
     return figure
 
 
@@ -97,6 +98,7 @@ def coefficients(
     *,
     hit: int = 0,
     periods_per_revolution: int | None = None,
+    ax: Into = None,
 ) -> Figure:
     r"""The magnitude of every Fourier coefficient of a residue, the kept ones marked, and the residue itself.
 
@@ -107,17 +109,15 @@ def coefficients(
     lies at it is noise. Below, the real and the imaginary part of the residue, as `residues` draws them.
 
     The coefficients above, the parts of the residue below. `channel` is the name of the channel, the first when not
-    given; `analysis`, `mode`, `hit` and `periods_per_revolution` are as of `residues`. Raises InputError where there is
-    no such mode, channel or hit.
+    given; `analysis`, `mode`, `hit` and `periods_per_revolution` are as of `residues`; `ax` are three axes.
+    Raises InputError where there is no such mode, channel or hit, or the axes do not fit.
     """
     of = "coefficients"
     named = several(analysis, Analysis, "analysis", of)
     shown = next(iter(named.values())).model.channels
     row = 0 if channel is None else channels_named(shown, [channel], argument="channel", of=of)[0]
     modes = _chosen_modes(named, mode, hit, of)
-    with drawing(5.4) as figure:
-        grid = figure.add_gridspec(2, 2, height_ratios=(1.25, 1.0))
-        axes = figure.add_subplot(grid[0, :])
+    with drawing(5.4, ax, of, panels=((0, 0), (1, 2)), height_ratios=(1.25, 1.0)) as (figure, (axes, *panels)):
         deviations = []
         for look, (name, one) in zip(LOOKS, named.items(), strict=False):
             found = expansion(one, modes[name], row, hit)
@@ -131,12 +131,10 @@ def coefficients(
         for harmonics, std in deviations:
             axes.plot(harmonics, std, color=GREY, linestyle="--", label="one standard deviation")
         _log_axis(axes, f"|B| of {plain(shown[row].name)} [{plain(shown[row].unit)}]")
-        panels = [figure.add_subplot(grid[1, column]) for column in (0, 1)]
         _draw_residue(panels, named, modes, row, hit, degrees_a_period(periods_per_revolution, of))
         for one, part in zip(panels, ("real part", "imaginary part"), strict=True):
             one.set_title(part)
             label_angle(one, periods_per_revolution, of, steps=4)
-        keep_sizes(figure)
     return figure
 
 
@@ -155,7 +153,7 @@ def _chosen_modes(named: dict[str, Analysis], mode: int, hit: int, of: str) -> d
 
 
 def _draw_residue(
-    panels: Sequence[Axes] | NDArray[np.object_],
+    panels: Sequence[Axes],
     named: dict[str, Analysis],
     modes: dict[str, int],
     row: int,

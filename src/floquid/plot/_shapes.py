@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import frozen_array, index, input_error
@@ -20,7 +21,9 @@ from floquid.plot._style import (
     ORANGE,
     PURPLE,
     VERMILION,
+    Into,
     drawing,
+    grid_of,
     label_angle,
     label_values,
     plain,
@@ -54,6 +57,7 @@ def periodic_shapes(
     *,
     hit: int = 0,
     weights: ArrayLike | None = None,
+    ax: Into = None,
 ) -> Figure:
     """The periodic shapes of modes over the period, and the parts of their harmonics.
 
@@ -83,10 +87,12 @@ def periodic_shapes(
         Of an identified model, what each channel counts for in the parts of the harmonics (channels, hits) [1/unit of
         the channel]: for the shares that tables give, `1/analysis.noise`. None: one over the largest coefficient of all
         channels of its unit, so that a channel counts by its size and not by how well it is known. All hits count.
+    ax
+        The axes to draw into, three for each row; a new figure when not given.
     """
     name = "periodic_shapes"
     if isinstance(modes, PeriodicModel):
-        return _identified(modes, states, of, hit, weights, name)
+        return _identified(modes, states, of, hit, weights, ax, name)
     if not isinstance(modes, FloquetModes):
         must, remedy = "be a FloquetModes or a PeriodicModel", "Pass floquet.modes(A, period) or analysis.model."
         raise input_error("modes", name, must, f"is {modes!r:.60}", remedy)
@@ -97,8 +103,7 @@ def periodic_shapes(
     shares = state_participation(modes)
     # The states of the largest shares in any of the modes, in their own order.
     strongest = sorted(np.argsort(-shares[rows].max(axis=0), kind="stable")[:_CURVES].tolist())
-    with drawing(1.3 + 1.75 * len(rows)) as figure:
-        panels = figure.subplots(len(rows), 3, squeeze=False, width_ratios=(3, 3, 2.2))
+    with _panels(1.3 + 1.75 * len(rows), len(rows), ax, name) as (figure, panels):
         for row, (r, three) in enumerate(zip(rows, panels, strict=True)):
             looks = {k: look for k, look in zip(strongest, _LOOKS, strict=False) if shares[r, k] > _SLIGHT}
             _draw_shape(three, modes, r, names, looks)
@@ -109,9 +114,15 @@ def periodic_shapes(
                 label_angle(axes, None, name, steps=4)
                 if row < len(rows) - 1:
                     axes.set_xlabel("")
-        panels[-1, 2].set_xlabel("harmonic $m$")
-        figure.align_ylabels(panels[:, 0])
+        panels[-1][2].set_xlabel("harmonic $m$")
     return figure
+
+
+@contextmanager
+def _panels(height: float, rows: int, ax: Into, name: str) -> Iterator[tuple[Figure, list[list[Axes]]]]:
+    """Rows of three panels each."""
+    with drawing(height, ax, name, panels=grid_of(rows, 3), width_ratios=(3, 3, 2.2)) as (figure, own):
+        yield figure, [own[3 * row : 3 * row + 3] for row in range(rows)]
 
 
 def _damping(modes: FloquetModes) -> Floats:
@@ -204,6 +215,7 @@ def _identified(
     modes: Sequence[int] | None,
     hit: int,
     weights: ArrayLike | None,
+    ax: Into,
     name: str,
 ) -> Figure:
     """The shapes of a model: a row for each mode and unit, and the parts of the harmonics."""
@@ -216,8 +228,8 @@ def _identified(
         rows = channels_named(model.channels, channels, argument="states", of=name)
     looks = _looks(model, rows, listed, hit)
     units = list(dict.fromkeys(model.channels[row].unit for row in looks))
-    with drawing(0.9 + 1.75 * len(listed) * len(units) + 0.1 * len(listed)) as figure:
-        panels = figure.subplots(len(listed) * len(units), 3, squeeze=False, width_ratios=(3, 3, 2.2))
+    lines = len(listed) * len(units)
+    with _panels(0.9 + 1.75 * lines + 0.1 * len(listed), lines, ax, name) as (figure, panels):
         for place, mode in enumerate(listed):
             for number, unit in enumerate(units):
                 three = panels[place * len(units) + number]
@@ -234,9 +246,7 @@ def _identified(
                 if line < len(panels) - 1:
                     axes.set_xlabel("")
                     axes.tick_params(labelbottom=False)
-        panels[(len(listed) - 1) * len(units), 2].set_xlabel("harmonic $m$")
-        figure.align_ylabels(panels[:, 0])
-        figure.align_ylabels(panels[:, 1])
+        panels[(len(listed) - 1) * len(units)][2].set_xlabel("harmonic $m$")
     return figure
 
 
@@ -270,7 +280,7 @@ def _title_with_errors(model: PeriodicModel, mode: int) -> str:
 
 
 def _draw_identified(
-    panels: Sequence[Axes] | NDArray[np.object_],
+    panels: Sequence[Axes],
     model: PeriodicModel,
     mode: int,
     hit: int,

@@ -22,10 +22,12 @@ from floquid.plot._style import (
     SIZE,
     SKY,
     VERMILION,
+    Into,
     columns_that_fit,
     degrees_a_period,
     drawing,
     frequency_unit,
+    grid_of,
     plain,
 )
 from floquid.views import Family, envelope, families, lifted_spectrum, record_spectrum, spectra_of_modes
@@ -52,6 +54,7 @@ def spectra(
     angular: bool = False,
     limit: float | None = None,
     periods_per_revolution: int | None = None,
+    ax: Into = None,
 ) -> Figure:
     r"""Magnitudes of the transforms of a record and, below, of its lifted responses at some phases.
 
@@ -84,6 +87,8 @@ def spectra(
         above the highest peak marked, at most the Nyquist frequency.
     periods_per_revolution
         Name the phases by the angle of the shaft, which turns once in this many periods; not given, by their own.
+    ax
+        Three axes to draw into; a new figure when not given.
     """
     of = "spectra"
     cycles = analysis.cycles
@@ -106,15 +111,15 @@ def spectra(
     first, step = cycles[hit].first_phase, 1.0 / cycles[hit].n_phases
     angles = {phase: f"{(first + phase * step) % 1.0 * degrees:.4g}°" for phase in chosen}
     strip = 0.5 + 0.17 * max(len(shown), 1)  # that of the families has no more room than it needs
-    with drawing(5.8 + strip, legend=False) as figure:
-        grid = figure.add_gridspec(3, 1, height_ratios=(2.5, strip, 2.5))
-        panels = [figure.add_subplot(grid[row]) for row in (0, 2)]
-        below = figure.add_subplot(grid[1], sharex=panels[0])
+    heights = (2.5, strip, 2.5)
+    with drawing(5.8 + strip, ax, of, panels=grid_of(3), legend=False, height_ratios=heights) as (figure, own):
+        panels, below = [own[0], own[2]], own[1]
         _draw_record(panels[0], analysis, rows, hit, marks, turn=turn, end=end)
         _draw_lifted(panels[1], analysis, rows, angles, hit, turn=turn)
         upper = analysis.model.upper_modes
         numbers = [upper.index(family.mode) + 1 for family in shown]
         _draw_families(below, shown, numbers, scale=scale, end=end)
+        below.set_xlim(panels[0].get_xlim())
         panels[0].tick_params(labelbottom=False)
         below.set_xlabel(f"frequency [{unit}]")
         panels[1].set_xlabel(rf"frequency in the lifted band, 0 to $\omega$/2 [{unit}]")
@@ -122,10 +127,8 @@ def spectra(
         name = f"magnitude [{_unit({listed[row].unit for row in rows})}]"
         for axes, subject in zip(panels, ("the record", f"lifted responses, by {what}"), strict=True):
             axes.set_ylabel(f"{name}\n{subject}")
-            axes.tick_params(labelsize=SIZE)
             columns = min(columns_that_fit(axes.get_legend_handles_labels()[1], BESIDE), 4)
             axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, borderaxespad=0.2)
-        figure.align_ylabels([*panels, below])
     return figure
 
 
@@ -231,7 +234,7 @@ def _unit(units: set[str]) -> str:
 
 
 def harmonic_spectra(
-    analysis: Analysis, *, harmonics: int = 1, periods: int | None = None, limit: float | None = None
+    analysis: Analysis, *, harmonics: int = 1, periods: int | None = None, limit: float | None = None, ax: Into = None
 ) -> Figure:
     r"""Singular values of the harmonic power spectra of a record of outputs alone, and the lines of its modes.
 
@@ -255,6 +258,8 @@ def harmonic_spectra(
         Periods a segment; a twelfth of the record where not given.
     limit
         The highest frequency [Hz]; half of the fundamental above the highest line where not given.
+    ax
+        The axes to draw into; a new figure when not given.
     """
     of = "harmonic_spectra"
     if not isinstance(analysis, Analysis):
@@ -262,8 +267,7 @@ def harmonic_spectra(
     found = spectra_of_modes(analysis, harmonics, periods)
     end = found.end if limit is None else min(float(found.frequencies_hz[-1]), positive(limit, "limit", of, unit="Hz"))
     inside = found.frequencies_hz <= end
-    with drawing(4.2) as figure:
-        axes = figure.add_subplot()
+    with drawing(4.2, ax, of) as (figure, (axes,)):
         for number in range(min(CURVES, found.values.shape[1])):
             x, y = envelope(found.frequencies_hz[inside], found.values[inside, number], POINTS)
             width, alpha = (0.8, 0.75 - 0.15 * number) if number else (1.3, 1.0)

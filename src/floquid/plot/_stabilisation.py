@@ -19,6 +19,7 @@ from floquid.plot._style import (
     POINTS,
     SKY,
     VERMILION,
+    Into,
     drawing,
     plain_decades,
     whole_numbers,
@@ -37,7 +38,9 @@ MARKS: dict[Stability, tuple[str, dict[str, Any]]] = {  # told apart by form as 
 }
 
 
-def stabilisation(scan: OrderScan, *, analysis: Analysis | None = None, chosen: int | None = None) -> Figure:
+def stabilisation(
+    scan: OrderScan, *, analysis: Analysis | None = None, chosen: int | None = None, ax: Into = None
+) -> Figure:
     """The frequencies of the poles of each order, marked by how far they agree with those of the order before.
 
     Lifted responses fold all frequencies into the band from 0 to ω/2. Real multipliers lie on its edges. Behind the
@@ -49,16 +52,16 @@ def stabilisation(scan: OrderScan, *, analysis: Analysis | None = None, chosen: 
     of their own: they scatter up to half of the sampling rate, most of them beyond the end of the axis, half a
     fundamental above the highest line of the analysis.
 
-    `scan` is what `order.scan` found, `analysis` what `identify` found in the same responses, and `chosen` an order
-    that is marked. Raises InputError where one is something else, or the analysis is of other responses.
+    `scan` is what `order.scan` found, `analysis` what `identify` found in the same responses, `chosen` an order
+    that is marked, and `ax` the axes to draw into. Raises InputError where one is something else, or the analysis is of
+    other responses.
     """
     if not isinstance(scan, OrderScan):
         raise input_error("scan", "stabilisation", "be an OrderScan", f"is {scan!r:.60}", "Pass what `scan` gives.")
     if chosen is not None:
         integer(chosen, "chosen", "stabilisation", at_least=1)
     poles = _poles(scan, analysis)
-    with drawing(4.4) as figure:
-        axes = figure.subplots()
+    with drawing(4.4, ax, "stabilisation") as (figure, (axes,)):
         if analysis is None:
             _draw_indicator(axes, scan)
             end = np.pi / scan.indicators.dt

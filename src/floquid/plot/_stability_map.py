@@ -8,7 +8,7 @@ import numpy as np
 
 from floquid._checks import input_error
 from floquid.floquet import Instability, StabilityMap
-from floquid.plot._style import BLACK, BLUE, ORANGE, PURPLE, VERMILION, drawing, label_values, plain
+from floquid.plot._style import BLACK, BLUE, ORANGE, PURPLE, VERMILION, Into, drawing, label_values, plain
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,18 +23,18 @@ LOOKS = {  # told apart by their hatching as well as by colour
 _RASTER = 700
 
 
-def stability_map(found: StabilityMap) -> Figure:
+def stability_map(found: StabilityMap, *, ax: Into = None) -> Figure:
     """The growth over one parameter with the unstable bands, or the unstable region of two with its boundary.
 
     Bands and regions say by colour and hatching how the system is unstable.
 
-    `found` is what `floquet.stability_map` found. Raises InputError where `found` is not a StabilityMap.
+    `found` is what `floquet.stability_map` found, and `ax` the axes to draw into. Raises InputError where one is
+    something else.
     """
     if not isinstance(found, StabilityMap):
         must, remedy = "be a StabilityMap", "Pass floquet.stability_map(...)."
         raise input_error("found", "stability_map", must, f"is {found!r:.60}", remedy)
-    with drawing(3.6 if len(found.names) == 1 else 5.0) as figure:
-        axes = figure.subplots()
+    with drawing(3.6 if len(found.names) == 1 else 5.0, ax, "stability_map") as (figure, (axes,)):
         if len(found.names) == 1:
             _draw_growth(axes, found)
         else:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -26,6 +26,9 @@ GREY = "#999999"
 
 
 Thing = TypeVar("Thing")
+
+Into: TypeAlias = "Axes | Iterable[Axes] | None"
+"""Where a figure is drawn: axes of the caller, as many as it has panels, or a new figure."""
 
 LONGEST = 38  # the longest text that fits beside or above the axes, in characters
 PLAIN_FROM, PLAIN_TO = 5e-3, 1e4  # values of this size are written out
@@ -87,26 +90,58 @@ def style() -> Iterator[None]:
 
 
 @contextmanager
-def drawing(height: float, *, legend: bool = True) -> Iterator[Figure]:
-    """An empty figure of that height [in] to draw in, belonging to no window and no global list."""
+def drawing(
+    height: float, into: Into, of: str, *, panels: Sequence[Sequence[int]] = ((0,),), legend: bool = True, **grid: Any
+) -> Iterator[tuple[Figure, list[Axes]]]:
+    """A figure of that `height` [in] and its panels to draw in, or the axes of the caller (`into`) and their figure.
+
+    A new figure belongs to no window and no global list. `panels` are the numbers of the panels in rows and columns of
+    a grid, each in all places that it takes, and `grid` what else `Figure.subplot_mosaic` takes. A `legend` of all
+    panels stands above a new figure, and in the first of the caller's axes. Raises InputError where `into` are not as
+    many axes as there are panels.
+    """
     from matplotlib.figure import Figure
 
     with style():
-        figure = Figure(figsize=(7.0, height), layout="constrained")
-        yield figure
+        if into is None:
+            figure: Any = Figure(figsize=(7.0, height), layout="constrained")
+            own: list[Axes] = list(figure.subplot_mosaic([list(row) for row in panels], **grid).values())
+            for axes in own:  # or the number of ticks would depend on the reader's own settings
+                axes.tick_params(labelsize=SIZE)
+        else:
+            own = _given(into, 1 + max(map(max, panels)), of)
+            figure = own[0].figure.figure  # that of a figure in a figure
+        before = figure.axes
+        yield figure, own
         entries: dict[str, Any] = {}
-        for axes in figure.axes:
+        for axes in [*own, *(one for one in figure.axes if one not in before)]:
             for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
                 entries.setdefault(label, handle)
-        if legend:
-            columns = columns_that_fit(list(entries))
-            figure.legend(list(entries.values()), list(entries), loc="outside upper center", ncols=columns)
+        if into is None:
+            figure.align_ylabels()
+        if legend and entries:
+            place: dict[str, Any] = {"loc": "outside upper center", "ncols": columns_that_fit(list(entries))}
+            if into is not None:
+                place = {"loc": "upper right"}
+            (figure if into is None else own[0]).legend(list(entries.values()), list(entries), **place)
 
 
-def keep_sizes(figure: Figure) -> None:
-    """Fix the size of the text at the ticks, or their number would depend on the reader's own settings."""
-    for axes in figure.axes:
-        axes.tick_params(labelsize=SIZE)
+def grid_of(rows: int, columns: int = 1) -> list[list[int]]:
+    """The numbers of the panels of a full grid, row by row."""
+    return [list(range(row * columns, (row + 1) * columns)) for row in range(rows)]
+
+
+def _given(into: Axes | Iterable[Axes], count: int, of: str) -> list[Axes]:
+    """The caller's axes as a list, as many as the figure has panels."""
+    from matplotlib.axes import Axes
+
+    own = [into] if isinstance(into, Axes) else list(np.ravel(np.asarray(into, object)))
+    must = "be axes of matplotlib" if count == 1 else f"be {count} axes of matplotlib, one for each panel"
+    if not all(isinstance(one, Axes) for one in own) or not own:
+        raise input_error("ax", of, must, f"is {into!r:.60}", f"For example: `figure.subplots({count})`.")
+    if len(own) != count:
+        raise input_error("ax", of, must, f"are {len(own)}", f"For example: `figure.subplots({count})`.")
+    return own
 
 
 def columns_that_fit(labels: list[str], across: int = ACROSS) -> int:

@@ -19,13 +19,15 @@ from floquid.plot._style import (
     PURPLE,
     SKY,
     VERMILION,
+    Into,
     drawing,
-    keep_sizes,
+    grid_of,
     label_values,
     whole_numbers,
 )
 from floquid.sync import ShaftAngle
-from floquid.views import INTERVAL, Synchronisation
+from floquid.views import INTERVAL, SpeedUnit, Synchronisation
+from floquid.views import speed_unit as unit_of_speed
 from floquid.views import synchronisation as synchronisation_of
 
 if TYPE_CHECKING:
@@ -42,7 +44,7 @@ POINTS = 1000  # instants at which the speed is drawn
 ACROSS = 95  # characters of a row of the title
 
 
-def synchronisation(analysis: Analysis, *, hit: int = 0) -> Figure:
+def synchronisation(analysis: Analysis, *, hit: int = 0, ax: Into = None) -> Figure:
     """By how much the response is ahead of the phase that the period or the tachometer gives it, along the record.
 
     Above is the slip of the response, in degrees of the period, in each stretch of the record, with the straight line
@@ -51,11 +53,11 @@ def synchronisation(analysis: Analysis, *, hit: int = 0) -> Figure:
     model: harmonic m of a mode turns m times as far as the slip; where all lines of a mode turn together it is the
     exponent that is off, and not the period.
 
-    `analysis` is what `identify` found, `hit` counts from 0. Raises InputError where there is no such hit.
+    `analysis` is what `identify` found, `hit` counts from 0, and `ax` are two axes to draw into. Raises InputError
+    where there is no such hit, or the axes do not fit.
     """
     found = synchronisation_of(analysis, hit)
-    with drawing(5.2) as figure:
-        upper, lower = figure.subplots(2, 1, sharex=True)
+    with drawing(5.2, ax, "synchronisation", panels=grid_of(2), sharex=True) as (figure, (upper, lower)):
         _draw_slip(upper, found)
         _draw_phases(lower, found, analysis.model.upper_modes)
         upper.set_title(_verdict(found), loc="left")
@@ -63,8 +65,6 @@ def synchronisation(analysis: Analysis, *, hit: int = 0) -> Figure:
         lower.set_xlabel("time [s]")
         upper.set_ylabel("response ahead\n[deg of the period]")
         lower.set_ylabel("ahead of the model\n[deg of the line]")
-        keep_sizes(figure)
-        figure.align_ylabels([upper, lower])
     return figure
 
 
@@ -120,12 +120,12 @@ def _verdict(found: Synchronisation) -> str:
     return words.replace("-", "−")
 
 
-def speed(shaft: ShaftAngle, record: Record | None = None, *, rpm: bool = False) -> Figure:
+def speed(shaft: ShaftAngle, record: Record | None = None, *, speed_unit: SpeedUnit = "hz", ax: Into = None) -> Figure:
     """The speed against time with its band, the residuals of the pulses, and the geometry of an encoder; the verdict.
 
-    `shaft` is what `sync.shaft_angle` found. What lies outside the evidence of a `record` is drawn too, shaded. With
-    `rpm` the speed is in revolutions a minute instead of Hz. Raises InputError where `shaft` is not a ShaftAngle, or
-    `record` not a Record.
+    `shaft` is what `sync.shaft_angle` found. What lies outside the evidence of a `record` is drawn too, shaded. The
+    speed is in `speed_unit`, "hz" or "rpm", and `ax` are two axes to draw into, of an encoder three. Raises InputError
+    where one of these is something else.
     """
     if not isinstance(shaft, ShaftAngle):
         raise input_error("shaft", "speed", "be a ShaftAngle", f"is {shaft!r:.60}", "Pass sync.shaft_angle(record).")
@@ -134,10 +134,9 @@ def speed(shaft: ShaftAngle, record: Record | None = None, *, rpm: bool = False)
     begin, end = shaft.first, shaft.last
     if record is not None:
         begin, end = min(begin, record.start), max(end, float(record.times[-1]))
-    rows = 2 if shaft.geometry is None else 3
-    with drawing(0.8 + 1.7 * rows) as figure:
-        panels = figure.subplots(rows, 1)
-        _draw_speed(panels[0], shaft, begin, end, rpm=rpm)
+    (symbol, factor), rows = unit_of_speed(speed_unit, "speed"), 2 if shaft.geometry is None else 3
+    with drawing(0.8 + 1.7 * rows, ax, "speed", panels=grid_of(rows)) as (figure, panels):
+        _draw_speed(panels[0], shaft, begin, end, symbol, factor / (2.0 * np.pi))
         _draw_residuals(panels[1], shaft)
         panels[0].sharex(panels[1])
         margin = 0.02 * (end - begin)
@@ -151,10 +150,8 @@ def speed(shaft: ShaftAngle, record: Record | None = None, *, rpm: bool = False)
     return figure
 
 
-def _draw_speed(axes: Axes, shaft: ShaftAngle, begin: float, end: float, *, rpm: bool) -> None:
-    """The speed with its band; the mean."""
-    factor, unit = (60.0, "rpm") if rpm else (1.0, "Hz")
-    factor /= 2.0 * np.pi
+def _draw_speed(axes: Axes, shaft: ShaftAngle, begin: float, end: float, unit: str, factor: float) -> None:
+    """The speed with its band; the mean, in a `unit` of which there are `factor` in 1 rad/s."""
     times = np.linspace(begin, end, POINTS)
     curve, width = factor * shaft.speed(times), INTERVAL * factor * shaft.speed_std(times)
     band = {"color": BLUE, "alpha": 0.25, "linewidth": 0.0}

@@ -13,10 +13,11 @@ from floquid.core import Channel
 from floquid.plot._style import (
     BLACK,
     LOOKS,
+    Into,
     degrees_a_period,
     drawing,
     entitled,
-    keep_sizes,
+    grid_of,
     label_angle,
     label_values,
     several,
@@ -37,6 +38,7 @@ def system_elements(
     period: float | None = None,
     channels: Sequence[Channel] = (),
     periods_per_revolution: int | None = None,
+    ax: Into = None,
 ) -> Figure:
     """Chosen elements of A(t) over the period: circles, with the truth as lines where it is known.
 
@@ -61,6 +63,8 @@ def system_elements(
         The channels of the record: with them, states in different units get the right unit on the axis.
     periods_per_revolution
         Draw against the angle of the shaft, which turns once in this many periods; not given, against the phase.
+    ax
+        The axes to draw into, one for each element; a new figure when not given.
     """
     of = "system_elements"
     named = several(state, StateModel, "state", of)
@@ -75,8 +79,7 @@ def system_elements(
     length = _period(first, of) if period is None else positive(period, "period", of, unit="s")
     known = None if truth is None else timed_matrices(truth, "truth", of, n)
     degrees = degrees_a_period(periods_per_revolution, of) / length
-    with drawing(1.0 + 1.5 * len(chosen)) as figure:
-        panels = figure.subplots(len(chosen), sharex=True, squeeze=False)[:, 0]
+    with drawing(1.0 + 1.5 * len(chosen), ax, of, panels=grid_of(len(chosen)), sharex=True) as (figure, panels):
         for axes, (i, j) in zip(panels, chosen, strict=True):
             if known is not None:
                 axes.plot(known[0] * degrees, known[1][:, i - 1, j - 1], color=BLACK, label="truth")
@@ -85,8 +88,6 @@ def system_elements(
             largest = float(np.abs(axes.dataLim.intervaly).max())
             label_values(axes, f"A({i},{j})", element_unit(first, i - 1, j - 1, channels), largest)
         label_angle(panels[-1], periods_per_revolution, of)
-        figure.align_ylabels(panels)
-        keep_sizes(figure)
     return figure
 
 

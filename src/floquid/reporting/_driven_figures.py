@@ -27,7 +27,7 @@ from floquid.reporting._look import (
 )
 from floquid.reporting._modes_figures import mark_labels
 from floquid.transfer import MeasuredTransfer
-from floquid.views import INTERVAL, SpectraOfModes, envelope, magnitude_bands, shortened
+from floquid.views import INTERVAL, SpectraOfModes, envelope, magnitude_bands, phase_degrees, shortened
 
 MOST_PATHS = 6  # paths from an input to an output that are drawn; transfer.csv holds all
 CLOSE = 5.0  # periods of the stretch left out
@@ -75,13 +75,13 @@ def transfer_figures(found: TransferFunctions, paths: list[Path]) -> list[Figure
             "frequency of the input f [Hz]", f"|G| [{unit}]", name=f"size-{row}-{column}", y_axis_type="log"
         )
         sizes, low, high, size.y_range.start = magnitude_bands(found, row, column)
+        degrees = phase_degrees(found, row, column)
         phase = new_figure(
             "frequency of the input f [Hz]", "arg G [°]", name=f"phase-{row}-{column}", x_range=size.x_range
         )
         size.title.text = phase.title.text = _name(found, (row, column))
         for place, m in sorted(enumerate(found.harmonics.tolist()), key=lambda one: (abs(one[1]), one[1])):
-            value = found.values[place, row, column]
-            if not value.any():
+            if not sizes[place].any():
                 continue
             number = _curve(m)
             look = {"line_color": CURVES[number], "line_dash": DASHES[number], "legend_label": f"m = {m}"}
@@ -91,11 +91,7 @@ def transfer_figures(found: TransferFunctions, paths: list[Path]) -> list[Figure
                     legend_label=f"m = {m}",
                 )  # fmt: skip
             size.line(found.frequencies_hz, sizes[place], line_width=2, **look)
-            seen = (high[place] - sizes[place]) * SEEN < INTERVAL * sizes[place]
-            degrees = np.where(seen, np.degrees(np.angle(value)), np.nan)
-            # A turn by 360° is none: the line is broken there.
-            degrees[1:][np.abs(np.diff(degrees)) > 180.0] = np.nan
-            phase.line(found.frequencies_hz, degrees, line_width=2, **look)
+            phase.line(found.frequencies_hz, degrees[place], line_width=2, **look)
         for made in (size, phase):
             legend_above(made, columns=3)
         figures += [size, phase]

@@ -3,7 +3,14 @@
 Nothing here draws, and no plotting library is loaded.
 """
 
-from floquid.views._ellipses import INTERVAL, ellipse, exponent_ellipses, magnitude_bands, multiplier_ellipses
+from floquid.views._ellipses import (
+    INTERVAL,
+    ellipse,
+    exponent_ellipses,
+    magnitude_bands,
+    multiplier_ellipses,
+    phase_degrees,
+)
 from floquid.views._expansion import Expansion, ShapeCurves, closed_period, expansion, identified_residue, shape_curves
 from floquid.views._families import Family, families, unfolded
 from floquid.views._harmonic_spectra import SpectraOfModes, spectra_of_modes
@@ -18,6 +25,7 @@ from floquid.views._outcome import (
     whitening_words,
 )
 from floquid.views._spectra import Spectrum, envelope, lifted_spectrum, record_spectrum
+from floquid.views._speed import SpeedUnit, speed_unit, speed_words
 from floquid.views._synchronisation import Synchronisation, synchronisation
 from floquid.views._synthesis import Synthesis, lifted_points, raw_noise, synthesis
 
@@ -31,6 +39,7 @@ __all__ = [
     "ShapeCurves",
     "SpectraOfModes",
     "Spectrum",
+    "SpeedUnit",
     "Synchronisation",
     "Synthesis",
     "closed_period",
@@ -55,11 +64,14 @@ __all__ = [
     "outcome_lines",
     "passed_words",
     "period_words",
+    "phase_degrees",
     "raw_noise",
     "record_spectrum",
     "shape_curves",
     "shortened",
     "spectra_of_modes",
+    "speed_unit",
+    "speed_words",
     "synchronisation",
     "synthesis",
     "unfolded",

@@ -75,6 +75,7 @@ def _edges(centres: Complexes, parts: list[Floats], level: float) -> Complexes:
     return edges
 
 
+SEEN = 4.0  # deviations from which on a phase is known to 15°
 INTERVAL = 1.96  # deviations to each side within which 95 % of estimates lie
 
 
@@ -91,3 +92,16 @@ def magnitude_bands(found: TransferFunctions, row: int, column: int) -> tuple[Fl
     there = np.maximum(size, std)[np.isfinite(size) & (size > 0.0)]
     floor = 0.5 * float(there.min(initial=np.inf if there.size else 1.0))
     return size, np.maximum(size - INTERVAL * std, floor), size + INTERVAL * std, floor
+
+
+def phase_degrees(found: TransferFunctions, row: int, column: int) -> Floats:
+    """The phase of G of one path (harmonics, frequencies) [°], NaN where its magnitude is below four deviations.
+
+    Where a curve would leap from one end of the scale to the other it is broken. The path of `found` is from the input
+    `column` to the output `row`, from 0.
+    """
+    value = found.values[:, row, column]
+    std = np.zeros(value.shape) if found.std is None else np.abs(found.std[:, row, column]) / np.sqrt(2.0)
+    degrees = np.where((np.abs(value) > SEEN * std) & (value != 0), np.degrees(np.angle(value)), np.nan)
+    degrees[:, 1:][np.abs(np.diff(degrees, axis=1)) > 180.0] = np.nan
+    return degrees

@@ -80,7 +80,7 @@ def outside_and_overlaps(figure):
 @pytest.mark.parametrize(("angular", "turn", "unit"), [(False, 1.0, "Hz"), (True, 2.0 * np.pi, "rad/s")])
 def test_spectra_draw_the_transform_of_the_whole_periods(found, angular, turn, unit):
     figure = spectra(found, ["Y", "X_tt"], (3,), hit=1, angular=angular, limit=turn * 0.25)
-    upper, lower, strip = figure.axes
+    upper, strip, lower = figure.axes
     values = found.records[1].values[1]
     first = round((0.25 - 0.1) * N_PHASES)
     used = values[first : first + 49 * N_PHASES]
@@ -120,7 +120,7 @@ def test_spectra_mark_the_families_of_the_harmonics_kept(found):
 
 def test_each_family_has_a_row_with_its_strongest_line_filled(found):
     figure = spectra(found, ["X_tt"], angular=True)
-    strip = figure.axes[2]
+    strip = figure.axes[1]
     assert [label.get_text() for label in strip.get_yticklabels()] == ["mode 1", "mode 2"]
     for row, mode in enumerate((0, 2)):  # one of each pair
         kept = found.model.coefficients[mode, 2].any(axis=0)
@@ -138,7 +138,7 @@ def test_spectra_show_the_mean_of_the_noise(found):
     """Noise alone: the mean of its lines lies on the dotted one."""
     noise = found.lifted.noise[0, 0] * np.random.default_rng(0).standard_normal(found.cycles[0].values.shape)
     cycles = (replace(found.cycles[0], values=noise), *found.cycles[1:])
-    upper, lower, _ = spectra(with_decay(found, cycles=cycles), ["X"], limit=100.0).axes
+    upper, _, lower = spectra(with_decay(found, cycles=cycles), ["X"], limit=100.0).axes
     for axes, label, lines in ((upper, "X", 600), (lower, "X, 90°", 30)):
         values = drawn(axes, label)[1]
         (level,) = {y for line in axes.lines if line.get_linestyle() == ":" for y in line.get_ydata()}
@@ -147,7 +147,7 @@ def test_spectra_show_the_mean_of_the_noise(found):
 
 
 def test_spectra_labels(found):
-    upper, lower, _ = spectra(found, phases=(0, 5), periods_per_revolution=2).axes
+    upper, _, lower = spectra(found, phases=(0, 5), periods_per_revolution=2).axes
     assert legend(upper) == ["X", "Y", "noise alone, mean", r"identified, $|\mathrm{Im}\,\lambda + m\omega|$"]
     assert legend(lower) == ["X, 45°", "X, 90°", "Y, 45°", "Y, 90°"]
     assert upper.get_ylabel() == "magnitude [s]\nthe record"
@@ -156,7 +156,7 @@ def test_spectra_labels(found):
     units = tuple(Channel(name=c.name, unit=unit) for c, unit in zip(found.model.channels, ("mm", "V"), strict=False))
     cycles = tuple(replace(c, channels=(*units, *c.channels[2:])) for c in found.cycles)
     assert spectra(with_decay(found, cycles=cycles), ["X"]).axes[0].get_ylabel() == "magnitude [mm · s]\nthe record"
-    assert spectra(with_decay(found, cycles=cycles)).axes[1].get_ylabel().startswith("magnitude [unit · s]\nlifted")
+    assert spectra(with_decay(found, cycles=cycles)).axes[2].get_ylabel().startswith("magnitude [unit · s]\nlifted")
 
 
 @pytest.mark.parametrize(

@@ -449,7 +449,7 @@ def test_the_figure_shows_speed_residuals_and_lines(tmp_path: Path):
     times[300] += 2e-3
     source = record(PulseTimes(times=times, pulses_per_revolution=8))
     shaft = shaft_angle(source)
-    figure = speed(shaft, source, rpm=True)
+    figure = speed(shaft, source, speed_unit="rpm")
     top, middle, bottom = figure.axes
     assert top.get_title(loc="left").replace("\n", " ") == shaft.reasons[0]
     assert top.get_ylabel() == "speed [rpm]"

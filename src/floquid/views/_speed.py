@@ -1,0 +1,28 @@
+"""The speed of the shaft in the unit that the reader asks for; frequencies of vibration are always in Hz."""
+
+from __future__ import annotations
+
+from typing import Literal, TypeAlias
+
+from floquid._checks import describe, input_error
+from floquid.pipeline import Analysis
+
+SpeedUnit: TypeAlias = Literal["hz", "rpm"]
+
+UNITS = {"hz": ("Hz", 1.0), "rpm": ("rpm", 60.0)}
+
+
+def speed_unit(unit: object, of: str) -> tuple[str, float]:
+    """The symbol of a `unit` of speed, and how many of it are a revolution a second; InputError where it is none."""
+    if not isinstance(unit, str) or unit not in UNITS:
+        raise input_error("speed_unit", of, 'be "hz" or "rpm"', f"is {describe(unit)}")
+    return UNITS[unit]
+
+
+def speed_words(analysis: Analysis, unit: SpeedUnit = "hz") -> str:
+    """The speed of the shaft by the period and the periods a revolution of an `analysis`, in words with its `unit`."""
+    symbol, factor = speed_unit(unit, "speed_words")
+    periods = analysis.settings.periods_per_revolution
+    shaft = "" if unit == "hz" and periods == 1.0 else "shaft at "
+    more = "" if periods == 1.0 else f", {periods:g} periods a revolution"
+    return f"{shaft}{factor / (analysis.model.period * periods):.6g} {symbol}{more}"
