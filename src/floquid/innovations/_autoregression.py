@@ -80,7 +80,7 @@ def _regressors(samples: Samples, lags: int, harmonics: int, acting: int) -> NDA
 
 
 def whole_past(samples: Samples, lags: int) -> NDArray[np.bool_]:
-    """Mask of the samples that were measured, and so many before each in its record (samples,)."""
+    """Mask of the samples that were measured with those `lags` before in their record (samples,)."""
     found = samples.there.copy()
     for own in samples.records:
         for lag in range(1, lags + 1):

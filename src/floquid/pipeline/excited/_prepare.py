@@ -169,7 +169,7 @@ def _late(
 
 
 def _refuse_gaps(record: Record, row: int, of: str) -> None:
-    """Refuse an input of which samples are missing: what it made of the states from there on is not known."""
+    """Refuse an input with missing samples: what it made of the states from there on is not known."""
     gaps = runs_of(np.isnan(record.values[row]))
     if gaps:
         times = [record.start + first / record.sample_rate for first, _ in gaps]
