@@ -167,7 +167,7 @@ class Driven(Excited):
         part = Uncertainty(first, inputs.solve(first, fitted_model.modes, fitted_model.direct))
         whole_at = linearise(whole, part.at.modes, part.at.direct)
         states = state_slopes(whole, whole_at)
-        beyond = ~fitted
+        beyond = ~fitted & whole.there
         columns, errors = whole_at.columns[:, beyond], []
         for channel, noise in enumerate(part.at.noise):
             residual = whole.values[channel, beyond] - part.at.coefficients[:, channel] @ columns
@@ -200,7 +200,7 @@ class Ambient(Excited):
     @property
     def residual(self) -> Floats:
         """The innovations of each output (outputs, samples)."""
-        return self.fit.at.innovations
+        return self.fit.at.level
 
     @property
     def tested(self) -> innovations.Fit:
@@ -209,7 +209,7 @@ class Ambient(Excited):
 
     def vague_angles(self) -> tuple[Finding, ...]:
         """Findings on errors of the angle, over the variance of the innovations."""
-        size = np.sqrt(np.mean(self.residual**2, axis=1))
+        size = self.fit.at.noise[:, 0]
         return shaken(self.own, self.fit.at.columns, size) if self.own.shafts else ()
 
     def seen(self) -> list[tuple[float, int]]:
@@ -227,7 +227,7 @@ class Ambient(Excited):
         std = self.model.exponent_std
         assert std is not None
         relative = std.real / np.abs(self.model.exponents.real)
-        duration = self.own.samples.n_samples * self.own.samples.step
+        duration = self.own.samples.count * self.own.samples.step
         return excitation_of(self.fit, self.model, relative, duration, self.as_read)
 
     def errors(self) -> Floats:
@@ -243,5 +243,5 @@ class Ambient(Excited):
             whole = innovations.predicted(samples, fitted.modes, fitted.columns, fitted.initial, growing=True)
         if fitted is None or whole is None:
             return np.full(len(samples.values), np.inf)
-        expected = np.sqrt(np.mean(fitted.innovations**2, axis=1))
-        return np.asarray(np.sqrt(np.mean(whole.innovations[:, ~mask] ** 2, axis=1)) / expected, np.float64)
+        beyond = whole.level[:, ~mask & samples.there]
+        return np.asarray(np.sqrt(np.mean(beyond**2, axis=1)) / fitted.noise[:, 0], np.float64)

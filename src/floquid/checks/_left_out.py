@@ -128,6 +128,7 @@ def first_part(samples: Samples) -> tuple[Samples, NDArray[np.bool_]]:
         begins=(0, *np.cumsum([piece.stop - piece.start for piece in kept]).tolist()),
         times=samples.times[mask],
         known=samples.known[:, mask],
+        there=samples.there[mask],
     )
     return part, mask
 

@@ -307,7 +307,7 @@ def of_outliers(residual: Floats, parted: Parted) -> tuple[Finding, ...]:
     """Findings on samples, in what is left of each output (outputs, samples), that are no noise: spikes."""
     findings = []
     for values, channel in zip(residual, parted.outputs, strict=True):
-        far = np.abs(values) > SPIKE * np.median(np.abs(values)) / QUARTILE
+        far = np.abs(values) > SPIKE * np.median(np.abs(values[parted.samples.there])) / QUARTILE
         if far.any():
             share, first = float(np.sum(values[far] ** 2) / np.sum(values**2)), int(np.argmax(far))
             record = int(np.searchsorted(parted.samples.begins, first, side="right"))

@@ -11,6 +11,10 @@ from floquid.core._clock import AzimuthSignal, Clock, ConstantPeriod, PulseTimes
 from floquid.core._cycles import Cycles
 from floquid.core._estimates import Estimates
 from floquid.core._estimates import Gains as Gains
+from floquid.core._gaps import BRIDGED as BRIDGED
+from floquid.core._gaps import longest_run as longest_run
+from floquid.core._gaps import over_gaps as over_gaps
+from floquid.core._gaps import runs_of as runs_of
 from floquid.core._modelled import Driven as Driven
 from floquid.core._modelled import modelled as modelled
 from floquid.core._periodic_model import ModelInputs, PeriodicModel

@@ -96,6 +96,8 @@ MODEL: dict[str, str | Callable[..., str]] = {
     "spikes": lambda instants, number: (
         f"{number} spike{'s' * (number > 1)} that no response explains, at {_listed(instants)}, left out."
     ),
+    "partly_missing": "{samples} samples that some channels miss count as missing in all: a sample counts as a whole "
+    "where excitation goes on.",
     "left_out": "{samples} of these samples of channel {channel} count as missing (`repair=False` keeps them).",
     "believed_down_to": "There is hardly any noise, and the residual is no noise: most likely a nonlinearity. The fit "
     "ignores what is below {floor:g} of the largest value of each channel (`noise_floor=`).",

@@ -39,7 +39,7 @@ def first_innovations(samples: Samples, acting: int = 0) -> NDArray[np.float64]:
             return found
     signals = len(samples.values) + len(samples.inputs)
     raise IdentificationError(
-        f"The record has {samples.n_samples} samples of {signals} channels: too few to predict each channel by all "
+        f"The record has {samples.count} samples of {signals} channels: too few to predict each channel by all "
         f"of them, which takes at least {np.ceil(signals / MOST):.0f}. Name fewer: `channels=`."
     )
 
@@ -51,9 +51,7 @@ def _least(samples: Samples, tried: Sequence[int], acting: int) -> NDArray[np.fl
         before = np.inf
         for lags in tried:
             rows = _regressors(samples, lags, harmonics, acting)
-            used = np.ones(samples.n_samples, bool)
-            for own in samples.records:
-                used[own.start : min(own.start + lags, own.stop)] = False
+            used = whole_past(samples, lags)
             count = int(used.sum())
             if len(rows) > MOST * count:
                 break
@@ -79,6 +77,16 @@ def _regressors(samples: Samples, lags: int, harmonics: int, acting: int) -> NDA
     late = np.concatenate([samples.inputs[:acting], *rows])
     turned = [samples.turned(turn) for turn in range(1, harmonics + 1)]
     return np.concatenate([samples.known, late, *(part * late for own in turned for part in (own.real, own.imag))])
+
+
+def whole_past(samples: Samples, lags: int) -> NDArray[np.bool_]:
+    """Mask of the samples that were measured with those `lags` before in their record (samples,)."""
+    found = samples.there.copy()
+    for own in samples.records:
+        for lag in range(1, lags + 1):
+            found[own.start + lag : own.stop] &= samples.there[own.start : own.stop - lag]
+        found[own.start : min(own.start + lags, own.stop)] = False
+    return found
 
 
 def delayed(values: NDArray, lag: int) -> NDArray:

@@ -26,7 +26,7 @@ STEPS = 8
 
 def reweighed(samples: Samples, at: Predictor) -> Predictor:
     """The predictor with the covariance along a period that its innovations have."""
-    return replace(at, whitening=whitening_of(samples, at.innovations))
+    return replace(at, whitening=whitening_of(samples, at.level))
 
 
 def whitening_of(samples: Samples, innovations: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -36,29 +36,33 @@ def whitening_of(samples: Samples, innovations: NDArray[np.float64]) -> NDArray[
 
     φ and log d² have few harmonics, as many as the criterion of Schwarz (1978) has, and are those of maximum likelihood
     (Pourahmadi 1999). The geometric mean of each d is 1: the likelihood needs no more than the covariance of W e.
+    W is 1 at samples that were not measured.
     """
-    count = len(innovations)
-    found = np.zeros((samples.n_samples, count, count))
+    count, there = len(innovations), samples.there
+    innovations = innovations[:, there]
+    found = np.zeros((samples.count, count, count))
     highest = min(HARMONICS, int(np.pi / (samples.fundamental * samples.step)))
-    basis = [np.ones((1, samples.n_samples))]
+    basis = [np.ones((1, samples.count))]
     for turn in range(1, highest + 1):
-        angle = samples.turned(turn)
+        angle = samples.turned(turn)[there]
         basis.append(np.array([angle.real, angle.imag]))
     for channel, own in enumerate(innovations):
         best, found_at = np.inf, 0
         for harmonics in range(highest + 1):
             columns = np.concatenate(basis[: harmonics + 1])
-            if harmonics > found_at + IN_VAIN or (harmonics and len(columns) * channel > MOST * samples.n_samples):
+            if harmonics > found_at + IN_VAIN or (harmonics and len(columns) * channel > MOST * samples.count):
                 break
             shares, log_variance = _fitted(own, innovations[:channel], columns)
             parameters = shares.size + len(columns)
-            criterion = log_variance.sum() + parameters * np.log(samples.n_samples)
+            criterion = log_variance.sum() + parameters * np.log(samples.count)
             if criterion < best:
                 best, found_at = criterion, harmonics
                 deviation = np.exp(0.5 * (log_variance - log_variance.mean()))
                 found[:, channel, :channel] = -(columns.T @ shares) / deviation[:, None]
                 found[:, channel, channel] = 1.0 / deviation
-    return found
+    whole = np.broadcast_to(np.eye(count), (samples.n_samples, count, count)).copy()
+    whole[there] = found
+    return whole
 
 
 def _fitted(
@@ -95,10 +99,11 @@ def colour(samples: Samples, found: Predictor) -> tuple[float, float]:
     white = found.white(found.innovations)
     turned = samples.turned(1)
     angles = [np.ones(samples.n_samples), 2.0**0.5 * turned.real, 2.0**0.5 * turned.imag]
-    squares, count = 0.0, samples.n_samples
+    squares, count, there = 0.0, samples.count, samples.there
     for lag, angle in product(range(1, LAGS + 1), angles):
-        both = (white[:, lag:] * angle[lag:]) @ white[:, :-lag].T / count
-        squares += count * float(np.sum(both**2))
+        pairs = samples.n_samples - int(np.sum(~(there[lag:] & there[:-lag])))
+        both = (white[:, lag:] * angle[lag:]) @ white[:, :-lag].T / pairs
+        squares += pairs * float(np.sum(both**2))
     degrees = LAGS * len(angles) * len(white) ** 2
     return (squares - degrees) / (count * len(white)), float(chdtrc(degrees, squares))
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
 from floquid.fit import SURE, chi2_limit, inverse_root
-from floquid.innovations._autoregression import delayed
+from floquid.innovations._autoregression import delayed, whole_past
 from floquid.inputs import Samples
 
 LAGS = 16
@@ -125,6 +125,9 @@ def _products(samples: Samples) -> tuple[NDArray[np.float64], NDArray[np.float64
     signals = np.concatenate([values, samples.inputs])
     lags = max(min(LAGS, PRODUCTS // (len(values) * len(signals))), 2)
     past = np.concatenate([samples.each(signals, lambda own, lag=lag: delayed(own, lag)) for lag in range(1, lags + 1)])
+    if samples.count < samples.n_samples:
+        used = whole_past(samples, lags)
+        values, past = values * used, past * used
     past = _white(past)
     return _white(values - values @ past.T @ past / samples.n_samples), past
 

@@ -152,7 +152,7 @@ def stable(samples: Samples, now: Predictor, modes: Sequence[Mode], limits: Limi
     rest = np.zeros((len(samples.records), sum(mode.rows for mode in modes)))
     found = predicted(samples, modes, now.columns, rest, now.whitening)
     if found is None:
-        covariance = now.innovations @ now.innovations.T / samples.n_samples
+        covariance = now.level @ now.level.T / samples.count
         modes = stable_gains(samples, modes, covariance, limits.highest)
         found = predicted(samples, modes, now.columns, rest, now.whitening)
     return found

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
 from floquid.fit import schwarz
+from floquid.innovations._gaps import scales_of
 from floquid.innovations._mode import Mode
 from floquid.inputs import Samples
 
@@ -50,6 +51,10 @@ class Predictor(Rebuilt):
         s (samples, states).
     whitening
         W (samples, channels, channels), of a determinant with the geometric mean 1: that of e varies, of W e it is R.
+    count
+        Samples that were measured; at others e is zero: the state goes on without an innovation.
+    scales
+        T (samples, channels, channels), by which innovations after gaps are as small as others; None without gaps.
     """
 
     modes: tuple[Mode, ...]
@@ -58,22 +63,31 @@ class Predictor(Rebuilt):
     innovations: NDArray[np.float64]
     states: NDArray[np.float64]
     whitening: NDArray[np.float64]
+    count: int
+    scales: NDArray[np.float64] | None = None
+
+    @property
+    def level(self) -> NDArray[np.float64]:
+        """Innovations, those after gaps made as small as others (channels, samples)."""
+        e = self.innovations
+        return e if self.scales is None else np.einsum("kij,jk->ik", self.scales, e)
 
     @property
     def noise(self) -> NDArray[np.float64]:
         """The rms of the innovations (channels, 1)."""
-        return np.sqrt(np.mean(self.innovations**2, axis=1, keepdims=True))
+        return np.sqrt(np.sum(self.level**2, axis=1, keepdims=True) / self.count)
 
     @cached_property
     def covariance(self) -> NDArray[np.float64]:
         """R, of W e (channels, channels)."""
-        white = np.einsum("kij,jk->ik", self.whitening, self.innovations)
-        return white @ white.T / white.shape[1]
+        white = np.einsum("kij,jk->ik", self.whitening, self.level)
+        return white @ white.T / self.count
 
     @cached_property
     def root(self) -> NDArray[np.float64]:
         """Factor that makes innovations white and of variance 1 (samples, channels, channels)."""
-        return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance)) @ self.whitening, np.float64)
+        root = np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance)) @ self.whitening, np.float64)
+        return root if self.scales is None else root @ self.scales
 
     def white(self, signals: NDArray[np.float64]) -> NDArray[np.float64]:
         """Signals as weighted in the likelihood (channels, samples)."""
@@ -82,7 +96,8 @@ class Predictor(Rebuilt):
     @property
     def log_likelihood(self) -> float:
         """Twice the logarithm of the likelihood at its own covariance, up to a constant."""
-        return -float(self.innovations.shape[1] * np.linalg.slogdet(self.covariance)[1])
+        made = 0.0 if self.scales is None else float(np.sum(np.linalg.slogdet(self.scales)[1]))
+        return 2.0 * made - float(self.count * np.linalg.slogdet(self.covariance)[1])
 
     @property
     def cost(self) -> float:
@@ -92,7 +107,7 @@ class Predictor(Rebuilt):
     @property
     def criterion(self) -> float:
         """The criterion of Schwarz (1978): more is better."""
-        return schwarz(self.log_likelihood, self.n_parameters, self.innovations.shape[1])
+        return schwarz(self.log_likelihood, self.n_parameters, self.count)
 
     @property
     def n_parameters(self) -> int:
@@ -115,13 +130,16 @@ def predicted(
     whitening: NDArray[np.float64] | None = None,
     *,
     growing: bool = False,
+    scales: NDArray[np.float64] | None = None,
 ) -> Predictor | None:
     """The predictor with its innovations, of one covariance if not given; None where it diverges.
 
     With `growing` it may have grown over the records, as long as its innovations have not: nothing is fitted then.
+    What makes up for gaps is given, or that of these modes.
     """
     system, gains, seen, drive = matrices(samples, modes)
-    beside = samples.values - columns @ samples.known
+    beside, past = samples.values - columns @ samples.known, (system, gains, seen)
+    gains = samples.gained(gains)
     moved = system - gains @ seen
     drive = drive + np.einsum("kni,ik->kn", gains, beside)
     limit = LARGEST * np.abs(samples.values).max()
@@ -134,7 +152,7 @@ def predicted(
             strict=True,
         )
         states = np.concatenate(parts)
-        innovations = beside - np.einsum("kin,kn->ik", seen, states)
+        innovations = samples.kept(beside - np.einsum("kin,kn->ik", seen, states))
         # One that grows may leave innovations that are small: its derivatives would be none.
         grown = float(np.linalg.norm(np.array(ends), axis=(1, 2)).max(initial=0.0))
     if not (
@@ -145,7 +163,9 @@ def predicted(
         return None
     if whitening is None:
         whitening = np.broadcast_to(np.eye(len(samples.values)), (samples.n_samples, *[len(samples.values)] * 2))
-    return Predictor(tuple(modes), columns, initial, innovations, states, whitening)
+    if scales is None and samples.gaps:
+        scales = scales_of(samples, past, innovations)
+    return Predictor(tuple(modes), columns, initial, innovations, states, whitening, samples.count, scales)
 
 
 def responding(samples: Samples, at: Predictor, innovations: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -231,6 +251,7 @@ def slopes(samples: Samples, at: Predictor, root: NDArray[np.float64]) -> Iterat
     columns by channel, and the first states of each record.
     """
     system, gains, seen, _ = matrices(samples, at.modes)
+    gains, root = samples.gained(gains), samples.gained(root)
     size, channels = len(system), len(samples.values)
     # Below the derivatives of the states are those of what each channel holds beside them: one product serves for both.
     ahead = np.concatenate([system - gains @ seen, -gains], axis=2)
@@ -305,6 +326,7 @@ def gradient(samples: Samples, at: Predictor, of: NDArray[np.float64]) -> NDArra
     The adjoint of the predictor runs backwards once, whatever the number of parameters.
     """
     system, gains, seen, _ = matrices(samples, at.modes)
+    gains = samples.gained(gains)
     moved, weighted = system - gains @ seen, np.einsum("kji,jk->ik", at.root, at.white(of))
     pull = -np.einsum("kin,ik->kn", seen, weighted)
     behind, begun = np.zeros((samples.n_samples, len(system))), []

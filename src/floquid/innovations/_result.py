@@ -142,6 +142,7 @@ class Fit(Rebuilt):
         if any(runs_away(samples, mode.exponent) for mode in at.modes):
             raise IdentificationError("A mode grows over the record by more than a record made of the model can show.")
         colour = np.linalg.inv(at.root)
+        colour = colour if at.scales is None else at.scales @ colour
         white = generator.standard_normal((samples.n_samples, len(samples.values)))
         innovations = np.einsum("kij,kj->ik", colour, white)
         return responding(samples, at, innovations)
@@ -151,7 +152,7 @@ class Fit(Rebuilt):
 
         Raises IdentificationError where their predictor diverges on them.
         """
-        samples = replace(self.samples, values=values)
+        samples = replace(self.samples, values=self.samples.kept(values))
         start = predicted(samples, self.at.modes, self.at.columns, self.at.initial, self.at.whitening)
         if start is None:
             raise IdentificationError("The predictor of these modes diverges on these records.")
@@ -232,7 +233,7 @@ def phase_step(fit: Fit, number: int) -> tuple[float, float]:
 def _step(fit: Fit, moved: Sequence[Samples]) -> tuple[float, float]:
     """The step of what was moved by `SHIFT` to either side, to first order, and its deviation."""
     samples, at = fit.samples, fit.at
-    ends = [predicted(own, at.modes, at.columns, at.initial, growing=True) for own in moved]
+    ends = [predicted(own, at.modes, at.columns, at.initial, growing=True, scales=at.scales) for own in moved]
     # A fit that was ended early may be the last that does not diverge, and have neighbours on one side alone.
     sides = sum(end is not None for end in ends)
     if not sides:

@@ -261,7 +261,7 @@ def _with(
                 gains=mode.gains * np.array(gains),
             ).scaled()
         )
-    starts = [stable_gains(samples, [*now.modes, *found], seen.left @ seen.left.T / samples.n_samples, limits.highest)]
+    starts = [stable_gains(samples, [*now.modes, *found], seen.left @ seen.left.T / samples.count, limits.highest)]
     starts += [[*now.modes, *(replace(mode, gains=share * mode.gains) for mode in found)] for share in SHRUNK]
     for start in starts:
         trial = rebuilt(samples, now, start)

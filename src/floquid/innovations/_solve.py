@@ -31,6 +31,8 @@ ROUGH = (10, 0.5, 2)
 PACED = 3
 """Steps after which a fit whose gains go down is given up where it will not gain what it must at their pace."""
 
+ANEW = 4  # fits at most, one after another, with what makes up for gaps made anew
+
 CLIMBS = 5
 """Rough fits at most by which a candidate goes on,"""
 
@@ -68,8 +70,22 @@ def solve(samples: Samples, start: Predictor, *, rough: bool = False, least: flo
 
     The matrix is kept while steps gain what it lets expect: the gradient alone costs next to nothing. A step that gains
     nothing is tried along the curve of the residual before it is shortened. A fit that is of no use below a least
-    logarithm of the likelihood (twice that) is given up where it will not come as far.
+    logarithm of the likelihood (twice that) is given up where it will not come as far. What makes up for gaps is held
+    during a fit, which is made anew until that gains nothing more.
     """
+    best = start
+    for _ in range(ANEW if samples.gaps else 0):
+        found = _solve(samples, best, rough=rough, least=least)
+        anew = predicted(samples, found.modes, found.columns, found.initial, found.whitening)
+        gain = -np.inf if anew is None else anew.log_likelihood - best.log_likelihood
+        best = best if anew is None or gain < 0.0 else anew
+        if gain < ROUGH[1]:
+            break
+    return best if samples.gaps else _solve(samples, start, rough=rough, least=least)
+
+
+def _solve(samples: Samples, start: Predictor, *, rough: bool, least: float) -> Predictor:
+    """The maximum of the likelihood near a start, what makes up for gaps held."""
     (iterations, at_rest, patience), period = ROUGH if rough else FINE, 2.0 * np.pi / samples.fundamental
 
     def bent(at: Predictor, step: Step, normal: Normal, damping: float) -> Step:
@@ -148,7 +164,9 @@ def moved(samples: Samples, at: Predictor, step: NDArray[np.float64], period: fl
     moves = [_travel(mode, own[: mode.rows], period) for mode, own in zip(at.modes, steps[0], strict=True)]
     share = min(1.0, LONGEST_STEP / max(*moves, 0.0, 1e-300))
     modes = [mode.moved(np.asarray(share * own, np.float64)) for mode, own in zip(at.modes, steps[0], strict=True)]
-    return predicted(samples, modes, at.columns + share * steps[1], at.initial + share * steps[2], at.whitening)
+    return predicted(
+        samples, modes, at.columns + share * steps[1], at.initial + share * steps[2], at.whitening, scales=at.scales
+    )
 
 
 def _travel(mode: Mode, step: NDArray[np.float64], period: float) -> float:

@@ -46,7 +46,7 @@ def fitted_freely(samples: Samples) -> Linearisation | None:
         starts = [_started(samples, at, bases, order, acting) for acting in (False, True)]
         if starts[0].starts[-1] > MOST or worse == WORSE:
             break
-        trials = [(_criterion(samples, own, likelihood(response_of(samples, own)[1])), own) for own in starts]
+        trials = [(_criterion(samples, own, likelihood(samples, response_of(samples, own)[1])), own) for own in starts]
         best = min((one for one, _ in found), default=np.inf)
         found.append(min(trials, key=lambda one: one[0]))
         worse = 0 if found[-1][0] < best else worse + 1
@@ -60,7 +60,7 @@ def fitted_freely(samples: Samples) -> Linearisation | None:
 
 
 def _criterion(samples: Samples, own: Phases, gain: float) -> float:
-    return -schwarz(gain, own.n_parameters, samples.n_samples)
+    return -schwarz(gain, own.n_parameters, samples.count)
 
 
 def _observability(samples: Samples, at: NDArray[np.int64]) -> list[NDArray[np.float64]]:
@@ -69,17 +69,18 @@ def _observability(samples: Samples, at: NDArray[np.int64]) -> list[NDArray[np.f
     A column is a period: the past inputs and outputs are instruments (Verhaegen and Yu 1995, past outputs MOESP).
     Empty where there are too few periods.
     """
-    signals = np.concatenate([samples.inputs, samples.values - samples.values.mean(axis=1, keepdims=True)])
+    values = samples.bridged(samples.values)
+    signals = np.concatenate([samples.inputs, values - values.mean(axis=1, keepdims=True)])
     signals /= np.maximum(signals.std(axis=1, keepdims=True), 1e-300)
     count, phases = len(signals), int(at.max()) + 1
     periods = samples.n_samples / phases
     depth = min(int(ROWS * periods / count), DEEPEST)
     found = []
     for phase in range(phases if depth > 1 else 0):
-        begins = [np.flatnonzero(at[own] == phase) + own.start for own in samples.records]
+        begins = [np.flatnonzero(at[own] == phase) + own.start for own in samples.stretches]
         inside = [
             one[(one >= own.start + depth) & (one + depth <= own.stop)]
-            for one, own in zip(begins, samples.records, strict=True)
+            for one, own in zip(begins, samples.stretches, strict=True)
         ]
         lags = np.concatenate(inside)[:, None] + np.arange(-depth, depth)
         block = signals[:, lags]  # (signals, periods, lags)

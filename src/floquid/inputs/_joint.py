@@ -58,7 +58,7 @@ def fitted_together(
     columns /= size[:, None]
     solved = scaled_inverse(columns @ columns.T, COLLINEAR) @ (columns @ response.T)
     left = response - solved.T @ columns
-    gain = response.shape[1] * float(np.sum(np.log(np.mean(response**2, axis=1) / np.mean(left**2, axis=1))))
+    gain = samples.count * float(np.sum(np.log(np.mean(response**2, axis=1) / np.mean(left**2, axis=1))))
     products = solved / size[:, None]
     modes = [
         split_products(mode, own, products[place], len(response))
@@ -76,7 +76,7 @@ def _columns(
         np.concatenate([columns_of(samples, mode, state) for state in own])
         for mode, own in zip(bare, drives, strict=True)
     ]
-    inputs = samples.inputs[:acting]
+    inputs = samples.kept(samples.inputs[:acting])
     first = len(inputs) + len(samples.known)
     ends = np.cumsum([first, *(len(own) for own in groups)]).tolist()
     return np.concatenate([inputs, samples.known, *groups]), [slice(a, b) for a, b in pairwise(ends)], drives
@@ -102,7 +102,7 @@ def _gain(
 ) -> float:
     """The gain in twice the logarithm of the likelihood by a group of columns."""
     explained = np.sum((_taken(gram[place, place]).T @ seen[place]) ** 2, axis=0)
-    return float(samples.n_samples * np.sum(-np.log1p(-np.minimum(explained / energy, 1.0 - 1e-12))))
+    return float(samples.count * np.sum(-np.log1p(-np.minimum(explained / energy, 1.0 - 1e-12))))
 
 
 def _less(

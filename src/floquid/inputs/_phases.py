@@ -105,14 +105,15 @@ def response_of(samples: Samples, own: Phases) -> tuple[NDArray[np.float64], NDA
                 now[:] = state
                 state = own.system[j] @ state + more
         fitted = np.einsum("kcn,kn->ck", own.seen[own.at], states) + own.known @ samples.known
-    return states, samples.values - fitted - np.einsum("kci,ik->ck", own.direct[own.at], samples.inputs)
+    acting = np.einsum("kci,ik->ck", own.direct[own.at], samples.inputs)
+    return states, samples.kept(samples.values - fitted - acting)
 
 
-def likelihood(left: NDArray[np.float64]) -> float:
+def likelihood(samples: Samples, left: NDArray[np.float64]) -> float:
     """Twice the logarithm of the likelihood of a residual (channels, samples) at its own noise, up to a constant."""
     if not np.isfinite(left).all():
         return -np.inf
-    return -float(left.shape[1] * np.sum(np.log(np.mean(left**2, axis=1) + 1e-300)))
+    return -float(samples.count * np.sum(np.log(np.sum(left**2, axis=1) / samples.count + 1e-300)))
 
 
 def normal_equations(
@@ -121,7 +122,7 @@ def normal_equations(
     """Gauss-Newton matrix and gradient of all parameters, of all channels over their noise."""
     n, width, channels = states.shape[1], own.starts[-1], len(left)
     of_system, of_inputs, of_seen, of_direct, of_initial, of_known, _ = own.starts
-    weights = 1.0 / (np.sqrt(np.mean(left**2, axis=1)) + 1e-300)
+    weights = 1.0 / (np.sqrt(np.sum(left**2, axis=1) / samples.count) + 1e-300)
     matrix, gradient = np.zeros((width, width)), np.zeros(width)
     slopes = np.empty((TOGETHER + 1, n, width))
     lines = np.arange(n)
@@ -146,7 +147,7 @@ def normal_equations(
                 found[rows, each, place] += signals[:, None]
             columns = samples.known[:, part].T
             found[rows, each, of_known + each * columns.shape[1] + np.arange(columns.shape[1])] += columns[:, None]
-            flat = (found * weights[:, None]).reshape(-1, width)
+            flat = (found * (weights * samples.there[part, None])[..., None]).reshape(-1, width)
             matrix += flat.T @ flat
             gradient += flat.T @ (left[:, part] * weights[:, None]).T.ravel()
             slopes[0] = slopes[count]
@@ -165,7 +166,7 @@ class _Fit:
     @staticmethod
     def of(samples: Samples, own: Phases) -> _Fit:
         states, left = response_of(samples, own)
-        return _Fit(own, states, left, -likelihood(left))
+        return _Fit(own, states, left, -likelihood(samples, left))
 
 
 def polished(samples: Samples, own: Phases, steps: int = STEPS) -> tuple[Phases, float]:

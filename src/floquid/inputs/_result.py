@@ -129,7 +129,7 @@ class Uncertainty(Rebuilt):
 
     def refitted(self, values: NDArray[np.float64]) -> Uncertainty:
         """Fit these modes and harmonics to other outputs (outputs, samples) at the same inputs."""
-        samples = replace(self.samples, values=values)
+        samples = replace(self.samples, values=self.samples.kept(values))
         return Uncertainty(samples, read_near_axis(samples, solve(samples, self.at.modes, self.at.direct)).at)
 
     @cached_property

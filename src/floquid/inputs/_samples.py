@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
+from floquid.core import BRIDGED, over_gaps, runs_of
 
 Hold: TypeAlias = Literal["zero", "first", "none"]
 """The input between its samples: held, linear, or acting at the samples alone."""
@@ -35,6 +36,8 @@ class Samples(Rebuilt):
         The input between its samples.
     known
         Columns beside the modes: an offset of each record, and what repeats with the period (columns, samples).
+    there
+        Mask of the samples that were measured (samples,). Of others the input is known, y and the columns are zero.
     """
 
     values: NDArray[np.float64]
@@ -45,6 +48,7 @@ class Samples(Rebuilt):
     fundamental: float
     hold: Hold
     known: NDArray[np.float64]
+    there: NDArray[np.bool_]
 
     @property
     def records(self) -> list[slice]:
@@ -60,6 +64,48 @@ class Samples(Rebuilt):
     def n_samples(self) -> int:
         """Samples of all records."""
         return self.values.shape[1]
+
+    @cached_property
+    def count(self) -> int:
+        """Samples that were measured: each is one equation of every output."""
+        return int(self.there.sum())
+
+    @cached_property
+    def gaps(self) -> list[tuple[int, int]]:
+        """First and one past the last of the samples that were not measured, of each gap."""
+        return runs_of(~self.there)
+
+    @cached_property
+    def stretches(self) -> list[slice]:
+        """The samples of each record between gaps that are too long to be bridged."""
+        found = []
+        for own in self.records:
+            there = [slice(own.start + a, own.start + b) for a, b in runs_of(self.there[own])]
+            joined = there[:1]
+            for one in there[1:]:
+                near = one.start - joined[-1].stop <= self._bridged
+                joined = [*joined[:-1], slice(joined[-1].start, one.stop)] if near else [*joined, one]
+            found += joined
+        return found
+
+    @property
+    def _bridged(self) -> float:
+        """Samples of the longest gap that is bridged for a start."""
+        return BRIDGED * 2.0 * np.pi / (self.fundamental * self.step)
+
+    def bridged(self, values: NDArray) -> NDArray:
+        """Values with cubics over the samples that are not there, for a start alone (rows, samples)."""
+        if self.count == self.n_samples:
+            return values
+        return np.concatenate([over_gaps(values[:, own], ~self.there[own]) for own in self.records], axis=1)
+
+    def kept(self, rows: NDArray) -> NDArray:
+        """Rows with zeros where nothing was measured: there they count for nothing (…, samples)."""
+        return rows if self.count == self.n_samples else rows * self.there
+
+    def gained(self, gains: NDArray) -> NDArray:
+        """Gains of what was measured, none where nothing was (samples, …)."""
+        return gains if self.count == self.n_samples else gains * self.there.reshape(-1, *[1] * (gains.ndim - 1))
 
     @property
     def input_size(self) -> NDArray[np.float64]:
@@ -114,7 +160,8 @@ def samples_of(
     """The samples of records, with an offset of each and the harmonics `turns` of a periodic response beside.
 
     Outputs and inputs of each record are (channels, samples) and (inputs, samples), `starts` are the times of the first
-    samples after phase zero [s], or the angles of all samples over ω (samples,) [s].
+    samples after phase zero [s], or the angles of all samples over ω (samples,) [s]. A sample at which an output is NaN
+    is not there.
     """
     begins = (0, *np.cumsum([own.shape[1] for own in values]).tolist())
     times = np.concatenate(
@@ -129,13 +176,16 @@ def samples_of(
     for turn in turns:
         angle = turn * fundamental * times
         known.append(np.array([np.cos(angle), np.sin(angle)]))
+    joined = np.concatenate(values, axis=1)
+    there = np.all(np.isfinite(joined), axis=0, keepdims=True)[0]
     return Samples(
-        values=np.concatenate(values, axis=1),
+        values=np.where(there, joined, 0.0),
         inputs=np.concatenate(inputs, axis=1),
         begins=begins,
         times=times,
         step=step,
         fundamental=fundamental,
         hold=hold,
-        known=np.concatenate(known),
+        known=np.concatenate(known) * there,
+        there=there,
     )

@@ -57,6 +57,8 @@ class Linearisation(Rebuilt):
         Its deviation (channels,).
     rank
         Directions that the columns span: one that is a sum of others, or nothing, takes no noise.
+    count
+        Samples that were measured; at others the columns and the residual are zero.
     """
 
     modes: tuple[InputMode, ...]
@@ -68,11 +70,12 @@ class Linearisation(Rebuilt):
     left: NDArray[np.float64]
     noise: NDArray[np.float64]
     rank: int
+    count: int
 
     @property
     def log_likelihood(self) -> float:
         """Twice the logarithm of the likelihood at its own noise, up to a constant."""
-        count, squares = self.left.shape[1], np.mean(self.left**2, axis=1)
+        count, squares = self.count, np.sum(self.left**2, axis=1) / self.count
         held = self.noise**2 * max(count - self.rank, 1) / count
         return -float(count * np.sum(np.log(held) + squares / held - 1.0))
 
@@ -84,7 +87,7 @@ class Linearisation(Rebuilt):
     @property
     def heard(self) -> NDArray[np.bool_]:
         """Mask of channels whose residual is noise: below the least noise it has the colour of rounding."""
-        return np.mean(self.left**2, axis=1) > 0.5 * self.noise**2
+        return np.sum(self.left**2, axis=1) / self.count > 0.5 * self.noise**2
 
     @property
     def colour(self) -> float:
@@ -101,7 +104,7 @@ class Linearisation(Rebuilt):
     @property
     def criterion(self) -> float:
         """The criterion of Schwarz (1978): more is better."""
-        return schwarz(self.log_likelihood, self.n_parameters, self.left.shape[1])
+        return schwarz(self.log_likelihood, self.n_parameters, self.count)
 
     def slices(self) -> list[tuple[slice, NDArray[np.bool_]]]:
         """Place of the columns of each mode, and mask of its turns that have an imaginary part (turns,)."""
@@ -126,7 +129,7 @@ def linearise(samples: Samples, modes: Sequence[InputMode], direct: Sequence[flo
     """The columns of these modes, the coefficients that fit them to the samples, and what is left."""
     states = tuple(state_of(samples, mode) for mode in modes)
     parts = [columns_of(samples, mode, own) for mode, own in zip(modes, states, strict=True)]
-    parts += [_modulated(samples.turned(turn), samples.inputs, turn > 0.0) for turn in direct]
+    parts += [samples.kept(_modulated(samples.turned(turn), samples.inputs, turn > 0.0)) for turn in direct]
     columns = np.concatenate([*parts, samples.known])
     root = inverse_root(columns @ columns.T, ROUNDING)
     inverse, rank = root @ root.T, root.shape[1]
@@ -135,10 +138,11 @@ def linearise(samples: Samples, modes: Sequence[InputMode], direct: Sequence[flo
     # A second pass takes what rounding left.
     again = inverse @ (columns @ left.T)
     coefficients, left = coefficients + again, left - again.T @ columns
-    noise = np.sqrt(np.sum(left**2, axis=1) / max(left.shape[1] - rank, 1))
+    noise = np.sqrt(np.sum(left**2, axis=1) / max(samples.count - rank, 1))
     floor = np.maximum(EXACT * samples.swing, ROUNDING * np.abs(samples.values).max(axis=1)) + np.finfo(float).tiny
     noise = np.maximum(noise, floor)
-    return Linearisation(tuple(modes), tuple(direct), states, columns, inverse, coefficients, left, noise, rank)
+    count = samples.count
+    return Linearisation(tuple(modes), tuple(direct), states, columns, inverse, coefficients, left, noise, rank, count)
 
 
 def columns_of(samples: Samples, mode: InputMode, state: NDArray) -> NDArray[np.float64]:
@@ -149,7 +153,7 @@ def columns_of(samples: Samples, mode: InputMode, state: NDArray) -> NDArray[np.
     angles = np.array([samples.turned(turn) for turn in mode.turns.tolist()])
     turning = np.ones(len(mode.turns), bool) if not mode.real else mode.turns > 0.0
     turned = [angles * own for own in state.reshape(mode.states, -1)]
-    return np.concatenate([part for own in turned for part in (own.real, -own.imag[turning])])
+    return samples.kept(np.concatenate([part for own in turned for part in (own.real, -own.imag[turning])]))
 
 
 def _modulated(turned: NDArray[np.complex128], inputs: NDArray[np.float64], turning: bool) -> NDArray[np.float64]:
@@ -164,7 +168,7 @@ def state_slopes(samples: Samples, at: Linearisation) -> list[NDArray]:
 
 def carried(samples: Samples, shape: NDArray[np.complex128], turns: Sequence[float]) -> NDArray[np.complex128]:
     """The shape of a mode over the samples: amplitudes (…, turns) at harmonics (…, samples)."""
-    return shape @ np.array([samples.turned(turn) for turn in turns])
+    return samples.kept(shape @ np.array([samples.turned(turn) for turn in turns]))
 
 
 def slopes_of(

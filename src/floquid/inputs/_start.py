@@ -59,7 +59,8 @@ def candidates(
     on the branch on which it came up most. Unless inputs may have held them by a feedback, none grows much
     over a record.
     """
-    samples, response = replace(samples, inputs=_strongest(samples.inputs)), _strongest(response)
+    samples = replace(samples, inputs=_strongest(samples.inputs))
+    response = _strongest(samples.bridged(response))
     found, turns, ages = [], [], []
     omega = samples.fundamental
     for number, thinned in enumerate(THINNED):
@@ -101,7 +102,7 @@ def candidates(
 def _poles(samples: Samples, response: NDArray[np.float64], thinned: int) -> list[NDArray[np.complex128]]:
     """Poles of several orders, by past outputs and inputs as instruments (Verhaegen 1994); none of too few samples."""
     taps = _low_pass(thinned)
-    lengths = [(own.stop - own.start - len(taps) + thinned) // thinned for own in samples.records]
+    lengths = [(own.stop - own.start - len(taps) + thinned) // thinned for own in samples.stretches]
     most = MOST_ROWS * sum(max(n - 2 * FEWEST + 1, 0) for n in lengths) / (2 * FEWEST)
     room = int(most) - len(samples.inputs) * (1 + 2 * SIDEBANDS[-1])
     if room < 1:
@@ -129,7 +130,7 @@ def _poles(samples: Samples, response: NDArray[np.float64], thinned: int) -> lis
     signals = signals / np.where(size > 0.0, size, 1.0)
     rows = 2 * depth * len(signals)
     gram = np.zeros((rows, rows))
-    for own, length in zip(samples.records, lengths, strict=True):
+    for own, length in zip(samples.stretches, lengths, strict=True):
         if length > 2 * depth:
             part = np.array([np.convolve(row, taps, "valid")[::thinned] for row in signals[:, own]])
             gram += _products_of_lags(part, 2 * depth)

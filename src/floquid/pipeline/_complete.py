@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.checks import Decays, findings_of
-from floquid.core import ConstantPeriod, Cycles, Estimates, PeriodicModel, Record
+from floquid.core import BRIDGED, ConstantPeriod, Cycles, Estimates, PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note
 from floquid.lifting import Lifted, lift, unlift, whitened
@@ -23,7 +23,7 @@ from floquid.pipeline._deviations import model_failure, poles_alone, widened, wi
 from floquid.pipeline._doubts import ambiguity
 from floquid.pipeline._noise_colour import ALL_PEAKED, STILL
 from floquid.pipeline._settings import Settings
-from floquid.pipeline._start import BRIDGED, Lifting, Start, filled, out_of_step, steady_clock
+from floquid.pipeline._start import Lifting, Start, filled, out_of_step, steady_clock
 from floquid.pipeline._state import Again, state_of
 from floquid.pipeline.preparation import Prepared, uneven_speed, without_clock
 from floquid.sync import ShaftAngle, rejoin, resample, segment

@@ -37,7 +37,7 @@ from floquid.pipeline._start import Lifting, Start, cut
 from floquid.pipeline._starts import OPENINGS, POLES, WIDTH, criterion, determined, explains
 from floquid.pipeline._validated import validated
 from floquid.pipeline.excited import identified_ambient, identified_driven, refuse_others
-from floquid.pipeline.preparation import Prepared, begun, blas_threads, clocked, own_names, prepare
+from floquid.pipeline.preparation import Prepared, begun, blas_threads, clocked, mended, own_names, prepare
 
 OF = "identify"
 
@@ -94,9 +94,10 @@ def identify(
         refuse_others(chosen, OF)
         with own_names(OF):
             used, said = begun(clocked(records, chosen, OF), chosen)
+            used, more = mended(used, chosen)
             with blas_threads(used):
                 found = (identified_ambient if ambient else identified_driven)(used, chosen, report)
-        return replace(found, findings=(*said, *found.findings))
+        return replace(found, findings=(*said, *more, *found.findings))
     prepared = prepare(records, chosen, report=report)
     faults = prepared.faults
     with own_names(OF), blas_threads(prepared.records):

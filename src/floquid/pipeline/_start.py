@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
-from floquid.core import ConstantPeriod, Cycles, Record
+from floquid.core import BRIDGED, ConstantPeriod, Cycles, Record, longest_run, over_gaps, runs_of
 from floquid.errors import IdentificationError, NotSynchronousError
 from floquid.findings import note
 from floquid.lifting import Lifted, lift, whitened
@@ -30,7 +30,6 @@ where what modes leave is no noise."""
 
 
 POINTS = 2000  # instants at which the angle of a shaft is looked at
-BRIDGED = 0.2  # periods over which missing samples are filled for the start
 SHORTEST = 0.25  # the share of a record that must be there in one piece for the rest to be left out of the start
 FAR = 0.05  # the wander of the shaft's angle [rad of the system] from which on lifting in angle makes modes of its own
 WANDERS = 1e-6  # the relative range of the periods from which on the forced response is let follow the speed
@@ -101,39 +100,15 @@ def filled(records: Sequence[Record], longest: Sequence[float]) -> tuple[Record,
             most = limit * record.sample_rate
             long = np.zeros(record.n_samples, bool)
             for absent in missing:
-                edges = np.flatnonzero(np.diff(np.concatenate([[False], absent, [False]])))
-                for begin, end in zip(edges[::2], edges[1::2], strict=True):
+                for begin, end in runs_of(absent):
                     long[begin:end] |= end - begin > most
-            if _longest_run(~long) < SHORTEST * record.n_samples:
+            if np.diff(longest_run(~long))[0] < SHORTEST * record.n_samples:
                 long[:] = False
-            values = np.array([_over_gaps(own, absent) for own, absent in zip(record.values, missing, strict=True)])
+            rows = zip(record.values, missing, strict=True)
+            values = np.concatenate([over_gaps(own[None], absent) for own, absent in rows])
             record = replace(record, values=np.where(long, np.nan, values))
         whole.append(record)
     return tuple(whole)
-
-
-def _longest_run(there: NDArray[np.bool_]) -> int:
-    """The most samples that follow one another."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], there, [False]])))
-    return int(np.max(edges[1::2] - edges[::2], initial=0))
-
-
-def _over_gaps(values: NDArray[np.float64], missing: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Values with the missing ones from the cubic through two samples on either side (samples,)."""
-    there, gaps = np.flatnonzero(~missing), np.flatnonzero(missing)
-    if len(there) < 4 or not len(gaps):
-        return np.interp(np.arange(len(values)), there, values[there])
-    first = np.clip(np.searchsorted(there, gaps) - 2, 0, len(there) - 4)
-    nodes = there[first[:, None] + np.arange(4)].astype(float)
-    weights = np.ones_like(nodes)
-    for k in range(4):
-        for j in range(4):
-            if j != k:
-                weights[:, k] *= (gaps - nodes[:, j]) / (nodes[:, k] - nodes[:, j])
-    inside = (gaps > there[0]) & (gaps < there[-1])
-    whole = np.interp(np.arange(len(values)), there, values[there])
-    whole[gaps[inside]] = np.sum(weights * values[nodes.astype(int)], axis=1)[inside]
-    return whole
 
 
 def _followed(lengths: NDArray[np.float64]) -> NDArray[np.float64]:

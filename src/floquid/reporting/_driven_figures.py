@@ -240,6 +240,7 @@ def left_out_figures(case: Case) -> tuple[list[Figure], bool]:
     assert analysis.driven is not None
     samples = analysis.driven.samples
     found, fitted = predicted_rest(analysis)
+    values = np.where(samples.there, samples.values, np.nan)
     stop = samples.begins[1]
     begin = int(0.75 * stop) if fitted.all() else int(np.flatnonzero(~fitted)[0])
     place = slice(begin, min(stop, begin + int(CLOSE * analysis.model.period / samples.step) + 1))
@@ -248,12 +249,10 @@ def left_out_figures(case: Case) -> tuple[list[Figure], bool]:
     for row, label in zip(case.channels, case.labels(), strict=True):
         made = new_figure("time [s]", f"response [{analysis.model.channels[row].unit}]", name=f"left-{row}")
         made.title.text = label
-        made.scatter(
-            seconds, samples.values[row, place], size=5, fill_color="white", line_color=BLACK, legend_label="measured"
-        )
+        made.scatter(seconds, values[row, place], size=5, fill_color="white", line_color=BLACK, legend_label="measured")
         made.line(seconds, found[row, place], line_color=BLUE, line_width=2, legend_label="predicted")
         made.line(
-            seconds, samples.values[row, place] - found[row, place], line_color=VERMILION, line_dash="dashed",
+            seconds, values[row, place] - found[row, place], line_color=VERMILION, line_dash="dashed",
             legend_label="difference",
         )  # fmt: skip
         legend_above(made, columns=3)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid._arrays import Floats, Indices, Integers
-from floquid.sync._impact_search import longest_run
+from floquid.core import longest_run
 
 SPAN = 11  # the fewest intervals whose median is the local one: every second pulse but one may be wrong
 

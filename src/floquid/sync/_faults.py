@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid.core import AzimuthSignal, Record, TachometerSignal
+from floquid.core import AzimuthSignal, Record, TachometerSignal, runs_of
 from floquid.findings import Finding, failure, note, warning
-from floquid.sync._impact_search import runs_of
 
 FLAT = 3  # equal samples in a row that make a flat top
 STUCK = 10  # equal samples in a row that make a dropout

@@ -11,6 +11,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from floquid._arrays import BLOCK, Floats, Mask
 from floquid._checks import input_error
+from floquid.core import runs_of
 from floquid.fit import SURE, chi2_limit
 
 Blow = tuple[int, int, float, bool]
@@ -75,17 +76,6 @@ def by_response(values: Floats, rows: list[int], *, least: float, apart: int) ->
         excess, limit = _excess(*errors, window, len(rows))
     alone = (1.0 + np.sqrt(chi2_limit(1, SURE) / len(rows))) ** 2
     return _blows(excess, limit, errors[:2], alone, memory + window, least=least, apart=apart)
-
-
-def runs_of(mask: Mask) -> list[tuple[int, int]]:
-    """First and one past the last index of each run of True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8)))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
-
-
-def longest_run(mask: Mask) -> tuple[int, int]:
-    """The first of the longest runs of True; (0, 0) where there is none."""
-    return max(runs_of(mask), key=lambda run: run[1] - run[0], default=(0, 0))
 
 
 def _memory(complete: Mask, channels: int) -> tuple[int, Mask]:

@@ -10,9 +10,8 @@ import numpy as np
 
 from floquid._arrays import Floats, Indices
 from floquid._checks import input_error, integer
-from floquid.core import ConstantPeriod, Cycles, Record
+from floquid.core import ConstantPeriod, Cycles, Record, longest_run
 from floquid.fit import SURE
-from floquid.sync._impact_search import longest_run
 from floquid.sync._interpolation import ACCURACY, BAND, check_options, half_width, interpolate
 
 FEWEST_PHASES = 8  # the fewest samples a period that are chosen from a bandwidth, where the sampling rate allows them

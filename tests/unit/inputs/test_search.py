@@ -298,7 +298,6 @@ def test_few_periods_are_refused():
         ({"inputs": ["F0"], "hold": "second"}, "`hold` of `Settings`"),
         ({"inputs": ["F0", "y0"]}, "`inputs` of `identify`"),
         ({"inputs": ["F0"], "order": 2}, "`order` of `identify` must be left as it is"),
-        ({"inputs": ["F0"], "repair": False}, "`repair` of `identify` must be left as it is"),
         ({"inputs": ["F0"], "harmonics": 10}, "`harmonics` of `identify` must be less than half"),
     ],
 )
@@ -307,14 +306,6 @@ def test_what_is_not_possible_is_named(options, words):
     values, inputs = record_of(system, 20, 20, 0.01, 0)
     with pytest.raises(InputError, match=words):
         identify(record(system, values, inputs, 20), period=system.period, **options)
-
-
-def test_missing_samples_are_refused():
-    system = mathieu()
-    values, inputs = record_of(system, 20, 20, 0.01, 0)
-    values[0, 7] = np.nan
-    with pytest.raises(InputError, match="miss no sample"):
-        identify(record(system, values, inputs, 20), period=system.period, inputs=["F0"])
 
 
 @pytest.mark.slow

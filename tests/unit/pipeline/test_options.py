@@ -16,7 +16,7 @@ from floquid.pipeline.excited import FREE
 SYSTEM, PHASES = mathieu(), 20
 KINDS = {"inputs": {"inputs": ["F"]}, "ambient": {"excitation": "ambient"}}
 OTHERS = {
-    "estimate_period": True, "find_hits": True, "repair": False, "noise_floor": 1e-6, "order": 2, "identifier": "era",
+    "estimate_period": True, "find_hits": True, "noise_floor": 1e-6, "order": 2, "identifier": "era",
     "constrained": False,
 }  # fmt: skip
 

@@ -108,7 +108,7 @@ def _growths(point: Point, bands: Sequence[str] = ("turns", "reach"), most: int 
     ]
     turn = float(len(at.direct))
     if turn <= point.limits.highest:
-        both = samples.turned(turn) * samples.inputs
+        both = samples.kept(samples.turned(turn) * samples.inputs)
         columns.append(np.concatenate([both.real, both.imag]) if turn else both.real)
     seen = point.scores.by_columns(columns).tolist()
     asked = [(number, turn) for number, band, beyond in ends if band == "reach" for turn in beyond]

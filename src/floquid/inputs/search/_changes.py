@@ -71,7 +71,8 @@ def kinds(point: Point) -> Iterator[Move[Structure]]:
             block, rest = block_of_pair(samples, mode), now.without([number])
             columns, squares = point.at.slices()[number][0], point.at.noise**2
             alone = point.at.left + point.at.coefficients[columns].T @ point.at.columns[columns]
-            loss = samples.n_samples * float(np.sum(np.log(np.maximum(np.mean(alone**2, axis=1) / squares, 1.0))))
+            share = np.sum(alone**2, axis=1) / samples.count / squares
+            loss = samples.count * float(np.sum(np.log(np.maximum(share, 1.0))))
             for name, shares in (("single", (1.0,)), ("two", APART)):
                 decays = [complex(share * mode.exponent.real) for share in shares]
                 bare = [bare_mode(samples, own, block.reach, block.turns, real=True) for own in decays]

@@ -144,7 +144,7 @@ class Scores:
         pulls, sizes, beyond = self._by_noise
         generator, drawn = np.random.default_rng(0), np.zeros((4, draws, len(pulls)))
         for draw in range(draws):
-            whole = generator.standard_normal(self.left.shape, self.precision)
+            whole = self.samples.kept(generator.standard_normal(self.left.shape, self.precision))
             for place, own in ((0, self._unfitted(whole)), (2, whole)):
                 drawn[place, draw], found = self._pulls(own)
                 drawn[place + 1, draw] = np.einsum("mcn,mcn->m", found, found) + TINY

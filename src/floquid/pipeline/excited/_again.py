@@ -52,7 +52,7 @@ def predicted_rest(analysis: Analysis) -> tuple[NDArray[np.float64], NDArray[np.
     """The outputs by a fit to the first three quarters of each record alone (outputs, samples), and what that was of.
 
     Of outputs alone one sample ahead. Where nothing was left out (`validate`), by the fit to all samples. The mask is
-    true where samples were fitted (samples,).
+    true where samples were fitted (samples,). NaN where nothing was measured.
     """
     fit = analysis.driven
     assert fit is not None
@@ -62,14 +62,16 @@ def predicted_rest(analysis: Analysis) -> tuple[NDArray[np.float64], NDArray[np.
         if isinstance(fit, Uncertainty):
             own = fit.at if mask.all() else solve_driven(part, fit.at.modes, fit.at.direct)
             columns = linearise(samples, own.modes, own.direct).columns
-            return np.asarray(own.coefficients.T @ columns, np.float64), mask
+            return np.where(samples.there, own.coefficients.T @ columns, np.nan), mask
         own, whole = fit.at, None
         start = None if mask.all() else predicted(part, own.modes, own.columns, own.initial, own.whitening[mask])
         if start is not None:
             own = solve(part, start, rough=True)
             whole = predicted(samples, own.modes, own.columns, own.initial, growing=True)
         innovations = (fit.at if whole is None else whole).innovations
-        return samples.values - innovations, mask if whole is not None else np.ones_like(mask)
+        return np.where(
+            samples.there, samples.values - innovations, np.nan
+        ), mask if whole is not None else np.ones_like(mask)
 
 
 def with_acting(own: Parted) -> tuple[Samples, int]:
@@ -79,4 +81,5 @@ def with_acting(own: Parted) -> tuple[Samples, int]:
     innovation of the same sample.
     """
     acting = len(own.inputs) if any(channel.quantity == "acceleration" for channel in own.outputs) else 0
-    return replace(own.samples, known=np.concatenate([own.samples.known, own.samples.inputs[:acting]])), acting
+    samples = own.samples
+    return replace(samples, known=np.concatenate([samples.known, samples.kept(samples.inputs[:acting])])), acting

@@ -112,6 +112,13 @@ def measure_transfer(
             must, got = "have a constant period", "have a measured clock"
             remedy = "Lines are sharp at constant speed alone: use `identify`, which follows the angle."
             raise input_error("records", OF, must, got, remedy)
+        missing = own.samples.n_samples - own.samples.count
+        if missing:
+            must, remedy = (
+                "miss no sample",
+                "Lines are sums over every sample: cut the record at the gap, or `identify`.",
+            )
+            raise input_error("records", OF, must, f"miss {missing}", remedy)
         count = len(chosen.inputs)
         held = own.samples.inputs[count:] if reference else None
         samples, channels = replace(own.samples, inputs=own.samples.inputs[:count]), (own.outputs, own.inputs[:count])

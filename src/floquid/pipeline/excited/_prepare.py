@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid.checks import Parted, quiet_for
-from floquid.core import ConstantPeriod, Record, channels_named
+from floquid.core import ConstantPeriod, Record, channels_named, over_gaps, runs_of
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, note, warning
 from floquid.inputs import Hold, samples_of
@@ -25,7 +25,6 @@ OF = "identify"
 FREE = {
     "estimate_period": "what drives the system repeats with periods of its own",
     "find_hits": "a blow that was measured is an input",
-    "repair": "states run through every sample, so cut the record at those that are none",
     "noise_floor": "the noise is what the fit leaves",
     "order": "each mode is tested against the noise that the fit leaves",
     "identifier": "it takes samples a period apart for a free response",
@@ -50,6 +49,9 @@ FADED, FAINT = 0.5, 0.05
 
 FEWEST = 8
 """Periods that records must hold in all."""
+
+MOST_ABSENT = 0.5  # the share of an output's samples that may be missing: beyond, the record is mostly gap
+NAMED = 3  # gaps of an input that a refusal names
 
 
 def done_beside(own: Parted) -> tuple[Finding, ...]:
@@ -94,10 +96,8 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
     refuse_unlike(records, of)
     refuse_period(records, of)
     for record in records:
-        channels_named(record.channels, settings.inputs, argument="inputs", of=of)
-        if np.isnan(record.values).any():
-            must, remedy = "miss no sample", "Cut the record at the gap, into two records."
-            raise input_error("records", of, must, f"miss {int(np.isnan(record.values).sum())}", remedy)
+        for row in channels_named(record.channels, settings.inputs, argument="inputs", of=of):
+            _refuse_gaps(record, row, of)
     period, times, shafts = _turned(records, of)
     channels = {channel.name: channel for channel in records[0].channels}
     clocks = {settings.tach, settings.azimuth}
@@ -113,16 +113,12 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
     check_states([channels[name] for name in outputs], settings)
     rows, driven = [names.index(name) for name in outputs], [names.index(name) for name in settings.inputs]
     inputs, values = [record.values[driven] for record in records], [record.values[rows] for record in records]
-    for name, row in zip(outputs, rows, strict=True):
-        if all(np.ptp(record.values[row]) == 0.0 for record in records):
-            raise IdentificationError(
-                f"Channel {name!r} never changes: nothing can be learned from it. Leave it out: `channels=`."
-            )
+    whole = _refuse_absent(outputs, values)
     rate = records[0].sample_rate
     if rate * period < LEAST:
         must, got = f"be {LEAST} samples or more", f"is {rate * period:.4g}"
         raise input_error("period", of, must, got, "Sample faster.")
-    periods = sum(record.n_samples for record in records) / (rate * period)
+    periods = sum(int(own.sum()) for own in whole) / (rate * period)
     if periods < FEWEST:
         raise IdentificationError(
             f"The records hold {periods:.3g} periods, fewer than {FEWEST}: too few for a periodic system whose "
@@ -131,9 +127,10 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
     if driven:
         _refuse(settings.inputs, inputs, rate, period)
     given = shafts[0].periods_per_revolution if shafts else settings.periods_per_revolution
-    turns, findings = _beside(Lines(values, inputs, times, rate, period), given, settings)
+    filled = [over_gaps(own, ~there) for own, there in zip(values, whole, strict=True)]
+    turns, findings = _beside(Lines(filled, inputs, times, rate, period), given, settings)
     # Beside forces that nobody measured a response need not ring down.
-    late = () if settings.excitation == "ambient" else _late(values, inputs, rate, period)
+    late = () if settings.excitation == "ambient" else _late(filled, inputs, rate, period)
     hold: Hold = settings.hold
     samples = samples_of(
         values, inputs, times, step=1.0 / rate, fundamental=2.0 * np.pi / period, hold=hold, turns=turns
@@ -146,7 +143,7 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
         turns=turns,
         shafts=shafts,
         periods_per_revolution=given,
-        findings=(*_faults(records, outputs), *late, *findings),
+        findings=(*_partly_missing(values, whole), *_faults(records, outputs, settings), *late, *findings),
     )
 
 
@@ -171,11 +168,48 @@ def _late(
     return tuple(found)
 
 
-def _faults(records: Sequence[Record], outputs: Sequence[str]) -> tuple[Finding, ...]:
+def _refuse_gaps(record: Record, row: int, of: str) -> None:
+    """Refuse an input with missing samples: what it made of the states from there on is not known."""
+    gaps = runs_of(np.isnan(record.values[row]))
+    if gaps:
+        times = [record.start + first / record.sample_rate for first, _ in gaps]
+        number, places = sum(last - first for first, last in gaps), ", ".join(f"{time:.6g}" for time in times[:NAMED])
+        got = f"input {record.channels[row].name!r} misses {number}, at {places} s" + (
+            " and later" * (len(times) > NAMED)
+        )
+        remedy = "Cut the record there, into two records."
+        raise input_error("records", of, "hold every sample of the inputs", got, remedy)
+
+
+def _refuse_absent(outputs: Sequence[str], values: Sequence[NDArray[np.float64]]) -> list[NDArray[np.bool_]]:
+    """Masks of the samples of each record at which all outputs are there; outputs that tell nothing are refused."""
+    joined = np.concatenate(values, axis=1)
+    missing = np.isnan(joined)
+    for name, own, absent in zip(outputs, joined, missing, strict=True):
+        if absent.mean() > MOST_ABSENT:
+            raise IdentificationError(
+                f"Channel {name!r} misses {100.0 * absent.mean():.3g} % of its samples, at which other channels "
+                f"would not count: {100.0 * MOST_ABSENT:g} % may be missing. Leave it out (`channels=`), or cut "
+                "the record."
+            )
+        if np.ptp(own[~absent]) == 0.0:
+            raise IdentificationError(
+                f"Channel {name!r} never changes: nothing can be learned from it. Leave it out: `channels=`."
+            )
+    return [~np.any(np.isnan(own), axis=0, keepdims=True)[0] for own in values]
+
+
+def _partly_missing(values: Sequence[NDArray[np.float64]], whole: Sequence[NDArray[np.bool_]]) -> tuple[Finding, ...]:
+    """Note samples that count for no channel, since some channel misses them."""
+    partly = sum(int(np.sum(~there & ~np.isnan(own).all(axis=0))) for own, there in zip(values, whole, strict=True))
+    return (note("partly_missing", samples=partly),) if partly else ()
+
+
+def _faults(records: Sequence[Record], outputs: Sequence[str], settings: Settings) -> tuple[Finding, ...]:
     """Findings on samples that are none: an output that is clipped fails, since what is left of it is not linear."""
     return tuple(
         replace(own, severity=Severity.FAILURE) if own.code == "clipped" and own.numbers["channel"] in outputs else own
-        for own in faults_of(tuple(records), repair=True)
+        for own in faults_of(tuple(records), repair=settings.repair)
     )
 
 

@@ -139,11 +139,25 @@ def responses_of(records: tuple[Record, ...], settings: Settings) -> tuple[tuple
     return tuple(kept), tuple(note("no_response", channel=name, quantity=quantity) for name, quantity in left)
 
 
-def repaired(records: tuple[Record, ...]) -> tuple[tuple[Record, ...], tuple[Finding, ...]]:
+def mended(records: tuple[Record, ...], settings: Settings) -> tuple[tuple[Record, ...], tuple[Finding, ...]]:
+    """The records whose excitation goes on without samples that are none, and which are missing or were left out."""
+    said = missing_of(records)
+    if not settings.repair:
+        return records, said
+    records, more = repaired(records, settings.inputs)
+    used = []
+    for number, record in enumerate(records, start=1):
+        found, _, spikes = without_spikes(record, settings.inputs)
+        used.append(found)
+        more += tuple(replace(own, where=_name(number, records)) for own in spikes)
+    return tuple(used), (*said, *more)
+
+
+def repaired(records: tuple[Record, ...], inputs: Sequence[str] = ()) -> tuple[tuple[Record, ...], tuple[Finding, ...]]:
     """The records without samples that are none, and what was left out."""
     used, said = [], []
     for number, record in enumerate(records, start=1):
-        found, more = without_faults(record, (*clipped(record), *dropouts(record)))
+        found, more = without_faults(record, (*clipped(record), *dropouts(record)), inputs)
         used.append(found)
         said += [replace(own, where=_name(number, records)) for own in more]
     return tuple(used), tuple(said)

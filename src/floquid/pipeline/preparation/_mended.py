@@ -35,10 +35,15 @@ ENOUGH = 30
 MOST_LEFT_OUT = 0.3  # the share of a channel's samples that is left out at most
 
 
-def without_faults(record: Record, faults: Sequence[Finding]) -> tuple[Record, tuple[Finding, ...]]:
-    """The record with clipped samples, and those of a channel that stands still, missing; and which."""
+def without_faults(
+    record: Record, faults: Sequence[Finding], inputs: Sequence[str]
+) -> tuple[Record, tuple[Finding, ...]]:
+    """The record with clipped samples, and those of a response that stands still, missing; and which.
+
+    What the `inputs` are must be known at every sample: theirs are left.
+    """
     values, found = np.array(record.values), []
-    rows = {record.channels[row].name: row for row in _responses(record)}
+    rows = {record.channels[row].name: row for row in _responses(record, inputs)}
     for fault in (own.numbers for own in faults):
         if fault["channel"] not in rows:
             continue
@@ -53,13 +58,14 @@ def without_faults(record: Record, faults: Sequence[Finding]) -> tuple[Record, t
     return (_with(record, values), tuple(found)) if found else (record, ())
 
 
-def without_spikes(record: Record) -> tuple[Record, tuple[float, ...], tuple[Finding, ...]]:
+def without_spikes(record: Record, inputs: Sequence[str] = ()) -> tuple[Record, tuple[float, ...], tuple[Finding, ...]]:
     """The record with samples that no response explains missing, the instants at which it was hit, and what was done.
 
     What an autoregression does not foretell is a blow where the response is larger after it, and else a fault of the
-    samples, if it is short.
+    samples, if it is short and no input jumps there.
     """
-    rows = _responses(record)
+    rows = _responses(record, inputs)
+    driving = [row for row, channel in enumerate(record.channels) if channel.name in inputs]
     impacts: tuple[Impact, ...] = ()
     with suppress(FloquidError):
         impacts = find_impacts(record, channels=[record.channels[row].name for row in rows])
@@ -69,6 +75,7 @@ def without_spikes(record: Record) -> tuple[Record, tuple[float, ...], tuple[Fin
     for impact in impacts:
         first, last = (round((at - record.start) * record.sample_rate) for at in (impact.start, impact.end))
         spike = last - first <= SHORT and _stands_alone(record.values[rows], first, last)
+        spike = spike and not (driving and _stands_alone(record.values[driving], first, last))
         if not spike and first >= STRETCH // 2 and _grows(record.values[rows], first, last):
             blows.append(impact.start)
         elif spike:
@@ -96,14 +103,14 @@ def begins_free(record: Record, blow: float) -> bool:
     return bool((np.sum(before[:, 1:] * before[:, :-1], axis=1) / power > SMOOTH).any())
 
 
-def _responses(record: Record) -> list[int]:
+def _responses(record: Record, inputs: Sequence[str] = ()) -> list[int]:
     """The rows of the channels that are responses."""
     clock = record.clock
     own = clock.channel if isinstance(clock, (TachometerSignal, AzimuthSignal)) else None
     return [
         row
         for row, channel in enumerate(record.channels)
-        if channel.name != own and channel.quantity not in NO_RESPONSE
+        if channel.name not in (own, *inputs) and channel.quantity not in NO_RESPONSE
     ]
 
 
