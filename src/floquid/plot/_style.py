@@ -28,7 +28,7 @@ GREY = "#999999"
 Thing = TypeVar("Thing")
 
 Into: TypeAlias = "Axes | Iterable[Axes] | None"
-"""Where a figure is drawn: axes of the caller, as many as it has panels, or a new figure."""
+"""Canvas of a figure: axes of the caller, as many as it has panels, or a new figure."""
 
 LONGEST = 38  # the longest text that fits beside or above the axes, in characters
 PLAIN_FROM, PLAIN_TO = 5e-3, 1e4  # values of this size are written out

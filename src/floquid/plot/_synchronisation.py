@@ -151,7 +151,7 @@ def speed(shaft: ShaftAngle, record: Record | None = None, *, speed_unit: SpeedU
 
 
 def _draw_speed(axes: Axes, shaft: ShaftAngle, begin: float, end: float, unit: str, factor: float) -> None:
-    """The speed with its band; the mean, in a `unit` of which there are `factor` in 1 rad/s."""
+    """The speed with its band; the mean, in a `unit`; 1 rad/s has `factor` of them."""
     times = np.linspace(begin, end, POINTS)
     curve, width = factor * shaft.speed(times), INTERVAL * factor * shaft.speed_std(times)
     band = {"color": BLUE, "alpha": 0.25, "linewidth": 0.0}
