@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from floquid.findings._phrases import both, hertz
+from floquid.findings._phrases import both, hertz, valued
 
 
 def _mode(real: float | None, share: float) -> str:
@@ -138,9 +138,11 @@ FIT: dict[str, str | Callable[..., str]] = {
     "coloured_noise": "The noise is not white: about {loud:.4g} Hz it is {ratio:.3g} times that about {quiet:.4g} Hz, "
     "but the fit takes it for white. Intervals are too short where it is loud, and too long where it is quiet. A weak "
     "mode where it is loud may be noise.",
-    "interference": "A steady tone at {frequency:.5g} Hz, {amplitude:.3g} {unit} in channel {channel}, was fitted and "
-    "taken off. It does not decay, and no line beside it follows the period. Likely: the mains, another machine, or a "
-    "mode that decays too slowly for this record.",
+    "interference": lambda frequency, amplitude, unit, channel: (
+        f"A steady tone at {frequency:.5g} Hz, {valued(f'{amplitude:.3g}', unit)} in channel {channel}, was fitted "
+        "and taken off. It does not decay, and no line beside it follows the period. Likely: the mains, another "
+        "machine, or a mode that decays too slowly for this record."
+    ),
     "cluster": "The mode at {frequency:.4g} Hz is most likely several that fold onto one another: its harmonics ask "
     "for different exponents. Its deviation covers them.",
     "one_shape": "The {hits} hits share one shape of each mode and differ in its initial state only.",

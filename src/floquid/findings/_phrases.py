@@ -23,6 +23,11 @@ def response(channel: str, hit: int) -> str:
     return f"{channel} (hit {hit})" if hit else channel
 
 
+def valued(size: str, unit: str) -> str:
+    """A size with its unit; without one the size alone."""
+    return size if unit == "-" else f"{size} {unit}"
+
+
 def hertz(frequencies: Sequence[float]) -> str:
     """Frequencies in a row: «1.2 and 3.4 Hz»."""
     return f"{both([f'{frequency:.4g}' for frequency in frequencies])} Hz"

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-
-def _valued(value: float, unit: str) -> str:
-    return f"{value:.6g}" if unit == "-" else f"{value:.6g} {unit}"
+from floquid.findings._phrases import valued
 
 
 def _clipped(channel: str, unit: str, levels: tuple[float, ...], samples: int, share: float) -> str:
-    at = " and ".join(_valued(level, unit) for level in levels)
+    at = " and ".join(valued(f"{level:.6g}", unit) for level in levels)
     return f"channel {channel!r} is clipped at {at}: {samples} samples, {100.0 * share:.3g} %."
 
 
@@ -39,8 +37,8 @@ def _impact(start: float, end: float, strength: float, double: bool, channel: st
 RECORDS: dict[str, str | Callable[..., str]] = {
     "clipped": _clipped,
     "stands_still": lambda channel, unit, level, first, last, samples: (
-        f"channel {channel!r} stands still at {_valued(level, unit)} from {first:.6g} to {last:.6g} s, {samples} "
-        "samples."
+        f"channel {channel!r} stands still at {valued(f'{level:.6g}', unit)} from {first:.6g} to {last:.6g} s, "
+        f"{samples} samples."
     ),
     "missing_samples": _missing,
     "wraps_round": _wrapped,

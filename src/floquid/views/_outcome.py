@@ -103,8 +103,12 @@ def _untold(analysis: Analysis) -> str:
 
 
 def _interference(analysis: Analysis) -> str:
-    words = "{frequency:.5g} Hz, {amplitude:.3g} {unit} in {channel}, taken off"
-    return "; ".join(words.format(**own.numbers) for own in analysis.interference)
+    tones = [tone.numbers for tone in analysis.interference]
+    return "; ".join(
+        f"{tone['frequency']:.5g} Hz, {tone['amplitude']:.3g}{'' if tone['unit'] == '-' else ' ' + tone['unit']} in "
+        f"{tone['channel']}, taken off"
+        for tone in tones
+    )
 
 
 def _forced(analysis: Analysis) -> str:

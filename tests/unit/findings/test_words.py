@@ -45,6 +45,7 @@ SAMPLES = {
     "strongest_peak": {"frequency": 32.81, "share": 105640.18, "loud": True},
     "hits_disagree": {"frequency": 32.81, "share": 0.02, "probability": 1e-120},
     "product": {"frequency": 5.0, "of": (2.0, 3.0)},
+    "interference": {"frequency": 50.0, "amplitude": 0.02, "unit": "-", "channel": "tip x"},
     "undetermined": {"frequencies": (2.0, 3.0)},
     "undamped_lines": {"frequencies": (1.25, 2.5), "on": 1},
     "line_families": {"lines": 6, "spacings": 4, "families": 2, "frequency": 2.5, "odds": 3.0},
@@ -127,6 +128,7 @@ def test_each_sentence_is_short_and_plain(code):
     assert not PUZZLING.search(text)
     assert text[-1] in ".?"
     assert "{" not in text
+    assert not re.search(r"\d -(\s|,|\.)", text)  # a unit that is none
 
 
 def test_a_long_sentence_would_be_found():
