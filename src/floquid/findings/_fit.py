@@ -93,7 +93,7 @@ def _undetermined(frequencies: Sequence[float] = ()) -> str:
     which = f" at {hertz(frequencies)}" if frequencies else ""
     return (
         f"The decay of a mode{which} is not determined. It may die at once, or modes may cancel one another. There may "
-        "be fewer modes, or others: compare with a lower `order`."
+        "be fewer modes, or others: compare with a lower `order=`."
     )
 
 
@@ -148,7 +148,7 @@ FIT: dict[str, str | Callable[..., str]] = {
     "one_shape": "The {hits} hits share one shape of each mode and differ in its initial state only.",
     "hits_disagree": _disagree,
     "double": "The modes at {first:.4g} Hz and {second:.4g} Hz are whole fundamentals apart, to within {decays:g} of "
-    "their decay. They may be one mode with more harmonics than were fitted: raise `harmonics`.",
+    "their decay. They may be one mode with more harmonics than were fitted: raise `harmonics=`.",
     "one_that_moves": "The modes at {first:.4g} Hz and {second:.4g} Hz share a shape, and are closer than they decay. "
     "Most likely they are one mode whose frequency or damping changes with time or amplitude. Do not quote either "
     "damping. Use a later part of the record (`skip=`), or a smaller blow.",
@@ -161,10 +161,10 @@ FIT: dict[str, str | Callable[..., str]] = {
         f"{both([f'{factor:.4g} Hz' for factor in of])}. A nonlinearity makes such products."
     ),
     "search_ended": "The search ended at {number} modes, its limit, with more above the noise. Likely: noise that is "
-    "not white, or a nonlinearity. Compare with a fixed `order`.",
+    "not white, or a nonlinearity. Compare with a fixed `order=`.",
     "undetermined": _undetermined,
     "out_of_time": "The search ended after {seconds:.4g} s of processor time: modes or harmonics may be missing. A "
-    "pair may be two real multipliers. Give it longer (`seconds`), a shorter record or fewer channels.",
+    "pair may be two real multipliers. Give it longer (`seconds=`), a shorter record or fewer channels.",
     "undamped_lines": _undamped,
     "line_families": _families,
     "beside_steady": lambda turns: (

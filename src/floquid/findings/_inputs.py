@@ -47,7 +47,7 @@ AMBIENT: dict[str, str | Callable[..., str]] = {
     "ambient_short": lambda frequencies, deviations: (
         f"The fit stopped {deviations:.2g} deviations short of its maximum: {_at(frequencies)}. Exponents may be off "
         "by that much more than their deviations. Use a longer record. Where nothing acts beside measured inputs, "
-        "leave `excitation` out."
+        "leave `excitation=` out."
     ),
 }
 """By code."""
@@ -174,7 +174,7 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "{limit:.3g}). The system is not linear at this force, and exponents belong to this level. Drive it less.",
     "inputs_noise": _driven,
     "inputs_harmonics": "A mode has as many harmonics as were looked for ({most}), and more may be missing. Raise "
-    "`harmonics`.",
+    "`harmonics=`.",
     "measured_repeats": "{repeats} repeats of {turns} periods; the first {dropped} of each record are left out.",
     "measured_polynomials": "Polynomials over {lines} lines, {width:.3g} Hz: a resonance that is not several times as "
     "wide is flattened.",
@@ -182,7 +182,7 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "is flattened, and deviations there are too small. Record longer, or fit a model: `identify` with these `inputs`.",
     "measured_transient": "The first repeat used differs from the others by {ratio:.3g} times the noise power at some "
     "lines. The transient is not over, or the input differs, so nonlinearity was not tested. Leave out more than "
-    "{dropped} (`drop`).",
+    "{dropped} (`drop=`).",
     "measured_nonlinear": "Output {channel} has {ratio:.3g} times the noise power at lines where a linear system has "
     "none. It is not linear at this force, or does not repeat with that period.",
     "modes_of_lines": "Modes fitted to the lines: {modes}. Their residual has {ratio:.3g} times the variance, with "
@@ -203,6 +203,6 @@ INPUTS: dict[str, str | Callable[..., str]] = {
     "deviations are widened by its root. Modes may be missing, the system may not be linear, or the deviations of the "
     "lines may be too small.",
     "inputs_copies": "Two modes are nearly one, and have as many harmonics as were looked for ({most}). One is likely "
-    "a copy that replaces missing harmonics. Raise `harmonics`, or sample faster.",
+    "a copy that replaces missing harmonics. Raise `harmonics=`, or sample faster.",
 }
 """By code."""

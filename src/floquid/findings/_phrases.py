@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-LISTED = 3  # places of one kind that are named one by one
+LISTED = 1  # places of one kind that are named, the worst first: each takes two lines of a terminal
 
 
 def listed(parts: Sequence[str]) -> str:

@@ -17,7 +17,10 @@ def _tones(turns: Numbers, per_revolution: float, channels: Names, hits: Sequenc
         f"{_tone(turn * per_revolution)} in {response(channel, hit)}, {size:.3g} times its noise"
         for turn, channel, hit, size in zip(turns, channels, hits, sizes, strict=True)
     ]
-    return f"A forced response was not fitted: {listed(parts)}. Fit it beside the modes with `forced=`, or take it off."
+    return (
+        f"A forced response remains: {listed(parts)}. Fit it beside the modes (`forced=`), or take it off. If it was "
+        "fitted, it changes over the record."
+    )
 
 
 def _tone(per_revolution: float) -> str:
@@ -36,7 +39,7 @@ def _harmonics(
         for harmonic, frequency, share, channel, hit in zip(harmonics, frequencies, shares, channels, hits, strict=True)
     ]
     most = max(abs(harmonic) for harmonic in harmonics)
-    return f"{listed(parts)}. Raise `harmonics` to {most}; where many are missing, so are modes."
+    return f"{listed(parts)}. Pass `harmonics={most}`; where many are missing, so are modes."
 
 
 def _lines(frequencies: Numbers, channels: Names, hits: Sequence[int], sizes: Numbers) -> str:
@@ -46,7 +49,7 @@ def _lines(frequencies: Numbers, channels: Names, hits: Sequence[int], sizes: Nu
     ]
     return (
         f"{listed(parts)}. It is no harmonic of the revolution, and none that was tried of a mode. Likely a mode is "
-        "missing: raise `order`. Else more `harmonics`, another period, or interference."
+        "missing: raise `order=`. Else more harmonics (`harmonics=`), another period, or interference."
     )
 
 
@@ -59,7 +62,7 @@ def _colour(
         parts = [f"the outputs ({predictable:.1%} of the variance is predictable)"]
     return (
         f"the residual is not white noise in {listed(parts)}. Deviations there may be wrong. Likely: missing modes "
-        "or `harmonics`, an unmeasured force, the period, or a sensor's filter or drift."
+        "or harmonics, an unmeasured force, the period, or a sensor's filter or drift."
     )
 
 
@@ -92,11 +95,11 @@ def _system(pair: tuple[tuple[float, float], tuple[float, float]] | None, trace:
 
 
 def _weak_modes(frequencies: Numbers, shares: Numbers) -> str:
-    parts = [f"the mode at {f:.4g} Hz has {share:.2g}" for f, share in zip(frequencies, shares, strict=True)]
-    return (
-        f"{listed(parts)} of the most power that a fit finds in noise alone. Ask for a lower order (`order=`), or let "
-        "it be found."
-    )
+    parts = [
+        f"the mode at {f:.4g} Hz has {share:.2g} of the most power that a fit finds in noise alone"
+        for f, share in zip(frequencies, shares, strict=True)
+    ]
+    return f"{listed(parts)}. Ask for a lower order (`order=`), or let it be found."
 
 
 _UNCHECKED = "A(t) could not be checked: {}. Ask for instants evenly over one period."

@@ -145,7 +145,7 @@ def test_a_forced_response_left(per_revolution, turn, words):
     found = judged(noisy(tone), periods_per_revolution=per_revolution)
     assert {"tone"} <= set(found.unmet) <= {"tone", "held_out_error"}
     text = said(found, passed=True)
-    assert text.startswith(f"A forced response was not fitted: {words} per revolution in Y, 0.")
+    assert text.startswith(f"A forced response remains: {words} per revolution in Y, 0.")
     assert "`forced=`" in text
     record = noisy(tone)
     alive = decays_of(right(), [record], [record.clock], sigma(), None, per_revolution).cycles[0] >= 0
@@ -161,7 +161,7 @@ def test_a_forced_response_left(per_revolution, turn, words):
 
 def test_an_offset_left():
     record = noisy(np.array([[0.0], [0.0], [0.4], [0.0]]))
-    assert said(judged(record), passed=True).startswith("A forced response was not fitted: an offset in X_tt, 0.")
+    assert said(judged(record), passed=True).startswith("A forced response remains: an offset in X_tt, 0.")
 
 
 def test_a_line_that_is_none_of_those_known():
