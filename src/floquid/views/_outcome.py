@@ -13,6 +13,7 @@ from floquid.pipeline import Analysis
 from floquid.views._mode_table import mode_notes, with_error
 
 ORDER = "all_needed"  # the code of the finding that the line on the order has
+AGREE = 3.0  # deviations within which two periods agree: beyond, chance has three in a thousand
 MOST_NAMED = 6  # harmonics of the forced response that are named
 
 
@@ -83,17 +84,18 @@ def _order(analysis: Analysis) -> str:
 
 def _period(analysis: Analysis) -> str:
     if analysis.shafts:
-        how = "the mean of what the angle of the shaft says"
+        how = "the mean by the shaft angle"
     else:
         how = "estimated from the response" if analysis.settings.estimate_period else "as given"
     line, tested = f"{period_words(analysis)} s, {how}", analysis.periodicity
     if analysis.decay is not None and analysis.decay.fit.own_period is not None:
         difference, std = analysis.decay.fit.own_period
-        line += f"; the response differs by {100.0 * difference:.1g} ± {100.0 * std:.1g} %"
+        agrees = "agrees" if abs(difference) < AGREE * std else "differs"
+        line += f"; the response {agrees} ({100.0 * difference:+.1g} ± {100.0 * std:.1g} %)"
     if tested is None or not tested.degrees:
         return line
     p = "p < 1e-300" if tested.p_value < 1e-300 else f"p = {tested.p_value:.2g}"
-    words = {True: "periodic", False: "nothing periodic is seen", None: "periodicity undecided"}
+    words = {True: "time-periodic", False: "nothing periodic is seen", None: "periodicity undecided"}
     return f"{line}; {words[tested.periodic]} ({p})"
 
 
