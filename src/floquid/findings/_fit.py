@@ -100,7 +100,7 @@ def _undetermined(frequencies: Sequence[float] = ()) -> str:
 def _peak(frequency: float, share: float, loud: bool) -> str:
     if not loud:
         return f"The strongest peak of the residual, at {frequency:.4g} Hz, is {share:.2f} of the limit for noise."
-    size = f"{share:.2f}" if share < 10.0 else f"{share:.0f}"
+    size = f"{share:.2f}" if share < 10.0 else f"{float(f'{share:.2g}'):,.0f}".replace(",", " ")
     return (
         f"A peak of the residual at {frequency:.4g} Hz, {size} times the limit for noise, is not explained. A mode may "
         "be missing; a nonlinearity, a drifting amplitude or another tone leave such peaks too."

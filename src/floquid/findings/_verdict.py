@@ -57,9 +57,9 @@ def _colour(
     squares: Numbers = (), channels: Names = (), hits: Sequence[int] = (), predictable: float | None = None
 ) -> str:
     places = [response(channel, hit) for channel, hit in zip(channels, hits, strict=True)] or ["the worst output"]
-    parts = [f"{place} (squared correlations sum to {size:.3g})" for place, size in zip(places, squares, strict=False)]
+    parts = [f"{place}, squared correlations {size:.3g}" for place, size in zip(places, squares, strict=False)]
     if predictable is not None:
-        parts = [f"the outputs ({predictable:.1%} of the variance is predictable)"]
+        parts = [f"the outputs, {predictable:.1%} of the variance being predictable"]
     return (
         f"the residual is not white noise in {listed(parts)}. Deviations there may be wrong. Likely: missing modes "
         "or harmonics, an unmeasured force, the period, or a sensor's filter or drift."
