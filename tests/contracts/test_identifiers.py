@@ -25,6 +25,7 @@ from floquid.lti import (
     PolyLSCF,
     TimeResponses,
 )
+from floquid.testing import cramer_rao_bound
 
 TABLE = {
     "ML": MaximumLikelihood(),
@@ -216,7 +217,7 @@ def test_an_order_that_is_no_order_is_refused(identifier, wrong):
 
 @EVERY
 def test_extracting_is_repeatable_and_leaves_the_data_alone(identifier):
-    full, _, data = decays(SETS["mixed"])
+    full, _, data = decays(SETS["two pairs"])
     before = copy.deepcopy(data.values)
     state, order = identifier.prepare(data), None if identifier.decides else len(full)
     first = identifier.extract(state, order)
@@ -294,3 +295,22 @@ def test_a_covariance_where_there_is_one_is_that_of_conjugates_moving_together(i
     own = found.covariance[np.ix_([0, 2], [0, 2])]
     assert_allclose(found.covariance, alike @ own @ alike.T, rtol=1e-9, atol=1e-12 * np.abs(own).max())
     assert (np.linalg.eigvalsh(own) > 0).all()
+
+
+@EVERY
+@pytest.mark.parametrize("name", ["two pairs", "mixed"])
+def test_deviations_where_there_are_some_are_the_least_that_there_are(identifier, name):
+    """Those of the Cramér-Rao bound at the truth, by a dense matrix: of one input, whose residues are free."""
+    full, residues, data = decays(SETS[name], inputs=1)
+    noise = np.full((5, 1), 1e-3)
+    drawn = data.values + noise[..., None] * np.random.default_rng(2).standard_normal(data.values.shape)
+    found = identified(identifier, TimeResponses(values=drawn, dt=DT, noise=noise), full)
+    if found.covariance is None:
+        pytest.skip("this identifier estimates no covariance")
+    bound = np.sqrt(np.diag(cramer_rao_bound(full, residues, noise, [80], DT))).reshape(2, -1)
+    rows, columns = linear_sum_assignment(np.abs(np.subtract.outer(full, found.multipliers)))
+    std = np.sqrt(np.diag(found.covariance)).reshape(2, -1)[:, columns]
+    rtol = 0.02 if type(identifier) is MaximumLikelihood else 0.15  # others estimate the noise too
+    assert_allclose(std, bound[:, rows], rtol=rtol, atol=1e-12)
+    off = (np.log(found.multipliers[columns]) - np.log(full[rows])) / DT
+    assert (np.abs([off.real, off.imag]) <= 4.0 * bound + 1e-12).all()

@@ -138,16 +138,6 @@ class OpenFastLinearisation(Rebuilt):
         return self.states.names
 
     @property
-    def input_names(self) -> tuple[str, ...]:
-        """The names of the inputs (inputs,)."""
-        return self.inputs.names
-
-    @property
-    def output_names(self) -> tuple[str, ...]:
-        """The names of the outputs (outputs,)."""
-        return self.outputs.names
-
-    @property
     def n_blades(self) -> int | None:
         """The number of blades, as far as the names of the signals tell."""
         names = (*self.states.names, *self.set_aside, *self.inputs.names, *self.outputs.names)

@@ -409,7 +409,7 @@ def test_the_azimuth_as_phase_leaves_the_motion_at_equal_azimuth(tmp_path):
     assert model.state_names == tuple(name.rpartition(", ")[0] for name, *_ in STATES[1:])
     assert model.states.rotating == (True, False, True)
     assert model.states.derivative_orders == (2, 2, 1)
-    assert (len(model.input_names), len(model.output_names), model.n_blades) == (2, 3, 2)
+    assert (len(model.inputs.names), len(model.outputs.names), model.n_blades) == (2, 3, 2)
 
 
 def test_the_phase_takes_away_the_exponent_zero_and_no_other(tmp_path):
