@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
+from itertools import compress
 from pathlib import Path
 from typing import IO, Any
 
@@ -231,12 +232,13 @@ def print_modes(console: Console, analysis: Analysis) -> None:
 
 def modes_table(analysis: Analysis, *, derived: bool = False) -> Table:
     """The table of modes, if wanted with the deviations of what is derived from exponents."""
-    rows = mode_table(analysis, derived=derived)
-    noted = not derived or any(row.notes for row in rows)
-    table = new_table([""], ("Re λ [1/s]", "Im λ [rad/s]", "f [Hz]", "ζ [%]", "|μ|", "folded", "m"), ["note"] * noted)
-    for row in rows:
-        cells = (row.decay, row.frequency, row.hertz, row.damping, row.multiplier, row.folded, row.harmonics)
-        table.add_row(row.number, *cells, *[row.notes] * noted)
+    modes = mode_table(analysis, derived=derived)
+    shown = [not column.on_page for column in modes.columns]
+    columns = list(compress(modes.columns, shown))
+    numbers, words = ([own.heading for own in columns if own.is_text == text] for text in (False, True))
+    table = new_table([""], numbers, words)
+    for number, row in enumerate(modes.rows, start=1):
+        table.add_row(str(number), *compress(row, shown))
     return table
 
 

@@ -55,7 +55,7 @@ PLACES = (
 
 NOTHING: dict[str, Any] = {
     **dict.fromkeys(("reasons", "checks", "evidence", "responses", "synchronisation", "noise", "noise_titles"), ()),
-    **dict.fromkeys(("lengths", "inputs", "matrix", "harmonics", "beside", "hits", "parameters"), ()),
+    **dict.fromkeys(("inputs", "matrix", "harmonics", "beside", "hits", "parameters"), ()),
     **dict.fromkeys(("responses_left", "paths_shown", "paths_left"), 0),
     **dict.fromkeys(("ambient", "held_out", "with_system", "fails"), False),
     **dict.fromkeys(("state", "refinement")),
@@ -76,7 +76,6 @@ def page(case: Case, *, title: str | None, truth: Truth | None) -> str:
             "summary": words.summary_line(case),
             "checks": words.checks(analysis),
             "evidence": words.evidence(analysis),
-            "lengths": words.lengths(analysis),
             "ambient": analysis.ambient,
             "inputs": analysis.inputs,
             "hits": [hit + 1 for hit in case.hits] if analysis.model.n_hits > 1 else [],
@@ -220,9 +219,8 @@ def _verdict(analysis: Analysis) -> dict[str, Any]:
 
 def _modes(analysis: Analysis) -> dict[str, Any]:
     """The table of modes as the templates have it."""
-    rows = mode_table(analysis)
-    bands = analysis.model.exponent_std is not None
-    return {"rows": rows, "meanings": note_meanings(rows), "bands": bands, "fails": analysis.failed}
+    table, bands = mode_table(analysis), analysis.model.exponent_std is not None
+    return {"table": table, "meanings": note_meanings(table), "bands": bands, "fails": analysis.failed}
 
 
 def _with_code(text: str) -> Any:

@@ -39,9 +39,6 @@ CRITERIA = {  # what each number of the validation is, and its unit
 }
 
 
-MANY = 1e6  # periods from which on their number says no more
-
-
 def verdict(analysis: Analysis) -> tuple[str, str, str]:
     """A word for the page's style, the sentence, and its meaning for a reader."""
     found = analysis.validation
@@ -157,14 +154,6 @@ def noise_table(analysis: Analysis) -> tuple[list[str], list[tuple[str, str, lis
         rows.append((channel.name, channel.unit, cells))
     hits = len(analysis.cycles)
     return ["standard deviation (of the peak)"] if hits == 1 else [f"hit {n}" for n in range(1, hits + 1)], rows
-
-
-def lengths(analysis: Analysis) -> list[str]:
-    """The periods of a record that gives the damping of each mode to 10 %, a mode of each pair; none if unknown."""
-    if analysis.lengths is None:
-        return []
-    periods = analysis.lengths[list(analysis.model.upper_modes)] / analysis.model.period
-    return [f"{float(f'{own:.3g}'):.0f}" if own < MANY else f"more than {MANY:.0f}" for own in periods]
 
 
 def settings_rows(analysis: Analysis) -> list[tuple[str, str]]:

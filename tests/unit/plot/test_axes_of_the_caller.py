@@ -38,7 +38,7 @@ def draws():
     pulses = Record(values=np.zeros((1, 1000)), sample_rate=100.0, channels=["x"], clock=clock)
     shaft = shaft_angle(pulses)
     modes = floquet.modes(lambda t: mathieu(t, 1.7), np.pi)
-    growth = floquet.stability_map(lambda t, a: mathieu(t, a), np.pi, {"a": np.linspace(0.5, 2.0, 9)})
+    growth = floquet.stability_map(mathieu, np.pi, {"a": np.linspace(0.5, 2.0, 9)})
     made = {name: getattr(found.plot, name) for name in dir(found.plot)}
     return made | {
         "exponents": lambda **how: plot.exponents(modes, **how),

@@ -24,7 +24,7 @@
     rows.forEach((one, k) => one.classList.toggle("chosen", k === row));
     const cells = rows[row].cells;
     document.getElementById("told").textContent =
-      `Mode ${cells[0].textContent}: f = ${cells[1].textContent} Hz, ζ = ${cells[2].textContent} %, harmonics ${cells[7].textContent}.`;
+      `Mode ${cells[0].textContent}: f = ${cells[1].textContent} Hz, ζ = ${cells[2].textContent} %.`;
     const hit = document.getElementById("hit");
     if (hit) hit.textContent = String(HITS[row]);
   };
