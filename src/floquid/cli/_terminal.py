@@ -24,6 +24,7 @@ from floquid.lifting import Lifted
 from floquid.pipeline import Analysis
 from floquid.reconstruction import Refinement
 from floquid.views import (
+    SpeedUnit,
     done_words,
     for_command,
     input_unit,
@@ -99,10 +100,10 @@ def print_files(folder: Path | None, names: Sequence[str], kept: str) -> None:
         terminal().print(f"Written to {folder}/: {', '.join(names)}", soft_wrap=True)
 
 
-def print_analysis(analysis: Analysis, *, verbose: bool = False) -> None:
+def print_analysis(analysis: Analysis, *, verbose: bool = False, speed_unit: SpeedUnit = "hz") -> None:
     """The record, the modes, a line for each other finding, A(t) and the warnings; with `verbose` the reasons, too."""
     console = terminal()
-    print_found(console, analysis, verbose=verbose)
+    print_found(console, analysis, verbose=verbose, speed_unit=speed_unit)
     if verbose:
         _print_reasons(console, analysis)
     if analysis.state is not None:
@@ -118,7 +119,7 @@ def print_warnings(console: Console, warnings: Iterable[object]) -> None:
         console.print(f"Warning: {warning}", style="yellow")
 
 
-def print_found(console: Console, analysis: Analysis, *, verbose: bool = False) -> None:
+def print_found(console: Console, analysis: Analysis, *, verbose: bool = False, speed_unit: SpeedUnit = "hz") -> None:
     """Print the record, the modes, a line for each other finding, and the reasons against the model."""
     _print_record(console, analysis, verbose=verbose)
     modes = "Modes of a model that fails" if analysis.failed else "Modes"
@@ -129,7 +130,7 @@ def print_found(console: Console, analysis: Analysis, *, verbose: bool = False) 
     lines = Table(box=None, show_header=False, padding=(0, 1, 0, 0), pad_edge=False)
     lines.add_column(no_wrap=True)
     lines.add_column()
-    for name, words in outcome_lines(analysis).items():
+    for name, words in outcome_lines(analysis, speed_unit).items():
         lines.add_row(name, words)
     console.print(lines)
     for reason in analysis.reasons:

@@ -14,9 +14,11 @@ from floquid.pipeline import Analysis
 from floquid.reconstruction import Refinement
 from floquid.reporting._case import Case
 from floquid.views import (
+    SpeedUnit,
     passed_words,
     period_words,
     raw_noise,
+    speed_words,
     whitening_words,
     with_error,
 )
@@ -78,8 +80,8 @@ def minus(text: str) -> str:
     return text.replace("-", "−")
 
 
-def summary_line(case: Case) -> str:
-    """The record and the result in one sentence."""
+def summary_line(case: Case, unit: SpeedUnit) -> str:
+    """The record and the result in one sentence, the speed of the shaft in a `unit`."""
     analysis, model = case.analysis, case.analysis.model
     periods = sum(record.duration for record in analysis.records) / model.period
     counts, told = f"{periods:.6g}", "in all "
@@ -91,7 +93,7 @@ def summary_line(case: Case) -> str:
     records, modes = counted(len(analysis.records), "record"), counted(len(case.modes), "mode")
     return (
         f"{modes} (order {model.order}) found in {records} of {' and '.join(sides)}, {counts} periods {told}of "
-        f"{period_words(analysis)} s (ω/2π = {1.0 / model.period:.6g} Hz), "
+        f"{period_words(analysis)} s ({speed_words(analysis, unit)}), "
         f"{analysis.records[0].sample_rate * model.period:.4g} samples a period."
     )
 

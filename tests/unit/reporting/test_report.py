@@ -20,7 +20,7 @@ from floquid.order import scan as scan_orders
 from floquid.reporting import _page
 from floquid.reporting._case import MOST_CHANNELS, POINTS, case_of
 from floquid.reporting._look import CURVES, DASHES, MARKERS
-from floquid.reporting._modes_figures import _upper, mark_labels
+from floquid.reporting._modes_figures import _upper
 from floquid.reporting._page import page
 from floquid.reporting._record_figures import response_sources
 from floquid.reporting._stabilisation_figures import _poles
@@ -52,9 +52,9 @@ def text(analysis, tmp_path_factory):
     return fq.report(analysis, tmp_path_factory.mktemp("report") / "report.html").read_text(encoding="utf-8")
 
 
-def test_the_verdict_comes_first(text):
+def test_the_modes_come_first_then_the_verdict(text):
     words = without_scripts(text)
-    places = [words.index(part) for part in ("The model passes its checks.", 'id="modes"', 'id="mode"', 'id="cite"')]
+    places = [words.index(part) for part in ('id="modes"', "The model passes its checks.", 'id="mode"', 'id="cite"')]
     assert places == sorted(places)
 
 
@@ -73,13 +73,6 @@ def test_options_in_a_reason_are_code(analysis, no_figures):
     words = page(case_of(replace(analysis, validation=checked), None), title=None, truth=None)
     assert "<code>--system-times</code>" in words
     assert "`" not in without_scripts(words)
-
-
-def test_numbers_of_modes_that_would_meet_are_one_label():
-    x, y = np.array([0.0, 0.01, 1.0, 2.0]), np.array([0.0, 0.0, 0.0, 5.0])
-    assert mark_labels(x, y) == ["1, 2", "", "3", "4"]
-    assert mark_labels(x, y, 100.0, 1.0) == ["1, 2, 3", "", "", "4"]
-    assert mark_labels(x[:0], y[:0]) == []
 
 
 def test_every_mark_can_be_filled_and_open():
@@ -315,7 +308,7 @@ def test_with_a_tachometer_what_is_left_is_noise_from_a_file_too(tmp_path):
     assert np.array_equal(response_sources(case_of(again, None))["left"].modes[0]["y"], left)
     one, other = (without_scripts(page(case_of(of, None), title=None, truth=None)) for of in (found, again))
     assert one.count("of the shaft") == other.count("of the shaft") > 0
-    assert one.index("The speed of the shaft") < one.index('id="modes"')
+    assert one.index('id="modes"') < one.index("The speed of the shaft") < one.index('id="mode"')
 
 
 @pytest.mark.slow
