@@ -12,7 +12,7 @@ from enum import Enum
 from functools import partial, update_wrapper
 from importlib import import_module
 from itertools import islice
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 
@@ -79,9 +79,12 @@ class Told:
 
     __slots__ = ()
 
-    def summary(self) -> str:
-        """The result as text: the tables and the verdict that the command line prints."""
-        return late("cli", "text_of")(self)
+    def summary(self, *, speed_unit: Literal["hz", "rpm"] = "hz") -> str:
+        """The result as text: the tables and the verdict that the command line prints.
+
+        The speed of a shaft is in `speed_unit`; frequencies of vibration are in Hz. Raises InputError where it is none.
+        """
+        return late("cli", "text_of")(self, speed_unit=speed_unit)
 
     def _repr_html_(self) -> str:
         """Text of the object as HTML, for a notebook."""

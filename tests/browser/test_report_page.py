@@ -9,6 +9,7 @@ import pytest
 
 import floquid as fq
 from floquid import views
+from floquid.findings import Finding
 
 ROTOR = Path(__file__).parents[2] / "examples" / "rotor"
 
@@ -181,9 +182,36 @@ def test_on_paper_the_buttons_are_gone(page):
         assert not page.locator(".chooser").is_visible()
         assert not page.locator("nav").is_visible()
         assert page.locator("#verdict-title").is_visible()
-        assert page.pdf(format="A4").count(b"/Type /Page\n") > 3
+        assert not page.locator("details[open]").count()
+        # The paper is 680 pixels wide between its margins.
+        page.set_viewport_size({"width": 680, "height": 900})
+        wide = page.evaluate("""() => [...document.querySelectorAll(".wide, .plot, main, table")]
+            .filter((one) => one.scrollWidth > one.clientWidth + 1).map((one) => one.outerHTML.slice(0, 90))""")
+        assert wide == [], "it is cut on paper"
+        assert page.pdf(prefer_css_page_size=True).count(b"/Type /Page\n") >= 3
     finally:
+        page.set_viewport_size({"width": 1280, "height": 900})
         page.emulate_media(media="screen")
+
+
+@pytest.mark.parametrize("many", [False, True])
+def test_the_brief_is_one_page(browser, many, tmp_path):
+    analysis = read()
+    if many:
+        said = tuple(
+            Finding("sentence", "warning", words=f"Warning {k}. " + "Word after word. " * 20) for k in range(9)
+        )
+        analysis = replace(analysis, findings=(*analysis.findings, *said))
+    page = browser.new_page(viewport={"width": 1280, "height": 900})
+    page.goto(fq.report(analysis, tmp_path / "brief.html", brief=True).as_uri())
+    assert page.pdf(prefer_css_page_size=True).count(b"/Type /Page\n") == 1
+    page.emulate_media(media="print")
+    page.set_viewport_size({"width": 680, "height": 1009})  # the paper between its margins
+    whole, picture, last = (page.locator(one).bounding_box() for one in ("body", "img", "footer"))
+    assert last["y"] + last["height"] <= whole["y"] + whole["height"] + 1.0
+    assert picture["height"] > 180.0
+    assert page.locator(".modes tbody tr").count() == 8
+    page.close()
 
 
 def test_names_of_channels_run_nothing(browser, tmp_path):

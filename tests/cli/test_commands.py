@@ -80,11 +80,11 @@ def test_the_rotor_prints_eight_pairs(rotor):
     assert len(upper) == 8
     assert "Modes: order 16, conjugates counted one by one" in text
     for row, mode in zip(rows, upper, strict=True):
-        real, imag = (float(re.sub(r"\(\d+\)", "", word.lstrip("±"))) for word in row[1:3])
+        real, imag = (float(re.sub(r"\(\d+\)", "", word.lstrip("±"))) for word in row[3:5])
         assert real == pytest.approx(mode["exponent"][0], abs=mode["exponent_std"][0])
         assert imag == pytest.approx(mode["exponent"][1], abs=mode["exponent_std"][1])
-        assert row[2].startswith("±")
-        frequency, damping = (float(re.sub(r"\(\d+\)", "", word)) for word in row[3:5])
+        assert row[4].startswith("±")
+        frequency, damping = (float(re.sub(r"\(\d+\)", "", word)) for word in row[1:3])
         assert frequency == pytest.approx(mode["frequency_hz"], abs=mode["frequency_std_hz"])
         assert damping == pytest.approx(100.0 * mode["damping_ratio"], abs=100.0 * mode["damping_ratio_std"])
 

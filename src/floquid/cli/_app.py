@@ -34,6 +34,8 @@ from floquid.cli._transfer import multisine, transfer
 from floquid.floquet import FloquetModes, stability
 from floquid.order import OrderScan
 from floquid.pipeline import Analysis, Bootstrap
+from floquid.views import SpeedUnit
+from floquid.views import speed_unit as unit_of_speed
 
 WIDTH = 100  # characters of a line of `summary()`
 
@@ -90,13 +92,17 @@ def _end(message: str, code: int) -> int:
     return code
 
 
-def text_of(result: Analysis | Bootstrap | OrderScan | FloquetModes) -> str:
-    """The tables and the verdict of a result that the command line prints, without colours, and with Python's names."""
+def text_of(result: Analysis | Bootstrap | OrderScan | FloquetModes, *, speed_unit: SpeedUnit = "hz") -> str:
+    """The tables and the verdict of a `result` that the command line prints, without colours, with Python's names.
+
+    The speed of a shaft is in `speed_unit`. Raises InputError where that is none.
+    """
+    unit_of_speed(speed_unit, "summary")
     file = StringIO()
     console = plain(file, WIDTH)
     match result:
         case Analysis():
-            print_found(console, result)
+            print_found(console, result, speed_unit=speed_unit)
             print_warnings(console, result.warnings)
         case Bootstrap():
             print_drawn(console, result)

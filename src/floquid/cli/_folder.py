@@ -32,7 +32,7 @@ from floquid.pipeline import Analysis
 from floquid.plot import FIGURES as DRAWN
 from floquid.readers import write
 from floquid.store import ENDINGS, is_result, load, save
-from floquid.views import SHORT
+from floquid.views import SHORT, SpeedUnit
 
 FIGURES = tuple(f"{name}.png" for name in DRAWN)  # the figures that there may be
 RESULT = "result.h5"  # the file of an identification: figures beside it are of it
@@ -281,6 +281,7 @@ def draw_result(
     report: Callable[[str], None],
     *,
     truth: tuple[np.ndarray, np.ndarray] | None = None,
+    speed_unit: SpeedUnit = "hz",
 ) -> None:
     """Draw the figures and the page of a result that `write_result` marked into its folder, `path`.
 
@@ -293,9 +294,9 @@ def draw_result(
         place = folder.unfinished
         report("drawing the figures")
         (place / "figures").mkdir()
-        save_figures(analysis, place / "figures", truth=truth)
+        save_figures(analysis, place / "figures", truth=truth, speed_unit=speed_unit)
         known = truth if analysis.state is not None else None
-        write_report(analysis, place / "report.html", truth=known, progress=report)
+        write_report(analysis, place / "report.html", truth=known, speed_unit=speed_unit, progress=report)
         folder.publish(beside=mark)
 
 

@@ -19,6 +19,7 @@ from floquid.cli._options import (
     RecordOptions,
     Saved,
     SettingsFile,
+    ShaftSpeed,
     Verbose,
     choices_of,
     given,
@@ -45,6 +46,7 @@ def identify(
     format: Format = "text",  # noqa: A002
     settings: SettingsFile = None,
     verbose: Verbose = False,
+    speed_unit: ShaftSpeed = "hz",
 ) -> None:
     """Identify the Floquet exponents, the periodic mode shapes and A(t) from measured responses.
 
@@ -84,10 +86,10 @@ def identify(
         sys.stdout.write(json_text(summary(analysis)))
         sys.stdout.flush()
     else:
-        print_analysis(analysis, verbose=verbose)
+        print_analysis(analysis, verbose=verbose, speed_unit=speed_unit)
     if out is not None:
         with progress(3) as report:
-            draw_result(out, analysis, mark, report)
+            draw_result(out, analysis, mark, report, speed_unit=speed_unit)
     if format == "text":
         print_folder(out)
     if analysis.failed:
@@ -97,7 +99,14 @@ def identify(
         raise CriteriaNotMetError("\n  ".join(["The model does not pass its checks.", *(analysis.reasons or unmet)]))
 
 
-def report(result: Saved, *, out: OutputFolder = None, title: str | None = None) -> None:
+def report(
+    result: Saved,
+    *,
+    out: OutputFolder = None,
+    title: str | None = None,
+    brief: Annotated[bool, Flag] = False,
+    speed_unit: ShaftSpeed = "hz",
+) -> None:
     """Write the report of a saved result: one HTML page that opens in any browser, without a network.
 
     It may be that of modes fitted to transfer functions, as `floquid transfer --method fit --out g.h5` writes it.
@@ -105,17 +114,19 @@ def report(result: Saved, *, out: OutputFolder = None, title: str | None = None)
     Parameters
     ----------
     out
-        The page, ending in .html; report.html beside the result when not given.
+        The page, ending in .html; report.html beside the result when not given, and brief.html with --brief.
     title
         The heading of the page; the names of the records when not given.
+    brief
+        One page to print: the modes, the verdict with its reasons, one picture of the fit, the record, the settings.
     """
     file = result_file(result)
-    page = file.parent / "report.html" if out is None else out
+    page = file.parent / ("brief.html" if brief else "report.html") if out is None else out
     with progress(3) as stage:
         stage("reading the result")
         found = load(file)
         if isinstance(found, MeasuredTransfer):
             remedy = "Fit modes to them: `floquid transfer --lines`."
             raise input_error("RESULT", "floquid report", "hold modes", "holds transfer functions as measured", remedy)
-        write_report(found, page, title=title, progress=stage)
+        write_report(found, page, title=title, brief=brief, speed_unit=speed_unit, progress=stage)
     terminal().print(f"Written: {page}", soft_wrap=True)

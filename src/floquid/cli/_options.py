@@ -17,7 +17,7 @@ from floquid.io import readable_file
 from floquid.pipeline import FREE, Excitation, IdentifierName, Settings
 from floquid.readers import SUFFIXES, WRITTEN
 from floquid.reconstruction import Form
-from floquid.views import SHORT
+from floquid.views import SHORT, SpeedUnit
 
 
 def whole_number(_type: Any, tokens: Sequence[Token]) -> int:
@@ -55,6 +55,9 @@ Verbose = Annotated[bool, Flag, Parameter(group=OUTPUT)]
 Format = Annotated[Literal["text", "json"], Parameter(group=OUTPUT)]
 OutputFolder = Annotated[Path | None, Parameter(converter=_path, group=OUTPUT)]
 SettingsFile = OutputFolder
+ShaftSpeed = Annotated[
+    SpeedUnit, Parameter(group=OUTPUT, help="The unit of the speed of the shaft; frequencies of vibration stay in Hz.")
+]
 _SAVED = "A result.h5 that `floquid identify --out DIR` wrote, or the folder that it is in."
 Saved = Annotated[Path, Parameter(converter=_path, help=_SAVED)]
 Periods = Annotated[int, Parameter(converter=whole_number, help="The length of the record, in periods of the system.")]

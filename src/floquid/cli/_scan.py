@@ -43,7 +43,7 @@ from floquid.lifting import Lifted
 from floquid.lti import ModalModel, Outcome
 from floquid.order import OrderScan, Stability
 from floquid.order import scan as scan_orders
-from floquid.pipeline import IdentifierName, Settings, blas_threads, lifted, prepare
+from floquid.pipeline import Analysis, IdentifierName, Settings, blas_threads, lifted, prepare
 
 OF = "floquid scan"
 STAGES = 8
@@ -62,12 +62,16 @@ LEGEND = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scanned:
-    """Result of a scan: what was done to the records, their lifted responses, and the models over the orders."""
+    """Result of a scan: what was done to the records, their lifted responses, and the models over the orders.
+
+    `analysis` is the saved one that the responses are of, if they are.
+    """
 
     done: tuple[Finding, ...]
     faults: tuple[Finding, ...]
     lifted: Lifted
     found: OrderScan
+    analysis: Analysis | None
 
 
 def scan(
@@ -95,7 +99,8 @@ def scan(
         The orders: 2..40 is each from 2 to 40, 2..40..2 every other one, 4,8,16 these three. When not given, every
         other one up to half of the periods, at most 40.
     out
-        A folder for scan.json, figures/stabilisation.png and figures/indicators.png.
+        A folder for scan.json, figures/stabilisation.png and figures/indicators.png. Of a saved result frequencies are
+        unfolded.
     format
         text prints a table; json prints scan.json alone.
     settings
@@ -117,7 +122,7 @@ def scan(
         scanned = _scanned(files, choices, listed, report)
         text = _scan_text(scanned, choices)
         if folder is not None:
-            _write(folder, scanned.found, text, report)
+            _write(folder, scanned, text, report)
     if format == "json":
         sys.stdout.write(text)
         return
@@ -131,7 +136,7 @@ def _scanned(
     report: Callable[[str], None],
 ) -> Scanned:
     """The records prepared as `floquid identify` does, their lifted responses, and the scan of the orders."""
-    done, faults = (), ()
+    done, faults, analysis = (), (), None
     if is_saved(files):
         chosen, analysis = choices.resolved(), identified_in(files[0], OF)
         responses, done = analysis.lifted, analysis.findings
@@ -146,7 +151,7 @@ def _scanned(
         raise input_error("--orders", OF, must, got, "Ask for lower orders, or record longer.")
     with blas_threads([responses.responses]):
         found = scan_orders(responses.responses, chosen.identifier, orders, report=report)
-    return Scanned(done=done, faults=faults, lifted=responses, found=found)
+    return Scanned(done=done, faults=faults, lifted=responses, found=found, analysis=analysis)
 
 
 def _orders(orders: str | None) -> tuple[int, ...] | None:
@@ -171,7 +176,7 @@ def _no_orders(got: str) -> Exception:
     return input_error("--orders", OF, must, got, "For example: --orders 2..40, --orders 2..40..2 or --orders 4,8,16")
 
 
-def _write(folder: ResultFolder, found: OrderScan, text: str, report: Callable[[str], None]) -> None:
+def _write(folder: ResultFolder, scanned: Scanned, text: str, report: Callable[[str], None]) -> None:
     """Write the files into the folder, where they take their names together."""
     from floquid.plot import indicators, save_figure, stabilisation
 
@@ -179,8 +184,10 @@ def _write(folder: ResultFolder, found: OrderScan, text: str, report: Callable[[
     (folder.unfinished / "figures").mkdir()
     folder.write("scan.json", text)
     report("drawing the figures")
-    save_figure(stabilisation(found), folder.unfinished / "figures" / "stabilisation.png")
-    save_figure(indicators(found.indicators), folder.unfinished / "figures" / "indicators.png")
+    # Only the modes of an identification say on which branch a pole is.
+    figure = stabilisation(scanned.found, analysis=scanned.analysis)
+    save_figure(figure, folder.unfinished / "figures" / "stabilisation.png")
+    save_figure(indicators(scanned.found.indicators), folder.unfinished / "figures" / "indicators.png")
     folder.publish()
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
+from itertools import compress
 from pathlib import Path
 from typing import IO, Any
 
@@ -23,6 +24,7 @@ from floquid.lifting import Lifted
 from floquid.pipeline import Analysis
 from floquid.reconstruction import Refinement
 from floquid.views import (
+    SpeedUnit,
     done_words,
     for_command,
     input_unit,
@@ -98,10 +100,10 @@ def print_files(folder: Path | None, names: Sequence[str], kept: str) -> None:
         terminal().print(f"Written to {folder}/: {', '.join(names)}", soft_wrap=True)
 
 
-def print_analysis(analysis: Analysis, *, verbose: bool = False) -> None:
+def print_analysis(analysis: Analysis, *, verbose: bool = False, speed_unit: SpeedUnit = "hz") -> None:
     """The record, the modes, a line for each other finding, A(t) and the warnings; with `verbose` the reasons, too."""
     console = terminal()
-    print_found(console, analysis, verbose=verbose)
+    print_found(console, analysis, verbose=verbose, speed_unit=speed_unit)
     if verbose:
         _print_reasons(console, analysis)
     if analysis.state is not None:
@@ -117,7 +119,7 @@ def print_warnings(console: Console, warnings: Iterable[object]) -> None:
         console.print(f"Warning: {warning}", style="yellow")
 
 
-def print_found(console: Console, analysis: Analysis, *, verbose: bool = False) -> None:
+def print_found(console: Console, analysis: Analysis, *, verbose: bool = False, speed_unit: SpeedUnit = "hz") -> None:
     """Print the record, the modes, a line for each other finding, and the reasons against the model."""
     _print_record(console, analysis, verbose=verbose)
     modes = "Modes of a model that fails" if analysis.failed else "Modes"
@@ -128,7 +130,7 @@ def print_found(console: Console, analysis: Analysis, *, verbose: bool = False) 
     lines = Table(box=None, show_header=False, padding=(0, 1, 0, 0), pad_edge=False)
     lines.add_column(no_wrap=True)
     lines.add_column()
-    for name, words in outcome_lines(analysis).items():
+    for name, words in outcome_lines(analysis, speed_unit).items():
         lines.add_row(name, words)
     console.print(lines)
     for reason in analysis.reasons:
@@ -231,12 +233,13 @@ def print_modes(console: Console, analysis: Analysis) -> None:
 
 def modes_table(analysis: Analysis, *, derived: bool = False) -> Table:
     """The table of modes, if wanted with the deviations of what is derived from exponents."""
-    rows = mode_table(analysis, derived=derived)
-    noted = not derived or any(row.notes for row in rows)
-    table = new_table([""], ("Re λ [1/s]", "Im λ [rad/s]", "f [Hz]", "ζ [%]", "|μ|", "folded", "m"), ["note"] * noted)
-    for row in rows:
-        cells = (row.decay, row.frequency, row.hertz, row.damping, row.multiplier, row.folded, row.harmonics)
-        table.add_row(row.number, *cells, *[row.notes] * noted)
+    modes = mode_table(analysis, derived=derived)
+    shown = [not column.on_page for column in modes.columns]
+    columns = list(compress(modes.columns, shown))
+    numbers, words = ([own.heading for own in columns if own.is_text == text] for text in (False, True))
+    table = new_table([""], numbers, words)
+    for number, row in enumerate(modes.rows, start=1):
+        table.add_row(str(number), *compress(row, shown))
     return table
 
 

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from floquid._arrays import Floats
 from floquid._checks import describe, input_error
 from floquid.core import PeriodicModel
 from floquid.exports._mat import PLAIN, mat_cells, mat_file
@@ -23,6 +22,7 @@ from floquid.exports._uff import uff_bytes
 from floquid.io import as_path, atomic_path, load_package
 from floquid.pipeline import Analysis
 from floquid.reconstruction import StateModel
+from floquid.views import mode_numbers
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -94,7 +94,7 @@ def modes_frame(result: Analysis | PeriodicModel) -> pd.DataFrame:
     upper = list(model.upper_modes)
     columns = {
         name: np.full(len(upper), np.nan) if values is None else values[upper]
-        for name, values in _mode_columns(model).items()
+        for name, values in mode_numbers(model).items()
     }
     return pandas.DataFrame(columns, index=pandas.RangeIndex(1, len(upper) + 1, name="mode"))
 
@@ -126,7 +126,7 @@ def csv_bytes(model: PeriodicModel) -> bytes:
     """The table: numbers to their last digit, an empty cell where something was not estimated."""
     stream = StringIO(newline="")
     table = csv.writer(stream, lineterminator="\n")
-    columns = _mode_columns(model)
+    columns = mode_numbers(model)
     table.writerow(("mode", *columns, "channel", "unit", "hit", "harmonic", "harmonic frequency [Hz]", *_COEFFICIENT))
     for mode in range(model.order):
         own = _csv_cells(None if values is None else values[mode] for values in columns.values())
@@ -150,23 +150,6 @@ def _coefficient(model: PeriodicModel, mode: int, row: int, hit: int, place: int
     rate = float(model.exponents[mode].imag + model.harmonics[place] * model.fundamental)
     deviation = (None, None) if std is None else (std.real, std.imag)
     return (rate / (2.0 * np.pi), value.real, value.imag, *deviation)
-
-
-def _mode_columns(model: PeriodicModel) -> dict[str, Floats | None]:
-    """The numbers of the modes (modes,) by their headings, None for what was not estimated."""
-    exponents, std, multipliers = model.exponents, model.exponent_std, model.multipliers
-    return {
-        "exponent real [1/s]": exponents.real,
-        "exponent imag [rad/s]": exponents.imag,
-        "exponent real std [1/s]": None if std is None else std.real,
-        "exponent imag std [rad/s]": None if std is None else std.imag,
-        "frequency [Hz]": model.frequencies_hz,
-        "frequency std [Hz]": model.frequency_std_hz,
-        "damping ratio [-]": model.damping_ratios,
-        "damping ratio std [-]": model.damping_ratio_std,
-        "multiplier real [-]": multipliers.real,
-        "multiplier imag [-]": multipliers.imag,
-    }
 
 
 def _csv_cells(values: Iterable[float | None]) -> list[str]:

@@ -240,7 +240,7 @@ def _identified(model: PeriodicModel, truth: ArrayLike | None, ax: Into, of: str
     )
     panels[panels >= 2 + len(close)] = -1
     layout = {"panels": panels.tolist(), "height_ratios": (3.2, *[1.55] * rows), "empty_sentinel": -1}
-    with drawing(3.6 + 1.75 * rows, ax, of, **layout) as (figure, (left, right, *small)):
+    with drawing(3.6 + 1.75 * rows, ax, of, **layout) as (figure, (left, right, *below)):
         _draw_plane(left, model, upper, paired)
         _draw_circle(right, float(np.abs(model.multipliers).max(initial=0.0)))
         _draw_identified(right, model, model.multipliers)
@@ -250,7 +250,7 @@ def _identified(model: PeriodicModel, truth: ArrayLike | None, ax: Into, of: str
         if paired is not None:
             mu = np.asarray(np.exp(paired * model.period), dtype=np.complex128)
             right.plot(mu.real, mu.imag, **_TRUE)
-        for number, (mode, axes) in enumerate(zip(close, small, strict=True)):
+        for number, (mode, axes) in enumerate(zip(close, below, strict=True)):
             row, column = divmod(number, ACROSS)
             assert edges is not None
             _draw_close(axes, model, mode, number + 1, edges[mode], paired)

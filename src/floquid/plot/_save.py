@@ -14,6 +14,7 @@ from floquid._checks import input_error
 from floquid.io import as_path, atomic_path
 from floquid.pipeline import Analysis
 from floquid.plot._style import style
+from floquid.views import SpeedUnit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -51,6 +52,7 @@ def save_figures(
     truth: tuple[ArrayLike, ArrayLike] | None = None,
     formats: Sequence[Format] = ("png",),
     dpi: float = 150.0,
+    speed_unit: SpeedUnit = "hz",
 ) -> tuple[Path, ...]:
     """Write every figure that the analysis allows, each under the name of its function (`FIGURES`).
 
@@ -74,6 +76,8 @@ def save_figures(
         "png", "svg" or "pdf", or several.
     dpi
         Dots an inch of PNG.
+    speed_unit
+        The unit of the speed of the shaft, "hz" or "rpm".
     """
     of = "save_figures"
     place = as_path(folder, of=of, argument="folder")
@@ -83,7 +87,7 @@ def save_figures(
     from threadpoolctl import threadpool_limits
 
     written, plots = [], analysis.plot
-    options: dict[str, dict[str, Any]] = {"system_elements": {"truth": truth}}
+    options: dict[str, dict[str, Any]] = {"system_elements": {"truth": truth}, "speed": {"speed_unit": speed_unit}}
     options |= _options(analysis)
     for name in sorted(dir(plots), key=FIGURES.index):
         # The matrices are many and small: threads inside BLAS would wait for each other, as in `identify`.
@@ -94,6 +98,24 @@ def save_figures(
             _write(figure, path, form, dpi, of=of, argument="folder")
             written.append(path)
     return tuple(written)
+
+
+def figure_of_fit(analysis: Analysis) -> tuple[str, Figure]:
+    """The figure that says most of the fit, and its name in words.
+
+    Of free responses the record with the model over it and the residual, of measured inputs the transfer functions, of
+    outputs alone the spectra with the lines of the modes.
+    """
+    if analysis.decay is not None:
+        return "the record, the model over it, and the residual", analysis.plot.synthesis(
+            **_options(analysis)["synthesis"]
+        )
+    if analysis.inputs:
+        found = analysis.transfer()
+        size = np.abs(found.values).max(axis=(0, 3)) / analysis.noise
+        row, column = np.unravel_index(int(np.argmax(size)), size.shape)
+        return "transfer functions", analysis.plot.transfer(output=int(row), driven_by=int(column))
+    return "harmonic power spectra", analysis.plot.harmonic_spectra()
 
 
 def _options(analysis: Analysis) -> dict[str, dict[str, Any]]:

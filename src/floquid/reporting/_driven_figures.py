@@ -29,7 +29,7 @@ from floquid.reporting._modes_figures import mark_labels
 from floquid.transfer import MeasuredTransfer
 from floquid.views import INTERVAL, SpectraOfModes, envelope, magnitude_bands, phase_degrees, shortened
 
-MOST_PATHS = 6  # paths from an input to an output that are drawn; transfer.csv holds all
+MOST_PATHS = 16  # paths from an input to an output that are drawn; transfer.csv holds all
 CLOSE = 5.0  # periods of the stretch left out
 LINES = 120  # frequencies at which G is measured beside the model
 FLAT = 8.0  # widths of a resonance over which a line is measured, from which on resonances are lost

@@ -41,11 +41,11 @@ def lines_page(fit: TransferFit, *, title: str | None) -> str:
     noise = np.sqrt(np.nanmean(np.abs(lines.std) ** 2, axis=(0, 2, 3)))[:, None]
     shown: Any = SimpleNamespace(
         model=model, noise=noise, records=(), settings=_Settings(model.period, fit.hold), findings=fit.findings,
-        decay=None, whitening=None,
+        decay=None, whitening=None, lengths=None,
     )  # fmt: skip
     case, paths = case_of(shown), paths_of(at, noise, np.ones(len(lines.inputs)))
     measured = measured_figures(lines, at, drawn, paths, each=True)
-    rows, ratio = mode_table(shown), fit.chi_square / max(fit.degrees, 1)
+    table, ratio = mode_table(shown), fit.chi_square / max(fit.degrees, 1)
     worst = max((finding.severity for finding in fit.findings), key=list(Severity).index, default=Severity.NOTE)
     mark, sentence = {
         Severity.NOTE: ("passed", "The modes explain the lines."),
@@ -61,8 +61,8 @@ def lines_page(fit: TransferFit, *, title: str | None) -> str:
         sentence=sentence,
         under=f"They leave {ratio:.3g} times the variance of the lines, {fit.degrees} degrees of freedom.",
         reasons=texts(fit.findings, Severity.FAILURE),
-        rows=rows,
-        meanings=note_meanings(rows),
+        table=table,
+        meanings=note_meanings(table),
         bands=True,
         summary=(
             f"{counted(len(case.modes), 'mode')} (order {model.order}) fitted to {np.count_nonzero(there)} lines from "

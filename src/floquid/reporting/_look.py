@@ -48,6 +48,7 @@ def new_figure(x: str, y: str, *, name: str, height: int = HEIGHT, **options: An
         **options,
     )
     made.toolbar.logo = None
+    made.toolbar.stylesheets = ["@media print { :host { display: none; } }"]
     made.toolbar.autohide = False
     for axis in made.axis:
         axis.axis_label_text_font_style = "normal"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,9 @@ from floquid.reporting._chosen_figures import (
 )
 from floquid.reporting._look import BLACK, GREY, HEIGHT, VERMILION, Figure, hover, legend_above, new_figure
 from floquid.views import exponent_ellipses, multiplier_ellipses
+
+LETTER, GAP, LINE = 0.026, 0.01, 0.07
+"""The width of a letter, what is left between two texts, and a line of them, as shares of axes on a phone."""
 
 if TYPE_CHECKING:
     from bokeh.models import ColumnDataSource
@@ -47,13 +51,31 @@ def mode_source(case: Case) -> ColumnDataSource:
 
 
 def mark_labels(x: Floats, y: Floats, wide: float = 0.0, high: float = 0.0) -> list[str]:
-    """The numbers of the modes for their marks; those of marks whose numbers would meet stand at the first of them."""
-    across, up = (max(max(v, default=0.0) - min(v, default=0.0), least) for v, least in ((x, wide), (y, high)))
-    held: dict[int, list[str]] = {}
-    for k in range(len(x)):
-        near = (one for one in held if abs(x[one] - x[k]) <= 0.04 * across and abs(y[one] - y[k]) <= 0.06 * up)
-        held.setdefault(next(near, k), []).append(str(k + 1))
-    return [", ".join(held.get(k, [])) for k in range(len(x))]
+    """The numbers of the modes for their marks; those whose texts would meet stand together at the first mark.
+
+    Positions `x` and `y` are in the units of axes that show `wide` by `high` at least. Texts are measured on a phone.
+    """
+    across, up = (max(max(v, default=0.0) - min(v, default=0.0), least) or 1.0 for v, least in ((x, wide), (y, high)))
+    held = {k: [k + 1] for k in range(len(x))}
+
+    def meet(one: int, other: int) -> bool:
+        letters = max(len(_ranges(held[one])), len(_ranges(held[other])))
+        return abs(x[one] - x[other]) <= (LETTER * letters + GAP) * across and abs(y[one] - y[other]) <= LINE * up
+
+    while pair := next((pair for pair in combinations(held, 2) if meet(*pair)), None):
+        held[pair[0]] = sorted(held[pair[0]] + held.pop(pair[1]))
+    return [_ranges(held.get(k, [])) for k in range(len(x))]
+
+
+def _ranges(numbers: list[int]) -> str:
+    """Numbers in ascending order as a short text: 1, 3-5."""
+    parts: list[list[int]] = []
+    for number in numbers:
+        if parts and number == parts[-1][-1] + 1:
+            parts[-1].append(number)
+        else:
+            parts.append([number])
+    return ", ".join(f"{part[0]}–{part[-1]}" if len(part) > 2 else ", ".join(map(str, part)) for part in parts)
 
 
 def _modes(made: Figure, source: ColumnDataSource, x: str, y: str) -> None:

@@ -42,7 +42,7 @@ from floquid.reporting._record_figures import (
 )
 from floquid.reporting._stabilisation_figures import indicator_figures, stabilisation_figures
 from floquid.reporting._system_figures import Truth, system_figures
-from floquid.views import for_command, mode_table, note_meanings, spectra_of_modes
+from floquid.views import SpeedUnit, for_command, mode_table, note_meanings, spectra_of_modes
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -55,7 +55,7 @@ PLACES = (
 
 NOTHING: dict[str, Any] = {
     **dict.fromkeys(("reasons", "checks", "evidence", "responses", "synchronisation", "noise", "noise_titles"), ()),
-    **dict.fromkeys(("lengths", "inputs", "matrix", "harmonics", "beside", "hits", "parameters"), ()),
+    **dict.fromkeys(("inputs", "matrix", "harmonics", "beside", "hits", "parameters"), ()),
     **dict.fromkeys(("responses_left", "paths_shown", "paths_left"), 0),
     **dict.fromkeys(("ambient", "held_out", "with_system", "fails"), False),
     **dict.fromkeys(("state", "refinement")),
@@ -65,18 +65,17 @@ NOTHING: dict[str, Any] = {
 LONGEST = 60  # the longest name of a source that fits a heading, in characters
 
 
-def page(case: Case, *, title: str | None, truth: Truth | None) -> str:
-    """The whole page of an analysis as text: sections by what it has."""
+def page(case: Case, *, title: str | None, truth: Truth | None, unit: SpeedUnit = "hz") -> str:
+    """The whole page of an analysis as text: sections by what it has; the speed of the shaft in a `unit`."""
     analysis: Analysis = case.analysis
     titles, noise = words.noise_table(analysis)
     content = (
-        _verdict(analysis)
-        | _modes(analysis)
+        verdict_of(analysis)
+        | modes_of(analysis)
         | {
-            "summary": words.summary_line(case),
+            "summary": words.summary_line(case, unit),
             "checks": words.checks(analysis),
             "evidence": words.evidence(analysis),
-            "lengths": words.lengths(analysis),
             "ambient": analysis.ambient,
             "inputs": analysis.inputs,
             "hits": [hit + 1 for hit in case.hits] if analysis.model.n_hits > 1 else [],
@@ -91,7 +90,7 @@ def page(case: Case, *, title: str | None, truth: Truth | None) -> str:
     )
     figures, more = (decay_part if analysis.driven is None else driven_part)(case)
     figures |= system_figures(analysis, truth)
-    figures["speed"] = [speed_figure(shaft) for shaft in analysis.shafts[:1]]
+    figures["speed"] = [speed_figure(shaft, unit) for shaft in analysis.shafts[:1]]
     return rendered(case, figures, title, **content | more)
 
 
@@ -158,36 +157,39 @@ def rendered(case: Case, figures: dict[str, list[Figure]], title: str | None, **
     """The page with these figures by their places; what `content` does not have, the page does without."""
     from bokeh.resources import Resources
 
-    from floquid._version import __version__
-
     models = {f"{place}-{number}": made for place, group in figures.items() for number, made in enumerate(group)}
     drawn = {
         place: [{"name": f"{place}-{number}", "words": _described(made)} for number, made in enumerate(group)]
         for place, group in figures.items()
     }
     analysis = case.analysis
-    return (
-        _environment()
-        .get_template("page.html.jinja")
-        .render(
-            **NOTHING | content,
-            title=title or _title(case),
-            version=__version__,
-            bokeh="\n".join(Resources(mode="inline", components=["bokeh"]).js_raw),
-            embedded=_embedded(models),
-            style=_asset("page.css"),
-            behaviour=_asset("page.js"),
-            figures=dict.fromkeys(PLACES, ()) | drawn,
-            case=case,
-            told=analysis.model.unselected is not None,
-            shaped=analysis.model.estimates is not None,
-            given=analysis.settings.harmonics is not None,
-            warnings=texts(analysis.findings, Severity.WARNING),
-            left_out=len(analysis.model.channels) - len(case.channels),
-            sources=words.sources(analysis),
-            settings=words.settings_rows(analysis),
-        )
+    return filled(
+        "page.html.jinja",
+        **NOTHING
+        | content
+        | {
+            "title": title or title_of(case),
+            "bokeh": "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw),
+            "embedded": _embedded(models),
+            "behaviour": _asset("page.js"),
+            "figures": dict.fromkeys(PLACES, ()) | drawn,
+            "case": case,
+            "told": analysis.model.unselected is not None,
+            "shaped": analysis.model.estimates is not None,
+            "given": analysis.settings.harmonics is not None,
+            "warnings": texts(analysis.findings, Severity.WARNING),
+            "left_out": len(analysis.model.channels) - len(case.channels),
+            "sources": words.sources(analysis),
+            "settings": words.settings_rows(analysis),
+        },
     )
+
+
+def filled(template: str, **content: Any) -> str:
+    """The text of a page by its `template`, with the style and the version that all pages have."""
+    from floquid._version import __version__
+
+    return _environment().get_template(template).render(version=__version__, style=_asset("page.css"), **content)
 
 
 def fragment(result: Told) -> str:
@@ -197,7 +199,7 @@ def fragment(result: Told) -> str:
     return (
         _environment()
         .get_template("fragment.html.jinja")
-        .render(**_verdict(result), **_modes(result), warnings=texts(result.findings, Severity.WARNING))
+        .render(**verdict_of(result), **modes_of(result), warnings=texts(result.findings, Severity.WARNING))
     )
 
 
@@ -212,17 +214,16 @@ def _environment() -> Environment:
     return environment
 
 
-def _verdict(analysis: Analysis) -> dict[str, Any]:
+def verdict_of(analysis: Analysis) -> dict[str, Any]:
     """The verdict as the templates have it."""
     mark, sentence, under = words.verdict(analysis)
     return {"mark": mark, "sentence": sentence, "under": under, "reasons": analysis.reasons}
 
 
-def _modes(analysis: Analysis) -> dict[str, Any]:
+def modes_of(analysis: Analysis) -> dict[str, Any]:
     """The table of modes as the templates have it."""
-    rows = mode_table(analysis)
-    bands = analysis.model.exponent_std is not None
-    return {"rows": rows, "meanings": note_meanings(rows), "bands": bands, "fails": analysis.failed}
+    table, bands = mode_table(analysis), analysis.model.exponent_std is not None
+    return {"table": table, "meanings": note_meanings(table), "bands": bands, "fails": analysis.failed}
 
 
 def _with_code(text: str) -> Any:
@@ -240,7 +241,7 @@ def _described(made: Figure) -> str:
     return f"{heading}{made.yaxis[0].axis_label} against {made.xaxis[0].axis_label}{curves}"
 
 
-def _title(case: Case) -> str:
+def title_of(case: Case) -> str:
     """The names of the files, or of what was simulated."""
     named = [_short(source) for source in words.sources(case.analysis)]
     return ", ".join(named[:3]) + (" …" if len(named) > 3 else "") if named else "A record"

@@ -26,10 +26,12 @@ from floquid.reporting._look import (
 from floquid.sync import ShaftAngle
 from floquid.views import (
     INTERVAL,
+    SpeedUnit,
     Synchronisation,
     envelope,
     lifted_points,
     record_spectrum,
+    speed_unit,
     synchronisation,
     synthesis,
 )
@@ -183,14 +185,16 @@ def synchronisation_figure(found: list[Synchronisation]) -> Figure | None:
     return made
 
 
-def speed_figure(shaft: ShaftAngle) -> Figure:
-    """The speed of the shaft with its band, as the tachometer or the azimuth tells it."""
+def speed_figure(shaft: ShaftAngle, unit: SpeedUnit) -> Figure:
+    """The speed of the shaft with its band, as the tachometer or the azimuth tells it, in a `unit`."""
+    symbol, factor = speed_unit(unit, "report")
+    factor /= 2.0 * np.pi
     times = np.linspace(shaft.first, shaft.last, POINTS // 3)
-    speed, width = shaft.speed(times) / (2.0 * np.pi), INTERVAL * shaft.speed_std(times) / (2.0 * np.pi)
-    made = new_figure("time [s]", "speed of the shaft [Hz]", name="speed", height=260)
+    speed, width = factor * shaft.speed(times), factor * INTERVAL * shaft.speed_std(times)
+    made = new_figure("time [s]", f"speed of the shaft [{symbol}]", name="speed", height=260)
     made.varea(times, speed - width, speed + width, fill_color=BLUE, fill_alpha=0.25, legend_label="interval of 95 %")
     made.line(times, speed, line_color=BLUE, line_width=1.5, legend_label="speed")
-    mean = shaft.mean_speed / (2.0 * np.pi)
+    mean = factor * shaft.mean_speed
     made.line([times[0], times[-1]], [mean, mean], line_color=BLACK, line_dash="dashed", legend_label="mean")
     legend_above(made)
     return made

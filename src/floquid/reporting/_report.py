@@ -13,10 +13,13 @@ from floquid.errors import IdentificationError, InputError
 from floquid.io import as_path, atomic_path
 from floquid.order import OrderScan
 from floquid.pipeline import Analysis, blas_threads
+from floquid.reporting._brief import brief_page
 from floquid.reporting._case import case_of
 from floquid.reporting._lines_page import lines_page
 from floquid.reporting._page import page
 from floquid.transfer import TransferFit
+from floquid.views import SpeedUnit
+from floquid.views import speed_unit as unit_of_speed
 
 ENDINGS = (".html", ".htm")
 
@@ -27,6 +30,8 @@ def report(
     *,
     title: str | None = None,
     truth: tuple[ArrayLike, ArrayLike] | None = None,
+    brief: bool = False,
+    speed_unit: SpeedUnit = "hz",
     progress: Callable[[str], None] = lambda _: None,
 ) -> Path:
     """Write the report of an analysis: one HTML page that opens in any browser, without a network.
@@ -48,6 +53,11 @@ def report(
         The heading; the names of the records when not given.
     truth
         Instants after phase zero (times,) [s] and the true A at each (times, n, n), drawn beside the estimate.
+    brief
+        True for one page to print (A4): the modes, the verdict with its reasons, one picture of the fit, the record and
+        the settings.
+    speed_unit
+        The unit of the speed of the shaft, "hz" or "rpm"; frequencies of vibration are in Hz.
     progress
         Called with what is about to be done, in words.
     """
@@ -64,16 +74,23 @@ def report(
             must, got = "come with an A(t) to hold it against", "the analysis has none"
             raise input_error("truth", of, must, got, "Identify with `states`, or leave out the truth.")
         known = timed_matrices(truth, "truth", of, len(analysis.state.states))
+    unit_of_speed(speed_unit, of)
+    if brief and isinstance(analysis, TransferFit):
+        must, got = "be false of modes fitted to transfer functions", "is true"
+        raise input_error("brief", of, must, got, "Their page is short: leave it out.")
     if title is not None and not isinstance(title, str):
         raise input_error("title", of, "be a text", f"is a {type(title).__name__}")
     with atomic_path(place, of=of) as temporary:  # refused before the page is drawn
         if isinstance(analysis, TransferFit):
             progress("drawing the report")
             text = lines_page(analysis, title=title)
+        elif brief:
+            progress("drawing the report")
+            text = brief_page(case_of(analysis), title=title, unit=speed_unit)
         else:
             case = case_of(analysis, *_scan(analysis, progress))
             progress("drawing the report")
-            text = page(case, title=title, truth=known)
+            text = page(case, title=title, truth=known, unit=speed_unit)
         temporary.write_text(text, encoding="utf-8")
     return place
 

@@ -14,9 +14,11 @@ from floquid.pipeline import Analysis
 from floquid.reconstruction import Refinement
 from floquid.reporting._case import Case
 from floquid.views import (
+    SpeedUnit,
     passed_words,
     period_words,
     raw_noise,
+    speed_words,
     whitening_words,
     with_error,
 )
@@ -37,9 +39,6 @@ CRITERIA = {  # what each number of the validation is, and its unit
     "remainder": ("share of the response that these checks find left, in amplitude", "%"),
     "composition": ("largest relative difference of Φ(t + T), integrated, and Φ(t) Φ(T)", "-"),
 }
-
-
-MANY = 1e6  # periods from which on their number says no more
 
 
 def verdict(analysis: Analysis) -> tuple[str, str, str]:
@@ -81,8 +80,8 @@ def minus(text: str) -> str:
     return text.replace("-", "−")
 
 
-def summary_line(case: Case) -> str:
-    """The record and the result in one sentence."""
+def summary_line(case: Case, unit: SpeedUnit) -> str:
+    """The record and the result in one sentence, the speed of the shaft in a `unit`."""
     analysis, model = case.analysis, case.analysis.model
     periods = sum(record.duration for record in analysis.records) / model.period
     counts, told = f"{periods:.6g}", "in all "
@@ -94,7 +93,7 @@ def summary_line(case: Case) -> str:
     records, modes = counted(len(analysis.records), "record"), counted(len(case.modes), "mode")
     return (
         f"{modes} (order {model.order}) found in {records} of {' and '.join(sides)}, {counts} periods {told}of "
-        f"{period_words(analysis)} s (ω/2π = {1.0 / model.period:.6g} Hz), "
+        f"{period_words(analysis)} s ({speed_words(analysis, unit)}), "
         f"{analysis.records[0].sample_rate * model.period:.4g} samples a period."
     )
 
@@ -157,14 +156,6 @@ def noise_table(analysis: Analysis) -> tuple[list[str], list[tuple[str, str, lis
         rows.append((channel.name, channel.unit, cells))
     hits = len(analysis.cycles)
     return ["standard deviation (of the peak)"] if hits == 1 else [f"hit {n}" for n in range(1, hits + 1)], rows
-
-
-def lengths(analysis: Analysis) -> list[str]:
-    """The periods of a record that gives the damping of each mode to 10 %, a mode of each pair; none if unknown."""
-    if analysis.lengths is None:
-        return []
-    periods = analysis.lengths[list(analysis.model.upper_modes)] / analysis.model.period
-    return [f"{float(f'{own:.3g}'):.0f}" if own < MANY else f"more than {MANY:.0f}" for own in periods]
 
 
 def settings_rows(analysis: Analysis) -> list[tuple[str, str]]:

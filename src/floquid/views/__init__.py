@@ -14,7 +14,15 @@ from floquid.views._ellipses import (
 from floquid.views._expansion import Expansion, ShapeCurves, closed_period, expansion, identified_residue, shape_curves
 from floquid.views._families import Family, families, unfolded
 from floquid.views._harmonic_spectra import SpectraOfModes, spectra_of_modes
-from floquid.views._mode_table import MODE_NOTES, ModeRow, mode_notes, mode_table, note_meanings, with_error
+from floquid.views._mode_table import (
+    MODE_NOTES,
+    ModeTable,
+    mode_notes,
+    mode_numbers,
+    mode_table,
+    note_meanings,
+    with_error,
+)
 from floquid.views._modes import grows
 from floquid.views._names import SHORT, element_unit, for_command, input_unit, shortened
 from floquid.views._outcome import (
@@ -35,7 +43,7 @@ __all__ = [
     "SHORT",
     "Expansion",
     "Family",
-    "ModeRow",
+    "ModeTable",
     "ShapeCurves",
     "SpectraOfModes",
     "Spectrum",
@@ -58,6 +66,7 @@ __all__ = [
     "lifted_spectrum",
     "magnitude_bands",
     "mode_notes",
+    "mode_numbers",
     "mode_table",
     "multiplier_ellipses",
     "note_meanings",

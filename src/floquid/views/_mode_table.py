@@ -1,13 +1,13 @@
-"""The table of modes, alike on the terminal and on the page: a row in words for each, values with their deviations."""
+"""The table of modes: its columns, decided here alone, and its rows in words, values with their deviations."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from floquid._arrays import Integers, Mask
+from floquid._arrays import Floats, Integers, Mask
 from floquid.core import PeriodicModel
 from floquid.periodic import CONFIDENT, participation
 from floquid.pipeline import Analysis
@@ -24,6 +24,7 @@ MODE_NOTES = {
 
 RIVAL = 0.5  # share of the energy of the strongest line from which on another makes the branch a choice
 CLEAR = 3.0  # deviations from which on a harmonic of a fit with one more at either end is shown
+MANY = 1e6  # periods from which on their number says no more
 MOST_DIGITS = 10  # after the point; beyond them a deviation says nothing that a reader could use
 
 
@@ -55,69 +56,151 @@ def mode_notes(analysis: Analysis, mode: int) -> list[str]:
     return [word for word in MODE_NOTES if deserved[word]]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ModeRow:
-    """A conjugate pair, or a real mode, in words.
+@dataclass(frozen=True, slots=True)
+class ModeColumn:
+    """A column of the table of modes, alike on the terminal, on the page, in a DataFrame and in a file.
 
     Parameters
     ----------
-    number
-        Its place in the table, from 1.
-    decay, frequency
-        Re λ [1/s] and Im λ [rad/s], each with its standard deviation.
-    hertz, damping
-        f [Hz] and ζ [%].
-    multiplier, folded
-        The size of the multiplier, and the imaginary part of the principal exponent over ω.
-    harmonics
-        The first and the last harmonic that it has.
-    notes
-        The words of `MODE_NOTES` that it deserves.
+    heading
+        What stands above it, with the unit.
+    cell
+        From an analysis, the index of a mode, and whether derived values have deviations, to the words of a row.
+    numbers
+        From a model to the numbers of all its modes (modes,) by their headings in files, None for those not estimated.
+    on_page, is_text
+        True where a terminal has no room for it, and where it is words instead of numbers.
     """
 
-    number: str
-    decay: str
-    frequency: str
-    hertz: str
-    damping: str
-    multiplier: str
-    folded: str
-    harmonics: str
-    notes: str
+    heading: str
+    cell: Callable[[Analysis, int, bool], str]
+    numbers: Callable[[PeriodicModel], dict[str, Floats | None]] = lambda _: {}
+    on_page: bool = False
+    is_text: bool = False
 
 
-def mode_table(analysis: Analysis, *, derived: bool = True) -> tuple[ModeRow, ...]:
-    """The modes of an analysis, a row for each conjugate pair and for each real mode.
+@dataclass(frozen=True, slots=True)
+class ModeTable:
+    """The modes in words: a row for each conjugate pair and each real mode, and the columns that have any words.
 
-    The rows are in the order of the model. `analysis` is what `identify` found. Where `derived` is true, f and ζ have
-    their standard deviations; a narrow table has no room for them.
+    `columns` are those columns, and `rows` their cells in that order; a row is numbered from 1 by its place.
     """
+
+    columns: tuple[ModeColumn, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+    def __getitem__(self, heading: str) -> tuple[str, ...]:
+        """The cells of the column with that heading; none where it has no words."""
+        places = [place for place, column in enumerate(self.columns) if column.heading == heading]
+        return tuple(row[place] for place in places for row in self.rows)
+
+
+def mode_table(analysis: Analysis, *, derived: bool = True) -> ModeTable:
+    """The table of the modes of an analysis, in the order of the model.
+
+    `analysis` is what `identify` found. Where `derived` is true, f and ζ have their standard deviations; a narrow
+    table has no room for them.
+    """
+    modes = analysis.model.upper_modes
+    cells = {column: [column.cell(analysis, mode, derived) for mode in modes] for column in COLUMNS}
+    used = [column for column in COLUMNS if any(cells[column])]
+    return ModeTable(tuple(used), tuple(zip(*(cells[column] for column in used), strict=True)))
+
+
+def mode_numbers(model: PeriodicModel) -> dict[str, Floats | None]:
+    """The numbers of the modes of a `model` (modes,) by their headings with units, None for what was not estimated."""
+    return {name: values for column in COLUMNS for name, values in column.numbers(model).items()}
+
+
+def _std(model: PeriodicModel, mode: int) -> complex:
+    return complex(np.nan, np.nan) if model.exponent_std is None else complex(model.exponent_std[mode])
+
+
+def _determined(model: PeriodicModel, mode: int) -> bool:
+    """False where a deviation exceeds the exponent itself: its digits say nothing."""
+    std = _std(model, mode)
+    return not max(std.real, std.imag) > abs(model.exponents[mode])
+
+
+def _decay(analysis: Analysis, mode: int, _: bool) -> str:
     model = analysis.model
-    unknown = np.full(model.order, np.nan)
-    std = unknown + 0j * unknown if model.exponent_std is None else model.exponent_std
-    hertz, damping = (model.frequency_std_hz, model.damping_ratio_std) if derived else (None, None)
-    rows = []
-    for number, mode in enumerate(model.upper_modes, start=1):
-        value, ratio = model.exponents[mode], 100.0 * model.damping_ratios[mode]
-        kept, _ = participation(model, mode, 1.0 / analysis.noise)
-        if analysis.decay is None:
-            clear = _clear(model, mode, kept)
-            kept = kept[clear] if clear.any() else kept
-        own = model.frequencies_hz[mode]
-        rows.append(
-            ModeRow(
-                number=str(number),
-                decay=with_error(value.real, std[mode].real),
-                frequency=("" if model.real[mode] else "±") + with_error(abs(value.imag), std[mode].imag),
-                hertz=f"{own:.5g}" if hertz is None else with_error(own, hertz[mode]),
-                damping=f"{ratio:.3g}" if damping is None else with_error(ratio, 100.0 * damping[mode]),
-                multiplier=f"{abs(model.multipliers[mode]):.4f}",
-                folded=f"{abs(model.principal()[mode].imag) / model.fundamental:.4f}",
-                harmonics=f"{kept[0]}…{kept[-1]}" if len(kept) > 1 else "".join(map(str, kept)),
-                notes=" ".join(mode_notes(analysis, mode)),
-            )
-        )
-    return tuple(rows)
+    value = with_error(model.exponents[mode].real, _std(model, mode).real)
+    return value if _determined(model, mode) else "not determined"
+
+
+def _frequency(analysis: Analysis, mode: int, _: bool) -> str:
+    model = analysis.model
+    value = with_error(abs(model.exponents[mode].imag), _std(model, mode).imag)
+    return ("" if model.real[mode] else "±") + value if _determined(model, mode) else ""
+
+
+def _hertz(analysis: Analysis, mode: int, derived: bool) -> str:
+    model = analysis.model
+    value, std = model.frequencies_hz[mode], model.frequency_std_hz if derived else None
+    words = f"{value:.5g}" if std is None else with_error(value, std[mode])
+    return words if _determined(model, mode) else "not determined"
+
+
+def _damping(analysis: Analysis, mode: int, derived: bool) -> str:
+    model = analysis.model
+    ratio, std = 100.0 * model.damping_ratios[mode], model.damping_ratio_std if derived else None
+    words = f"{ratio:.3g}" if std is None else with_error(ratio, 100.0 * std[mode])
+    return words if _determined(model, mode) else ""
+
+
+def _harmonics(analysis: Analysis, mode: int, _: bool) -> str:
+    """The first and the last harmonic that it has."""
+    kept, _shares = participation(analysis.model, mode, 1.0 / analysis.noise)
+    if analysis.decay is None:
+        clear = _clear(analysis.model, mode, kept)
+        kept = kept[clear] if clear.any() else kept
+    return f"{kept[0]}…{kept[-1]}" if len(kept) > 1 else "".join(map(str, kept))
+
+
+def _length(analysis: Analysis, mode: int, _: bool) -> str:
+    """The periods of a record that gives the damping to 10 %."""
+    if analysis.lengths is None:
+        return ""
+    periods = float(analysis.lengths[mode] / analysis.model.period)
+    return f"{float(f'{periods:.3g}'):.0f}" if periods < MANY else f"more than {MANY:.0f}"
+
+
+COLUMNS = (
+    ModeColumn(
+        "f [Hz]", _hertz,
+        lambda model: {"frequency [Hz]": model.frequencies_hz, "frequency std [Hz]": model.frequency_std_hz},
+    ),
+    ModeColumn(
+        "ζ [%]", _damping,
+        lambda model: {"damping ratio [-]": model.damping_ratios, "damping ratio std [-]": model.damping_ratio_std},
+    ),
+    ModeColumn(
+        "Re λ [1/s]", _decay,
+        lambda model: {
+            "exponent real [1/s]": model.exponents.real,
+            "exponent real std [1/s]": None if model.exponent_std is None else model.exponent_std.real,
+        },
+    ),
+    ModeColumn(
+        "Im λ [rad/s]", _frequency,
+        lambda model: {
+            "exponent imag [rad/s]": model.exponents.imag,
+            "exponent imag std [rad/s]": None if model.exponent_std is None else model.exponent_std.imag,
+        },
+    ),
+    ModeColumn(
+        "|μ|", lambda analysis, mode, _: f"{abs(analysis.model.multipliers[mode]):.4f}",
+        lambda model: {"multiplier real [-]": model.multipliers.real, "multiplier imag [-]": model.multipliers.imag},
+    ),
+    ModeColumn(
+        "folded",
+        lambda analysis, mode, _: f"{abs(analysis.model.principal()[mode].imag) / analysis.model.fundamental:.4f}",
+    ),
+    ModeColumn("m", _harmonics),
+    ModeColumn("periods for Re λ to 10 %", _length, on_page=True),
+    ModeColumn("note", lambda analysis, mode, _: " ".join(mode_notes(analysis, mode)), is_text=True),
+)  # fmt: skip
+"""The columns in their order: one added here is on the terminal, on the page, in `analysis.modes` and in files."""
 
 
 def _clear(model: PeriodicModel, mode: int, kept: Integers) -> Mask:
@@ -129,7 +212,7 @@ def _clear(model: PeriodicModel, mode: int, kept: Integers) -> Mask:
     return np.asarray((size > CLEAR * std).any(axis=(0, 1)), bool)
 
 
-def note_meanings(rows: Sequence[ModeRow]) -> list[str]:
-    """The "word: meaning" of each word in the notes of the `rows` of a table of modes."""
-    used = {word for row in rows for word in row.notes.split()}
+def note_meanings(table: ModeTable) -> list[str]:
+    """The "word: meaning" of each word in the notes of a `table` of modes."""
+    used = {word for cell in table["note"] for word in cell.split()}
     return [f"{word}: {meaning}" for word, meaning in MODE_NOTES.items() if word in used]

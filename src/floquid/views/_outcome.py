@@ -11,19 +11,23 @@ from floquid.findings import Severity, texts
 from floquid.lifting import Lifted
 from floquid.pipeline import Analysis
 from floquid.views._mode_table import mode_notes, with_error
+from floquid.views._speed import SpeedUnit, speed_words
 
 ORDER = "all_needed"  # the code of the finding that the line on the order has
 AGREE = 3.0  # deviations within which two periods agree: beyond, chance has three in a thousand
 MOST_NAMED = 6  # harmonics of the forced response that are named
 
 
-def outcome_lines(analysis: Analysis) -> dict[str, str]:
-    """The outcome of an `analysis` beside its modes: the short lines that have something to say, by their names."""
+def outcome_lines(analysis: Analysis, speed_unit: SpeedUnit = "hz") -> dict[str, str]:
+    """The outcome of an `analysis` beside its modes: the short lines that have something to say, by their names.
+
+    The speed of the shaft is in `speed_unit`.
+    """
     own = analysis.model.inputs
     lines = {
         "Innovations" if analysis.ambient else "Noise": _noise(analysis),
         "Order": _order(analysis),
-        "Period": _period(analysis),
+        "Period": _period(analysis, speed_unit),
         "Forced response": _forced(analysis),
         "Interference": _interference(analysis),
         "Reach": "" if own is None else _reach(analysis, own),
@@ -82,12 +86,13 @@ def _order(analysis: Analysis) -> str:
     return f"{order}, clear: {needed}" + (f", {weak} weakly determined" if weak else "")
 
 
-def _period(analysis: Analysis) -> str:
+def _period(analysis: Analysis, unit: SpeedUnit) -> str:
     if analysis.shafts:
         how = "the mean by the shaft angle"
     else:
         how = "estimated from the response" if analysis.settings.estimate_period else "as given"
-    line, tested = f"{period_words(analysis)} s, {how}", analysis.periodicity
+    line = f"{period_words(analysis)} s ({speed_words(analysis, unit)}), {how}"
+    tested = analysis.periodicity
     if analysis.decay is not None and analysis.decay.fit.own_period is not None:
         difference, std = analysis.decay.fit.own_period
         agrees = "agrees" if abs(difference) < AGREE * std else "differs"

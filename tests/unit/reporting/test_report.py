@@ -12,6 +12,7 @@ from tests.decays import with_decay
 import floquid as fq
 from floquid.checks import Criterion
 from floquid.errors import InputError
+from floquid.exports._modes import csv_bytes
 from floquid.findings import Finding, failure
 from floquid.lti import ERA
 from floquid.order import Stability
@@ -19,14 +20,14 @@ from floquid.order import scan as scan_orders
 from floquid.reporting import _page
 from floquid.reporting._case import MOST_CHANNELS, POINTS, case_of
 from floquid.reporting._look import CURVES, DASHES, MARKERS
-from floquid.reporting._modes_figures import _upper, mark_labels
+from floquid.reporting._modes_figures import _upper
 from floquid.reporting._page import page
 from floquid.reporting._record_figures import response_sources
 from floquid.reporting._stabilisation_figures import _poles
 from floquid.reporting._system_figures import MOST, element_name, elements_shown
 from floquid.reporting._words import CRITERIA, checks, minus, noise_table, steps
 from floquid.systems import Run
-from floquid.views import mode_table, multiplier_ellipses
+from floquid.views import _mode_table, mode_table, multiplier_ellipses
 
 pytestmark = pytest.mark.pages
 
@@ -51,9 +52,9 @@ def text(analysis, tmp_path_factory):
     return fq.report(analysis, tmp_path_factory.mktemp("report") / "report.html").read_text(encoding="utf-8")
 
 
-def test_the_verdict_comes_first(text):
+def test_the_modes_come_first_then_the_verdict(text):
     words = without_scripts(text)
-    places = [words.index(part) for part in ("The model passes its checks.", 'id="modes"', 'id="mode"', 'id="cite"')]
+    places = [words.index(part) for part in ('id="modes"', "The model passes its checks.", 'id="mode"', 'id="cite"')]
     assert places == sorted(places)
 
 
@@ -74,13 +75,6 @@ def test_options_in_a_reason_are_code(analysis, no_figures):
     assert "`" not in without_scripts(words)
 
 
-def test_numbers_of_modes_that_would_meet_are_one_label():
-    x, y = np.array([0.0, 0.01, 1.0, 2.0]), np.array([0.0, 0.0, 0.0, 5.0])
-    assert mark_labels(x, y) == ["1, 2", "", "3", "4"]
-    assert mark_labels(x, y, 100.0, 1.0) == ["1, 2, 3", "", "", "4"]
-    assert mark_labels(x[:0], y[:0]) == []
-
-
 def test_every_mark_can_be_filled_and_open():
     assert not {"x", "cross", "asterisk", "dash", "dot", "y"} & set(MARKERS)
     assert len(set(MARKERS)) == len(MARKERS) == len(CURVES) == len(set(zip(CURVES, DASHES, strict=True)))
@@ -99,15 +93,16 @@ def test_every_mode_stands_with_its_deviation(analysis, no_figures):
     model = replace(analysis.model, covariance=analysis.model.covariance * np.outer(scale, scale))
     assert model.exponent_std[0].imag > 2.0 * model.exponent_std[0].real
     analysis = with_decay(replace(analysis, model=model), fit=replace(analysis.fit, model=model))
-    rows, text = mode_table(analysis), page(case_of(analysis, None), title=None, truth=None)
-    assert [row.number for row in rows] == ["1", "2"]
-    for row, mode in zip(rows, np.flatnonzero(model.exponents.imag > 0), strict=True):
+    table, text = mode_table(analysis), page(case_of(analysis, None), title=None, truth=None)
+    assert len(table.rows) == 2
+    for number, mode in enumerate(np.flatnonzero(model.exponents.imag > 0)):
+        row = {column.heading: table[column.heading][number] for column in table.columns}
         exponent, std = model.exponents[mode], model.exponent_std[mode]
         cells = {
-            row.decay: (exponent.real, std.real),
-            row.frequency.removeprefix("±"): (exponent.imag, std.imag),
-            row.hertz: (model.frequencies_hz[mode], model.frequency_std_hz[mode]),
-            row.damping: (100.0 * model.damping_ratios[mode], 100.0 * model.damping_ratio_std[mode]),
+            row["Re λ [1/s]"]: (exponent.real, std.real),
+            row["Im λ [rad/s]"].removeprefix("±"): (exponent.imag, std.imag),
+            row["f [Hz]"]: (model.frequencies_hz[mode], model.frequency_std_hz[mode]),
+            row["ζ [%]"]: (100.0 * model.damping_ratios[mode], 100.0 * model.damping_ratio_std[mode]),
         }
         for cell, (estimate, deviation) in cells.items():
             value, digits = cell.rstrip(")").split("(")
@@ -115,11 +110,26 @@ def test_every_mode_stands_with_its_deviation(analysis, no_figures):
             assert float(value) == pytest.approx(estimate, abs=unit)
             assert int(digits) * unit == pytest.approx(deviation, rel=0.06)
             assert minus(cell) in text
-        assert float(row.multiplier) == pytest.approx(abs(model.multipliers[mode]), abs=1e-4)
-        assert float(row.folded) == pytest.approx(abs(model.principal()[mode].imag) / model.fundamental, abs=1e-4)
+        assert float(row["|μ|"]) == pytest.approx(abs(model.multipliers[mode]), abs=1e-4)
+        assert float(row["folded"]) == pytest.approx(abs(model.principal()[mode].imag) / model.fundamental, abs=1e-4)
     short = mode_table(analysis, derived=False)
-    assert [row.hertz for row in short] == [f"{own:.5g}" for own in model.frequencies_hz[model.exponents.imag > 0]]
-    assert [row.decay for row in short] == [row.decay for row in rows]
+    assert list(short["f [Hz]"]) == [f"{own:.5g}" for own in model.frequencies_hz[model.exponents.imag > 0]]
+    assert short["Re λ [1/s]"] == table["Re λ [1/s]"]
+
+
+def test_a_column_is_added_in_one_place(analysis, no_figures, monkeypatch):
+    column = _mode_table.ModeColumn(
+        "half-life [s]", lambda own, mode, _: f"{np.log(0.5) / own.model.exponents[mode].real:.4g}",
+        lambda model: {"half-life [s]": np.log(0.5) / model.exponents.real},
+    )  # fmt: skip
+    monkeypatch.setattr(_mode_table, "COLUMNS", (column, *_mode_table.COLUMNS))
+    page_text = page(case_of(analysis, None), title=None, truth=None)
+    file = csv_bytes(analysis.model).decode("utf-8-sig")
+    for text in (analysis.summary(), page_text, analysis._repr_html_(), file):
+        assert "half-life [s]" in text
+    numbers = analysis.modes["half-life [s]"]
+    for text in (analysis.summary(), page_text, analysis._repr_html_()):
+        assert all(f"{value:.4g}" in text for value in numbers)
 
 
 def said(text):
@@ -298,7 +308,7 @@ def test_with_a_tachometer_what_is_left_is_noise_from_a_file_too(tmp_path):
     assert np.array_equal(response_sources(case_of(again, None))["left"].modes[0]["y"], left)
     one, other = (without_scripts(page(case_of(of, None), title=None, truth=None)) for of in (found, again))
     assert one.count("of the shaft") == other.count("of the shaft") > 0
-    assert one.index("The speed of the shaft") < one.index('id="modes"')
+    assert one.index('id="modes"') < one.index("The speed of the shaft") < one.index('id="mode"')
 
 
 @pytest.mark.slow

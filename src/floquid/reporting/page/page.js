@@ -24,7 +24,7 @@
     rows.forEach((one, k) => one.classList.toggle("chosen", k === row));
     const cells = rows[row].cells;
     document.getElementById("told").textContent =
-      `Mode ${cells[0].textContent}: f = ${cells[1].textContent} Hz, ζ = ${cells[2].textContent} %, harmonics ${cells[7].textContent}.`;
+      `Mode ${cells[0].textContent}: f = ${cells[1].textContent} Hz, ζ = ${cells[2].textContent} %.`;
     const hit = document.getElementById("hit");
     if (hit) hit.textContent = String(HITS[row]);
   };
@@ -53,8 +53,20 @@
     if (more) target.tabIndex = 0; else target.removeAttribute("tabindex");
   }));
   document.querySelectorAll(".wide").forEach((one) => told.observe(one));
-  // What is folded away on the screen is on the paper.
-  window.addEventListener("beforeprint", () => document.querySelectorAll("details").forEach((one) => { one.open = true; }));
+  // On paper a figure has another width: the browser scales what was drawn on the screen.
+  const fit = new ResizeObserver((entries) => entries.forEach(({ target }) => {
+    if (matchMedia("print").matches || !target.clientWidth) return;
+    const paper = target.closest(".grid") ? 325 : 660;
+    target.style.setProperty("--fit", Math.min(1, paper / target.clientWidth));
+  }));
+  document.querySelectorAll(".plot").forEach((one) => fit.observe(one));
+  // What is folded away on the screen is so on the paper, and what a failed verdict unfolds.
+  let unfolded = [];
+  window.addEventListener("beforeprint", () => {
+    unfolded = [...document.querySelectorAll("details[open]")];
+    unfolded.forEach((one) => { one.open = false; });
+  });
+  window.addEventListener("afterprint", () => unfolded.forEach((one) => { one.open = true; }));
   document.addEventListener("floquid:mode", (event) => follow(event.detail));
   if (rows.length) follow(0);
 })();
