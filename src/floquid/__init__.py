@@ -19,14 +19,8 @@ if TYPE_CHECKING:
     from floquid.core import AzimuthSignal, Channel, ConstantPeriod, PeriodicModel, PulseTimes, Record, TachometerSignal
     from floquid.errors import FloquidError, IdentificationError, InputError
     from floquid.exports import export_modes, to_xarray
-    from floquid.pipeline import (
-        Analysis,
-        Bootstrap,
-        Settings,
-        bootstrap,
-        identify,
-        measure_transfer,
-    )
+    from floquid.pipeline import Analysis, Bootstrap, bootstrap, identify, measure_transfer
+    from floquid.preparation import Settings
     from floquid.readers import from_pandas, from_sep005, from_xarray, read, to_pandas, to_sep005, write
     from floquid.reconstruction import Refinement, StateModel, reconstruct, refine
     from floquid.reporting import report
@@ -46,7 +40,8 @@ _ROOMS = {
     "core": "AzimuthSignal Channel ConstantPeriod PeriodicModel PulseTimes Record TachometerSignal",
     "errors": "FloquidError IdentificationError InputError",
     "exports": "export_modes to_xarray",
-    "pipeline": "Analysis Bootstrap Settings bootstrap identify measure_transfer",
+    "pipeline": "Analysis Bootstrap bootstrap identify measure_transfer",
+    "preparation": "Settings",
     "readers": "from_pandas from_sep005 from_xarray read to_pandas to_sep005 write",
     "reconstruction": "Refinement StateModel reconstruct refine",
     "reporting": "report",

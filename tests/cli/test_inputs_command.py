@@ -11,7 +11,7 @@ from tests.driven import imbalance_of, mathieu, record_of
 from floquid import Channel, Record, load
 from floquid.cli import run
 from floquid.cli._terminal import print_analysis
-from floquid.pipeline.excited import FREE
+from floquid.preparation import FREE
 from floquid.readers import write
 
 PERIOD = f"{np.pi:.15g}"

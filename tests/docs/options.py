@@ -5,7 +5,7 @@ from dataclasses import fields
 from pathlib import Path
 
 from floquid import Settings
-from floquid.pipeline.excited import FREE
+from floquid.preparation import FREE
 from floquid.views import SHORT
 
 PAGE = Path(__file__).parents[2] / "docs" / "options.md"

@@ -11,27 +11,26 @@ Everything starts from what `prepare` makes of records: the responses, what ties
 from floquid.periodic import CONFIDENT
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._analysis import Driven as Driven
-from floquid.pipeline._complete import lifted_views, samples_of
 from floquid.pipeline._decay import Decay
-from floquid.pipeline._find_poles import find_poles
 from floquid.pipeline._identify import identify
-from floquid.pipeline._settings import Excitation as Excitation
-from floquid.pipeline._settings import IdentifierName as IdentifierName
-from floquid.pipeline._settings import Settings
-from floquid.pipeline._start import lifted
 from floquid.pipeline._validated import validated
 from floquid.pipeline.draws import Bootstrap, Draw, DrawFile, Spread, bootstrap
-from floquid.pipeline.excited import FREE as FREE
 from floquid.pipeline.excited import ambient_fit as ambient_fit
 from floquid.pipeline.excited import driven_fit as driven_fit
 from floquid.pipeline.excited import (
     measure_transfer,
 )
 from floquid.pipeline.excited import predicted_rest as predicted_rest
-from floquid.pipeline.preparation import Prepared, prepare
-from floquid.pipeline.preparation import blas_threads as blas_threads
+from floquid.pipeline.free import find_poles, lifted, lifted_views, samples_of
+from floquid.preparation import FREE as FREE
+from floquid.preparation import Excitation as Excitation
+from floquid.preparation import IdentifierName as IdentifierName
+from floquid.preparation import Prepared as Prepared
+from floquid.preparation import Settings as Settings
+from floquid.preparation import blas_threads as blas_threads
+from floquid.preparation import prepare as prepare
 
 __all__ = [
-    "CONFIDENT", "Analysis", "Bootstrap", "Decay", "Draw", "DrawFile", "Prepared", "Settings", "Spread", "bootstrap",
-    "find_poles", "identify", "lifted", "lifted_views", "measure_transfer", "prepare", "samples_of", "validated",
+    "CONFIDENT", "Analysis", "Bootstrap", "Decay", "Draw", "DrawFile", "Spread", "bootstrap", "find_poles", "identify",
+    "lifted", "lifted_views", "measure_transfer", "samples_of", "validated",
 ]  # fmt: skip

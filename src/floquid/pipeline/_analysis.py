@@ -24,7 +24,7 @@ from floquid.order import scan as scan_orders
 from floquid.periodic import Fit, ForcedResponse, Periodicity
 from floquid.pipeline._decay import Decay, clocks_of
 from floquid.pipeline._frequencies import frequencies_of
-from floquid.pipeline._settings import Settings
+from floquid.preparation import Settings
 from floquid.reconstruction import (
     AbstractStructure,
     Form,

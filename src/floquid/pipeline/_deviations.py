@@ -14,7 +14,7 @@ from floquid.lti import ModalModel
 from floquid.periodic import Fit, ForcedResponse
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._decay import fails
-from floquid.pipeline._settings import Settings
+from floquid.preparation import Settings
 
 BENT = 1.1  # the misfit up to which the deviations are those of the noise alone, in a long record
 SCATTER = 5.0

@@ -1,45 +1,34 @@
-"""The whole chain: records → poles → periodic model → state matrix, with every intermediate kept."""
+"""The whole chain: records → modes → periodic model → state matrix, with every intermediate kept."""
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Unpack
 
-import numpy as np
-
-from floquid.core import PeriodicModel, Record
+from floquid.core import Record
 from floquid.errors import IdentificationError
-from floquid.findings import Finding, texts, warning
-from floquid.lifting import floor_of
-from floquid.order import judge
-from floquid.periodic import (
-    Fit,
-    ModeParameters,
-    OrderError,
-    assemble,
-    distinct_multipliers,
-    fit,
-    fit_shapes,
-    groups,
-    held_shapes,
-)
+from floquid.findings import texts
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._complete import completed, free_residues, samples_of
-from floquid.pipeline._decay import clocks_of
-from floquid.pipeline._dependent_channels import of_sums
-from floquid.pipeline._doubts import order_too_low, wrong_period_fitted, wrong_period_lifted
-from floquid.pipeline._first_period import promised, without_first
-from floquid.pipeline._settings import Options, Settings, settings_of, takes_settings
-from floquid.pipeline._start import Lifting, Start, cut
-from floquid.pipeline._starts import OPENINGS, POLES, WIDTH, criterion, determined, explains
-from floquid.pipeline._validated import validated
-from floquid.pipeline.excited import identified_ambient, identified_driven, refuse_others
-from floquid.pipeline.preparation import Prepared, begun, blas_threads, clocked, mended, own_names, prepare
+from floquid.pipeline.excited import identified_ambient, identified_driven
+from floquid.pipeline.free import identified_free
+from floquid.preparation import (
+    Options,
+    Prepared,
+    Settings,
+    blas_threads,
+    own_names,
+    prepare,
+    settings_of,
+    takes_settings,
+)
 
 OF = "identify"
+
+Chain = Callable[[Prepared, Callable[[str], None]], Analysis]
+
+CHAINS: Mapping[str, Chain] = {"free": identified_free, "inputs": identified_driven, "ambient": identified_ambient}
+"""By kind of records."""
 
 
 @takes_settings
@@ -88,215 +77,10 @@ def identify(
         No mode rises above the noise, the record is too short, the inputs say nothing of the system, or the result
         would look right and be wrong.
     """
-    chosen = settings_of(settings, options, OF)
-    ambient = chosen.excitation == "ambient"
-    if ambient or chosen.inputs:
-        refuse_others(chosen, OF)
-        with own_names(OF):
-            used, said = begun(clocked(records, chosen, OF), chosen)
-            used, more = mended(used, chosen)
-            with blas_threads(used):
-                found = (identified_ambient if ambient else identified_driven)(used, chosen, report)
-        return replace(found, findings=(*said, *more, *found.findings))
-    prepared = prepare(records, chosen, report=report)
-    faults = prepared.faults
+    prepared = prepare(records, settings_of(settings, options, OF), report=report)
     with own_names(OF), blas_threads(prepared.records):
         try:
-            found = _identified(prepared, report)
+            found = CHAINS[prepared.settings.kind](prepared, report)
         except IdentificationError as error:
-            raise IdentificationError("\n  ".join([str(error), *texts(faults)])) from None
-        found = replace(found, findings=(*faults, *of_sums(found), *found.findings))
-        return validated(found, report=report) if prepared.settings.validate else found
-
-
-def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
-    """The chain from the responses with their clocks on.
-
-    Where what the model leaves of the first period stands out, the records without it are identified, too: they count
-    where that lowers the criterion, the samples left out being numbers that fit exactly.
-    """
-    best, left_out = _best(prepared, report), 0
-    chosen, alarm = prepared.settings, prepared.settings.mode_false_alarm
-    free, until, said = chosen.skip is None and chosen.all_found, time.process_time() + chosen.seconds, list[Finding]()
-    # A record that is believed down to a share of its largest value is nowhere linear: no period would be the last.
-    while free and best.start.floor is None and promised(best.fitted, prepared) > 0.0:
-        if time.process_time() > until:
-            said.append(warning("out_of_time", seconds=chosen.seconds))
-            break
-        report("leaving the first period out")
-        shorter, alone = without_first(prepared)
-        try:
-            trial = _best(shorter, report)
-        except IdentificationError:
-            break
-        if criterion(trial.fitted, alarm, alone) >= criterion(best.fitted, alarm):
-            break
-        prepared, best, left_out = shorter, trial, left_out + 1
-    if best.wrong_period is not None and not chosen.trust_period:
-        raise IdentificationError(
-            f"{best.wrong_period}\n  Correct the period, the sampling rate or the time column; `estimate_period=True` "
-            "finds the period from the response. If you know the period to be right, pass `trust_period=True`."
-        )
-    if left_out:
-        said.append(warning("begins_later", periods=left_out))
-    prepared = replace(prepared, findings=(*prepared.findings, *said))
-    return completed(prepared, best.start, best.model, best.fitted, best.settings, best.doubts, report)
-
-
-def _best(prepared: Prepared, report: Callable[[str], None]) -> Candidate:
-    """The best fit from the first start that leads to a model.
-
-    Of the fits from one start, that of the least criterion counts. What poles of lifted responses lead to is returned
-    whatever it leaves, and their refusal is raised where no other start leads to a model.
-    """
-    report("cutting into periods")
-    cutting = cut(prepared)
-    report("estimating the noise")
-    refusal: IdentificationError | None = None
-    for opening in OPENINGS:
-        usual = opening is POLES
-        fits, found = _fits if usual else _brief_fits, list[Candidate]()
-        try:
-            for start in opening.starts(prepared, cutting, report):
-                for candidate in fits(prepared, cutting, start, report):
-                    if usual or (explains(candidate.fitted, candidate.start) and not candidate.wrong_period):
-                        found.append(candidate)
-        except IdentificationError as error:
-            refusal = error if usual else refusal
-        if found:
-            return min(found, key=lambda own: criterion(own.fitted, prepared.settings.mode_false_alarm))
-    assert refusal is not None
-    raise refusal
-
-
-@dataclass(frozen=True, slots=True)
-class Candidate:
-    """A fit, what it started from, and what speaks against it."""
-
-    start: Start
-    model: PeriodicModel | None
-    fitted: Fit
-    settings: Settings
-    missing: tuple[Finding, ...] = ()  # findings on modes that the order given leaves out
-    wrong_period: Finding | None = None
-
-    @property
-    def doubts(self) -> tuple[Finding, ...]:
-        """All that speaks against it."""
-        return self.missing if self.wrong_period is None else (*self.missing, self.wrong_period)
-
-
-def _brief_fits(
-    prepared: Prepared, cutting: Lifting, start: Start, report: Callable[[str], None]
-) -> Iterator[Candidate]:
-    """The fits of a start of a brief record: outer products of shape and hit, and that of the samples.
-
-    That of the samples has its own harmonics in each hit: it is left out where shapes at each phase are fewer numbers
-    than the narrowest that vary.
-    """
-    settings, model, costly = prepared.settings, None, False
-    if start.modal is not None:
-        report("expanding the shapes in harmonics")
-        modal, width = held_shapes(start.modal, start.lifted, false_alarm=settings.harmonic_false_alarm)
-        model = assemble(modal, start.lifted, harmonics=width)
-        yield Candidate(start, model, free_residues(prepared, cutting, start, model), settings)
-        if not start.known and not prepared.shafts and start.lifted.n_hits >= model.order:
-            with suppress(IdentificationError, np.linalg.LinAlgError):
-                yield Candidate(start, model, _of_shapes(prepared, start, model, report), settings)
-        lifted = start.lifted
-        costly = lifted.n_channels * (lifted.n_hits * (2 * WIDTH + 1) - lifted.n_phases) > lifted.n_hits
-    if not costly or not determined(model):
-        fitted = _fitted(prepared, cutting, start, model, settings, True, report)
-        wrong = wrong_period_fitted(fitted, start.lifted, prepared, report)
-        yield Candidate(start, model, fitted, settings, wrong_period=wrong)
-
-
-def _of_shapes(prepared: Prepared, start: Start, model: PeriodicModel, report: Callable[[str], None]) -> Fit:
-    """The fit of the samples with one shape for all hits, started at outer products."""
-    settings = prepared.settings
-    records = samples_of(prepared.records, prepared.shafts, settings)
-    return fit_shapes(
-        records,
-        clocks_of(records, prepared.shafts),
-        model,
-        start.whole,
-        noise_floor=floor_of((row for record in records for row in record.values), settings.noise_floor),
-        report=report,
-    )
-
-
-def _fits(prepared: Prepared, cutting: Lifting, start: Start, report: Callable[[str], None]) -> Iterator[Candidate]:
-    """The fit of the samples from poles of lifted responses, or these with residues free at each phase."""
-    settings = prepared.settings
-    settings = settings if start.floor is None else replace(settings, noise_floor=start.floor)
-    model, missing, wrong = None, [], None
-    if start.modal is not None:
-        report("expanding the shapes in harmonics")
-        model = assemble(
-            start.modal, start.lifted, false_alarm=settings.harmonic_false_alarm, harmonics=settings.harmonics
-        )
-        if settings.order is not None:
-            own = order_too_low(settings.order, judge(start.lifted.responses, start.modal))
-            missing = [] if own is None else [own]
-        # Modes that are missing turn in what is left as a wrong period would.
-        wrong = None if missing else wrong_period_lifted(model, start.lifted, prepared)
-    distinct, fitted, warnings = 0 if model is None else model.order, None, ()
-    if model is not None and start.modal is not None and start.modal.outer_products:
-        distinct = distinct_multipliers(model)
-    twice = model is not None and distinct < model.order
-    constrained = model is None or (settings.constrained and model.covariance is not None)
-    if constrained and (settings.trust_period or not wrong):
-        # Of a period that is trusted against the response, harmonics come apart: they are no modes to be looked for.
-        search = model is None or (settings.all_found and not wrong)
-        if search or not twice:
-            try:
-                fitted = _fitted(prepared, cutting, start, model, settings, search, report)
-            except OrderError:
-                if model is None or model.order != settings.order:
-                    raise
-                # Poles that are none run away where residues are constrained.
-                missing.append(warning("order_not_held"))
-        if twice and fitted is not None and fitted.model.order <= distinct:
-            # Two modes have one multiplier indeed, and only residues free in each hit tell them apart.
-            fitted, warnings = None, fitted.warnings
-        if fitted is not None and not (wrong or missing):
-            wrong = wrong_period_fitted(fitted, start.lifted, prepared, report)
-    if fitted is None:
-        assert model is not None
-        fitted = replace(free_residues(prepared, cutting, start, model), warnings=warnings)
-    yield Candidate(start, model, fitted, settings, tuple(missing), wrong)
-
-
-def _fitted(
-    prepared: Prepared,
-    cutting: Lifting,
-    start: Start,
-    model: PeriodicModel | None,
-    settings: Settings,
-    search: bool,
-    report: Callable[[str], None],
-) -> Fit:
-    """The fit of the samples, started at the poles of the lifted responses."""
-    report("constraining the residues to their harmonics")
-    begin = start.begin
-    if start.modal is not None and model is not None:
-        begin = groups(start.modal, start.lifted) if search else ModeParameters.of(model)
-    records = samples_of(prepared.records, prepared.shafts, settings)
-    return fit(
-        records,
-        clocks_of(records, prepared.shafts),
-        start=begin,
-        known=start.known,
-        lifted=start.whole if cutting.synchronous else None,
-        forced=settings.forced_harmonics,
-        periods_per_revolution=settings.periods_per_revolution,
-        order=settings.order,
-        harmonics=settings.harmonics,
-        free_period=settings.estimate_period,
-        search=search,
-        noise_floor=floor_of((row for record in records for row in record.values), settings.noise_floor),
-        mode_false_alarm=settings.mode_false_alarm,
-        harmonic_false_alarm=settings.harmonic_false_alarm,
-        seconds=settings.seconds,
-        report=report,
-    )
+            raise IdentificationError("\n  ".join([str(error), *texts(prepared.faults)])) from None
+    return replace(found, findings=(*prepared.faults, *found.findings))

@@ -2,47 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import Channel, Estimates, PeriodicModel, channels_named
+from floquid.core import Estimates, PeriodicModel
 from floquid.errors import IdentificationError
-from floquid.pipeline._settings import ALL, Settings
+from floquid.preparation import Settings, states_of
 from floquid.reconstruction import (
-    AbstractStructure,
     Refinement,
     StateModel,
-    displacement_rows,
     reconstruct,
     refine,
     structure_of,
 )
 
-OF = "identify"
-
 Again = Callable[[NDArray[np.complex128]], Estimates]
-
-
-def check_states(channels: Sequence[Channel], settings: Settings) -> None:
-    """Refuse states that are not in the records, and a structure that cannot be one of them, before any long work."""
-    names = states_of(channels, settings)
-    if isinstance(names, str):
-        return
-    if settings.form == "second-order":
-        displacement_rows(channels, names, of=OF)
-    else:
-        channels_named(channels, names, argument="states", of=OF)
-    structure = structure_of(settings.structure) if settings.structure else None
-    if isinstance(structure, AbstractStructure):
-        structure.basis(len(names))
-
-
-def states_of(channels: Sequence[Channel], settings: Settings) -> str | tuple[str, ...]:
-    """The states as `reconstruct` takes them: "all" is a channel where one is called so."""
-    alone = settings.states == (ALL,) and ALL not in {channel.name for channel in channels}
-    return ALL if alone else settings.states
 
 
 def state_of(

@@ -26,7 +26,7 @@ from floquid.findings import Severity
 from floquid.innovations import Fit, first_innovations, period_step, predicted, repetition
 from floquid.inputs import samples_of
 from floquid.pipeline import Settings
-from floquid.pipeline.excited._prepare import parted
+from floquid.preparation._excited import parted
 
 SYSTEM, PHASES = mathieu(), 16
 

@@ -12,8 +12,8 @@ from floquid.checks._driving import BENT, _by_powers
 from floquid.fit import chi2_limit
 from floquid.inputs import Scores, bare_mode, chosen_together, samples_of, solve
 from floquid.pipeline import Settings
-from floquid.pipeline.excited._prepare import parted
-from floquid.pipeline.preparation import clocked
+from floquid.preparation import clocked
+from floquid.preparation._excited import parted
 
 PHASES, PERIODS, WARM = 20, 40, 20
 

@@ -15,9 +15,10 @@ from floquid.lifting import filters_of, lift, unlift, whitened, whitening_filter
 from floquid.lti import fit_residues
 from floquid.periodic import Known, assemble, synchrony
 from floquid.periodic.significance import drift
-from floquid.pipeline import Settings, _find_poles, _start
+from floquid.pipeline import Settings
 from floquid.pipeline import lifted as lifted_of
-from floquid.pipeline._noise_colour import first_filter
+from floquid.pipeline.free import _find_poles, _start
+from floquid.pipeline.free._noise_colour import first_filter
 from floquid.store import load, save
 from floquid.sync import segment
 from floquid.testing import pair_exponents

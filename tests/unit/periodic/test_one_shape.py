@@ -12,7 +12,7 @@ from floquid.periodic import refit
 from floquid.periodic.least_squares import ModeParameters, OneShape, eliminated, forced_entries, record_blocks
 from floquid.periodic.least_squares._estimates import estimates_of_shapes
 from floquid.periodic.search._one_shape import narrowed
-from floquid.pipeline._starts import lasting
+from floquid.pipeline.free._starts import lasting
 
 PAIRS = [-0.2 + 2.1j, -0.35 + 4.0j]
 

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from floquid import ConstantPeriod, Record, identify
 from floquid.core import PeriodicModel
 from floquid.errors import IdentificationError
-from floquid.pipeline._first_period import promised
-from floquid.pipeline.preparation import prepare
+from floquid.pipeline.free._first_period import promised
+from floquid.preparation import prepare
 
 PERIOD, PHASES, OMEGA = 1.0, 24, 2.0 * np.pi
 SLOW = complex(-0.08, 0.31 * OMEGA)

@@ -10,8 +10,8 @@ from floquid import Channel, ConstantPeriod, Record, Settings, TachometerSignal,
 from floquid.checks._limits import lines_of_revolution
 from floquid.errors import IdentificationError, InputError
 from floquid.findings import Severity, texts
-from floquid.pipeline.excited._lines import BESIDE, MOST_PERIODS, _above_beside
-from floquid.pipeline.excited._prepare import parted
+from floquid.preparation._excited import parted
+from floquid.preparation._lines import BESIDE, MOST_PERIODS, _above_beside
 from floquid.views import for_command
 
 SYSTEM, PHASES = mathieu(), 20

@@ -11,7 +11,8 @@ from numpy.testing import assert_allclose
 from floquid import ConstantPeriod, IdentificationError, InputError, Record, identify, load, save
 from floquid.lifting import lift
 from floquid.periodic import Synchrony, fit
-from floquid.pipeline import Settings, _doubts, prepare
+from floquid.pipeline import Settings, prepare
+from floquid.pipeline.free import _doubts
 from floquid.plot import FIGURES, save_figures
 from floquid.sync import resample, shaft_angle
 from floquid.systems import JeffcottRotor, Run

@@ -10,9 +10,9 @@ from tests.decays import with_decay
 
 from floquid import IdentificationError, bootstrap, export_modes, identify, load, report, save
 from floquid.exports import summary
-from floquid.pipeline import _complete as complete
 from floquid.pipeline import validated
 from floquid.pipeline._deviations import BENT, widening_of, with_misfit
+from floquid.pipeline.free import _complete as complete
 from floquid.reporting._words import verdict
 from floquid.systems import JeffcottRotor
 from floquid.views import period_words, synchronisation

@@ -10,8 +10,8 @@ from tests.driven import ambient_of, mathieu, record_of
 
 from floquid import ConstantPeriod, InputError, Record, Settings, identify
 from floquid.findings import Severity
-from floquid.pipeline._settings import Options
-from floquid.pipeline.excited import FREE
+from floquid.preparation import FREE
+from floquid.preparation._settings import Options
 
 SYSTEM, PHASES = mathieu(), 20
 KINDS = {"inputs": {"inputs": ["F"]}, "ambient": {"excitation": "ambient"}}

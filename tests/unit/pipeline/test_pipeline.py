@@ -12,7 +12,7 @@ from floquid.core import Channel, ConstantPeriod, PeriodicModel, Record
 from floquid.errors import IdentificationError, InputError
 from floquid.lti import AMI, ERA, LSCF, MaximumLikelihood, PolyLSCF
 from floquid.pipeline import Analysis, IdentifierName, Settings, identify
-from floquid.pipeline.preparation._before import responses_of
+from floquid.preparation._before import responses_of
 from floquid.systems import JeffcottRotor
 from floquid.testing import assert_exponents_close, pair_exponents
 

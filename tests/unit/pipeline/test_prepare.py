@@ -12,9 +12,9 @@ import floquid.pipeline as chain
 from floquid import ConstantPeriod, IdentificationError, InputError, PulseTimes, Record, identify, load, save
 from floquid.core import Channel, TachometerSignal
 from floquid.lifting import lift
-from floquid.pipeline._complete import by_cycles
 from floquid.pipeline.draws._plan import plan_of
 from floquid.pipeline.draws._redraw import draw, redrawn
+from floquid.pipeline.free._complete import by_cycles
 from floquid.readers import write
 from floquid.sync import ShaftAngle
 from floquid.systems import JeffcottRotor, Run

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from floquid import Channel, IdentificationError, Record, identify
-from floquid.pipeline.preparation import prepare
+from floquid.preparation import prepare
 from floquid.systems import JeffcottRotor
 
 ROTOR = JeffcottRotor()

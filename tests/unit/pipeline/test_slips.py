@@ -7,7 +7,7 @@ import pytest
 
 from floquid import Record, Settings, identify
 from floquid.errors import InputError
-from floquid.pipeline._settings import SLIPS
+from floquid.preparation._settings import SLIPS
 
 Y = np.zeros((2, 10))
 RECORD = Record(values=Y, sample_rate=5.0, channels=["x", "y"])

@@ -13,9 +13,8 @@ from floquid.lifting import Lifted
 from floquid.lti import ModalModel
 from floquid.periodic import instants
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._complete import by_cycles, samples_of, why_sampled
-from floquid.pipeline._settings import Settings
-from floquid.pipeline._state import states_of
+from floquid.pipeline.free import by_cycles, samples_of, why_sampled
+from floquid.preparation import Settings, states_of
 from floquid.reconstruction import choices, text_of
 from floquid.sync import ShaftAngle
 

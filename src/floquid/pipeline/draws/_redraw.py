@@ -20,13 +20,13 @@ from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import MaximumLikelihood, ModalModel, Outcome
 from floquid.periodic import assemble, estimate_at, refit
 from floquid.pipeline._analysis import Analysis, Driven
-from floquid.pipeline._complete import again_of
 from floquid.pipeline._deviations import widening_of
 from floquid.pipeline._identify import identify
-from floquid.pipeline._settings import Settings
 from floquid.pipeline._state import Again, state_of
 from floquid.pipeline.draws._alignment import aligned, selected
 from floquid.pipeline.draws._plan import Plan, choices_of, plan_of, without_states
+from floquid.pipeline.free import again_of
+from floquid.preparation import Settings
 from floquid.sync import segment
 
 NEVER = 1e-300

@@ -6,6 +6,5 @@ from floquid.pipeline.excited._again import predicted_rest as predicted_rest
 from floquid.pipeline.excited._ambient import identified_ambient
 from floquid.pipeline.excited._identify import identified_driven
 from floquid.pipeline.excited._measure import measure_transfer
-from floquid.pipeline.excited._prepare import FREE, refuse_others
 
-__all__ = ["FREE", "identified_ambient", "identified_driven", "measure_transfer", "refuse_others"]
+__all__ = ["identified_ambient", "identified_driven", "measure_transfer"]

@@ -15,9 +15,7 @@ from floquid.innovations import Fit, Mode, predicted, reweighed, solve
 from floquid.inputs import InputMode, Samples, Uncertainty, linearise
 from floquid.inputs import solve as solve_driven
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._settings import Settings
-from floquid.pipeline.excited._prepare import parted
-from floquid.pipeline.preparation import blas_threads
+from floquid.preparation import Settings, blas_threads, parted
 
 
 def driven_fit(

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
-from floquid.checks import Ambient
-from floquid.core import Provenance, Record
+from floquid.checks import Ambient, Parted
+from floquid.core import Provenance
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, failure, warning
 from floquid.innovations import (
@@ -22,11 +22,12 @@ from floquid.innovations import (
 )
 from floquid.inputs import Limits, Samples
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._settings import Settings
 from floquid.pipeline.excited._again import with_acting
-from floquid.pipeline.excited._finish import finished
+from floquid.pipeline.excited._finish import done_beside, finished
 from floquid.pipeline.excited._identify import HIGHEST
-from floquid.pipeline.excited._prepare import COPY, OF, Parted, done_beside, parted
+from floquid.preparation import COPY, Prepared
+
+OF = "identify"
 
 CLEARLY = 2.0
 """The squared scores of the own period of a response over those of the one given, from which on it is told from it.
@@ -35,7 +36,7 @@ A response that is hardly periodic scores at many periods, by up to 1.6 times wh
 """
 
 
-def identified_ambient(records: Sequence[Record], settings: Settings, report: Callable[[str], None]) -> Analysis:
+def identified_ambient(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
     r"""Identify from the response to random excitation that nobody measured, of records with their clocks on.
 
     .. math:: z_{r,k+1} = e^{\lambda_r h} z_{r,k} + \kappa_r(t_k)\, e_k \;[+\; \beta_r(t_k)\, u_k], \qquad
@@ -49,12 +50,12 @@ def identified_ambient(records: Sequence[Record], settings: Settings, report: Ca
     Raises InputError where the records, the inputs or the clock are not possible, IdentificationError where no mode
     rises above the noise.
     """
+    own, settings = prepared.parted, prepared.settings
+    assert own is not None
     if settings.inputs and settings.hold == "first":
         got = "is 'first'"
         remedy = "In discrete time an input acts from its sample to the next: use hold='zero', and sample faster."
         raise input_error("hold", OF, "be 'zero' or 'none' with random excitation", got, remedy)
-    report("reading angle and channels")
-    own = parted(records, settings, OF)
     samples, acting = with_acting(own)
     phases = 2.0 * np.pi / (samples.fundamental * samples.step)
     other, repeats = (0.0, ()) if own.shafts else _other_period(samples, trusted=settings.trust_period)
@@ -76,7 +77,7 @@ def identified_ambient(records: Sequence[Record], settings: Settings, report: Ca
         raise no_mode(samples, found, limits.mode_alarm, late)
     report("estimating deviations")
     fit = Fit(samples, found, acting)
-    provenance = Provenance.merge(tuple(record.provenance for record in records))
+    provenance = Provenance.merge(tuple(record.provenance for record in own.records))
     model = fit.model(own.outputs, own.inputs, provenance, near.as_read)
     analysis = Analysis(
         settings=settings,
@@ -84,7 +85,7 @@ def identified_ambient(records: Sequence[Record], settings: Settings, report: Ca
         model=model,
         driven=fit,
         shafts=own.shafts,
-        findings=(*done_beside(own), *repeats, *near.findings, *late),
+        findings=(*prepared.findings, *done_beside(own), *repeats, *near.findings, *late),
     )
     asked = {"own": own, "model": model, "limits": limits, "turning": settings.forced == "auto"}
     return finished(analysis, Ambient(**asked, fit=fit, other=other, as_read=near.as_read), report)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from floquid.checks import Excited, findings_of, judged
+from floquid.checks import Excited, Parted, findings_of, judged
 from floquid.errors import FloquidError
-from floquid.findings import Severity, warning
+from floquid.findings import Finding, Severity, note, warning
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._state import state_of
 
@@ -16,6 +16,17 @@ PERIOD = ("wrong_period", "period_twice")
 
 WORTHLESS = "held_out_grows"
 """The finding of samples left out by which the model itself fails: its prediction grows without bound."""
+
+
+def done_beside(own: Parted) -> tuple[Finding, ...]:
+    """Findings on what was fitted beside the modes."""
+    names = [channel.name for channel in own.inputs]
+    done = [note("inputs", channels=names, hold=own.samples.hold)] if names else []
+    used = {own_channel.name for own_channel in (*own.outputs, *own.inputs)}
+    forces = {c.name for record in own.records for c in record.channels if c.quantity == "force"}
+    done += [note("no_response", channel=name, quantity="force") for name in sorted(forces - used)]
+    said = (finding for shaft in own.shafts for finding in shaft.findings if finding.code != "angle_alike")
+    return (*done, *own.findings, *said)
 
 
 def finished(analysis: Analysis, subject: Excited, report: Callable[[str], None]) -> Analysis:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 
 import numpy as np
 
 from floquid._checks import input_error
 from floquid.checks import Driven
-from floquid.core import Provenance, Record
+from floquid.core import Provenance
 from floquid.errors import IdentificationError
 from floquid.findings import note, warning
 from floquid.inputs import (
@@ -20,16 +20,16 @@ from floquid.inputs import (
     searched,
 )
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._settings import Settings
-from floquid.pipeline.excited._finish import finished
-from floquid.pipeline.excited._prepare import OF, done_beside, parted
-from floquid.pipeline.preparation import refuse_driven
+from floquid.pipeline.excited._finish import done_beside, finished
+from floquid.preparation import Prepared
+
+OF = "identify"
 
 HIGHEST = 24
 """Harmonics of inputs and outputs at most."""
 
 
-def identified_driven(records: Sequence[Record], settings: Settings, report: Callable[[str], None]) -> Analysis:
+def identified_driven(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
     r"""Identify from the response to measured inputs, of records with their clocks on.
 
     .. math:: \dot z_r = \lambda_r z_r + \sum_{i,l} b_{r,i,l}\, e^{i l \omega t} u_i, \qquad
@@ -43,9 +43,8 @@ def identified_driven(records: Sequence[Record], settings: Settings, report: Cal
     Raises InputError where the records, the inputs or the clock are not possible, IdentificationError where the inputs
     say nothing of the system, or no mode rises above the noise.
     """
-    report("parting inputs and outputs")
-    own = parted(records, settings)
-    refuse_driven(records, settings)
+    own, settings = prepared.parted, prepared.settings
+    assert own is not None
     samples = own.samples
     phases = 2.0 * np.pi / (samples.fundamental * samples.step)
     if settings.harmonics is not None and 2 * settings.harmonics >= phases:
@@ -76,7 +75,7 @@ def identified_driven(records: Sequence[Record], settings: Settings, report: Cal
     near = read_near_axis(samples, found)
     found = near.at
     fit = Uncertainty(samples, found)
-    provenance = Provenance.merge(tuple(record.provenance for record in records))
+    provenance = Provenance.merge(tuple(record.provenance for record in own.records))
     model = fit.model(own.outputs, own.inputs, provenance, near.as_read)
     most = None if free else HIGHEST
     phases_free = (note("inputs_free", phases=round(phases)),) if free else ()
@@ -86,7 +85,7 @@ def identified_driven(records: Sequence[Record], settings: Settings, report: Cal
         model=model,
         driven=fit,
         shafts=own.shafts,
-        findings=(*done_beside(own), *phases_free, *near.findings, *late),
+        findings=(*prepared.findings, *done_beside(own), *phases_free, *near.findings, *late),
     )
     turning = settings.forced == "auto"
     return finished(analysis, Driven(own=own, model=model, limits=limits, fit=fit, most=most, turning=turning), report)

@@ -12,9 +12,17 @@ from numpy.typing import ArrayLike
 from floquid._checks import frozen_array, input_error
 from floquid.core import Record, channels_named
 from floquid.errors import IdentificationError
-from floquid.pipeline._settings import RecordOptions, Settings, settings_of
-from floquid.pipeline.excited._prepare import parted, refuse_others
-from floquid.pipeline.preparation import begun, blas_threads, clocked, own_names
+from floquid.preparation import (
+    RecordOptions,
+    Settings,
+    begun,
+    blas_threads,
+    clocked,
+    own_names,
+    parted,
+    refuse_others,
+    settings_of,
+)
 from floquid.transfer import CURVATURE, MeasuredTransfer, by_chirps, by_polynomials, by_repeats, repeat_of
 
 OF = "measure_transfer"

@@ -22,7 +22,7 @@ from floquid.periodic import (
     spacing,
     synchrony,
 )
-from floquid.pipeline.preparation import Prepared
+from floquid.preparation import Prepared
 
 QUIET = 1e-4  # the noise over the largest value below which a record says more than modes: a weak nonlinearity, for one
 SEVERAL = 6  # exponents from which on modes without a second harmonic may be harmonics that a wrong period tore apart

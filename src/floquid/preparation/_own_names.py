@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import fields
 
 from floquid.errors import InputError
-from floquid.pipeline._settings import Settings
+from floquid.preparation._settings import Settings
 
 _SUBJECT = re.compile(r"Argument `([^`]*)` of `([^`]*)` must ")
 

@@ -283,6 +283,13 @@ class Settings(Brief):
         return self.order is None and self.identifier is None and self.harmonics is None
 
     @property
+    def kind(self) -> Literal["free", "inputs", "ambient"]:
+        """The kind of records: free responses, measured inputs, or excitation that nobody measured."""
+        if self.excitation == "ambient":
+            return "ambient"
+        return "inputs" if self.inputs else "free"
+
+    @property
     def forced_harmonics(self) -> str | tuple[int, ...]:
         """`forced` as `floquid.periodic.fit` takes it: "auto", "none", or harmonics of the revolution."""
         if self.forced in ("auto", "none"):

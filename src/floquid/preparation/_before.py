@@ -12,8 +12,8 @@ from floquid._checks import input_error
 from floquid.core import AzimuthSignal, ConstantPeriod, PulseTimes, Record, TachometerSignal
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, warning
-from floquid.pipeline._settings import Settings
-from floquid.pipeline.preparation._mended import NO_RESPONSE, begins_free, without_faults, without_spikes
+from floquid.preparation._mended import NO_RESPONSE, begins_free, without_faults, without_spikes
+from floquid.preparation._settings import Settings
 from floquid.sync import clipped, dropouts, find_hits, gaps, pulse_times, shaft_angle, split_hits
 
 MOST_GAPS = 12  # stretches of missing samples that are listed one by one

@@ -11,8 +11,8 @@ from floquid._checks import input_error
 from floquid.findings import Finding, warning
 from floquid.periodic import unexplained
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._doubts import QUIET
-from floquid.pipeline.preparation import NO_NEWS, name_of
+from floquid.pipeline.free._doubts import QUIET
+from floquid.preparation import NO_NEWS, name_of
 
 OWN = 0.1
 """Share of its noise that a channel has beside the others, below which it has none of its own: 1 % of its power."""

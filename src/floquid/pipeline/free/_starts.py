@@ -14,9 +14,9 @@ from floquid.fit import SURE, chi2_limit
 from floquid.lifting import Lifted, unlift
 from floquid.lti import ERA, Ensemble, TimeResponses, brief, pooled_noise
 from floquid.periodic import Fit, ModeParameters
-from floquid.pipeline._find_poles import ENOUGH_CYCLES, find_poles
-from floquid.pipeline._start import Lifting, Start, start_of, without_forced
-from floquid.pipeline.preparation import Prepared
+from floquid.pipeline.free._find_poles import ENOUGH_CYCLES, find_poles
+from floquid.pipeline.free._start import Lifting, Start, start_of, without_forced
+from floquid.preparation import Prepared
 from floquid.sync import rejoin
 
 AVERAGED = (2, 4)  # orders of the time-invariant system that a few brief hits are taken for at first

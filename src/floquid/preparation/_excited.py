@@ -14,11 +14,14 @@ from floquid.core import ConstantPeriod, Record, channels_named, over_gaps, runs
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, note, warning
 from floquid.inputs import Hold, samples_of
-from floquid.pipeline._settings import Settings
-from floquid.pipeline._state import check_states
-from floquid.pipeline.excited._lines import Lines
-from floquid.pipeline.preparation import NO_RESPONSE, faults_of, refuse_period, refuse_unlike
-from floquid.sync import ShaftAngle, shaft_angle
+from floquid.preparation._before import faults_of
+from floquid.preparation._clocks import clocks_of, refuse_no_clock
+from floquid.preparation._lines import Lines
+from floquid.preparation._mended import NO_RESPONSE
+from floquid.preparation._refuse import refuse_period, refuse_unlike
+from floquid.preparation._settings import Settings
+from floquid.preparation._states import check_states
+from floquid.sync import ShaftAngle
 
 OF = "identify"
 
@@ -54,19 +57,8 @@ MOST_ABSENT = 0.5  # the share of an output's samples that may be missing: beyon
 NAMED = 3  # gaps of an input that a refusal names
 
 
-def done_beside(own: Parted) -> tuple[Finding, ...]:
-    """Findings on what was fitted beside the modes."""
-    names = [channel.name for channel in own.inputs]
-    done = [note("inputs", channels=names, hold=own.samples.hold)] if names else []
-    used = {own_channel.name for own_channel in (*own.outputs, *own.inputs)}
-    forces = {c.name for record in own.records for c in record.channels if c.quantity == "force"}
-    done += [note("no_response", channel=name, quantity="force") for name in sorted(forces - used)]
-    said = (finding for shaft in own.shafts for finding in shaft.findings if finding.code != "angle_alike")
-    return (*done, *own.findings, *said)
-
-
 def refuse_others(settings: Settings, of: str) -> None:
-    """Refuse options that are of free responses alone.
+    """Refuse options that records of a kind cannot have.
 
     Raises
     ------
@@ -74,6 +66,8 @@ def refuse_others(settings: Settings, of: str) -> None:
         There is such an option.
     """
     usual = Settings()
+    if settings.kind == "free":
+        return
     for name, reason in FREE.items():
         if getattr(settings, name) != getattr(usual, name):
             must, got = "be left as it is where the excitation goes on", f"is {getattr(settings, name)!r:.60}"
@@ -215,10 +209,9 @@ def _faults(records: Sequence[Record], outputs: Sequence[str], settings: Setting
 
 def _turned(records: Sequence[Record], of: str) -> tuple[float, list[NDArray[np.float64]], tuple[ShaftAngle, ...]]:
     """The mean period of all records, the angle of the system over ω at their samples, and their shafts."""
-    constant = [record.clock for record in records if isinstance(record.clock, ConstantPeriod)]
-    if any(record.clock is None for record in records) or 0 < len(constant) < len(records):
-        must, got = "all have a period, or all a measured clock", "have none, or some of each"
-        raise input_error("records", of, must, got, "Give the period, `period=`, or the shaft, `tach=`.")
+    refuse_no_clock(records, of)
+    clocks, shafts = clocks_of(records, lambda _: None, of)
+    constant = [clock for clock in clocks if isinstance(clock, ConstantPeriod)]
     ticks = [np.arange(record.n_samples) / record.sample_rate for record in records]
     if constant:
         period = constant[0].period
@@ -226,7 +219,6 @@ def _turned(records: Sequence[Record], of: str) -> tuple[float, list[NDArray[np.
             periods = sorted({own.period for own in constant})
             raise input_error("records", of, "have one period", f"have {periods}", "Give the period: `period=`.")
         return period, [own.phase(r.start) * period + t for own, r, t in zip(constant, records, ticks, strict=True)], ()
-    shafts = tuple(shaft_angle(record) for record in records)
     angles = [
         shaft.angle(record.start + own) * shaft.periods_per_revolution
         for shaft, record, own in zip(shafts, records, ticks, strict=True)

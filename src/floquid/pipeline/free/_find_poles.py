@@ -14,8 +14,8 @@ from floquid.findings import failure, warning
 from floquid.lifting import Lifted, whitened, whitening_filter
 from floquid.lti import AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome, fit_residues
 from floquid.order import Choice, judge
-from floquid.pipeline._noise_colour import ALL_PEAKED, dies_away, first_filter, under_a_peak
-from floquid.pipeline._settings import Settings
+from floquid.pipeline.free._noise_colour import ALL_PEAKED, dies_away, first_filter, under_a_peak
+from floquid.preparation import Settings
 
 ENOUGH_CYCLES = 3  # cycles a pole that a hit must hold for a noise estimate of its own
 NOISE_ROUNDS = 4  # estimates of the noise from the residual, at most

@@ -20,12 +20,11 @@ from floquid.periodic import Fit, combinations_of, estimate_at, periodicity
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._decay import Decay, clocks_of
 from floquid.pipeline._deviations import model_failure, poles_alone, widened, widening, with_misfit
-from floquid.pipeline._doubts import ambiguity
-from floquid.pipeline._noise_colour import ALL_PEAKED, STILL
-from floquid.pipeline._settings import Settings
-from floquid.pipeline._start import Lifting, Start, filled, out_of_step, steady_clock
 from floquid.pipeline._state import Again, state_of
-from floquid.pipeline.preparation import Prepared, uneven_speed, without_clock
+from floquid.pipeline.free._doubts import ambiguity
+from floquid.pipeline.free._noise_colour import ALL_PEAKED, STILL
+from floquid.pipeline.free._start import Lifting, Start, filled, out_of_step, steady_clock
+from floquid.preparation import Prepared, Settings, uneven_speed, without_clock
 from floquid.sync import ShaftAngle, rejoin, resample, segment
 
 

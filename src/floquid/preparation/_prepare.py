@@ -3,56 +3,55 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import TYPE_CHECKING, Unpack
 
-from floquid._checks import describe, input_error
 from floquid._show import Brief
+from floquid.checks import Parted
 from floquid.core import (
-    AzimuthSignal,
-    Clock,
     ConstantPeriod,
-    PulseTimes,
     Record,
-    TachometerSignal,
-    channels_named,
 )
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, texts, warning
 from floquid.lti import TimeResponses
 from floquid.periodic import estimate_period
-from floquid.pipeline._settings import EXAMPLE, Options, Settings, settings_of, takes_settings
-from floquid.pipeline._state import check_states
-from floquid.pipeline.preparation._before import (
+from floquid.preparation._before import (
+    begun,
     faults_of,
     hits_of,
     later,
+    mended,
     missing_of,
     parted,
     repaired,
     responses_of,
     without_orbit,
 )
-from floquid.pipeline.preparation._driven import forces_of, refuse_driven, refuse_excited, refuse_random
-from floquid.pipeline.preparation._own_names import own_names
-from floquid.pipeline.preparation._refuse import (
+from floquid.preparation._clocks import clocked, clocks_of, refuse_no_clock, without_clock
+from floquid.preparation._excited import parted as parted_of
+from floquid.preparation._excited import refuse_others
+from floquid.preparation._forces import forces_of, refuse_driven, refuse_random
+from floquid.preparation._own_names import own_names
+from floquid.preparation._refuse import (
     refuse_copies,
     refuse_period,
     refuse_short,
     refuse_unlike,
     refuse_unusable,
 )
-from floquid.sync import ShaftAngle, shaft_angle
+from floquid.preparation._settings import Options, Settings, settings_of, takes_settings
+from floquid.preparation._states import check_states
+from floquid.sync import ShaftAngle
 
 if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
 
 LARGE = 20_000_000  # samples in all from which linear algebra may use all threads
 NEAR = 1.5  # largest factor between the period and a first value of it
-SIGNALS = (TachometerSignal, AzimuthSignal, PulseTimes)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -76,6 +75,8 @@ class Prepared(Brief):
         What was done to the records, and how well the angle of the shaft is known.
     faults
         What is wrong with samples.
+    parted
+        The outputs and inputs where the excitation goes on; None of free responses.
     """
 
     settings: Settings
@@ -85,6 +86,7 @@ class Prepared(Brief):
     shafts: tuple[ShaftAngle, ...] = ()
     findings: tuple[Finding, ...] = ()
     faults: tuple[Finding, ...] = ()
+    parted: Parted | None = None
 
 
 @takes_settings
@@ -107,9 +109,11 @@ def prepare(
     is too short, or its period or shaft angle is unknown or not constant enough.
     """
     chosen = settings_of(settings, options, of)
-    refuse_excited(chosen, of)
+    refuse_others(chosen, of)
     with own_names(of):
         used = clocked(records, chosen, of)
+        if chosen.kind != "free":
+            return _excited(used, chosen, report, of)
         faults = faults_of(used, repair=chosen.repair)
         try:
             found = _tied(*_free(used, chosen, of), report, of)
@@ -135,55 +139,29 @@ def _thread_pools(scipy: bool) -> ThreadpoolController:  # noqa: ARG001  # scipy
     return ThreadpoolController()
 
 
-def without_clock(record: Record) -> Record:
-    """The record without the channel of its clock, if it has one."""
-    clock = record.clock
-    if not isinstance(clock, (TachometerSignal, AzimuthSignal)):
-        return record
-    return record.select([c.name for c in record.channels if c.name != clock.channel])
-
-
 def uneven_speed(shafts: Sequence[ShaftAngle]) -> tuple[Finding, ...]:
     """Findings on shafts at whose speed a periodic model does not hold."""
     return tuple(warning("uneven_speed", reasons=shaft.reasons) for shaft in shafts if not shaft.steady)
 
 
-def clocked(records: Record | Sequence[Record], settings: Settings, of: str) -> tuple[Record, ...]:
-    """The records with the channels and the clock of the settings."""
-    several = (records,) if isinstance(records, Record) else tuple(records) if isinstance(records, Iterable) else ()
-    if not several or not all(isinstance(r, Record) for r in several):
-        remedy = f"Read files with `read`; of arrays write `{of}({EXAMPLE}, period=T)`."
-        raise input_error("records", of, "be a Record or a list of them", f"is {describe(records)}", remedy)
-    used = []
-    for record in several:
-        clock = _clock(record, settings)
-        own = [clock.channel] if isinstance(clock, (TachometerSignal, AzimuthSignal)) else []
-        option = "azimuth" if isinstance(clock, AzimuthSignal) else "tach"
-        if channels_named(record.channels, own, argument=option, of=of) and record.n_channels == 1:
-            got = f"one has {own[0]!r} alone, which is its clock"
-            raise input_error("records", of, "have a channel of responses", got, "Read the responses, too.")
-        if settings.channels:
-            beside = [name for name in (*own, *settings.inputs) if name not in settings.channels]
-            record = record.select([*settings.channels, *beside])
-        used.append(record if clock is None else record.with_clock(clock))
-    return tuple(used)
-
-
-def _clock(record: Record, settings: Settings) -> Clock | None:
-    """The clock that the settings name, or the record's own."""
-    turns = settings.periods_per_revolution
-    if settings.tach is not None:
-        return TachometerSignal(
-            channel=settings.tach,
-            pulses_per_revolution=settings.pulses_per_revolution,
-            periods_per_revolution=turns,
-        )
-    if settings.azimuth is not None:
-        return AzimuthSignal(channel=settings.azimuth, periods_per_revolution=turns)
-    if settings.period is not None:
-        origin = record.clock.origin if isinstance(record.clock, ConstantPeriod) else 0.0
-        return ConstantPeriod(period=settings.period, origin=origin)
-    return record.clock
+def _excited(records: tuple[Record, ...], settings: Settings, report: Callable[[str], None], of: str) -> Prepared:
+    """The outputs and inputs of records whose excitation goes on, mended, and what was done."""
+    records, begun_at = begun(records, settings)
+    records, faults = mended(records, settings)
+    with blas_threads(records):
+        report("parting inputs and outputs")
+        own = parted_of(records, settings, of)
+    if settings.kind == "inputs":
+        refuse_driven(records, settings)
+    return Prepared(
+        settings=settings,
+        records=own.records,
+        responses=tuple(record.select([channel.name for channel in own.outputs]) for record in records),
+        clocks=own.shafts or tuple(record.clock for record in records if isinstance(record.clock, ConstantPeriod)),
+        shafts=own.shafts,
+        findings=(*begun_at, *faults),
+        parted=own,
+    )
 
 
 def _free(
@@ -225,14 +203,8 @@ def _tied(
     records: tuple[Record, ...], settings: Settings, said: tuple[Finding, ...], report: Callable[[str], None], of: str
 ) -> Prepared:
     """The responses with what ties them to the phase; what cannot be used is refused."""
-    if not settings.estimate_period and any(record.clock is None for record in records):
-        raise input_error(
-            "records",
-            of,
-            "have a clock",
-            "the record has none" if len(records) == 1 else "one has none",
-            "Give the period: `period=`, or `read(path, period=...)`.",
-        )
+    if not settings.estimate_period:
+        refuse_no_clock(records, of)
     responses = tuple(without_clock(record) for record in records)
     refuse_unlike(responses, of)
     refuse_copies(responses, of)
@@ -241,7 +213,7 @@ def _tied(
         with blas_threads(responses):
             responses, more = _with_own_period(responses, settings.period, report)
         records, said = responses, (*said, *more)
-    clocks, shafts = _clocks(records, report, of)
+    clocks, shafts = clocks_of(records, report, of)
     refuse_short(responses, clocks)
     uneven = uneven_speed(shafts)
     if uneven and not settings.trust_period:
@@ -270,22 +242,3 @@ def _with_own_period(
         )
     clocked = tuple(record.with_clock(ConstantPeriod(period=found.period, origin=record.start)) for record in records)
     return clocked, found.findings
-
-
-def _clocks(
-    records: tuple[Record, ...], report: Callable[[str], None], of: str
-) -> tuple[tuple[ConstantPeriod | ShaftAngle, ...], tuple[ShaftAngle, ...]]:
-    """Clock of each record, and those of them that are angles of a shaft."""
-    clocks: list[ConstantPeriod | ShaftAngle] = []
-    for record in records:
-        if isinstance(record.clock, SIGNALS):
-            report("finding the angle of the shaft")
-            clocks.append(shaft_angle(record))
-        else:
-            assert record.clock is not None
-            clocks.append(record.clock)
-    shafts = tuple(clock for clock in clocks if isinstance(clock, ShaftAngle))
-    if shafts and len(shafts) < len(clocks):
-        must, got = "all have a measured shaft angle, or none", "some have"
-        raise input_error("records", of, must, got, "Give each its clock.")
-    return tuple(clocks), shafts

@@ -10,7 +10,7 @@ from floquid.fit import chi2_limit
 from floquid.lifting import floor_of
 from floquid.periodic import Fit, unexplained
 from floquid.pipeline._analysis import clocks_of
-from floquid.pipeline.preparation import Prepared, from_sample
+from floquid.preparation import Prepared, from_sample
 
 STANDS_OUT = 2.0  # the fall that the first period promises over that of the second, at least
 

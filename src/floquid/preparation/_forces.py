@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from floquid._checks import input_error
 from floquid.core import ConstantPeriod, Record
 from floquid.errors import IdentificationError
-from floquid.pipeline._settings import Settings
-from floquid.pipeline.preparation._mended import NO_RESPONSE
+from floquid.preparation._mended import NO_RESPONSE
+from floquid.preparation._settings import Settings
 
 PEAKED = 8.0  # the peak of a force over its rms below which it goes on: of a random one it is four, of a blow a hundred
 LASTING = 0.3  # the energy of the weakest third of a record over that of the strongest from which on nothing decays

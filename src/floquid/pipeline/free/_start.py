@@ -17,11 +17,20 @@ from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import ModalModel
 from floquid.order import Choice
 from floquid.periodic import Known, ModeParameters, without_known
-from floquid.pipeline._doubts import quiet
-from floquid.pipeline._find_poles import UnsettledError, find_poles
-from floquid.pipeline._noise_colour import first_filter
-from floquid.pipeline._settings import Options, Settings, settings_of, takes_settings
-from floquid.pipeline.preparation import Prepared, blas_threads, prepare, refuse_few
+from floquid.pipeline.free._doubts import quiet
+from floquid.pipeline.free._find_poles import UnsettledError, find_poles
+from floquid.pipeline.free._noise_colour import first_filter
+from floquid.preparation import (
+    Options,
+    Prepared,
+    Settings,
+    blas_threads,
+    prepare,
+    refuse_excited,
+    refuse_few,
+    settings_of,
+    takes_settings,
+)
 from floquid.sync import ShaftAngle, resample, segment
 
 FLOORS = (1e-4, 1e-3)
@@ -237,7 +246,9 @@ def lifted(
     what is set of the stages after lifting changes nothing.
     """
     if not isinstance(records, Prepared):
-        records = prepare(records, settings_of(settings, options, "lifted"), report=report, of="lifted")
+        chosen = settings_of(settings, options, "lifted")
+        refuse_excited(chosen, "lifted")
+        records = prepare(records, chosen, report=report, of="lifted")
     elif settings is not None or options:
         must, got = "be left out with records that are prepared", "is given"
         name = "settings" if settings is not None else next(iter(options))

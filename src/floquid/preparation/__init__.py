@@ -1,0 +1,33 @@
+"""From records and `Settings` to what is identified: `prepare`, for every kind of record.
+
+The clock is put on, samples that are none are mended, channels that are no responses are left out, and what cannot end
+well is refused before any long work. Of free responses hits are cut out; where the excitation goes on outputs and
+inputs are parted (`parted`), with what repeats beside them.
+"""
+
+from floquid.preparation._before import begun as begun
+from floquid.preparation._before import from_sample as from_sample
+from floquid.preparation._clocks import clocked as clocked
+from floquid.preparation._clocks import without_clock as without_clock
+from floquid.preparation._excited import COPY as COPY
+from floquid.preparation._excited import FREE as FREE
+from floquid.preparation._excited import parted as parted
+from floquid.preparation._excited import refuse_others as refuse_others
+from floquid.preparation._forces import refuse_excited as refuse_excited
+from floquid.preparation._own_names import own_names as own_names
+from floquid.preparation._prepare import Prepared, prepare
+from floquid.preparation._prepare import blas_threads as blas_threads
+from floquid.preparation._prepare import uneven_speed as uneven_speed
+from floquid.preparation._refuse import NO_NEWS as NO_NEWS
+from floquid.preparation._refuse import name_of as name_of
+from floquid.preparation._refuse import refuse_few as refuse_few
+from floquid.preparation._settings import Excitation as Excitation
+from floquid.preparation._settings import IdentifierName as IdentifierName
+from floquid.preparation._settings import Options as Options
+from floquid.preparation._settings import RecordOptions as RecordOptions
+from floquid.preparation._settings import Settings
+from floquid.preparation._settings import settings_of as settings_of
+from floquid.preparation._settings import takes_settings as takes_settings
+from floquid.preparation._states import states_of as states_of
+
+__all__ = ["Prepared", "Settings", "prepare"]
