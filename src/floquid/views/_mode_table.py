@@ -83,7 +83,12 @@ class ModeColumn:
 class ModeTable:
     """The modes in words: a row for each conjugate pair and each real mode, and the columns that have any words.
 
-    `columns` are those columns, and `rows` their cells in that order; a row is numbered from 1 by its place.
+    Parameters
+    ----------
+    columns
+        The columns that have any words.
+    rows
+        Their cells in that order (rows, columns); a row is numbered from 1 by its place.
     """
 
     columns: tuple[ModeColumn, ...]
