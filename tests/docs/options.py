@@ -5,13 +5,10 @@ from dataclasses import fields
 from pathlib import Path
 
 from floquid import Settings
-from floquid.preparation import FREE
+from floquid.preparation import FORBIDDEN
 from floquid.views import SHORT
 
 PAGE = Path(__file__).parents[2] / "docs" / "options.md"
-
-DRIVEN = {"hold": "inputs are what is held"}
-"""Options of measured inputs alone, each with the reason."""
 
 KINDS = ("inputs", "excitation")
 """Options that say of which kind a record is."""
@@ -40,9 +37,7 @@ def page() -> str:
     rows, told = [], sentences()
     for name in (field.name for field in fields(Settings) if field.name not in KINDS):
         flag = f"`--{SHORT.get(name, name).replace('_', '-')}`"
-        other = f"no: {FREE[name]}" if name in FREE else "yes"
-        alone = (f"no: {DRIVEN[name]}",) if name in DRIVEN else ("yes",)
-        cells = (*alone, other, *(alone if name in DRIVEN else (other,)))
+        cells = [f"no: {reasons[name]}" if name in reasons else "yes" for reasons in FORBIDDEN.values()]
         rows.append(f"| `{name}` | {flag} | {told[name].replace('|', chr(92) + '|')} | {' | '.join(cells)} |")
     return HEAD + "\n".join(rows) + "\n"
 

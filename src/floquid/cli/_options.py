@@ -14,7 +14,7 @@ from floquid._checks import finite, input_error, positive
 from floquid.errors import InputError
 from floquid.inputs import Hold
 from floquid.io import readable_file
-from floquid.pipeline import FREE, Excitation, IdentifierName, Settings
+from floquid.pipeline import FORBIDDEN, WORDS, Excitation, IdentifierName, Settings
 from floquid.readers import SUFFIXES, WRITTEN
 from floquid.reconstruction import Form
 from floquid.views import SHORT, SpeedUnit
@@ -136,6 +136,13 @@ def _option(name: str, kind: Any, words: str, default: Any, group: Group, shown:
     return SHORT.get(name, name), Annotated[kind | None, Parameter(**more)], None
 
 
+def _forbidden(name: str) -> str:
+    """A sentence on the kinds of records that cannot have an option, and the reason why."""
+    kinds = [kind for kind, reasons in FORBIDDEN.items() if name in reasons]
+    words = " or ".join(WORDS[kind] for kind in kinds)
+    return f" Not {words}: {FORBIDDEN[kinds[0]][name]}." if kinds else ""
+
+
 def _options(title: str, *groups: tuple[str, tuple[str, ...]], hidden: tuple[str, ...] = ()) -> type:
     """A class of options, those of each group together; `hidden` are not in the help."""
     words, own = _words(), {f.name: f for f in fields(Settings)}
@@ -147,8 +154,8 @@ def _options(title: str, *groups: tuple[str, tuple[str, ...]], hidden: tuple[str
                 name, {"int": int, "float": float, "bool": bool}.get(str(own[name].type).split(" |")[0], str)
             )
             told = words.get(name, "")
-            if name in FREE and not hidden:
-                told += f" Of free responses alone: {FREE[name]}."
+            if not hidden:
+                told += _forbidden(name)
             found.append(_option(name, kind, told, own[name].default, group, name not in hidden))
         if label == RECORD:
             found += [_option(name, kind, text, None, group) for name, (kind, text) in READING.items()]

@@ -112,6 +112,7 @@ MODEL: dict[str, str | Callable[..., str]] = {
     "order_too_low": "The order given, {order}, is too low: a further mode lowers the misfit by {share:.3g} times the "
     "limit for noise. The others are biased by more than their deviations. Let the order be found, or ask for a higher "
     "one.",
+    "other_order": "The model has {found} poles and not {order}: noise explains more, or poles come in pairs.",
     "order_not_held": "The residues are not constrained to their harmonics, since the poles would not stay that many. "
     "The record holds fewer than the order asked for.",
     "misfit": "The residual is {misfit:.3g} times the noise, and all deviations are widened by that. Harmonics may be "

@@ -101,7 +101,7 @@ def _searched(
     bare = [_bare(driven, pole) for pole in poles.tolist()]
     counts = sorted({int(np.count_nonzero(shares >= share)) for share in STABLE})
     for begun in (bare[:count] for count in counts if count):
-        chosen = chosen_together(of_known, begun, limits.modes, acting=0)
+        chosen = chosen_together(of_known, begun, limits.most, acting=0)
         trial = _with(samples, of_known, none, chosen, limits)
         trial = None if trial is None else grown(samples, trial, limits, rounds=1)
         if trial is not None and better(trial, now, limits):
@@ -111,12 +111,12 @@ def _searched(
     # Of modes that are gone within a period free matrices at each phase are a start, too.
     brief = all(-mode.exponent.real * period > GONE for mode in now.modes)
     if brief and not (limits.over or white(samples, now, limits.mode_alarm)):
-        trial = _with(samples, of_known, none, _of_phases(driven, limits.highest), limits)
+        trial = _with(samples, of_known, none, _of_phases(driven, limits), limits)
         trial = None if trial is None else narrowed(samples, trial, limits)
         if trial is not None and trial.criterion > now.criterion:
             now = trial
     report(f"searching for modes: {len(now.modes)} found")
-    while len(now.modes) < limits.modes and not (limits.over or white(samples, now, limits.mode_alarm)):
+    while limits.room(now.modes) and not (limits.over or white(samples, now, limits.mode_alarm)):
         more = _with_one_more(samples, driven, now, poles, limits)
         if more is None:
             break
@@ -197,7 +197,7 @@ def _with_partners(samples: Samples, driven: Samples, now: Predictor, limits: Li
     real = [mode for mode in now.modes if mode.real]
     for half in (0.0, 0.5):
         near = [mode for mode in real if mode.axis == half]
-        if len(near) != 1 or -near[0].exponent.real * period > GONE or len(now.modes) >= limits.modes or limits.over:
+        if len(near) != 1 or -near[0].exponent.real * period > GONE or not limits.room(now.modes) or limits.over:
             continue
         poles = [complex(near[0].exponent.real - share / period, half * omega) for share in PARTNERS]
         gone = [mode for mode in now.modes if -mode.exponent.real * period > GONE]
@@ -280,12 +280,12 @@ def _bare(driven: Samples, exponent: complex) -> InputMode:
     return bare_mode(driven, complex(exponent.real), turns, turns, real=True)
 
 
-def _of_phases(driven: Samples, highest: float) -> list[InputMode]:
+def _of_phases(driven: Samples, limits: Limits) -> list[InputMode]:
     """Modes of matrices at each phase that are free, with the harmonics that are not small.
 
     A mode that is gone within a period seldom is a candidate: each phase knows it by another decay.
     """
-    found, modes = fitted_freely(driven), []
+    found, modes, highest = fitted_freely(driven, limits.order), [], limits.highest
     if found is None:
         return []
     for number, mode in enumerate(found.modes):

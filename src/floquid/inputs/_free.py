@@ -33,8 +33,8 @@ WORSE = 2
 """Orders in a row that are no better before the search ends."""
 
 
-def fitted_freely(samples: Samples) -> Linearisation | None:
-    """The modes of matrices at each phase that are free, of the order that the criterion of Schwarz (1978) has.
+def fitted_freely(samples: Samples, order: int | None = None) -> Linearisation | None:
+    """The modes of matrices at each phase that are free, of the best order by the criterion of Schwarz (1978), or one.
 
     None where the samples do not meet the same phases, where there are too many of those for the record, or no mode.
     """
@@ -42,8 +42,9 @@ def fitted_freely(samples: Samples) -> Linearisation | None:
     if at is None or samples.hold == "first":
         return None
     bases, found, worse = _observability(samples, at), [], 0
-    for order in range(1, min((len(own) for own in bases), default=0) - len(samples.values) + 1):
-        starts = [_started(samples, at, bases, order, acting) for acting in (False, True)]
+    most = min((len(own) for own in bases), default=0) - len(samples.values)
+    for number in range(order or 1, min(order or most, most) + 1):
+        starts = [_started(samples, at, bases, number, acting) for acting in (False, True)]
         if starts[0].starts[-1] > MOST or worse == WORSE:
             break
         trials = [(_criterion(samples, own, likelihood(samples, response_of(samples, own)[1])), own) for own in starts]

@@ -36,6 +36,8 @@ class Samples(Rebuilt):
         The input between its samples.
     known
         Columns beside the modes: an offset of each record, and what repeats with the period (columns, samples).
+    floor
+        The least share of a channel's largest value that noise is taken to be.
     there
         Mask of the samples that were measured (samples,). Of others the input is known, y and the columns are zero.
     """
@@ -49,6 +51,7 @@ class Samples(Rebuilt):
     hold: Hold
     known: NDArray[np.float64]
     there: NDArray[np.bool_]
+    floor: float = 0.0
 
     @property
     def records(self) -> list[slice]:
@@ -156,6 +159,7 @@ def samples_of(
     fundamental: float,
     hold: Hold = "zero",
     turns: Sequence[float] = (),
+    floor: float = 0.0,
 ) -> Samples:
     """The samples of records, with an offset of each and the harmonics `turns` of a periodic response beside.
 
@@ -188,4 +192,5 @@ def samples_of(
         hold=hold,
         known=np.concatenate(known) * there,
         there=there,
+        floor=floor,
     )

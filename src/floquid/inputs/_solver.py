@@ -139,7 +139,8 @@ def linearise(samples: Samples, modes: Sequence[InputMode], direct: Sequence[flo
     again = inverse @ (columns @ left.T)
     coefficients, left = coefficients + again, left - again.T @ columns
     noise = np.sqrt(np.sum(left**2, axis=1) / max(samples.count - rank, 1))
-    floor = np.maximum(EXACT * samples.swing, ROUNDING * np.abs(samples.values).max(axis=1)) + np.finfo(float).tiny
+    least = max(samples.floor, ROUNDING) * np.abs(samples.values).max(axis=1)
+    floor = np.maximum(EXACT * samples.swing, least) + np.finfo(float).tiny
     noise = np.maximum(noise, floor)
     count = samples.count
     return Linearisation(tuple(modes), tuple(direct), states, columns, inverse, coefficients, left, noise, rank, count)

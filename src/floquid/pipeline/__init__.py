@@ -22,7 +22,8 @@ from floquid.pipeline.excited import (
 )
 from floquid.pipeline.excited import predicted_rest as predicted_rest
 from floquid.pipeline.free import find_poles, lifted, lifted_views, samples_of
-from floquid.preparation import FREE as FREE
+from floquid.preparation import FORBIDDEN as FORBIDDEN
+from floquid.preparation import WORDS as WORDS
 from floquid.preparation import Excitation as Excitation
 from floquid.preparation import IdentifierName as IdentifierName
 from floquid.preparation import Prepared as Prepared

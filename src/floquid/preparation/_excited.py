@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -25,15 +25,26 @@ from floquid.sync import ShaftAngle
 
 OF = "identify"
 
-FREE = {
+GOES_ON = {
     "estimate_period": "what drives the system repeats with periods of its own",
     "find_hits": "a blow that was measured is an input",
-    "noise_floor": "the noise is what the fit leaves",
-    "order": "each mode is tested against the noise that the fit leaves",
     "identifier": "it takes samples a period apart for a free response",
     "constrained": "residues that are free at each phase are those of lifted responses",
 }
-"""Settings of free responses alone, each with the reason why records whose excitation goes on cannot have it."""
+"""Settings that no record can have whose excitation goes on, each with the reason of mathematics."""
+
+FORBIDDEN: Mapping[str, Mapping[str, str]] = {
+    "free": {"hold": "inputs are what is held"},
+    "inputs": GOES_ON,
+    "ambient": {**GOES_ON, "noise_floor": "innovations are what the excitation adds, and no noise of sensors"},
+}
+"""Settings that a kind of records cannot have, each with the reason of mathematics."""
+
+WORDS = {
+    "free": "of free responses",
+    "inputs": "where inputs are measured",
+    "ambient": "of outputs alone",
+}  # a kind of records in messages
 
 PERIODIC = 1e-3
 """The share of an input's energy off the harmonics of the period below which it is periodic itself."""
@@ -65,13 +76,11 @@ def refuse_others(settings: Settings, of: str) -> None:
     InputError
         There is such an option.
     """
-    usual = Settings()
-    if settings.kind == "free":
-        return
-    for name, reason in FREE.items():
+    usual, kind = Settings(), settings.kind
+    for name, reason in FORBIDDEN[kind].items():
         if getattr(settings, name) != getattr(usual, name):
-            must, got = "be left as it is where the excitation goes on", f"is {getattr(settings, name)!r:.60}"
-            raise input_error(name, of, must, got, f"It is of free responses: {reason}.")
+            must, got = f"be left as it is {WORDS[kind]}", f"is {getattr(settings, name)!r:.60}"
+            raise input_error(name, of, must, got, f"{reason[0].upper()}{reason[1:]}.")
 
 
 def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parted:
@@ -127,7 +136,14 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
     late = () if settings.excitation == "ambient" else _late(filled, inputs, rate, period)
     hold: Hold = settings.hold
     samples = samples_of(
-        values, inputs, times, step=1.0 / rate, fundamental=2.0 * np.pi / period, hold=hold, turns=turns
+        values,
+        inputs,
+        times,
+        step=1.0 / rate,
+        fundamental=2.0 * np.pi / period,
+        hold=hold,
+        turns=turns,
+        floor=settings.noise_floor,
     )
     return Parted(
         records=tuple(records),

@@ -297,7 +297,7 @@ def test_few_periods_are_refused():
         ({"inputs": ["G"]}, "`inputs` of `identify`"),
         ({"inputs": ["F0"], "hold": "second"}, "`hold` of `Settings`"),
         ({"inputs": ["F0", "y0"]}, "`inputs` of `identify`"),
-        ({"inputs": ["F0"], "order": 2}, "`order` of `identify` must be left as it is"),
+        ({"inputs": ["F0"], "constrained": False}, "`constrained` of `identify` must be left as it is"),
         ({"inputs": ["F0"], "harmonics": 10}, "`harmonics` of `identify` must be less than half"),
     ],
 )

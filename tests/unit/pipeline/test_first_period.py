@@ -78,7 +78,7 @@ def test_a_residual_that_decays_on_promises_nothing(left, monkeypatch):
     sizes = np.exp(-0.08 * records[0].times) + (records[0].times < PERIOD) * 4.0
 
     def of(size):
-        monkeypatch.setattr("floquid.pipeline._first_period.unexplained", lambda *_: list(size * noise))
+        monkeypatch.setattr("floquid.pipeline.free._first_period.unexplained", lambda *_: list(size * noise))
         return promised(fit, prepared)
 
     first, second = left

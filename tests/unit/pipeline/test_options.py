@@ -8,17 +8,12 @@ import numpy as np
 import pytest
 from tests.driven import ambient_of, mathieu, record_of
 
-from floquid import ConstantPeriod, InputError, Record, Settings, identify
+from floquid import ConstantPeriod, Record, Settings, identify
 from floquid.findings import Severity
-from floquid.preparation import FREE
 from floquid.preparation._settings import Options
 
 SYSTEM, PHASES = mathieu(), 20
 KINDS = {"inputs": {"inputs": ["F"]}, "ambient": {"excitation": "ambient"}}
-OTHERS = {
-    "estimate_period": True, "find_hits": True, "noise_floor": 1e-6, "order": 2, "identifier": "era",
-    "constrained": False,
-}  # fmt: skip
 
 
 def of(kind, periods=80):
@@ -38,17 +33,6 @@ def test_keywords_signature_and_settings_are_the_same():
     found = inspect.signature(identify).parameters
     assert list(found)[3:] == named
     assert [found[name].default for name in named] == [field.default for field in fields(Settings)]
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_what_is_of_free_responses_is_refused_with_its_reason(kind):
-    assert set(OTHERS) == set(FREE)
-    record = of(kind, 20)
-    for name, value in OTHERS.items():
-        with pytest.raises(
-            InputError, match=rf"`{name}` of `identify` must be left.*\n  It is of free responses: {FREE[name]}"
-        ):
-            identify(record, **KINDS[kind], **{name: value})
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -40,7 +40,7 @@ def _stages(point: Point) -> Iterator[Iterable[Move[Structure]]]:
         yield [*shrinkages(point), *removals(point), *merges(point)]
         yield [point.settling] if point.scores.promised > REST else []
         yield kinds(point)
-    if point.n_modes < point.limits.modes:
+    if point.limits.room(point.at.modes):
         yield additions(point)
     if point.n_modes:
         yield afresh(point)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -24,8 +25,8 @@ class Limits:
         The probabilities that noise passes for a mode, and for a harmonic.
     highest
         The highest harmonic of input and output.
-    modes
-        Modes that may be found, at most.
+    modes, order
+        Modes that may be found, at most, and poles; None for as many as there are.
     seconds
         The processor time of a search [s].
     until
@@ -36,12 +37,23 @@ class Limits:
     harmonic_alarm: float = 1e-6
     highest: int = 12
     modes: int = 20
+    order: int | None = None
     seconds: float = SECONDS
     until: float = math.inf
 
     def begun(self) -> Limits:
         """The limits of a search that begins now."""
         return replace(self, until=time.process_time() + self.seconds)
+
+    @property
+    def most(self) -> int:
+        """Modes that a search may begin with, at most."""
+        return self.modes if self.order is None else min(self.modes, -(-self.order // 2))
+
+    def room(self, modes: Sequence[Any]) -> bool:
+        """True where a search may add a mode to some."""
+        poles = sum(1 if mode.real and mode.square is None else 2 for mode in modes)
+        return len(modes) < self.modes and (self.order is None or poles < self.order)
 
     @property
     def over(self) -> bool:

@@ -23,7 +23,7 @@ from floquid.innovations import (
 from floquid.inputs import Limits, Samples
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline.excited._again import with_acting
-from floquid.pipeline.excited._finish import done_beside, finished
+from floquid.pipeline.excited._finish import done_beside, finished, order_missed
 from floquid.pipeline.excited._identify import HIGHEST
 from floquid.preparation import COPY, Prepared
 
@@ -65,6 +65,7 @@ def identified_ambient(prepared: Prepared, report: Callable[[str], None]) -> Ana
         harmonic_alarm=settings.harmonic_false_alarm,
         highest=highest,
         seconds=settings.seconds,
+        order=settings.order,
     )
     report("taking first innovations from an autoregression")
     first = first_innovations(samples, acting)
@@ -79,13 +80,21 @@ def identified_ambient(prepared: Prepared, report: Callable[[str], None]) -> Ana
     fit = Fit(samples, found, acting)
     provenance = Provenance.merge(tuple(record.provenance for record in own.records))
     model = fit.model(own.outputs, own.inputs, provenance, near.as_read)
+    missed = order_missed(model, settings.order)
     analysis = Analysis(
         settings=settings,
         records=own.records,
         model=model,
         driven=fit,
         shafts=own.shafts,
-        findings=(*prepared.findings, *done_beside(own), *repeats, *near.findings, *late),
+        findings=(
+            *prepared.findings,
+            *done_beside(own),
+            *repeats,
+            *near.findings,
+            *missed,
+            *late,
+        ),
     )
     asked = {"own": own, "model": model, "limits": limits, "turning": settings.forced == "auto"}
     return finished(analysis, Ambient(**asked, fit=fit, other=other, as_read=near.as_read), report)

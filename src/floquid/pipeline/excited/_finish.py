@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from floquid.checks import Excited, Parted, findings_of, judged
+from floquid.core import PeriodicModel
 from floquid.errors import FloquidError
 from floquid.findings import Finding, Severity, note, warning
 from floquid.pipeline._analysis import Analysis
@@ -27,6 +28,11 @@ def done_beside(own: Parted) -> tuple[Finding, ...]:
     done += [note("no_response", channel=name, quantity="force") for name in sorted(forces - used)]
     said = (finding for shaft in own.shafts for finding in shaft.findings if finding.code != "angle_alike")
     return (*done, *own.findings, *said)
+
+
+def order_missed(model: PeriodicModel, order: int | None) -> tuple[Finding, ...]:
+    """Finding on a model of another number of poles than was asked for."""
+    return () if order in (None, model.order) else (warning("other_order", order=order, found=model.order),)
 
 
 def finished(analysis: Analysis, subject: Excited, report: Callable[[str], None]) -> Analysis:

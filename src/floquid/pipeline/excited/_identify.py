@@ -20,7 +20,7 @@ from floquid.inputs import (
     searched,
 )
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline.excited._finish import done_beside, finished
+from floquid.pipeline.excited._finish import done_beside, finished, order_missed
 from floquid.preparation import Prepared
 
 OF = "identify"
@@ -54,6 +54,7 @@ def identified_driven(prepared: Prepared, report: Callable[[str], None]) -> Anal
         mode_alarm=settings.mode_false_alarm,
         harmonic_alarm=settings.harmonic_false_alarm,
         seconds=settings.seconds,
+        order=settings.order,
         highest=max(min(HIGHEST, int(0.5 * phases) - 1), 0) if settings.harmonics is None else settings.harmonics,
     )
     report("searching for modes")
@@ -61,7 +62,7 @@ def identified_driven(prepared: Prepared, report: Callable[[str], None]) -> Anal
     free = None
     if settings.harmonics is None and at_limit(found, limits) and limits.highest < HIGHEST:
         report("fitting matrices at each phase")
-        free = _if_better(fitted_freely(samples), found)
+        free = _if_better(fitted_freely(samples, settings.order), found)
         found = free or found
     late = (warning("out_of_time", seconds=settings.seconds),) if unfinished else ()
     if not found.modes and late:
@@ -79,13 +80,21 @@ def identified_driven(prepared: Prepared, report: Callable[[str], None]) -> Anal
     model = fit.model(own.outputs, own.inputs, provenance, near.as_read)
     most = None if free else HIGHEST
     phases_free = (note("inputs_free", phases=round(phases)),) if free else ()
+    missed = order_missed(model, settings.order)
     analysis = Analysis(
         settings=settings,
         records=own.records,
         model=model,
         driven=fit,
         shafts=own.shafts,
-        findings=(*prepared.findings, *done_beside(own), *phases_free, *near.findings, *late),
+        findings=(
+            *prepared.findings,
+            *done_beside(own),
+            *phases_free,
+            *near.findings,
+            *missed,
+            *late,
+        ),
     )
     turning = settings.forced == "auto"
     return finished(analysis, Driven(own=own, model=model, limits=limits, fit=fit, most=most, turning=turning), report)
