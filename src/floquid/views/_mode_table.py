@@ -81,14 +81,14 @@ class ModeColumn:
 
 @dataclass(frozen=True, slots=True)
 class ModeTable:
-    """The modes in words: a row for each conjugate pair and each real mode, and the columns that have any words.
+    """The modes in words: a row for each conjugate pair and each real mode, numbered from 1 by its place.
 
     Parameters
     ----------
     columns
         The columns that have any words.
     rows
-        Their cells in that order (rows, columns); a row is numbered from 1 by its place.
+        The cells of each mode in the order of the columns.
     """
 
     columns: tuple[ModeColumn, ...]

@@ -15,7 +15,7 @@ UNITS = {"hz": ("Hz", 1.0), "rpm": ("rpm", 60.0)}
 def speed_unit(unit: object, of: str) -> tuple[str, float]:
     """The symbol of a `unit` of speed, and how many of it are a revolution a second.
 
-    Raises InputError, in the name of the callable `of`, where it is none.
+    Raises InputError in the name of the callable `of` where it is none.
     """
     if not isinstance(unit, str) or unit not in UNITS:
         raise input_error("speed_unit", of, 'be "hz" or "rpm"', f"is {describe(unit)}")
