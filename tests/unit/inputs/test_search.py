@@ -235,7 +235,7 @@ def test_a_copy_of_a_mode_that_makes_up_for_harmonics_not_looked_for_does_not_pa
     assert found.model.order > 2
     assert found.validation.passed
     assert not found.passed
-    assert "`harmonics`" in found.warnings[0]
+    assert "`harmonics=`" in found.warnings[0]
 
 
 def test_limits_at_which_a_search_ends_are_told(monkeypatch):
