@@ -1,9 +1,12 @@
 """`floquid report`: the page again, from a saved result, and the page in the folder of a result."""
 
+from dataclasses import replace
+
 import pytest
 
 import floquid as fq
 from floquid.cli import run
+from floquid.errors import InputError
 
 pytestmark = pytest.mark.pages
 
@@ -36,6 +39,23 @@ def test_elsewhere_with_a_title(folder, tmp_path):
     page = tmp_path / "page.html"
     assert run(["report", str(folder / "result.h5"), "--out", str(page), "--title", "Run <7>"]) == 0
     assert "<h1>Run &lt;7&gt;</h1>" in page.read_text(encoding="utf-8")
+
+
+def test_a_brief_with_the_speed_in_rpm(folder, capsys):
+    assert run(["report", str(folder), "--brief", "--speed-unit", "rpm"]) == 0
+    assert f"Written: {folder / 'brief.html'}" in capsys.readouterr().out
+    words = (folder / "brief.html").read_text(encoding="utf-8")
+    assert "shaft at 9.5493 rpm" in words
+    assert "<script" not in words
+    for part in ("f [Hz]", "The model passes its checks.", "data:image/png", "<code>period</code> 6.28"):
+        assert part in words
+    analysis = fq.load(folder / "result.h5")
+    assert "shaft at 9.5493 rpm" in analysis.summary(speed_unit="rpm")
+    assert "0.159155 Hz" in analysis.summary()
+    turning = replace(analysis, settings=replace(analysis.settings, periods_per_revolution=2.0))
+    assert "shaft at 4.77465 rpm, 2 periods a revolution" in turning.summary(speed_unit="rpm")
+    with pytest.raises(InputError, match="`speed_unit` of `summary`"):
+        analysis.summary(speed_unit="kmh")
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
 from itertools import compress
@@ -40,12 +41,13 @@ LEGEND = (
     "ζ = -Re λ/|λ| go with that line. |μ| = e^(Re λ T), the decay in one period, and folded, |Im λ| modulo ω over ω, "
     "do not"
 )
-DEVIATIONS = "digits in brackets are one standard deviation in the last digits"
+DEVIATIONS = "in brackets: one standard deviation, in the last digits"
 NO_DEVIATIONS = "this identifier gives no standard deviations (its -ml form does)"
 FAILS = "there are no standard deviations, since the model fails"
 NOISE = "White noise found, standard deviation"
 LEFT = "What the model leaves, noise and all, standard deviation"
-MOST_DONE = 5  # sentences on what was done with the record that are printed without `--verbose`
+MOST_DONE = 3  # sentences on what was done with the record that are printed without `--verbose`
+MANY_SENTENCES = 3  # reasons and warnings from which on the first sentence of each is printed without `--verbose`
 RARE = 0.01  # the probability of a structure's misfit below which it is told that chance seldom leaves as much
 
 
@@ -108,9 +110,21 @@ def print_analysis(analysis: Analysis, *, verbose: bool = False, speed_unit: Spe
         _print_reasons(console, analysis)
     if analysis.state is not None:
         print_state(console, analysis)
-    print_warnings(console, texts(analysis.findings, Severity.WARNING))
+    warnings, many = texts(analysis.findings, Severity.WARNING), _many(analysis)
+    print_warnings(console, warnings if verbose or not many else map(_first, warnings))
     if not verbose:
-        console.print("`floquid identify --verbose` explains the columns and gives the reasons.", style="dim")
+        more = "what to do about each warning" if many else "the columns and gives the reasons"
+        console.print(f"`floquid identify --verbose` explains {more}.", style="dim")
+
+
+def _many(analysis: Analysis) -> bool:
+    """True where a screen does not hold all sentences of the reasons and warnings."""
+    return len(analysis.reasons) + len(texts(analysis.findings, Severity.WARNING)) >= MANY_SENTENCES
+
+
+def _first(words: str) -> str:
+    """The first sentence."""
+    return re.split(r"(?<=\.)\s+(?=[A-Z])", words, maxsplit=1)[0]
 
 
 def print_warnings(console: Console, warnings: Iterable[object]) -> None:
@@ -133,8 +147,9 @@ def print_found(console: Console, analysis: Analysis, *, verbose: bool = False, 
     for name, words in outcome_lines(analysis, speed_unit).items():
         lines.add_row(name, words)
     console.print(lines)
+    short = isinstance(console, _Terminal) and not verbose and _many(analysis)
     for reason in analysis.reasons:
-        console.print(f"  {reason}", style="yellow")
+        console.print(f"  {_first(reason) if short else reason}", style="yellow")
 
 
 def _print_legend(console: Console, analysis: Analysis, *, verbose: bool) -> None:
@@ -165,8 +180,7 @@ def print_folder(folder: Path | None, *others: str) -> None:
         print_files(None, (), "to keep the result, the figures and a report for the browser")
         return
     names = ", ".join([*others, "result.h5", "summary.json", "settings.toml", "figures/"])
-    terminal().print(f"Written to {folder}/: open report.html in a browser.", soft_wrap=True)
-    terminal().print(f"Beside it: {names}")
+    terminal().print(f"Written to {folder}/: report.html for a browser, {names}.", soft_wrap=True)
 
 
 def _print_record(console: Console, analysis: Analysis, *, verbose: bool) -> None:
@@ -185,7 +199,7 @@ def _print_record(console: Console, analysis: Analysis, *, verbose: bool) -> Non
         f"ω = {model.fundamental:.6g} rad/s: {samples} a period, {periods}."
     )
     done = done_words(analysis)
-    for sentence in done if verbose else done[:MOST_DONE]:
+    for sentence in done if verbose else map(_first, done[:MOST_DONE]):
         console.print(f"  {sentence}")
     if not verbose:
         if len(done) > MOST_DONE:

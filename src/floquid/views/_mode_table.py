@@ -18,7 +18,7 @@ MODE_NOTES = {
     "μ<0": "a negative real multiplier, no pair",
     "μ>0": "a positive real multiplier, no pair",
     "grows": "unstable",
-    "f?": "another of its lines is more than half as strong, so that another test may give the f and ζ of that line",
+    "f?": "another line is over half as strong, and has another f and ζ",
 }
 """The words that a mode may deserve and what they mean; they are short, for a table has to fit 80 columns."""
 
