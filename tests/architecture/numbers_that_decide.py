@@ -22,6 +22,7 @@ ROOMS = (
     "order",
     "periodic",
     "pipeline",
+    "preparation",
     "sync",
     "transfer",
     "checks",
