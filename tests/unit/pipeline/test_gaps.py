@@ -8,10 +8,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 from tests.driven import ambient_of, mathieu, pulls, record_of
 
 from floquid import Channel, ConstantPeriod, IdentificationError, InputError, Record, identify
+from floquid.findings import Severity
 from floquid.innovations import predicted
 from floquid.innovations._predictor import gradient, slopes
 from floquid.inputs import linearise, samples_of
 from floquid.inputs._solver import normal_equations as driven_equations
+from floquid.preparation import prepare
 
 SYSTEM, PHASES = mathieu(), 16
 KINDS = {"inputs": {"inputs": ["F"]}, "ambient": {"excitation": "ambient"}}
@@ -181,6 +183,20 @@ def test_faults_are_mended_of_every_kind(kind, whole):
     left = identify(faulty, **KINDS[kind], repair=False)
     assert not np.isnan(left.records[0].values).any()
     assert "bad_samples" in {own.code for own in left.findings}
+
+
+@pytest.mark.parametrize(
+    ("height", "code", "severity"), [(1.5, "clipped", Severity.FAILURE), (2.5, "left_out", Severity.WARNING)]
+)
+def test_outputs_alone_that_are_clipped_much_fail(height, code, severity):
+    """What is missing because it was large biases what nobody measured the excitation of."""
+    record = of("ambient")
+    most = height * record.values.std()
+    clipped = replace(record, values=np.clip(record.values, -most, most))
+    found = prepare(clipped, excitation="ambient")
+    told = {own.code: own.severity for own in (*found.findings, *found.parted.findings)}
+    assert told[code] == severity
+    assert (code == "clipped") == (found.parted.samples.count == record.n_samples)
 
 
 @pytest.mark.slow
