@@ -46,7 +46,7 @@ NO_DEVIATIONS = "this identifier gives no standard deviations (its -ml form does
 FAILS = "there are no standard deviations, since the model fails"
 NOISE = "White noise found, standard deviation"
 LEFT = "What the model leaves, noise and all, standard deviation"
-MOST_DONE = 3  # sentences on what was done with the record that are printed without `--verbose`
+MOST_DONE = 2  # sentences on what was done with the record that are printed without `--verbose`
 MANY_SENTENCES = 3  # reasons and warnings from which on the first sentence of each is printed without `--verbose`
 RARE = 0.01  # the probability of a structure's misfit below which it is told that chance seldom leaves as much
 
@@ -180,7 +180,8 @@ def print_folder(folder: Path | None, *others: str) -> None:
         print_files(None, (), "to keep the result, the figures and a report for the browser")
         return
     names = ", ".join([*others, "result.h5", "summary.json", "settings.toml", "figures/"])
-    terminal().print(f"Written to {folder}/: report.html for a browser, {names}.", soft_wrap=True)
+    terminal().print(f"Written to {folder}/: open report.html in a browser.", soft_wrap=True)
+    terminal().print(f"Beside it: {names}")
 
 
 def _print_record(console: Console, analysis: Analysis, *, verbose: bool) -> None:
