@@ -130,9 +130,9 @@ def _make_room(axes: Axes, times: Floats, values: Floats) -> None:
 def synthesis(
     analysis: Analysis, channel: str | None = None, *, hit: int = 0, close_cycles: int = 4, ax: Into = None
 ) -> Figure:
-    """A channel of the record with the model's response over it: the first cycles, the whole record, what is left.
+    """A channel of the record with the model's response over it: the first cycles, the whole record, the residual.
 
-    Below, what is left lies between the broken lines, 1.96 deviations of the noise, where the model has explained all
+    Below, the residual lies between the broken lines, 1.96 deviations of the noise, where the model has explained all
     there is; the steps are its root mean square in stretches of the record. The record is the one identified from, as
     `views.synthesis` has it.
 
@@ -167,13 +167,13 @@ def synthesis(
         largest = float(np.nanmax(np.abs(found.measured)))
         label_values(close, "response", unit, largest)
         label_values(whole, "response", unit, largest)
-        label_values(left, "left", unit, float(np.nanmax(np.abs(left.get_ylim()))))
+        label_values(left, "residual", unit, float(np.nanmax(np.abs(left.get_ylim()))))
         cycles = "cycle" if close_cycles == 1 else f"{close_cycles} cycles"
         hits = f", hit {hit + 1}" if analysis.model.n_hits > 1 else ""
         close.set_title(f"the first {cycles} of {plain(name)}{hits}", loc="left")
         whole.set_title("the whole record", loc="left")
         rms = float(np.sqrt(np.nanmean(found.residual**2)))
-        left.set_title(f"what is left: {rms / found.noise:.3f} times the noise (rms)", loc="left")
+        left.set_title(f"residual: {rms / found.noise:.3f} times the noise (rms)", loc="left")
         left.set_xlabel("time [s]")
         whole.tick_params(labelbottom=False)
     return figure
@@ -200,7 +200,7 @@ def _draw_left(axes: Axes, found: Synthesis) -> None:
     for side in (-INTERVAL, INTERVAL):
         axes.axhline(side * found.noise, color=BLACK, linestyle="--", linewidth=0.9, label="95 % of the noise")
     edges, rms = _steps(found)
-    axes.stairs(rms, edges, baseline=None, color=ORANGE, linewidth=1.6, zorder=3, label="rms of what is left")
+    axes.stairs(rms, edges, baseline=None, color=ORANGE, linewidth=1.6, zorder=3, label="rms of the residual")
     axes.set_xlim(found.times[0], found.times[-1])
     # What the model leaves out early on would hide all the rest if it set the scale alone.
     reach = max(3.0 * INTERVAL * found.noise, 1.1 * float(np.nanquantile(np.abs(found.residual), 0.999)))
@@ -208,7 +208,7 @@ def _draw_left(axes: Axes, found: Synthesis) -> None:
 
 
 def _steps(found: Synthesis) -> tuple[Floats, Floats]:
-    """The ends of equal stretches [s] and the rms of what is left in each; NaN where nothing was sampled."""
+    """The ends of equal stretches [s] and the rms of the residual in each; NaN where nothing was sampled."""
     count = max(1, min(STRETCHES, len(found.times) // 50))
     place = np.arange(len(found.times)) * count // len(found.times)
     there = np.isfinite(found.residual)

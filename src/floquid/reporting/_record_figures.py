@@ -1,4 +1,4 @@
-"""The record: what was measured, what the model says of it, what is left, the spectra, and how it keeps step."""
+"""The record: what was measured, what the model says of it, the residual, the spectra, and how it keeps step."""
 
 from __future__ import annotations
 

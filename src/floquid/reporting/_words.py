@@ -32,7 +32,7 @@ CRITERIA = {  # what each number of the validation is, and its unit
     "tone": ("largest amplitude left at a harmonic of the revolution, over the noise", "-"),
     "harmonic": ("largest share of the response left in a harmonic beside a mode's band", "%"),
     "line": ("largest amplitude left at any other line, over the noise", "-"),
-    "colour": ("squared autocorrelations of what is left", "-"),
+    "colour": ("squared autocorrelations of the residual", "-"),
     "multipliers": ("multipliers of A(t) against the model's, over what they may differ by", "-"),
     "liouville": ("integrated trace of A(t) against the exponents, over what it may differ by", "-"),
     "misfit": ("what the fit leaves over the level of its noise, worst response", "-"),

@@ -86,7 +86,7 @@ def lifted_points(analysis: Analysis, channel: int, hit: int = 0) -> tuple[Float
 
 
 def synthesis(analysis: Analysis, channel: int, hit: int = 0) -> Synthesis:
-    r"""A channel of a record, the response of the model at its samples, and what is left.
+    r"""A channel of a record, the response of the model at its samples, and the residual.
 
     .. math:: \hat y(t) = \sum_{r,m} B_{r,m}\, e^{(\lambda_r + i m\omega) t}
 
