@@ -260,7 +260,7 @@ def test_shapes_that_cannot_be_drawn(found, arguments, words):
 # Synthesis.
 
 
-def test_synthesis_draws_record_model_and_what_is_left(found):
+def test_synthesis_draws_record_model_and_residual(found):
     figure = plot.synthesis(found, "Y", hit=1, close_cycles=3)
     close, whole, left = figure.axes
     seen = views.synthesis(found, 1, 1)
@@ -274,7 +274,7 @@ def test_synthesis_draws_record_model_and_what_is_left(found):
     assert edges == pytest.approx([-1.96 * seen.noise, 1.96 * seen.noise])
     (steps,) = left.patches
     assert np.sqrt(np.mean(steps.get_data().values ** 2)) == pytest.approx(seen.residual.std(), rel=0.02)
-    ratio = float(left.get_title(loc="left").split()[3])
+    ratio = float(left.get_title(loc="left").split()[1])
     assert ratio == pytest.approx(np.sqrt(np.mean(seen.residual**2)) / seen.noise, abs=6e-4)
     assert close.get_title(loc="left") == "the first 3 cycles of Y, hit 2"
     assert (left.get_xlabel(), close.get_ylabel()) == ("time [s]", "response [-]")
@@ -283,7 +283,7 @@ def test_synthesis_draws_record_model_and_what_is_left(found):
 def test_what_a_wrong_model_leaves_is_seen(found):
     worse = replace(found.model, coefficients=0.9 * found.model.coefficients, estimates=None, unselected=None)
     left = plot.synthesis(replace(found, model=worse)).axes[2]
-    assert float(left.get_title(loc="left").split()[3]) > 2.0
+    assert float(left.get_title(loc="left").split()[1]) > 2.0
     steps = left.patches[0].get_data().values
     assert steps[0] > 3.0 * steps[-1]
 
