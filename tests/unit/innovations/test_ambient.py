@@ -204,8 +204,8 @@ def test_what_cannot_be_is_refused(values):
     noise = np.random.default_rng(0).standard_normal((1, 2000))
     with pytest.raises(IdentificationError, match="rises above the noise"):
         identify(record_from(noise), excitation="ambient")
-    with pytest.raises(InputError, match="order"):
-        identify(record_from(values), order=2, excitation="ambient")
+    with pytest.raises(InputError, match="identifier"):
+        identify(record_from(values), identifier="era", excitation="ambient")
     with pytest.raises(InputError, match="be 'zero' or 'none'"):
         identify(
             record_from(np.concatenate([values] * 2), names=("x", "f")),
