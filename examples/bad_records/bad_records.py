@@ -269,8 +269,8 @@ LIFTED = [
     Bad(
         name="a step",
         make=alone(lambda t: 1.0 * (t > 30.0)),
-        answer="doubted",
-        words="weakly determined",
+        answer="refused",
+        words="the noise cannot be told from the response",
         slow=True,
     ),
     Bad(name="white noise in one channel", make=noise("white", 1), answer="refused", words="no mode rises above"),
@@ -310,7 +310,7 @@ LIFTED = [
         make=made(),
         settings={"order": 10},
         answer="doubted",
-        words="the power that a fit finds in noise alone",
+        words="power that a fit finds in noise alone",
     ),
     Bad(name="fewer poles than modes", make=made(), settings={"order": 2}, answer="doubted", words="is too low"),
     Bad(
@@ -320,7 +320,7 @@ LIFTED = [
         name="one hit given twice, in other units",
         make=hits(lambda v: 3.0 * v),
         answer="refused",
-        words="channel 'X' of record 2 is 3 times channel 'X' of record 1",
+        words="channel 'X' of record 2 equals 3 times channel 'X' of record 1",
     ),
     Bad(name="two hits", make=hits(lambda v: 3.0 * v, seed=4), answer="modes"),
 ]

@@ -46,7 +46,7 @@ NO_DEVIATIONS = "this identifier gives no standard deviations (its -ml form does
 FAILS = "there are no standard deviations, since the model fails"
 NOISE = "White noise found, standard deviation"
 LEFT = "What the model leaves, noise and all, standard deviation"
-MOST_DONE = 2  # sentences on what was done with the record that are printed without `--verbose`
+MOST_DONE = 3  # sentences on what was done with the record that are printed without `--verbose`
 MANY_SENTENCES = 3  # reasons and warnings from which on the first sentence of each is printed without `--verbose`
 RARE = 0.01  # the probability of a structure's misfit below which it is told that chance seldom leaves as much
 
