@@ -125,11 +125,15 @@ def folder(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("path", PAGES, ids=[str(path.relative_to(ROOT)) for path in PAGES])
-def test_page(path, folder, quick_pictures):
+def test_page(path, folder, quick_pictures, capsys):
     text = path.read_text(encoding="utf-8")
     for whole, smaller in INSTEAD.items():
         text = text.replace(f"$ {whole}\n", f"$ {smaller}\n")
     run_page(text, path.name, folder, within=True)
+    if path.name == "README.md":
+        printed = {line.rstrip() for line in capsys.readouterr().out.splitlines()}
+        (table,) = (content for language, content in blocks(text) if language == "text")
+        assert set(table.splitlines()) <= printed
 
 
 def test_what_is_not_run_stands_on_a_page():
