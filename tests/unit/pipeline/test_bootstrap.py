@@ -255,7 +255,7 @@ def test_deviations_of_a_t_said_too_small_are_found(name, word):
     checked = bootstrap(dataclasses.replace(whole, state=wrong), draws=DRAWS, seed=5, workers=1)
     assert list(checked.doubtful) == ["system"]
     assert checked.holds is False
-    assert f"do not hold for {word} (" in checked.reasons[0]
+    assert f"deviations are wrong for {word} (" in checked.reasons[0]
 
 
 @pytest.mark.slow
@@ -514,7 +514,7 @@ def test_draws_that_fail_are_counted_and_said():
     assert checked.failure_counts[0][1] == len(checked.failures) > 1  # they differ in a number alone
     (sentence,) = [reason for reason in checked.reasons if "failed" in reason]
     assert sentence.startswith(f"{len(checked.failures)} of 40 draws failed, so the spread may be too")
-    assert f" {len(checked.failures)}: Holding the residues to their harmonics moves an exponent away" in sentence
+    assert f" {len(checked.failures)}: The fit with shared harmonics moves an exponent" in sentence
 
 
 def test_when_none_succeeds_that_is_an_error(monkeypatch):
