@@ -5,8 +5,8 @@ import pytest
 from tests.driven import ambient_of, creeping, mathieu, mathieu_and_lag, paper_rotor, record_of, two_masses
 
 from floquid import ConstantPeriod, Record, identify
-from floquid.innovations import _search as ambient_search
 from floquid.innovations import _solve as ambient_fits
+from floquid.innovations.search import _search as ambient_search
 from floquid.inputs.search import _point as driven_fits
 from floquid.periodic.search import Point
 

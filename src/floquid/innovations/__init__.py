@@ -13,9 +13,6 @@ from floquid.innovations._cyclic import Repetition as Repetition
 from floquid.innovations._cyclic import left_over as left_over
 from floquid.innovations._cyclic import repetition as repetition
 from floquid.innovations._cyclic import turned_records as turned_records
-from floquid.innovations._fewer import ALIKE as ALIKE
-from floquid.innovations._fewer import GONE as GONE
-from floquid.innovations._fewer import alike as alike
 from floquid.innovations._harmonic_spectra import HarmonicSpectra, HomaForm, h_oma, harmonic_spectra
 from floquid.innovations._mode import Mode as Mode
 from floquid.innovations._predictor import Predictor as Predictor
@@ -24,7 +21,10 @@ from floquid.innovations._products import gap_of as gap_of
 from floquid.innovations._result import Fit as Fit
 from floquid.innovations._result import period_step as period_step
 from floquid.innovations._result import phase_step as phase_step
-from floquid.innovations._search import searched as searched
 from floquid.innovations._solve import solve as solve
+from floquid.innovations.search import ALIKE as ALIKE
+from floquid.innovations.search import GONE as GONE
+from floquid.innovations.search import alike as alike
+from floquid.innovations.search import searched as searched
 
 __all__ = ["HarmonicSpectra", "HomaForm", "h_oma", "harmonic_spectra"]

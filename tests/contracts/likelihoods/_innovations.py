@@ -12,8 +12,8 @@ from tests.contracts.likelihoods._point import Data, Group, Mode, Normal
 from floquid.fit import wald_rise
 from floquid.innovations import Mode as OwnMode
 from floquid.innovations import Predictor, predicted, solve
-from floquid.innovations._bands import _mask, _score, anchored
 from floquid.innovations._solve import inverse_of, moved, normal_of, places
+from floquid.innovations.search._bands import _mask, _score, anchored
 from floquid.inputs import Samples
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from floquid.innovations._mode import Mode
-from floquid.innovations._near_axis import block_of_pair, block_of_reals, ordinary, read_near_axis
 from floquid.innovations._predictor import gradient, matrices, predicted, slopes
 from floquid.innovations._solve import moved, solve
+from floquid.innovations.search._near_axis import block_of_pair, block_of_reals, ordinary, read_near_axis
 from floquid.inputs import Limits, samples_of
 
 OMEGA, STEP, COUNT = 1.3, 0.2, 600

@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 
 from floquid.fit import directions
-from floquid.innovations import _bands, _products, _result
+from floquid.innovations import _products, _result
 from floquid.innovations._covariance import colour, whitening_of
-from floquid.innovations._fewer import alike, needed
 from floquid.innovations._gain import stable_gains
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import FORGOTTEN, TOGETHER, gradient, matrices, predicted, slopes
 from floquid.innovations._products import as_real, merged
 from floquid.innovations._result import Fit, period_step, sized
 from floquid.innovations._solve import LONGEST_STEP, bend, held, moved, normal_of, places, solve
+from floquid.innovations.search import _bands
+from floquid.innovations.search._fewer import alike, needed
 from floquid.inputs import Limits, samples_of
 
 OMEGA, STEP, COUNT = 1.3, 0.2, 400

@@ -1,4 +1,4 @@
-"""AMI: the composites, and the modes it isolates, at the edges too."""
+"""AMI: the finite sum, the lines, the composites, the one-mode fit, and the modes it isolates, at the edges too."""
 
 import numpy as np
 import pytest
@@ -6,6 +6,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import linear_sum_assignment
 
 from floquid.lti import AMI, WHITE, MaximumLikelihood, Outcome, TimeResponses, composites
+from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE
+from floquid.lti._spectrum import ON_A_LINE, finite_sum, mode_columns, spectra
+from floquid.lti.ami._coupled import KNOWN, Coupled
+from floquid.lti.ami._isolation import nearest_outer_product, nothing, peaks, without
+from floquid.lti.ami._one_mode import Mode, band_lines, cut, evaluate, fit_pole, real_rows
 
 IDENTIFIER = AMI()
 
@@ -56,6 +61,82 @@ def found_within_deviations(model, logs, *, most=5.0, largest=2e-3):
     assert std.max() < largest
     assert (np.abs(off.real) <= most * std[0]).all()
     assert (np.abs(off.imag) <= most * std[1] + 1e-12).all()
+
+
+# The finite sum.
+
+POLES = {
+    "a decay": lambda n: -0.02 + 1.0j,
+    "a fast decay": lambda n: -3.0 + 2.0j,
+    "a growing one": lambda n: 0.03 + 2.5j,
+    "a growing one that overflows": lambda n: 301.0 / n + 1.0j,
+    "on a line": lambda n: 2j * np.pi * (n // 3) / n,
+    "on the line at zero": lambda n: 0.0j,
+    "on the line at π": lambda n: np.pi * 1j,
+    "next to a line, inside the series": lambda n: (-0.3 + 0.4j) * ON_A_LINE / n + 2j * np.pi * (n // 3) / n,
+    "next to a line, outside the series": lambda n: (-0.6 + 0.81j) * ON_A_LINE / n + 2j * np.pi * (n // 3) / n,
+    "growing next to a line": lambda n: 0.9 * ON_A_LINE / n + 2j * np.pi * (n // 3) / n,
+    "below the axis": lambda n: -0.01 - 0.4j,
+    "a real one": lambda n: -0.05 + 0.0j,
+    "a negative one": lambda n: -0.05 + np.pi * 1j,
+}
+LENGTHS = [1, 2, 3, 4, 9, 64, 1001]
+
+
+@pytest.mark.parametrize("samples", LENGTHS)
+@pytest.mark.parametrize("pole", POLES.values(), ids=POLES)
+def test_the_finite_sum_is_the_transform_and_its_slope_that_of_k_times_the_samples(pole, samples):
+    s, k = complex(pole(samples)), np.arange(samples)
+    powers = np.exp(s * (k - (samples - 1) * (s.real > 0)))
+    lines = 2.0 * np.pi * k[: samples // 2 + 1] / samples
+    total, slope = finite_sum(s, lines, samples)
+    for found, values in ((total, powers), (slope, k * powers)):
+        expected = np.fft.fft(values)[: len(lines)]
+        assert_allclose(found, expected, rtol=0.0, atol=1e-11 * max(np.abs(values).sum(), 1.0))
+
+
+@pytest.mark.parametrize("samples", LENGTHS)
+@pytest.mark.parametrize(
+    ("kind", "angle"), [(PAIR, 0.03), (PAIR, 1.0), (PAIR, 3.1), (POSITIVE, 0.0), (NEGATIVE, np.pi)]
+)
+def test_the_columns_of_a_mode_are_the_weighted_lines_of_its_samples(kind, angle, samples):
+    s, k = complex(-0.05, angle), np.arange(samples)
+    powers = np.exp(s * k)
+    parts = np.stack([powers.real, powers.imag] if kind == PAIR else [powers.real])
+    for column, values in zip(range(2), (parts, k * parts), strict=True):
+        (block,) = spectra(TimeResponses(values=values[:, None], dt=1.0))
+        found = mode_columns(s, kind, block.angles, samples, block.weights)[column]
+        assert_allclose(found, block.values[:, :, 0], rtol=0.0, atol=1e-11 * max(np.abs(values).max(), 1.0))
+
+
+# The lines.
+
+
+@pytest.mark.parametrize("lengths", [(40, 40), (40, 17), (16, 39), (1, 40)])
+def test_the_weighted_lines_have_the_energy_of_the_samples_over_their_noise(lengths):
+    generator = np.random.default_rng(0)
+    data = TimeResponses(
+        values=generator.standard_normal((3, 2, 40)),
+        dt=1.0,
+        noise=generator.uniform(0.1, 10.0, (3, 2)),
+        lengths=lengths,
+    )
+    blocks = spectra(data)
+    assert [block.samples for block in blocks] == sorted(set(lengths), reverse=True)
+    assert sorted(np.concatenate([block.inputs for block in blocks])) == [0, 1]
+    for block in blocks:
+        samples = data.values[:, block.inputs, : block.samples] / data.noise[:, block.inputs, None]
+        assert_allclose(np.sum(np.abs(block.values) ** 2, axis=0), np.sum(samples**2, axis=2), rtol=1e-12)
+
+
+def test_white_noise_has_unit_variance_in_both_parts_of_every_weighted_line():
+    values = 3.0 * np.random.default_rng(1).standard_normal((4000, 1, 12))
+    (block,) = spectra(TimeResponses(values=values, dt=1.0, noise=np.full((4000, 1), 3.0)))
+    rows = real_rows(block.values[:, :, 0])
+    ends = [0, 6]
+    expected = np.ones(14)
+    expected[np.add(ends, 7)] = 0.0
+    assert_allclose(np.mean(rows**2, axis=1), expected, atol=5.0 * np.sqrt(2.0 / 4000))
 
 
 # Composites.
@@ -110,6 +191,142 @@ def test_of_no_mode_the_difference_is_the_data():
     own = identified(data).composites
     assert_array_equal(own.model, 0.0)
     assert_array_equal(own.difference, own.data)
+
+
+# One mode.
+
+KINDS = {
+    "a pair": (PAIR, -0.05 + 1.0j),
+    "a real one": (POSITIVE, -0.05 + 0.0j),
+    "a negative one": (NEGATIVE, -0.05 + np.pi * 1j),
+}
+EVERY_KIND = pytest.mark.parametrize(("kind", "s"), KINDS.values(), ids=KINDS)
+
+
+def plain_cost(s, kind, data, near):
+    """What is left on the lines `near` when each response is fitted by least squares, from transformed samples."""
+    total = 0.0
+    for length in sorted(set(data.lengths), reverse=True):
+        powers = np.exp(s * np.arange(length))
+        parts = [powers.real, powers.imag] if kind == PAIR else [powers.real]
+        weights = np.where(np.isin(np.arange(length // 2 + 1), [0, length / 2]), 1.0, np.sqrt(2.0)) / np.sqrt(length)
+
+        def lines(values, weights=weights, length=length):
+            found = (np.fft.rfft(values) * weights)[near[length]]
+            return np.concatenate([found.real, found.imag])
+
+        columns = np.stack([lines(part) for part in parts], axis=1)
+        for i in np.flatnonzero(data.lengths == length):
+            for o in range(data.n_outputs):
+                y = lines(data.values[o, i, :length] / data.noise[o, i])
+                total += np.sum((y - columns @ np.linalg.lstsq(columns, y, rcond=1e-12)[0]) ** 2)
+    return total
+
+
+def bands_near(s, data, widths=4.0):
+    blocks = spectra(data)
+    near = {block.samples: band_lines(s, block, widths) for block in blocks}
+    return [cut(block, block.values, near[block.samples]) for block in blocks], near
+
+
+@EVERY_KIND
+def test_cost_and_gradient_of_a_mode_are_those_of_plain_least_squares(kind, s):
+    """Away from the best pole, by central differences of a cost that shares no code; inputs of unequal length."""
+    _, data = ringing([s], inputs=2, samples=60, noise=0.05, lengths=[60, 41])
+    bands, near = bands_near(s, data)
+    here = s + complex(0.01, 0.013 if kind == PAIR else 0.0)
+    found = evaluate(here, kind, bands)
+    assert found.cost == pytest.approx(plain_cost(here, kind, data, near), rel=1e-10)
+    for part, turn in zip(found.gradient, (1.0, 1j), strict=False):
+        ahead, behind = (plain_cost(here + sign * 1e-5 * turn, kind, data, near) for sign in (1.0, -1.0))
+        assert -2.0 * part == pytest.approx((ahead - behind) / 2e-5, rel=1e-4)
+
+
+@EVERY_KIND
+def test_where_the_fit_is_exact_the_information_of_a_mode_is_half_the_hessian(kind, s):
+    _, data = ringing([s], inputs=2, samples=60, noise=0.0, lengths=[60, 41])
+    bands, near = bands_near(s, data)
+    found, turns, step = evaluate(s, kind, bands).information, (1.0, 1j)[: 2 if kind == PAIR else 1], 1e-4
+    for i, one in enumerate(turns):
+        for j, other in enumerate(turns):
+            corners = [
+                a * b * plain_cost(s + step * (a * one + b * other), kind, data, near)
+                for a, b in ((1, 1), (1, -1), (-1, 1), (-1, -1))
+            ]
+            half = sum(corners) / (8.0 * step**2)
+            assert found[i, j] == pytest.approx(half, rel=1e-3, abs=1e-3 * found.max())
+
+
+@EVERY_KIND
+@pytest.mark.parametrize("outputs", [2, 2000])
+def test_the_fit_of_one_mode_finds_its_pole(kind, s, outputs):
+    """With so many responses that they are condensed, too."""
+    _, data = ringing([s], outputs=outputs, samples=60, noise=0.0)
+    bands, _ = bands_near(s, data)
+    found, cost, _ = fit_pole(s + complex(0.02, 0.02 if kind == PAIR else 0.0), kind, bands)
+    assert abs(found - s) < 1e-12
+    assert cost < 1e-6 * outputs * 60
+
+
+def test_the_fit_of_one_mode_says_how_it_errs():
+    s, pulls = -0.05 + 1.0j, []
+    for seed in range(100):
+        _, data = ringing([s], samples=100, noise=0.02, seed=seed)
+        found, _, deviation = fit_pole(s, PAIR, bands_near(s, data, 16.0)[0])
+        pulls += [(found - s).real / deviation, (found - s).imag / deviation]
+    assert np.mean(np.square(pulls)) == pytest.approx(1.0, abs=4.0 * np.sqrt(2.0 / 200))
+
+
+def test_a_pole_without_residues_may_be_anywhere():
+    data = TimeResponses(values=np.zeros((3, 1, 20)), dt=1.0)
+    _, cost, deviation = fit_pole(-0.1 + 1.0j, PAIR, bands_near(-0.1 + 1.0j, data)[0])
+    assert (cost, deviation) == (0.0, np.pi)
+
+
+def test_the_clearest_peak_is_that_of_the_mode_and_noise_has_none_far_above_its_level():
+    full, data = ringing([-0.02 + 1.0j, -0.03 + 2.0j], sizes=[1.0, 0.05])
+    blocks = spectra(data)
+    found = peaks(nothing(blocks), blocks)
+    assert abs(2.0 * np.pi * found[0].line / 200 - 1.0) < 2.0 * np.pi / 200
+    assert any(abs(2.0 * np.pi * peak.line / 200 - full[2].imag) < 4.0 * np.pi / 200 for peak in found)
+    noise = spectra(TimeResponses(values=np.random.default_rng(0).standard_normal((20, 1, 200)), dt=1.0))
+    assert all(peak.clarity < 5.0 for peak in peaks(nothing(noise), noise))
+    assert peaks(nothing(noise), noise, clear=-np.inf)
+
+
+def test_a_mode_taken_away_gives_its_lines_back():
+    _, data = ringing([-0.02 + 1.0j])
+    blocks = spectra(data)
+    mode = Mode(-0.02 + 1.0j, PAIR, (np.random.default_rng(0).standard_normal((2, 8, 1)),))
+    now = nothing(blocks)
+    bare = without(type(now)((mode,), (now.left[0] - mode.lines(0, blocks[0]),), 0.0), 0, blocks)
+    assert bare.modes == ()
+    assert bare.cost == pytest.approx(now.cost, rel=1e-12)
+
+
+def test_the_nearest_outer_product():
+    """Itself where it is one; with equal noise the leading singular pair; with unequal noise no neighbour is nearer."""
+    generator = np.random.default_rng(0)
+
+    def drawn(*size):
+        return generator.standard_normal(size) + 1j * generator.standard_normal(size)
+
+    left, right, matrix = drawn(7), drawn(3), drawn(7, 3)
+    noise = 10.0 ** generator.uniform(-2, 2, (7, 3))
+    assert_allclose(nearest_outer_product(np.outer(left, right), noise), np.outer(left, right), rtol=1e-9)
+    u, s, v = np.linalg.svd(matrix)
+    assert_allclose(nearest_outer_product(matrix, np.full((7, 3), 0.3)), s[0] * np.outer(u[:, 0], v[0]), atol=1e-9)
+    noise = generator.uniform(0.5, 2.0, (7, 3))
+    best = nearest_outer_product(matrix, noise)
+    u, s, v = np.linalg.svd(best)
+    assert s[1] < 1e-12 * s[0]
+
+    def distance(shape, part):
+        return np.sum(np.abs(matrix - np.outer(shape, part)) ** 2 / noise**2)
+
+    for _ in range(20):
+        moved = distance(s[0] * u[:, 0] + 1e-3 * drawn(7), v[0] + 1e-3 * drawn(3))
+        assert moved > distance(s[0] * u[:, 0], v[0])
 
 
 # The modes that it isolates.
@@ -323,6 +540,23 @@ def test_where_two_poles_are_one_there_are_no_deviations():
     assert farthest(refined.multipliers, np.log(twice.multipliers)) < 1e-4
     assert refined.covariance is refined.residue_spread is refined.residue_slope is None
     assert model.covariance is not None
+
+
+@pytest.mark.parametrize("apart", [1e-5, 1e-4, 1e-2])
+def test_the_slopes_of_two_poles_hardly_apart_are_not_those_of_rounding(apart):
+    """Over all lines they are sums of what a projection leaves, which orthogonal columns tell to many more digits."""
+    _, data = ringing([-0.02 + 1.0j])
+    (block,) = spectra(data)
+    modes = [Mode(-0.02 + 1.0j + step, PAIR) for step in (0.0, apart)]
+    coupled = Coupled.of(modes, block, [slice(0, len(block.values))] * 2, KNOWN)
+    pairs = [mode_columns(mode.s, PAIR, block.angles, block.samples, block.weights) for mode in modes]
+    columns, moved = (np.concatenate([real_rows(pair[i]) for pair in pairs], axis=1) for i in range(2))
+    # Of the first residue of each mode alone: by the real part of its pole, and by the imaginary one.
+    orthogonal, slopes = np.linalg.qr(columns)[0], moved * [1.0, -1.0, 1.0, -1.0]
+    left = slopes - orthogonal @ (orthogonal.T @ slopes)
+    strength = np.zeros((4, 4))
+    strength[::2, ::2] = 1.0
+    assert_allclose(coupled.slope_of_equations(strength), left.T @ left, atol=1e-3 * np.min(np.sum(left**2, axis=0)))
 
 
 def test_the_search_reports_each_mode_and_says_how_it_ended():

@@ -1,8 +1,10 @@
-"""LSCF and poly-reference LSCF: bands, growth, equal poles, noise taken off.
+"""LSCF and poly-reference LSCF: normal matrices against plain sums, bands, growth, equal poles, noise taken off.
 
 Two broken estimators are kept: `test_without_numerators_…` mirrors the poles, and in `test_with_the_noise_taken_off_…`
 least squares is left as it stands.
 """
+
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,11 +13,14 @@ from scipy.optimize import linear_sum_assignment
 
 from floquid.errors import InputError
 from floquid.lti import MaximumLikelihood, Outcome, TimeResponses
+from floquid.lti._era import hankel_covariance
+from floquid.lti._factor import factors
 from floquid.lti.rational import LSCF, PolyLSCF
 from floquid.lti.rational import _denominator as denominator
 from floquid.lti.rational import _lines as lines_module
 from floquid.lti.rational import _lscf as rational
-from floquid.lti.rational._denominator import Equations
+from floquid.lti.rational._denominator import Band, Basis, Equations
+from floquid.lti.rational._lscf import common, hankel
 
 BOTH = pytest.mark.parametrize("kind", [LSCF, PolyLSCF])
 FOUR = np.array([-0.02 + 0.2j, -0.03 + 0.7j, -0.02 + 1.5j, -0.01 + 2.9j])
@@ -60,6 +65,54 @@ def upper(model):
 # The matrices
 
 
+@pytest.mark.parametrize("edges", [(0.0, 1.0), (0.0, 0.2), (0.3, 0.6), (0.7, 1.0)])
+@pytest.mark.parametrize("samples", [100, 101])
+def test_the_basis_is_orthonormal_on_its_lines_and_a_basis_of_polynomials(edges, samples):
+    band = Band(samples, *edges)
+    basis = Basis.on(band, 9)
+    rows = denominator.stacked((band.weights[:, None] * basis.at(band.x)).T)
+    assert_allclose(rows @ rows.T, np.eye(10), atol=1e-12)
+    points = np.exp(-0.1 - 1j * np.linspace(0.0, 3.0, 7))
+    for k, (low, high) in enumerate(pairwise(basis.at(points).T)):
+        h = basis.hessenberg[: k + 2, k]
+        assert_allclose(basis.at(points)[:, : k + 2] @ h, points * low, rtol=1e-9, atol=1e-9 * np.abs(high).max())
+
+
+@pytest.mark.parametrize("edges", [(0.0, 1.0), (0.0, 0.4), (0.3, 0.6), (0.6, 1.0)])
+@pytest.mark.parametrize("samples", [60, 61])
+def test_the_part_of_white_noise_is_the_sum_over_single_samples(edges, samples):
+    """The covariance of white noise is the sum of the outer products of unit vectors: so is what it adds to M."""
+    band = Band(samples, *edges)
+    basis = Basis.on(band, 5)
+    equations = Equations.of(basis, band)
+    root = equations.triangle([band.spectrum(np.eye(samples))[:, None]])
+    assert_allclose(equations.noise(), root.T @ root, atol=1e-10 * np.abs(root).max() ** 2)
+
+
+def plain_normal(values, degree):
+    """M by its definition (powers and inputs, powers and inputs), from responses (outputs, inputs, samples)."""
+    outputs, inputs, samples = values.shape
+    rows = [values[o, :, t - degree : t + 1][:, ::-1].T.ravel() for o in range(outputs) for t in range(degree, samples)]
+    assert rows[0].shape == ((degree + 1) * inputs,)
+    return np.array(rows).T @ np.array(rows)
+
+
+@pytest.mark.parametrize(("outputs", "inputs"), [(1, 1), (5, 1), (5, 3), (90, 2)])
+def test_the_normal_matrix_is_that_of_the_plain_sums(outputs, inputs, monkeypatch):
+    """By correlations, and by orthogonal steps on the lines, one output and many at a time."""
+    values = np.random.default_rng(1).standard_normal((outputs, inputs, 40))
+    data = TimeResponses(values=values, dt=1.0)
+    expected = plain_normal(values, 7)
+    monkeypatch.setattr(rational, "BLOCK", 400)
+    scale = np.ones((outputs, inputs))
+    assert_allclose(hankel(rational._blocks(data, scale, 40), inputs, 40, 7), expected, atol=1e-10)
+    band = Band(40)
+    root = Equations.of(Basis.powers(7), band).triangle(rational._spectra(data, scale, band))
+    assert_allclose(root.T @ root, expected, atol=1e-10)
+    if inputs == 1:
+        assert_allclose(hankel_covariance(factors(data), 8)[::-1, ::-1], expected, atol=1e-10)
+
+
 @BOTH
 def test_squared_or_not_the_denominators_are_the_same(kind, monkeypatch):
     """At 0.1 % noise the matrix may be squared; orthogonal steps are then another way to the same values."""
@@ -69,6 +122,15 @@ def test_squared_or_not_the_denominators_are_the_same(kind, monkeypatch):
     other = kind(degree=20).prepare(data).denominators
     assert (squared.rounding, other.rounding) == (denominator.ROUNDING, denominator.ROUNDING**2)
     assert_allclose(squared.values, other.values, rtol=1e-6)
+
+
+def test_responses_of_another_length_add_their_own_equations():
+    data, _ = ringing(np.exp(FOUR), lengths=[300, 201])
+    blocks = factors(data)
+    found = common(blocks, [Band(300, 0.1, 0.7), Band(201, 0.1, 0.7)], 30)
+    both = found.roots(found.rank())[0]
+    for mu in np.exp(FOUR[1:3]):
+        assert np.abs(both - mu).min() < 1e-10
 
 
 # Bands
@@ -118,20 +180,6 @@ def least_squares_roots(found):
     return found._roots(weighted @ (found.directions.T @ highest), highest=True)[0]
 
 
-# Modes
-
-
-KINDS = {
-    "two growing, one not": [np.exp(0.01 + 2.0j), 1.02, np.exp(-0.03 + 0.5j)],
-    "a growing negative one": [-1.01],
-    "a constant beside a pair": [np.exp(-0.02 + 1.0j), 1.0],
-    "undamped": [np.exp(1.0j)],
-    "both real kinds": [0.95, -0.9],
-    "one frequency, two decays": [np.exp(-0.02 + 1.0j), np.exp(-0.05 + 1.0j)],
-    "next to the positive axis": [np.exp(-0.02 + 0.01j)],
-}
-
-
 def test_without_numerators_the_damping_changes_its_sign(monkeypatch):
     """The error that the tests of bands are there for: M is a Toeplitz matrix then, and its roots are mirrored."""
     data, _ = ringing(np.exp(FOUR[1:2]), noise=0.001)
@@ -149,6 +197,20 @@ def test_without_numerators_the_damping_changes_its_sign(monkeypatch):
         assert_allclose(nearest, damping + 0.7j, atol=0.003)
         inside = np.abs(logs.imag - 0.7) < 0.01
         assert_allclose(logs[inside].real, damping, atol=0.003)
+
+
+# Modes
+
+
+KINDS = {
+    "two growing, one not": [np.exp(0.01 + 2.0j), 1.02, np.exp(-0.03 + 0.5j)],
+    "a growing negative one": [-1.01],
+    "a constant beside a pair": [np.exp(-0.02 + 1.0j), 1.0],
+    "undamped": [np.exp(1.0j)],
+    "both real kinds": [0.95, -0.9],
+    "one frequency, two decays": [np.exp(-0.02 + 1.0j), np.exp(-0.05 + 1.0j)],
+    "next to the positive axis": [np.exp(-0.02 + 0.01j)],
+}
 
 
 @BOTH

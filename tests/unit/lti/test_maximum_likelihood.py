@@ -1,4 +1,4 @@
-"""Maximum likelihood: kinds of poles, orders and sizes at the edge."""
+"""Maximum likelihood: the cost's slope against plain least squares, kinds of poles, orders and sizes at the edge."""
 
 import numpy as np
 import pytest
@@ -6,6 +6,10 @@ from numpy.testing import assert_allclose
 from scipy.optimize import linear_sum_assignment
 
 from floquid.lti import MaximumLikelihood, ModalModel, Outcome, TimeResponses, fit_residues, white_noise_std
+from floquid.lti._era import Realisation, hankel_covariance
+from floquid.lti._exponentials import fit, polish
+from floquid.lti._factor import factor
+from floquid.lti._poles import PoleSet
 from floquid.lti.likelihood._search import _by_columns, _by_diagonals
 
 IDENTIFIER = MaximumLikelihood(rank_one=False)
@@ -36,6 +40,17 @@ def farthest(found, expected):
     assert len(found) == len(expected), f"{len(found)} poles, but {len(expected)} were expected"
     distance = np.abs(np.subtract.outer(found, expected))
     return distance[linear_sum_assignment(distance)].max()
+
+
+def plain_cost(multipliers, data):
+    """What is left over when each response, over its noise, is fitted by least squares on the exponentials."""
+    total = 0.0
+    for hit, length in enumerate(data.lengths):
+        columns = multipliers ** np.arange(length)[:, None]
+        columns = np.concatenate([columns.real, columns.imag], axis=1)
+        y = (data.values[:, hit, :length] / data.noise[:, hit, None]).T
+        total += np.sum((y - columns @ np.linalg.lstsq(columns, y, rcond=1e-12)[0]) ** 2)
+    return total
 
 
 KINDS = {
@@ -82,6 +97,104 @@ def test_inputs_of_unequal_length():
     multipliers = KINDS["a pair and both real kinds"]
     data = decays(multipliers, inputs=3, lengths=[100, 40, 9])
     assert farthest(identified(data).multipliers, with_conjugates(multipliers)) < 1e-10
+
+
+@pytest.mark.parametrize("multipliers", KINDS.values(), ids=KINDS)
+def test_cost_and_gradient_are_those_of_plain_least_squares(multipliers):
+    """Away from the optimum, by central differences of a cost that shares no code; two inputs, unequal lengths."""
+    data = decays(multipliers, inputs=2, samples=40, noise=0.05, lengths=[40, 25])
+    poles = PoleSet.from_multipliers(with_conjugates(multipliers))
+    poles = poles.moved(0.01 * np.random.default_rng(5).standard_normal(poles.order))
+    here = fit(poles, IDENTIFIER.prepare(data).factors)
+    assert here.cost == pytest.approx(plain_cost(poles.multipliers(), data), rel=1e-9)
+    slope = np.zeros(poles.order)
+    for k in range(poles.order):
+        step = np.zeros(poles.order)
+        step[k] = 1e-5
+        ahead, behind = (plain_cost(poles.moved(sign * step).multipliers(), data) for sign in (1, -1))
+        slope[k] = (ahead - behind) / 2e-5
+    assert_allclose(-2.0 * here.gradient, slope, rtol=1e-4, atol=1e-6 * np.abs(slope).max())
+
+
+@pytest.mark.parametrize("multipliers", KINDS.values(), ids=KINDS)
+def test_where_the_fit_is_exact_the_gauss_newton_matrix_is_half_the_hessian(multipliers):
+    """By second differences of the plain cost around the true poles, where it is zero."""
+    data = decays(multipliers, inputs=2, samples=40, lengths=[40, 25])
+    poles = PoleSet.from_multipliers(with_conjugates(multipliers))
+    here = fit(poles, IDENTIFIER.prepare(data).factors)
+    size, n = 1e-4, poles.order
+    hessian = np.zeros((n, n))
+    for i in range(n):
+        for j in range(n):
+            for a, b in ((1, 1), (1, -1), (-1, 1), (-1, -1)):
+                step = np.zeros(n)
+                step[i] += a * size
+                step[j] += b * size
+                hessian[i, j] += a * b * plain_cost(poles.moved(step).multipliers(), data) / (4.0 * size**2)
+    assert_allclose(here.gauss_newton, 0.5 * hessian, rtol=1e-3, atol=1e-4 * np.abs(hessian).max())
+
+
+def test_the_information_has_the_noise_of_the_residues_taken_off():
+    """Over draws of the noise the Gauss-Newton matrix is too large and `information` is right, in the mean."""
+    multipliers = [np.exp(-0.05 + 1.0j), np.exp(-0.08 + 1.3j)]
+    poles = PoleSet.from_multipliers(with_conjugates(multipliers))
+    clean = decays(multipliers, outputs=20, samples=60)
+    generator = np.random.default_rng(3)
+    sigma = 0.5
+
+    def matrices(values):
+        found = fit(poles, [factor((values / sigma).reshape(-1, 60).T)])
+        return found.gauss_newton, found.information
+
+    truth = matrices(clean.values)[0]
+    draws = [matrices(clean.values + sigma * generator.standard_normal(clean.values.shape)) for _ in range(300)]
+    inflated, right = (np.diag(np.mean(part, axis=0)) for part in zip(*draws, strict=True))
+    error = np.std([np.diag(information) for _, information in draws], axis=0) / np.sqrt(len(draws))
+    assert (np.abs(right - np.diag(truth)) < 4.0 * error).all()
+    assert (inflated - np.diag(truth) > 10.0 * error).all()
+
+
+def test_polish_walks_to_the_least_cost_and_stays():
+    multipliers = KINDS["a pair and both real kinds"]
+    data = decays(multipliers, noise=0.02)
+    factors = IDENTIFIER.prepare(data).factors
+    truth = PoleSet.from_multipliers(with_conjugates(multipliers))
+    best = polish(truth.moved(np.array([0.01, -0.01, 0.01, 0.02])), factors, tolerance=1e-8)
+    assert plain_cost(best.poles.multipliers(), data) < plain_cost(with_conjugates(multipliers), data)
+    for k in range(4):
+        for sign in (1, -1):
+            step = np.zeros(4)
+            step[k] = sign * 0.2 * np.sqrt(best.covariance()[k, k])
+            assert plain_cost(best.poles.moved(step).multipliers(), data) > best.cost
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_realisation_is_exact_without_noise_at_the_right_order(kind):
+    data = decays(KINDS[kind])
+    full = with_conjugates(KINDS[kind])
+    realisation = Realisation.of(IDENTIFIER.prepare(data).factors, 30, 12)
+    assert farthest(realisation.multipliers(len(full)), full) < 1e-6
+
+
+@pytest.mark.parametrize(("window", "order"), [(60, 24), (30, 24), (26, 25)])
+def test_a_realisation_of_a_generous_order_holds_the_true_poles(window, order):
+    full = with_conjugates(KINDS["one frequency, two decays"])
+    data = decays(KINDS["one frequency, two decays"], outputs=20, noise=0.001)
+    found = Realisation.of(IDENTIFIER.prepare(data).factors, window, order).multipliers(order)
+    assert len(found) == order
+    assert np.abs(np.subtract.outer(full, found)).min(axis=1).max() < 0.01
+
+
+def test_the_hankel_covariance_is_that_of_the_hankel_matrices():
+    generator = np.random.default_rng(0)
+    blocks = [generator.standard_normal((samples, 4)) for samples in (20, 13, 5)]
+    expected = np.zeros((8, 8))
+    for block in blocks:
+        for column in block.T:
+            if len(column) >= 8:
+                hankel = np.stack([column[i : i + len(column) - 7] for i in range(8)])
+                expected += hankel @ hankel.T
+    assert_allclose(hankel_covariance([factor(b) for b in blocks], 8), expected, rtol=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -4,14 +4,18 @@ import dataclasses
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from scipy.optimize import linear_sum_assignment
 from scipy.signal import lfilter
 
 from floquid import PeriodicModel, Record, identify
 from floquid.core import ConstantPeriod
 from floquid.lti import MaximumLikelihood, ModalModel, TimeResponses
+from floquid.lti._exponentials import fit
+from floquid.lti._factor import factor, factors
 from floquid.lti._poles import PoleSet
-from floquid.lti.likelihood._rank_one import Products, Stacked, _moved, fit_products, ranks
+from floquid.lti._removal import Removal
+from floquid.lti.likelihood._rank_one import Products, Stacked, fit_products, ranks
 from floquid.testing import assert_exponents_close
 
 IDENTIFIER = MaximumLikelihood()
@@ -128,8 +132,22 @@ def test_the_deviations_are_those_of_the_errors():
     assert np.sqrt(np.mean(np.square(pulls))) == pytest.approx(1.0, abs=0.25)
 
 
+def test_with_one_input_the_fit_of_products_is_the_free_one():
+    """Cost, gradient and Gauss-Newton matrix of the poles: two codes."""
+    data = ringing([-0.02 + 1.0j, -0.05 + 0j], inputs=1)
+    poles = PoleSet.from_multipliers(full([-0.021 + 1.003j, -0.052 + 0j]))
+    stacked = Stacked.of(data)
+    one = fit_products(Products.of(poles, np.ones((2, 1), complex)), stacked.block, data.lengths)
+    other = fit(poles, [factor((data.values[:, 0] / data.noise).T)])
+    assert one.cost == pytest.approx(other.cost, rel=1e-10)
+    assert_allclose(one.gradient, other.gradient, rtol=1e-8)
+    assert_allclose(one.whole, other.gauss_newton, rtol=1e-8)
+
+
 def test_the_gradient_is_that_of_the_cost():
     """By central differences in every parameter, participations too."""
+    from floquid.lti.likelihood._rank_one import _moved
+
     data = ringing([-0.02 + 1.0j, -0.03 + 2.0j, -0.05 + 0j])
     stacked = Stacked.of(data)
     generator = np.random.default_rng(0)
@@ -141,6 +159,13 @@ def test_the_gradient_is_that_of_the_cost():
         step[k] = 1e-6
         ahead, behind = (fit_products(_moved(now, sign * step), stacked.block, data.lengths).cost for sign in (1, -1))
         assert -2.0 * here.gradient[k] == pytest.approx((ahead - behind) / 2e-6, rel=1e-4, abs=1e-3)
+
+
+def test_the_rank_is_that_of_the_residues():
+    data = ringing([*EQUAL, -0.03 + 2.0j], seed=3)
+    free = IDENTIFIER.extract(IDENTIFIER.prepare(data), 4)
+    near = np.abs(np.subtract.outer(np.log(free.multipliers), [-0.02 + 1.0j, -0.03 + 2.0j])).argmin(axis=0)
+    assert ranks(free, data, 1e-9)[near].tolist() == [2, 1]
 
 
 @pytest.mark.parametrize("unequal", [0.0, 0.5, 1.0])
@@ -222,6 +247,18 @@ def test_deviations_beside_noise_that_outputs_share(shared):
         off = model.poles[here] - alone
         pulls.append(np.array([off.real, off.imag]) / std)
     assert 0.6 < np.sqrt(np.mean(np.square(pulls))) < 1.45
+
+
+def test_a_hit_shorter_than_the_starts_is_identified_as_one_without_it():
+    """Its few samples hold no pole by themselves, and none is kept for their sake."""
+    logs = [-0.02 + 1.0j, -0.03 + 2.0j]
+    data = ringing(logs, lengths=[150, 12])
+    poles = PoleSet.from_multipliers(full([*logs, *(-0.05 + 1j * np.arange(0.2, 3.0, 0.4))]))
+    blocks = factors(data)
+    assert min(len(block.values) for block in blocks) < poles.order
+    # What the short hit can do without counts for nothing: the rises are those of the long one.
+    assert_allclose(Removal.of(poles, blocks).rises(), Removal.of(poles, blocks[:1]).rises())
+    assert farthest(found(data).multipliers, full(logs)) < 5e-3
 
 
 def test_growing_modes_of_equal_multipliers_give_the_responses_back():

@@ -8,7 +8,7 @@ from tests.driven import ambient_of, mathieu, mathieu_and_lag, parted, record_of
 
 from floquid import ConstantPeriod, IdentificationError, Record, identify
 from floquid.findings import Severity
-from floquid.innovations import _search
+from floquid.innovations.search import _search
 from floquid.inputs import Limits
 from floquid.periodic import _fit_records
 from floquid.pipeline.excited import _ambient, _identify

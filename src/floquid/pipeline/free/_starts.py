@@ -49,8 +49,8 @@ class Ensembles:
 
     def starts(self, prepared: Prepared, cutting: Lifting, report: Callable[[str], None]) -> Iterator[Start]:
         """The one start, of brief records alone. Raises IdentificationError where there is no mode."""
-        whole = with_pooled_noise(cutting.lifted)
-        if not (by_default(prepared, cutting) and brief(whole.responses, self.per_pole)):
+        whole = brief_responses(prepared, cutting, self.per_pole)
+        if whole is None:
             return
         raw, known, _ = without_forced(whole, prepared, cutting)
         identifier = Ensemble(false_alarm=prepared.settings.mode_false_alarm)
@@ -68,8 +68,8 @@ class Averaged:
 
     def starts(self, prepared: Prepared, cutting: Lifting, report: Callable[[str], None]) -> Iterator[Start]:
         """The starts by rising order, of brief records alone."""
-        whole = with_pooled_noise(cutting.lifted)
-        if not (by_default(prepared, cutting) and brief(whole.responses, self.per_pole)):
+        whole = brief_responses(prepared, cutting, self.per_pole)
+        if whole is None:
             return
         lifted, known, _ = without_forced(whole, prepared, cutting)
         records = [rejoin(hit) for hit in unlift(lifted)]
@@ -98,6 +98,12 @@ OPENINGS: tuple[AbstractOpening, ...] = (Ensembles(HALF), POLES, Ensembles(), Av
 def by_default(prepared: Prepared, cutting: Lifting) -> bool:
     """True where neither order, harmonics nor algorithm are chosen, and samples are whole a period."""
     return prepared.settings.constrained and prepared.settings.all_found and cutting.synchronous
+
+
+def brief_responses(prepared: Prepared, cutting: Lifting, per_pole: int) -> Lifted | None:
+    """The responses with pooled noise, where all is found by default and fewer than `per_pole` periods tell a pole."""
+    whole = with_pooled_noise(cutting.lifted)
+    return whole if by_default(prepared, cutting) and brief(whole.responses, per_pole) else None
 
 
 def with_pooled_noise(lifted: Lifted) -> Lifted:

@@ -14,12 +14,12 @@ from numpy.typing import NDArray
 
 from floquid.core import NearAxis, read_blocks
 from floquid.fit import begun_off, block_stands, couples, half_of, with_blocks
-from floquid.innovations._bands import centred
-from floquid.innovations._fewer import stable
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted
 from floquid.innovations._products import as_real, folded
 from floquid.innovations._solve import inverse_of, moved, normal_of, places, solve
+from floquid.innovations.search._bands import centred
+from floquid.innovations.search._fewer import stable
 from floquid.inputs import Limits, Samples
 
 

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from floquid.core import NearAxis
 from floquid.errors import IdentificationError
 from floquid.fit import chi2_limit
-from floquid.innovations._bands import centred, grown, narrowed
 from floquid.innovations._covariance import reweighed, white, whitening_of
-from floquid.innovations._fewer import GONE, better, needed, stable
 from floquid.innovations._gain import SMALL, stable_gains
 from floquid.innovations._mode import Mode
-from floquid.innovations._near_axis import read_near_axis
 from floquid.innovations._predictor import Predictor, predicted, rebuilt
-from floquid.innovations._real import with_real_ones
 from floquid.innovations._solve import climbed, solve
+from floquid.innovations.search._bands import centred, grown, narrowed
+from floquid.innovations.search._fewer import GONE, better, needed, stable
+from floquid.innovations.search._near_axis import read_near_axis
+from floquid.innovations.search._real import with_real_ones
 from floquid.inputs import (
     InputMode,
     Limits,

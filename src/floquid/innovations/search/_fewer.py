@@ -8,13 +8,13 @@ from itertools import islice
 import numpy as np
 
 from floquid.fit import chi2_limit, wald_rise
-from floquid.innovations._bands import anchored, grown, narrowed
 from floquid.innovations._covariance import white
 from floquid.innovations._gain import stable_gains
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted
 from floquid.innovations._products import as_real, gap_of, merged
 from floquid.innovations._solve import climbed, inverse_of, normal_of, places, solve
+from floquid.innovations.search._bands import anchored, grown, narrowed
 from floquid.inputs import Limits, Samples
 
 DOUBTFUL = 5.0

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from floquid.fit import half_of, near_axis
-from floquid.innovations._bands import anchored, grown, narrowed
-from floquid.innovations._fewer import least, stable
 from floquid.innovations._predictor import Predictor
 from floquid.innovations._products import as_real
 from floquid.innovations._solve import inverse_of, normal_of, places, solve
+from floquid.innovations.search._bands import anchored, grown, narrowed
+from floquid.innovations.search._fewer import least, stable
 from floquid.inputs import Limits, Samples
 
 
