@@ -38,7 +38,11 @@ def public_callables(package):
 def undocumented(thing) -> list[str]:
     """The parameters of `thing` that its docstring does not explain."""
     text = inspect.getdoc(thing) or ""
-    if inspect.isclass(thing) and (issubclass(thing, (BaseException, Enum)) or "__init__" not in vars(thing)):
+    if inspect.isclass(thing) and (
+        issubclass(thing, (BaseException, Enum))
+        or "__init__" not in vars(thing)
+        or getattr(thing, "_is_protocol", False)
+    ):
         return []  # nothing of its own to construct
     section = {name.strip("* ") for entry in NumpyDocString(text)["Parameters"] for name in entry.name.split(",")}
     names = [name for name in inspect.signature(thing).parameters if name not in ("self", "cls")]

@@ -18,7 +18,7 @@ from floquid.checks._left_out import ERROR, LEAST_FIT, LeftOut, cycles_of, held_
 from floquid.checks._modes import doubts_of
 from floquid.checks._period import Off, blurred
 from floquid.checks._residual import Colour, colour_of
-from floquid.core import ConstantPeriod, PeriodicModel, Record
+from floquid.core import PeriodicModel, PhaseClock, Record
 from floquid.errors import FloquidError
 from floquid.findings import Finding
 from floquid.fit import filter_gain, filtered
@@ -32,7 +32,6 @@ from floquid.periodic import (
     unexplained,
 )
 from floquid.reconstruction import StateModel
-from floquid.sync import ShaftAngle
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,9 +46,8 @@ class Decays(Subject):
 
     model: PeriodicModel
     records: tuple[Record, ...]
-    clocks: tuple[ConstantPeriod | ShaftAngle, ...] = ()
+    clocks: tuple[PhaseClock, ...] = ()
     noise: Floats
-    shafts: tuple[ShaftAngle, ...] = ()
     per_revolution: float = 1.0
     forced: ForcedResponse | None = None
     misfit: float | None = None
@@ -65,6 +63,11 @@ class Decays(Subject):
     def cycles(self) -> tuple[Integers, ...]:
         """The cycle of each sample of each record; -1 where its response is dead."""
         return tuple(cycles_of(self.model, self.instants, self.noise))
+
+    @property
+    def measured(self) -> bool:
+        """True where the angle of a shaft ties records to the phase."""
+        return any(clock.measured for clock in self.clocks)
 
     @property
     def highest(self) -> float:
@@ -110,7 +113,7 @@ class Decays(Subject):
     def period_off(self) -> Off | None:
         """The period that the harmonics of the response turn with, against that of the model."""
         difference = None
-        if all(isinstance(clock, ConstantPeriod) for clock in self.clocks):
+        if not self.measured:
             with suppress(FloquidError, np.linalg.LinAlgError):
                 difference = own_period(self.model, self.alive_records(), self.clocks, noise=self.noise)
         if difference is None:
@@ -128,11 +131,11 @@ class Decays(Subject):
 
     def vague_angles(self) -> tuple[Finding, ...]:
         """Finding on what errors of the angle make of the response."""
-        return blurred(self) if self.shafts else ()
+        return blurred(self) if self.measured else ()
 
     def doubts(self) -> tuple[Finding, ...]:
         """Findings on modes that are likely none, or hardly determined."""
-        return doubts_of(self.model, wanders=any(shaft.wander > 0.0 for shaft in self.shafts))
+        return doubts_of(self.model, wanders=any(clock.wander > 0.0 for clock in self.clocks))
 
     def colour(self, evidence: Evidence) -> Colour:
         """The response with most colour over its limit."""
@@ -147,7 +150,7 @@ class Decays(Subject):
 def decays_of(
     model: PeriodicModel,
     records: Sequence[Record],
-    clocks: Sequence[ConstantPeriod | ShaftAngle],
+    clocks: Sequence[PhaseClock],
     noise: ArrayLike,
     whitening: ArrayLike | None,
     periods_per_revolution: float,
@@ -163,20 +166,19 @@ def decays_of(
     if whitening is not None:
         taps = frozen_array(whitening, "whitening", of, axes=(len(model.channels), "taps"))
         model, used = _whitened(model, used, clocks, taps)
-    shafts = tuple(clock for clock in clocks if isinstance(clock, ShaftAngle))
+    said = clocks[0].periods_per_revolution if clocks else None
     return Decays(
         model=model,
         records=used,
         clocks=tuple(clocks),
         noise=spread,
-        shafts=shafts,
-        per_revolution=shafts[0].periods_per_revolution if shafts else periods_per_revolution,
+        per_revolution=said or periods_per_revolution,
         **more,
     )
 
 
 def _whitened(
-    model: PeriodicModel, records: tuple[Record, ...], clocks: Sequence[ConstantPeriod | ShaftAngle], taps: Floats
+    model: PeriodicModel, records: tuple[Record, ...], clocks: Sequence[PhaseClock], taps: Floats
 ) -> tuple[PeriodicModel, tuple[Record, ...]]:
     """Records after the filters, from where they have their past on, and the model of those."""
     order, delays = taps.shape[1] - 1, np.arange(taps.shape[1]) * (1.0 / records[0].sample_rate)

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 
 from floquid._arrays import Floats, Integers, Mask
 from floquid.checks._check import FALSE_ALARM, Evidence, strongest
-from floquid.core import ConstantPeriod, PeriodicModel, Record
+from floquid.core import PeriodicModel, PhaseClock, Record
 from floquid.errors import FloquidError
 from floquid.findings import Finding, failure
 from floquid.inputs import Samples
 from floquid.periodic import refit, unexplained
-from floquid.sync import ShaftAngle
 
 LEAST_FIT = 0.95  # the share of the response that has to be predicted on cycles held out
 
@@ -133,7 +132,7 @@ def first_part(samples: Samples) -> tuple[Samples, NDArray[np.bool_]]:
     return part, mask
 
 
-Clocks = Sequence[ConstantPeriod | ShaftAngle]
+Clocks = Sequence[PhaseClock]
 
 FOLDS = 5  # the parts that the cycles are dealt into
 PHASES = 32  # instants of a period at which the response is looked at, to see where it has died

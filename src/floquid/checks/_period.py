@@ -76,8 +76,8 @@ def blurred(case: Decays) -> tuple[Finding, ...]:
     """
     forced, model = case.forced, case.model
     energy, degrees = 0.0, 0.0
-    for hit, (shaft, record) in enumerate(zip(case.shafts, case.records, strict=True)):
-        std = float(np.sqrt(np.mean(shaft.angle_std(np.clip(record.times, shaft.first, shaft.last)) ** 2)))
+    for hit, (clock, record) in enumerate(zip(case.clocks, case.records, strict=True)):
+        std = clock.angle_spread(record.times)
         noise = case.noise[:, hit, None]
         if forced is not None:
             shares = forced.harmonics * forced.amplitudes[:, hit] / noise
@@ -105,7 +105,7 @@ def shaken(parted: Parted, columns: Floats, noise: Floats) -> tuple[Finding, ...
     power = float(np.max((steady + np.var(samples.values - columns @ samples.known, axis=1)) / noise**2))
     findings = []
     for shaft, record in zip(parted.shafts, parted.records, strict=True):
-        std = several * float(np.sqrt(np.mean(shaft.angle_std(np.clip(record.times, shaft.first, shaft.last)) ** 2)))
+        std = several * shaft.angle_spread(record.times)
         if (share := std**2 * power) > SHAKEN:
             report = failure if share > BLURRED else warning
             findings.append(report("vague_angle", degrees=float(np.degrees(std / several)), share=share))

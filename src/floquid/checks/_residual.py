@@ -10,12 +10,11 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
 from floquid.checks._check import FALSE_ALARM, REMAINDER, Evidence, strongest
-from floquid.core import ConstantPeriod, PeriodicModel, Record
+from floquid.core import PeriodicModel, PhaseClock, Record
 from floquid.findings import Finding, Severity, failure, warning
 from floquid.fit import chi2_limit
 from floquid.lifting import LAGS
 from floquid.periodic import line_amplitudes, without_lines
-from floquid.sync import ShaftAngle
 
 if TYPE_CHECKING:
     from floquid.checks._decays import Decays
@@ -78,7 +77,7 @@ def tones(case: Decays, evidence: Evidence) -> tuple[Finding, ...]:
     return findings
 
 
-def _residual(case: Decays, hit: int, values: Floats) -> tuple[Record, ConstantPeriod | ShaftAngle, float]:
+def _residual(case: Decays, hit: int, values: Floats) -> tuple[Record, PhaseClock, float]:
     """Residual of a hit, from its first sample on, as a record with its clock and period."""
     return replace(case.records[hit], values=values), case.clocks[hit], case.model.period
 

@@ -17,10 +17,9 @@ from floquid.checks._period import period, phases
 from floquid.checks._residual import colour, harmonics, level, lines, misfit, spikes, tones
 from floquid.checks._system import system
 from floquid.checks._types import Validation
-from floquid.core import ConstantPeriod, PeriodicModel, Record
+from floquid.core import PeriodicModel, PhaseClock, Record
 from floquid.findings import Finding
 from floquid.reconstruction import StateModel
-from floquid.sync import ShaftAngle
 
 
 def _remainder(_: Subject, evidence: Evidence) -> tuple[Finding, ...]:
@@ -72,7 +71,7 @@ def judged(subject: Subject) -> Validation:
 def validate(
     model: PeriodicModel,
     records: Sequence[Record],
-    clocks: Sequence[ConstantPeriod | ShaftAngle],
+    clocks: Sequence[PhaseClock],
     *,
     noise: ArrayLike,
     state: StateModel | None = None,

@@ -7,6 +7,7 @@ from floquid.core._axis import read_blocks as read_blocks
 from floquid.core._axis import readings
 from floquid.core._axis import with_deviations as with_deviations
 from floquid.core._channel import Channel, Quantity, channels_named
+from floquid.core._clock import CLOCKS as CLOCKS
 from floquid.core._clock import AzimuthSignal, Clock, ConstantPeriod, PulseTimes, TachometerSignal
 from floquid.core._cycles import Cycles
 from floquid.core._estimates import Estimates
@@ -18,11 +19,12 @@ from floquid.core._gaps import runs_of as runs_of
 from floquid.core._modelled import Driven as Driven
 from floquid.core._modelled import modelled as modelled
 from floquid.core._periodic_model import ModelInputs, PeriodicModel
+from floquid.core._phase_clock import PhaseClock
 from floquid.core._provenance import Provenance
 from floquid.core._record import Record
 
 __all__ = [
     "AzimuthSignal", "Channel", "Clock", "ConstantPeriod", "Cycles", "Estimates", "ModelInputs", "PeriodicModel",
-    "Provenance", "PulseTimes", "Quantity", "Record", "TachometerSignal", "channels_named",
+    "PhaseClock", "Provenance", "PulseTimes", "Quantity", "Record", "TachometerSignal", "channels_named",
     "readings",
 ]  # fmt: skip

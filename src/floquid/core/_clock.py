@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import get_args
 
 import numpy as np
 
@@ -11,6 +12,15 @@ from floquid._checks import Rebuilt, answers_slips, finite, frozen_array, input_
 
 _TURNS = {"ppr": "pulses_per_revolution=ppr", "name": 'channel="tach"', "signal": 'channel="tach"'}
 _PERIOD = {"T": "period=T", "f": "period=1/f", "omega": "period=2*np.pi/omega", "rpm": "period=60/rpm"}
+
+
+class _Measured:
+    """A clock that states no period: sensors have to be read."""
+
+    __slots__ = ()
+
+    period = None
+    origin = 0.0
 
 
 @answers_slips("ConstantPeriod(period=6.28)", _PERIOD)
@@ -29,6 +39,13 @@ class ConstantPeriod:
     origin
         The time of phase zero [s], on the record's own time axis (`Record.start`).
     """
+
+    channel = None
+    option = "period"
+    pulses_per_revolution = 1
+    measured = False
+    periods_per_revolution = None
+    wander = 0.0
 
     period: float
     origin: float = 0.0
@@ -51,10 +68,34 @@ class ConstantPeriod:
         fraction = ((time - self.origin) / self.period) % 1.0
         return 0.0 if fraction > 1.0 - 1e-9 else fraction
 
+    def turns(self, times: Floats) -> Floats:
+        """Periods from phase zero to `times` [s]."""
+        return (times - self.origin) / self.period
+
+    def times_at(self, turns: Floats) -> Floats:
+        """The times [s] at which these periods, `turns`, have passed since phase zero."""
+        return self.origin + turns * self.period
+
+    def phase_zero(self, time: float) -> float:
+        """The last instant of phase zero [s] up to `time` [s]."""
+        return time - self.phase(time) * self.period
+
+    def since_phase_zero(self, start: float, ticks: Floats) -> tuple[Floats, None]:
+        """Times [s] since the last phase zero up to `start`, at `ticks` [s] after it; the angle is ω times these."""
+        # Not from start + ticks: far from time zero, those have lost digits.
+        return ticks + self.phase(start) * self.period, None
+
+    def fluctuation(self, times: Floats) -> None:
+        """Relative deviation of the speed at `times` [s] from its mean: none."""
+
+    def angle_spread(self, times: Floats) -> float:  # noqa: ARG002  # as of any clock
+        """The standard deviation of the angle over `times` [s]: zero."""
+        return 0.0
+
 
 @answers_slips('TachometerSignal(channel="tach", pulses_per_revolution=1)', _TURNS)
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TachometerSignal:
+class TachometerSignal(_Measured):
     """A channel of pulses: the shaft turns by a revolution in `pulses_per_revolution` of them.
 
     Raises InputError where the name is empty, or a number is not possible.
@@ -70,6 +111,8 @@ class TachometerSignal:
         where everything repeats itself after two revolutions.
     """
 
+    option = "tach"
+
     channel: str
     pulses_per_revolution: int = 1
     periods_per_revolution: float = 1.0
@@ -82,7 +125,7 @@ class TachometerSignal:
 
 @answers_slips('AzimuthSignal(channel="azimuth")', _TURNS)
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AzimuthSignal:
+class AzimuthSignal(_Measured):
     """A channel that holds the angle of the shaft, in degrees or radians, whole or wrapped.
 
     Raises InputError where the name is empty, or the number is not possible.
@@ -95,6 +138,9 @@ class AzimuthSignal:
         Periods of the system in a revolution of the shaft.
     """
 
+    option = "azimuth"
+    pulses_per_revolution = 1
+
     channel: str
     periods_per_revolution: float = 1.0
 
@@ -105,7 +151,7 @@ class AzimuthSignal:
 
 @answers_slips("PulseTimes(times=t, pulses_per_revolution=1)", _TURNS)
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PulseTimes(Rebuilt):
+class PulseTimes(Rebuilt, _Measured):
     """The times of pulses, told by another instrument.
 
     Raises InputError where the times do not ascend, or a number is not possible.
@@ -120,7 +166,10 @@ class PulseTimes(Rebuilt):
         Periods of the system in a revolution of the shaft.
     """
 
-    times: Floats
+    channel = None
+    option = "records"
+
+    times: Floats = field(metadata={"stored": "pulses; s"})
     pulses_per_revolution: int = 1
     periods_per_revolution: float = 1.0
 
@@ -135,7 +184,11 @@ class PulseTimes(Rebuilt):
 
 
 Clock = ConstantPeriod | TachometerSignal | AzimuthSignal | PulseTimes
-"""Relation of the time of a record to the phase of the system's period."""
+"""Clocks that a record can have. Each has the `channel` that carries it, the `option` of `identify` that gives it, its
+`pulses_per_revolution` (1 where it has none), and the `period` and `origin` [s] that it states: None and 0 if measured.
+"""
+
+CLOCKS: tuple[type[Clock], ...] = get_args(Clock)
 
 
 def _check_name(channel: str, of: str) -> None:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from floquid._arrays import Floats
 from floquid._checks import Rebuilt, answers_slips, finite, frozen_array, input_error, positive
 from floquid.core._channel import Channel, channels_named
-from floquid.core._clock import Clock
+from floquid.core._clock import CLOCKS, Clock
 from floquid.core._provenance import Provenance
 
 _SLIPS = {
@@ -92,8 +92,8 @@ class Record(Rebuilt):
             )
         if array.shape[1] == 0:
             raise input_error("values", "Record", "hold at least one sample", f"has shape {array.shape}")
-        if clock is not None and not isinstance(clock, Clock):
-            must = "be a ConstantPeriod, TachometerSignal, AzimuthSignal, PulseTimes or None"
+        if clock is not None and not isinstance(clock, CLOCKS):
+            must = f"be a {', '.join(kind.__name__ for kind in CLOCKS)} or None"
             raise input_error("clock", "Record", must, f"is {clock!r}", "Pass ConstantPeriod(period=...).")
         put = object.__setattr__
         put(self, "values", array)
@@ -132,6 +132,21 @@ class Record(Rebuilt):
     def times(self) -> Floats:
         """The time of each sample (samples,) [s]."""
         return self.start + np.arange(self.n_samples) / self.sample_rate
+
+    @property
+    def period(self) -> float | None:
+        """The period that the clock states [s]; None where it states none."""
+        return None if self.clock is None else self.clock.period
+
+    @property
+    def origin(self) -> float:
+        """The time of phase zero that the clock states [s]; 0 where it states none."""
+        return 0.0 if self.clock is None else self.clock.origin
+
+    @property
+    def clock_channel(self) -> str | None:
+        """The name of the channel that carries the clock; None where none does."""
+        return None if self.clock is None else self.clock.channel
 
     def select(self, names: Sequence[str]) -> Record:
         """The record of the channels called `names`, in that order.

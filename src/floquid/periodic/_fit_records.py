@@ -10,7 +10,7 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid._checks import Rebuilt, input_error
-from floquid.core import Channel, ConstantPeriod, PeriodicModel, Provenance, Record
+from floquid.core import Channel, PeriodicModel, PhaseClock, Provenance, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, note, texts, warning
 from floquid.lifting import Lifted
@@ -51,7 +51,6 @@ from floquid.periodic.search import (
 )
 from floquid.periodic.start import Known
 from floquid.search import SECONDS
-from floquid.sync import ShaftAngle
 
 HIGHEST = 64  # the highest harmonic of the revolution that a forced response is looked for at
 MOST_ENTRIES = 24  # modes, a pair counted once, that are looked for at most
@@ -117,7 +116,7 @@ class Fit(Rebuilt):
 
 def fit(
     records: Sequence[Record],
-    clocks: Sequence[ConstantPeriod | ShaftAngle],
+    clocks: Sequence[PhaseClock],
     *,
     start: ModeParameters | None = None,
     known: Known | None = None,
@@ -185,7 +184,7 @@ def fit(
     report
         Is told of each stage.
     """
-    if free_period and any(isinstance(clock, ShaftAngle) for clock in clocks):
+    if free_period and any(clock.measured for clock in clocks):
         raise input_error("free_period", "fit", "be false with a tachometer", "is true", "The shaft tells the period.")
     auto = isinstance(forced, str) and forced == "auto"
     doubled = auto and periods_per_revolution == 1.0 and known is not None and 0.5 in known.roots
@@ -279,7 +278,7 @@ class Samples:
     @staticmethod
     def of(
         records: Sequence[Record],
-        clocks: Sequence[ConstantPeriod | ShaftAngle],
+        clocks: Sequence[PhaseClock],
         lifted: Lifted | None,
         known: Known | None,
         nu: float,
@@ -312,7 +311,7 @@ def _check_order(result: SearchResult, order: int | None) -> None:
 def result_of(
     result: SearchResult,
     records: Sequence[Record],
-    clocks: Sequence[ConstantPeriod | ShaftAngle],
+    clocks: Sequence[PhaseClock],
     samples: Samples,
     taps: Floats | None,
     *,
@@ -348,7 +347,7 @@ def result_of(
         noise=noise_of(result.blocks, result.solution, noise_floor) if noise is None else noise,
         free=free_records(records, clocks, result, samples.nu),
         period_std=period_std,
-        own_period=None if isinstance(clocks[0], ShaftAngle) else period_step(result.solution),
+        own_period=None if clocks[0].measured else period_step(result.solution),
         misfit=result.misfit,
         whitening=taps,
         findings=(*_interference(result, names), *evidence(result), *colour),

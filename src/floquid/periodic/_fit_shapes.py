@@ -6,18 +6,17 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from floquid.core import ConstantPeriod, PeriodicModel, Record
+from floquid.core import PeriodicModel, PhaseClock, Record
 from floquid.lifting import Lifted
 from floquid.periodic._fit_records import Fit, Samples, result_of
 from floquid.periodic._refit import scaled
 from floquid.periodic.least_squares import ModeParameters
 from floquid.periodic.search import of_shapes
-from floquid.sync import ShaftAngle
 
 
 def fit_shapes(
     records: Sequence[Record],
-    clocks: Sequence[ConstantPeriod | ShaftAngle],
+    clocks: Sequence[PhaseClock],
     model: PeriodicModel,
     lifted: Lifted,
     *,

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Rebuilt, input_error, positive
-from floquid.core import Channel, ConstantPeriod, Record
+from floquid.core import Channel, PhaseClock, Record
 from floquid.errors import IdentificationError
 from floquid.fit import SURE, chi2_limit
 from floquid.periodic.least_squares import (
@@ -31,7 +31,6 @@ from floquid.periodic.least_squares import (
 )
 from floquid.periodic.search import SearchResult, kept_with, read_apart
 from floquid.periodic.start import Known
-from floquid.sync import ShaftAngle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -137,14 +136,10 @@ def forced_base(chosen: tuple[list[float], bool] | None, fundamental: float, *, 
     return base
 
 
-def angle_std(clocks: Sequence[ConstantPeriod | ShaftAngle], records: Sequence[Record]) -> tuple[float, ...]:
+def angle_std(clocks: Sequence[PhaseClock], records: Sequence[Record]) -> tuple[float, ...]:
     """The deviation of the system's angle over each record, as the shaft has it [rad]; none of constant periods."""
-    deviations = []
-    for clock, record in zip(clocks, records, strict=True):
-        if isinstance(clock, ShaftAngle):
-            deviation = clock.angle_std(np.clip(record.times, clock.first, clock.last))
-            deviations.append(float(np.sqrt(np.mean(deviation**2))) * clock.periods_per_revolution)
-    return tuple(deviations)
+    measured = [(clock, record) for clock, record in zip(clocks, records, strict=True) if clock.measured]
+    return tuple(clock.angle_spread(record.times) * (clock.periods_per_revolution or 1.0) for clock, record in measured)
 
 
 def without_noise(result: SearchResult) -> SearchResult:
@@ -228,7 +223,7 @@ def forced_of(
 
 
 def free_records(
-    records: Sequence[Record], clocks: Sequence[ConstantPeriod | ShaftAngle], result: SearchResult, nu: float
+    records: Sequence[Record], clocks: Sequence[PhaseClock], result: SearchResult, nu: float
 ) -> tuple[Record, ...]:
     """The records without what is fixed in the fit."""
     entries = result.solution.entries

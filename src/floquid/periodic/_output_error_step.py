@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from floquid._arrays import Floats
 from floquid._checks import frozen_array, input_error
-from floquid.core import ConstantPeriod, Estimates, PeriodicModel, Record
+from floquid.core import Estimates, PeriodicModel, PhaseClock, Record
 from floquid.errors import IdentificationError
 from floquid.lifting import Lifted
 from floquid.periodic._forced_part import ForcedResponse, forced_base
@@ -25,7 +25,6 @@ from floquid.periodic.least_squares import (
     record_blocks,
     through,
 )
-from floquid.sync import ShaftAngle
 
 OF = "estimate_at"
 
@@ -36,7 +35,7 @@ def estimate_at(
     *,
     lifted: Lifted | None = None,
     records: Sequence[Record] = (),
-    clocks: Sequence[ConstantPeriod | ShaftAngle] = (),
+    clocks: Sequence[PhaseClock] = (),
     noise: ArrayLike | None = None,
     whitening: Floats | None = None,
     forced: ForcedResponse | None = None,
@@ -95,7 +94,7 @@ def estimate_at(
 
 
 def _record_blocks(
-    records: Sequence[Record], clocks: Sequence[ConstantPeriod | ShaftAngle], noise: ArrayLike | None, known: Estimates
+    records: Sequence[Record], clocks: Sequence[PhaseClock], noise: ArrayLike | None, known: Estimates
 ) -> list[Block]:
     """Blocks of samples with their noise."""
     spread = noise_of_records(noise, known.blocks.shape, OF)

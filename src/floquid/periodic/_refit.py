@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._arrays import Complexes, Floats
 from floquid._checks import input_error, noise_array
-from floquid.core import ConstantPeriod, PeriodicModel, Record
+from floquid.core import PeriodicModel, PhaseClock, Record
 from floquid.lifting import Lifted
 from floquid.periodic._sampling import most_harmonics
 from floquid.periodic.least_squares import (
@@ -20,7 +20,6 @@ from floquid.periodic.least_squares import (
     LiftedBlock,
     ModeParameters,
     OneShape,
-    RecordBlock,
     Solution,
     complex_of,
     linearise,
@@ -30,9 +29,8 @@ from floquid.periodic.least_squares import (
     solve,
     through,
 )
-from floquid.sync import ShaftAngle
 
-Clocks = Sequence[ConstantPeriod | ShaftAngle]
+Clocks = Sequence[PhaseClock]
 
 FEWEST = 2  # samples below which a channel has none
 
@@ -85,7 +83,7 @@ def refit(
     one_shape
         Whether all hits share the shapes of the modes, as those of the model do: B is a shape times a state.
     """
-    if free_period and any(isinstance(clock, ShaftAngle) for clock in clocks):
+    if free_period and any(clock.measured for clock in clocks):
         must, got = "be false where the angle of a shaft is measured", "is true"
         raise input_error("free_period", "refit", must, got, "The angle says the period.")
     if lifted is not None:
@@ -193,15 +191,13 @@ def scaled(model: PeriodicModel, entries: ModeParameters, block: Block) -> Compl
     return coefficients * block.gain(columns.rates).T
 
 
-def instants(record: Record, clock: ConstantPeriod | ShaftAngle, fundamental: float) -> tuple[NDArray, NDArray]:
+def instants(record: Record, clock: PhaseClock, fundamental: float) -> tuple[NDArray, NDArray]:
     """Times after phase zero (samples,) [s], and the phase angle of the system at each (samples,) [rad].
 
     They are those of a `record` that a `clock` ties to the phase; `fundamental` is ω [rad/s], of a constant period.
     """
-    bare = Record(values=np.zeros((1, record.n_samples)), sample_rate=record.sample_rate, channels=["-"])
-    (block,), _, _ = record_blocks([replace(bare, start=record.start)], [clock], 1.0)
-    assert isinstance(block, RecordBlock)
-    return block.times, fundamental * block.times if block.angles is None else block.angles
+    times, angles = clock.since_phase_zero(record.start, np.arange(record.n_samples) / record.sample_rate)
+    return times, fundamental * times if angles is None else angles
 
 
 def _blocks(model: PeriodicModel, records: Sequence[Record], clocks: Clocks, *, cut: bool) -> list[Block]:
@@ -266,7 +262,7 @@ STILL = 1e-6
 
 
 def line_amplitudes(
-    record: Record, clock: ConstantPeriod | ShaftAngle, period: float, exponents: ArrayLike, turns: ArrayLike
+    record: Record, clock: PhaseClock, period: float, exponents: ArrayLike, turns: ArrayLike
 ) -> tuple[Floats, Floats]:
     r"""The amplitude of each exponential in each channel, alone, and the sum of squares that it takes off.
 
@@ -303,9 +299,7 @@ def line_amplitudes(
     return amplitudes, squares
 
 
-def without_lines(
-    record: Record, clock: ConstantPeriod | ShaftAngle, period: float, exponents: ArrayLike, turns: ArrayLike
-) -> Floats:
+def without_lines(record: Record, clock: PhaseClock, period: float, exponents: ArrayLike, turns: ArrayLike) -> Floats:
     r"""A record less exponentials that are fitted to it together.
 
     .. math:: y(t_k) - 2 \Re \sum_j B_j\, e^{\lambda_j t_k + i q_j \theta(t_k)}

@@ -14,7 +14,7 @@ from floquid._arrays import Floats
 from floquid._checks import counted, input_error
 from floquid._show import Brief, Drawings, Drawn, Told, late
 from floquid.checks import AIM, Validation
-from floquid.core import Channel, ConstantPeriod, Cycles, PeriodicModel, Provenance, Record
+from floquid.core import Channel, Cycles, PeriodicModel, PhaseClock, Provenance, Record
 from floquid.findings import Finding, Severity, texts
 from floquid.inputs import TransferFunctions, Uncertainty
 from floquid.lifting import Lifted
@@ -22,9 +22,9 @@ from floquid.lti import AbstractIdentifier, ModalModel
 from floquid.order import Choice, OrderScan, indicators
 from floquid.order import scan as scan_orders
 from floquid.periodic import Fit, ForcedResponse, Periodicity
-from floquid.pipeline._decay import Decay, clocks_of
+from floquid.pipeline._decay import Decay
 from floquid.pipeline._frequencies import frequencies_of
-from floquid.preparation import Settings
+from floquid.preparation import Settings, clocks_of
 from floquid.reconstruction import (
     AbstractStructure,
     Form,
@@ -197,7 +197,7 @@ class Analysis(Told, Drawn, Brief):
         return (*texts(self.findings, Severity.FAILURE), *texts(self.findings, Severity.WARNING))
 
     @property
-    def clocks(self) -> tuple[ConstantPeriod | ShaftAngle, ...]:
+    def clocks(self) -> tuple[PhaseClock, ...]:
         """Clock of each response that was fitted."""
         return clocks_of(self.responses, self.shafts)
 

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from floquid._show import Brief
 from floquid.checks import FAILED
-from floquid.core import ConstantPeriod, Cycles, Record
+from floquid.core import Cycles
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
 from floquid.order import Choice
 from floquid.periodic import Fit, Periodicity
-from floquid.sync import ShaftAngle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,8 +41,3 @@ class Decay(Brief):
 def fails(found: Fit) -> bool:
     """True where the residual is too many times the noise for a model of the record."""
     return found.misfit is not None and found.misfit >= FAILED
-
-
-def clocks_of(responses: Sequence[Record], shafts: tuple[ShaftAngle, ...]) -> tuple[ConstantPeriod | ShaftAngle, ...]:
-    """Clock of each response: the angle of its shaft, unless it has a constant period of its own."""
-    return tuple(own.clock for own in responses if isinstance(own.clock, ConstantPeriod)) or shafts

@@ -8,6 +8,7 @@ inputs are parted (`parted`), with what repeats beside them.
 from floquid.preparation._before import begun as begun
 from floquid.preparation._before import from_sample as from_sample
 from floquid.preparation._clocks import clocked as clocked
+from floquid.preparation._clocks import clocks_of as clocks_of
 from floquid.preparation._clocks import without_clock as without_clock
 from floquid.preparation._excited import COPY as COPY
 from floquid.preparation._excited import FORBIDDEN as FORBIDDEN

@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
-from floquid.core import AzimuthSignal, ConstantPeriod, PulseTimes, Record, TachometerSignal
+from floquid.core import Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, warning
 from floquid.preparation._mended import NO_RESPONSE, begins_free, without_faults, without_spikes
 from floquid.preparation._settings import Settings
-from floquid.sync import clipped, dropouts, find_hits, gaps, pulse_times, shaft_angle, split_hits
+from floquid.sync import clipped, divisible, dropouts, find_hits, gaps, split_hits, tied
 
 MOST_GAPS = 12  # stretches of missing samples that are listed one by one
 CENSORED = 0.02
@@ -38,12 +38,7 @@ def without_orbit(records: tuple[Record, ...]) -> tuple[tuple[Record, ...], tupl
         if record.orbit is None or record.clock is None:
             free.append(record)
             continue
-        if isinstance(record.clock, ConstantPeriod):
-            turns = (record.times - record.clock.origin) / record.clock.period
-        else:
-            shaft = shaft_angle(record)
-            turns = shaft.angle(record.times) * shaft.periods_per_revolution / (2.0 * np.pi)
-        values = record.values - _at(record.orbit, turns)
+        values = record.values - _at(record.orbit, tied(record).turns(record.times))
         values.flags.writeable = False
         free.append(replace(record, values=values, orbit=None))
     return tuple(free), (note("orbit_subtracted"),)
@@ -95,7 +90,7 @@ def later(records: tuple[Record, ...], skip: float) -> tuple[tuple[Record, ...],
         if record.clock is None:
             must, got = "come with a clock, since it counts periods", "the period is not known"
             raise input_error("skip", "identify", must, got, "Give the period.")
-        period = record.clock.period if isinstance(record.clock, ConstantPeriod) else shaft_angle(record).period
+        period = tied(record).period
         samples = int(np.ceil(skip * period * record.sample_rate))
         if samples > record.n_samples - 2:
             got = f"is {skip:g} periods, and a record holds {record.duration / period:.4g}"
@@ -132,8 +127,7 @@ def responses_of(records: tuple[Record, ...], settings: Settings) -> tuple[tuple
     """
     kept, left = [], {}
     for record in records:
-        clock = record.clock
-        keep = {*settings.channels, *([clock.channel] if isinstance(clock, (TachometerSignal, AzimuthSignal)) else [])}
+        keep = {*settings.channels, record.clock_channel}
         names = [c.name for c in record.channels if c.name in keep or c.quantity not in NO_RESPONSE]
         if len(names) == record.n_channels or not set(names) - keep:
             kept.append(record)
@@ -199,23 +193,14 @@ def hits_of(
     free, said = [], []
     for number, record in enumerate(records, start=1):
         where = _name(number, records)
-        if isinstance(clock := record.clock, TachometerSignal):
-            # The pulses of the whole record: a piece alone would count the lines of an encoder from its own first.
-            pulses = PulseTimes(
-                times=pulse_times(record, clock.channel),
-                pulses_per_revolution=clock.pulses_per_revolution,
-                periods_per_revolution=clock.periods_per_revolution,
-            )
-            record = record.select([c.name for c in record.channels if c.name != clock.channel]).with_clock(pulses)
+        record = divisible(record.clock, record)
         instants = given or find_hits(record)
         if not instants:
             said.append(note("no_impact", where=where))
             free.append(record)
             continue
-        period = record.clock.period if isinstance(record.clock, ConstantPeriod) else None
-        if period is None and record.clock is not None:
-            period = shaft_angle(record).period
-        parts = split_hits(record, instants, skip=(settings.skip or 0.0) * (period or 0.0))
+        period = 0.0 if record.clock is None else tied(record).period
+        parts = split_hits(record, instants, skip=(settings.skip or 0.0) * period)
         if not parts:
             raise IdentificationError(
                 "No free response is long enough after the impacts found. Give the records of single hits, or less "

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 
 from floquid._checks import describe, input_error
-from floquid.core import AzimuthSignal, Clock, ConstantPeriod, PulseTimes, Record, TachometerSignal, channels_named
+from floquid.core import AzimuthSignal, Clock, ConstantPeriod, PhaseClock, Record, TachometerSignal, channels_named
 from floquid.preparation._settings import EXAMPLE, Settings
-from floquid.sync import ShaftAngle, shaft_angle
-
-SIGNALS = (TachometerSignal, AzimuthSignal, PulseTimes)
+from floquid.sync import ShaftAngle, shaft_angle, tied
 
 
 def clocked(records: Record | Sequence[Record], settings: Settings, of: str) -> tuple[Record, ...]:
@@ -21,8 +19,8 @@ def clocked(records: Record | Sequence[Record], settings: Settings, of: str) -> 
     used = []
     for record in several:
         clock = _clock(record, settings)
-        own = [clock.channel] if isinstance(clock, (TachometerSignal, AzimuthSignal)) else []
-        option = "azimuth" if isinstance(clock, AzimuthSignal) else "tach"
+        own = [clock.channel] if clock is not None and clock.channel is not None else []
+        option = "records" if clock is None else clock.option
         if channels_named(record.channels, own, argument=option, of=of) and record.n_channels == 1:
             got = f"one has {own[0]!r} alone, which is its clock"
             raise input_error("records", of, "have a channel of responses", got, "Read the responses, too.")
@@ -45,17 +43,15 @@ def _clock(record: Record, settings: Settings) -> Clock | None:
     if settings.azimuth is not None:
         return AzimuthSignal(channel=settings.azimuth, periods_per_revolution=turns)
     if settings.period is not None:
-        origin = record.clock.origin if isinstance(record.clock, ConstantPeriod) else 0.0
-        return ConstantPeriod(period=settings.period, origin=origin)
+        return ConstantPeriod(period=settings.period, origin=record.origin)
     return record.clock
 
 
 def without_clock(record: Record) -> Record:
     """The record without the channel of its clock, if it has one."""
-    clock = record.clock
-    if not isinstance(clock, (TachometerSignal, AzimuthSignal)):
+    if record.clock_channel is None:
         return record
-    return record.select([c.name for c in record.channels if c.name != clock.channel])
+    return record.select([c.name for c in record.channels if c.name != record.clock_channel])
 
 
 def refuse_no_clock(records: Sequence[Record], of: str) -> None:
@@ -66,20 +62,19 @@ def refuse_no_clock(records: Sequence[Record], of: str) -> None:
         raise input_error("records", of, "have a clock", got, remedy)
 
 
-def clocks_of(
-    records: Sequence[Record], report: Callable[[str], None], of: str
-) -> tuple[tuple[ConstantPeriod | ShaftAngle, ...], tuple[ShaftAngle, ...]]:
-    """Clock of each record, and those of them that are angles of a shaft."""
-    clocks: list[ConstantPeriod | ShaftAngle] = []
+def shafts_of(records: Sequence[Record], report: Callable[[str], None], of: str) -> tuple[ShaftAngle, ...]:
+    """Angle of the shaft in each record; none where all state their period."""
+    shafts: list[ShaftAngle] = []
     for record in records:
-        if isinstance(record.clock, SIGNALS):
+        if record.period is None:
             report("finding the angle of the shaft")
-            clocks.append(shaft_angle(record))
-        else:
-            assert record.clock is not None
-            clocks.append(record.clock)
-    shafts = tuple(clock for clock in clocks if isinstance(clock, ShaftAngle))
-    if shafts and len(shafts) < len(clocks):
+            shafts.append(shaft_angle(record))
+    if shafts and len(shafts) < len(records):
         must, got = "all have a measured shaft angle, or none", "some have"
         raise input_error("records", of, must, got, "Give each its clock.")
-    return tuple(clocks), shafts
+    return tuple(shafts)
+
+
+def clocks_of(records: Sequence[Record], shafts: tuple[ShaftAngle, ...]) -> tuple[PhaseClock, ...]:
+    """Clocks that say the phase in each record: its own, or the angle of its shaft where that is measured."""
+    return shafts or tuple(map(tied, records))

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid.checks import Parted, quiet_for
-from floquid.core import ConstantPeriod, Record, channels_named, over_gaps, runs_of
+from floquid.core import Record, channels_named, over_gaps, runs_of
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, note, warning
 from floquid.inputs import Hold, samples_of
 from floquid.preparation._before import faults_of
-from floquid.preparation._clocks import clocks_of, refuse_no_clock
+from floquid.preparation._clocks import clocks_of, refuse_no_clock, shafts_of
 from floquid.preparation._lines import Lines
 from floquid.preparation._mended import NO_RESPONSE
 from floquid.preparation._refuse import refuse_period, refuse_unlike
@@ -226,15 +226,15 @@ def _faults(records: Sequence[Record], outputs: Sequence[str], settings: Setting
 def _turned(records: Sequence[Record], of: str) -> tuple[float, list[NDArray[np.float64]], tuple[ShaftAngle, ...]]:
     """The mean period of all records, the angle of the system over ω at their samples, and their shafts."""
     refuse_no_clock(records, of)
-    clocks, shafts = clocks_of(records, lambda _: None, of)
-    constant = [clock for clock in clocks if isinstance(clock, ConstantPeriod)]
+    shafts = shafts_of(records, lambda _: None, of)
     ticks = [np.arange(record.n_samples) / record.sample_rate for record in records]
-    if constant:
-        period = constant[0].period
-        if any(own.period != period for own in constant):
-            periods = sorted({own.period for own in constant})
+    if not shafts:
+        clocks = clocks_of(records, ())
+        periods = sorted({own.period for own in clocks})
+        if len(periods) > 1:
             raise input_error("records", of, "have one period", f"have {periods}", "Give the period: `period=`.")
-        return period, [own.phase(r.start) * period + t for own, r, t in zip(constant, records, ticks, strict=True)], ()
+        starts = zip(clocks, records, ticks, strict=True)
+        return periods[0], [own.since_phase_zero(r.start, t)[0] for own, r, t in starts], ()
     angles = [
         shaft.angle(record.start + own) * shaft.periods_per_revolution
         for shaft, record, own in zip(shafts, records, ticks, strict=True)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
-from floquid.core import ConstantPeriod, Record
+from floquid.core import Record
 from floquid.errors import IdentificationError
 from floquid.preparation._mended import NO_RESPONSE
 from floquid.preparation._settings import Settings
@@ -76,7 +76,7 @@ def refuse_random(records: Sequence[Record], forces: Sequence[str]) -> None:
     """
     for number, record in enumerate(records, start=1):
         where = f" of record {number}" if len(records) > 1 else ""
-        if isinstance(record.clock, ConstantPeriod) and _is_random(record, record.clock.period):
+        if record.period is not None and _is_random(record, record.period):
             measured = f"Name what was measured of it as inputs (`inputs={','.join(forces)}`). " if forces else ""
             raise IdentificationError(
                 f"The response{where} does not decay, and is random: it is driven all along, by wind, by a process or "

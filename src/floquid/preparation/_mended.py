@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import AzimuthSignal, ConstantPeriod, Record, TachometerSignal
+from floquid.core import Record
 from floquid.errors import FloquidError
 from floquid.findings import Finding, warning
 from floquid.sync import Impact, find_impacts
@@ -94,10 +94,9 @@ def begins_free(record: Record, blow: float) -> bool:
         return False
     before = np.nan_to_num(before - np.nanmean(before, axis=1, keepdims=True))
     power = np.maximum(np.sum(before**2, axis=1), np.finfo(float).tiny)
-    clock = record.clock
     least = 0.5 * record.n_samples
-    if isinstance(clock, ConstantPeriod):
-        least = min(least, ENOUGH * clock.period * record.sample_rate)
+    if record.period is not None:
+        least = min(least, ENOUGH * record.period * record.sample_rate)
     if before.shape[1] < least:
         return False  # its noise could not be judged beside that of a longer hit
     return bool((np.sum(before[:, 1:] * before[:, :-1], axis=1) / power > SMOOTH).any())
@@ -105,12 +104,10 @@ def begins_free(record: Record, blow: float) -> bool:
 
 def _responses(record: Record, inputs: Sequence[str] = ()) -> list[int]:
     """The rows of the channels that are responses."""
-    clock = record.clock
-    own = clock.channel if isinstance(clock, (TachometerSignal, AzimuthSignal)) else None
     return [
         row
         for row, channel in enumerate(record.channels)
-        if channel.name not in (own, *inputs) and channel.quantity not in NO_RESPONSE
+        if channel.name not in (record.clock_channel, *inputs) and channel.quantity not in NO_RESPONSE
     ]
 
 

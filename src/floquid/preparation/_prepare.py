@@ -11,10 +11,7 @@ from typing import TYPE_CHECKING, Unpack
 
 from floquid._show import Brief
 from floquid.checks import Parted
-from floquid.core import (
-    ConstantPeriod,
-    Record,
-)
+from floquid.core import ConstantPeriod, PhaseClock, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, texts, warning
 from floquid.lti import TimeResponses
@@ -31,7 +28,7 @@ from floquid.preparation._before import (
     responses_of,
     without_orbit,
 )
-from floquid.preparation._clocks import clocked, clocks_of, refuse_no_clock, without_clock
+from floquid.preparation._clocks import clocked, clocks_of, refuse_no_clock, shafts_of, without_clock
 from floquid.preparation._excited import parted as parted_of
 from floquid.preparation._excited import refuse_others
 from floquid.preparation._forces import forces_of, refuse_driven, refuse_random
@@ -82,7 +79,7 @@ class Prepared(Brief):
     settings: Settings
     records: tuple[Record, ...]
     responses: tuple[Record, ...]
-    clocks: tuple[ConstantPeriod | ShaftAngle, ...]
+    clocks: tuple[PhaseClock, ...]
     shafts: tuple[ShaftAngle, ...] = ()
     findings: tuple[Finding, ...] = ()
     faults: tuple[Finding, ...] = ()
@@ -157,7 +154,7 @@ def _excited(records: tuple[Record, ...], settings: Settings, report: Callable[[
         settings=settings,
         records=own.records,
         responses=tuple(record.select([channel.name for channel in own.outputs]) for record in records),
-        clocks=own.shafts or tuple(record.clock for record in records if isinstance(record.clock, ConstantPeriod)),
+        clocks=clocks_of(records, own.shafts),
         shafts=own.shafts,
         findings=(*begun_at, *faults),
         parted=own,
@@ -213,7 +210,8 @@ def _tied(
         with blas_threads(responses):
             responses, more = _with_own_period(responses, settings.period, report)
         records, said = responses, (*said, *more)
-    clocks, shafts = clocks_of(records, report, of)
+    shafts = shafts_of(records, report, of)
+    clocks = clocks_of(records, shafts)
     refuse_short(responses, clocks)
     uneven = uneven_speed(shafts)
     if uneven and not settings.trust_period:

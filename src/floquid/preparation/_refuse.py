@@ -8,10 +8,10 @@ from hashlib import sha256
 import numpy as np
 
 from floquid._checks import input_error
-from floquid.core import AzimuthSignal, ConstantPeriod, Record, TachometerSignal
+from floquid.core import PhaseClock, Record
 from floquid.errors import IdentificationError
 from floquid.lifting import refuse_values
-from floquid.sync import ShaftAngle, wrapped
+from floquid.sync import wrapped
 
 FEWEST = 4  # whole periods that a record must hold: fewer cannot hold a mode and the noise beside it
 LEAST = 2.0
@@ -36,7 +36,7 @@ def refuse_period(records: Sequence[Record], of: str, *, near: float = 1.0) -> N
 
     A record of fewer than 4 periods is an IdentificationError.
     """
-    clocked = [(r, r.clock.period) for r in records if isinstance(r.clock, ConstantPeriod)]
+    clocked = [(r, r.period) for r in records if r.period is not None]
     for record, period in clocked:
         samples = period * record.sample_rate
         if near * samples < LEAST * (1.0 - 1e-9) and not _once_a_period(samples, record):
@@ -55,9 +55,9 @@ def refuse_period(records: Sequence[Record], of: str, *, near: float = 1.0) -> N
         refuse_few(_held(longest, period), slip=_slip(period, longest))
 
 
-def refuse_short(records: Sequence[Record], clocks: Sequence[ConstantPeriod | ShaftAngle]) -> None:
+def refuse_short(records: Sequence[Record], clocks: Sequence[PhaseClock]) -> None:
     """Refuse records that are all shorter than 4 periods."""
-    turned = any(isinstance(clock, ShaftAngle) for clock in clocks)
+    turned = any(clock.measured for clock in clocks)
     check = (
         "the pulses and periods of a revolution (`pulses_per_revolution=`, `periods_per_revolution=`)" if turned else ""
     )
@@ -144,8 +144,7 @@ def refuse_unlike(records: Sequence[Record], of: str) -> None:
 def refuse_unusable(records: Sequence[Record], of: str = "identify") -> None:
     """Refuse a response that has no samples, does not vary, wrapped round, or cannot be computed with."""
     for number, record in enumerate(records, start=1):
-        clock = record.clock.channel if isinstance(record.clock, (TachometerSignal, AzimuthSignal)) else None
-        rows = [row for row, channel in enumerate(record.channels) if channel.name != clock]
+        rows = [row for row, channel in enumerate(record.channels) if channel.name != record.clock_channel]
         refuse_values([record.channels[row] for row in rows], record.values[rows], f"record {number}", of=of)
         for fault in wrapped(record):
             must, remedy = "hold the samples that were measured", "Read them as wider integers, or measure anew."

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 from floquid.checks import Validation
 from floquid.core import (
-    AzimuthSignal,
+    CLOCKS,
     Channel,
     Estimates,
     Gains,
     ModelInputs,
     PeriodicModel,
     Provenance,
-    PulseTimes,
     Record,
-    TachometerSignal,
 )
 from floquid.innovations import Mode
 from floquid.inputs import InputMode, TransferFunctions
@@ -64,9 +64,7 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "channels": Channel,
         "provenance": Provenance,
     },
-    TachometerSignal: {"channel": "", "pulses_per_revolution": "", "periods_per_revolution": ""},
-    AzimuthSignal: {"channel": "", "periods_per_revolution": ""},
-    PulseTimes: {"times": "pulses; s", "pulses_per_revolution": "", "periods_per_revolution": ""},
+    **{kind: {own.name: own.metadata.get("stored", "") for own in fields(kind)} for kind in CLOCKS},
     ModalModel: {
         "multipliers": "modes",
         "residues": f"modes, outputs, inputs; {_UNIT}",

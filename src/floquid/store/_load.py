@@ -9,7 +9,7 @@ from typing import Any
 
 from floquid._checks import input_error
 from floquid.checks import Criterion, Validation
-from floquid.core import AzimuthSignal, Clock, ConstantPeriod, PeriodicModel, PulseTimes, Record, TachometerSignal
+from floquid.core import CLOCKS, Clock, ConstantPeriod, PeriodicModel, Record
 from floquid.innovations import Mode
 from floquid.inputs import InputMode
 from floquid.io import GUARD, DamagedError, attribute, readable_file
@@ -35,7 +35,7 @@ from floquid.store._save import Result
 from floquid.sync import ShaftAngle
 from floquid.transfer import MeasuredTransfer, Modal, TransferFit
 
-_SIGNALS: dict[str, Any] = {kind.__name__: kind for kind in (TachometerSignal, AzimuthSignal, PulseTimes)}
+_CLOCKS: dict[str, Any] = {kind.__name__: kind for kind in CLOCKS}
 
 MUST = "be a result file that `save` wrote"
 AGAIN = "Write it again: `floquid identify ... --out DIR`, or `save(analysis, path)`."
@@ -224,6 +224,6 @@ def _record(group: Any) -> Record:
 
 def _clock(group: Any) -> Clock | None:
     if "clock" in group:
-        return get_object(group["clock"], _SIGNALS[get(group["clock"], "kind")])
+        return get_object(group["clock"], _CLOCKS[get(group["clock"], "kind")])
     period, origin = get(group, "period"), get(group, "origin")
     return None if period is None else ConstantPeriod(period=period, origin=origin)

@@ -12,7 +12,7 @@ import numpy as np
 from floquid._checks import describe, input_error
 from floquid._version import __version__
 from floquid.checks import Validation
-from floquid.core import ConstantPeriod, Record
+from floquid.core import Record
 from floquid.inputs import Uncertainty
 from floquid.io import as_path, atomic_path
 from floquid.lti import AbstractIdentifier
@@ -140,10 +140,9 @@ def _put_refinement(file: Any, analysis: Analysis) -> None:
 def _put_record(group: Any, record: Record) -> None:
     """One record, with its clock of whatever kind and its orbit if it has one."""
     put_object(group, record)
-    constant = isinstance(record.clock, ConstantPeriod)
-    for name in ("period", "origin"):
-        put(group, name, getattr(record.clock, name) if constant else None, "; s")
-    if record.clock is not None and not constant:
+    put(group, "period", record.period, "; s")
+    put(group, "origin", None if record.period is None else record.origin, "; s")
+    if record.clock is not None and record.period is None:
         inner = group.create_group("clock")
         put(inner, "kind", type(record.clock).__name__)
         put_object(inner, record.clock)

@@ -5,9 +5,11 @@ from floquid.sync._faults import clipped, dropouts, gaps, wrapped
 from floquid.sync._hits import Impact, find_hits, find_impacts, split_hits
 from floquid.sync._interpolation import half_width, interpolate, interpolation_error
 from floquid.sync._pulse_times import pulse_times
+from floquid.sync._read_clock import divisible as divisible
 from floquid.sync._resample import bandwidth, resample
 from floquid.sync._segment import rejoin, samples_per_period, segment
 from floquid.sync._shaft_angle import ShaftAngle, shaft_angle
+from floquid.sync._shaft_angle import tied as tied
 
 __all__ = [
     "AngleSpline", "Impact", "ShaftAngle", "bandwidth", "clipped", "dropouts",

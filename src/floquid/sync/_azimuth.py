@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -29,6 +30,7 @@ class Evidence:
     times: Floats
     angles: Floats
     lines: Integers
+    periods_per_revolution: float
     n_lines: int = 1
     missing: int = 0
     doubled: int = 0
@@ -37,6 +39,10 @@ class Evidence:
     each: int = 1
     """Samples behind each instant."""
     what: str = "pulses"
+    unit: Literal["s", "rad"] = "s"
+    """Unit in which these err: of instants, or of angles."""
+    step: float = 0.0
+    """Interval of the samples that the instants were found in [s]."""
     said: tuple[Finding, ...] = ()
 
 
@@ -84,10 +90,12 @@ def of_azimuth(record: Record, clock: AzimuthSignal) -> Evidence:
         times=record.start + places[tight].mean(axis=1) / record.sample_rate,
         angles=2.0 * np.pi * angles,
         lines=np.zeros(len(angles), dtype=np.int64),
+        periods_per_revolution=clock.periods_per_revolution,
         missing=missing,
         rejected=len(index) - len(good),
         each=block,
         what="samples",
+        unit="rad",
         said=(note("backwards"),) if backwards else (),
     )
 

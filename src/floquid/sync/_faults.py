@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid.core import AzimuthSignal, Record, TachometerSignal, runs_of
+from floquid.core import Record, runs_of
 from floquid.findings import Finding, failure, note, warning
 
 FLAT = 3  # equal samples in a row that make a flat top
@@ -105,10 +105,9 @@ def gaps(record: Record) -> tuple[Finding, ...]:
 
 def measuring(record: Record, *, standing: bool = False) -> list[tuple[int, Floats, float]]:
     """Row, samples and quantum of channels of smooth motion; with `standing`, those with two equal samples in turn."""
-    clock = record.clock.channel if isinstance(record.clock, TachometerSignal | AzimuthSignal) else None
     judged: list[tuple[int, Floats, float]] = []
     for row, (channel, values) in enumerate(zip(record.channels, record.values, strict=True)):
-        if channel.quantity in ("pulse", "angle") or channel.name == clock:
+        if channel.quantity in ("pulse", "angle") or channel.name == record.clock_channel:
             continue
         if standing and not (values[1:] == values[:-1]).any():
             continue

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from floquid._checks import finite, input_error, positive
-from floquid.core import AzimuthSignal, Record, TachometerSignal, channels_named
+from floquid.core import Record, channels_named
 from floquid.findings import Finding, note
 from floquid.sync._impact_search import by_force, by_response
 
@@ -180,9 +180,8 @@ def _force_rows(record: Record, force: str | None, of: str) -> list[int]:
 def _response_rows(record: Record, channels: Sequence[str] | None, of: str) -> list[int]:
     """The rows of the response that change at all."""
     if channels is None:
-        clock = record.clock.channel if isinstance(record.clock, TachometerSignal | AzimuthSignal) else None
         others = ("force", "pulse", "angle")
-        rows = [n for n, c in enumerate(record.channels) if c.quantity not in others and c.name != clock]
+        rows = [n for n, c in enumerate(record.channels) if c.quantity not in others and c.name != record.clock_channel]
     else:
         rows = channels_named(record.channels, channels, argument="channels", of=of)
     # fmin and fmax pass over missing samples without a temporary as large as the record.

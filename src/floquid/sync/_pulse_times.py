@@ -8,7 +8,7 @@ import numpy as np
 
 from floquid._arrays import Floats, Indices
 from floquid._checks import input_error
-from floquid.core import Record, TachometerSignal, channels_named
+from floquid.core import Record, channels_named
 
 OF = "pulse_times"
 
@@ -47,9 +47,7 @@ def pulse_times(record: Record, channel: str) -> Floats:
     levels = find_levels(values, channel)
     heights = levels.polarity * (values - levels.base) / levels.height
     begins, ends = _excursions(heights)
-    clock, lines = record.clock, 1
-    if isinstance(clock, TachometerSignal) and clock.channel == channel:
-        lines = clock.pulses_per_revolution
+    lines = record.clock.pulses_per_revolution if record.clock is not None and record.clock.channel == channel else 1
     positions = _positions(heights, begins, ends, levels, lines)
     if len(positions) < 2:
         got = f"channel {channel!r} holds {len(positions) or 'no'} whole pulse" + ("s" if not len(positions) else "")

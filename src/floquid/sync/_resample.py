@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from floquid._arrays import Floats, Indices
 from floquid._checks import input_error, integer
-from floquid.core import ConstantPeriod, Cycles, Record, longest_run
+from floquid.core import Cycles, PhaseClock, Record, longest_run
 from floquid.fit import SURE
 from floquid.sync._interpolation import ACCURACY, BAND, check_options, half_width, interpolate
 
@@ -18,27 +17,9 @@ FEWEST_PHASES = 8  # the fewest samples a period that are chosen from a bandwidt
 _LENGTHS = (256, 1024, 4096, 16384)  # samples of the stretches whose spectra are looked at
 
 
-@runtime_checkable
-class Shaft(Protocol):
-    """Interface of a shaft angle: the angle at a time, the time at an angle, periods of the system a revolution."""
-
-    @property
-    def periods_per_revolution(self) -> float:
-        """Periods of the system in a revolution of the shaft."""
-        ...
-
-    def angle(self, times: Floats, /) -> Floats:
-        """The angle of the shaft (times,) [rad] at `times` [s]."""
-        ...
-
-    def time_at(self, angle: Floats, /) -> Floats:
-        """The time [s] at which the shaft comes by `angle` (angles,) [rad]."""
-        ...
-
-
 def resample(
     records: Record | Sequence[Record],
-    clocks: ConstantPeriod | Shaft | Sequence[ConstantPeriod | Shaft],
+    clocks: PhaseClock | Sequence[PhaseClock],
     *,
     n_phases: int | None = None,
     band: float = BAND,
@@ -63,8 +44,7 @@ def resample(
     records
         One record, or one a hit on the same system: the same channels; rates and periods may differ.
     clocks
-        One for each record: a `ConstantPeriod`, or a shaft angle with `angle(times)`, `time_at(angle)` and
-        `periods_per_revolution`.
+        One for each record: a `ConstantPeriod`, a `ShaftAngle`, or another that answers `PhaseClock`.
     n_phases
         Samples a period P. None: as few as hold the `bandwidth` of the records in the pass band, at least 8, and never
         more than the records' own samples a period.
@@ -72,7 +52,7 @@ def resample(
         The pass band as a share of the cut-off f_c, and the error as a share of each line's amplitude.
     """
     several = (records,) if isinstance(records, Record) else tuple(records)
-    ties = (clocks,) if isinstance(clocks, (ConstantPeriod, Shaft)) else tuple(clocks)
+    ties = (clocks,) if isinstance(clocks, PhaseClock) else tuple(clocks)
     check_options(band, accuracy, "resample")
     _check_alike(several, ties)
     cuts = tuple(_Cut.of(record, clock) for record, clock in zip(several, ties, strict=True))
@@ -93,25 +73,22 @@ def resample(
 class _Cut:
     """The whole cycles within a record."""
 
-    clock: ConstantPeriod | Shaft
+    clock: PhaseClock
     first: int
     bounds: Floats  # start of each cycle, and end of the last (cycles + 1,) [s]
 
     @classmethod
-    def of(cls, record: Record, clock: ConstantPeriod | Shaft) -> _Cut:
+    def of(cls, record: Record, clock: PhaseClock) -> _Cut:
         """The cycles of `clock` that begin and end within `record`."""
         ends = record.start + np.array([0.0, record.n_samples - 1.0]) / record.sample_rate
-        if isinstance(clock, ConstantPeriod):
-            low, high = (ends - clock.origin) / clock.period
-        else:
-            low, high = np.asarray(clock.angle(ends)) * clock.periods_per_revolution / (2.0 * np.pi)
+        low, high = clock.turns(ends)
         first, last = int(np.ceil(low)), int(np.floor(high))
         if last <= first:
             must = "have at least one whole period within each record"
             got = f"one record of {record.duration:.6g} s holds {max(high - low, 0.0):.3g} periods"
             raise input_error("clocks", "resample", must, got, "Check the unit of the period, or use a longer record.")
         # Of more periods than samples, which are refused below, not all bounds are made: there may be any number.
-        bounds = instants(clock, np.arange(first, min(last, first + record.n_samples) + 1.0))
+        bounds = clock.times_at(np.arange(first, min(last, first + record.n_samples) + 1.0))
         if not (np.diff(bounds) > 0).all():
             must = "have an angle that grows over each record"
             raise input_error("clocks", "resample", must, "one turns back", "Leave out the part where the shaft does.")
@@ -143,16 +120,9 @@ class _Cut:
 
     def lengths(self, kept: slice) -> Floats:
         """The length of each kept cycle (cycles,) [s]."""
-        if isinstance(self.clock, ConstantPeriod):
-            return np.full(kept.stop - kept.start, self.clock.period)
-        return np.diff(self.bounds)[kept]
-
-
-def instants(clock: ConstantPeriod | Shaft, turns: Floats) -> Floats:
-    """The times [s] at which the system has gone through `turns` periods since its phase zero."""
-    if isinstance(clock, ConstantPeriod):
-        return clock.origin + turns * clock.period
-    return np.asarray(clock.time_at(2.0 * np.pi * turns / clock.periods_per_revolution), dtype=np.float64)
+        if self.clock.measured:
+            return np.diff(self.bounds)[kept]
+        return np.full(kept.stop - kept.start, self.clock.period)
 
 
 def _resampled(record: Record, cut: _Cut, phases: int, reach: float, band: float, accuracy: float) -> Cycles:
@@ -163,7 +133,7 @@ def _resampled(record: Record, cut: _Cut, phases: int, reach: float, band: float
         record.values,
         record.sample_rate,
         record.start,
-        instants(cut.clock, turns),
+        cut.clock.times_at(turns),
         cutoff=cutoff,
         band=band,
         accuracy=accuracy,
@@ -180,7 +150,7 @@ def _resampled(record: Record, cut: _Cut, phases: int, reach: float, band: float
         taken = taken.copy()  # what was left out is not held on to
     taken.flags.writeable = False
     left = cut.n_cycles - taken.shape[1]
-    how = "time" if isinstance(cut.clock, ConstantPeriod) else "shaft angle"
+    how = "shaft angle" if cut.clock.measured else "time"
     step = (
         f"resampled from {record.sample_rate:.6g} Hz to {phases} samples a period ({phases / cut.mean:.6g} Hz), "
         f"equally spaced in {how}: pass band up to {band * cutoff:.6g} Hz, error at most {accuracy:.2g} of each line's "
@@ -203,14 +173,14 @@ def _resampled(record: Record, cut: _Cut, phases: int, reach: float, band: float
     )
 
 
-def _check_alike(records: tuple[Record, ...], clocks: tuple[ConstantPeriod | Shaft, ...]) -> None:
+def _check_alike(records: tuple[Record, ...], clocks: tuple[PhaseClock, ...]) -> None:
     """Refuse records that cannot be hits on one system, and clocks that are not one a record."""
     if not records:
         raise input_error("records", "resample", "hold at least one record", "is empty")
     if len(clocks) != len(records):
         raise input_error("clocks", "resample", f"hold one for each of {len(records)} records", f"holds {len(clocks)}")
     for clock in clocks:
-        if not isinstance(clock, (ConstantPeriod, Shaft)):
+        if not isinstance(clock, PhaseClock):
             must = "be a ConstantPeriod or a shaft angle"
             remedy = "Find the shaft angle from the pulses or the azimuth channel first."
             raise input_error("clocks", "resample", must, f"one is a {type(clock).__name__}", remedy)

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from floquid._checks import input_error
-from floquid.core import ConstantPeriod, Cycles, Record
+from floquid.core import ConstantPeriod, Cycles, PhaseClock, Record
 from floquid.errors import NotSynchronousError
+from floquid.sync._shaft_angle import tied
 
 LARGEST_DRIFT = 0.01
 """Samples by which the last cycle may have slipped against the first in a record that counts as synchronous."""
@@ -89,15 +90,15 @@ def rejoin(cycles: Cycles) -> Record:
     )
 
 
-def _clock(record: Record) -> ConstantPeriod:
+def _clock(record: Record) -> PhaseClock:
     if record.clock is None:
         remedy = "Give the period: `period=`, or `read(path, period=...)`."
         raise input_error("records", "segment", "have a clock", "the record has none", remedy)
-    if not isinstance(record.clock, ConstantPeriod):
+    if record.period is None:
         must = "have a clock of constant period"
         remedy = "Resample the record to a whole number of samples a period first."
         raise input_error("records", "segment", must, f"one has a {type(record.clock).__name__}", remedy)
-    return record.clock
+    return tied(record)
 
 
 def _check_alike(first: Record, record: Record, number: int) -> None:

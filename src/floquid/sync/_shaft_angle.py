@@ -11,13 +11,12 @@ from numpy.typing import ArrayLike
 
 from floquid._arrays import Floats, Integers, Mask
 from floquid._checks import Rebuilt, frozen_array, input_error
-from floquid.core import AzimuthSignal, PulseTimes, Record, TachometerSignal
+from floquid.core import PhaseClock, Record
 from floquid.findings import Finding, note, texts, warning
 from floquid.fit import SURE, chi2_limit
 from floquid.sync._angle_spline import AngleFit, AngleSpline, fit_angle
-from floquid.sync._azimuth import OF, Evidence, of_azimuth
-from floquid.sync._count_pulses import count
-from floquid.sync._pulse_times import pulse_times
+from floquid.sync._azimuth import OF, Evidence
+from floquid.sync._read_clock import evidence
 
 STEADY, USABLE = 0.01, 0.05
 """Wander of the speed, of its mean: below the one a periodic model holds, beyond the other it does not."""
@@ -126,6 +125,8 @@ class ShaftAngle(Rebuilt):
         why, with numbers, and what was repaired.
     """
 
+    measured = True
+
     spline: AngleSpline
     periods_per_revolution: float
     times: Floats
@@ -199,6 +200,37 @@ class ShaftAngle(Rebuilt):
         """The standard deviation of the speed [rad/s] at `times` [s]."""
         return self._at(self.spline.speed_std, times, "speed_std")
 
+    def turns(self, times: Floats) -> Floats:
+        """Periods from phase zero to `times` [s]."""
+        return self.angle(times) * self.periods_per_revolution / TURN
+
+    def times_at(self, turns: Floats) -> Floats:
+        """The times [s] at which these periods, `turns`, have passed since phase zero."""
+        return self.time_at(TURN * turns / self.periods_per_revolution)
+
+    def phase(self, time: float) -> float:
+        """The phase at `time` [s], as a fraction of a period in [0, 1)."""
+        fraction = float(self.turns(np.array([time]))[0]) % 1.0
+        return 0.0 if fraction > 1.0 - 1e-9 else fraction
+
+    def phase_zero(self, time: float) -> float:
+        """The last instant of phase zero [s] up to `time` [s]."""
+        return float(self.times_at(np.floor(self.turns(np.array([time])) + 1e-9))[0])
+
+    def since_phase_zero(self, start: float, ticks: Floats) -> tuple[Floats, Floats]:
+        """Times [s] and angles [rad] since the last phase zero up to `start` [s], at `ticks` [s] after it."""
+        times = start + ticks
+        angles = self.angle(times) * self.periods_per_revolution
+        return times - self.phase_zero(start), angles - TURN * np.floor(angles[0] / TURN + 1e-9)
+
+    def fluctuation(self, times: Floats) -> Floats:
+        """Relative deviation of the speed at `times` [s] from its mean."""
+        return self.speed(times) / self.mean_speed - 1.0
+
+    def angle_spread(self, times: Floats) -> float:
+        """The standard deviation of the angle, rms over `times` [s] within the evidence, [rad]."""
+        return float(np.sqrt(np.mean(self.angle_std(np.clip(times, self.first, self.last)) ** 2)))
+
     def time_at(self, angle: ArrayLike) -> Floats:
         """Time [s] at which the shaft comes to each `angle` [rad], by Newton's method.
 
@@ -224,6 +256,11 @@ class ShaftAngle(Rebuilt):
         return function(flat).reshape(shape)
 
 
+def tied(record: Record) -> PhaseClock:
+    """Clock of the `record` where it says the phase, else the angle of the shaft that it shows (`shaft_angle`)."""
+    return record.clock if isinstance(record.clock, PhaseClock) else shaft_angle(record)
+
+
 def shaft_angle(record: Record) -> ShaftAngle:
     r"""The angle of the shaft by the record's clock: a tachometer, an azimuth, or times of pulses.
 
@@ -237,15 +274,10 @@ def shaft_angle(record: Record) -> ShaftAngle:
     clock is another, or its channel is not in the record or holds no pulses or no angle. So it does where fewer than
     three pulses remain, or the shaft stands still or turns back.
     """
-    clock = record.clock
-    if not isinstance(clock, TachometerSignal | AzimuthSignal | PulseTimes):
-        got = "has none" if clock is None else "has a ConstantPeriod, which says the angle already"
-        must = "have a clock of pulses or azimuth"
-        raise input_error("record", OF, must, got, "Pass record.with_clock(TachometerSignal(channel=...)).")
-    seen = of_azimuth(record, clock) if isinstance(clock, AzimuthSignal) else _of_pulses(record, clock)
+    seen = evidence(record.clock, record)
     revolutions = float(seen.angles[-1] - seen.angles[0]) / TURN
-    step = 1.0 / record.sample_rate if isinstance(clock, TachometerSignal) else 0.0
-    fit = fit_angle(seen.times, seen.angles, seen.lines, seen.n_lines, max(int(revolutions / APART), 1), step=step)
+    most = max(int(revolutions / APART), 1)
+    fit = fit_angle(seen.times, seen.angles, seen.lines, seen.n_lines, most, step=seen.step)
     spline = fit.spline
     speeds = spline.speed(np.linspace(spline.first, spline.last, 8 * len(spline.knots)))
     mean = spline.mean_speed()[0]
@@ -255,18 +287,17 @@ def shaft_angle(record: Record) -> ShaftAngle:
         raise input_error("record", OF, must, got, "Cut the record to a part in which the shaft turns.")
     wander = float(np.sqrt(np.mean((speeds / mean - 1.0) ** 2))) if spline.degree > 1 else 0.0
     steady, why = verdict(wander, float(speeds[-1] - speeds[0]) / mean, mean)
-    pulses = not isinstance(clock, AzimuthSignal)
     n_used = int(np.count_nonzero(fit.kept)) * seen.each
     rejected = seen.rejected + int(np.count_nonzero(~fit.kept)) * seen.each
     return ShaftAngle(
         spline=spline,
-        periods_per_revolution=clock.periods_per_revolution,
+        periods_per_revolution=seen.periods_per_revolution,
         times=seen.times,
         residuals=fit.residuals,
         lines=seen.lines,
         kept=fit.kept,
-        jitter=fit.std / mean if pulses else fit.std,
-        jitter_unit="s" if pulses else "rad",
+        jitter=fit.std / mean if seen.unit == "s" else fit.std,
+        jitter_unit=seen.unit,
         geometry=-fit.offsets if seen.n_lines > 1 else None,
         geometry_std=fit.offsets_std if seen.n_lines > 1 else None,
         n_pulses=n_used,
@@ -292,33 +323,3 @@ def _remarks(record: Record, seen: Evidence, fit: AngleFit, n_used: int, rejecte
     ends = spline.speed(np.array([spline.first, spline.last])) / TURN
     stop = record.start + (record.n_samples - 1) / record.sample_rate
     return said + outside(float(ends[0]) * (spline.first - record.start), float(ends[1]) * (stop - spline.last))
-
-
-def _of_pulses(record: Record, clock: TachometerSignal | PulseTimes) -> Evidence:
-    lines = clock.pulses_per_revolution
-    of_record = isinstance(clock, TachometerSignal)
-    times = pulse_times(record, clock.channel) if of_record else clock.times
-    if len(times) < 3:
-        must = "have three pulses or more, for the speed and how well it is known"
-        remedy = "Use a longer record, or pass ConstantPeriod(period=..., origin=...) from these two."
-        raise input_error("record", OF, must, f"has {len(times)}, at {times[0]:.6g} and {times[-1]:.6g} s", remedy)
-    found = count(times, lines)
-    said = [warning("pulses_guessed", first=first, last=last) for first, last in found.doubtful]
-    seen = len(np.unique(found.numbers % lines))
-    known = lines > 1 and found.numbers[-1] - found.numbers[0] >= 3 * lines and len(found.kept) >= 2 * seen
-    if lines > 1 and not known:
-        said.append(note("few_revolutions", lines=lines))
-    if lines > 1 and not found.absent:
-        said.append(note("no_mark"))
-    # Zero at the first pulse of line 0.
-    origin = -(-int(found.numbers[0]) // lines) * lines
-    return Evidence(
-        times=times[found.kept],
-        angles=TURN * (found.numbers - origin) / lines,
-        lines=found.numbers % lines if known else np.zeros(len(found.kept), dtype=np.int64),
-        n_lines=lines if known else 1,
-        missing=found.missing,
-        doubled=found.doubled,
-        absent=found.absent,
-        said=tuple(said),
-    )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from floquid._arrays import Floats
 from floquid._checks import describe, input_error
-from floquid.core import Channel, ConstantPeriod, Record, channels_named
+from floquid.core import Channel, Record, channels_named
 from floquid.errors import InputError
 from floquid.io import Source
 from floquid.tables._time_axis import SECONDS
@@ -133,8 +133,7 @@ def numbers_of(record: Record) -> dict[str, float]:
 
 def clock_numbers(record: Record) -> dict[str, float]:
     """The `period` and the `origin` [s] of `record`; empty where it has no constant period."""
-    clock = record.clock
-    return {"period": clock.period, "origin": clock.origin} if isinstance(clock, ConstantPeriod) else {}
+    return {} if record.period is None else {"period": record.period, "origin": record.origin}
 
 
 def orbit_of(record: Record) -> dict[str, Floats]:

@@ -8,10 +8,9 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid._checks import Sealed
-from floquid.core import ConstantPeriod, PeriodicModel, Record
+from floquid.core import PeriodicModel, PhaseClock, Record
 from floquid.periodic import instants, unexplained
 from floquid.pipeline import Analysis
-from floquid.sync import ShaftAngle
 from floquid.views._modes import checked, frozen
 
 
@@ -45,7 +44,7 @@ class Response:
     """One hit as it was identified from: the record, its clock, the model of that hit alone."""
 
     record: Record
-    clock: ConstantPeriod | ShaftAngle
+    clock: PhaseClock
     model: PeriodicModel
     noise: Floats  # the deviation of the noise, before any whitening filter (channels,) [units of the channels]
 

@@ -222,6 +222,14 @@ class Wandering:
     wander: float = 2.0 * np.pi * 0.21
     periods_per_revolution: float = 1.0
 
+    measured = True
+    period = None
+
+    def phase(self, *_):
+        raise AssertionError("`resample` asks for turns alone")
+
+    phase_zero = since_phase_zero = fluctuation = angle_spread = phase
+
     def angle(self, times):
         return self.speed * times + self.depth * np.sin(self.wander * times)
 
@@ -231,6 +239,12 @@ class Wandering:
             rate = self.speed + self.depth * self.wander * np.cos(self.wander * times)
             times = times - (self.angle(times) - angle) / rate
         return times
+
+    def turns(self, times):
+        return self.angle(times) * self.periods_per_revolution / (2.0 * np.pi)
+
+    def times_at(self, turns):
+        return self.time_at(2.0 * np.pi * turns / self.periods_per_revolution)
 
 
 def record(signal, *, rate=RATE, start=START, samples=SAMPLES, channels=("X",), units=None, noise=0.0):

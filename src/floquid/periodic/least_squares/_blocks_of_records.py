@@ -9,15 +9,14 @@ import numpy as np
 
 from floquid._arrays import Floats, Mask
 from floquid._checks import input_error
-from floquid.core import ConstantPeriod, Record
+from floquid.core import PhaseClock, Record
 from floquid.periodic.least_squares._record_block import GappyBlock, RecordBlock
-from floquid.sync import ShaftAngle
 
 WANDERS = 1e-7  # the relative wander of the speed from which on the forced response is let follow it
 
 
 def record_blocks(
-    records: Sequence[Record], clocks: Sequence[ConstantPeriod | ShaftAngle], nu: float
+    records: Sequence[Record], clocks: Sequence[PhaseClock], nu: float
 ) -> tuple[tuple[RecordBlock, ...], float, float]:
     """Blocks of the records, of channels that miss the same samples; the fundamental and periods a revolution."""
     if not len(records) or len(records) != len(clocks):
@@ -25,21 +24,12 @@ def record_blocks(
         raise input_error("clocks", "fit", must, got)
     if any([c.name for c in r.channels] != [c.name for c in records[0].channels] for r in records):
         raise input_error("records", "fit", "have the same channels", "they differ", "Select common channels.")
-    shafts = [clock for clock in clocks if isinstance(clock, ShaftAngle)]
     period = float(np.mean([clock.period for clock in clocks]))
-    nu = shafts[0].periods_per_revolution if shafts else nu
+    nu = clocks[0].periods_per_revolution or nu
     blocks: list[RecordBlock] = []
     for hit, (record, clock) in enumerate(zip(records, clocks, strict=True)):
-        times, angles, speeds = record.times, None, None
-        if isinstance(clock, ShaftAngle):
-            angles = clock.angle(times) * nu
-            whole = 2.0 * np.pi * np.floor(angles[0] / (2.0 * np.pi) + 1e-9)
-            angles = angles - whole
-            times = times - float(clock.time_at(np.array([whole / nu]))[0])
-            speeds = _speeds(clock, record.times)
-        else:
-            # Not from `record.times`: far from time zero, those have lost digits.
-            times = np.arange(record.n_samples) / record.sample_rate + clock.phase(record.start) * clock.period
+        times, angles = clock.since_phase_zero(record.start, np.arange(record.n_samples) / record.sample_rate)
+        speeds = _speeds(clock, record.times)
         missing = np.isnan(record.values)
         alike: dict[bytes, list[int]] = {}  # a million samples are too many fields for `np.unique`
         for row, absent in enumerate(np.packbits(missing, axis=1)):
@@ -78,9 +68,11 @@ def _with_gaps(grid: RecordBlock, taken: Mask) -> RecordBlock:
     )
 
 
-def _speeds(shaft: ShaftAngle, times: Floats) -> Floats | None:
+def _speeds(clock: PhaseClock, times: Floats) -> Floats | None:
     """The factors that follow the speed (3, samples), each of unit size; None for a steady shaft."""
-    deviation = shaft.speed(times) / shaft.mean_speed - 1.0
+    deviation = clock.fluctuation(times)
+    if deviation is None:
+        return None
     deviation = deviation - deviation.mean()
     if deviation.std() < WANDERS:
         return None

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import input_error
-from floquid.core import ConstantPeriod, Record
+from floquid.core import PhaseClock, Record
 from floquid.lifting import Lifted
 from floquid.lti import TimeResponses
 from floquid.periodic.least_squares._near_axis import EXPONENTIAL, Terms, entry_function
@@ -214,12 +214,12 @@ class KeptCycles(LiftedBlock):
         return int(self.kept.sum()) * self.lifted.n_phases
 
     @staticmethod
-    def of(record: Record, clock: object, period: float, hit: int) -> KeptCycles | None:
+    def of(record: Record, clock: PhaseClock, period: float, hit: int) -> KeptCycles | None:
         """The block of a record; None where it is not whole cycles of whole samples that are left out."""
         exact = record.sample_rate * period
         phases = round(exact)
         cycles = record.n_samples // max(phases, 1)
-        if not isinstance(clock, ConstantPeriod) or cycles < 1 or abs(exact - phases) * cycles > LARGEST_SLIP:
+        if clock.measured or cycles < 1 or abs(exact - phases) * cycles > LARGEST_SLIP:
             return None
         whole, residual = np.split(record.values, [cycles * phases], axis=1)
         cut = whole.reshape(record.n_channels, cycles, phases)

@@ -93,10 +93,7 @@ def after_phase_zero(
 
     The origin of phase is the one of the record's clock, where that is a constant period, or time zero.
     """
-    shifts = []
-    for record in records:
-        origin = record.clock.origin if isinstance(record.clock, ConstantPeriod) else 0.0
-        shifts.append(ConstantPeriod(period=period, origin=origin).phase(record.start) * period)
+    shifts = [ConstantPeriod(period=period, origin=own.origin).phase(own.start) * period for own in records]
     return tuple(replace(block, times=block.times + shifts[block.hit]) for block in blocks)
 
 

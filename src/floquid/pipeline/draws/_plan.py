@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid.core import ConstantPeriod, PeriodicModel, Record
+from floquid.core import PeriodicModel, PhaseClock, Record
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
 from floquid.periodic import instants
@@ -16,7 +16,6 @@ from floquid.pipeline._analysis import Analysis
 from floquid.pipeline.free import by_cycles, samples_of, why_sampled
 from floquid.preparation import Settings, states_of
 from floquid.reconstruction import choices, text_of
-from floquid.sync import ShaftAngle
 
 CHUNK = 4096  # samples of the response that are made at a time
 
@@ -46,7 +45,7 @@ class Plan:
     records: tuple[Record, ...]
     """The records that draws take the place of: with their clocks' channels for `whole`, without otherwise."""
     rows: tuple[tuple[int, ...], ...]  # the rows of `records` that are responses
-    clocks: tuple[ConstantPeriod | ShaftAngle, ...]  # clock of each record
+    clocks: tuple[PhaseClock, ...]  # clock of each record
 
 
 def plan_of(analysis: Analysis, whole: bool) -> Plan:

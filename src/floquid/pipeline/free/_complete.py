@@ -18,13 +18,13 @@ from floquid.lti import fit_residues
 from floquid.order import Choice
 from floquid.periodic import Fit, combinations_of, estimate_at, periodicity
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._decay import Decay, clocks_of
+from floquid.pipeline._decay import Decay
 from floquid.pipeline._deviations import model_failure, poles_alone, widened, widening, with_misfit
 from floquid.pipeline._state import Again, state_of
 from floquid.pipeline.free._doubts import ambiguity
 from floquid.pipeline.free._noise_colour import ALL_PEAKED, STILL
-from floquid.pipeline.free._start import Lifting, Start, filled, out_of_step, steady_clock
-from floquid.preparation import Prepared, Settings, uneven_speed, without_clock
+from floquid.pipeline.free._start import Lifting, Start, filled, out_of_step
+from floquid.preparation import Prepared, Settings, clocks_of, uneven_speed, without_clock
 from floquid.sync import ShaftAngle, rejoin, resample, segment
 
 
@@ -95,7 +95,7 @@ def completed(
                     model=model,
                     records=prepared.responses,
                     noise=fitted.noise,
-                    shafts=shafts,
+                    clocks=prepared.clocks,
                     forced=fitted.forced,
                     misfit=fitted.misfit,
                 )
@@ -173,7 +173,6 @@ def samples_of(records: Sequence[Record], shafts: tuple[ShaftAngle, ...], settin
         return responses
     found = []
     for record, clock, hit in zip(responses, clocks, segment(responses), strict=True):
-        assert isinstance(clock, ConstantPeriod)
         before = round(((hit.first_phase - clock.phase(record.start)) % 1.0) * hit.n_phases) % hit.n_phases
         start = record.start + before / record.sample_rate
         own = ConstantPeriod(period=clock.period, origin=start - hit.first_phase * clock.period)
@@ -191,7 +190,7 @@ def lifted_views(fitted: Fit, shafts: tuple[ShaftAngle, ...], settings: Settings
     if why_sampled(fitted, shafts, settings):
         period = fitted.model.period
         pairs = zip(clocks_of(fitted.free, shafts), fitted.free, strict=True)
-        steady = [steady_clock(clock, record, period) for clock, record in pairs]
+        steady = [ConstantPeriod(period=period, origin=clock.phase_zero(record.start)) for clock, record in pairs]
         cycles = resample(filled(fitted.free, [BRIDGED * period] * len(steady)), steady)
         return cycles, lift(cycles, floor=settings.noise_floor)
     cut = zip(segment(fitted.free), fitted.free, strict=True)

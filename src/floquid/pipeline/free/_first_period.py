@@ -9,8 +9,7 @@ import numpy as np
 from floquid.fit import chi2_limit
 from floquid.lifting import floor_of
 from floquid.periodic import Fit, unexplained
-from floquid.pipeline._analysis import clocks_of
-from floquid.preparation import Prepared, from_sample
+from floquid.preparation import Prepared, clocks_of, from_sample
 
 STANDS_OUT = 2.0  # the fall that the first period promises over that of the second, at least
 

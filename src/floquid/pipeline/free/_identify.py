@@ -26,7 +26,6 @@ from floquid.periodic import (
     held_shapes,
 )
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._decay import clocks_of
 from floquid.pipeline._validated import validated
 from floquid.pipeline.free._complete import completed, free_residues, samples_of
 from floquid.pipeline.free._dependent_channels import of_sums
@@ -34,7 +33,7 @@ from floquid.pipeline.free._doubts import order_too_low, wrong_period_fitted, wr
 from floquid.pipeline.free._first_period import promised, without_first
 from floquid.pipeline.free._start import Lifting, Start, cut
 from floquid.pipeline.free._starts import OPENINGS, POLES, WIDTH, criterion, determined, explains
-from floquid.preparation import Prepared, Settings
+from floquid.preparation import Prepared, Settings, clocks_of
 
 
 def identified_free(prepared: Prepared, report: Callable[[str], None]) -> Analysis:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
-from floquid.core import BRIDGED, ConstantPeriod, Cycles, Record, longest_run, over_gaps, runs_of
+from floquid.core import BRIDGED, Cycles, PhaseClock, Record, longest_run, over_gaps, runs_of
 from floquid.errors import IdentificationError, NotSynchronousError
 from floquid.findings import note
 from floquid.lifting import Lifted, lift, whitened
@@ -128,9 +128,9 @@ def _followed(lengths: NDArray[np.float64]) -> NDArray[np.float64]:
     return found / np.where(size > 0.0, size, 1.0)
 
 
-def out_of_step(responses: Sequence[Record], clocks: Sequence[ConstantPeriod | ShaftAngle], settings: Settings) -> str:
+def out_of_step(responses: Sequence[Record], clocks: Sequence[PhaseClock], settings: Settings) -> str:
     """The code for why responses are not whole samples a period as they are; empty where they are."""
-    if any(isinstance(clock, ShaftAngle) for clock in clocks):
+    if any(clock.measured for clock in clocks):
         return "angle"
     if settings.estimate_period:
         return "own period"
@@ -199,7 +199,7 @@ def without_forced(
     """The responses without their forced response, what that is (None: not asked for), and filters that whiten them."""
     if prepared.settings.forced == "none":
         return lifted, None, first_filter(lifted)
-    nu = prepared.shafts[0].periods_per_revolution if prepared.shafts else prepared.settings.periods_per_revolution
+    nu = prepared.clocks[0].periods_per_revolution or prepared.settings.periods_per_revolution
     halves = not prepared.shafts and prepared.settings.forced == "auto"
     return without_known(lifted, nu, speeds=cutting.speeds, halves=halves)
 
@@ -218,15 +218,6 @@ def refuse_impossible(settings: Settings, cycles: Sequence[Cycles]) -> None:
     if settings.harmonics is not None and 2 * settings.harmonics >= phases:
         must = f"be less than half the {phases} samples a period"
         raise input_error("harmonics", of, must, f"is {settings.harmonics}", "Ask for fewer, or sample faster.")
-
-
-def steady_clock(clock: ConstantPeriod | ShaftAngle, record: Record, period: float) -> ConstantPeriod:
-    """A clock of constant period, its phase zero at that of the record's begin."""
-    if isinstance(clock, ConstantPeriod):
-        return ConstantPeriod(period=period, origin=record.start - clock.phase(record.start) * clock.period)
-    turns = float(clock.angle(np.array([record.start]))[0]) * clock.periods_per_revolution / (2.0 * np.pi)
-    begin = clock.time_at(np.array([2.0 * np.pi * np.floor(turns + 1e-9) / clock.periods_per_revolution]))
-    return ConstantPeriod(period=period, origin=float(begin[0]))
 
 
 @takes_settings

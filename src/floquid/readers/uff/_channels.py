@@ -64,12 +64,11 @@ def id_lines(record: Record, channel: Channel) -> tuple[str, ...]:
     words = {} if line == channel.name != "NONE" else {"name": channel.name}
     words |= {"quantity": str(channel.quantity), "unit": channel.unit}
     words |= {key: getattr(channel, key) for key in ("location", "direction") if getattr(channel, key)}
-    clock = record.clock
     return (
         line,
         f"floquid rate={record.sample_rate!r} Hz start={record.start!r} s",
         "NONE",
-        f"floquid period={clock.period!r} s origin={clock.origin!r} s" if isinstance(clock, ConstantPeriod) else "NONE",
+        "NONE" if record.period is None else f"floquid period={record.period!r} s origin={record.origin!r} s",
         f"floquid {json.dumps(words)}",
     )
 
