@@ -17,8 +17,7 @@ from floquid.lti import (
     fit_residues,
     weighted_blocks,
 )
-from floquid.order._indicators import both_compressed, indicators_of
-from floquid.order._types import Criteria, OrderScan, Stability, Tolerances
+from floquid.order._types import Criteria, OrderScan, Stability, Tolerances, both_compressed, indicators_of
 
 MOST = 40  # the highest order of a scan whose orders are not given
 

@@ -17,15 +17,12 @@ from floquid.errors import IdentificationError
 from floquid.findings import Finding
 from floquid.reconstruction._coordinates import Coordinates, Part, State, derivative_of
 from floquid.reconstruction._harmonic_balance import Mode, NoModeError
-from floquid.reconstruction._hidden import Hidden, hidden_in
+from floquid.reconstruction._inference import Hidden, hidden_in, transition_of, variances
 from floquid.reconstruction._invariance import Point, Problem, Seen, covariance_of, fitted, found_structure, problem_of
 from floquid.reconstruction._modal_matrix import modal_at, shapes_of
-from floquid.reconstruction._propagation import transition_of, variances
-from floquid.reconstruction._reconstruct import Form, coordinates_of, instants_of, reconstruct
-from floquid.reconstruction._state_model import Refinement, StateModel
+from floquid.reconstruction._reconstruct import Form, Refinement, StateModel, coordinates_of, instants_of, reconstruct
 from floquid.reconstruction._states import Names
-from floquid.reconstruction._structure import AbstractStructure, Basis
-from floquid.reconstruction._structure_text import structure_of
+from floquid.reconstruction._structure import AbstractStructure, Basis, structure_of
 
 Array = NDArray[Any]
 

@@ -17,8 +17,7 @@ from floquid.findings import Finding, Severity, failure, note, texts, warning
 from floquid.fit import SURE
 from floquid.inputs import Errors, Grid, Hold, Limits, TransferFunctions, driven_of, estimates_of, sealed, transfer_of
 from floquid.transfer._measured import MeasuredTransfer
-from floquid.transfer._modal import Lines, Modal
-from floquid.transfer._real import near_real
+from floquid.transfer._modal import Lines, Modal, near_real
 from floquid.transfer._search import searched
 
 UNKNOWN = 2.0

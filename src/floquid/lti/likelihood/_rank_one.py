@@ -19,8 +19,8 @@ from floquid._arrays import Complexes, Floats, Integers
 from floquid.fit import DEVIATIONS, ROUNDING, Ends, Normal, Steps, levenberg_marquardt, positive_part, sandwich
 from floquid.lti._exponentials import complex_residues, from_sample_zero, no_longer, powers
 from floquid.lti._factor import Factor, factors, product_noise
-from floquid.lti._noise import rise_limit
 from floquid.lti._poles import PAIR, PoleSet
+from floquid.lti._significance import rise_limit
 from floquid.lti._types import PRODUCTS, ModalModel, Outcome, TimeResponses
 
 
