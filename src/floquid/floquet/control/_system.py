@@ -27,7 +27,7 @@ from floquid.floquet.matrices import (
     operand,
     probe_times,
 )
-from floquid.floquet.monodromy_matrix import TOLERANCE, Evaluate, checked, divided, factorise, stages
+from floquid.floquet.monodromy_matrix import TOLERANCE, checked, divided, factorise, stages
 
 # A, B, C and D.
 Matrices: TypeAlias = tuple[
@@ -285,7 +285,11 @@ def _sampled(
     with np.errstate(over="ignore", invalid="ignore"):
         for k, step in enumerate(index.tolist()):
             states[k + 1] = free[step] @ states[k] + forcing[k]
-    return _finite(states, instants)
+    good = np.isfinite(states).all(axis=1)
+    if not good.all():
+        must = "end before the response leaves the range of floating point"
+        raise input_error("times", _OF, must, f"it overflows by t = {instants[int(np.argmin(good))]:g}")
+    return states
 
 
 def _steps(
@@ -315,44 +319,25 @@ def _steps(
 
     matrices = (matrix,) if entry is None else (matrix, entry)
     gap, starts, ends = _pieces(left, left + widths, joint_breaks(matrices, matrix.period), prepared)
-    found = _factors(evaluate, gap, starts, ends, prepared, np.tile(units, blocks), entry, tolerance)
-    out = np.broadcast_to(np.eye(whole), (len(left), whole, whole)).copy()
-    with np.errstate(over="ignore", invalid="ignore"):
-        for owner, factor in zip(found[0].tolist(), found[1], strict=True):
-            out[owner] = factor @ out[owner]
-    return out[:, :n]
-
-
-def _factors(
-    evaluate: Evaluate,
-    gap: Indices,
-    left: Floats,
-    right: Floats,
-    prepared: Prepared,
-    units: Floats,
-    entry: AbstractPeriodicMatrix | None,
-    tolerance: float,
-) -> tuple[Indices, Floats]:
-    """The transition matrices of states and inputs over short intervals, and the gap that each is in."""
     found = factorise(
         evaluate,
         gap,
-        left,
-        right,
-        scale=np.concatenate([prepared.scale, units]),
+        starts,
+        ends,
+        scale=np.concatenate([prepared.scale, np.tile(units, blocks)]),
         tolerance=tolerance,
         smooth=prepared.smooth and not (entry is not None and entry.is_function),
     )
     if not found.finished:
         worst = found.left[int(np.argmin(found.right - found.left))]
-        raise input_error(
-            "system",
-            _OF,
-            f"be integrable with its inputs to a relative error of {tolerance:g}",
-            f"the steps near t = {worst:g} shrink without end",
-            "Name the instants at which its matrices jump in their `breaks`, or raise `tolerance`.",
-        )
-    return found.owner, found.matrices
+        must = f"be integrable with its inputs to a relative error of {tolerance:g}"
+        remedy = "Name the instants at which its matrices jump in their `breaks`, or raise `tolerance`."
+        raise input_error("system", _OF, must, f"the steps near t = {worst:g} shrink without end", remedy)
+    out = np.broadcast_to(np.eye(whole), (len(left), whole, whole)).copy()
+    with np.errstate(over="ignore", invalid="ignore"):
+        for owner, factor in zip(found.owner.tolist(), found.matrices, strict=True):
+            out[owner] = factor @ out[owner]
+    return out[:, :n]
 
 
 def _pieces(left: Floats, right: Floats, breaks: Floats, prepared: Prepared) -> tuple[Indices, Floats, Floats]:
@@ -375,12 +360,3 @@ def _pieces(left: Floats, right: Floats, breaks: Floats, prepared: Prepared) -> 
     parts = np.maximum(1, np.ceil(width / longest - 1e-9)).astype(np.intp)
     interval, lefts, rights = divided(ends[:, 0], ends[:, 1], parts)
     return owner[interval], lefts, rights
-
-
-def _finite(states: Floats, instants: Floats) -> Floats:
-    good = np.isfinite(states).all(axis=1)
-    if not good.all():
-        last = instants[int(np.argmin(good))]
-        must = "end before the response leaves the range of floating point"
-        raise input_error("times", _OF, must, f"it overflows by t = {last:g}")
-    return states

@@ -36,7 +36,11 @@ def smoothed(matrix: AbstractPeriodicMatrix) -> Smoothed | None:
         return None
     pieces = elements(matrix)
     before, after = _derivatives(pieces, breaks, period)
-    reach = _reach(pieces, before, after)
+    # How far from each break P may differ from one, so that it never is far from one.
+    scale = binary_units(np.abs(pieces.series).sum(axis=1).max(axis=0))
+    jump = np.abs(after[0] - before[0]) * scale / scale[:, None]
+    with np.errstate(divide="ignore"):
+        reach = 1.0 / jump.sum(axis=2).max(axis=1)
     gap = np.append(breaks[1:], breaks[0] + period) - breaks
     rise = np.minimum(reach, 0.5 * gap)  # from a break on
     fall = np.minimum(np.roll(reach, -1), 0.5 * gap)  # down to the next one
@@ -66,15 +70,6 @@ def _derivatives(pieces: Elements, breaks: Floats, period: float) -> tuple[list[
             value = legendre.legval(end, legendre.legder(series, order))
             found.append(value * (factor**order)[:, None, None])
     return out
-
-
-def _reach(pieces: Elements, before: list[Floats], after: list[Floats]) -> Floats:
-    """Distance from each break at which P may differ from one (breaks,) [s], so that it never is far from one."""
-    largest = np.abs(pieces.series).sum(axis=1).max(axis=0)
-    scale = binary_units(largest)
-    jump = np.abs(after[0] - before[0]) * scale / scale[:, None]
-    with np.errstate(divide="ignore"):
-        return 1.0 / jump.sum(axis=2).max(axis=1)
 
 
 def _series(sides: list[Floats], mean: list[Floats]) -> Floats:

@@ -143,7 +143,9 @@ def assemble(
     harmonics = np.arange(-reach, reach + 1)
     if smooth is not None:
         shapes = _in_states(shapes, harmonics, smooth, period)
-    shapes = _normalised(shapes)[owner]
+    flat = shapes.reshape(len(shapes), -1)
+    largest = flat[np.arange(len(flat)), np.abs(flat).argmax(axis=1)]
+    shapes = (shapes * (np.abs(largest) / largest / np.linalg.norm(flat, axis=1))[:, None, None])[owner]
     shapes[conjugate] = shapes[conjugate][..., ::-1].conj()
     order = np.lexsort((-exponents.imag, -exponents.real, np.abs(exponents.imag)))
     return HillModes(
@@ -196,14 +198,6 @@ def _in_states(shapes: Complexes, harmonics: Integers, smooth: Smoothed, period:
         return np.einsum("tij,tmj->tmi", smooth.change(times), inner).reshape(len(times), -1)
 
     return of_function(values, smooth.cuts, period, int(harmonics[-1])).reshape(shapes.shape)
-
-
-def _normalised(shapes: Complexes) -> Complexes:
-    """Mean square one; the largest coefficient real and positive."""
-    flat = shapes.reshape(len(shapes), -1)
-    largest = flat[np.arange(len(flat)), np.abs(flat).argmax(axis=1)]
-    factor = np.abs(largest) / largest / np.linalg.norm(flat, axis=1)
-    return shapes * factor[:, None, None]
 
 
 def refuse_undamped(modes: HillModes, omega: Floats, of: str) -> None:
@@ -294,7 +288,9 @@ def hill(
     seen = matrix if smooth is None else smooth.matrix
     scale = binary_units(np.abs(fourier(seen, 16)).sum(axis=2))
     lines = reach(seen, accuracy, scale)
-    truncations = _growing(n_states, lines) if wanted is None else _up_to(wanted, lines)
+    truncations = _growing(n_states, lines)
+    if wanted is not None:  # held against a smaller one
+        truncations = [wanted - max(1, wanted // 3, lines.strong if 2 * lines.strong <= wanted else 0), wanted]
     step, outcome = _settle(seen, scale, truncations, lines, accuracy)
     if step is None:
         must = f"have {n_states} modes that a truncation at {truncations[-1]} harmonics can tell"
@@ -383,8 +379,3 @@ def _growing(n: int, lines: Reach) -> list[int]:
             break
         out.append(grown)
     return out if len(out) > 1 else [out[0] - 1, out[0]]
-
-
-def _up_to(wanted: int, lines: Reach) -> list[int]:
-    """A truncation that is asked for, after a smaller one that it is held against."""
-    return [wanted - max(1, wanted // 3, lines.strong if 2 * lines.strong <= wanted else 0), wanted]

@@ -11,10 +11,8 @@ from floquid.floquet.matrices._arithmetic import (
     multiples,
     operand,
     product,
-    reduced,
-    repeated,
+    repetitions,
     scaled,
-    transposed,
 )
 from floquid.floquet.matrices._conversion import (
     Reach,

@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid._checks import finite, frozen_array, input_error, integer, positive
+from floquid._checks import finite, frozen_array, input_error, positive
 from floquid.floquet.matrices._forms import FunctionMatrix, PiecewiseMatrix, values_between
 from floquid.floquet.matrices._matrix import SAME, AbstractPeriodicMatrix, merged
 from floquid.floquet.matrices._series import REPEATS, constant_matrix, product_of_series, sum_of_series
@@ -53,28 +53,11 @@ def multiples(periods: tuple[float, ...], of: str) -> tuple[float, list[int]]:
     return first * float(total), counts
 
 
-def constant_value(matrix: AbstractPeriodicMatrix) -> Floats | None:
-    """The one value of a matrix whose form has no other (rows, columns)."""
-    return matrix.at(0.0) if matrix.is_constant else None
-
-
-def repeated(matrix: AbstractPeriodicMatrix, count: int) -> AbstractPeriodicMatrix:
-    """Matrix over `count` of its periods; see `AbstractPeriodicMatrix.repeated`."""
-    number = integer(count, "count", "AbstractPeriodicMatrix.repeated", at_least=1)
-    return declared(matrix, number, number * matrix.period)
-
-
 def declared(matrix: AbstractPeriodicMatrix, count: int, period: float) -> AbstractPeriodicMatrix:
     """The matrix over `count` of its periods, together `period` to within rounding."""
     if count == 1 and period == matrix.period:
         return matrix
     return matrix.declared(count, period)
-
-
-def reduced(matrix: AbstractPeriodicMatrix) -> AbstractPeriodicMatrix:
-    """Matrix over its smallest period; see `AbstractPeriodicMatrix.reduced`."""
-    count = 1 if matrix.is_constant else _repetitions(matrix)
-    return matrix if count == 1 else matrix.part(count)
 
 
 def joint_breaks(matrices: tuple[AbstractPeriodicMatrix, ...], period: float) -> Floats:
@@ -86,12 +69,12 @@ def joint_breaks(matrices: tuple[AbstractPeriodicMatrix, ...], period: float) ->
     return merged(np.concatenate(every), period)
 
 
-def _repetitions(matrix: AbstractPeriodicMatrix) -> int:
+def repetitions(matrix: AbstractPeriodicMatrix) -> int:
     """The largest number, up to `MOST`, of repetitions within the period; 1 for what is constant."""
     if np.ptp(matrix.at(_probes(matrix, 0.0)), axis=0).max() <= REPEATS * _size(matrix):
         return 1
     count = 1
-    for prime in _primes():
+    for prime in (n for n in range(2, MOST + 1) if all(n % d for d in range(2, int(n**0.5) + 1))):
         while count * prime <= MOST and _repeats(matrix, count * prime):
             count *= prime
     return count
@@ -122,10 +105,6 @@ def _probes(matrix: AbstractPeriodicMatrix, shift: float) -> Floats:
 
 def _size(matrix: AbstractPeriodicMatrix) -> float:
     return float(np.abs(matrix.at(_probes(matrix, 0.0))).max())
-
-
-def _primes() -> list[int]:
-    return [n for n in range(2, MOST + 1) if all(n % d for d in range(2, int(n**0.5) + 1))]
 
 
 def _incommensurate(first: float, second: float, of: str) -> Exception:
@@ -182,11 +161,6 @@ def product(left: Any, right: Any) -> AbstractPeriodicMatrix:
     return _pointwise(np.matmul, one, other, period)
 
 
-def transposed(matrix: AbstractPeriodicMatrix) -> AbstractPeriodicMatrix:
-    """The transpose."""
-    return matrix.mapped(np.matrix_transpose)
-
-
 def assembled(blocks: Sequence[Sequence[Operand]], period: float) -> AbstractPeriodicMatrix:
     """The matrix of blocks, a row after the other, all of one period; a constant one if all of them are constant."""
     heights = np.cumsum([0, *(row[0].shape[0] for row in blocks)])
@@ -216,7 +190,9 @@ def operand(value: Any, argument: str, of: str) -> Operand:
 
 def constant_of(value: Operand) -> Floats | None:
     """The one value of a constant (rows, columns), given as an array or as a matrix of one value."""
-    return constant_value(value) if isinstance(value, AbstractPeriodicMatrix) else value
+    if not isinstance(value, AbstractPeriodicMatrix):
+        return value
+    return value.at(0.0) if value.is_constant else None
 
 
 def _operands(left: Any, right: Any, of: str) -> tuple[AbstractPeriodicMatrix, AbstractPeriodicMatrix]:

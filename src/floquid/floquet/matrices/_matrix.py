@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._arrays import Floats
-from floquid._checks import frozen_array, input_error, positive
+from floquid._checks import frozen_array, input_error, integer, positive
 
 if TYPE_CHECKING:
     from floquid.floquet.matrices._forms import PiecewiseMatrix
@@ -223,7 +223,7 @@ class AbstractPeriodicMatrix(ABC):
     @property
     def T(self) -> AbstractPeriodicMatrix:  # noqa: N802 - as numpy has it
         """The transpose."""
-        return _operations().transposed(self)
+        return self.mapped(np.matrix_transpose)
 
     def to_harmonics(self, n_harmonics: int | None = None, *, tolerance: float = 1e-12) -> HarmonicMatrix:
         """The Fourier series.
@@ -258,7 +258,8 @@ class AbstractPeriodicMatrix(ABC):
 
     def repeated(self, count: int) -> AbstractPeriodicMatrix:
         """Matrix in the same form, declared over `count` of its periods."""
-        return _operations().repeated(self, count)
+        number = integer(count, "count", "AbstractPeriodicMatrix.repeated", at_least=1)
+        return self if number == 1 else self.declared(number, number * self.period)
 
     def reduced(self) -> AbstractPeriodicMatrix:
         """Matrix in the same form, declared over its smallest period.
@@ -269,7 +270,8 @@ class AbstractPeriodicMatrix(ABC):
         revolution is often the period of what two or three blades do to quantities of the fixed frame alone; a matrix
         that holds quantities of a single blade has the whole revolution, and is not reduced.
         """
-        return _operations().reduced(self)
+        count = 1 if self.is_constant else _operations().repetitions(self)
+        return self if count == 1 else self.part(count)
 
 
 OFFSET = 0.381966  # off every simple fraction of the period, where jumps and zeros like to sit

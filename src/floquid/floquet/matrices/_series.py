@@ -326,7 +326,7 @@ def line_weights(n_samples: int) -> Floats:
 
 
 def interpolant(
-    values: Floats, times: Floats, period: float, kind: str, argument: tuple[str, str] = ("values", "SampledMatrix")
+    values: Floats, times: Floats, period: float, kind: str, argument: tuple[str, str]
 ) -> Callable[[Floats], Floats]:
     """The values between the samples: times (...) -> (..., rows, columns). It can be sent to another process."""
     shortest = float(np.diff(times, append=times[0] + period).min())

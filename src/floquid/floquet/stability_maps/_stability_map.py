@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -99,13 +100,11 @@ def _one_chunk(points: Floats) -> Spectra:
 
 
 def _unreachable(of: Family, why: str) -> InputError:
-    return input_error(
-        "workers",
-        of.of,
-        "be 1 for a plain callable that other processes cannot import",
-        why,
-        "Define it and the period at the top level of a module, or pass `vectorised` ones, which need threads only.",
+    must = "be 1 for a plain callable that other processes cannot import"
+    remedy = (
+        "Define it and the period at the top level of a module, or pass `vectorised` ones, which need threads only."
     )
+    return input_error("workers", of.of, must, why, remedy)
 
 
 _HALVINGS = (20, 3)  # by default, of the steps of the grid of one and of two parameters
@@ -264,17 +263,8 @@ def stability_map(
         must = f"leave at most {_NODES:.0e} nodes of the finest lattice"
         raise input_error("refinements", of, must, f"is {halvings}", "Ask for less.")
     points = np.stack(np.meshgrid(*grids, indexing="ij"), axis=-1).reshape(-1, len(names))
-    given = family(
-        system,
-        period,
-        points,
-        names,
-        vectorised=vectorised,
-        breaks=breaks,
-        tolerance=tolerance,
-        narrowest=narrowest,
-        of=of,
-    )
+    how: dict[str, Any] = {"vectorised": vectorised, "breaks": breaks, "tolerance": tolerance, "narrowest": narrowest}
+    given = family(system, period, points, names, **how, of=of)
     ranges = np.array([grid[-1] - grid[0] for grid in grids])
     with shared_by(workers, given) as spectra, bar(progress, report) as told:
 
