@@ -28,7 +28,7 @@ from floquid._arrays import Floats
 from floquid._checks import printable
 from floquid.core import Channel, Record
 from floquid.io import DamagedError, Source, load_package
-from floquid.readers._csv import Stated, stated_in, stated_text
+from floquid.readers._csv import stated_in, stated_text
 from floquid.tables import (
     Table,
     TimeColumn,
@@ -147,12 +147,17 @@ def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
             got = f"holds {len(others)} channels of other kinds" if others else "holds no channel"
             raise source.error("hold a channel of numbers", got, "Export the signals.")
         times, signals = _split(source, signals)
-        named = _named(source, signals)
+        several = len({signal.group for signal in signals}) > 1
+        names = [signal.path if several else signal.name for signal in signals]
+        named = make_channels(source, names, [signal.unit for signal in signals])
         paths = {signal.path: channel.name for signal, channel in zip(signals, named, strict=True)}
         rows = rows_of(source, named, None if channels is None else [paths.get(name, name) for name in channels])
         chosen = [signals[row] for row in rows]
         time = next((t for t in times if t.group == chosen[0].group), None)
-        _check_lengths(source, chosen, time)
+        lengths = {signal.path: len(signal.held) for signal in (*chosen, *([] if time is None else [time]))}
+        if len(set(lengths.values())) > 1:
+            words = ", ".join(f"{path} has {length}" for path, length in list(lengths.items())[:10])
+            raise source.error("hold channels of one length", f"does not: {words} samples", _CHOOSE)
         rate, start, notes = _even(source, chosen, ignore_time=ignore_time)
         values = np.empty((len(chosen), len(chosen[0].held)))
         for row, signal in zip(values, chosen, strict=True):
@@ -212,21 +217,6 @@ def _split(source: Source, signals: Sequence[_Signal]) -> tuple[list[_Signal], l
     return times, [signal for signal in signals if signal not in times]
 
 
-def _named(source: Source, signals: Sequence[_Signal]) -> tuple[Channel, ...]:
-    """The channels, by their names alone where all are of one group."""
-    several = len({signal.group for signal in signals}) > 1
-    names = [signal.path if several else signal.name for signal in signals]
-    units = [signal.unit for signal in signals]
-    return make_channels(source, names, units)
-
-
-def _check_lengths(source: Source, chosen: Sequence[_Signal], time: _Signal | None) -> None:
-    lengths = {signal.path: len(signal.held) for signal in (*chosen, *([] if time is None else [time]))}
-    if len(set(lengths.values())) > 1:
-        words = ", ".join(f"{path} has {length}" for path, length in list(lengths.items())[:10])
-        raise source.error("hold channels of one length", f"does not: {words} samples", _CHOOSE)
-
-
 def _even(
     source: Source, chosen: Sequence[_Signal], *, ignore_time: bool
 ) -> tuple[float | None, float | None, tuple[str, ...]]:
@@ -277,10 +267,19 @@ def _table(source: Source, file: Any, channels: Sequence[str] | None, *, ignore_
     if not pairs:
         got = f"has the columns {', '.join(schema.names[:20]) or 'none'}"
         raise source.error("have a column of numbers for each channel", got, "Write the channels too.")
-    named = _channels(source, pairs, stated)
+    # As our own line states them, if it is of all of these, or by their headings.
+    ours = {channel.label: channel for channel in stated.channels}
+    if all(heading in ours for heading, _ in pairs):
+        named = tuple(ours[heading] for heading, _ in pairs)
+    else:
+        named = make_channels(source, [name for _, (name, _) in pairs], [unit or "-" for _, (_, unit) in pairs])
     rows = rows_of(source, named, channels)
     others = [name for name in schema.names if name not in numbers and name != time]
-    notes = tuple(map(_passed_over, others[:20]))
+    nameless = "The index of the table has no name, and is not used: name it `time [s]` if it is the time."
+    notes = tuple(
+        nameless if name.startswith(_INDEX) else f"Column {name!r} is not of numbers, and is not used."
+        for name in others[:20]
+    )
     values = np.empty((len(rows), file.metadata.num_rows))
     for place, row in enumerate(rows):  # one column at a time
         values[place] = _column(file, pairs[row][0])
@@ -313,22 +312,6 @@ def _name_and_unit(field: Any) -> tuple[str, str | None]:
     metadata = field.metadata or {}
     text = metadata.get(b"unit") or metadata.get(b"units")
     return name, text.decode("utf-8", "replace").strip() if unit is None and text else unit
-
-
-def _channels(
-    source: Source, pairs: Sequence[tuple[str, tuple[str, str | None]]], stated: Stated
-) -> tuple[Channel, ...]:
-    """The channels as our own line states them, if it is of all of these, or by their headings."""
-    own = {channel.label: channel for channel in stated.channels}
-    if all(heading in own for heading, _ in pairs):
-        return tuple(own[heading] for heading, _ in pairs)
-    return make_channels(source, [name for _, (name, _) in pairs], [unit or "-" for _, (_, unit) in pairs])
-
-
-def _passed_over(name: str) -> str:
-    if name.startswith(_INDEX):
-        return "The index of the table has no name, and is not used: name it `time [s]` if it is the time."
-    return f"Column {name!r} is not of numbers, and is not used."
 
 
 def _column(file: Any, name: str) -> NDArray[Any]:

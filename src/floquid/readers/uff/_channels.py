@@ -261,24 +261,25 @@ def shared_axis(
             raise source.error("have a positive step of time", f"has {step.text} s for {name!r}", _OVERRIDE)
         return Axis(sample_rate=None, rate_note=None, start=start.value, scale=scale, notes=())
     stated = next((lines for lines in own if lines is not None), None)
-    if stated is not None and _agree(stated, start, step):
+    agrees = (
+        stated is not None
+        and abs(1.0 / stated.sample_rate - step.value) <= 0.6 * step.quantum
+        and abs(stated.start - start.value) <= 0.6 * start.quantum
+    )
+    if stated is not None and agrees:
         rate = f"Sampling rate {stated.sample_rate:.12g} Hz: as ID line 2 states; the header's {step.text} s agrees."
         return Axis(sample_rate=stated.sample_rate, rate_note=rate, start=stated.start, scale=scale, notes=())
     if stated is not None and not ignore_time:
-        raise source.error(
-            "have an ID line 2 that agrees with its header",
-            f"states {stated.sample_rate:.12g} Hz and {stated.start:.12g} s there, and a step of {step.text} s from "
-            f"{start.text} s in the header of {name!r}",
-            "The samples were changed since, or one of the two. " + _OVERRIDE,
-        )
+        there = f"a step of {step.text} s from {start.text} s in the header of {name!r}"
+        got = f"states {stated.sample_rate:.12g} Hz and {stated.start:.12g} s there, and {there}"
+        remedy = "The samples were changed since, or one of the two. " + _OVERRIDE
+        raise source.error("have an ID line 2 that agrees with its header", got, remedy)
     rate, note = _rate_of(step, header.n_points)
-    return Axis(sample_rate=rate, rate_note=note, start=start.value, scale=scale, notes=_start_notes(start, step))
-
-
-def _agree(stated: OwnLines, start: Printed, step: Printed) -> bool:
-    """True where exact numbers are printed as those of the header."""
-    off = abs(1.0 / stated.sample_rate - step.value), abs(stated.start - start.value)
-    return off[0] <= 0.6 * step.quantum and off[1] <= 0.6 * start.quantum
+    notes: tuple[str, ...] = ()
+    if start.value != 0.0 and 0.5 * start.quantum > 0.01 * step.value:
+        known = f"to {counted(start.digits, 'digit')} only, or {0.5 * start.quantum / step.value:.3g} samples"
+        notes = (f"The start {start.text} s is known {known}: so is the phase at it.",)
+    return Axis(sample_rate=rate, rate_note=note, start=start.value, scale=scale, notes=notes)
 
 
 def _rate_of(step: Printed, n_points: int) -> tuple[float, str]:
@@ -307,18 +308,14 @@ def _rate_of(step: Printed, n_points: int) -> tuple[float, str]:
     )
 
 
-def _start_notes(start: Printed, step: Printed) -> tuple[str, ...]:
-    if start.value == 0.0 or 0.5 * start.quantum <= 0.01 * step.value:
-        return ()
-    known = f"to {counted(start.digits, 'digit')} only, or {0.5 * start.quantum / step.value:.3g} samples"
-    return (f"The start {start.text} s is known {known}: so is the phase at it.",)
-
-
 def _check_alike(
     source: Source, headers: Sequence[FunctionHeader], own: Sequence[OwnLines | None], names: Sequence[str]
 ) -> None:
     """Check that all headers agree, and our ID lines where there are such."""
-    facts = [_facts(header) for header in headers]
+    facts = []
+    for header in headers:
+        steps = f"of {header.step.value!r} from {header.start.value!r}" if header.is_even else "at uneven times"
+        facts.append(f"{header.n_points} points {steps} {header.abscissa.unit}".rstrip())
     for row, words in enumerate(facts):
         if words != facts[0]:
             raise _differ(source, names, facts, 0, row)
@@ -332,11 +329,6 @@ def _check_alike(
 def _stated(own: OwnLines) -> str:
     clock = "no period" if own.period is None else f"a period of {own.period!r} s from {own.origin!r} s"
     return f"{own.sample_rate!r} Hz from {own.start!r} s and {clock} in its ID lines"
-
-
-def _facts(header: FunctionHeader) -> str:
-    steps = f"of {header.step.value!r} from {header.start.value!r}" if header.is_even else "at uneven times"
-    return f"{header.n_points} points {steps} {header.abscissa.unit}".rstrip()
 
 
 def _differ(source: Source, names: Sequence[str], facts: Sequence[str], one: int, other: int) -> InputError:

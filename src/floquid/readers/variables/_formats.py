@@ -318,16 +318,11 @@ def save_mat(record: Record, path: Path) -> None:
         "values": record.values,
         **numbers_of(record),
         **orbit_of(record),
-        **{key: _cell(texts) for key, texts in texts_of(record).items()},
     }
+    for key, texts in texts_of(record).items():
+        content[key] = np.empty(len(texts), dtype=object)
+        content[key][:] = texts
     with path.open("wb") as stream:  # savemat would add a suffix of its own to a name
         scipy.io.savemat(stream, content, do_compression=True)
         stream.seek(0)
         stream.write(_HEAD_TEXT)
-
-
-def _cell(texts: Sequence[str]) -> Any:
-    """A row of cells."""
-    cell = np.empty(len(texts), dtype=object)
-    cell[:] = texts
-    return cell
