@@ -57,7 +57,7 @@ def numbers() -> Iterator[Number]:
     """Numbers that modules name, and those that comparisons hold."""
     root = Path(floquid.__file__).parent
     for room in ROOMS:
-        for path in sorted((root / room).rglob("*.py")):
+        for path in sorted([*(root / room).rglob("*.py"), *root.glob(f"{room}.py")]):
             text = path.read_text(encoding="utf-8")
             yield from _of(path.relative_to(root).as_posix(), text)
 

@@ -17,8 +17,7 @@ from scipy.optimize import linear_sum_assignment
 import floquid
 from floquid.errors import InputError
 from floquid.lti import AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome, TimeResponses, adapters
-from floquid.lti.adapters import BOPDMD, PyOMA2SSI, SdypyLSCF
-from floquid.lti.adapters._identifiers import _within, paired
+from floquid.lti.adapters import BOPDMD, PyOMA2SSI, SdypyLSCF, _within, paired
 
 PAGE = Path(__file__).parents[2] / "docs" / "own_identifier.md"
 

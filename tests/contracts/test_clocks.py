@@ -17,8 +17,7 @@ from floquid.core import (
     Record,
     TachometerSignal,
 )
-from floquid.store._load import _record
-from floquid.store._save import _put_record
+from floquid.store._files import _put_record, _record
 from floquid.sync import ShaftAngle, divisible, tied
 
 PERIOD, ORIGIN, START, RATE, SAMPLES = 0.125, -1.66, -1.7, 512.0, 4096

@@ -17,7 +17,7 @@ from scipy.optimize import linear_sum_assignment
 from floquid import Record, identify, read
 from floquid.lifting import lift
 from floquid.lti import AMI, MaximumLikelihood, ModalModel, Outcome, TimeResponses
-from floquid.lti import _spectrum as spectrum
+from floquid.lti import _poles as spectrum
 from floquid.lti.ami import _isolation as isolation
 from floquid.sync import segment
 from floquid.systems import JeffcottRotor

@@ -1,18 +1,17 @@
 """Results for other programs: modes as CSV, MAT, JSON and universal files, `summary.json`, and xarray."""
 
 from floquid.exports._modes import MODE_FORMATS, export_modes, modes_frame
-from floquid.exports._periodic_system import from_periodic_system, to_periodic_system
+from floquid.exports._objects import from_periodic_system, to_periodic_system, to_xarray
 from floquid.exports._summary import summary
-from floquid.exports._transfer_reading import import_transfer
 from floquid.exports._transfer_tables import (
     TRANSFER_FORMATS,
     export_transfer,
     fit_entries,
+    import_transfer,
     measured_entries,
     transfer_entries,
     transfer_rows,
 )
-from floquid.exports._xarray import to_xarray
 
 __all__ = [
     "MODE_FORMATS", "TRANSFER_FORMATS", "export_modes", "export_transfer", "fit_entries", "from_periodic_system",

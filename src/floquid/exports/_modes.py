@@ -16,9 +16,8 @@ from numpy.typing import ArrayLike
 
 from floquid._checks import describe, input_error
 from floquid.core import PeriodicModel
-from floquid.exports._mat import PLAIN, mat_cells, mat_file
+from floquid.exports._formats import PLAIN, mat_cells, mat_file, uff_bytes
 from floquid.exports._summary import mode_entries, summary
-from floquid.exports._uff import uff_bytes
 from floquid.io import as_path, atomic_path, load_package
 from floquid.pipeline import Analysis
 from floquid.reconstruction import StateModel

@@ -72,67 +72,36 @@ def _inputs(own: ModelInputs, hold: str) -> dict[str, Any]:
     return {
         "channels": [{"name": channel.name, "unit": channel.unit} for channel in own.channels],
         "hold": hold,
-        "harmonics": own.harmonics,
-        "coefficients": own.coefficients,
+        **_of(own, "harmonics", "coefficients"),
         "coefficients_std": own.coefficient_std,
-        "direct_harmonics": own.direct_harmonics,
-        "direct": own.direct,
-        "initial": own.initial,
+        **_of(own, "direct_harmonics", "direct", "initial"),
     }
 
 
 def _forced(forced: ForcedResponse) -> dict[str, Any]:
     """Harmonics of the revolution; coefficients [re, im] (channels, hits, harmonics); offset and drift a second."""
-    return {
-        "revolution": forced.revolution,
-        "harmonics": forced.harmonics,
-        "coefficients": forced.coefficients,
-        "coefficients_std": forced.coefficient_std,
-        "offset": forced.offset,
-        "drift": forced.drift,
-    }
+    found = _of(forced, "revolution", "harmonics", "coefficients")
+    return found | {"coefficients_std": forced.coefficient_std} | _of(forced, "offset", "drift")
 
 
 def _periodicity(found: Periodicity) -> dict[str, Any]:
     """The test over all, its parts, and sizes and limits (modes, harmonics); null where a harmonic was not tested."""
 
     def parts(of: PartialTests) -> dict[str, Any]:
-        return {
-            "statistic": of.statistics,
-            "degrees": of.degrees,
-            "p": of.p_values,
-            "p_adjusted": of.adjusted,
-        }
+        return {"statistic": of.statistics, "degrees": of.degrees, "p": of.p_values, "p_adjusted": of.adjusted}
 
     return {
         "periodic": found.periodic,
         "p": found.p_value,
-        "statistic": found.statistic,
-        "degrees": found.degrees,
-        "level": found.level,
-        "power": found.power,
-        "spacing_p": found.spacing_p,
-        "harmonics": found.harmonics,
-        "exponents": found.exponents,
-        "channels": found.channels,
-        "by_harmonic": parts(found.by_harmonic),
-        "by_mode": parts(found.by_mode),
-        "by_channel": parts(found.by_channel),
-        "sizes": found.sizes,
-        "limits": found.limits,
-        "untested": found.untested,
-        "locked": found.locked,
-        "sentences": found.sentences,
+        **_of(found, "statistic", "degrees", "level", "power", "spacing_p", "harmonics", "exponents", "channels"),
+        **{name: parts(getattr(found, name)) for name in ("by_harmonic", "by_mode", "by_channel")},
+        **_of(found, "sizes", "limits", "untested", "locked", "sentences"),
     }
 
 
 def _choice(choice: Choice) -> dict[str, Any]:
-    return {
-        "ambiguous": choice.ambiguous,
-        "reasons": choice.reasons,
-        "doubts": choice.doubts,
-        "findings": [as_mapping(own) for own in choice.findings],
-    }
+    findings = [as_mapping(own) for own in choice.findings]
+    return _of(choice, "ambiguous", "reasons", "doubts") | {"findings": findings}
 
 
 def mode_entries(model: PeriodicModel, weights: Floats) -> list[dict[str, Any]]:
@@ -156,30 +125,28 @@ def mode_entries(model: PeriodicModel, weights: Floats) -> list[dict[str, Any]]:
     return for_json(listed)
 
 
+def _of(thing: object, *names: str) -> dict[str, Any]:
+    """Attributes of a result by their names."""
+    return {name: getattr(thing, name) for name in names}
+
+
 def _system(state: StateModel, refinement: Refinement | None) -> dict[str, Any]:
     found = {
-        "states": state.states,
-        "coordinates": state.coordinates,
-        "times": state.times,
+        **_of(state, "states", "coordinates", "times"),
         "values": state.system,
         "std": state.system_std,
         "structure": None if refinement is None else _structure(refinement),
     }
-    if state.inputs is None:
-        return found
-    return found | {name: getattr(state, name) for name in ("inputs", "inputs_std", "outputs", "direct")}
+    return found if state.inputs is None else found | _of(state, "inputs", "inputs_std", "outputs", "direct")
 
 
 def _structure(found: Refinement) -> dict[str, Any]:
     parameters = zip(found.names, found.parameters, found.std, strict=True)
     return {
         "text": text_of(found.structure),
-        "chi_square": found.chi_square,
-        "degrees": found.degrees,
-        "p_value": found.p_value,
+        **_of(found, "chi_square", "degrees", "p_value"),
         "parameters": [{"name": name, "value": value, "std": std} for name, value, std in parameters],
-        "reasons": found.reasons,
-        "conditional_on": found.conditional_on,
+        **_of(found, "reasons", "conditional_on"),
     }
 
 

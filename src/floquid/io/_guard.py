@@ -24,7 +24,7 @@ from typing import Any, BinaryIO, cast
 import numpy as np
 
 from floquid.errors import FloquidError
-from floquid.io._source import DamagedError
+from floquid.io._files import DamagedError
 
 SECONDS, SECONDS_A_BYTE = 8, 1e-6
 """Time of the processor that one file may take, and more of it by its size.

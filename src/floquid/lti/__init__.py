@@ -7,10 +7,9 @@ decides the order by test. Every algorithm honours `AbstractIdentifier`; those o
 from floquid.lti._era import ERA
 from floquid.lti._exponentials import fit_residues
 from floquid.lti._factor import compress, weighted_blocks
-from floquid.lti._identifier import AbstractIdentifier
-from floquid.lti._noise import noise_edge, white_noise_std
-from floquid.lti._spectrum import WHITE, composites
-from floquid.lti._types import Composites, ModalModel, Outcome, TimeResponses
+from floquid.lti._poles import WHITE, composites
+from floquid.lti._significance import noise_edge, white_noise_std
+from floquid.lti._types import AbstractIdentifier, Composites, ModalModel, Outcome, TimeResponses
 from floquid.lti.ami import AMI
 from floquid.lti.likelihood import COLOURED, FEWEST, ORDERS, Ensemble, Evidence, MaximumLikelihood, brief, pooled_noise
 from floquid.lti.rational import LSCF, PolyLSCF

@@ -12,9 +12,8 @@ from floquid._arrays import Complexes, Floats
 from floquid._checks import integer
 from floquid.lti._exponentials import model_of
 from floquid.lti._factor import Factor, energetic_length, energies, factors
-from floquid.lti._identifier import AbstractIdentifier, Report, given_order, reached, silent
 from floquid.lti._poles import PoleSet
-from floquid.lti._types import ModalModel, TimeResponses
+from floquid.lti._types import AbstractIdentifier, ModalModel, Report, TimeResponses, given_order, reached, silent
 
 ROUNDING = 16.0 * np.finfo(float).eps  # the share of the largest eigenvalue below which an eigenvalue is rounding
 

@@ -5,9 +5,8 @@ why. Knows nothing of channels and periods, as `lti`.
 """
 
 from floquid.order._choose import Choice, choose, judge
-from floquid.order._indicators import indicators
 from floquid.order._scan import scan, stability
-from floquid.order._types import Criteria, Indicators, OrderScan, Stability, Tolerances
+from floquid.order._types import Criteria, Indicators, OrderScan, Stability, Tolerances, indicators
 
 __all__ = [
     "Choice", "Criteria", "Indicators", "OrderScan", "Stability", "Tolerances", "choose", "indicators", "judge", "scan",

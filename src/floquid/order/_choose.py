@@ -86,20 +86,28 @@ def judge(data: TimeResponses, model: ModalModel) -> Choice:
     """The order of a `model` with the reasons, the doubts and the runner-up that the responses in `data` give."""
     likelihood = MaximumLikelihood()
     evidence = likelihood.weigh(likelihood.prepare(data), model)
-    findings = [*_findings(evidence), *_drift(data, evidence), _hits(data, model, evidence)]
+    findings = _findings(evidence)
+    # A random walk looks like modes that hardly change over the record.
+    change = np.abs(np.log(evidence.multipliers)) * int(data.lengths.max())
+    still = int((change < 2.0 * np.pi).sum()) if evidence.whitened else 0
+    if still:
+        findings.append(warning("modes_or_drift", number=still))
+    apart = int((model.multipliers.imag >= 0).sum()) - len(evidence.multipliers)
+    if data.n_inputs == 1:
+        findings.append(note("one_initial_condition"))
+    elif apart > 0:
+        findings.append(note("shared_multipliers", number=apart, hits=data.n_inputs))
+    else:
+        findings.append(note("no_shared_multipliers"))
     if model.outcome is not Outcome.SUCCESS:
         findings.append(warning(model.outcome.value))
-    return Choice(
-        order=model.order, model=model, findings=tuple(findings), runner_up=_runner_up(evidence), evidence=evidence
-    )
-
-
-def _runner_up(evidence: Evidence) -> ModalModel | None:
-    """The neighbour whose criterion is nearest."""
+    # The neighbour whose criterion is nearest is the runner-up.
     below = float((evidence.rises - evidence.limits).min()) if len(evidence.rises) else np.inf
     above = evidence.gain_limit - evidence.gain
     first, second = (evidence.less, evidence.more) if below < above else (evidence.more, evidence.less)
-    return first or second
+    return Choice(
+        order=model.order, model=model, findings=tuple(findings), runner_up=first or second, evidence=evidence
+    )
 
 
 def _findings(evidence: Evidence) -> list[Finding]:
@@ -115,24 +123,9 @@ def _findings(evidence: Evidence) -> list[Finding]:
     found.append((warning if doubtful else note)("further_mode", share=share, doubtful=doubtful))
     if evidence.moved > DEVIATIONS and doubtful:
         found.append(warning("modes_move", moved=evidence.moved))
-    return [*found, _residual(evidence)]
-
-
-def _drift(data: TimeResponses, evidence: Evidence) -> list[Finding]:
-    """Modes that hardly change over the record, beside noise that wanders: a random walk looks like them."""
-    change = np.abs(np.log(evidence.multipliers)) * int(data.lengths.max())
-    still = int((change < 2.0 * np.pi).sum()) if evidence.whitened else 0
-    return [warning("modes_or_drift", number=still)] if still else []
-
-
-def _hits(data: TimeResponses, model: ModalModel, evidence: Evidence) -> Finding:
-    """Finding on equal multipliers, by the number of initial conditions."""
-    apart = int((model.multipliers.imag >= 0).sum()) - len(evidence.multipliers)
-    if data.n_inputs == 1:
-        return note("one_initial_condition")
-    if apart > 0:
-        return note("shared_multipliers", number=apart, hits=data.n_inputs)
-    return note("no_shared_multipliers")
+    if abs(evidence.colour) > COLOURED:
+        return [*found, warning("not_white", colour=evidence.colour)]
+    return [*found, note("white", colour=evidence.colour, taps=evidence.whitened, independent=evidence.independent)]
 
 
 def _mode(multiplier: complex) -> dict[str, Any]:
@@ -175,9 +168,3 @@ def _nearness(evidence: Evidence) -> list[Finding]:
     share = evidence.rises / evidence.limits
     alone = (distance.min(axis=1) > 2.0 * np.abs(logs.real)) & (share > 0.0)
     return [note("resolution", widths=2.0 / np.sqrt(share[alone].max()))] if alone.any() else []
-
-
-def _residual(evidence: Evidence) -> Finding:
-    if abs(evidence.colour) > COLOURED:
-        return warning("not_white", colour=evidence.colour)
-    return note("white", colour=evidence.colour, taps=evidence.whitened, independent=evidence.independent)

@@ -17,8 +17,7 @@ from floquid.lti import (
     fit_residues,
     weighted_blocks,
 )
-from floquid.order._indicators import both_compressed, indicators_of
-from floquid.order._types import Criteria, OrderScan, Stability, Tolerances
+from floquid.order._types import Criteria, OrderScan, Stability, Tolerances, both_compressed, indicators_of
 
 MOST = 40  # the highest order of a scan whose orders are not given
 
@@ -143,7 +142,11 @@ def criteria(models: Sequence[ModalModel], principal: TimeResponses, data: TimeR
     if principal.n_outputs < min(n_outputs, samples):
         # Principal responses were left out: what they hold is never explained.
         beyond = max(sum(float(np.sum(block**2)) for block in weighted_blocks(data)) - energy, 0.0)
-    cost = np.array([_left(model.multipliers, principal) for model in models]) + beyond
+    cost = np.full(len(models), beyond)
+    for place, model in enumerate(models):
+        best = fit_residues(model.multipliers, principal)
+        assert best.residual_std is not None
+        cost[place] += np.sum(best.residual_std**2 * np.maximum(principal.lengths - best.order, 1))
     orders = np.array([model.order for model in models])
     parameters = orders * (1 + n_outputs * data.n_inputs)
     fitted = numbers * np.log(np.maximum(cost, np.finfo(float).tiny) / numbers)
@@ -155,13 +158,6 @@ def criteria(models: Sequence[ModalModel], principal: TimeResponses, data: TimeR
         bic=fitted + orders * (np.log(numbers) + spread),
         degrees=numbers - parameters,
     )
-
-
-def _left(multipliers: Complexes, principal: TimeResponses) -> float:
-    """The sum of squares that the best residues of these multipliers leave."""
-    model = fit_residues(multipliers, principal)
-    assert model.residual_std is not None
-    return float(np.sum(model.residual_std**2 * np.maximum(principal.lengths - model.order, 1)))
 
 
 def mac(a: Complexes, b: Complexes) -> Floats:

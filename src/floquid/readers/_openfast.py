@@ -39,17 +39,12 @@ def channels_of(
     source: Source, labels: Sequence[str], units: Sequence[str]
 ) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
     """The channels of columns with these `labels` and `units`, and notes."""
-    plain = [_plain_unit(unit) for unit in units]
+    bare = [re.sub(r"\bsec\b", "s", unit.strip().strip("()[]").strip()) for unit in units]  # «(m/sec^2)» as m/s^2
+    plain = [_UNITS.get(unit, unit) for unit in bare]
     channels = make_channels(source, labels, plain)
     invalid = [label for label, unit in zip(labels, plain, strict=True) if unit == "INVALID"]
     notes = (f"OpenFAST marks as invalid, and fills with zeros: {', '.join(invalid[:20])}.",) if invalid else ()
     return channels, notes
-
-
-def _plain_unit(text: str) -> str:
-    """«(m/sec^2)» as m/s^2."""
-    unit = re.sub(r"\bsec\b", "s", text.strip().strip("()[]").strip())
-    return _UNITS.get(unit, unit)
 
 
 _MOST_WORDS = 60  # lines above the names, at most

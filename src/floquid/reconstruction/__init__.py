@@ -4,13 +4,11 @@
 structure to all that the record says.
 """
 
-from floquid.reconstruction._reconstruct import MOST_TIMES, Form, choices, reconstruct
+from floquid.reconstruction._reconstruct import MOST_TIMES, Form, Refinement, StateModel, choices, reconstruct
 from floquid.reconstruction._refine import refine
-from floquid.reconstruction._state_model import Refinement, StateModel
 from floquid.reconstruction._states import Names as Names
 from floquid.reconstruction._states import displacement_rows as displacement_rows
-from floquid.reconstruction._structure import AbstractStructure, Block, FirstOrder, SecondOrder
-from floquid.reconstruction._structure_text import structure_of, text_of
+from floquid.reconstruction._structure import AbstractStructure, Block, FirstOrder, SecondOrder, structure_of, text_of
 
 __all__ = [
     "MOST_TIMES", "AbstractStructure", "Block", "FirstOrder", "Form", "Refinement", "SecondOrder", "StateModel",

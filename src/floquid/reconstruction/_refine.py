@@ -17,15 +17,12 @@ from floquid.errors import IdentificationError
 from floquid.findings import Finding
 from floquid.reconstruction._coordinates import Coordinates, Part, State, derivative_of
 from floquid.reconstruction._harmonic_balance import Mode, NoModeError
-from floquid.reconstruction._hidden import Hidden, hidden_in
+from floquid.reconstruction._inference import Hidden, hidden_in, transition_of, variances
 from floquid.reconstruction._invariance import Point, Problem, Seen, covariance_of, fitted, found_structure, problem_of
 from floquid.reconstruction._modal_matrix import modal_at, shapes_of
-from floquid.reconstruction._propagation import transition_of, variances
-from floquid.reconstruction._reconstruct import Form, coordinates_of, instants_of, reconstruct
-from floquid.reconstruction._state_model import Refinement, StateModel
+from floquid.reconstruction._reconstruct import Form, Refinement, StateModel, coordinates_of, instants_of, reconstruct
 from floquid.reconstruction._states import Names
-from floquid.reconstruction._structure import AbstractStructure, Basis
-from floquid.reconstruction._structure_text import structure_of
+from floquid.reconstruction._structure import AbstractStructure, Basis, structure_of
 
 Array = NDArray[Any]
 
@@ -116,10 +113,15 @@ def refine(
     if point.p_value < refuse:
         point, basis, wider = _from_wider(fit, structure, point, basis)
         if point.p_value < refuse:
-            raise IdentificationError(_contradicted(point, refuse, wider))
+            least = f" Of the next wider structures, {wider[0][1]}." if wider and wider[0][0] > point.p_value else ""
+            raise IdentificationError(
+                "The structure contradicts the data. It differs from the free model by a chi-square of "
+                f"{point.cost:.4g} for {point.degrees} degrees of freedom (p = {point.p_value:.1g}, refused below "
+                f"{refuse:g}).{least} {REMEDY}"
+            )
     hidden, tests = ((), ()) if given else _hidden(fit, structure, point, basis)
     instants = instants_of(times, model.period, OF)
-    found = _refinement(fit, structure, basis, point, instants, (*findings, *tests), hidden)
+    found = replace(_refinement(fit, structure, basis, point, instants, hidden), findings=(*findings, *tests))
     return found if model.inputs is None else _with_inputs(found, fit, states)
 
 
@@ -196,20 +198,20 @@ class _Fit:
             std = np.sqrt(np.diag(self.estimates.covariance)[: len(exponents)])
             if before is not None and (np.abs(exponents - before) < SAME * std).all():
                 break
-            if round_ == 0 and _tail(point) < 1e-9:
+            sizes = [np.abs(mode.coefficients) for mode in point.modes]
+            if round_ == 0 and max(float(size[[0, -1]].max() / size.max()) for size in sizes) < 1e-9:
                 break
         assert point is not None
         return point, basis
 
     def problem(self, basis: Basis, width: int) -> Problem:
         """The fit of a basis, with the harmonics -width to width of each shape."""
-        shapes = [self._widened(shape, width) for shape in self.shapes]
+        shapes = []
+        for shape in self.shapes:
+            whole = np.zeros((2 * width + 1, shape.shape[1]), complex)
+            whole[self.model.harmonics + width] = shape
+            shapes.append(whole / np.linalg.norm(whole))
         return problem_of(self.estimates, self.seen, basis, shapes, tuple(self.gains))
-
-    def _widened(self, shape: Array, width: int) -> Array:
-        whole = np.zeros((2 * width + 1, shape.shape[1]), complex)
-        whole[self.model.harmonics + width] = shape
-        return whole / np.linalg.norm(whole)
 
 
 def _all_channels(model: PeriodicModel, coordinates: Coordinates) -> tuple[Coordinates, list[Seen], dict[int, float]]:
@@ -232,12 +234,6 @@ def _all_channels(model: PeriodicModel, coordinates: Coordinates) -> tuple[Coord
     words = f"second-order form from {', '.join(names)}, the other channels being constant combinations of them"
     derived = tuple(state.derivative() for state in displacements)
     return Coordinates((*displacements, *derived), len(model.channels), "second-order", words), seen, gains
-
-
-def _tail(point: Point) -> float:
-    """The largest outermost coefficient, over the largest of its mode."""
-    sizes = [np.abs(mode.coefficients) for mode in point.modes]
-    return max(float(size[[0, -1]].max() / size.max()) for size in sizes)
 
 
 def _from_wider(
@@ -275,24 +271,8 @@ def _hidden(
     return tuple(own for own, _ in found if own is not None), tuple(finding for _, finding in found)
 
 
-def _contradicted(point: Point, refuse: float, wider: Sequence[tuple[float, str]]) -> str:
-    """The refusal, with what the structure lacks."""
-    remedy = f" Of the next wider structures, {wider[0][1]}." if wider and wider[0][0] > point.p_value else ""
-    return (
-        f"The structure contradicts the data. It differs from the free model by a chi-square of {point.cost:.4g} for "
-        f"{point.degrees} degrees of freedom (p = {point.p_value:.1g}, refused below {refuse:g})."
-        f"{remedy} {REMEDY}"
-    )
-
-
 def _refinement(
-    fit: _Fit,
-    structure: AbstractStructure,
-    basis: Basis,
-    point: Point,
-    times: Floats,
-    findings: tuple[Finding, ...],
-    hidden: Sequence[Hidden],
+    fit: _Fit, structure: AbstractStructure, basis: Basis, point: Point, times: Floats, hidden: Sequence[Hidden]
 ) -> Refinement:
     """The result, with every deviation."""
     whole, model = covariance_of(point), fit.model
@@ -339,5 +319,4 @@ def _refinement(
         chi_square=point.cost,
         degrees=point.degrees,
         p_value=point.p_value,
-        findings=findings,
     )

@@ -116,33 +116,23 @@ def delayed(model: PeriodicModel, states: Names, delay: float | None) -> Coordin
         must, got = f"name 1 to {model.order} channels", f"names {len(rows)}"
         raise input_error("states", OF, must, got, "The rest of the states are the same channels later.")
     if delay is None:
-        delay = _best(model, rows)
+        fastest = float(np.abs(model.exponents).max())
+        slowest = max(float(np.abs(model.exponents).min()), 1e-3 * fastest)
+        tried = np.geomspace(0.05 / fastest, 2.0 * np.pi / slowest, TRIED)
+        delay = float(tried[np.argmin([_condition(model, rows, one) for one in tried])])
     else:
         positive(delay, "delay", OF, unit="s")
-    made = _states(model, rows, delay)
-    words = (
-        f"delayed outputs, {', '.join(state.name for state in made)}: Φ and A are those of these coordinates, which "
-        "are no displacements and velocities; the exponents are the same in any"
-    )
-    return Coordinates(made, len(model.channels), "delayed", words)
-
-
-def _states(model: PeriodicModel, rows: Sequence[int], delay: float) -> tuple[State, ...]:
     made = []
     for number in range(model.order):
         later, row = divmod(number, len(rows))
         name = model.channels[rows[row]].name
         said = f"{name}(t + {later * delay:.4g} s)" if later else name
         made.append(State(said, (Part(rows[row], delay=later * delay),)))
-    return tuple(made)
-
-
-def _best(model: PeriodicModel, rows: Sequence[int]) -> float:
-    """The delay whose states have the least condition number at the worst phase."""
-    fastest = float(np.abs(model.exponents).max())
-    slowest = max(float(np.abs(model.exponents).min()), 1e-3 * fastest)
-    tried = np.geomspace(0.05 / fastest, 2.0 * np.pi / slowest, TRIED)
-    return float(tried[np.argmin([_condition(model, rows, delay) for delay in tried])])
+    words = (
+        f"delayed outputs, {', '.join(state.name for state in made)}: Φ and A are those of these coordinates, which "
+        "are no displacements and velocities; the exponents are the same in any"
+    )
+    return Coordinates(tuple(made), len(model.channels), "delayed", words)
 
 
 def _condition(model: PeriodicModel, rows: Sequence[int], delay: float) -> float:
@@ -166,6 +156,7 @@ def combined(model: PeriodicModel, count: int) -> Coordinates:
     farthest from dependent are u themselves, up to noise.
     """
     from scipy.linalg import qr
+    from scipy.special import chdtrc
 
     powers = np.array([derivative_of(channel) for channel in model.channels])
     if len(powers) < count:
@@ -177,7 +168,12 @@ def combined(model: PeriodicModel, count: int) -> Coordinates:
     else:
         table, units, degrees, left = _table(model, powers, noise, count)
         vectors = np.linalg.svd(table, full_matrices=False)[0][:, :count]
-        _refuse_more(left, degrees, count)
+        if degrees and chdtrc(degrees, left) < NO_CHANCE:
+            raise IdentificationError(
+                f"The channels are no constant combinations of {count} displacements: the residual has a chi-square "
+                f"of {left:.4g} for {degrees} degrees of freedom. Their combination varies with the period. Choose "
+                f"{count} of them with `states`."
+            )
         order = qr(vectors.T, pivoting=True)[-1]
         chosen = np.sort(order[:count])
         spread = noise[:, None] * vectors
@@ -242,14 +238,3 @@ def _table(
     singular = np.linalg.svd(table, compute_uv=False)
     degrees = (table.shape[0] - count) * max(table.shape[1] - count, 0)
     return table, units, degrees, float(np.sum(singular[count:] ** 2))
-
-
-def _refuse_more(left: float, degrees: int, count: int) -> None:
-    from scipy.special import chdtrc
-
-    if degrees and chdtrc(degrees, left) < NO_CHANCE:
-        raise IdentificationError(
-            f"The channels are no constant combinations of {count} displacements: the residual has a chi-square of "
-            f"{left:.4g} for {degrees} degrees of freedom. Their combination varies with the period. Choose {count} of "
-            "them with `states`."
-        )

@@ -85,7 +85,6 @@ Transfer functions measured line by line have the `kind` "measured", and modes f
 Files of earlier versions of the layout, which no release of floquid wrote, are refused.
 """
 
-from floquid.store._load import is_result, load
-from floquid.store._save import ENDINGS, save
+from floquid.store._files import ENDINGS, is_result, load, save
 
 __all__ = ["ENDINGS", "is_result", "load", "save"]

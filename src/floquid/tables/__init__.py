@@ -1,8 +1,12 @@
 """Columns of samples and of times: what a file or an object says of a record, and the even time axis behind it."""
 
-from floquid.tables._channels import (
+from floquid.tables._nominal_rate import Printed, fit_line, nominal_rate_of_step, printed, rate_of_step
+from floquid.tables._table import (
     MISSING,
+    OPTION,
+    Table,
     check_distinct,
+    check_table,
     clock_numbers,
     find_time,
     make_channel,
@@ -12,14 +16,15 @@ from floquid.tables._channels import (
     numbers_of,
     orbit_of,
     real_row,
+    record_of,
     refuse_blurred_times,
     rows_of,
+    settle_axis,
     stated_number,
     texts_of,
+    times_of,
     with_units,
 )
-from floquid.tables._nominal_rate import Printed, fit_line, nominal_rate_of_step, printed, rate_of_step
-from floquid.tables._table import OPTION, Table, check_table, record_of, settle_axis, times_of
 from floquid.tables._time_axis import SECONDS, TimeAxis, TimeColumn, repair
 
 __all__ = [

@@ -1,7 +1,9 @@
-"""Content of a file or an object, and the record that comes of it."""
+"""Content of a file or an object, channels and numbers as it states them, and the record that comes of it."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -9,12 +11,191 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Floats
-from floquid._checks import finite, input_error, positive
+from floquid._checks import describe, finite, input_error, positive
 from floquid._show import Brief
-from floquid.core import Channel, ConstantPeriod, Provenance, Record
+from floquid.core import Channel, ConstantPeriod, Provenance, Record, channels_named
 from floquid.errors import InputError
 from floquid.io import Source
-from floquid.tables._time_axis import TimeAxis, TimeColumn, repair
+from floquid.tables._time_axis import SECONDS, TimeAxis, TimeColumn, repair
+
+
+def make_channel(source: Source, **words: Any) -> Channel:
+    """The channel of a `source` that the `words` describe, those that are None left to `Channel`."""
+    try:
+        return Channel(**{key: value for key, value in words.items() if value is not None})
+    except InputError as error:
+        raise source.wrapped(error) from None
+
+
+def make_channels(
+    source: Source, names: Sequence[str], units: Sequence[str] | None = None, **words: Sequence[str | None] | None
+) -> tuple[Channel, ...]:
+    """The channels of a `source` by their `names` and `units`; other `words`, one a channel, as `Channel` has them."""
+    given = {key: values for key, values in {"unit": units, **words}.items() if values is not None}
+    channels = tuple(
+        make_channel(source, name=name, **{key: values[row] for key, values in given.items()})
+        for row, name in enumerate(names)
+    )
+    check_distinct(source, [channel.name for channel in channels])
+    return channels
+
+
+def check_distinct(source: Source, names: Iterable[str]) -> None:
+    """Refuse two channels of a `source` with one of the `names`."""
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            raise source.error("name each channel once", f"has {name!r} twice", "Rename one of them in the file.")
+        seen.add(name)
+
+
+def rows_of(source: Source, named: Sequence[Channel], channels: Sequence[str] | None) -> list[int]:
+    """The rows of the `named` channels of a `source` that `channels` asks for, in that order; None asks for all."""
+    if channels is None:
+        return list(range(len(named)))
+    return channels_named(named, channels, argument="channels", of=source.of)
+
+
+def with_units(channels: Sequence[Channel], units: Mapping[str, str] | None, source: Source) -> tuple[Channel, ...]:
+    """The `channels` of a `source`, some with another unit: `units` by their names."""
+    if units is None:
+        return tuple(channels)
+    names = [channel.name for channel in channels]
+    if not isinstance(units, Mapping) or (set(units) - set(names)):
+        got = f"is {describe(units)}" if not isinstance(units, Mapping) else f"has {sorted(set(units) - set(names))}"
+        listing = "The channels are: " + ", ".join(names) + "."
+        raise input_error("units", source.of, "give units by the names of channels", got, listing)
+    try:
+        return tuple(
+            replace(channel, unit=units[channel.name], quantity=None) if channel.name in units else channel
+            for channel in channels
+        )
+    except InputError as error:
+        raise source.wrapped(error) from None
+
+
+def real_row(values: NDArray[Any], name: object, source: Source) -> Floats:
+    """The `values` (samples,) of the channel `name` of a `source` as numbers."""
+    if values.dtype.kind not in "biuf":
+        remedy = "Pass its real part." if values.dtype.kind == "c" else "Leave it out, or turn it into numbers."
+        raise source.error("hold real numbers", f"has {values.dtype} in {name!r}", remedy)
+    return values.astype(np.float64)
+
+
+MISSING = "Mend that cell (empty or `nan` for a missing sample)"
+"""The remedy where a cell may be empty, to be gone on with."""
+
+
+def number_in(source: Source, cell: str, line: int, column: str, *, remedy: str, shown: str = "") -> float:
+    """The number in a `cell` of a text table in a `source`, NaN of an empty one.
+
+    One that is none is refused by its `line` and `column`, as it is `shown` in the file; `remedy` says how to mend it.
+    """
+    try:
+        if "_" in cell or not cell.isascii():  # Python reads 1_000 and foreign digits, no other tool does
+            raise ValueError(cell)
+        return float(cell) if cell else np.nan
+    except ValueError:
+        must = "have a number in every cell"
+        raise source.error(must, f"has {(shown or cell)[:40]!r} in line {line}, column {column!r}", remedy) from None
+
+
+def stated_number(stated: Mapping[Any, Any], key: str, source: Source, *, above_zero: bool) -> float | None:
+    """The number that a `source` states as `key` in `stated`, `above_zero` or of any sign; None without one."""
+    value = stated.get(key)
+    if value is None:
+        return None
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = np.nan
+    if not np.isfinite(number) or (above_zero and number <= 0.0):
+        must = f"state a {'positive' if above_zero else 'finite'} number as `{key}`"
+        raise source.error(must, f"states {describe(value)}", "Correct it, or delete it.")
+    return number
+
+
+def texts_of(record: Record) -> dict[str, list[str]]:
+    """The words of the channels of `record`, one text a channel, by the names in our files."""
+    channels = record.channels
+    places = {"locations": [c.location for c in channels], "directions": [c.direction for c in channels]}
+    return {
+        "channels": [channel.name for channel in channels],
+        "units": [channel.unit for channel in channels],
+        "quantities": [str(channel.quantity) for channel in channels],
+        **{key: texts for key, texts in places.items() if any(texts)},
+    }
+
+
+def numbers_of(record: Record) -> dict[str, float]:
+    """The rate of `record` [Hz], its start and its clock [s], by the names in our files."""
+    return {"sample_rate": record.sample_rate, "start": record.start, **clock_numbers(record)}
+
+
+def clock_numbers(record: Record) -> dict[str, float]:
+    """The `period` and the `origin` [s] of `record`; empty where it has no constant period."""
+    return {} if record.period is None else {"period": record.period, "origin": record.origin}
+
+
+def orbit_of(record: Record) -> dict[str, Floats]:
+    """The orbit of `record`, by its name in our files; empty where there is none."""
+    return {} if record.orbit is None else {"orbit": record.orbit}
+
+
+def refuse_blurred_times(record: Record) -> None:
+    """Refuse to write times of a `record` whose neighbours are one number."""
+    if np.spacing(np.abs(record.times).max()) * record.sample_rate > 0.01:
+        must = "have times that a table of numbers can tell apart"
+        got = f"starts at {record.start:.6g} s with steps of {1.0 / record.sample_rate:.3g} s"
+        raise input_error("record", "write", must, got, "Write it as .npz, or count its time from a nearer start.")
+
+
+_TIME_NAME = re.compile(
+    r"(?:elapsed |relative )?(t|times?|time ?stamps?|zeit|temps|tiempo)(?:[ _.-](\w+))?", re.IGNORECASE
+)
+_OTHER_UNITS = {"-", "%", "°", "Hz", "rpm", "RPM", "V", "mV", "uV", "A", "mA"}
+_OTHER_UNITS |= {"Pa", "kPa", "MPa", "bar", "Nm", "N.m", "N m"}
+
+
+def name_and_unit(cell: str) -> tuple[str, str | None]:
+    """The name and the unit in a `cell`: «x [m]», or «x (m)» where m is a unit and no remark; None without a unit."""
+    match = re.fullmatch(r"(.*?)\s*\[([^\[\]]*)\]", cell)
+    if match:
+        return match[1], match[2].strip()
+    match = re.fullmatch(r"(.*?)\s*\(([^()]*)\)", cell)
+    if match and _is_unit(match[2].strip()):
+        return match[1], match[2].strip()
+    return cell, None
+
+
+def _is_unit(text: str) -> bool:
+    return text in _OTHER_UNITS or text in SECONDS or (text != "" and Channel(name="x", unit=text).quantity != "other")
+
+
+def find_time(source: Source, parts: Sequence[tuple[str, str | None]]) -> tuple[int | None, float | None]:
+    """The first column of a `source` that is a time, and its unit in seconds; of `parts`, a name and a unit each.
+
+    A time by its name, or the very first column by its unit. None stands for no such column, and for no unit.
+    """
+    for column, (name, unit) in enumerate(parts):
+        known = SECONDS.get(unit or "")
+        if column == 0 and known is not None:
+            return column, known
+        if name.lower() in SECONDS and len(name) > 1 and unit is None:  # a column headed «ms»
+            return column, SECONDS[name.lower()]
+        match = _TIME_NAME.fullmatch(name)
+        if match is None or (match[2] is not None and match[2].lower() not in SECONDS):
+            continue
+        if unit in (None, "", "-"):
+            return column, SECONDS[match[2].lower()] if match[2] else None
+        if known is not None:
+            return column, known
+        if len(match[1]) > 1:
+            must = "have its times in one of s, ms, us, ns, min, h"
+            got = f"has column {column + 1}, {name!r}, in {unit!r}"
+            raise source.error(must, got, "Export the times as numbers in seconds.")
+    return None, None
+
 
 OPTION = "`rate=`"
 """The option that says the sampling rate where nothing else does."""

@@ -17,8 +17,7 @@ from floquid.findings import Finding, Severity, failure, note, texts, warning
 from floquid.fit import SURE
 from floquid.inputs import Errors, Grid, Hold, Limits, TransferFunctions, driven_of, estimates_of, sealed, transfer_of
 from floquid.transfer._measured import MeasuredTransfer
-from floquid.transfer._modal import Lines, Modal
-from floquid.transfer._real import near_real
+from floquid.transfer._modal import Lines, Modal, near_real
 from floquid.transfer._search import searched
 
 UNKNOWN = 2.0
@@ -73,6 +72,8 @@ class TransferFit(Rebuilt):
     ) -> TransferFunctions:
         """G of the model with deviations by all that is uncertain in it, to first order.
 
+        Raises InputError where a frequency is no number, or that of samples is asked for where none were measured.
+
         Parameters
         ----------
         frequencies_hz
@@ -81,16 +82,6 @@ class TransferFit(Rebuilt):
             The integers m (harmonics,); by default those measured.
         sampled
             True for that of samples: the same as was measured.
-
-        Returns
-        -------
-        TransferFunctions
-            G.
-
-        Raises
-        ------
-        InputError
-            A frequency is no number, or that of samples is asked for where none were measured.
         """
         of, own = "TransferFit.transfer", self.measured
         if sampled and own.step is None:
@@ -127,6 +118,9 @@ def fit_transfer(
     records of repeats is fitted beside the modes where it is seen. G of the fit is nearer than the lines by the root of
     the numbers measured over those fitted: a fifth of their error needs twenty-five times as many.
 
+    Raises InputError where G has no deviations, or the period is none; IdentificationError where no mode rises above
+    the deviations.
+
     Parameters
     ----------
     measured
@@ -139,18 +133,6 @@ def fit_transfer(
         Limits of the search.
     report
         Is told what is being done, a phrase a stage.
-
-    Returns
-    -------
-    TransferFit
-        The model with deviations, χ², and G at any frequency.
-
-    Raises
-    ------
-    InputError
-        G has no deviations, or the period is none.
-    IdentificationError
-        No mode rises above the deviations.
     """
     from scipy.special import chdtrc
 

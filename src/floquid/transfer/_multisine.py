@@ -107,6 +107,8 @@ def multisine(
     Of each pair of residue classes k and -k modulo `turns` one line is taken, at random in one of as many strips of the
     band; 0 and half of `turns`, which are their own negative, are left out.
 
+    Raises InputError where a repeat is not a whole number of samples, or the band has no line for each input.
+
     Parameters
     ----------
     period, sample_rate
@@ -123,16 +125,6 @@ def multisine(
         The share of pairs of classes that is left out, for what is not linear to show.
     seed
         Of the random numbers.
-
-    Returns
-    -------
-    Multisine
-        One repeat and its lines.
-
-    Raises
-    ------
-    InputError
-        A repeat is not a whole number of samples, or the band has no line for each input.
     """
     of = "multisine"
     for name, value in (("period", period), ("sample_rate", sample_rate), ("rms", rms)):

@@ -70,28 +70,10 @@ def by_repeats(
     lines. Each line of the response must belong to one line of one input, as those of `multisine` do (Louarroudi,
     Lataire and Pintelon 2012). A scan is several records, each of one sine or a few: the lines of all are joined.
 
-    Parameters
-    ----------
-    samples
-        Outputs and inputs.
-    turns
-        J.
-    harmonics
-        The harmonics m (harmonics,).
-    channels
-        Those of the outputs and of the inputs.
-    drop
-        Repeats at the start of each record that are left out, for the transient to die.
-
-    Returns
-    -------
-    MeasuredTransfer
-        G, its deviations, coherence and the level of what is not linear.
-
-    Raises
-    ------
-    IdentificationError
-        Fewer than two repeats are left, or lines of the response belong to two of the inputs.
+    Of `samples` there is G at the `harmonics` m, of inputs that repeat after J = `turns` periods; `channels` are those
+    of the outputs and of the inputs, and the first `drop` repeats of each record are left out, for the transient to
+    die. Raises IdentificationError where fewer than two repeats are left, or lines of the response belong to two of the
+    inputs.
     """
     count = round(turns * 2.0 * np.pi / (samples.fundamental * samples.step))
     both = [

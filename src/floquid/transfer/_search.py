@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from floquid.fit import chi2_limit
 from floquid.inputs import InputMode, Limits
-from floquid.transfer._modal import Fitted, Lines, Modal, eliminated, fitted, promised
-from floquid.transfer._real import near_real, real_for
+from floquid.transfer._modal import Fitted, Lines, Modal, eliminated, fitted, near_real, promised, real_for
 
 DECAYS = 10
 """Decays of the grid, from a part of the distance of lines to their range."""

@@ -14,7 +14,7 @@ from scipy.io import loadmat
 from floquid.core import Channel, PeriodicModel
 from floquid.errors import InputError
 from floquid.exports import MODE_FORMATS, export_modes, modes_frame, summary
-from floquid.exports._uff import degrees_of_freedom
+from floquid.exports._formats import degrees_of_freedom
 from floquid.pipeline import identify
 from floquid.systems import JeffcottRotor
 

@@ -6,11 +6,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import linear_sum_assignment
 
 from floquid.lti import AMI, WHITE, MaximumLikelihood, Outcome, TimeResponses, composites
-from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE
-from floquid.lti._spectrum import ON_A_LINE, finite_sum, mode_columns, spectra
-from floquid.lti.ami._coupled import KNOWN, Coupled
+from floquid.lti._poles import NEGATIVE, ON_A_LINE, PAIR, POSITIVE, finite_sum, mode_columns, spectra
+from floquid.lti.ami._fit import KNOWN, Coupled, Mode, band_lines, cut, evaluate, fit_pole, real_rows
 from floquid.lti.ami._isolation import nearest_outer_product, nothing, peaks, without
-from floquid.lti.ami._one_mode import Mode, band_lines, cut, evaluate, fit_pole, real_rows
 
 IDENTIFIER = AMI()
 

@@ -10,7 +10,7 @@ from floquid.lti._era import Realisation, hankel_covariance
 from floquid.lti._exponentials import fit, polish
 from floquid.lti._factor import factor
 from floquid.lti._poles import PoleSet
-from floquid.lti.likelihood._search import _by_columns, _by_diagonals
+from floquid.lti.likelihood._select import _by_columns, _by_diagonals
 
 IDENTIFIER = MaximumLikelihood(rank_one=False)
 """The responses made here have residues of any rank."""

@@ -14,7 +14,7 @@ from floquid.lti import MaximumLikelihood, ModalModel, TimeResponses
 from floquid.lti._exponentials import fit
 from floquid.lti._factor import factor, factors
 from floquid.lti._poles import PoleSet
-from floquid.lti._removal import Removal
+from floquid.lti._significance import Removal
 from floquid.lti.likelihood._rank_one import Products, Stacked, fit_products, ranks
 from floquid.testing import assert_exponents_close
 

@@ -21,7 +21,7 @@ from floquid.lti import (
 )
 from floquid.lti import _factor as compress_module
 from floquid.order import Stability, Tolerances, indicators, scan, stability
-from floquid.order._indicators import delayed_edge
+from floquid.order._types import delayed_edge
 
 DT = 0.5
 PAIRS = [np.exp(-0.02 + 0.5j), np.exp(-0.03 + 1.4j), np.exp(-0.015 + 2.6j)]

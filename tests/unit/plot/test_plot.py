@@ -247,7 +247,7 @@ def test_composites_are_mean_magnitudes_of_spectra(found):
 
 def test_composites_do_not_depend_on_the_block(found, monkeypatch):
     whole = composites(found.lifted.responses, found.modal)
-    monkeypatch.setattr("floquid.lti._spectrum.BLOCK", 7 * 60)
+    monkeypatch.setattr("floquid.lti._poles.BLOCK", 7 * 60)
     assert composites(found.lifted.responses, found.modal).data == pytest.approx(whole.data, rel=1e-12)
 
 

@@ -13,7 +13,7 @@ from floquid.core import Channel, ConstantPeriod, Record
 from floquid.errors import InputError
 from floquid.io import load_variables
 from floquid.readers import describe_file, read, write
-from floquid.readers.variables._mat import _MatFile
+from floquid.readers.variables._formats import _MatFile
 
 VALUES = np.random.default_rng(5).standard_normal((2, 40))
 TIME = np.arange(40) / 12.5
@@ -168,10 +168,10 @@ def test_what_is_written_is_read_by_scipy(tmp_path):
 
 
 def test_what_does_not_fit_is_not_written(tmp_path, monkeypatch):
-    from floquid.readers.variables import _mat
+    from floquid.readers.variables import _formats
 
     write(Record(values=VALUES, sample_rate=1.0, channels=["x", "y"]), tmp_path / "fits.mat")
-    monkeypatch.setattr(_mat, "_LARGEST", VALUES.nbytes - 1)
+    monkeypatch.setattr(_formats, "_LARGEST", VALUES.nbytes - 1)
     with pytest.raises(InputError, match=r"`record` of `write` must have less than 2 GiB .*\n  Write it as \.h5"):
         write(Record(values=VALUES, sample_rate=1.0, channels=["x", "y"]), tmp_path / "run.mat")
     assert [file.name for file in tmp_path.iterdir()] == ["fits.mat"]

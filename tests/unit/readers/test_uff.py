@@ -86,7 +86,7 @@ def notes(record):
     [(51200, 600 * 51200, "78.6"), (44100, 26_460_000, "43.1"), (4096, 245_760, "0.377"), (48000, 1_000_000, "1.6")],
 )
 def test_a_nominal_rate_is_found_behind_its_step(rate, n, drift):
-    from floquid.readers.uff._axis import _rate_of
+    from floquid.readers.uff._channels import _rate_of
 
     found, words = _rate_of(printed(f"{1 / rate:13.5e}"), n)
     assert found == rate

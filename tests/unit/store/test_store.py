@@ -20,7 +20,7 @@ from floquid.exports import summary
 from floquid.findings import Finding, warning
 from floquid.pipeline import Settings, identify
 from floquid.reconstruction import Block
-from floquid.store import _save, load, save
+from floquid.store import _files, load, save
 from floquid.systems import JeffcottRotor, Run
 
 ROTOR = JeffcottRotor(damping=0.02)
@@ -442,7 +442,7 @@ def test_a_failure_while_packing_leaves_what_was_there(full, bare, tmp_path, mon
         raise error("midway")
 
     with monkeypatch.context() as patch:
-        patch.setattr(_save, "_put_record", fail)
+        patch.setattr(_files, "_put_record", fail)
         with pytest.raises(error, match="midway"):
             save(full, path)
     assert (path.read_bytes() if path.exists() else None) == before
@@ -510,7 +510,7 @@ def test_what_was_measured_comes_back(rig, tmp_path):
 @pytest.mark.slow
 def test_it_is_the_same_to_the_last_digit_with_threads_in_blas(rig, tmp_path, monkeypatch):
     """Here, and not in a child, whose threads are those of its environment."""
-    monkeypatch.setattr("floquid.store._load.GUARD._serving", True)
+    monkeypatch.setattr("floquid.store._files.GUARD._serving", True)
     with threadpool_limits(2, user_api="blas"):
         analysis = identify(rig.records, settings=rig.settings)
         save(analysis, tmp_path / "result.h5")

@@ -3,5 +3,4 @@
 from floquid.floquet.control._discrete import DiscretePeriodicSystem, discretise
 from floquid.floquet.control._harmonic_state_space import HarmonicSystem, HarmonicTransfer, harmonic_transfer
 from floquid.floquet.control._lifted import LiftedSystem, lift, realise
-from floquid.floquet.control._simulate import simulate
-from floquid.floquet.control._system import PeriodicSystem
+from floquid.floquet.control._system import PeriodicSystem, simulate

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, final
+from typing import final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -188,36 +188,12 @@ def harmonic_transfer(
     lines = frozen_array(omega, "omega", of, axes=("lines",))
     if lines.size:
         refuse_undamped(hill(system.A, raises=False), lines, of)
-    found = _respond(system, lines, n_harmonics, tolerance, raises, of)
-    return HarmonicTransfer(
-        omega=lines,
-        values=found.values,
-        harmonics=found.harmonics,
-        period=system.period,
-        n_harmonics=found.truncation,
-        error=found.error,
-        inputs=system.inputs,
-        outputs=system.outputs,
-    )
-
-
-class _Responses(NamedTuple):
-    """The outputs' harmonics for a unit of each input."""
-
-    values: Complexes  # (outputs, inputs, harmonics, lines)
-    harmonics: Integers
-    truncation: int
-    error: Floats  # (outputs, inputs)
+    return _respond(system, lines, n_harmonics, tolerance, raises, of)
 
 
 def _respond(
-    system: PeriodicSystem,
-    omega: Floats,
-    n_harmonics: int | None,
-    tolerance: float,
-    raises: bool,
-    of: str,
-) -> _Responses:
+    system: PeriodicSystem, omega: Floats, n_harmonics: int | None, tolerance: float, raises: bool, of: str
+) -> HarmonicTransfer:
     """The responses to e^{iΩt} in each input, settled to `tolerance`."""
     accuracy = checked_tolerance(tolerance, of, largest=1e-2)
     wanted = None if n_harmonics is None else integer(n_harmonics, "n_harmonics", of, at_least=0)
@@ -251,17 +227,19 @@ def _respond(
         raise input_error("omega" if not np.isfinite(values).all() else "system", of, must, got, remedy)
     kept = min(highest, used)
     values = values[:, :, highest - kept : highest + kept + 1]
-    return _Responses(values, np.arange(-kept, kept + 1), used, error)
+    return HarmonicTransfer(
+        omega=omega,
+        values=values,
+        harmonics=np.arange(-kept, kept + 1),
+        period=system.period,
+        n_harmonics=used,
+        error=error,
+        inputs=system.inputs,
+        outputs=system.outputs,
+    )
 
 
-def _solved(
-    lifted: Matrices,
-    system: PeriodicSystem,
-    omega: Floats,
-    truncation: int,
-    reach: int,
-    of: str,
-) -> Complexes:
+def _solved(lifted: Matrices, system: PeriodicSystem, omega: Floats, truncation: int, reach: int, of: str) -> Complexes:
     """The outputs' harmonics up to `reach` at one truncation (outputs, inputs, harmonics, lines)."""
     A, B, C, D = lifted
     n_inputs = system.n_inputs

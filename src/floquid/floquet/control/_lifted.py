@@ -94,16 +94,12 @@ class LiftedSystem(Rebuilt):
 
         Raises InputError where python-control is not installed.
         """
-        return load_package("control", "to_control").StateSpace(
-            self.A,
-            self.B,
-            self.C,
-            self.D,
-            self.dt,
-            states=_words(self.states),
-            inputs=_words(self.inputs),
-            outputs=_words(self.outputs),
-        )
+        # python-control keeps the full stop for itself.
+        words: dict[str, Any] = {
+            kind: [f"{name.replace('.', '·')}[{phase}]" for phase, name in getattr(self, kind)]
+            for kind in ("states", "inputs", "outputs")
+        }
+        return load_package("control", "to_control").StateSpace(self.A, self.B, self.C, self.D, self.dt, **words)
 
     def to_scipy(self) -> scipy.signal.StateSpace:
         """The system as that of scipy, in steps of `dt`; it knows no names."""
@@ -130,19 +126,17 @@ def lift(system: DiscretePeriodicSystem, *, first_phase: int = 0) -> LiftedSyste
     """
     first = checked_phase(first_phase, system.n_phases, "floquet.lift")
     order = np.roll(np.arange(system.n_phases), -first)
-    A, B, C, D = _in_time(*(stack[order] for stack in (system.A, system.B, system.C, system.D)))
+    found = _in_time(*(stack[order] for stack in (system.A, system.B, system.C, system.D)))
+    matrices: dict[str, Any] = dict(zip("ABCD", found, strict=True))
     phases = order.tolist()
     return LiftedSystem(
-        A=A,
-        B=B,
-        C=C,
-        D=D,
+        **matrices,
         dt=system.period,
         n_phases=system.n_phases,
         first_phase=first,
-        states=_labels(phases[:1], system.states),
-        inputs=_labels(phases, system.inputs),
-        outputs=_labels(phases, system.outputs),
+        states=tuple((first, name) for name in system.states),
+        inputs=tuple((phase, name) for phase in phases for name in system.inputs),
+        outputs=tuple((phase, name) for phase in phases for name in system.outputs),
     )
 
 
@@ -160,15 +154,6 @@ def _in_time(A: Floats, B: Floats, C: Floats, D: Floats) -> tuple[Floats, Floats
         owed[:, own] = B[phase]
     seen = outputs.reshape(n_phases * n_outputs, -1)
     return owed[:, :n], owed[:, n:], seen[:, :n], seen[:, n:]
-
-
-def _labels(phases: list[int], names: tuple[str, ...]) -> tuple[Label, ...]:
-    return tuple((phase, name) for phase in phases for name in names)
-
-
-def _words(labels: tuple[Label, ...]) -> list[str]:
-    """The labels as python-control takes them, which keeps the full stop for itself."""
-    return [f"{name.replace('.', '·')}[{phase}]" for phase, name in labels]
 
 
 def realise(system: control.StateSpace, n_phases: int, *, first_phase: int = 0) -> DiscretePeriodicSystem:
@@ -201,12 +186,9 @@ def realise(system: control.StateSpace, n_phases: int, *, first_phase: int = 0) 
     n_inputs, n_outputs = B.shape[1] // phases, len(C) // phases
     _check_causal(D, phases)
     stacks = _factors(np.block([[C, D], [A, B]]), phases, n_inputs, n_outputs, len(A))
-    found = [np.roll(stack, first, axis=0) for stack in stacks]
+    found: dict[str, Any] = {name: np.roll(stack, first, axis=0) for name, stack in zip("ABCD", stacks, strict=True)}
     return DiscretePeriodicSystem(
-        A=found[0],
-        B=found[1],
-        C=found[2],
-        D=found[3],
+        **found,
         dt=positive(float(dt), "system", _OF, unit="s") / phases,
         inputs=_names(system.input_labels, n_inputs),
         outputs=_names(system.output_labels, n_outputs),

@@ -243,9 +243,12 @@ def _table(text: _Text, title: str, count: int) -> tuple[LinSignals, Floats]:
             if not words or not re.fullmatch(r"\d{1,3}", words[0]):
                 raise text.error(index, "must have an integer under «Derivative Order»")
             orders.append(int(words.pop(0)))
-        name, unit = _name_and_unit(" ".join(words))
-        names.append(name)
-        units.append(unit)
+        # «ED Rotor thrust, (kN)»: a last part of several words is no unit.
+        description = " ".join(words)
+        name, comma, unit = description.rpartition(", ")
+        bare = not comma or " " in unit or not unit
+        names.append(description if bare else name)
+        units.append("" if bare else unit[1:-1] if unit.startswith("(") and unit.endswith(")") else unit)
     after = start + 3 + count
     if after < len(text.lines) and text.lines[after].strip():
         raise text.error(after, f"must be blank, after the {count} rows that the header announces")
@@ -268,14 +271,6 @@ def _operating_point(text: _Text, index: int, words: list[str]) -> tuple[float, 
         raise text.error(index, "must begin with the number of the row and its operating point")
     point = values[0] if len(values) == 1 and values[0] is not None else np.nan
     return float(point), words[last + 1 :]
-
-
-def _name_and_unit(description: str) -> tuple[str, str]:
-    """«ED Rotor thrust, (kN)» as its name and unit; a last part of several words is no unit."""
-    name, comma, unit = description.rpartition(", ")
-    if not comma or " " in unit or not unit:
-        return description, ""
-    return name, unit[1:-1] if unit.startswith("(") and unit.endswith(")") else unit
 
 
 def _matrices(text: _Text, n_states: int, n_inputs: int, n_outputs: int) -> dict[str, Floats]:
@@ -305,16 +300,11 @@ def _matrices(text: _Text, n_states: int, n_inputs: int, n_outputs: int) -> dict
             index += 1
         elif _OTHER_BLOCK.match(line):
             index += 1
-            while index < len(text.lines) and _is_numeric(text.lines[index]):
+            while index < len(text.lines) and number((text.lines[index].split() or ["-"])[0]) is not None:
                 index += 1
         else:
             raise text.error(index, f"is neither blank nor the head of a matrix: {line.strip()[:40]!r}")
     return found
-
-
-def _is_numeric(line: str) -> bool:
-    words = line.split(None, 1)
-    return bool(words) and number(words[0]) is not None
 
 
 def _block(text: _Text, name: str, start: int, rows: int, columns: int) -> Floats:

@@ -1,13 +1,163 @@
-"""Hill's truncated problem at one truncation: its eigenpairs, and those n among them that are the modes."""
+"""Hill's truncated problem, of an A(t) whose jumps are taken out: its eigenpairs, and those n that are the modes."""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from math import comb
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Indices, Mask
-from floquid.floquet.hill_method._hill_matrix import block_toeplitz, in_exponentials, modulo, real_hill, speeds
+from floquid.floquet.matrices import AbstractPeriodicMatrix, Elements, FunctionMatrix, binary_units, elements
+
+_ORDER = 6  # derivatives of P that are matched at a break
+_MOST = 32  # breaks; the harmonics needed grow with the inverse of the distance between them
+
+
+class Smoothed(NamedTuple):
+    """x = P(t) z, and A(t) of z."""
+
+    matrix: FunctionMatrix  # P⁻¹ (A P - P'), with as many continuous derivatives at the breaks as P has, less one
+    change: Any  # P: times (times,) -> (times, n, n), a piecewise polynomial
+    cuts: Floats  # a period of instants between which P is one polynomial (cuts,) [s]
+
+
+def smoothed(matrix: AbstractPeriodicMatrix) -> Smoothed | None:
+    r"""The matrix seen from coordinates in which it is smooth; None if it has no breaks, or too many.
+
+    .. math:: x = P(t)\, z, \qquad P(t + T) = P(t), \qquad z' = P^{-1} (A P - P')\, z
+
+    P is one but near the breaks, is one at each of them too, and its derivatives on either side there are those with
+    which A of z has the mean of both sides' derivatives. The harmonics of z fall so much faster than those of x, and
+    the exponents are the same.
+    """
+    breaks, period = np.asarray(matrix.breaks), matrix.period
+    if not 0 < breaks.size <= _MOST:
+        return None
+    pieces = elements(matrix)
+    before, after = _derivatives(pieces, breaks, period)
+    # How far from each break P may differ from one, so that it never is far from one.
+    scale = binary_units(np.abs(pieces.series).sum(axis=1).max(axis=0))
+    jump = np.abs(after[0] - before[0]) * scale / scale[:, None]
+    with np.errstate(divide="ignore"):
+        reach = 1.0 / jump.sum(axis=2).max(axis=1)
+    gap = np.append(breaks[1:], breaks[0] + period) - breaks
+    rise = np.minimum(reach, 0.5 * gap)  # from a break on
+    fall = np.minimum(np.roll(reach, -1), 0.5 * gap)  # down to the next one
+    mean = [0.5 * (b + a) for b, a in zip(before, after, strict=True)]
+    change = _spline(breaks, rise, fall, gap, _series(after, mean), _series(before, mean))
+    slope = change.derivative()
+
+    def function(times: Floats) -> Floats:
+        at = change(times)
+        return np.linalg.solve(at, matrix.at(times) @ at - slope(times))
+
+    folded = np.unique(np.mod(change.x[:-1], period))
+    return Smoothed(FunctionMatrix(function=function, period=period, breaks=folded, vectorised=True), change, change.x)
+
+
+def _derivatives(pieces: Elements, breaks: Floats, period: float) -> tuple[list[Floats], list[Floats]]:
+    """Derivatives 0, 1, ... of A just before and just after the breaks, each (breaks, n, n)."""
+    from numpy.polynomial import legendre
+
+    right = pieces.left + pieces.width
+    apart = np.abs(np.mod(right[None, :] - breaks[:, None] + 0.5 * period, period) - 0.5 * period)
+    sides = (apart.argmin(axis=1), np.abs(pieces.left[None, :] - breaks[:, None]).argmin(axis=1))
+    out: tuple[list[Floats], list[Floats]] = ([], [])
+    for found, chosen, end in zip(out, sides, (1.0, -1.0), strict=True):
+        series, factor = np.moveaxis(pieces.series[chosen], 1, 0), 2.0 / pieces.width[chosen]
+        for order in range(_ORDER):
+            value = legendre.legval(end, legendre.legder(series, order))
+            found.append(value * (factor**order)[:, None, None])
+    return out
+
+
+def _series(sides: list[Floats], mean: list[Floats]) -> Floats:
+    """Derivatives 0, 1, ... of P at the breaks (breaks, orders, n, n), from P' = A P - P B."""
+    p = [np.broadcast_to(np.eye(sides[0].shape[1]), sides[0].shape)]
+    for order in range(_ORDER):
+        p.append(
+            sum(comb(order, i) * (sides[i] @ p[order - i] - p[order - i] @ mean[i]) for i in range(order + 1))  # type: ignore[arg-type]
+        )
+    return np.stack(p, axis=1)
+
+
+def _spline(breaks: Floats, rise: Floats, fall: Floats, gap: Floats, after: Floats, before: Floats) -> Any:
+    """P as a periodic piecewise polynomial from the first break on."""
+    from scipy.interpolate import BPoly
+
+    flat = np.zeros(after.shape[1:])
+    flat[0] = np.eye(after.shape[-1])
+    knots, coefficients = [float(breaks[0])], []
+    for index, start in enumerate(breaks):
+        end = start + gap[index]
+        following = before[(index + 1) % len(breaks)]
+        stops = [start, start + rise[index], end - fall[index], end]
+        rows = [after[index], flat, flat, following]
+        if rise[index] + fall[index] >= gap[index] * (1.0 - 1e-9):
+            del stops[2], rows[2]
+        for left, right, low, high in zip(stops, stops[1:], rows, rows[1:], strict=False):
+            piece: Any = BPoly.from_derivatives([left, right], [low, high])
+            coefficients.append(piece.c[:, 0])
+            knots.append(float(right))
+    return BPoly(np.stack(coefficients, axis=1), np.array(knots), extrapolate="periodic")
+
+
+def block_toeplitz(coefficients: Complexes, n_harmonics: int) -> Complexes:
+    """The product with M(t) in harmonics: block (k, m) is M_{k-m}, k and m from -N to N.
+
+    The coefficients (rows, columns, 2 M + 1) reach to M of at least 2 N; the matrix goes harmonic by harmonic.
+    """
+    rows, columns, count = coefficients.shape
+    index = np.arange(2 * n_harmonics + 1)
+    blocks = coefficients[..., count // 2 + index[:, None] - index[None, :]]
+    return blocks.transpose(2, 0, 3, 1).reshape(len(index) * rows, len(index) * columns)
+
+
+def real_hill(coefficients: Complexes, n_harmonics: int, fundamental: float) -> Floats:
+    """Hill's matrix of a real A(t) in cosines and sines, unitarily similar to A_{k-m} - i m ω δ_{km}.
+
+    With q_m = (c_m - i s_m)/√2 and q_{-m} = (c_m + i s_m)/√2 the unknowns are c_0..c_N, then s_1..s_N. It is real, so
+    that its eigenvalues are conjugate in pairs exactly. A_m as in `block_toeplitz` [1/s].
+    """
+    n, _, count = coefficients.shape
+    m = np.arange(n_harmonics + 1)
+    weight = np.where(m == 0, np.sqrt(0.5), 1.0)
+    less = coefficients[..., count // 2 + m[:, None] - m[None, :]] * (weight[:, None] * weight)
+    more = coefficients[..., count // 2 + m[:, None] + m[None, :]] * (weight[:, None] * weight)
+    cos_cos, cos_sin = less.real + more.real, (less.imag - more.imag)[..., :, 1:]
+    sin_cos, sin_sin = -(less.imag + more.imag)[..., 1:, :], (less.real - more.real)[..., 1:, 1:]
+    blocks = np.concatenate(
+        [np.concatenate([cos_cos, cos_sin], axis=3), np.concatenate([sin_cos, sin_sin], axis=3)], axis=2
+    )
+    size = (2 * n_harmonics + 1) * n
+    matrix = np.ascontiguousarray(blocks.transpose(2, 0, 3, 1)).reshape(size, size)
+    cosine, sine = np.arange(n, (n_harmonics + 1) * n), np.arange((n_harmonics + 1) * n, size)
+    speed = np.repeat(fundamental * m[1:], n)
+    matrix[cosine, sine] -= speed
+    matrix[sine, cosine] += speed
+    return matrix
+
+
+def speeds(n: int, n_harmonics: int, fundamental: float) -> Complexes:
+    """The diagonal i k ω of n states, harmonic by harmonic from -N to N ((2 N + 1) n,) [1/s]."""
+    return np.asarray(1j * fundamental * np.repeat(np.arange(-n_harmonics, n_harmonics + 1), n), dtype=np.complex128)
+
+
+def modulo(differences: Complexes, fundamental: float) -> Complexes:
+    """Differences of exponents with the nearest multiple of iω taken off, of any shape (...) [1/s]."""
+    turns = np.round(np.imag(differences) / fundamental)
+    return np.asarray(differences - 1j * fundamental * turns, dtype=np.complex128)
+
+
+def in_exponentials(vectors: Complexes, n: int) -> Complexes:
+    """Vectors in cosines and sines (size, vectors) as coefficients of e^{imωt} (vectors, n, 2 N + 1)."""
+    blocks = vectors.reshape(-1, n, vectors.shape[1]).transpose(2, 1, 0)
+    n_harmonics = blocks.shape[2] // 2
+    cosine, sine = blocks[..., 1 : n_harmonics + 1], blocks[..., n_harmonics + 1 :]
+    above, below = np.sqrt(0.5) * (cosine - 1j * sine), np.sqrt(0.5) * (cosine + 1j * sine)
+    return np.concatenate([below[..., ::-1], blocks[..., :1], above], axis=2)
+
 
 _SAME = (1e-6, 1e-4, 1e-8)  # of ω: within which two eigenvalues are one of a family, or a multiple one
 _SPLIT = 6.0  # times the rounding: a k-fold exponent splits by at most 2 k times what each moves by to first order

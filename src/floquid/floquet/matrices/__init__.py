@@ -4,25 +4,40 @@ from floquid.floquet.matrices._arithmetic import (
     Operand,
     added,
     assembled,
-    constant_of,
-    operand,
-    product,
-    scaled,
-    transposed,
-)
-from floquid.floquet.matrices._balancing import balance, balanced_units, binary_units
-from floquid.floquet.matrices._conversion import after_jumps, to_harmonics, to_pieces, to_samples
-from floquid.floquet.matrices._forms import FunctionMatrix, PiecewiseMatrix
-from floquid.floquet.matrices._fourier import Reach, elements, fourier, of_function, reach
-from floquid.floquet.matrices._given import as_array, checked_tolerance, named, probe_times, refuse_other_period
-from floquid.floquet.matrices._matrix import SAME, AbstractPeriodicMatrix, Elements
-from floquid.floquet.matrices._periods import (
     common_period,
+    constant_of,
     declared,
     joint_breaks,
     multiples,
-    reduced,
-    repeated,
+    operand,
+    product,
+    repetitions,
+    scaled,
+)
+from floquid.floquet.matrices._conversion import (
+    Reach,
+    after_jumps,
+    elements,
+    fourier,
+    of_function,
+    reach,
+    to_harmonics,
+    to_pieces,
+    to_samples,
+)
+from floquid.floquet.matrices._forms import FunctionMatrix, PiecewiseMatrix
+from floquid.floquet.matrices._matrix import (
+    SAME,
+    AbstractPeriodicMatrix,
+    Elements,
+    as_array,
+    balance,
+    balanced_units,
+    binary_units,
+    checked_tolerance,
+    named,
+    probe_times,
+    refuse_other_period,
 )
 from floquid.floquet.matrices._series import (
     HarmonicMatrix,

@@ -12,8 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 from floquid._arrays import Floats
 from floquid._checks import Rebuilt, frozen_array, input_error, positive
 from floquid._show import Brief
-from floquid.floquet.matrices._given import as_array, checked_breaks, checked_period
-from floquid.floquet.matrices._matrix import AbstractPeriodicMatrix, Change, Elements, merged, of_stack, tiled
+from floquid.floquet.matrices._matrix import (
+    AbstractPeriodicMatrix,
+    Change,
+    Elements,
+    as_array,
+    checked_breaks,
+    checked_period,
+    merged,
+    of_stack,
+    tiled,
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -13,8 +13,15 @@ from numpy.typing import ArrayLike, NDArray
 from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid._show import Brief
-from floquid.floquet.matrices._given import as_array, checked_period, refuse_repeated_end
-from floquid.floquet.matrices._matrix import AbstractPeriodicMatrix, Change, of_stack, tiled
+from floquid.floquet.matrices._matrix import (
+    AbstractPeriodicMatrix,
+    Change,
+    as_array,
+    checked_period,
+    of_stack,
+    refuse_repeated_end,
+    tiled,
+)
 
 REPEATS = 1e-10  # difference, as a share of the largest value, within which a matrix repeats itself
 
@@ -319,7 +326,7 @@ def line_weights(n_samples: int) -> Floats:
 
 
 def interpolant(
-    values: Floats, times: Floats, period: float, kind: str, argument: tuple[str, str] = ("values", "SampledMatrix")
+    values: Floats, times: Floats, period: float, kind: str, argument: tuple[str, str]
 ) -> Callable[[Floats], Floats]:
     """The values between the samples: times (...) -> (..., rows, columns). It can be sent to another process."""
     shortest = float(np.diff(times, append=times[0] + period).min())

@@ -10,10 +10,15 @@ from numpy.typing import ArrayLike
 
 from floquid._arrays import Complexes, Floats
 from floquid._checks import frozen_array, input_error, positive
-from floquid.floquet.matrices._balancing import balance
 from floquid.floquet.matrices._forms import FunctionMatrix
-from floquid.floquet.matrices._given import OFFSET, as_array, probe_times, refuse_other_period
-from floquid.floquet.matrices._matrix import AbstractPeriodicMatrix
+from floquid.floquet.matrices._matrix import (
+    OFFSET,
+    AbstractPeriodicMatrix,
+    as_array,
+    balance,
+    probe_times,
+    refuse_other_period,
+)
 from floquid.floquet.matrices._series import HarmonicMatrix, SampledMatrix, line_weights
 
 StateMatrix: TypeAlias = AbstractPeriodicMatrix | Callable[[float], ArrayLike] | ArrayLike

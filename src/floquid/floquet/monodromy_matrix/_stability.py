@@ -77,7 +77,8 @@ def stability(modes: FloquetModes, *, tolerance: float = TOLERANCE, errors: Arra
     rests = np.flatnonzero((np.abs(real) <= margins) & shown)
     if grows.size:
         verdict = Verdict.UNSTABLE
-        reasons = tuple(_growing(modes, r) for r in grows[np.argsort(-real[grows], kind="stable")].tolist())
+        worst_first = grows[np.argsort(-real[grows], kind="stable")].tolist()
+        reasons = tuple(f"{_named(modes, r)} doubles in {_span(modes, r)}: {_way(modes, r)}." for r in worst_first)
     elif rests.size:
         verdict = Verdict.MARGINAL
         found = Counter(_resting(modes, r, float(margins[r])) for r in rests.tolist())
@@ -164,10 +165,6 @@ def _way(modes: FloquetModes, mode: int) -> str:
         return f"locked at {halves // 2} per period, {frequency:.5g} Hz (a real positive multiplier)"
     times = "half" if halves == 1 else f"{halves}/2"
     return f"locked at {times} per period, {frequency:.5g} Hz (a real negative multiplier)"
-
-
-def _growing(modes: FloquetModes, mode: int) -> str:
-    return f"{_named(modes, mode)} doubles in {_span(modes, mode)}: {_way(modes, mode)}."
 
 
 def _resting(modes: FloquetModes, mode: int, margin: float) -> str:

@@ -7,13 +7,7 @@ from numpy.typing import ArrayLike
 
 from floquid._arrays import Complexes, Floats, Indices
 from floquid._checks import finite, frozen_array, input_error
-from floquid.floquet.matrices import (
-    Prepared,
-    StateMatrix,
-    checked_tolerance,
-    periodic,
-    prepare,
-)
+from floquid.floquet.matrices import Prepared, StateMatrix, checked_tolerance, periodic, prepare
 from floquid.floquet.monodromy_matrix._collocation import MOST, Factors, divided, factorise, gauss, stages
 from floquid.floquet.monodromy_matrix._periodic_schur import multipliers_of, product_logarithms
 

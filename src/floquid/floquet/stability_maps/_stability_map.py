@@ -1,10 +1,16 @@
-"""Stability of a periodic system over its parameters."""
+"""Stability of a periodic system over its parameters, worked out by threads or processes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import pickle
+import signal
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import BrokenExecutor, Executor
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,6 +19,7 @@ from floquid._arrays import Complexes, Floats, Mask
 from floquid._bar import bar
 from floquid._checks import Rebuilt, finite, frozen_array, input_error, integer, positive
 from floquid._show import Drawings, Drawn
+from floquid.errors import InputError
 from floquid.floquet.monodromy_matrix import TOLERANCE
 from floquid.floquet.stability_maps._boundaries import (
     Samples,
@@ -24,9 +31,81 @@ from floquid.floquet.stability_maps._boundaries import (
     taken,
     thin_bands,
 )
-from floquid.floquet.stability_maps._family import Family, family
-from floquid.floquet.stability_maps._spectra import Spectra
-from floquid.floquet.stability_maps._workers import shared_by
+from floquid.floquet.stability_maps._spectra import Family, Spectra, family, joined, spectra
+
+_CHUNK = 512  # points of one batch of a vectorised system
+_CHUNK_PLAIN = 32  # and of a plain one, whose cost is its own
+_NUMBERS = 50_000  # of the matrices of one sample of a batch
+
+
+@contextmanager
+def shared_by(count: int, of: Family) -> Iterator[Callable[..., Spectra]]:
+    """The spectra at points (points, parameters), found by `workers` processes; a listener is told how many are done.
+
+    The points are taken in chunks that do not depend on how many work on them. Nothing is left behind.
+    """
+    pool = _pool(of, count) if integer(count, "workers", of.of, at_least=1) > 1 else None
+    size = min(_CHUNK if of.vectorised else _CHUNK_PLAIN, 1 + _NUMBERS // len(of.scale) ** 2)
+
+    def evaluate(points: Floats, done: Callable[[int], None] = lambda _: None) -> Spectra:
+        chunks = [points[start : start + size] for start in range(0, len(points), size)]
+        own, parts = partial(spectra, of), []
+        if pool is None or (len(chunks) == 1 and of.vectorised):
+            found = map(own, chunks)
+        else:
+            found = pool.map(own if of.vectorised else _one_chunk, chunks)
+        try:
+            for part in found:
+                parts.append(part)
+                done(sum(len(each.growth) for each in parts))
+        except BrokenExecutor:
+            raise _unreachable(of, "the processes that should call it ended at once") from None
+        return joined(parts)
+
+    try:
+        yield evaluate
+    finally:
+        if pool is not None:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def _pool(of: Family, count: int) -> Executor:
+    """Threads for a vectorised system, processes for a plain one."""
+    from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+
+    if of.vectorised:
+        return ThreadPoolExecutor(count)
+    import multiprocessing
+
+    try:
+        pickle.dumps((of.system, of.period))
+    except (pickle.PicklingError, AttributeError, TypeError) as error:
+        raise _unreachable(of, f"it cannot be sent to one ({error})") from None
+    # A fresh interpreter: a fork of a process with threads may hang.
+    context = multiprocessing.get_context("spawn")
+    return ProcessPoolExecutor(count, mp_context=context, initializer=_begin, initargs=(of,))
+
+
+_FAMILY: list[Family] = []  # that of this worker process
+
+
+def _begin(of: Family) -> None:
+    # Ctrl-C reaches every process of a terminal; the first of them ends the others.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _FAMILY[:] = [of]
+
+
+def _one_chunk(points: Floats) -> Spectra:
+    return spectra(_FAMILY[0], points)
+
+
+def _unreachable(of: Family, why: str) -> InputError:
+    must = "be 1 for a plain callable that other processes cannot import"
+    remedy = (
+        "Define it and the period at the top level of a module, or pass `vectorised` ones, which need threads only."
+    )
+    return input_error("workers", of.of, must, why, remedy)
+
 
 _HALVINGS = (20, 3)  # by default, of the steps of the grid of one and of two parameters
 _EDGES = (1e-9, 1e-6)  # by default, the largest error of an edge as a fraction of the range
@@ -184,17 +263,8 @@ def stability_map(
         must = f"leave at most {_NODES:.0e} nodes of the finest lattice"
         raise input_error("refinements", of, must, f"is {halvings}", "Ask for less.")
     points = np.stack(np.meshgrid(*grids, indexing="ij"), axis=-1).reshape(-1, len(names))
-    given = family(
-        system,
-        period,
-        points,
-        names,
-        vectorised=vectorised,
-        breaks=breaks,
-        tolerance=tolerance,
-        narrowest=narrowest,
-        of=of,
-    )
+    how: dict[str, Any] = {"vectorised": vectorised, "breaks": breaks, "tolerance": tolerance, "narrowest": narrowest}
+    given = family(system, period, points, names, **how, of=of)
     ranges = np.array([grid[-1] - grid[0] for grid in grids])
     with shared_by(workers, given) as spectra, bar(progress, report) as told:
 

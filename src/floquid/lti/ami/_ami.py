@@ -11,12 +11,19 @@ import numpy as np
 
 from floquid.fit import DEVIATIONS, positive_part, sandwich
 from floquid.lti._exponentials import complex_residues
-from floquid.lti._identifier import AbstractIdentifier, Report, checked_order, reached, silent
-from floquid.lti._noise import rise_limit
-from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
-from floquid.lti._spectrum import Block, composites, spectra
-from floquid.lti._types import ModalModel, Outcome, TimeResponses
-from floquid.lti.ami._coupled import KNOWN, Bands, Coupled, bands_of, complex_columns
+from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, Block, PoleSet, composites, spectra
+from floquid.lti._significance import rise_limit
+from floquid.lti._types import (
+    AbstractIdentifier,
+    ModalModel,
+    Outcome,
+    Report,
+    TimeResponses,
+    checked_order,
+    reached,
+    silent,
+)
+from floquid.lti.ami._fit import KNOWN, Bands, Coupled, Mode, bands_of, complex_columns
 from floquid.lti.ami._isolation import (
     Isolated,
     Rounds,
@@ -31,7 +38,6 @@ from floquid.lti.ami._isolation import (
     started,
     without,
 )
-from floquid.lti.ami._one_mode import Mode
 
 ROUGH = 0.01  # deviations below which a pole counts as at rest while there may be modes to come
 FIRST = 30  # rounds, at most, after which a mode just isolated must have proved itself

@@ -9,10 +9,22 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats
 from floquid.fit import DEVIATIONS
-from floquid.lti._poles import FASTEST, NEGATIVE, PAIR, POSITIVE, PoleSet
-from floquid.lti._spectrum import WHITE, Block
-from floquid.lti.ami._coupled import Bands, bands_of, joint_residues, limit, newton, slack
-from floquid.lti.ami._one_mode import Band, Mode, band_lines, cut, evaluate, fit_pole, fit_residues
+from floquid.lti._poles import FASTEST, NEGATIVE, PAIR, POSITIVE, WHITE, Block, PoleSet
+from floquid.lti.ami._fit import (
+    Band,
+    Bands,
+    Mode,
+    band_lines,
+    bands_of,
+    cut,
+    evaluate,
+    fit_pole,
+    fit_residues,
+    joint_residues,
+    limit,
+    newton,
+    slack,
+)
 
 NEAR = 3.0
 """Half-power half-widths to each side of a peak that a mode's first fit looks at, the other modes being unknown."""

@@ -19,10 +19,18 @@ import numpy as np
 
 from floquid._arrays import Floats, Integers
 from floquid.fit import SURE, chi2_limit
-from floquid.lti._identifier import AbstractIdentifier, Report, checked_order, reached, silent
-from floquid.lti._noise import noise_edge, rise_limit
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
-from floquid.lti._types import ModalModel, Outcome, TimeResponses
+from floquid.lti._significance import noise_edge, rise_limit
+from floquid.lti._types import (
+    AbstractIdentifier,
+    ModalModel,
+    Outcome,
+    Report,
+    TimeResponses,
+    checked_order,
+    reached,
+    silent,
+)
 from floquid.lti.likelihood._rank_one import (
     Noise,
     ProductFit,

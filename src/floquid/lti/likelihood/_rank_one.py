@@ -19,8 +19,8 @@ from floquid._arrays import Complexes, Floats, Integers
 from floquid.fit import DEVIATIONS, ROUNDING, Ends, Normal, Steps, levenberg_marquardt, positive_part, sandwich
 from floquid.lti._exponentials import complex_residues, from_sample_zero, no_longer, powers
 from floquid.lti._factor import Factor, factors, product_noise
-from floquid.lti._noise import rise_limit
 from floquid.lti._poles import PAIR, PoleSet
+from floquid.lti._significance import rise_limit
 from floquid.lti._types import PRODUCTS, ModalModel, Outcome, TimeResponses
 
 
@@ -100,10 +100,6 @@ class Products:
         """Less one entry."""
         rest = np.delete(self.shares, entry, axis=0)
         return Products(self.poles.without(entry), rest, np.delete(self.reference, entry))
-
-    def in_input(self, i: int) -> Complexes:
-        """The participations in input `i` (order,), conjugates conjugated."""
-        return self.poles.with_conjugates(self.shares[:, i])
 
 
 def split(model: ModalModel, data: TimeResponses, counts: Integers) -> Products:
@@ -249,7 +245,7 @@ class Stacked:
         return Stacked(data, scale, values, factors(TimeResponses(values=values[:, None], dt=data.dt))[0])
 
 
-def polish_products(start: Products, stacked: Stacked, *, steps: int = 60, tolerance: float = 1e-3) -> ProductFit:
+def polish_products(start: Products, stacked: Stacked, *, tolerance: float = 1e-3) -> ProductFit:
     """The poles and participations of least cost near `start`."""
     block, lengths = stacked.block, stacked.data.lengths
     return levenberg_marquardt(
@@ -259,7 +255,7 @@ def polish_products(start: Products, stacked: Stacked, *, steps: int = 60, toler
             moved=lambda at, step: fit_products(_moved(at.products, step), block, lengths),
             limited=no_longer,
         ),
-        Ends(steps=steps, deviations=tolerance),
+        Ends(steps=60, deviations=tolerance),
     )
 
 
@@ -292,9 +288,7 @@ def separated(model: ModalModel, data: TimeResponses, false_alarm: float, noise:
     return model_of_products(fitted, stacked, model.outcome, noise.colour[near])
 
 
-def pruned(
-    fit: ProductFit, stacked: Stacked, limits: Callable[[Products], list[float]], *, least: int = 0
-) -> ProductFit:
+def pruned(fit: ProductFit, stacked: Stacked, limits: Callable[[Products], list[float]], *, least: int) -> ProductFit:
     """The fit without the entries, one after another, whose absence raises the cost by less than their `limits`.
 
     At `least` this number of entries is kept.
@@ -343,7 +337,7 @@ def model_of_products(fit: ProductFit, stacked: Stacked, outcome: Outcome, colou
     shapes, spread = (
         scale_zero[:, None] * complex_residues(poles, part) for part in (real, np.asarray(pinv, np.float64))
     )
-    in_inputs = [products.in_input(i) for i in range(data.n_inputs)]
+    in_inputs = [poles.with_conjugates(products.shares[:, i]) for i in range(data.n_inputs)]
     residues = np.stack([in_inputs[i][:, None] * shapes * scale[:, i] for i in range(data.n_inputs)], axis=2)
     rest = (values - (columns @ real).T) ** 2
     ends = np.cumsum(data.lengths)
@@ -371,25 +365,16 @@ def model_of_products(fit: ProductFit, stacked: Stacked, outcome: Outcome, colou
 
 def _covariance(fit: ProductFit, stacked: Stacked, colour: Floats) -> Floats:
     """Covariance of the logarithms of the multipliers (2 order, 2 order), real parts, then imaginary parts."""
-    unit = sandwich(fit.information, _scatter(fit.products, stacked), 1e-12)
-    places = _pole_parameters(fit.products)
-    map_ = fit.products.poles.parameter_map()
-    stack = np.concatenate([map_.real, map_.imag]) * np.sqrt(colour)[fit.products.poles.columns()[0]]
-    return stack @ unit[np.ix_(places, places)] @ stack.T
-
-
-def _scatter(products: Products, stacked: Stacked) -> Floats:
-    """The covariance of the gradient, with that of the responses taken from what is left (`of_dependent_noise`)."""
-    moves, _, residues, residual = _eliminated(products, stacked.block, stacked.data.lengths)
+    poles = fit.products.poles
+    moves, _, residues, residual = _eliminated(fit.products, stacked.block, stacked.data.lengths)
     turned = residual @ residues.T
-    return moves.products(turned.T @ turned / max(len(residual) - products.poles.order, 1))
-
-
-def _pole_parameters(products: Products) -> Integers:
-    """The positions of the poles' parameters among all (order,)."""
-    positions, at = [], 0
-    for kind in products.poles.kind:
-        width = 2 if kind == PAIR else 1
-        positions += list(range(at, at + width))
-        at += width * products.shares.shape[1]
-    return np.array(positions)
+    # The covariance of the gradient, with that of the responses taken from the residual (`of_dependent_noise`).
+    scatter = moves.products(turned.T @ turned / max(len(residual) - poles.order, 1))
+    unit = sandwich(fit.information, scatter, 1e-12)
+    places, at = [], 0
+    for width in poles.sizes.tolist():
+        places += list(range(at, at + width))
+        at += width * fit.products.shares.shape[1]
+    map_ = poles.parameter_map()
+    stack = np.concatenate([map_.real, map_.imag]) * np.sqrt(colour)[poles.columns()[0]]
+    return stack @ unit[np.ix_(places, places)] @ stack.T

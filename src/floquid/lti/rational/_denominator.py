@@ -24,7 +24,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid.fit import ROUNDING
-from floquid.lti._spectrum import line_weights
+from floquid.lti._poles import line_weights
 
 SAME = 1.0
 """The change over the record, in nepers and radians, by which roots of the two denominators differ if not one mode;

@@ -10,7 +10,7 @@ import numpy as np
 from floquid._arrays import BLOCK, Complexes, Floats, Mask
 from floquid.lti._exponentials import complex_residues, powers, real_basis, real_powers
 from floquid.lti._poles import PoleSet
-from floquid.lti._removal import Removal, weakest
+from floquid.lti._significance import Removal, weakest
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
 from floquid.lti.rational._denominator import Band, Basis, stacked
 

@@ -13,10 +13,9 @@ from floquid._checks import finite, input_error, integer
 from floquid.lti._era import hankel_covariance
 from floquid.lti._exponentials import model_of
 from floquid.lti._factor import SAFE, Factor, energetic_length, energies, factors, product_noise
-from floquid.lti._identifier import AbstractIdentifier, Report, given_order, reached, silent
 from floquid.lti._poles import FASTEST, PoleSet
-from floquid.lti._removal import strongest
-from floquid.lti._types import ModalModel, TimeResponses
+from floquid.lti._significance import strongest
+from floquid.lti._types import AbstractIdentifier, ModalModel, Report, TimeResponses, given_order, reached, silent
 from floquid.lti.rational._denominator import Band, Basis, Denominators, Equations, stacked
 from floquid.lti.rational._lines import SMOOTH, Modes, Rows, chosen, model_on
 

@@ -20,15 +20,16 @@ from floquid._arrays import Floats
 from floquid.core import Channel, Record, channels_named
 from floquid.errors import InputError
 from floquid.io import Source
-from floquid.readers.uff._axis import Axis, shared_axis
 from floquid.readers.uff._channels import (
     KINDS,
+    Axis,
     OwnLines,
     check_names,
     id_lines,
     make_channel,
     name_functions,
     own_lines,
+    shared_axis,
     unit_label,
 )
 from floquid.readers.uff._datasets import Dataset, FunctionHeader, find_datasets

@@ -1,7 +1,5 @@
 """Files of named variables: NumPy archives, MATLAB files, HDF5."""
 
-from floquid.readers.variables._hdf5 import load_hdf5, save_hdf5
-from floquid.readers.variables._mat import load_mat, save_mat
-from floquid.readers.variables._npz import load_npz, save_npz
+from floquid.readers.variables._formats import load_hdf5, load_mat, load_npz, save_hdf5, save_mat, save_npz
 
 __all__ = ["load_hdf5", "load_mat", "load_npz", "save_hdf5", "save_mat", "save_npz"]

@@ -18,8 +18,7 @@ from floquid._arrays import Floats
 from floquid._checks import input_error
 from floquid.errors import InputError
 from floquid.io import Source
-from floquid.readers.variables._by_name import scalar, table_by_name, time_column
-from floquid.readers.variables._variables import (
+from floquid.readers.variables._by_name import (
     TIME_NAMES,
     Variable,
     VariableFile,
@@ -28,6 +27,9 @@ from floquid.readers.variables._variables import (
     numbers,
     printable,
     require_numbers,
+    scalar,
+    table_by_name,
+    time_column,
 )
 from floquid.tables import Table, TimeColumn, make_channel
 

@@ -15,8 +15,7 @@ import floquid.floquet
 from floquid.errors import InputError
 from floquid.floquet import FunctionMatrix, HarmonicMatrix, HillOutcome, PiecewiseMatrix, SampledMatrix, hill
 from floquid.floquet.hill_method import block_toeplitz
-from floquid.floquet.hill_method._eigenpairs import Problem, effect_of_edges, truncated
-from floquid.floquet.hill_method._hill_matrix import in_exponentials, real_hill
+from floquid.floquet.hill_method._eigenpairs import Problem, effect_of_edges, in_exponentials, real_hill, truncated
 from floquid.floquet.matrices import fourier, reach
 from floquid.testing import assert_exponents_close, pair_exponents
 

@@ -1,4 +1,11 @@
-"""Identifiers of PyDMD, pyOMA2 and sdypy-EMA."""
+"""Other people's identifiers (PyDMD, pyOMA2, sdypy-EMA) behind our contract.
+
+Each needs a package of its own, which is loaded when the identifier is first used; without it the identifier refuses
+its work and says what to install. All are given the responses over their noise, inputs stacked as outputs and cut to
+the shortest, as their first `order` principal components, and give poles; residues are ours by least squares
+(`floquid.lti.fit_residues`). None decides the order: wrap one, `MaximumLikelihood(initial=...)`, for estimates at the
+statistical limit, or ask for an order.
+"""
 
 from __future__ import annotations
 
@@ -19,10 +26,18 @@ from floquid._checks import input_error, integer
 from floquid.errors import InputError
 from floquid.lti._exponentials import fit_residues
 from floquid.lti._factor import Factor, factors
-from floquid.lti._identifier import AbstractIdentifier, Report, given_order, reached, silent
 from floquid.lti._poles import FASTEST, LARGEST_GROWTH, PoleSet
-from floquid.lti._removal import strongest
-from floquid.lti._types import ModalModel, Outcome, TimeResponses
+from floquid.lti._significance import strongest
+from floquid.lti._types import (
+    AbstractIdentifier,
+    ModalModel,
+    Outcome,
+    Report,
+    TimeResponses,
+    given_order,
+    reached,
+    silent,
+)
 
 Method = Literal["cov", "dat"]
 
@@ -366,3 +381,6 @@ def paired(logs: Complexes) -> Complexes:
             out[i], out[j] = mean + 1j * first * upper, mean - 1j * first * upper
         free[[i, j]] = False
     return out
+
+
+__all__ = ["BOPDMD", "PyOMA2SSI", "SdypyLSCF"]

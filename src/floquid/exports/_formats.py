@@ -1,7 +1,9 @@
-"""Modes as a universal file: datasets 151 (header), 15 (nodes) and 55 (data at nodes).
+"""Bytes of MATLAB files and of universal files, the same content giving the same bytes.
 
-Source: "Universal Dataset Number 151: Header", "... 15: Nodes", "... 55: Data at Nodes", Structural Dynamics Research
-Laboratory, University of Cincinnati. A real number has the format 1PE13.5; there is none of more digits.
+MATLAB files are of version 5, which GNU Octave reads too. Modes as a universal file are datasets 151 (header), 15
+(nodes) and 55 (data at nodes). Source: "Universal Dataset Number 151: Header", "... 15: Nodes", "... 55: Data at
+Nodes", Structural Dynamics Research Laboratory, University of Cincinnati. A real number has the format 1PE13.5; there
+is none of more digits.
 """
 
 from __future__ import annotations
@@ -10,6 +12,8 @@ import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from io import BytesIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +23,32 @@ from floquid._checks import frozen_array, input_error
 from floquid._version import __version__
 from floquid.core import Channel, PeriodicModel
 from floquid.readers import UFF_KINDS
+
+PLAIN = str.maketrans({"µ": "u", "μ": "u", "ε": "e", "°": "deg", "²": "^2", "³": "^3", "·": "."})
+"""Units in ASCII: GNU Octave reads texts of other letters byte by byte, and cuts them."""
+
+_TEXT = 116  # bytes at the head of the file that are free text
+
+
+def mat_file(content: Mapping[str, Any], what: str) -> bytes:
+    """The file, named by what it holds; what is None is an empty matrix."""
+    from scipy.io import savemat
+
+    stream = BytesIO()
+    empty = np.zeros((0, 0))
+    savemat(stream, {name: empty if value is None else value for name, value in content.items()}, oned_as="column")
+    whole = bytearray(stream.getbuffer())
+    written = f"MATLAB 5.0 MAT-file, {what}, by floquid {__version__}"
+    whole[:_TEXT] = written.encode().ljust(_TEXT)
+    return bytes(whole)
+
+
+def mat_cells(words: Any) -> Any:
+    """A column of texts as MATLAB has it."""
+    cells = np.empty((len(words), 1), dtype=object)
+    cells[:, 0] = list(words)
+    return cells
+
 
 _STRUCTURAL, _FIRST_ORDER, _TRANSLATIONS, _WITH_ROTATIONS, _COMPLEX = 1, 3, 2, 3, 5
 _SPECIFIC = UFF_KINDS | {"force": 1}

@@ -1,0 +1,344 @@
+"""Files that another library takes apart: WAV (scipy), TDMS (npTDMS) and Parquet (pyarrow).
+
+A WAV has samples of full scale ±1, or whatever the file has of its own. It states its rate as a whole number and has no
+place for names or units. scipy takes a file cut short for whole, so that the sizes of the chunks are looked at here.
+
+TDMS files are of National Instruments: groups of channels, each with its step of time and its unit. An index file
+beside one is not looked at. Values are scaled as the file says.
+
+Parquet files have a column a channel and one of times; pyarrow reads them with the checksums of pages where there are
+such. Columns are headed as those of a text table, `x [m]`; the unit may also be in the metadata of the field, as
+`unit`. What a record says beyond that is in the metadata of the schema, as `floquid` (see `_csv.Stated`).
+"""
+
+from __future__ import annotations
+
+import logging
+import struct
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._arrays import Floats
+from floquid._checks import printable
+from floquid.core import Channel, Record
+from floquid.io import DamagedError, Source, load_package
+from floquid.readers._csv import stated_in, stated_text
+from floquid.tables import (
+    Table,
+    TimeColumn,
+    check_distinct,
+    find_time,
+    make_channels,
+    name_and_unit,
+    rate_of_step,
+    refuse_blurred_times,
+    rows_of,
+    times_of,
+)
+
+_UNKNOWN = 0xFFFFFFFF
+_AS_PCM = "Copy or export it again, as PCM (whole or floating-point numbers)."
+
+
+def load_wav(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
+    """The table in a WAV file. Whole numbers are divided by full scale, which is 1; others are as they are."""
+    from scipy.io import wavfile
+
+    del ignore_time  # there are no times
+    _check_whole(source)
+    with source.taken_apart("WAV file", _AS_PCM), warnings.catch_warnings():
+        warnings.simplefilter("ignore", wavfile.WavFileWarning)  # of chunks that it does not know
+        rate, found = wavfile.read(source.path)
+        samples: NDArray[Any] = found[:, None] if found.ndim == 1 else found
+        if not (rate and samples.shape[1]):
+            raise DamagedError(f"it states {rate} Hz and {samples.shape[1]} channels")
+    is_float, notes = samples.dtype.kind == "f", ()
+    if not is_float:
+        words = f"{8 * samples.dtype.itemsize}-bit numbers"
+        notes = (f"The samples are whole {words}: full scale is 1. A unit is theirs times a channel's sensitivity.",)
+    named = tuple(
+        Channel(name=f"ch{row}", quantity="other", unit="-" if is_float else "FS")
+        for row in range(1, samples.shape[1] + 1)
+    )
+    rows = rows_of(source, named, channels)
+    return Table(
+        values=_scaled(samples[:, rows].T),
+        channels=tuple(named[row] for row in rows),
+        sample_rate=float(rate),
+        notes=notes,
+    )
+
+
+def _check_whole(source: Source) -> None:
+    """Refuse a file that ends in the middle of a chunk."""
+    end, large = source.path.stat().st_size, 0
+    with source.path.open("rb") as stream:
+        head = stream.read(12)
+        if head[8:] != b"WAVE":
+            raise source.error("be a WAV file", "is not one, or is damaged", f"{_AS_PCM} It begins with RIFF and WAVE.")
+        declared = 8 + int.from_bytes(head[4:8], "little")
+        if head[:4] == b"RIFF" and 12 < declared < end:
+            end = declared  # some recorders fill a sector up behind it
+        while stream.tell() + 8 <= end:
+            name, size = struct.unpack("<4sI" if head[:4] != b"RIFX" else ">4sI", stream.read(8))
+            size, start = large if name == b"data" and size == _UNKNOWN and large else size, stream.tell()
+            if start + size > end:
+                got = f"is cut short: chunk {printable(str(name)[2:-1])!r} declares {size} bytes, and {end - start} are"
+                raise source.error("be a whole WAV file", f"{got} left", _AS_PCM)
+            if name == b"ds64":
+                large = int.from_bytes(stream.read(16)[8:], "little")  # of RF64: the data may be of more than 4 GB
+            stream.seek(start + size + size % 2)
+
+
+def _scaled(samples: NDArray[Any]) -> Floats:
+    """Samples over full scale, which is what their type holds (scipy shifts those of 24 bits into 32); or as is."""
+    values = samples.astype(np.float64, order="C")
+    if samples.dtype.kind == "u":
+        values -= 128.0
+    if samples.dtype.kind in "iu":
+        values /= 2.0 ** (8 * samples.dtype.itemsize - 1)
+    return values
+
+
+_AGAIN = "Copy or export it again."
+_CHOOSE = "Choose channels that go together with `channels=`, as in `group/channel`."
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Signal:
+    """A channel of numbers: `held` is npTDMS's own, `name` and `unit` are what the file calls it."""
+
+    held: Any
+    group: str
+    name: str
+    unit: str
+
+    @property
+    def path(self) -> str:
+        """Path of the channel, as in «group/channel»."""
+        return f"{self.group}/{self.name}"
+
+    @property
+    def parts(self) -> tuple[str, str | None]:
+        """The name and the unit, None without one."""
+        return self.name, None if self.unit == "-" else self.unit
+
+    def get(self, key: str) -> Any:
+        """A property of the channel, None if it has none."""
+        return self.held.properties.get(key)
+
+
+def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
+    """The table in a TDMS file."""
+    nptdms = load_package("nptdms", source.of, extra="tdms")
+    nptdms.log.log_manager.set_level(logging.CRITICAL)
+    again = source.taken_apart("TDMS file", _AGAIN)
+    with again, source.path.open("rb") as stream:  # given the path, npTDMS would trust an index file beside it
+        file = nptdms.TdmsFile.open(stream)
+        unclosed = _unclosed(source, file)
+        signals, others = _signals(file)
+        if not signals:
+            got = f"holds {len(others)} channels of other kinds" if others else "holds no channel"
+            raise source.error("hold a channel of numbers", got, "Export the signals.")
+        times, signals = _split(source, signals)
+        several = len({signal.group for signal in signals}) > 1
+        names = [signal.path if several else signal.name for signal in signals]
+        named = make_channels(source, names, [signal.unit for signal in signals])
+        paths = {signal.path: channel.name for signal, channel in zip(signals, named, strict=True)}
+        rows = rows_of(source, named, None if channels is None else [paths.get(name, name) for name in channels])
+        chosen = [signals[row] for row in rows]
+        time = next((t for t in times if t.group == chosen[0].group), None)
+        lengths = {signal.path: len(signal.held) for signal in (*chosen, *([] if time is None else [time]))}
+        if len(set(lengths.values())) > 1:
+            words = ", ".join(f"{path} has {length}" for path, length in list(lengths.items())[:10])
+            raise source.error("hold channels of one length", f"does not: {words} samples", _CHOOSE)
+        rate, start, notes = _even(source, chosen, ignore_time=ignore_time)
+        values = np.empty((len(chosen), len(chosen[0].held)))
+        for row, signal in zip(values, chosen, strict=True):
+            row[:] = signal.held.read_data()
+        column = None
+        if time is not None and not ignore_time:
+            _, scale = find_time(source, [time.parts])
+            column = TimeColumn(values=time.held.read_data(), scale=scale, label=time.path)
+    notes += unclosed + tuple(f"Channel {path!r} is not of numbers, and is not used." for path in others[:20])
+    return Table(
+        values=values,
+        time=column,
+        sample_rate=rate,
+        start=start,
+        notes=notes,
+        channels=tuple(named[row] for row in rows),
+    )
+
+
+def _unclosed(source: Source, file: Any) -> tuple[str, ...]:
+    """A note on a file whose last segment was never closed."""
+    status = file.file_status
+    short = [path for path, one in (status.channel_statuses or {}).items() if one.read_length != one.expected_length]
+    if short:
+        got = f"is cut short: its last segment has not all samples of {', '.join(short[:10])}"
+        raise source.error("be a whole TDMS file", got, _AGAIN)
+    return ("The last segment of the file was never closed; its samples are used.",) * status.incomplete_final_segment
+
+
+def _signals(file: Any) -> tuple[list[_Signal], list[str]]:
+    """The channels of numbers, and the paths of the others."""
+    signals, others = [], []
+    for group in file.groups():
+        for channel in group.channels():
+            path = f"{group.name}/{channel.name}"
+            if len(channel) == 0:
+                continue
+            if channel.dtype.kind not in "biuf":
+                others.append(path)
+                continue
+            name, unit = name_and_unit(channel.name)
+            words = channel.properties.get("unit_string") or channel.properties.get("NI_UnitDescription")
+            if isinstance(words, str) and words.strip():
+                name, unit = channel.name, words.strip()
+            signals.append(_Signal(held=channel, group=group.name, name=name, unit=unit or "-"))
+    return signals, others
+
+
+def _split(source: Source, signals: Sequence[_Signal]) -> tuple[list[_Signal], list[_Signal]]:
+    """The channels of times, at most one a group, and the others."""
+    times = []
+    for group in dict.fromkeys(signal.group for signal in signals):
+        members = [signal for signal in signals if signal.group == group]
+        place, _ = find_time(source, [member.parts for member in members])
+        if place is not None and len(members) > 1:
+            times.append(members[place])
+    return times, [signal for signal in signals if signal not in times]
+
+
+def _even(
+    source: Source, chosen: Sequence[_Signal], *, ignore_time: bool
+) -> tuple[float | None, float | None, tuple[str, ...]]:
+    """The rate [Hz] and the start [s] that the channels state, None if they state none, and notes."""
+    steps = {signal.path: signal.get("wf_increment") for signal in chosen}
+    starts = {signal.path: (str(signal.get("wf_start_time")), signal.get("wf_start_offset")) for signal in chosen}
+    for what, found in (("step of time (`wf_increment`)", steps), ("start (`wf_start_time`)", starts)):
+        if len(set(map(str, found.values()))) > 1:
+            words = ", ".join(f"{path} has {value}" for path, value in list(found.items())[:10])
+            raise source.error(f"hold channels of one {what}", f"does not: {words}", _CHOOSE)
+    step, (date, offset) = next(iter(steps.values())), next(iter(starts.values()))
+    notes = () if date == "None" else (f"The first sample was taken at {date}.",)
+    if step is None:
+        return None, None, notes
+    if not isinstance(step, (int, float)) or not 0.0 < step < np.inf or not np.isfinite(1.0 / step):
+        if ignore_time:
+            return None, None, notes
+        must, got = "state a positive step of time (`wf_increment`) [s]", f"states {step!r}"
+        raise source.error(must, got, "Pass `rate=` [Hz] to say what it is.")
+    start = float(offset) if isinstance(offset, (int, float)) and np.isfinite(offset) else 0.0
+    return rate_of_step(step), start, notes
+
+
+_KEY = b"floquid"
+_BLOCK = 1 << 16
+_INDEX = "__index_level_"  # names that pandas gives an index without one: dates, or a mere count
+
+
+def load_parquet(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
+    """The table in a Parquet file; a null is a missing sample."""
+    parquet = load_package("pyarrow.parquet", source.of, extra="parquet")
+    again = source.taken_apart("Parquet file", "Copy or write it again.")
+    with again, source.path.open("rb") as stream:
+        file = parquet.ParquetFile(stream, page_checksum_verification=True)
+        return _table(source, file, channels, ignore_time=ignore_time)
+
+
+def _table(source: Source, file: Any, channels: Sequence[str] | None, *, ignore_time: bool) -> Table:
+    schema = file.schema_arrow
+    remedy = "Delete them: the table can be read without them."
+    stated = stated_in(source, (schema.metadata or {}).get(_KEY), "the metadata `floquid`", remedy)
+    check_distinct(source, schema.names)
+    numbers, dates = _kinds(schema)
+    parts = [_name_and_unit(schema.field(name)) for name in numbers]
+    place, scale = find_time(source, parts)
+    time = numbers[place] if place is not None else next(iter(dates), None)
+    pairs = [pair for pair in zip(numbers, parts, strict=True) if pair[0] != time]
+    if not pairs:
+        got = f"has the columns {', '.join(schema.names[:20]) or 'none'}"
+        raise source.error("have a column of numbers for each channel", got, "Write the channels too.")
+    # As our own line states them, if it is of all of these, or by their headings.
+    ours = {channel.label: channel for channel in stated.channels}
+    if all(heading in ours for heading, _ in pairs):
+        named = tuple(ours[heading] for heading, _ in pairs)
+    else:
+        named = make_channels(source, [name for _, (name, _) in pairs], [unit or "-" for _, (_, unit) in pairs])
+    rows = rows_of(source, named, channels)
+    others = [name for name in schema.names if name not in numbers and name != time]
+    nameless = "The index of the table has no name, and is not used: name it `time [s]` if it is the time."
+    notes = tuple(
+        nameless if name.startswith(_INDEX) else f"Column {name!r} is not of numbers, and is not used."
+        for name in others[:20]
+    )
+    values = np.empty((len(rows), file.metadata.num_rows))
+    for place, row in enumerate(rows):  # one column at a time
+        values[place] = _column(file, pairs[row][0])
+    column = None
+    if time is not None and ignore_time:
+        notes += (f"The time column `{time}` was ignored.",)
+    elif time is not None:
+        column, remark = times_of(_column(file, time), scale=scale, label=time) or (None, ())
+        notes += remark
+    own = stated.of([named[row] for row in rows])
+    return Table(values=values, time=column, sample_rate=stated.sample_rate, start=stated.start, notes=notes, **own)
+
+
+def _kinds(schema: Any) -> tuple[list[str], list[str]]:
+    """The names of the columns of numbers, and of those of dates or durations."""
+    import pyarrow.types as kinds
+
+    numbers = (kinds.is_integer, kinds.is_floating, kinds.is_boolean, kinds.is_decimal)
+    dates = (kinds.is_timestamp, kinds.is_duration)
+    plain = [field for field in schema if not field.name.startswith(_INDEX)]
+    return (
+        [field.name for field in plain if any(fits(field.type) for fits in numbers)],
+        [field.name for field in schema if any(fits(field.type) for fits in dates)],
+    )
+
+
+def _name_and_unit(field: Any) -> tuple[str, str | None]:
+    """The name and the unit in the heading of a column, or the unit in its metadata."""
+    name, unit = name_and_unit(field.name)
+    metadata = field.metadata or {}
+    text = metadata.get(b"unit") or metadata.get(b"units")
+    return name, text.decode("utf-8", "replace").strip() if unit is None and text else unit
+
+
+def _column(file: Any, name: str) -> NDArray[Any]:
+    """A column of numbers, NaN where one is missing, or of dates or durations."""
+    import pyarrow as pa
+
+    column = file.read(columns=[name])[name]
+    if pa.types.is_timestamp(column.type) or pa.types.is_duration(column.type):
+        return column.to_numpy()
+    if pa.types.is_boolean(column.type):
+        column = column.cast(pa.uint8())
+    return column.cast(pa.float64(), safe=False).to_numpy()
+
+
+def save_parquet(record: Record, path: Path) -> None:
+    """Write `record` with a column of times, so that every number is read back as it is."""
+    parquet = load_package("pyarrow.parquet", "write", extra="parquet")
+    import pyarrow as pa
+
+    refuse_blurred_times(record)
+    times = record.times
+    fields = [pa.field("time [s]", pa.float64(), metadata={b"unit": b"s"})]
+    fields += [pa.field(c.label, pa.float64(), metadata={b"unit": c.unit.encode()}) for c in record.channels]
+    schema = pa.schema(fields, metadata={_KEY: stated_text(record).encode()})
+    options = {"compression": "zstd", "use_dictionary": False, "write_page_checksum": True}
+    with path.open("wb") as stream, parquet.ParquetWriter(stream, schema, **options) as writer:
+        for first in range(0, record.n_samples, _BLOCK):
+            part = slice(first, first + _BLOCK)
+            arrays = [pa.array(row) for row in (times[part], *record.values[:, part])]
+            writer.write_batch(pa.record_batch(arrays, schema=schema))
