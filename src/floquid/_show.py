@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, fields
 from enum import Enum
 from functools import partial, update_wrapper
+from html import escape
 from importlib import import_module
 from itertools import islice
 from typing import Any, Literal, cast
@@ -88,7 +89,7 @@ class Told:
 
     def _repr_html_(self) -> str:
         """Text of the object as HTML, for a notebook."""
-        return late("reporting", "fragment")(self)
+        return f"<pre>{escape(self.summary())}</pre>"
 
 
 class Drawn:

@@ -8,7 +8,7 @@ import re
 import shlex
 import subprocess
 import sys
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +20,7 @@ import floquid
 from floquid.cli import _terminal, run
 from floquid.cli._app import app
 from floquid.cli._options import Choices, FreeOptions, ModelOptions, RecordOptions, choices_of
+from floquid.findings import warning
 from floquid.plot import FIGURES
 from floquid.systems import JeffcottRotor
 from floquid.views import MODE_NOTES
@@ -427,8 +428,27 @@ def test_the_legend_says_how_it_was_finished(here):
 
 def test_the_first_screen_fits_a_screen_and_leaves_the_reasons_to_verbose(here):
     short, long = typed(GOOD), typed(f"{GOOD} --verbose")
-    assert len(short.splitlines()) <= 40
+    assert len(short.splitlines()) < 25
     for name in ("Noise", "Order", "Period", "Verdict"):
         assert re.search(rf"^{name} +\w", short, flags=re.MULTILINE)
     assert "The order is clear." in long
     assert "The order is clear." not in short
+
+
+def test_a_doubtful_screen_has_each_reason_with_its_remedy(rotor, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    analysis = floquid.load(rotor[1] / "result.h5")
+    doubts = [
+        warning("misfit", misfit=2.1),
+        warning("line_as_mode", frequencies=(4.2,), periods=2, real=False),
+        warning("vague_angle", degrees=0.4, energy=12.0),
+        warning("weakly_determined", number=2, order=16, limit=0.002),
+        warning("period_halved"),
+    ]
+    _terminal.print_analysis(replace(analysis, findings=(*analysis.findings, *doubts)))
+    text = capsys.readouterr().out
+    assert len(text.splitlines()) < 35 - 2, "two more are how to read on, and the place of the files"
+    assert text.count("→") == 3
+    assert "→ Allow more harmonics (`--harmonics`), or finish with" in text
+    assert "→ If a revolution holds 2 periods, say so:" in text
+    assert "… and 2 more." in text

@@ -7,6 +7,7 @@ import pytest
 import floquid as fq
 from floquid.cli import run
 from floquid.errors import InputError
+from floquid.findings import note
 
 pytestmark = pytest.mark.pages
 
@@ -41,7 +42,7 @@ def test_elsewhere_with_a_title(folder, tmp_path):
     assert "<h1>Run &lt;7&gt;</h1>" in page.read_text(encoding="utf-8")
 
 
-def test_a_brief_with_the_speed_in_rpm(folder, capsys):
+def test_a_brief_with_the_speed_in_rpm(folder, tmp_path, capsys):
     assert run(["report", str(folder), "--brief", "--speed-unit", "rpm"]) == 0
     assert f"Written: {folder / 'brief.html'}" in capsys.readouterr().out
     words = (folder / "brief.html").read_text(encoding="utf-8")
@@ -54,6 +55,10 @@ def test_a_brief_with_the_speed_in_rpm(folder, capsys):
     assert "0.159155 Hz" in analysis.summary()
     turning = replace(analysis, settings=replace(analysis.settings, periods_per_revolution=2.0))
     assert "shaft at 4.77465 rpm, 2 periods a revolution" in turning.summary(speed_unit="rpm")
+    said = replace(analysis, findings=(note("speed_constant", hz=2.5),))
+    assert "The speed is constant at 150 rpm," in said.summary(speed_unit="rpm")
+    page = fq.report(said, tmp_path / "rpm.html", speed_unit="rpm").read_text(encoding="utf-8")
+    assert "The speed is constant at 150 rpm," in page
     with pytest.raises(InputError, match="`speed_unit` of `summary`"):
         analysis.summary(speed_unit="kmh")
 

@@ -112,7 +112,7 @@ def test_the_summary_has_the_modes_and_the_verdict(results):
 
 def test_the_summary_warns(analysis):
     failing = identify(record(noise=1e-3), order=2)
-    assert f"Warning: {failing.warnings[0][:40]}" in failing.summary()
+    assert f"  {failing.reasons[0][:40]}" in failing.summary()
     assert "<p><strong>The model fails.</strong>" in failing._repr_html_()
     assert failing.warnings[0][:40] in failing._repr_html_()
 

@@ -29,7 +29,7 @@ from floquid.cli._floquet_output import print_stability
 from floquid.cli._identify import identify, report
 from floquid.cli._records import convert, info
 from floquid.cli._scan import print_orders, scan
-from floquid.cli._terminal import plain, print_found, print_warnings, terminal
+from floquid.cli._terminal import plain, print_found, terminal
 from floquid.cli._transfer import multisine, transfer
 from floquid.floquet import FloquetModes, stability
 from floquid.order import OrderScan
@@ -103,7 +103,6 @@ def text_of(result: Analysis | Bootstrap | OrderScan | FloquetModes, *, speed_un
     match result:
         case Analysis():
             print_found(console, result, speed_unit=speed_unit)
-            print_warnings(console, result.warnings)
         case Bootstrap():
             print_drawn(console, result)
         case OrderScan():

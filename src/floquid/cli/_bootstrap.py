@@ -15,12 +15,11 @@ from rich.console import Console
 from rich.table import Table
 
 from floquid._checks import counted, input_error
-from floquid.cli._folder import ResultFolder, maybe_folder, result_file
+from floquid.cli._folder import ResultFolder, identified_in, maybe_folder, result_file
 from floquid.cli._options import Format, OptionalWhole, OutputFolder, Saved, Seed, Whole
 from floquid.cli._terminal import json_text, new_table, print_files, print_title, print_whole, terminal
-from floquid.pipeline import Analysis, Bootstrap, DrawFile, Spread
+from floquid.pipeline import Bootstrap, DrawFile, Spread
 from floquid.pipeline import bootstrap as bootstrap_analysis
-from floquid.store import load
 
 OF = "floquid bootstrap"
 
@@ -65,11 +64,9 @@ def bootstrap(
             raise input_error(option, OF, f"be at least {least}", f"is {value}")
     file = result_file(result)
     with maybe_folder(out, FILES) as folder:
-        key, analysis = _key(file, seed, whole=whole), load(file)
+        key, analysis = _key(file, seed, whole=whole), identified_in(file, OF)
         while key != (now := _key(file, seed, whole=whole)):  # another program has put a new result there meanwhile
-            key, analysis = now, load(file)
-        if not isinstance(analysis, Analysis):
-            raise input_error("RESULT", OF, "be a result of `floquid identify`", "is one of transfer functions")
+            key, analysis = now, identified_in(file, OF)
         kept = None if out is None else DrawFile(path=out / KEPT, key=key)
         if kept is not None and (done := len(kept.read())):
             words = f"{min(done, draws)} of {draws} draws were done by a run that was cut short: going on from there."

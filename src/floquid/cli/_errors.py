@@ -56,6 +56,7 @@ _OPTIONS = {
     "export_modes": {"path": "`OUT`"},
     "export_transfer": {"path": "`--out`", "found": "The transfer functions"},
     "load": {"path": "`RESULT`"},
+    "report": {"analysis": "`RESULT`", "path": "`--out`", "brief": "`--brief`"},
     **{f"Analysis.{name}": {"self": "The result"} for name in ("transfer", "lifted")},
     "bootstrap": {"analysis": "`RESULT`", **_alike("draws", "seed", "workers", "whole")},
     "save_figures": {"folder": "`--out`"},

@@ -31,7 +31,6 @@ from floquid.exports import summary
 from floquid.pipeline import identify as identify_records
 from floquid.reporting import report as write_report
 from floquid.store import load
-from floquid.transfer import MeasuredTransfer
 
 OF = "floquid identify"
 STAGES = 10
@@ -87,6 +86,9 @@ def identify(
         sys.stdout.flush()
     else:
         print_analysis(analysis, verbose=verbose, speed_unit=speed_unit)
+        if not verbose:
+            hint = "`floquid identify --verbose` explains the columns and gives all reasons in full."
+            terminal().print(hint, style="dim")
     if out is not None:
         with progress(3) as report:
             draw_result(out, analysis, mark, report, speed_unit=speed_unit)
@@ -124,9 +126,5 @@ def report(
     page = file.parent / ("brief.html" if brief else "report.html") if out is None else out
     with progress(3) as stage:
         stage("reading the result")
-        found = load(file)
-        if isinstance(found, MeasuredTransfer):
-            remedy = "Fit modes to them: `floquid transfer --lines`."
-            raise input_error("RESULT", "floquid report", "hold modes", "holds transfer functions as measured", remedy)
-        write_report(found, page, title=title, brief=brief, speed_unit=speed_unit, progress=stage)
+        write_report(load(file), page, title=title, brief=brief, speed_unit=speed_unit, progress=stage)
     terminal().print(f"Written: {page}", soft_wrap=True)

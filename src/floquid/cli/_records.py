@@ -129,9 +129,7 @@ def _print_summary(found: FileSummary) -> None:
     for candidate in found.clock_candidates:
         option = _option_of(candidate)
         console.print(f"Possible clock: {candidate.name}, {candidate.why}.{f' Use {option}.' if option else ''}")
-    if found.period is not None:
-        console.print(f"The file states a period of {found.period:.12g} s.")
-    elif not found.clock_candidates:
+    if not found.clock_candidates:
         console.print("No candidate for a clock: give the period with --period or --frequency.", style="dim")
     for c in found.channels:
         if c.impacts:

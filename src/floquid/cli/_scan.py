@@ -205,7 +205,7 @@ def _print_scan(scanned: Scanned, identifier: str, out: Path | None) -> None:
     for finding in scanned.done:
         console.print(f"  {finding}")
     print_warnings(console, scanned.faults)
-    print_whitening(console, lifted)
+    print_whitening(console, lifted.whitening, lifted.channels)
     print_orders(console, found, f"Orders by {identifier.upper()}")
     print_files(out, FILES, "for the stabilisation diagram, the mode indicators and scan.json")
 

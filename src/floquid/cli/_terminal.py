@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
 from itertools import compress
@@ -20,18 +19,20 @@ from floquid._arrays import Floats
 from floquid._bar import bar
 from floquid._checks import counted
 from floquid._json import for_json
-from floquid.findings import Severity, texts
-from floquid.lifting import Lifted
+from floquid.core import Channel
+from floquid.findings import Severity
 from floquid.pipeline import Analysis
 from floquid.reconstruction import Refinement
 from floquid.views import (
     SpeedUnit,
     done_words,
     for_command,
+    in_short,
     input_unit,
     mode_table,
     note_meanings,
     outcome_lines,
+    speed_texts,
     whitening_words,
     with_error,
 )
@@ -46,8 +47,8 @@ NO_DEVIATIONS = "this identifier gives no standard deviations (its -ml form does
 FAILS = "there are no standard deviations, since the model fails"
 NOISE = "White noise found, standard deviation"
 LEFT = "What the model leaves, noise and all, standard deviation"
-MOST_DONE = 3  # sentences on what was done with the record that are printed without `--verbose`
-MANY_SENTENCES = 3  # reasons and warnings from which on the first sentence of each is printed without `--verbose`
+MOST_DONE = 2  # sentences on what was done with the record that are printed without `--verbose`: the last ones
+MOST_SENTENCES = 3  # reasons and warnings that are printed without `--verbose`: with eight modes they fit 34 lines
 RARE = 0.01  # the probability of a structure's misfit below which it is told that chance seldom leaves as much
 
 
@@ -103,28 +104,13 @@ def print_files(folder: Path | None, names: Sequence[str], kept: str) -> None:
 
 
 def print_analysis(analysis: Analysis, *, verbose: bool = False, speed_unit: SpeedUnit = "hz") -> None:
-    """The record, the modes, a line for each other finding, A(t) and the warnings; with `verbose` the reasons, too."""
+    """Print the result, with `verbose` all of the reasons too, and A(t)."""
     console = terminal()
     print_found(console, analysis, verbose=verbose, speed_unit=speed_unit)
     if verbose:
         _print_reasons(console, analysis)
     if analysis.state is not None:
         print_state(console, analysis)
-    warnings, many = texts(analysis.findings, Severity.WARNING), _many(analysis)
-    print_warnings(console, warnings if verbose or not many else map(_first, warnings))
-    if not verbose:
-        more = "what to do about each warning" if many else "the columns and gives the reasons"
-        console.print(f"`floquid identify --verbose` explains {more}.", style="dim")
-
-
-def _many(analysis: Analysis) -> bool:
-    """True where a screen does not hold all sentences of the reasons and warnings."""
-    return len(analysis.reasons) + len(texts(analysis.findings, Severity.WARNING)) >= MANY_SENTENCES
-
-
-def _first(words: str) -> str:
-    """The first sentence."""
-    return re.split(r"(?<=\.)\s+(?=[A-Z])", words, maxsplit=1)[0]
 
 
 def print_warnings(console: Console, warnings: Iterable[object]) -> None:
@@ -134,22 +120,29 @@ def print_warnings(console: Console, warnings: Iterable[object]) -> None:
 
 
 def print_found(console: Console, analysis: Analysis, *, verbose: bool = False, speed_unit: SpeedUnit = "hz") -> None:
-    """Print the record, the modes, a line for each other finding, and the reasons against the model."""
-    _print_record(console, analysis, verbose=verbose)
+    """Print the record, the modes, a line for each other finding, and the reasons and warnings with their remedies."""
+    _print_record(console, analysis, speed_unit, verbose=verbose)
     modes = "Modes of a model that fails" if analysis.failed else "Modes"
     print_title(console, f"{modes}: order {analysis.model.order}, conjugates counted one by one")
     print_modes(console, analysis)
     _print_legend(console, analysis, verbose=verbose)
-    console.print()
     lines = Table(box=None, show_header=False, padding=(0, 1, 0, 0), pad_edge=False)
     lines.add_column(no_wrap=True)
     lines.add_column()
     for name, words in outcome_lines(analysis, speed_unit).items():
         lines.add_row(name, words)
     console.print(lines)
-    short = isinstance(console, _Terminal) and not verbose and _many(analysis)
-    for reason in analysis.reasons:
-        console.print(f"  {_first(reason) if short else reason}", style="yellow")
+    warnings = [f"Warning: {words}" for words in speed_texts(analysis.findings, speed_unit, Severity.WARNING)]
+    sentences = [*(f"  {reason}" for reason in analysis.reasons), *warnings]
+    if verbose:
+        for words in sentences:
+            console.print(words, style="yellow")
+        return
+    for words in sentences[:MOST_SENTENCES]:
+        seen, remedy = in_short(words)
+        console.print(f"{seen}\n    → {remedy}" if remedy else seen, style="yellow")
+    if len(sentences) > MOST_SENTENCES:
+        console.print(f"… and {len(sentences) - MOST_SENTENCES} more.", style="dim")
 
 
 def _print_legend(console: Console, analysis: Analysis, *, verbose: bool) -> None:
@@ -176,15 +169,11 @@ def _print_reasons(console: Console, analysis: Analysis) -> None:
 
 def print_folder(folder: Path | None, *others: str) -> None:
     """Print the place of the result, or the option that keeps it."""
-    if folder is None:
-        print_files(None, (), "to keep the result, the figures and a report for the browser")
-        return
-    names = ", ".join([*others, "result.h5", "summary.json", "settings.toml", "figures/"])
-    terminal().print(f"Written to {folder}/: open report.html in a browser.", soft_wrap=True)
-    terminal().print(f"Beside it: {names}")
+    names = ("report.html", *others, "result.h5", "summary.json", "figures/")
+    print_files(folder, names, "to keep the result, the figures and a report for the browser")
 
 
-def _print_record(console: Console, analysis: Analysis, *, verbose: bool) -> None:
+def _print_record(console: Console, analysis: Analysis, speed_unit: SpeedUnit, *, verbose: bool) -> None:
     """Print the size of the records and what was done with them; with `verbose` all of it, and the noise."""
     first, model = analysis.records[0], analysis.model
     samples = counted(f"{first.sample_rate * model.period:.6g}", "sample")
@@ -195,30 +184,32 @@ def _print_record(console: Console, analysis: Analysis, *, verbose: bool) -> Non
     else:
         sides = counted(first.n_channels, "channel")
         periods = f"{', '.join(str(hit.n_cycles) for hit in analysis.cycles)} periods"
+    turn = f"; ω = {model.fundamental:.6g} rad/s" if verbose else ""
     console.print(
-        f"{counted(len(analysis.records), 'record')}, {sides} at {first.sample_rate:.8g} Hz; "
-        f"ω = {model.fundamental:.6g} rad/s: {samples} a period, {periods}."
+        f"{counted(len(analysis.records), 'record')}, {sides} at {first.sample_rate:.8g} Hz{turn}: "
+        f"{samples} a period, {periods}."
     )
-    done = done_words(analysis)
-    for sentence in done if verbose else map(_first, done[:MOST_DONE]):
-        console.print(f"  {sentence}")
     if not verbose:
+        done = done_words(analysis, speed_unit, beside_lines=True)
+        for sentence in done[-MOST_DONE:]:
+            console.print(f"  {in_short(sentence)[0]}")
         if len(done) > MOST_DONE:
-            option = " (--verbose)" if isinstance(console, _Terminal) else ""
-            console.print(f"  … and {len(done) - MOST_DONE} more{option}.", style="dim")
+            console.print(f"  … and {len(done) - MOST_DONE} more.", style="dim")
         return
+    for sentence in done_words(analysis, speed_unit):
+        console.print(f"  {sentence}")
     if analysis.decay is None:
         return
     coloured = analysis.whitening is not None
     title = "Noise found, standard deviation after the whitening filter" if coloured else NOISE
     print_title(console, LEFT if analysis.failed else title)
     console.print(_noise_table(analysis))
-    print_whitening(console, analysis)
+    print_whitening(console, analysis.whitening, analysis.model.channels)
 
 
-def print_whitening(console: Console, found: Lifted | Analysis) -> None:
+def print_whitening(console: Console, whitening: Floats | None, channels: Sequence[Channel]) -> None:
     """Print the treatment of noise that is coloured, if it is."""
-    if words := whitening_words(found):
+    if words := whitening_words(whitening, channels):
         console.print(words, style="dim")
 
 

@@ -286,7 +286,7 @@ def _write(found: TransferFunctions, result: Analysis | MeasuredTransfer | Trans
     if out.suffix.lower() == ".h5":
         save(result, out)
         return
-    if isinstance(result, (Analysis, TransferFit)) and out.suffix.lower() in ENDINGS:
+    if out.suffix.lower() in ENDINGS:
         write_report(result, out)
         return
     if out.suffix.lower() in (".csv", ".mat") or re.fullmatch(r"\.s\d+p", out.suffix.lower()):

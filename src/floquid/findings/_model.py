@@ -118,7 +118,7 @@ MODEL: dict[str, str | Callable[..., str]] = {
     "misfit": "The residual is {misfit:.3g} times the noise, and all deviations are widened by that. Harmonics may be "
     "missing, or modes may fold onto one another. Exponents may be off by more still. Allow more harmonics "
     "(`harmonics=`), or finish with `constrained=False`.",
-    "uneven_speed": lambda reasons: (
+    "uneven_speed": lambda reasons, **_: (
         f"The shaft speed is not constant enough for a periodic model: {' '.join(reasons)} Use a part of the record "
         "where it is, or pass `trust_period=True`."
     ),

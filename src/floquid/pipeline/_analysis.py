@@ -25,15 +25,7 @@ from floquid.periodic import Fit, ForcedResponse, Periodicity
 from floquid.pipeline._decay import Decay
 from floquid.pipeline._frequencies import frequencies_of
 from floquid.preparation import Settings, clocks_of
-from floquid.reconstruction import (
-    AbstractStructure,
-    Form,
-    Names,
-    Refinement,
-    StateModel,
-    reconstruct,
-    refine,
-)
+from floquid.reconstruction import AbstractStructure, Form, Names, Refinement, StateModel, reconstruct, refine
 from floquid.sync import ShaftAngle
 
 if TYPE_CHECKING:
@@ -104,6 +96,10 @@ class Analysis(Told, Drawn, Brief):
         more = ", …" * (len(self.records) > 4)
         size = f"order={model.order}, period={model.period:.4g} s, {sides}, {periods}{more} periods"
         return f"Analysis({size}: {self.answer})"
+
+    def _repr_html_(self) -> str:
+        """The verdict and the table of modes as HTML, for a notebook."""
+        return late("reporting", "fragment")(self)
 
     def _figures(self) -> Drawings:
         found: Drawings = {

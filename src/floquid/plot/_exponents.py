@@ -99,7 +99,7 @@ def _draw_circle(axes: Axes, largest: float, *, cross: bool = True) -> None:
     if cross:
         axes.axhline(0.0, color=GREY, linewidth=0.5)
         axes.axvline(0.0, color=GREY, linewidth=0.5)
-        axes.set(xlabel=r"Re $\mu$ [-]", ylabel=r"Im $\mu$ [-]")
+        axes.set(xlabel=r"Re $\mu$", ylabel=r"Im $\mu$")
 
 
 def _draw_exponents(axes: Axes, modes: FloquetModes) -> None:
@@ -186,7 +186,7 @@ def _draw_multipliers(axes: Axes, modes: FloquetModes) -> None:
     if not inside.all():
         axes.plot([0.0], [0.0], **(_DECAYS | {"markerfacecolor": "none"}), label=f"below $10^{{-{int(decades)}}}$")
     if vast:
-        axes.set(xticks=[], yticks=[], xlabel=r"$\mu$: angle, and log$_{10}|\mu|$ as radius [-]")
+        axes.set(xticks=[], yticks=[], xlabel=r"$\mu$: angle, and log$_{10}|\mu|$ as radius")
         axes.grid(visible=False)
 
 
@@ -329,7 +329,7 @@ def _draw_close(
     real, imag = with_error(value.real, std[mode].real), with_error(abs(value.imag), std[mode].imag)
     sign = "+" if value.imag >= 0.0 else "-"
     axes.set_title(f"mode {number}:  {real}\n{sign} {imag} i".replace("-", "−"), fontsize=8.0)
-    axes.tick_params(labelsize=7.0)
+    axes.tick_params(labelsize=7.5)
 
 
 def _tick(value: float, _: float) -> str:

@@ -73,7 +73,7 @@ def _draw_curves(axes: Axes, found: Indicators) -> None:
         curve = envelope(x, found.residual / WHITE, POINTS)
         axes.plot(*curve, color=VERMILION, linewidth=0.8, label="composite, data − model")
     axes.axhline(1.0, color=BLACK, linestyle="--", linewidth=0.9, label="white noise alone")
-    axes.set(yscale="log", xlim=(0.0, x[-1]), ylabel="magnitude / white noise [-]")
+    axes.set(yscale="log", xlim=(0.0, x[-1]), ylabel="magnitude / white noise")
     plain_decades(axes)
     axes.set_ylim(bottom=min(0.3, 0.5 * float(found.composite.min() / WHITE)))
 
@@ -89,7 +89,7 @@ def _draw_values(axes: Axes, found: Indicators) -> None:
     axes.plot(numbers[above], values[above], **look, label="above the noise")
     axes.plot(numbers[~above], values[~above], **look, markerfacecolor="none", label="not above it")
     axes.axhline(found.noise_edge, color=BLACK, linestyle="--", linewidth=0.9)
-    axes.set(yscale="log", xlim=(0.0, shown + 1.0), ylabel="singular values / noise [-]")
+    axes.set(yscale="log", xlim=(0.0, shown + 1.0), ylabel="singular values / noise")
     whole_numbers(axes.xaxis)
     plain_decades(axes)
     axes.text(0.97, 0.96, f"{found.n_above} above the noise", transform=axes.transAxes, ha="right", va="top")
@@ -113,7 +113,7 @@ def composite(analysis: Analysis | Mapping[str, Analysis], *, angular: bool = Fa
         for axes, (name, one) in zip(panels, named.items(), strict=True):
             _draw_composites(axes, one, turn)
             filtered = "" if one.lifted.whitening is None else ",\nafter the whitening filter"
-            axes.set_ylabel(f"mean magnitude / noise [-]{filtered}")
+            axes.set_ylabel(f"mean magnitude / noise{filtered}")
             if name:
                 axes.set_title(plain(name), loc="left")
         panels[-1].set_xlabel(rf"frequency in the lifted band, 0 to $\omega$/2 [{unit}]")

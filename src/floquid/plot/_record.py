@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid._checks import index, input_error, integer
+from floquid._checks import index, integer
 from floquid.core import Cycles, channels_named
 from floquid.pipeline import Analysis
 from floquid.plot._style import (
@@ -24,7 +24,7 @@ from floquid.plot._style import (
     label_values,
     plain,
 )
-from floquid.views import INTERVAL, Synthesis, envelope, lifted_points
+from floquid.views import INTERVAL, Synthesis, check_analysis, envelope, lifted_points
 from floquid.views import synthesis as synthesis_of
 
 if TYPE_CHECKING:
@@ -152,9 +152,7 @@ def synthesis(
         Three axes to draw into; a new figure when not given.
     """
     of = "synthesis"
-    if not isinstance(analysis, Analysis):
-        raise input_error("analysis", of, "be an Analysis", f"is {analysis!r:.60}", "Pass what `identify` gives.")
-    index(hit, "hit", of, analysis.model.n_hits)
+    check_analysis(analysis, of, hit=hit)
     integer(close_cycles, "close_cycles", of, at_least=1)
     shown = analysis.model.channels
     row = 0 if channel is None else channels_named(shown, [channel], argument="channel", of=of)[0]

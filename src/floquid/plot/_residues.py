@@ -24,7 +24,7 @@ from floquid.plot._style import (
     plain,
     several,
 )
-from floquid.views import expansion, identified_residue
+from floquid.views import expansion, identified_residue, in_unit
 
 SHORT, LINE = 10, 18
 """The longest name of a channel that stands beside its unit, and the longest line of another, in characters."""
@@ -130,7 +130,7 @@ def coefficients(
             deviations += [] if found.std is None else [(found.harmonics, found.std)]
         for harmonics, std in deviations:
             axes.plot(harmonics, std, color=GREY, linestyle="--", label="one standard deviation")
-        _log_axis(axes, f"|B| of {plain(shown[row].name)} [{plain(shown[row].unit)}]")
+        _log_axis(axes, in_unit(f"|B| of {plain(shown[row].name)}", plain(shown[row].unit)))
         _draw_residue(panels, named, modes, row, hit, degrees_a_period(periods_per_revolution, of))
         for one, part in zip(panels, ("real part", "imaginary part"), strict=True):
             one.set_title(part)

@@ -203,7 +203,7 @@ def _draw_harmonics(axes: Axes, harmonics: Integers, shares: Floats) -> None:
 
     shown = shares >= _LEAST
     axes.bar(harmonics[shown], shares[shown], color=GREY, edgecolor=BLUE, linewidth=0.8, width=0.7)
-    axes.set(yscale="log", ylim=(_LEAST, 2.0), ylabel="part [-]")
+    axes.set(yscale="log", ylim=(_LEAST, 2.0), ylabel="part of the mode")
     if shown.any():
         axes.set_xlim(int(harmonics[shown].min()) - 1.4, int(harmonics[shown].max()) + 1.4)
     axes.xaxis.set_major_locator(MaxNLocator(5, integer=True))

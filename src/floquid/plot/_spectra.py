@@ -30,7 +30,7 @@ from floquid.plot._style import (
     grid_of,
     plain,
 )
-from floquid.views import Family, envelope, families, lifted_spectrum, record_spectrum, spectra_of_modes
+from floquid.views import Family, check_analysis, envelope, families, lifted_spectrum, record_spectrum, spectra_of_modes
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -262,8 +262,7 @@ def harmonic_spectra(
         The axes to draw into; a new figure when not given.
     """
     of = "harmonic_spectra"
-    if not isinstance(analysis, Analysis):
-        raise input_error("analysis", of, "be an Analysis", f"is {analysis!r:.60}", "Pass what `identify` gives.")
+    check_analysis(analysis, of)
     found = spectra_of_modes(analysis, harmonics, periods)
     end = found.end if limit is None else min(float(found.frequencies_hz[-1]), positive(limit, "limit", of, unit="Hz"))
     inside = found.frequencies_hz <= end
@@ -279,7 +278,7 @@ def harmonic_spectra(
                 "linestyle": LINE_DASHES[number // len(COLORS) % len(LINE_DASHES)],
             }
             for place, line in enumerate(own):
-                label = rf"mode {number + 1}, $|\mathrm{{Im}}\,\lambda + m\omega|/2\pi$" if place == 0 else None
+                label = f"lines of mode {number + 1}" if place == 0 else None
                 axes.axvline(line, **look, linewidth=1.6 if place == 0 else 0.9, zorder=1, label=label)
         axes.set_yscale("log")
         axes.set_xlim(0.0, end)

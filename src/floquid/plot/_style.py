@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 import numpy as np
 
 from floquid._checks import input_error, integer
-from floquid.views import shortened
+from floquid.views import in_unit, shortened
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -219,7 +219,7 @@ def label_values(axes: Axes, name: str, unit: str, largest: float) -> None:
         axes.ticklabel_format(axis="y", useOffset=False)
     factor = f"$10^{{{power}}}$" if power else ""
     words = " ".join(part for part in (factor, plain(unit) if not power or unit != "-" else "") if part)
-    axes.set_ylabel(f"{plain(name)} [{words}]" if name else "")
+    axes.set_ylabel(in_unit(plain(name), words) if name else "")
 
 
 def whole_numbers(axis: Axis) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from floquid._checks import input_error
 from floquid.core import Record
+from floquid.findings import Severity
 from floquid.pipeline import Analysis
 from floquid.plot._style import (
     BLACK,
@@ -26,7 +27,7 @@ from floquid.plot._style import (
     whole_numbers,
 )
 from floquid.sync import ShaftAngle
-from floquid.views import INTERVAL, SpeedUnit, Synchronisation
+from floquid.views import INTERVAL, SpeedUnit, Synchronisation, speed_texts
 from floquid.views import speed_unit as unit_of_speed
 from floquid.views import synchronisation as synchronisation_of
 
@@ -63,7 +64,7 @@ def synchronisation(analysis: Analysis, *, hit: int = 0, ax: Into = None) -> Fig
         upper.set_title(_verdict(found), loc="left")
         lower.set_title("phase of the strongest lines", loc="left")
         lower.set_xlabel("time [s]")
-        upper.set_ylabel("response ahead\n[deg of the period]")
+        upper.set_ylabel("ahead of the clock\n[deg of the period]")
         lower.set_ylabel("ahead of the model\n[deg of the line]")
     return figure
 
@@ -146,7 +147,8 @@ def speed(shaft: ShaftAngle, record: Record | None = None, *, speed_unit: SpeedU
         for axes in panels[:2]:
             for low, high in ((begin - margin, shaft.first), (shaft.last, end + margin)):
                 axes.axvspan(low, high, color=GREY, alpha=0.15, linewidth=0.0)
-        panels[0].set_title("\n".join(textwrap.wrap(shaft.reasons[0], ACROSS)), loc="left")
+        (verdict,) = speed_texts(shaft.findings[:1], speed_unit, *Severity)
+        panels[0].set_title("\n".join(textwrap.wrap(verdict, ACROSS)), loc="left")
     return figure
 
 

@@ -21,7 +21,7 @@ from floquid.plot._style import (
     grid_of,
     plain,
 )
-from floquid.views import magnitude_bands, phase_degrees
+from floquid.views import in_unit, magnitude_bands, phase_degrees
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -59,6 +59,8 @@ def transfer(
     ax
         The axes to draw into, two for each path; a new figure when not given.
     """
+    from matplotlib.ticker import MaxNLocator
+
     own = found() if callable(found) else found
     of = "transfer"
     rows = range(len(own.outputs)) if output is None else [index(output, "output", of, len(own.outputs))]
@@ -68,6 +70,7 @@ def transfer(
     with drawing(height, ax, of, panels=grid_of(len(paths), 2), width_ratios=(3, 2), sharex=True) as (figure, panels):
         for number, (row, column) in enumerate(paths):
             _draw_path(panels[2 * number], panels[2 * number + 1], own, row, column)
+        panels[0].xaxis.set_major_locator(MaxNLocator(4))  # shared: the numbers of the narrow panels would meet
         for axes in panels[-2:]:
             axes.set_xlabel(r"frequency of the input $\Omega/2\pi$ [Hz]")
     return figure
@@ -109,5 +112,5 @@ def _draw_path(upper: Axes, beside: Axes, found: TransferFunctions, row: int, co
     upper.set_yscale("log")
     upper.set_ylim(bottom=floor)
     upper.set_title(f"{plain(found.inputs[column].name)} to {plain(found.outputs[row].name)}", loc="left")
-    upper.set_ylabel(rf"$|G_m|$ [{plain(found.unit(row, column))}]")
+    upper.set_ylabel(in_unit("$|G_m|$", plain(found.unit(row, column))))
     beside.set(ylabel=r"arg $G_m$ [deg]", ylim=(-190.0, 190.0), yticks=(-180, -90, 0, 90, 180))

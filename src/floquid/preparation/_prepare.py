@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import cache
+from math import tau
 from typing import TYPE_CHECKING, Unpack
 
 from floquid._show import Brief
@@ -138,7 +139,8 @@ def _thread_pools(scipy: bool) -> ThreadpoolController:  # noqa: ARG001  # scipy
 
 def uneven_speed(shafts: Sequence[ShaftAngle]) -> tuple[Finding, ...]:
     """Findings on shafts at whose speed a periodic model does not hold."""
-    return tuple(warning("uneven_speed", reasons=shaft.reasons) for shaft in shafts if not shaft.steady)
+    uneven = [shaft for shaft in shafts if not shaft.steady]
+    return tuple(warning("uneven_speed", reasons=shaft.reasons, hz=shaft.mean_speed / tau) for shaft in uneven)
 
 
 def _excited(records: tuple[Record, ...], settings: Settings, report: Callable[[str], None], of: str) -> Prepared:

@@ -7,13 +7,13 @@ from dataclasses import fields, replace
 from io import BytesIO
 from typing import Any
 
-from floquid.findings import Severity, texts
+from floquid.findings import Severity
 from floquid.pipeline import Analysis
 from floquid.plot import figure_of_fit, style
 from floquid.reporting import _words as words
 from floquid.reporting._case import Case
 from floquid.reporting._page import filled, modes_of, title_of, verdict_of
-from floquid.views import SpeedUnit
+from floquid.views import SpeedUnit, speed_texts
 
 MOST_MODES, MOST_SENTENCES = 14, 4  # rows and sentences that leave room for the picture on a sheet of A4
 DPI = 200  # sharp on paper
@@ -24,7 +24,7 @@ def brief_page(case: Case, *, title: str | None, unit: SpeedUnit) -> str:
     analysis: Analysis = case.analysis
     found = modes_of(analysis)
     table = found["table"]
-    sentences = [*analysis.reasons, *texts(analysis.findings, Severity.WARNING)]
+    sentences = [*analysis.reasons, *speed_texts(analysis.findings, unit, Severity.WARNING)]
     reasons, shown = len(analysis.reasons), sentences[:MOST_SENTENCES]
     name, figure = figure_of_fit(analysis)
     stream = BytesIO()

@@ -9,7 +9,7 @@ import numpy as np
 
 from floquid.reporting._case import Case
 from floquid.reporting._look import BLACK, CURVES, DASHES, MARKERS, Figure, hover, legend_above, new_figure
-from floquid.views import INTERVAL, SpectraOfModes, families, shape_curves
+from floquid.views import INTERVAL, SpectraOfModes, families, in_unit, shape_curves
 
 if TYPE_CHECKING:
     from bokeh.models import ColumnDataSource
@@ -114,7 +114,7 @@ def shape_figures(case: Case, chosen: Chosen) -> list[Figure]:
     bands = case.analysis.model.estimates is not None
     for unit in dict.fromkeys(units):
         for part, words in (("real", "real part"), ("imag", "imaginary part")):
-            made = new_figure("phase [periods]", f"{words} [{unit}]", name=f"shape-{part}")
+            made = new_figure("phase [periods]", in_unit(words, unit), name=f"shape-{part}")
             if part == "imag":
                 made.y_range = figures[-1].y_range  # or a small part would look as large as the other
             for number, own in enumerate(units):
@@ -140,8 +140,8 @@ def coefficients_figure(case: Case, chosen: Chosen) -> Figure:
     from bokeh.models import BasicTicker, Span
 
     told = case.analysis.model.unselected is not None
-    label = "|B| / standard deviation [-]" if told else "|B| [units of the channels]"
-    made = new_figure("harmonic m [-]", label, name="coefficients", y_axis_type="log", height=360)
+    label = "|B| / standard deviation" if told else "|B| [units of the channels]"
+    made = new_figure("harmonic m", label, name="coefficients", y_axis_type="log", height=360)
     for number, name in enumerate(case.labels()):
         colour = CURVES[number]
         mark = made.scatter(

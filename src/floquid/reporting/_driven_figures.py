@@ -8,6 +8,7 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid.errors import IdentificationError, InputError
+from floquid.findings import texts
 from floquid.inputs import TransferFunctions
 from floquid.pipeline import Analysis, measure_transfer, predicted_rest
 from floquid.reporting._case import LONGEST, POINTS, Case
@@ -20,6 +21,7 @@ from floquid.reporting._look import (
     GREEN,
     GREY,
     MARKERS,
+    SIZE,
     VERMILION,
     Figure,
     legend_above,
@@ -27,7 +29,7 @@ from floquid.reporting._look import (
 )
 from floquid.reporting._modes_figures import mark_labels
 from floquid.transfer import MeasuredTransfer
-from floquid.views import INTERVAL, SpectraOfModes, envelope, magnitude_bands, phase_degrees, shortened
+from floquid.views import INTERVAL, SpectraOfModes, envelope, in_unit, magnitude_bands, phase_degrees, shortened
 
 MOST_PATHS = 16  # paths from an input to an output that are drawn; transfer.csv holds all
 CLOSE = 5.0  # periods of the stretch left out
@@ -72,7 +74,7 @@ def transfer_figures(found: TransferFunctions, paths: list[Path]) -> list[Figure
     for row, column in paths:
         unit = found.unit(row, column)
         size = new_figure(
-            "frequency of the input f [Hz]", f"|G| [{unit}]", name=f"size-{row}-{column}", y_axis_type="log"
+            "frequency of the input f [Hz]", in_unit("|G|", unit), name=f"size-{row}-{column}", y_axis_type="log"
         )
         sizes, low, high, size.y_range.start = magnitude_bands(found, row, column)
         degrees = phase_degrees(found, row, column)
@@ -98,8 +100,8 @@ def transfer_figures(found: TransferFunctions, paths: list[Path]) -> list[Figure
     return figures
 
 
-def measured_beside(analysis: Analysis, found: TransferFunctions) -> MeasuredTransfer | str:
-    """G measured line by line over the frequencies of that of the model, without it; or why it is not had."""
+def measured_beside(analysis: Analysis, found: TransferFunctions) -> tuple[MeasuredTransfer | None, tuple[str, ...]]:
+    """G measured line by line over the frequencies of that of the model, or none, and words on that."""
     hertz = np.linspace(found.frequencies_hz[0], found.frequencies_hz[-1], LINES)
     try:
         measured = measure_transfer(
@@ -109,15 +111,16 @@ def measured_beside(analysis: Analysis, found: TransferFunctions) -> MeasuredTra
             frequencies_hz=hertz,
         )
     except (InputError, IdentificationError) as error:
-        return str(error)
+        return None, (str(error),)
     narrowest = float(np.abs(analysis.model.exponents.real).min()) / np.pi
     for finding in measured.findings:
         if finding.code == "measured_polynomials" and finding.numbers["width"] > FLAT * narrowest:
-            return (
+            why = (
                 f"The records are too short for that: a line is measured over {finding.numbers['width']:.3g} Hz, and "
                 f"the narrowest resonance is {narrowest:.3g} Hz wide."
             )
-    return measured
+            return None, (why,)
+    return measured, texts(measured.findings)
 
 
 def measured_figures(
@@ -142,7 +145,7 @@ def measured_figures(
         strongest = np.sort(np.argsort(-curves.max(axis=1), kind="stable")[:most])
         for places in strongest[:, None] if each else [strongest]:
             made = new_figure(
-                "frequency of the input f [Hz]", f"|G| [{lines.unit(row, column)}]",
+                "frequency of the input f [Hz]", in_unit("|G|", lines.unit(row, column)),
                 name=f"measured-{row}-{column}-{places[0]}", y_axis_type="log",
             )  # fmt: skip
             which = f", m = {lines.harmonics[places[0]]}" if each else ""
@@ -197,7 +200,7 @@ def harmonic_figure(found: SpectraOfModes, lines: Chosen) -> Figure:
     strongest = np.array([own[0] for own in found.modes])
     height = np.interp(strongest, found.frequencies_hz, found.values[:, 0])
     names = mark_labels(strongest, np.log10(height), found.end)
-    made.text(strongest, height, names, x_offset=6, y_offset=-4, text_font_size="13px", text_font_style="bold")
+    made.text(strongest, height, names, x_offset=6, y_offset=-4, text_font_size=SIZE, text_font_style="bold")
     made.y_range.renderers = drawn  # spans reach from edge to edge of whatever is shown
     legend_above(made)
     return made
@@ -215,7 +218,7 @@ def reach_figures(case: Case) -> list[Figure]:
     figures, count = [], len(own.channels)
     width = 0.8 / count
     for number, mode in enumerate(case.modes[:MOST_MODES], start=1):
-        made = new_figure("harmonic l [-]", "|b| times rms [1/s]", name=f"reach-{number}", height=260)
+        made = new_figure("harmonic l", "|b| times rms [1/s]", name=f"reach-{number}", height=260)
         made.title.text = f"mode {number}"
         used = (own.coefficients[mode] != 0).any(axis=0)
         for source, channel in enumerate(own.channels):
@@ -247,7 +250,7 @@ def left_out_figures(case: Case) -> tuple[list[Figure], bool]:
     seconds = analysis.records[0].start + samples.step * np.arange(place.start, place.stop)
     figures = []
     for row, label in zip(case.channels, case.labels(), strict=True):
-        made = new_figure("time [s]", f"response [{analysis.model.channels[row].unit}]", name=f"left-{row}")
+        made = new_figure("time [s]", in_unit("response", analysis.model.channels[row].unit), name=f"left-{row}")
         made.title.text = label
         made.scatter(seconds, values[row, place], size=5, fill_color="white", line_color=BLACK, legend_label="measured")
         made.line(seconds, found[row, place], line_color=BLUE, line_width=2, legend_label="predicted")

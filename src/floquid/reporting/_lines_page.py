@@ -61,6 +61,7 @@ def lines_page(fit: TransferFit, *, title: str | None) -> str:
         sentence=sentence,
         under=f"They leave {ratio:.3g} times the variance of the lines, {fit.degrees} degrees of freedom.",
         reasons=texts(fit.findings, Severity.FAILURE),
+        warnings=texts(fit.findings, Severity.WARNING),
         table=table,
         meanings=note_meanings(table),
         bands=True,

@@ -26,6 +26,7 @@ return text.replace("e+", "e").replace(/-/g, "\u2212");
 """A number at an axis: bokeh's own would be 3.000e-7."""
 
 SIZE = "13px"
+ACROSS, HANDLE, ROW = 43, 5, 21  # characters of a legend on a phone and of one of its handles, and a row [px]
 HEIGHT = 320
 
 
@@ -69,13 +70,20 @@ def legend_above(made: Figure, *, columns: int = 2) -> None:
         return
     legend = made.legend[0]
     made.add_layout(legend, "above")
+    labels = [item.label.value for item in legend.items]
+    columns = min(columns, len(labels))
+    rows = -(-len(labels) // columns)
+    while columns > 1 and sum(max(map(len, labels[k::columns])) + HANDLE for k in range(columns)) > ACROSS:
+        columns -= 1
+    made.height += ROW * (-(-len(labels) // columns) - rows)
     legend.orientation = "horizontal"
-    legend.ncols = columns  # a phone has no room for more
+    legend.location = "top_left"  # one moved to the right makes a browser print the whole page smaller
+    legend.ncols = columns
     legend.click_policy = "hide"
     legend.border_line_color = None
     legend.label_text_font_size = SIZE
     legend.label_text_color = BLACK
-    legend.padding = legend.margin = 2
+    legend.padding, legend.margin, legend.spacing = 2, 5, 8
     legend.glyph_height = 16
 
 

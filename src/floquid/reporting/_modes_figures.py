@@ -17,11 +17,11 @@ from floquid.reporting._chosen_figures import (
     shape_figures,
     shape_source,
 )
-from floquid.reporting._look import BLACK, GREY, HEIGHT, VERMILION, Figure, hover, legend_above, new_figure
+from floquid.reporting._look import BLACK, GREY, HEIGHT, SIZE, VERMILION, Figure, hover, legend_above, new_figure
 from floquid.views import exponent_ellipses, multiplier_ellipses
 
-LETTER, GAP, LINE = 0.026, 0.01, 0.07
-"""The width of a letter, what is left between two texts, and a line of them, as shares of axes on a phone."""
+LETTER, GAP, MARK, LINE = 0.026, 0.01, 0.045, 0.07
+"""A letter, what is left between texts, or from a text to the next mark, and a line, as shares of axes on a phone."""
 
 if TYPE_CHECKING:
     from bokeh.models import ColumnDataSource
@@ -43,24 +43,25 @@ def mode_source(case: Case) -> ColumnDataSource:
         "real": model.multipliers[at].real,
         "imag": np.abs(model.multipliers[at].imag),
     }
-    data["label_decay"] = mark_labels(data["decay"], data["frequency"])
+    data["label_decay"] = mark_labels(data["decay"], data["frequency"], gap=MARK)
     for name in ("folded", "frequency"):  # of the stabilisation diagrams: all at one height
         data[f"label_{name}"] = mark_labels(data[name], np.zeros(len(at)), 0.5 / model.period * case.turn, 1.0)
-    data["label_real"] = mark_labels(data["real"], data["imag"], 2.0, 1.0)
+    data["label_real"] = mark_labels(data["real"], data["imag"], 2.0, 1.0, gap=MARK)
     return ColumnDataSource(data, name="modes", selected=Selection(indices=[0] if at else []))
 
 
-def mark_labels(x: Floats, y: Floats, wide: float = 0.0, high: float = 0.0) -> list[str]:
+def mark_labels(x: Floats, y: Floats, wide: float = 0.0, high: float = 0.0, gap: float = GAP) -> list[str]:
     """The numbers of the modes for their marks; those whose texts would meet stand together at the first mark.
 
-    Positions `x` and `y` are in the units of axes that show `wide` by `high` at least. Texts are measured on a phone.
+    Positions `x` and `y` are in the units of axes that show `wide` by `high` at least. Texts are measured on a phone,
+    and a `gap` is left after each.
     """
     across, up = (max(max(v, default=0.0) - min(v, default=0.0), least) or 1.0 for v, least in ((x, wide), (y, high)))
     held = {k: [k + 1] for k in range(len(x))}
 
     def meet(one: int, other: int) -> bool:
         letters = max(len(_ranges(held[one])), len(_ranges(held[other])))
-        return abs(x[one] - x[other]) <= (LETTER * letters + GAP) * across and abs(y[one] - y[other]) <= LINE * up
+        return abs(x[one] - x[other]) <= (LETTER * letters + gap) * across and abs(y[one] - y[other]) <= LINE * up
 
     while pair := next((pair for pair in combinations(held, 2) if meet(*pair)), None):
         held[pair[0]] = sorted(held[pair[0]] + held.pop(pair[1]))
@@ -86,7 +87,7 @@ def _modes(made: Figure, source: ColumnDataSource, x: str, y: str) -> None:
         x, y, source=source, size=11, line_color=BLACK, fill_color=VERMILION, line_width=1.3, name="mode-marks",
         nonselection_fill_color="white", nonselection_fill_alpha=0.6, nonselection_line_alpha=1.0,
     )  # fmt: skip
-    made.add_layout(LabelSet(x=x, y=y, text=f"label_{x}", source=source, x_offset=7, y_offset=4, text_font_size="12px"))
+    made.add_layout(LabelSet(x=x, y=y, text=f"label_{x}", source=source, x_offset=7, y_offset=4, text_font_size=SIZE))
     made.add_tools(TapTool(renderers=[marks]))
     tips = [("mode", "@number"), ("Im λ/2π", "@frequency{%.7g} Hz"), ("Re λ", "@decay{%.4g} 1/s")]
     hover(made, [*tips, ("ζ", "@damping{%.4g} %")], [marks])
@@ -129,7 +130,7 @@ def multipliers_figure(case: Case, source: ColumnDataSource) -> Figure:
     model = case.analysis.model
     largest = 1.1 * max(1.0, float(np.abs(model.multipliers).max(initial=0.0)))
     made = new_figure(
-        "Re μ [-]", "|Im μ| [-]", name="multipliers", height=HEIGHT, match_aspect=True,
+        "Re μ", "|Im μ|", name="multipliers", height=HEIGHT, match_aspect=True,
         x_range=Range1d(start=-largest, end=largest), y_range=Range1d(start=-0.1 * largest, end=largest),
     )  # fmt: skip
     angle = np.linspace(0.0, np.pi, 181)

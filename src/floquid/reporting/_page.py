@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import json
 import re
-from html import escape
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
-from floquid._show import Told
 from floquid.findings import Severity, texts
 from floquid.pipeline import Analysis
 from floquid.reporting import _words as words
@@ -42,7 +40,7 @@ from floquid.reporting._record_figures import (
 )
 from floquid.reporting._stabilisation_figures import indicator_figures, stabilisation_figures
 from floquid.reporting._system_figures import Truth, system_figures
-from floquid.views import SpeedUnit, for_command, mode_table, note_meanings, spectra_of_modes
+from floquid.views import SpeedUnit, for_command, mode_table, note_meanings, spectra_of_modes, speed_texts
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -57,7 +55,7 @@ NOTHING: dict[str, Any] = {
     **dict.fromkeys(("reasons", "checks", "evidence", "responses", "synchronisation", "noise", "noise_titles"), ()),
     **dict.fromkeys(("inputs", "matrix", "harmonics", "beside", "hits", "parameters"), ()),
     **dict.fromkeys(("responses_left", "paths_shown", "paths_left"), 0),
-    **dict.fromkeys(("ambient", "held_out", "with_system", "fails"), False),
+    **dict.fromkeys(("ambient", "held_out", "fails"), False),
     **dict.fromkeys(("state", "refinement")),
 }
 """Content that not every page has."""
@@ -79,11 +77,11 @@ def page(case: Case, *, title: str | None, truth: Truth | None, unit: SpeedUnit 
             "ambient": analysis.ambient,
             "inputs": analysis.inputs,
             "hits": [hit + 1 for hit in case.hits] if analysis.model.n_hits > 1 else [],
-            "with_system": True,
             "state": analysis.state,
             "refinement": analysis.refinement,
             "parameters": [] if analysis.refinement is None else words.parameters(analysis.refinement),
-            "steps": words.steps(analysis),
+            "steps": words.steps(analysis, unit),
+            "warnings": speed_texts(analysis.findings, unit, Severity.WARNING),
             "noise": noise,
             "noise_titles": titles,
         }
@@ -136,11 +134,9 @@ def driven_part(case: Case) -> tuple[dict[str, list[Figure]], dict[str, Any]]:
     found = analysis.transfer()
     paths = paths_of(found, analysis.noise, analysis.driven.samples.input_size)
     figures |= {"transfer": transfer_figures(found, paths), "reach": reach_figures(case)}
-    measured = measured_beside(analysis, found)
-    if isinstance(measured, str):
-        beside = [measured]
-    else:
-        beside, lines = [str(finding) for finding in measured.findings], measured.transfer
+    measured, beside = measured_beside(analysis, found)
+    if measured is not None:
+        lines = measured.transfer
         at, drawn = (analysis.transfer(hertz, lines.harmonics, sampled=True) for hertz in (lines.frequencies_hz, None))
         figures["measured"] = measured_figures(lines, at, drawn, paths)
     content |= {
@@ -177,7 +173,6 @@ def rendered(case: Case, figures: dict[str, list[Figure]], title: str | None, **
             "told": analysis.model.unselected is not None,
             "shaped": analysis.model.estimates is not None,
             "given": analysis.settings.harmonics is not None,
-            "warnings": texts(analysis.findings, Severity.WARNING),
             "left_out": len(analysis.model.channels) - len(case.channels),
             "sources": words.sources(analysis),
             "settings": words.settings_rows(analysis),
@@ -192,15 +187,11 @@ def filled(template: str, **content: Any) -> str:
     return _environment().get_template(template).render(version=__version__, style=_asset("page.css"), **content)
 
 
-def fragment(result: Told) -> str:
-    """The verdict and the table of modes of a `result` as a piece of HTML; of one that is no Analysis, its summary."""
-    if not isinstance(result, Analysis):
-        return f"<pre>{escape(result.summary())}</pre>"
-    return (
-        _environment()
-        .get_template("fragment.html.jinja")
-        .render(**verdict_of(result), **modes_of(result), warnings=texts(result.findings, Severity.WARNING))
-    )
+def fragment(analysis: Analysis) -> str:
+    """The verdict and the table of modes of an `analysis` as a piece of HTML."""
+    warnings = texts(analysis.findings, Severity.WARNING)
+    template = _environment().get_template("fragment.html.jinja")
+    return template.render(**verdict_of(analysis), **modes_of(analysis), warnings=warnings)
 
 
 def _environment() -> Environment:

@@ -29,6 +29,7 @@ from floquid.views import (
     SpeedUnit,
     Synchronisation,
     envelope,
+    in_unit,
     lifted_points,
     record_spectrum,
     speed_unit,
@@ -58,7 +59,7 @@ def response_name(case: Case, channel: int, hit: int) -> str:
 
 def response_label(case: Case, number: int) -> str:
     """The axis of a response."""
-    return f"response [{case.analysis.model.channels[responses(case)[number][0]].unit}]"
+    return in_unit("response", case.analysis.model.channels[responses(case)[number][0]].unit)
 
 
 def spectrum_label(case: Case, number: int) -> str:
@@ -150,7 +151,7 @@ def composite_figure(case: Case) -> Figure:
     analysis = case.analysis
     found = analysis.modal.composites or composites(analysis.lifted.responses, analysis.modal)
     made = new_figure(
-        "frequency in the lifted band, 0 to ω/2 [Hz]", "composite / noise [-]", name="composite", y_axis_type="log"
+        "frequency in the lifted band, 0 to ω/2 [Hz]", "composite / noise", name="composite", y_axis_type="log"
     )
     scale = case.turn / analysis.lifted.period
     curves = (("data", found.data, BLUE, 2.5, "solid"), ("model", found.model, ORANGE, 1.2, "solid"),
@@ -172,7 +173,7 @@ def synchronisation_figure(found: list[Synchronisation]) -> Figure | None:
     told = [np.isfinite(one.slip) for one in found]
     if not any(own.any() for own in told):
         return None
-    made = new_figure("time [s]", "response ahead of its clock [° of the period]", name="synchronisation", height=260)
+    made = new_figure("time [s]", "ahead of the clock [°]", name="synchronisation", height=260)
     most = _shown(found, told)
     made.y_range = Range1d(start=-most, end=most)
     made.add_layout(Span(location=0.0, dimension="width", line_color=BLACK, line_dash="dashed"))

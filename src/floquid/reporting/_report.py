@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from os import PathLike
 from pathlib import Path
 
@@ -17,7 +18,8 @@ from floquid.reporting._brief import brief_page
 from floquid.reporting._case import case_of
 from floquid.reporting._lines_page import lines_page
 from floquid.reporting._page import page
-from floquid.transfer import TransferFit
+from floquid.reporting._system_figures import Truth
+from floquid.transfer import MeasuredTransfer, TransferFit
 from floquid.views import SpeedUnit
 from floquid.views import speed_unit as unit_of_speed
 
@@ -25,7 +27,7 @@ ENDINGS = (".html", ".htm")
 
 
 def report(
-    analysis: Analysis | TransferFit,
+    analysis: Analysis | TransferFit | MeasuredTransfer,
     path: str | PathLike[str],
     *,
     title: str | None = None,
@@ -40,8 +42,8 @@ def report(
     the record, the settings, and how to cite. Curves of more than 3000 points keep their envelope, and the eight
     strongest channels are drawn: the page stays under 6 MB.
 
-    Returns the file written. Raises InputError where `analysis` is none, the file does not end in .html or cannot be
-    written, or the truth does not fit.
+    Returns the file written. Raises InputError where `analysis` holds no modes, the file does not end in .html or
+    cannot be written, or the truth does not fit.
 
     Parameters
     ----------
@@ -62,37 +64,64 @@ def report(
         Called with what is about to be done, in words.
     """
     of = "report"
-    if not isinstance(analysis, (Analysis, TransferFit)):
-        must, got = "be an Analysis", f"is a {type(analysis).__name__}"
-        raise input_error("analysis", of, must, got, "Pass what `identify` or `load` gives.")
+    match analysis:
+        case Analysis():
+            known = _truth(analysis, truth, of)
+            write = partial(_text, analysis, brief=brief, truth=known, unit=speed_unit, progress=progress)
+        case TransferFit():
+            _refuse_of_lines(truth, of, brief=brief)
+            write = partial(lines_page, analysis)
+        case MeasuredTransfer():
+            remedy = "Fit modes to them: `floquid transfer --lines`."
+            raise input_error("analysis", of, "hold modes", "holds transfer functions as measured", remedy)
+        case _:
+            must, got = "be an Analysis", f"is a {type(analysis).__name__}"
+            raise input_error("analysis", of, must, got, "Pass what `identify` or `load` gives.")
     place = as_path(path, of=of)
     if place.suffix.lower() not in ENDINGS:
         raise input_error("path", of, "end in .html", f"is {place}", "The report is a web page.")
-    known = None
-    if truth is not None:
-        if isinstance(analysis, TransferFit) or analysis.state is None:
-            must, got = "come with an A(t) to hold it against", "the analysis has none"
-            raise input_error("truth", of, must, got, "Identify with `states`, or leave out the truth.")
-        known = timed_matrices(truth, "truth", of, len(analysis.state.states))
     unit_of_speed(speed_unit, of)
-    if brief and isinstance(analysis, TransferFit):
-        must, got = "be false of modes fitted to transfer functions", "is true"
-        raise input_error("brief", of, must, got, "Their page is short: leave it out.")
     if title is not None and not isinstance(title, str):
         raise input_error("title", of, "be a text", f"is a {type(title).__name__}")
     with atomic_path(place, of=of) as temporary:  # refused before the page is drawn
-        if isinstance(analysis, TransferFit):
-            progress("drawing the report")
-            text = lines_page(analysis, title=title)
-        elif brief:
-            progress("drawing the report")
-            text = brief_page(case_of(analysis), title=title, unit=speed_unit)
-        else:
-            case = case_of(analysis, *_scan(analysis, progress))
-            progress("drawing the report")
-            text = page(case, title=title, truth=known, unit=speed_unit)
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(write(title=title), encoding="utf-8")
     return place
+
+
+def _truth(analysis: Analysis, truth: tuple[ArrayLike, ArrayLike] | None, of: str) -> Truth | None:
+    """The true A(t) as the page has it, refused where it fits none that was estimated."""
+    if truth is None:
+        return None
+    if analysis.state is None:
+        must, got = "come with an A(t) to hold it against", "the analysis has none"
+        raise input_error("truth", of, must, got, "Identify with `states`, or leave out the truth.")
+    return timed_matrices(truth, "truth", of, len(analysis.state.states))
+
+
+def _refuse_of_lines(truth: tuple[ArrayLike, ArrayLike] | None, of: str, *, brief: bool) -> None:
+    """Refuse what a page of modes fitted to transfer functions does not have."""
+    if truth is not None:
+        must, got = "come with an A(t) to hold it against", "modes of transfer functions have none"
+        raise input_error("truth", of, must, got, "Leave it out.")
+    if brief:
+        must, got = "be false of modes fitted to transfer functions", "is true"
+        raise input_error("brief", of, must, got, "Their page is short: leave it out.")
+
+
+def _text(
+    analysis: Analysis,
+    *,
+    title: str | None,
+    brief: bool,
+    truth: Truth | None,
+    unit: SpeedUnit,
+    progress: Callable[[str], None],
+) -> str:
+    """The page of an analysis as text."""
+    scanned = (None, "") if brief else _scan(analysis, progress)
+    progress("drawing the report")
+    case = case_of(analysis, *scanned)
+    return brief_page(case, title=title, unit=unit) if brief else page(case, title=title, truth=truth, unit=unit)
 
 
 def _scan(analysis: Analysis, progress: Callable[[str], None]) -> tuple[OrderScan | None, str]:

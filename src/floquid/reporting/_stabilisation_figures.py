@@ -72,7 +72,7 @@ def _draw_cmif(made: Figure, scan: OrderScan, turn: float) -> None:
     made.extra_y_scales = {"cmif": LogScale()}
     made.add_layout(
         LogAxis(
-            y_range_name="cmif", axis_label="largest CMIF / white noise [-]", axis_label_text_font_style="normal",
+            y_range_name="cmif", axis_label="largest CMIF / white noise", axis_label_text_font_style="normal",
             axis_label_text_font_size=SIZE, axis_label_text_color=BLACK, minor_tick_line_color=None,
         ),
         "right",
@@ -118,7 +118,7 @@ def indicator_figures(case: Case) -> list[Figure]:
     assert case.scan is not None
     found = case.scan.indicators
     curves = new_figure(
-        "frequency in the lifted band, 0 to ω/2 [Hz]", "CMIF / white noise [-]", name="cmif", y_axis_type="log"
+        "frequency in the lifted band, 0 to ω/2 [Hz]", "CMIF / white noise", name="cmif", y_axis_type="log"
     )
     for number in range(min(found.cmif.shape[1], MOST_CURVES)):
         angles, level = envelope(found.angles, found.cmif[:, number], POINTS)
@@ -132,7 +132,7 @@ def indicator_figures(case: Case) -> list[Figure]:
     legend_above(curves)
     shown = found.singular_values[: found.n_above + DEEP]
     numbers = np.arange(1, len(shown) + 1)
-    values = new_figure("number", "singular value / noise [-]", name="singular", y_axis_type="log")
+    values = new_figure("number", "singular value / noise", name="singular", y_axis_type="log")
     for above, words in ((True, "above the noise"), (False, "not above it")):
         own = (numbers <= found.n_above) == above
         values.scatter(
@@ -154,7 +154,7 @@ def _mode_lines(made: Figure, source: ColumnDataSource, column: str, top: float)
         nonselection_line_width=1.0, nonselection_line_alpha=1.0, legend_label="modes of the table",
     )  # fmt: skip
     made.text(
-        x=column, y=top, text=f"label_{column}", source=source, text_font_size="12px", text_align="center",
+        x=column, y=top, text=f"label_{column}", source=source, text_font_size=SIZE, text_align="center",
         text_baseline="middle", nonselection_text_alpha=1.0,
     )  # fmt: skip
 

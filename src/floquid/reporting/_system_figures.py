@@ -9,7 +9,7 @@ from floquid.core import PeriodicModel
 from floquid.pipeline import Analysis
 from floquid.reconstruction import StateModel
 from floquid.reporting._look import BLUE, VERMILION, Figure, legend_above, new_figure
-from floquid.views import INTERVAL, closed_period, element_unit, input_unit
+from floquid.views import INTERVAL, closed_period, element_unit, in_unit, input_unit
 
 MOST = 12  # elements shown of each; `summary.json` holds all
 
@@ -77,7 +77,7 @@ def _over_period(
     state: StateModel, period: float, name: str, unit: str, values: Floats, std: Floats | None, truth: Truth | None
 ) -> Figure:
     """One element over the period, its band, and its truth where that is known."""
-    made = new_figure("phase [periods]", f"{name} [{unit}]", name=f"system-{name}", height=240)
+    made = new_figure("phase [periods]", in_unit(name, unit), name=f"system-{name}", height=240)
     made.title.text = name
     order, times = closed_period(state.times, period)
     turns = times / period

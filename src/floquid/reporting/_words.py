@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from floquid._checks import counted
-from floquid.findings import Severity, texts
+from floquid.findings import Severity
 from floquid.pipeline import Analysis
 from floquid.reconstruction import Refinement
 from floquid.reporting._case import Case
@@ -18,6 +18,7 @@ from floquid.views import (
     passed_words,
     period_words,
     raw_noise,
+    speed_texts,
     speed_words,
     whitening_words,
     with_error,
@@ -45,12 +46,13 @@ def verdict(analysis: Analysis) -> tuple[str, str, str]:
     """A word for the page's style, the sentence, and its meaning for a reader."""
     found = analysis.validation
     if analysis.failed:
-        return "failed", "The model fails.", "Do not use the numbers below:"
+        return "failed", "The model fails.", "Do not use the numbers of this page:"
     if found is None:
         meaning = "Identify with validation to know whether it can be believed."
         return "open", "The model was not checked: validation was switched off.", meaning
     if not found.passed:
-        return "failed", "The model does not pass its checks.", "Do not use the numbers below before this is mended:"
+        meaning = "Do not use the numbers of this page before this is mended:"
+        return "failed", "The model does not pass its checks.", meaning
     if found.findings:
         words = f"The model {found.answer}.", "That share of the response is beyond the noise, in amplitude:"
         return "remainder", *words
@@ -111,11 +113,11 @@ def evidence(analysis: Analysis) -> list[tuple[str, list[str]]]:
     return found
 
 
-def steps(analysis: Analysis) -> list[str]:
-    """Steps done to the records, in order, each once."""
+def steps(analysis: Analysis, unit: SpeedUnit = "hz") -> list[str]:
+    """Steps done to the records, in order, each once; the speed of the shaft in a `unit`."""
     done = [step for record in analysis.records for step in record.provenance.steps]
-    done += texts(analysis.findings, Severity.NOTE)
-    if words := whitening_words(analysis):
+    done += speed_texts(analysis.findings, unit, Severity.NOTE)
+    if words := whitening_words(analysis.whitening, analysis.model.channels):
         done.append(words)
     done += [step for step in analysis.model.provenance.steps if step not in done]
     return list(dict.fromkeys(_sentence(step) for step in done))

@@ -23,17 +23,18 @@ from floquid.views._mode_table import (
     note_meanings,
     with_error,
 )
-from floquid.views._modes import grows
-from floquid.views._names import SHORT, element_unit, for_command, input_unit, shortened
+from floquid.views._modes import check_analysis, grows
+from floquid.views._names import SHORT, element_unit, for_command, in_unit, input_unit, shortened
 from floquid.views._outcome import (
     done_words,
+    in_short,
     outcome_lines,
     passed_words,
     period_words,
     whitening_words,
 )
 from floquid.views._spectra import Spectrum, envelope, lifted_spectrum, record_spectrum
-from floquid.views._speed import SpeedUnit, speed_unit, speed_words
+from floquid.views._speed import SpeedUnit, speed_texts, speed_unit, speed_words
 from floquid.views._synchronisation import Synchronisation, synchronisation
 from floquid.views._synthesis import Synthesis, lifted_points, raw_noise, synthesis
 
@@ -50,6 +51,7 @@ __all__ = [
     "SpeedUnit",
     "Synchronisation",
     "Synthesis",
+    "check_analysis",
     "closed_period",
     "done_words",
     "element_unit",
@@ -61,6 +63,8 @@ __all__ = [
     "for_command",
     "grows",
     "identified_residue",
+    "in_short",
+    "in_unit",
     "input_unit",
     "lifted_points",
     "lifted_spectrum",
@@ -79,6 +83,7 @@ __all__ = [
     "shape_curves",
     "shortened",
     "spectra_of_modes",
+    "speed_texts",
     "speed_unit",
     "speed_words",
     "synchronisation",

@@ -12,7 +12,7 @@ from floquid.core import PeriodicModel
 from floquid.lti import ModalModel
 from floquid.periodic import assemble
 from floquid.pipeline import Analysis
-from floquid.views._modes import checked, paired
+from floquid.views._modes import check_analysis, paired
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -102,7 +102,7 @@ def expansion(analysis: Analysis, mode: int, channel: int, hit: int = 0) -> Expa
     (Allen 2009, eq. 11, figure 7.) Of what `identify` found (`analysis`), for a `mode`, a `channel` and a `hit` counted
     from 0. Raises InputError where there is no such mode, channel or hit.
     """
-    checked(analysis, "expansion", channel=channel, hit=hit)
+    check_analysis(analysis, "expansion", channel=channel, hit=hit)
     model, phases = analysis.model, analysis.lifted.n_phases
     residue = identified_residue(analysis, mode, channel, hit)
     harmonics = _nyquist_band(model, mode, phases)
@@ -128,7 +128,7 @@ def identified_residue(analysis: Analysis, mode: int, channel: int, hit: int = 0
     counted from 0. Raises InputError where there is no such mode, channel or hit.
     """
     of = "identified_residue"
-    checked(analysis, of, channel=channel, hit=hit)
+    check_analysis(analysis, of, channel=channel, hit=hit)
     model, modal, lifted = analysis.model, analysis.modal, analysis.lifted
     index(mode, "mode", of, model.order)
     own = int(paired(model.multipliers, modal.multipliers)[mode])

@@ -13,7 +13,7 @@ from floquid.lti import fit_residues
 from floquid.order import OrderScan
 from floquid.periodic import physical_exponents
 from floquid.pipeline import Analysis
-from floquid.views._modes import checked, frozen, paired
+from floquid.views._modes import check_analysis, frozen, paired
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -50,7 +50,7 @@ def families(analysis: Analysis) -> tuple[Family, ...]:
 
     Of what `identify` found, one family a mode in the order of the model. Raises InputError where `analysis` is none.
     """
-    checked(analysis, "families")
+    check_analysis(analysis, "families")
     model = analysis.model
     weighted = np.abs(model.coefficients) / analysis.noise[None, :, :, None]
     energies = np.sum((weighted / max(float(weighted.max(initial=0.0)), 1e-300)) ** 2, axis=(1, 2))
@@ -88,7 +88,7 @@ def unfolded(scan: OrderScan, analysis: Analysis) -> tuple[Complexes, ...]:
     InputError where it is no scan, or one of responses sampled at another period.
     """
     of = "unfolded"
-    checked(analysis, of)
+    check_analysis(analysis, of)
     if not isinstance(scan, OrderScan):
         raise input_error("scan", of, "be an OrderScan", f"is {scan!r:.60}", "Pass what `order.scan` gives.")
     period = analysis.lifted.period

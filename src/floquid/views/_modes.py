@@ -24,8 +24,8 @@ def grows(model: PeriodicModel, mode: int) -> bool:
     return bool(model.exponents[mode].real > EVIDENT * (std if np.isfinite(std) else 0.0))
 
 
-def checked(analysis: Analysis, of: str, *, channel: int | None = None, hit: int = 0) -> None:
-    """Refuse what is no analysis, channel or hit."""
+def check_analysis(analysis: Analysis, of: str, *, channel: int | None = None, hit: int = 0) -> None:
+    """Refuse an `analysis` that is none, and a `channel` or a `hit` that it has not; `of` is the callable."""
     if not isinstance(analysis, Analysis):
         raise input_error("analysis", of, "be an Analysis", f"is {analysis!r:.60}", "Pass what `identify` gives.")
     index(hit, "hit", of, analysis.model.n_hits)

@@ -28,6 +28,11 @@ def shortened(name: str, longest: int) -> str:
     return f"{name[: longest - 1 - end]}…{name[len(name) - end :]}"
 
 
+def in_unit(words: str, unit: str) -> str:
+    """The label of an axis or the heading of a column: `words` in a `unit`; "-" stands for none."""
+    return f"{words} [{'no unit' if unit == '-' else unit}]"
+
+
 def element_unit(state: StateModel, i: int, j: int, channels: Sequence[Channel]) -> str:
     """The unit of A(i,j), dx_i/dt by x_j: that of the channels, if they differ, and a power of the second.
 

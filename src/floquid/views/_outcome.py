@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Sequence
+
 import numpy as np
 
+from floquid._arrays import Floats
 from floquid._checks import counted
 from floquid.checks import Validation
-from floquid.core import ModelInputs
+from floquid.core import Channel, ModelInputs
 from floquid.findings import Severity, texts
-from floquid.lifting import Lifted
 from floquid.pipeline import Analysis
 from floquid.views._mode_table import mode_notes, with_error
-from floquid.views._speed import SpeedUnit, speed_words
+from floquid.views._speed import SpeedUnit, speed_texts, speed_words
 
 ORDER = "all_needed"  # the code of the finding that the line on the order has
+IN_LINES = (ORDER, "forced", "interference")  # the codes of all findings that a line of the outcome has, in short
 AGREE = 3.0  # deviations within which two periods agree: beyond, chance has three in a thousand
 MOST_NAMED = 6  # harmonics of the forced response that are named
 
@@ -37,11 +41,25 @@ def outcome_lines(analysis: Analysis, speed_unit: SpeedUnit = "hz") -> dict[str,
     return {name: words for name, words in lines.items() if words}
 
 
-def done_words(analysis: Analysis) -> list[str]:
-    """Steps of preparing the records of an `analysis`, and notes that no line of its outcome has, a sentence each."""
+def done_words(analysis: Analysis, unit: SpeedUnit, *, beside_lines: bool = False) -> list[str]:
+    """Steps of preparing the records of an `analysis`, and its notes, a sentence each, speeds in a `unit`.
+
+    Without the order, and where they stand `beside_lines` without any note that a line of the outcome has.
+    """
     steps = [step for record in analysis.records for step in record.provenance.steps]
-    notes = [own for own in analysis.findings if own.severity is Severity.NOTE and own.code != ORDER]
-    return list(dict.fromkeys([*steps, *texts(notes)]))
+    known = IN_LINES if beside_lines else (ORDER,)
+    notes = speed_texts((own for own in analysis.findings if own.code not in known), unit, Severity.NOTE)
+    return list(dict.fromkeys([*steps, *notes]))
+
+
+def in_short(words: str) -> tuple[str, str]:
+    """The first sentence of the `words` of a finding, and its remedy, empty where there is none.
+
+    The remedy is the first other sentence that names an option, else the last: a finding says what was seen, then what
+    that means, then what to do.
+    """
+    first, *rest = re.split(r"(?<=\.)\s+(?=[A-Z])", words)
+    return first, next((sentence for sentence in rest if "`" in sentence), rest[-1] if rest else "")
 
 
 def verdict_line(analysis: Analysis) -> str:
@@ -163,12 +181,12 @@ def passed_words(validation: Validation) -> str:
     )
 
 
-def whitening_words(found: Lifted | Analysis) -> str:
-    """Treatment of noise coloured along the record, of lifted responses or an analysis `found`: may be empty."""
-    if found.whitening is None:
+def whitening_words(whitening: Floats | None, channels: Sequence[Channel]) -> str:
+    """Treatment of noise coloured along the record, by a `whitening` filter of each of the `channels`; may be empty."""
+    if whitening is None:
         return ""
-    channels, taps = found.channels if isinstance(found, Lifted) else found.model.channels, found.whitening.shape[1] - 1
-    those = [c.name for c, own in zip(channels, found.whitening, strict=True) if own[1:].any()]
+    taps = whitening.shape[1] - 1
+    those = [c.name for c, own in zip(channels, whitening, strict=True) if own[1:].any()]
     where = "all channels" if len(those) == len(channels) else ", ".join(those)
     return (
         f"The noise is coloured along the record in {where}: a filter of {counted(taps, 'tap')} makes it "

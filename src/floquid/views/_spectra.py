@@ -10,7 +10,7 @@ from floquid._arrays import Floats
 from floquid._checks import Sealed, index
 from floquid.lti import WHITE
 from floquid.pipeline import Analysis
-from floquid.views._modes import checked
+from floquid.views._modes import check_analysis
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -42,7 +42,7 @@ def record_spectrum(analysis: Analysis, channel: int, hit: int = 0) -> Spectrum:
     Of what `identify` found (`analysis`), for a `channel` and a `hit` counted from 0, up to half of the sampling rate.
     Raises InputError where there is no such channel or hit.
     """
-    checked(analysis, "record_spectrum", channel=channel, hit=hit)
+    check_analysis(analysis, "record_spectrum", channel=channel, hit=hit)
     cycles = analysis.cycles[hit]
     values = cycles.values[channel].T.ravel()
     return _spectrum(analysis, channel, hit, values, analysis.lifted.period / cycles.n_phases, 1)
@@ -59,7 +59,7 @@ def lifted_spectrum(analysis: Analysis, channel: int, phase: int, hit: int = 0) 
     fundamental. Raises InputError where there is no such channel, phase or hit.
     """
     of = "lifted_spectrum"
-    checked(analysis, of, channel=channel, hit=hit)
+    check_analysis(analysis, of, channel=channel, hit=hit)
     cycles = analysis.cycles[hit]
     index(phase, "phase", of, cycles.n_phases)
     values = cycles.values[channel, phase]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Literal, TypeAlias
 
 from floquid._checks import describe, input_error
+from floquid.findings import Finding, Severity
 from floquid.pipeline import Analysis
 
 SpeedUnit: TypeAlias = Literal["hz", "rpm"]
@@ -29,3 +31,18 @@ def speed_words(analysis: Analysis, unit: SpeedUnit = "hz") -> str:
     shaft = "" if unit == "hz" and periods == 1.0 else "shaft at "
     more = "" if periods == 1.0 else f", {periods:g} periods a revolution"
     return f"{shaft}{factor / (analysis.model.period * periods):.6g} {symbol}{more}"
+
+
+def speed_texts(findings: Iterable[Finding], unit: SpeedUnit, *severities: Severity) -> tuple[str, ...]:
+    """The sentences of those `findings` that are of one of the `severities`, the speed of the shaft in a `unit`.
+
+    In a finding the speed is the number `hz`.
+    """
+    symbol, factor = speed_unit(unit, "speed_texts")
+    return tuple(
+        str(own).replace(f"{own.numbers['hz']:.6g} Hz", f"{factor * own.numbers['hz']:.6g} {symbol}")
+        if "hz" in own.numbers
+        else str(own)
+        for own in findings
+        if own.severity in severities
+    )

@@ -14,7 +14,7 @@ from floquid.fit import filter_gain, filtered
 from floquid.periodic import instants, unexplained
 from floquid.pipeline import Analysis
 from floquid.views._families import families
-from floquid.views._modes import checked
+from floquid.views._modes import check_analysis
 from floquid.views._synthesis import Response, response_of
 
 STRETCHES, FEWEST = 12, 4  # stretches that a record is cut into at most, and cycles that each has at least
@@ -103,7 +103,7 @@ def synchronisation(analysis: Analysis, hit: int = 0) -> Synchronisation:
 
     `analysis` is what `identify` found; `hit` counts from 0. Raises InputError where there is none.
     """
-    checked(analysis, "synchronisation", hit=hit)
+    check_analysis(analysis, "synchronisation", hit=hit)
     own = response_of(analysis, hit, list(range(len(analysis.model.channels))))
     times, angles = instants(own.record, own.clock, own.model.fundamental)
     pieces, lines = _stretches(own, angles), [] if analysis.failed else _strongest(analysis)

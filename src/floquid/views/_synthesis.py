@@ -11,7 +11,7 @@ from floquid._checks import Sealed
 from floquid.core import PeriodicModel, PhaseClock, Record
 from floquid.periodic import instants, unexplained
 from floquid.pipeline import Analysis
-from floquid.views._modes import checked, frozen
+from floquid.views._modes import check_analysis, frozen
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -77,7 +77,7 @@ def lifted_points(analysis: Analysis, channel: int, hit: int = 0) -> tuple[Float
     the time axis of `synthesis`, and the values (cycles,) [unit of the channel]. Raises InputError where there is no
     such channel or hit.
     """
-    checked(analysis, "lifted_points", channel=channel, hit=hit)
+    check_analysis(analysis, "lifted_points", channel=channel, hit=hit)
     cycles, own = analysis.cycles[hit], response_of(analysis, hit, [channel])
     after, _ = instants(own.record, own.clock, own.model.fundamental)
     passed = (cycles.first_cycle + cycles.first_phase + np.arange(cycles.n_cycles)) * own.model.period
@@ -95,7 +95,7 @@ def synthesis(analysis: Analysis, channel: int, hit: int = 0) -> Synthesis:
     Of what `identify` found (`analysis`), for a `channel` and a `hit` counted from 0. Raises InputError where there is
     no such channel or hit.
     """
-    checked(analysis, "synthesis", channel=channel, hit=hit)
+    check_analysis(analysis, "synthesis", channel=channel, hit=hit)
     own = response_of(analysis, hit, [channel])
     (left,) = unexplained(own.model, [own.record], [own.clock])
     measured = own.record.values[0]

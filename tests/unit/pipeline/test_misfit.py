@@ -166,7 +166,7 @@ def test_it_fails_without_validation_too():
     assert found.failed
     assert found.validation is None
     assert found.warnings[0].startswith("The model fails: ")
-    assert verdict(found) == ("failed", "The model fails.", "Do not use the numbers below:")
+    assert verdict(found) == ("failed", "The model fails.", "Do not use the numbers of this page:")
 
 
 @pytest.mark.slow

@@ -115,7 +115,7 @@ def test_time_record_of_a_short_record(found):
 def test_time_record_labels(found):
     figure = time_record(found, hit=1)
     (axes,) = figure.axes
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("time [s]", "X [-]")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("time [s]", "X [no unit]")
     assert legend(figure) == ["X, hit 2", "phase 0 of 20, once a period"]
 
 
@@ -283,7 +283,7 @@ def test_composite_draws_curves_level_and_modes(found):
     assert axes.get_yscale() == "log"
     assert axes.get_xlim() == pytest.approx((0.0, 0.5 / ROTOR.period))
     assert axes.get_xlabel() == r"frequency in the lifted band, 0 to $\omega$/2 [Hz]"
-    assert axes.get_ylabel() == "mean magnitude / noise [-]"
+    assert axes.get_ylabel() == "mean magnitude / noise"
     assert legend(figure) == ["data", "model", "data − model", "white noise alone", "modes, folded"]
 
 
@@ -367,9 +367,9 @@ def test_standard_deviations_are_bands_of_95_percent(order):
 @pytest.mark.parametrize(
     ("first", "second", "units"),
     [
-        ("mm", "mm", {(3, 1): "1/s²", (3, 2): "1/s²", (3, 3): "1/s", (1, 3): "-", (1, 1): "1/s"}),
+        ("mm", "mm", {(3, 1): "1/s²", (3, 2): "1/s²", (3, 3): "1/s", (1, 3): "no unit", (1, 1): "1/s"}),
         ("mm", "rad", {(3, 2): "mm/rad · 1/s²", (4, 1): "rad/mm · 1/s²", (3, 4): "mm/rad · 1/s", (1, 4): "mm/rad"}),
-        ("m/s", "m/s", {(3, 1): "1/s²", (3, 4): "1/s", (1, 4): "-"}),
+        ("m/s", "m/s", {(3, 1): "1/s²", (3, 4): "1/s", (1, 4): "no unit"}),
         # Displacement in mm, and an acceleration: its displacement is in m/s² times s².
         ("m/s^2", "mm", {(3, 2): "(m/s^2)/mm", (4, 1): "mm/(m/s^2) · 1/s⁴", (3, 1): "1/s²", (3, 4): "(m/s^2)/mm · s"}),
         ("mm", "-", {(3, 2): "mm/1 · 1/s²"}),

@@ -277,7 +277,7 @@ def test_synthesis_draws_record_model_and_residual(found):
     ratio = float(left.get_title(loc="left").split()[1])
     assert ratio == pytest.approx(np.sqrt(np.mean(seen.residual**2)) / seen.noise, abs=6e-4)
     assert close.get_title(loc="left") == "the first 3 cycles of Y, hit 2"
-    assert (left.get_xlabel(), close.get_ylabel()) == ("time [s]", "response [-]")
+    assert (left.get_xlabel(), close.get_ylabel()) == ("time [s]", "response [no unit]")
 
 
 def test_what_a_wrong_model_leaves_is_seen(found):
@@ -318,7 +318,7 @@ def test_synchronisation_draws_slips_and_phases(locked):
     assert [c.get_label() for c in lower.containers] == [f"mode 1, $m$ = {m}" for m in ("0", "+1", "+2")]
     forms = {(c.lines[0].get_marker(), to_hex(c.lines[0].get_color())) for c in lower.containers}
     assert len(forms) == 3
-    assert upper.get_ylabel() == "response ahead\n[deg of the period]"
+    assert upper.get_ylabel() == "ahead of the clock\n[deg of the period]"
 
 
 def test_the_verdict_is_on_the_figure():
@@ -370,7 +370,7 @@ def test_poles_are_where_they_are_on_the_machine(found, poles):
     folds = [line.get_xdata()[0] for line in axes.lines if line.get_linestyle() == ":"]
     assert folds == pytest.approx(0.5 * OMEGA * turn * np.arange(1, len(folds) + 1))
     assert axes.get_xlabel() == "frequency [Hz]"
-    assert figure.axes[1].get_ylabel() == "spectrum of the record / noise [-]"
+    assert figure.axes[1].get_ylabel() == "spectrum of the record / noise"
 
 
 def test_behind_is_the_mean_spectrum_of_the_longest_hit(found, poles):

@@ -69,7 +69,7 @@ def test_the_indicator_lies_behind_on_its_own_axis(found):
     assert y == pytest.approx(found.indicators.cmif[:, 0])
     assert x == pytest.approx(found.indicators.angles / (2.0 * np.pi * DT))
     assert back.get_yscale() == "log"
-    assert back.get_ylabel().endswith("[-]")
+    assert back.get_ylabel().endswith("/ white noise")
     assert front.get_zorder() > back.get_zorder()
     assert not front.patch.get_visible()
 
@@ -114,7 +114,7 @@ def test_curves_are_drawn_over_white_noise(seen):
         assert y == pytest.approx(values)
     assert set(drawn(left, "white noise alone")[1]) == {1.0}
     assert left.get_xlabel() == r"lifted band, 0 to $\omega$/2 [Hz]"
-    assert right.get_ylabel() == "singular values / noise [-]"
+    assert right.get_ylabel() == "singular values / noise"
 
 
 def test_singular_values_are_told_apart_by_the_edge(seen):

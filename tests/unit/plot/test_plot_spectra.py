@@ -205,7 +205,8 @@ def test_residues_are_those_identified_with_the_delay_off(found):
 def test_residues_labels(found):
     figure = residues(found, periods_per_revolution=2)
     assert len(figure.axes) == 8
-    assert [axes.get_ylabel() for axes in figure.axes[::2]] == ["X [-]", "Y [-]", "X_tt [-]", "Y_tt [-]"]
+    labels = [axes.get_ylabel() for axes in figure.axes[::2]]
+    assert labels == ["X [no unit]", "Y [no unit]", "X_tt [no unit]", "Y_tt [no unit]"]
     assert [axes.get_title() for axes in figure.axes[:2]] == ["real part", "imaginary part"]
     assert {axes.get_xlabel() for axes in figure.axes[-2:]} == {"shaft angle [deg]"}
     assert figure.axes[-1].get_xticks() == pytest.approx([0, 45, 90, 135, 180])
@@ -258,7 +259,7 @@ def test_coefficients_are_those_of_the_residue(found):
     kept = found.model.harmonics[found.model.coefficients[mode, row, 0] != 0]
     assert [segment[0][0] for segment in stems.get_segments()] == kept.tolist()
     assert 0 < len(kept) < N_PHASES
-    assert (upper.get_yscale(), upper.get_ylabel()) == ("log", "|B| of X [-]")
+    assert (upper.get_yscale(), upper.get_ylabel()) == ("log", "|B| of X [no unit]")
     assert upper.get_xlabel() == r"harmonic $m$ of the residue"
     assert len(lower) == 2
     assert np.array_equal(drawn(lower[0], "identified")[1], drawn(residues(found, 0, ["X"]).axes[0], "identified")[1])

@@ -451,7 +451,7 @@ def test_the_figure_shows_speed_residuals_and_lines(tmp_path: Path):
     shaft = shaft_angle(source)
     figure = speed(shaft, source, speed_unit="rpm")
     top, middle, bottom = figure.axes
-    assert top.get_title(loc="left").replace("\n", " ") == shaft.reasons[0]
+    assert top.get_title(loc="left").replace("\n", " ") == shaft.reasons[0].replace("9.99959 Hz", "599.975 rpm")
     assert top.get_ylabel() == "speed [rpm]"
     assert middle.get_ylabel() == "pulse − fit [µs]"
     assert middle.get_xlabel() == "time [s]"

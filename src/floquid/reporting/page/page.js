@@ -56,17 +56,10 @@
   // On paper a figure has another width: the browser scales what was drawn on the screen.
   const fit = new ResizeObserver((entries) => entries.forEach(({ target }) => {
     if (matchMedia("print").matches || !target.clientWidth) return;
-    const paper = target.closest(".grid") ? 325 : 660;
+    const paper = target.closest(".grid") ? 330 : 676;
     target.style.setProperty("--fit", Math.min(1, paper / target.clientWidth));
   }));
   document.querySelectorAll(".plot").forEach((one) => fit.observe(one));
-  // What is folded away on the screen is so on the paper, and what a failed verdict unfolds.
-  let unfolded = [];
-  window.addEventListener("beforeprint", () => {
-    unfolded = [...document.querySelectorAll("details[open]")];
-    unfolded.forEach((one) => { one.open = false; });
-  });
-  window.addEventListener("afterprint", () => unfolded.forEach((one) => { one.open = true; }));
   document.addEventListener("floquid:mode", (event) => follow(event.detail));
   if (rows.length) follow(0);
 })();
