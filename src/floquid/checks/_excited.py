@@ -17,12 +17,13 @@ from floquid.checks._driving import undriven
 from floquid.checks._excitation import excitation_of
 from floquid.checks._left_out import FAILING, LeftOut, first_part
 from floquid.checks._limits import is_undetermined
-from floquid.checks._period import LIMIT, Off, shaken
+from floquid.checks._period import Off, shaken
 from floquid.checks._residual import Colour
 from floquid.core import Channel, PeriodicModel, Record
 from floquid.findings import Finding, failure
 from floquid.fit import SURE
 from floquid.inputs import Limits, Samples, Scores, Uncertainty, linearise, slopes_of, state_slopes
+from floquid.periodic import SIGNIFICANT
 from floquid.sync import ShaftAngle
 
 
@@ -84,11 +85,11 @@ class Excited(Subject):
         if self.own.shafts:
             return None
         step, std = self.chain.period_step(self.tested)
-        if abs(step) <= LIMIT * std:
+        if abs(step) <= SIGNIFICANT * std:
             return None
         longest = max(record.stop - record.start for record in self.own.samples.records) * self.own.samples.step
         near = abs(step) * longest / self.model.period <= self.slip
-        return Off(relative=step, std=std, deviations=abs(step) / std, limit=LIMIT, near=near)
+        return Off(relative=step, std=std, deviations=abs(step) / std, limit=SIGNIFICANT, near=near)
 
     def phase_steps(self) -> list[tuple[float, float]]:
         """The step of the phase of each record after the first, in periods, and its deviation."""
