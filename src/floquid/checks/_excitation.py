@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.checks._check import Evidence, is_vague
+from floquid.checks._check import Evidence, is_undetermined, is_vague
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, failure, note, warning
 from floquid.fit import DEVIATIONS, SURE
@@ -112,12 +112,11 @@ def _no_estimates(
     Of poles of the excitation that are nearly one no decay is claimed, which another finding says.
     """
     places = np.cumsum([0, *(mode.rows for mode in fit.at.modes)])[:-1]
-    nepers, hertz = np.abs(model.exponents[places].real) * model.period, np.abs(model.exponents[places]) / (2.0 * np.pi)
-    grouped = np.isin(np.arange(len(nepers)), np.concatenate([*groups, []]))
-    claimed = ~(grouped & (nepers > GONE) & ~certain)
-    short = np.array([fit.short(number) for number in range(len(nepers))])
-    # A decay of six nepers a period that is known to one is told; so is a slow one that is none of zero.
-    dead = is_vague(shares, 1.0) & (shares * nepers > GONE) & claimed
+    decays, hertz = np.abs(model.exponents[places].real), np.abs(model.exponents[places]) / (2.0 * np.pi)
+    grouped = np.isin(np.arange(len(decays)), np.concatenate([*groups, []]))
+    claimed = ~(grouped & (decays * model.period > GONE) & ~certain)
+    short = np.array([fit.short(number) for number in range(len(decays))])
+    dead = is_undetermined(shares * decays, decays, model.period) & claimed
     findings = [failure("undetermined", frequencies=hertz[dead].tolist())] if dead.any() else []
     which = claimed & (short > SHORT[0])
     if which.any():

@@ -16,12 +16,12 @@ from floquid.errors import FloquidError
 from floquid.findings import Finding, failure
 from floquid.innovations import GONE
 from floquid.inputs import Samples
-from floquid.periodic import refit, unexplained
+from floquid.periodic import ROUGH, refit, unexplained
 from floquid.sync import ShaftAngle
 
 LEAST_FIT = 1.0 - REMAINDER  # the share of the response that has to be predicted on cycles held out
 
-ERROR = 1.05
+ERROR = 1.0 + REMAINDER
 """The prediction error over noise and its own deviation that is let pass in any case; a tenth more over a stretch."""
 
 FAILING = 1.4
@@ -137,14 +137,11 @@ def first_part(samples: Samples) -> tuple[Samples, NDArray[np.bool_]]:
 Clocks = Sequence[ConstantPeriod | ShaftAngle]
 
 FOLDS = 5
-"""Parts that the cycles are dealt into, and pieces of a record in each of them, where it has that many cycles."""
+"""Parts that cycles are dealt into, pieces of a record in each of them, and stretches with errors of their own."""
+
+PARTS = 4  # parts of a cycle, every other one left out of a brief hit: the rest of it tells the states
 
 ALIVE = 0.2  # the rms of the response in a cycle, over the noise, below which there is nothing to predict
-
-STRETCHES = 8
-"""Stretches of the record, each with its own error, and parts of the cycles of brief hits, every other one left out."""
-
-AT_REST = 0.1  # the deviations that the last step of a refit may have: what comes after is far below the noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +175,7 @@ def held_out(
     where the model cannot be fitted to what is left of the record.
     """
     alive = [only(record, numbers_of_hit >= 0) for record, numbers_of_hit in zip(records, cycles, strict=True)]
-    whole = refit(model, alive, clocks, noise=noise, at_rest=AT_REST, one_shape=model.one_shape)
+    whole = refit(model, alive, clocks, noise=noise, at_rest=ROUGH, one_shape=model.one_shape)
     folds = _folds(whole, cycles)
     if folds is None:
         return None
@@ -187,7 +184,7 @@ def held_out(
     numbers, squares, products, response = np.zeros(shape, np.int64), *np.zeros((3, *shape))
     for mine in folds.masks:
         rest = [only(record, ~out) for record, out in zip(alive, mine, strict=True)]
-        anew = refit(whole, rest, clocks, noise=noise, at_rest=AT_REST, one_shape=whole.one_shape)
+        anew = refit(whole, rest, clocks, noise=noise, at_rest=ROUGH, one_shape=whole.one_shape)
         away = [only(record, out) for record, out in zip(alive, mine, strict=True)]
         for hit, errors in enumerate(unexplained(anew, away, clocks)):
             taken = np.flatnonzero(mine[hit])
@@ -233,7 +230,7 @@ def _folds(model: PeriodicModel, cycles: Sequence[Integers]) -> Folds | None:
         ]
         for fold in range(folds)
     ]
-    return Folds(masks, first, end, min(STRETCHES, max(1, (end - first) // (folds * piece))))
+    return Folds(masks, first, end, min(FOLDS, max(1, (end - first) // (folds * piece))))
 
 
 def _of_hits(cycles: Sequence[Integers], end: int) -> Folds | None:
@@ -244,7 +241,7 @@ def _of_hits(cycles: Sequence[Integers], end: int) -> Folds | None:
         places = np.zeros(len(numbers), np.int64)
         for cycle in range(int(numbers.max()) + 1):
             inside = np.flatnonzero(numbers == cycle)
-            places[inside] = np.arange(len(inside)) * STRETCHES // max(len(inside), 1)
+            places[inside] = np.arange(len(inside)) * PARTS // max(len(inside), 1)
         parts.append(places)
     masks = [
         [

@@ -7,16 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from floquid.checks._check import Evidence, is_vague
+from floquid.checks._check import Evidence
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, failure, note, warning
 from floquid.fit import DEVIATIONS, ROUNDING, chi2_limit
-from floquid.innovations import GONE
 from floquid.inputs import nearly_one
 from floquid.periodic import CONFIDENT
-
-ROUGHLY = 0.1
-"""The deviation of a real multiplier's decay over a period [nepers] up to which it is determined."""
 
 
 def needed(case: Any, _: Evidence) -> tuple[Finding, ...]:
@@ -60,17 +56,6 @@ def _clear(model: PeriodicModel, highest: int) -> bool:
         if (np.abs(values[..., ends]) > DEVIATIONS * np.abs(std[..., ends])).any():
             return True
     return False
-
-
-def is_undetermined(model: PeriodicModel) -> bool:
-    """True where a decay is known neither to half of itself nor within a period.
-
-    Real multipliers that make up for one another, or for a pair, are of that kind; one of slow decay is not.
-    """
-    assert model.exponent_std is not None
-    spread = model.exponent_std.real
-    vague = is_vague(spread, model.exponents.real)
-    return bool((vague & (model.period * spread > np.where(model.real, ROUGHLY, GONE))).any())
 
 
 MOST_PERIODS = 6

@@ -24,8 +24,6 @@ taken for both: what a cubic term makes of a mode decays three times as fast, at
 WANDERING = 5.0
 """Distance on a shaft whose speed wanders: a frequency that follows it has lines as far beside as that is fast."""
 
-TELLING = 3  # coefficients in a shape, at least, for it to say anything
-
 
 def _halved(model: PeriodicModel, std: NDArray[np.complex128]) -> bool:
     """True where half of the modes have a partner of equal decay at an odd number of half fundamentals."""
@@ -70,7 +68,8 @@ def _moving(model: PeriodicModel, near: float) -> list[Finding]:
         # e^{i turns θ} goes from the exponent to the shape.
         moved = np.roll(shapes[upper], turns[lower, upper], axis=-1)
         power = float(np.sum(np.abs(shapes[lower]) ** 2) * np.sum(np.abs(moved) ** 2))
-        telling = min(np.count_nonzero(shapes[lower]), np.count_nonzero(moved)) >= TELLING
+        # A shape of one coefficient is that of any other.
+        telling = min(np.count_nonzero(shapes[lower]), np.count_nonzero(moved)) > 1
         if telling and abs(np.vdot(shapes[lower], moved)) ** 2 > (1.0 - REMAINDER) * power:
             first, second = model.frequencies_hz[[modes[lower], modes[upper]]]
             findings.append(warning("one_that_moves", first=first, second=second))

@@ -286,9 +286,8 @@ def rates_of(model: PeriodicModel) -> Complexes:
     return (rates[:, None] + 1j * model.fundamental * model.harmonics)[kept]
 
 
-SPIKE, SPOILT, QUARTILE = 12.0, 0.1, 0.6745
-"""Deviations from which on a sample is no noise, the share of the power in such that spoils a fit, and the median
-size of a normal number, from which the deviation is taken."""
+SPIKE, SPOILT = 12.0, 0.1
+"""Deviations from which on a sample is no noise, and the share of the power in such that spoils a fit."""
 
 
 def spikes(case: Any, _: Evidence) -> tuple[Finding, ...]:
@@ -299,9 +298,12 @@ def spikes(case: Any, _: Evidence) -> tuple[Finding, ...]:
 
 def of_outliers(residual: Floats, parted: Parted) -> tuple[Finding, ...]:
     """Findings on samples, in what is left of each output (outputs, samples), that are no noise: spikes."""
+    from scipy.special import ndtri
+
     findings = []
     for values, channel in zip(residual, parted.outputs, strict=True):
-        far = np.abs(values) > SPIKE * np.median(np.abs(values[parted.samples.there])) / QUARTILE
+        # The median size of a normal number is its upper quartile.
+        far = np.abs(values) > SPIKE * np.median(np.abs(values[parted.samples.there])) / ndtri(0.75)
         if far.any():
             share, first = float(np.sum(values[far] ** 2) / np.sum(values**2)), int(np.argmax(far))
             record = int(np.searchsorted(parted.samples.begins, first, side="right"))

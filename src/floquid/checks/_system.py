@@ -14,15 +14,12 @@ from floquid.findings import Finding, failure
 from floquid.fit import DEVIATIONS
 from floquid.reconstruction import StateModel
 
-TOLERANCE = 1e-4  # relative errors of multipliers that interpolation between the instants may make
+TOLERANCE = 1e-4  # relative errors of multipliers, and of Φ, that interpolation between the instants may make
 ACCURACY = 1e-6
 """The relative change of Φ over a period at which steps are short enough: half as long, they are 16 times as good.
 
 A smaller share of the largest multiplier is not told by integrating.
 """
-
-PHI = 1e-3
-"""The relative difference between Φ and A(t) integrated that is let pass: interpolation between instants makes one."""
 
 MOST_STEPS = 2**16  # steps in a period, at most
 
@@ -43,10 +40,10 @@ def system(case: Any, evidence: Evidence) -> tuple[Finding, ...]:
         return ()
     compared = consistency(case.model, case.state)
     if isinstance(compared, Finding):
-        return evidence.missing({"multipliers": 1.0, "liouville": 1.0, "composition": PHI}, compared)
+        return evidence.missing({"multipliers": 1.0, "liouville": 1.0, "composition": TOLERANCE}, compared)
     multipliers = evidence.kept("multipliers", compared.multipliers, 1.0)
     trace = evidence.kept("liouville", compared.liouville, 1.0)
-    composition = evidence.kept("composition", compared.composition, PHI)
+    composition = evidence.kept("composition", compared.composition, TOLERANCE)
     if multipliers and trace and composition:
         return ()
     return evidence.against(
