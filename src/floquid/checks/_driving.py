@@ -31,8 +31,8 @@ def driving(case: Any, _: Evidence) -> tuple[Finding, ...]:
 
     Inputs at other instants leave what noise and squares do, so that these are looked for with the instants found.
     """
-    findings, found = _instants(case.fit, case.tested)
-    return (*_beside(found or case.tested), *findings)
+    findings, moved = _instants(case.fit, case.tested)
+    return (*_beside(moved or case.tested), *findings)
 
 
 def _beside(scores: Scores) -> tuple[Finding, ...]:

@@ -85,7 +85,7 @@ def lines_of_revolution(
     assert std is not None
     still = np.abs(model.exponents.real) < DEVIATIONS * std.real
     still &= np.abs(model.exponents.real) * longest < 1.0
-    told = std.imag < CONFIDENT * model.fundamental
+    determined = std.imag < CONFIDENT * model.fundamental
     # The frequency of a real multiplier is none measured; no input reaches what drives the system itself.
     apart = np.isclose(np.abs(model.exponents)[:, None], 2.0 * np.pi * np.array(unreached), rtol=1e-9).any(axis=1)
     known = (std.imag < SHARP * model.fundamental) & (~model.real | apart)
@@ -93,7 +93,8 @@ def lines_of_revolution(
     for count in range(2, MOST_PERIODS + 1):
         near = np.rint(turns * count).astype(np.int64)
         off = np.abs(turns * count - near) * model.fundamental / count
-        at = still & told & (np.gcd(near, count) == 1) & (off <= DEVIATIONS * std.imag + ROUNDING * model.fundamental)
+        at = still & determined & (np.gcd(near, count) == 1)
+        at &= off <= DEVIATIONS * std.imag + ROUNDING * model.fundamental
         if at.any():
             hertz = np.unique(np.abs(model.exponents.imag[at])) / (2.0 * np.pi)
             report = failure if known[at].any() else warning

@@ -82,8 +82,8 @@ def _beside(case: Decays, residuals: list[Floats], turns: Floats) -> Floats:
     for hit, rest in enumerate(residuals):
         angles = case.instants[hit][1]
         apart = 2.0 * np.pi / max(float(angles[-1] - angles[0]), 1e-300)
-        # The next one has its share of a tone whose period is no whole number of samples.
-        shifts = apart * np.delete(np.arange(-BESIDE, BESIDE + 1), [BESIDE - 1, BESIDE, BESIDE + 1])
+        # The nearest lines have their share of a tone that is between two of them.
+        shifts = apart * np.array([*range(-BESIDE, -1), *range(2, BESIDE + 1)])
         near = np.abs(np.add.outer(turns, shifts)).ravel()
         _, squares = line_amplitudes(*_residual(case, hit, rest), np.zeros(len(near)), near)
         level = squares.reshape(len(rest), len(turns), len(shifts)).mean(axis=2)
