@@ -9,9 +9,11 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._arrays import Mask
+from floquid._arrays import Floats, Mask
 from floquid.checks._types import Criterion, Validation
 from floquid.findings import Finding, failure, warning
+from floquid.fit import WITHIN
+from floquid.innovations import GONE
 
 FALSE_ALARM = 1e-3  # the probability at which noise may fail one of the checks, over all responses and lines together
 REMAINDER = 0.05  # the share of the response, in amplitude, that a model may leave beyond the noise and still pass
@@ -113,6 +115,19 @@ def looked_at(subject: Subject, checks: Sequence[Check], *, verdict: bool) -> Ev
             look = check.look or (lambda asked, _, name=check.needs: getattr(asked, name)())
             evidence.findings += look(subject, evidence)
     return evidence
+
+
+def is_vague(std: Floats | float, decay: Floats | float) -> Mask:
+    """True of decays that their deviations do not tell from none: they are not determined."""
+    return np.greater(WITHIN * std, np.abs(decay))
+
+
+def is_undetermined(std: Floats, decay: Floats, period: float) -> Mask:
+    """True of decays that are told neither from none nor to a neper a period.
+
+    Real multipliers that make up for one another, or for a pair, are of that kind; one of slow decay is not.
+    """
+    return is_vague(std, decay) & is_vague(std * period, GONE)
 
 
 def strongest(sizes: np.ndarray) -> list[tuple[int, ...]]:

@@ -112,13 +112,13 @@ class Decays(Subject):
 
     def period_off(self) -> Off | None:
         """The period that the harmonics of the response turn with, against that of the model."""
-        difference = None
+        relative_and_std = None
         if not self.measured:
             with suppress(FloquidError, np.linalg.LinAlgError):
-                difference = own_period(self.model, self.alive_records(), self.clocks, noise=self.noise)
-        if difference is None:
+                relative_and_std = own_period(self.model, self.alive_records(), self.clocks, noise=self.noise)
+        if relative_and_std is None:
             return None  # a shaft that tells the period, or a response without harmonics
-        relative, std = difference
+        relative, std = relative_and_std
         cycles = max(int(numbers.max()) + 1 for numbers in self.cycles)
         slip = abs(relative) * cycles * 2.0 * self.highest
         alive = min(cycles, 1.0 / max(np.abs(self.model.exponents.real).min() * self.model.period, 1e-300))

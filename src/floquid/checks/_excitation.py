@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.checks._check import Evidence
-from floquid.checks._period import LIMIT
+from floquid.checks._check import Evidence, is_undetermined, is_vague
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, failure, note, warning
 from floquid.fit import DEVIATIONS, SURE
@@ -22,17 +21,8 @@ AIM = 0.1
 SHORT = (0.5, 2.0)
 """Deviations of an exponent from the maximum of the likelihood, from which on that is told, and it is no estimate."""
 
-TOGETHER = 3.0
-"""Deviations of the decays of two modes within which they may be one."""
-
 STILL = 10.0
 """Radians that a mode turns, and nepers that it decays, in a record, less than which it is likely a drift."""
-
-NEAR_HALF = 0.25
-"""The distance of a frequency from half the fundamental, over the decay, up to which a multiplier may be negative."""
-
-VAGUE = 0.5
-"""The relative deviation of the damping from which on a reader is warned; beyond a neper a period, too, it fails."""
 
 
 def repetition(case: Any, _: Evidence) -> tuple[Finding, ...]:
@@ -88,7 +78,8 @@ def excitation_of(
             findings.append(warning(code, frequencies=hertz[which].tolist()))
     if (shares[~(still | line)] > AIM).any():
         worst = int(np.argmax(np.where(still | line, 0.0, shares)))
-        report, periods = warning if shares[worst] > VAGUE else note, duration / model.period * (shares / AIM) ** 2
+        report = warning if is_vague(shares[worst], 1.0) else note
+        periods = duration / model.period * (shares / AIM) ** 2
         findings.append(
             report(
                 "ambient_length",
@@ -121,12 +112,11 @@ def _no_estimates(
     Of poles of the excitation that are nearly one no decay is claimed, which another finding says.
     """
     places = np.cumsum([0, *(mode.rows for mode in fit.at.modes)])[:-1]
-    nepers, hertz = np.abs(model.exponents[places].real) * model.period, np.abs(model.exponents[places]) / (2.0 * np.pi)
-    grouped = np.isin(np.arange(len(nepers)), np.concatenate([*groups, []]))
-    claimed = ~(grouped & (nepers > GONE) & ~certain)
-    short = np.array([fit.short(number) for number in range(len(nepers))])
-    # A decay of six nepers a period that is known to one is told; so is a slow one that is known to half of it.
-    dead = (shares > VAGUE) & (shares * nepers > 1.0) & claimed
+    decays, hertz = np.abs(model.exponents[places].real), np.abs(model.exponents[places]) / (2.0 * np.pi)
+    grouped = np.isin(np.arange(len(decays)), np.concatenate([*groups, []]))
+    claimed = ~(grouped & (decays * model.period > GONE) & ~certain)
+    short = np.array([fit.short(number) for number in range(len(decays))])
+    dead = is_undetermined(shares * decays, decays, model.period) & claimed
     findings = [failure("undetermined", frequencies=hertz[dead].tolist())] if dead.any() else []
     which = claimed & (short > SHORT[0])
     if which.any():
@@ -154,7 +144,7 @@ def _own(fit: Fit) -> NDArray[np.bool_]:
         squares, degrees = fit.reached(number)
         halves = 2.0 * (mode.axis + mode.exponent.imag / omega)
         away, std = 0.5 * omega * abs(halves - round(halves)), fit.parameters[(place.start + mode.rows - 1,) * 2] ** 0.5
-        negative = round(halves) % 2 == 1 and away <= min(LIMIT * std, NEAR_HALF * abs(mode.exponent.real))
+        negative = round(halves) % 2 == 1 and away <= min(DEVIATIONS * std, ALIKE * abs(mode.exponent.real))
         certain.append(negative or bool(degrees and chdtrc(degrees, squares) < SURE))
     return np.array(certain)
 
@@ -165,7 +155,7 @@ def _not_apart(fit: Fit, std: NDArray[np.float64], lasting: NDArray[np.bool_]) -
     return [
         np.array([first, second])
         for first, second in combinations(np.flatnonzero(lasting).tolist(), 2)
-        if gap_of(modes[first], modes[second], omega)[0] < TOGETHER * float(np.hypot(std[first], std[second]))
+        if gap_of(modes[first], modes[second], omega)[0] < DEVIATIONS * float(np.hypot(std[first], std[second]))
     ]
 
 
@@ -176,5 +166,5 @@ def _one(fit: Fit, model: PeriodicModel, group: NDArray[np.int64], shares: NDArr
     """
     modes = [fit.at.modes[number] for number in group]
     lasting = any(-mode.exponent.real * model.period < GONE for mode in modes)
-    near = min(LIMIT * float(shares[group].max()), ALIKE)
+    near = min(DEVIATIONS * float(shares[group].max()), ALIKE)
     return lasting and len(alike(modes, model.fundamental, near)) < len(modes)

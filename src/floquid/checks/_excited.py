@@ -12,17 +12,17 @@ import numpy as np
 
 from floquid import innovations, inputs
 from floquid._arrays import Floats
-from floquid.checks._check import Evidence, Subject
+from floquid.checks._check import Evidence, Subject, is_undetermined
 from floquid.checks._driving import undriven
 from floquid.checks._excitation import excitation_of
 from floquid.checks._left_out import FAILING, LeftOut, first_part
-from floquid.checks._limits import is_undetermined
-from floquid.checks._period import LIMIT, Off, shaken
-from floquid.checks._residual import Colour
+from floquid.checks._period import Off, shaken
+from floquid.checks._residual import FAILED, STRONG_COLOUR, Colour
 from floquid.core import Channel, PeriodicModel, Record
 from floquid.findings import Finding, failure
 from floquid.fit import SURE
 from floquid.inputs import Limits, Samples, Scores, Uncertainty, linearise, slopes_of, state_slopes
+from floquid.periodic import SIGNIFICANT
 from floquid.sync import ShaftAngle
 
 
@@ -40,14 +40,11 @@ class Parted:
     findings: tuple[Finding, ...]  # on these harmonics
 
 
-COLOURED, WRONG = 0.1, 0.3
-"""The sum of squared correlations from which on what is left is no white noise, and the model is not what left it."""
+COLOURED = 0.1
+"""The sum of squared correlations from which on the residual is no white noise."""
 
 PREDICTABLE = 0.03
 """The share of the variance of the innovations that is predictable from those before, from which on a model fails."""
-
-MOST_UNTOLD = 3.0
-"""Most error of the prediction, over the noise, by deviations of the fit to a part: beyond, it predicts nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,11 +81,11 @@ class Excited(Subject):
         if self.own.shafts:
             return None
         step, std = self.chain.period_step(self.tested)
-        if abs(step) <= LIMIT * std:
+        if abs(step) <= SIGNIFICANT * std:
             return None
         longest = max(record.stop - record.start for record in self.own.samples.records) * self.own.samples.step
         near = abs(step) * longest / self.model.period <= self.slip
-        return Off(relative=step, std=std, deviations=abs(step) / std, limit=LIMIT, near=near)
+        return Off(relative=step, std=std, deviations=abs(step) / std, limit=SIGNIFICANT, near=near)
 
     def phase_steps(self) -> list[tuple[float, float]]:
         """The step of the phase of each record after the first, in periods, and its deviation."""
@@ -151,11 +148,14 @@ class Driven(Excited):
     def colour(self, _: Evidence) -> Colour:
         """The most correlations of one output."""
         size = float(self.fit.at.colour)
-        return Colour(size=size, limit=COLOURED, failing=WRONG, numbers={"squares": [size]} if self.coloured else {})
+        numbers = {"squares": [size]} if self.coloured else {}
+        return Colour(size=size, limit=COLOURED, failing=STRONG_COLOUR, numbers=numbers)
 
     def undetermined(self) -> tuple[Finding, ...]:
         """Finding on decays that are not determined."""
-        return (failure("undetermined"),) if is_undetermined(self.model) else ()
+        model, std = self.model, self.model.exponent_std
+        assert std is not None
+        return (failure("undetermined"),) if is_undetermined(std.real, model.exponents.real, model.period).any() else ()
 
     def errors(self) -> Floats:
         """The rms error on the last quarter of each record, by a fit to the rest, over what is expected (outputs,).
@@ -173,10 +173,9 @@ class Driven(Excited):
             residual = whole.values[channel, beyond] - part.at.coefficients[:, channel] @ columns
             at = replace(whole_at, coefficients=part.at.coefficients)
             by_parameters = slopes_of(whole, at, channel, states)[:, beyond]
-            # What the part does not tell of the model is no error of it.
-            expected = noise**2 + np.minimum(
-                part.errors.variance(channel, by_parameters.T, columns.T), MOST_UNTOLD * noise**2
-            )
+            # What the part does not tell of the model is no error of it, up to where it predicts nothing.
+            untold = part.errors.variance(channel, by_parameters.T, columns.T)
+            expected = noise**2 + np.minimum(untold, FAILED * noise**2)
             errors.append(float(np.sqrt(np.mean(residual**2 / expected))))
         return np.array(errors)
 

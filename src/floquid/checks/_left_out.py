@@ -10,16 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Floats, Integers, Mask
-from floquid.checks._check import FALSE_ALARM, Evidence, strongest
+from floquid.checks._check import FALSE_ALARM, REMAINDER, Evidence, strongest
 from floquid.core import PeriodicModel, PhaseClock, Record
 from floquid.errors import FloquidError
 from floquid.findings import Finding, failure
+from floquid.innovations import GONE
 from floquid.inputs import Samples
-from floquid.periodic import refit, unexplained
+from floquid.periodic import ROUGH, refit, unexplained
 
-LEAST_FIT = 0.95  # the share of the response that has to be predicted on cycles held out
+LEAST_FIT = 1.0 - REMAINDER  # the share of the response that has to be predicted on cycles held out
 
-ERROR = 1.05
+ERROR = 1.0 + REMAINDER
 """The prediction error over noise and its own deviation that is let pass in any case; a tenth more over a stretch."""
 
 FAILING = 1.4
@@ -134,18 +135,12 @@ def first_part(samples: Samples) -> tuple[Samples, NDArray[np.bool_]]:
 
 Clocks = Sequence[PhaseClock]
 
-FOLDS = 5  # the parts that the cycles are dealt into
-PHASES = 32  # instants of a period at which the response is looked at, to see where it has died
-ALIVE = 0.2  # the rms of the response in a cycle, over the noise, below which there is nothing to predict
-PIECES = 5  # pieces of a record in each fold, where it has that many cycles
-
-BRIEF = 2.0
-"""Cycles in which a mode may decay so that the cycle that holds most of it can still be predicted from the others."""
+FOLDS = 5
+"""Parts that cycles are dealt into, pieces of a record in each of them, and stretches with errors of their own."""
 
 PARTS = 4  # parts of a cycle, every other one left out of a brief hit: the rest of it tells the states
 
-STRETCHES = 8  # stretches of the record, each with its own error
-AT_REST = 0.1  # the deviations that the last step of a refit may have: what comes after is far below the noise
+ALIVE = 0.2  # the rms of the response in a cycle, over the noise, below which there is nothing to predict
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,7 +174,7 @@ def held_out(
     where the model cannot be fitted to what is left of the record.
     """
     alive = [only(record, numbers_of_hit >= 0) for record, numbers_of_hit in zip(records, cycles, strict=True)]
-    whole = refit(model, alive, clocks, noise=noise, at_rest=AT_REST, one_shape=model.one_shape)
+    whole = refit(model, alive, clocks, noise=noise, at_rest=ROUGH, one_shape=model.one_shape)
     folds = _folds(whole, cycles)
     if folds is None:
         return None
@@ -188,7 +183,7 @@ def held_out(
     numbers, squares, products, response = np.zeros(shape, np.int64), *np.zeros((3, *shape))
     for mine in folds.masks:
         rest = [only(record, ~out) for record, out in zip(alive, mine, strict=True)]
-        anew = refit(whole, rest, clocks, noise=noise, at_rest=AT_REST, one_shape=whole.one_shape)
+        anew = refit(whole, rest, clocks, noise=noise, at_rest=ROUGH, one_shape=whole.one_shape)
         away = [only(record, out) for record, out in zip(alive, mine, strict=True)]
         for hit, errors in enumerate(unexplained(anew, away, clocks)):
             taken = np.flatnonzero(mine[hit])
@@ -224,7 +219,7 @@ def _folds(model: PeriodicModel, cycles: Sequence[Integers]) -> Folds | None:
     if folds < 2:
         return None
     shortest = float((1.0 / np.maximum(np.abs(model.exponents.real) * model.period, 1e-12)).min())
-    piece = int(max(1, min((end - first) // (folds * PIECES), 0.5 * shortest)))
+    piece = int(max(1, min((end - first) // (folds * FOLDS), 0.5 * shortest)))
     # A hit that one fold would take whole stays in all fits.
     long = [int(c.max()) + 1 >= first + 2 * piece for c in cycles]
     masks = [
@@ -234,7 +229,7 @@ def _folds(model: PeriodicModel, cycles: Sequence[Integers]) -> Folds | None:
         ]
         for fold in range(folds)
     ]
-    return Folds(masks, first, end, min(STRETCHES, max(1, (end - first) // (folds * piece))))
+    return Folds(masks, first, end, min(FOLDS, max(1, (end - first) // (folds * piece))))
 
 
 def _of_hits(cycles: Sequence[Integers], end: int) -> Folds | None:
@@ -260,7 +255,7 @@ def _of_hits(cycles: Sequence[Integers], end: int) -> Folds | None:
 
 def cycles_of(model: PeriodicModel, instants: Sequence[tuple[Floats, Floats]], noise: Floats) -> list[Integers]:
     """The whole cycle that each sample of each record is in, from its first sample on; -1 in none, or a dead one."""
-    phases = np.arange(PHASES) / PHASES * model.period
+    phases = np.linspace(0.0, model.period, 4 * len(model.harmonics), endpoint=False)
     shapes = model.shapes(phases) * np.exp(np.multiply.outer(model.exponents, phases))[:, None, None]
     cycles = []
     for hit, (times, angles) in enumerate(instants):
@@ -279,7 +274,7 @@ def cycles_of(model: PeriodicModel, instants: Sequence[tuple[Floats, Floats]], n
 def _predictable(model: PeriodicModel, cycles: int) -> tuple[int, int]:
     """Cycles that the remaining ones can predict: one that alone contains a short-lived mode is left out."""
     rates = model.exponents.real * model.period
-    return int((rates < -1.0 / BRIEF).any()), cycles - int((rates > 1.0 / BRIEF).any())
+    return int((rates < -GONE).any()), cycles - int((rates > GONE).any())
 
 
 def only(record: Record, there: Mask) -> Record:

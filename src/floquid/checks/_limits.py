@@ -10,14 +10,9 @@ import numpy as np
 from floquid.checks._check import Evidence
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, failure, note, warning
-from floquid.fit import DEVIATIONS, chi2_limit
+from floquid.fit import DEVIATIONS, ROUNDING, chi2_limit
 from floquid.inputs import nearly_one
-
-VAGUE = 0.5
-"""The deviation of a decay over it, from which on it is not determined,"""
-
-ROUGHLY = (1.0, 0.1)
-"""where that is more than this over a period [nepers]: of a pair, and of a real multiplier."""
+from floquid.periodic import CONFIDENT
 
 
 def needed(case: Any, _: Evidence) -> tuple[Finding, ...]:
@@ -63,31 +58,14 @@ def _clear(model: PeriodicModel, highest: int) -> bool:
     return False
 
 
-def is_undetermined(model: PeriodicModel) -> bool:
-    """True where a decay is known neither to half of itself nor within a period.
-
-    Real multipliers that make up for one another, or for a pair, are of that kind; one of slow decay is not.
-    """
-    assert model.exponent_std is not None
-    spread = model.exponent_std.real
-    vague = spread > VAGUE * np.abs(model.exponents.real)
-    return bool((vague & (model.period * spread > np.where(model.real, ROUGHLY[1], ROUGHLY[0]))).any())
-
-
 MOST_PERIODS = 6
 """Periods of a revolution up to which lines of the revolution are looked for where nobody says how many it holds."""
 
-STILL = 3.0
-"""Deviations within which a mode does not decay, and within which it is at a line."""
+SHARP = 1.5e-4
+"""The deviation of a frequency over the fundamental below which a mode at a line fails.
 
-SHARP = 1e-3
-"""The deviation of a frequency over the fundamental below which a mode at a line warns."""
-
-SURE = 1.5e-4
-"""Distance below which it fails: one in a hundred undamped modes is as near to some line by chance."""
-
-ROUNDING = 1e-9
-"""Rounding of a frequency, over the fundamental."""
+One in a hundred undamped modes is as near to some line by chance.
+"""
 
 
 def steady(case: Any, evidence: Evidence) -> tuple[Finding, ...]:
@@ -105,17 +83,18 @@ def lines_of_revolution(
     """Findings on modes that do not decay at a fraction of the fundamental, as lines of a revolution are."""
     std = model.exponent_std
     assert std is not None
-    still = np.abs(model.exponents.real) < STILL * std.real
+    still = np.abs(model.exponents.real) < DEVIATIONS * std.real
     still &= np.abs(model.exponents.real) * longest < 1.0
-    sharp = std.imag < SHARP * model.fundamental
+    determined = std.imag < CONFIDENT * model.fundamental
     # The frequency of a real multiplier is none measured; no input reaches what drives the system itself.
     apart = np.isclose(np.abs(model.exponents)[:, None], 2.0 * np.pi * np.array(unreached), rtol=1e-9).any(axis=1)
-    known = (std.imag < SURE * model.fundamental) & (~model.real | apart)
+    known = (std.imag < SHARP * model.fundamental) & (~model.real | apart)
     turns, findings = model.exponents.imag / model.fundamental, []
     for count in range(2, MOST_PERIODS + 1):
         near = np.rint(turns * count).astype(np.int64)
         off = np.abs(turns * count - near) * model.fundamental / count
-        at = still & sharp & (np.gcd(near, count) == 1) & (off <= STILL * std.imag + ROUNDING * model.fundamental)
+        at = still & determined & (np.gcd(near, count) == 1)
+        at &= off <= DEVIATIONS * std.imag + ROUNDING * model.fundamental
         if at.any():
             hertz = np.unique(np.abs(model.exponents.imag[at])) / (2.0 * np.pi)
             report = failure if known[at].any() else warning

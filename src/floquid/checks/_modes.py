@@ -8,15 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Mask
-from floquid.checks._check import Evidence, strongest
+from floquid.checks._check import REMAINDER, Evidence, strongest
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, warning
-from floquid.periodic import CONFIDENT
+from floquid.fit import DEVIATIONS, ROUNDING, SURE
+from floquid.periodic import CONFIDENT, EVIDENT
 
 if TYPE_CHECKING:
     from floquid.checks._decays import Decays
-
-STILL = 4.0  # standard deviations within which a multiplier is 1 or -1
 
 NEIGHBOURS = 0.75
 """The distance of two modes modulo the fundamental, over the sum of their decays, within which one that changes is
@@ -25,10 +24,6 @@ taken for both: what a cubic term makes of a mode decays three times as fast, at
 WANDERING = 5.0
 """Distance on a shaft whose speed wanders: a frequency that follows it has lines as far beside as that is fast."""
 
-SAME_SHAPE = 0.95  # the squared correlation of two shapes from which on they are one
-
-TELLING = 3  # coefficients in a shape, at least, for it to say anything
-
 
 def _halved(model: PeriodicModel, std: NDArray[np.complex128]) -> bool:
     """True where half of the modes have a partner of equal decay at an odd number of half fundamentals."""
@@ -36,9 +31,9 @@ def _halved(model: PeriodicModel, std: NDArray[np.complex128]) -> bool:
     deviation = np.hypot(std.real[:, None], std.real[None, :]), np.hypot(std.imag[:, None], std.imag[None, :])
     halves = 2.0 * gap.imag / model.fundamental
     odd = 2.0 * np.rint((halves - 1.0) / 2.0) + 1.0
-    apart = np.abs(halves - odd) * model.fundamental < 10.0 * deviation[1]
-    apart &= deviation[1] < 1e-3 * model.fundamental
-    alike = (np.abs(gap.real) < 5.0 * deviation[0]) & (deviation[0] < 0.1 * np.abs(model.exponents.real))
+    apart = 0.5 * np.abs(halves - odd) * model.fundamental < DEVIATIONS * deviation[1]
+    apart &= deviation[1] < CONFIDENT * model.fundamental
+    alike = (np.abs(gap.real) < DEVIATIONS * deviation[0]) & (deviation[0] < EVIDENT * np.abs(model.exponents.real))
     # A mode and its own conjugate are no two modes.
     itself = np.abs(model.exponents[:, None] - model.exponents[None, :].conj()) == 0
     return bool(2 * (apart & alike & ~itself).any(axis=1).sum() >= max(model.order, 1))
@@ -47,8 +42,8 @@ def _halved(model: PeriodicModel, std: NDArray[np.complex128]) -> bool:
 def _still(model: PeriodicModel, std: NDArray[np.complex128]) -> list[Finding]:
     """Components that are most likely a forced response, of one period or of two."""
     steady = np.maximum(std.real, std.imag) < CONFIDENT * model.fundamental
-    steady &= np.abs(model.exponents.real) < 4.0 * std.real + 1e-9 * model.fundamental
-    turn, within = np.abs(np.angle(model.multipliers)), 3.0 * std.imag * model.period + 1e-12
+    steady &= np.abs(model.exponents.real) < DEVIATIONS * std.real + ROUNDING * model.fundamental
+    turn, within = np.abs(np.angle(model.multipliers)), DEVIATIONS * std.imag * model.period + ROUNDING
     findings = [warning("multiplier_one")] if (steady & (turn < within)).any() else []
     return findings + ([warning("multiplier_minus_one")] if (steady & (np.pi - turn < within)).any() else [])
 
@@ -73,8 +68,9 @@ def _moving(model: PeriodicModel, near: float) -> list[Finding]:
         # e^{i turns θ} goes from the exponent to the shape.
         moved = np.roll(shapes[upper], turns[lower, upper], axis=-1)
         power = float(np.sum(np.abs(shapes[lower]) ** 2) * np.sum(np.abs(moved) ** 2))
-        telling = min(np.count_nonzero(shapes[lower]), np.count_nonzero(moved)) >= TELLING
-        if telling and abs(np.vdot(shapes[lower], moved)) ** 2 > SAME_SHAPE * power:
+        # A shape of one coefficient is that of any other.
+        telling = min(np.count_nonzero(shapes[lower]), np.count_nonzero(moved)) > 1
+        if telling and abs(np.vdot(shapes[lower], moved)) ** 2 > (1.0 - REMAINDER) * power:
             first, second = model.frequencies_hz[[modes[lower], modes[upper]]]
             findings.append(warning("one_that_moves", first=first, second=second))
     return findings
@@ -93,14 +89,10 @@ def doubts_of(model: PeriodicModel, *, wanders: bool = False) -> tuple[Finding, 
     findings += _moving(model, WANDERING if wanders else NEIGHBOURS)
     if std is not None and _halved(model, std):
         findings.append(warning("period_halved"))
-    growing = model.exponents.real > (4.0 * std.real if std is not None else 0.0)
+    growing = model.exponents.real > (DEVIATIONS * std.real if std is not None else 0.0)
     if growing.any():
         findings.append(warning("growing", number=int(growing.sum()), order=model.order))
     return tuple(findings)
-
-
-EXPLAINED = 1e-9  # the probability at which noise passes for a mode, over all lines and decays that it is looked for at
-LOOKS = 8  # decays that a mode may have been looked for at, on each line
 
 
 def weak_modes(case: Decays, evidence: Evidence) -> tuple[Finding, ...]:
@@ -109,8 +101,8 @@ def weak_modes(case: Decays, evidence: Evidence) -> tuple[Finding, ...]:
     .. math:: \frac{1}{\ell_r} \sum_{c,h} \frac{1}{\sigma_{c,h}^2}
               \sum_m |B_{r,c,h,m}|^2 \sum_k 2\, e^{2 \Re \lambda_r t_k}, \qquad \ell_r = \chi^2_{p_r, \alpha / n}
 
-    a conjugate pair once, p its parameters and n the lines of the records, each looked at with several decays. The
-    products of two harmonics are left out: they add up to nothing over a period. The least is `mode`, and has to be 1.
+    a conjugate pair once, p its parameters and n the samples of the records. The products of two harmonics are left
+    out: they add up to nothing over a period. The least is `mode`, and has to be 1.
     """
     from scipy.special import chdtri
 
@@ -119,8 +111,8 @@ def weak_modes(case: Decays, evidence: Evidence) -> tuple[Finding, ...]:
         return ()
     powers = np.array([_power(case, int(mode)) for mode in modes])
     kept = (model.coefficients[modes] != 0).any(axis=(1, 2)).sum(axis=1)
-    looks = LOOKS * sum(record.n_samples for record in case.records)
-    limits = chdtri(2 * case.responses * np.maximum(kept, 1) + 2, EXPLAINED / looks)
+    looks = sum(record.n_samples for record in case.records)
+    limits = chdtri(2 * case.responses * np.maximum(kept, 1) + 2, SURE / looks)
     shares = powers / limits
     if evidence.kept("mode", float(shares.min()), 1.0, at_least=True):
         return ()

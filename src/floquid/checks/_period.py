@@ -11,6 +11,7 @@ from floquid._arrays import Floats
 from floquid.checks._check import Evidence
 from floquid.findings import Finding, failure, warning
 from floquid.innovations import turned_records
+from floquid.periodic import SIGNIFICANT
 
 if TYPE_CHECKING:
     from floquid.checks._decays import Decays
@@ -39,9 +40,6 @@ def period(case: Any, evidence: Evidence) -> tuple[Finding, ...]:
     return evidence.against("wrong_period", "period", given=given, **numbers)
 
 
-LIMIT = 5.0  # deviations from which on a period, or a phase, is another one than that given
-
-
 def phases(case: Any, _: Evidence) -> tuple[Finding, ...]:
     """Findings on records after the first that are at another phase.
 
@@ -54,7 +52,7 @@ def phases(case: Any, _: Evidence) -> tuple[Finding, ...]:
         *(
             failure("records_phase", record=number + 1, deviations=abs(step) / std)
             for number, (step, std) in enumerate(steps, start=1)
-            if number not in turned and abs(step) > LIMIT * std
+            if number not in turned and abs(step) > SIGNIFICANT * std
         ),
     )
 

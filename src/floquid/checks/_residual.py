@@ -12,7 +12,7 @@ from floquid._arrays import Complexes, Floats, Integers
 from floquid.checks._check import FALSE_ALARM, REMAINDER, Evidence, strongest
 from floquid.core import PeriodicModel, PhaseClock, Record
 from floquid.findings import Finding, Severity, failure, warning
-from floquid.fit import chi2_limit
+from floquid.fit import SURE, WITHIN, chi2_limit
 from floquid.lifting import LAGS
 from floquid.periodic import line_amplitudes, without_lines
 
@@ -25,21 +25,14 @@ TONE = 0.1  # the amplitude of a tone, over the noise, that is let pass in any c
 LOUD_TONE, LOUD_LINE = 1.0, 0.5
 """Amplitudes of a tone and of any other line, over the noise, that fail a model: the latter may be of a mode."""
 
-LINES_BESIDE = (-5.0, -3.0, 3.0, 5.0)  # lines of the record beside a tone, to hold it against
-ABOVE = 8.0  # least score of a tone over that of those lines
+ABOVE = 8.0  # least score of a tone over that of the lines beside it
 COLOUR = 0.01  # the sum of squared autocorrelations that is let pass in any case: less is no colour worth a filter
 STRONG_COLOUR = 0.25  # the same from which on a model fails: such colour may be what modes leave
 ROUNDING = 0.5  # Residual over the noise below which the noise is no estimate but what the record is believed down to
 
-LEFT_OUT = 1e-8
-"""The probability at which noise passes for a harmonic where it is let be none: weaker ones are left out on purpose."""
-
 HARMONIC = 0.01  # the share of the response in one harmonic beside a band that is let pass in any case
-MARGIN = 2.0  # standard deviations by which a harmonic has to rise above that
-MOST_TONES = 64  # harmonics of the period that are looked at, at most
-BESIDE = 4  # harmonics on each side of a mode's band that are looked at
-
-PIECE = 64  # lines of a spectrum over which its level is taken
+BESIDE = 4  # harmonics on each side of a mode's band, and lines on each side of a tone, that are looked at
+PIECE = 64  # lines of a spectrum over which its level is taken, and harmonics of the period looked at, at most
 
 
 def tones(case: Decays, evidence: Evidence) -> tuple[Finding, ...]:
@@ -88,12 +81,12 @@ def _beside(case: Decays, residuals: list[Floats], turns: Floats) -> Floats:
     for hit, rest in enumerate(residuals):
         angles = case.instants[hit][1]
         apart = 2.0 * np.pi / max(float(angles[-1] - angles[0]), 1e-300)
-        shifts = apart * np.array(LINES_BESIDE)
+        # The nearest lines have their share of a tone that is between two of them.
+        shifts = apart * np.array([*range(-BESIDE, -1), *range(2, BESIDE + 1)])
         near = np.abs(np.add.outer(turns, shifts)).ravel()
         _, squares = line_amplitudes(*_residual(case, hit, rest), np.zeros(len(near)), near)
-        score[:, hit] = (
-            squares.reshape(len(rest), len(turns), len(LINES_BESIDE)).mean(axis=2) / case.noise[:, hit, None] ** 2
-        )
+        level = squares.reshape(len(rest), len(turns), len(shifts)).mean(axis=2)
+        score[:, hit] = level / case.noise[:, hit, None] ** 2
     return score
 
 
@@ -112,7 +105,8 @@ def harmonics(case: Decays, evidence: Evidence) -> tuple[Finding, ...]:
     if not len(modes):
         return ()
     joint, degrees = score.sum(axis=(0, 1)), 2 * case.responses
-    there = np.sqrt(joint) > np.sqrt(chi2_limit(degrees, LEFT_OUT)) + MARGIN
+    # Weaker ones are left out of a fit on purpose.
+    there = np.sqrt(joint) > np.sqrt(chi2_limit(degrees, SURE)) + WITHIN
     share = np.sqrt(np.maximum(joint - degrees, 0.0) / max(_energy(case), 1.0)) * there
     if not evidence.kept("harmonic", float(share.max()), HARMONIC, failing=REMAINDER):
         over = share > HARMONIC
@@ -217,7 +211,7 @@ def tones_of(highest: float, per_revolution: float) -> Floats:
     Those of the revolution, j/ν with ν periods in one; all of the period where that is the longer of the two.
     """
     parts = max(per_revolution, 1.0)
-    most = int(min(MOST_TONES * parts, np.ceil(highest * parts - 1e-6) - 1))
+    most = int(min(PIECE * parts, np.ceil(highest * parts - 1e-6) - 1))
     return np.arange(max(most, 0) + 1) / parts
 
 
@@ -291,9 +285,8 @@ def rates_of(model: PeriodicModel) -> Complexes:
     return (rates[:, None] + 1j * model.fundamental * model.harmonics)[kept]
 
 
-SPIKE, SPOILT, QUARTILE = 12.0, 0.1, 0.6745
-"""Deviations from which on a sample is no noise, the share of the power in such that spoils a fit, and the median
-size of a normal number, from which the deviation is taken."""
+SPIKE, SPOILT = 12.0, 0.1
+"""Deviations from which on a sample is no noise, and the share of the power in such that spoils a fit."""
 
 
 def spikes(case: Any, _: Evidence) -> tuple[Finding, ...]:
@@ -304,9 +297,12 @@ def spikes(case: Any, _: Evidence) -> tuple[Finding, ...]:
 
 def of_outliers(residual: Floats, parted: Parted) -> tuple[Finding, ...]:
     """Findings on samples, in what is left of each output (outputs, samples), that are no noise: spikes."""
+    from scipy.special import ndtri
+
     findings = []
     for values, channel in zip(residual, parted.outputs, strict=True):
-        far = np.abs(values) > SPIKE * np.median(np.abs(values[parted.samples.there])) / QUARTILE
+        # The median size of a normal number is its upper quartile.
+        far = np.abs(values) > SPIKE * np.median(np.abs(values[parted.samples.there])) / ndtri(0.75)
         if far.any():
             share, first = float(np.sum(values[far] ** 2) / np.sum(values**2)), int(np.argmax(far))
             record = int(np.searchsorted(parted.samples.begins, first, side="right"))

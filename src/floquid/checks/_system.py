@@ -14,14 +14,12 @@ from floquid.findings import Finding, failure
 from floquid.fit import DEVIATIONS
 from floquid.reconstruction import StateModel
 
-TOLERANCE = 1e-4  # relative errors of multipliers that interpolation between the instants may make
-SMALL = 1e-6  # the share of the largest multiplier below which one is not told by integrating
+TOLERANCE = 1e-4  # relative errors of multipliers, and of Φ, that interpolation between the instants may make
+ACCURACY = 1e-6
+"""The relative change of Φ over a period at which steps are short enough: half as long, they are 16 times as good.
 
-ACCURACY = 1e-7
-"""The relative change of Φ over a period at which steps are short enough: half as long, they are 16 times as good."""
-
-PHI = 1e-3
-"""The relative difference between Φ and A(t) integrated that is let pass: interpolation between instants makes one."""
+A smaller share of the largest multiplier is not told by integrating.
+"""
 
 MOST_STEPS = 2**16  # steps in a period, at most
 
@@ -42,10 +40,10 @@ def system(case: Any, evidence: Evidence) -> tuple[Finding, ...]:
         return ()
     compared = consistency(case.model, case.state)
     if isinstance(compared, Finding):
-        return evidence.missing({"multipliers": 1.0, "liouville": 1.0, "composition": PHI}, compared)
+        return evidence.missing({"multipliers": 1.0, "liouville": 1.0, "composition": TOLERANCE}, compared)
     multipliers = evidence.kept("multipliers", compared.multipliers, 1.0)
     trace = evidence.kept("liouville", compared.liouville, 1.0)
-    composition = evidence.kept("composition", compared.composition, PHI)
+    composition = evidence.kept("composition", compared.composition, TOLERANCE)
     if multipliers and trace and composition:
         return ()
     return evidence.against(
@@ -97,7 +95,7 @@ def _multipliers(of_system: Complexes, model: PeriodicModel) -> tuple[float, tup
     """The largest difference from the nearest multiplier, both ways, over what it may be; and the pair."""
     of_model = model.multipliers
     std = 0.0 if model.exponent_std is None else np.abs(model.exponent_std) * model.period
-    may = np.abs(of_model) * (DEVIATIONS * std + TOLERANCE) + SMALL * np.abs(of_model).max()
+    may = np.abs(of_model) * (DEVIATIONS * std + TOLERANCE) + ACCURACY * np.abs(of_model).max()
     off = np.abs(np.subtract.outer(of_system, of_model)) / may
     # Two that are one would not be seen by this: the sum of the exponents is looked at beside it.
     pairs = [(int(np.argmin(row)), k) for k, row in enumerate(off.T)]

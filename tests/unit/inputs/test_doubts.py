@@ -8,8 +8,8 @@ from scipy.signal import butter, lfilter, sosfiltfilt
 from tests.driven import creeping, mathieu, pulls, record_of
 
 from floquid import Record, identify
-from floquid.checks._driving import BENT, _by_powers
-from floquid.fit import chi2_limit
+from floquid.checks._driving import _by_powers
+from floquid.fit import SURE, chi2_limit
 from floquid.inputs import Scores, bare_mode, chosen_together, samples_of, solve
 from floquid.pipeline import Settings
 from floquid.preparation import clocked
@@ -153,7 +153,8 @@ def test_squares_of_a_steady_response_are_no_harmonics_that_were_not_kept():
     samples = samples_of([values], [inputs], [0.0], step=step, fundamental=2.0, turns=[1.0, 2.0, 3.0, 4.0])
     bare = [bare_mode(samples, complex(system.exponents()[0]), narrow, narrow)]
     scores = Scores(samples, solve(samples, chosen_together(samples, bare, 1)), rough=False)
-    assert _by_powers(scores).max() < chi2_limit(4, BENT)
+    gains, degrees = _by_powers(scores)
+    assert gains.max() < chi2_limit(degrees, SURE)
 
 
 @pytest.mark.first(1)

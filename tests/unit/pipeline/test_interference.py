@@ -133,3 +133,9 @@ def test_two_modes_of_one_shape_are_named_as_one_that_moves(kappa, moves):
     found = identify(record)
     assert any(own.code == "one_that_moves" for own in found.findings) == moves
     assert (found.model.order > 2) == moves
+
+
+def test_half_of_the_true_period_is_told():
+    found = identify(replace(ringing(), clock=ConstantPeriod(period=0.5 * ROTOR.period)), validate=False)
+    assert found.model.order == 8
+    assert "period_halved" in {own.code for own in found.findings}

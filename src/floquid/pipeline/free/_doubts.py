@@ -14,6 +14,7 @@ from floquid.fit import DEVIATIONS
 from floquid.lifting import Lifted, largest_values
 from floquid.order import Choice
 from floquid.periodic import (
+    EVIDENT,
     NEGLIGIBLE_SLIP,
     SIGNIFICANT,
     TURNED,
@@ -26,7 +27,6 @@ from floquid.preparation import Prepared
 
 QUIET = 1e-4  # the noise over the largest value below which a record says more than modes: a weak nonlinearity, for one
 SEVERAL = 6  # exponents from which on modes without a second harmonic may be harmonics that a wrong period tore apart
-EVIDENT = 0.1  # equal decays say something where the deviation of their difference is below this share of the decay
 CHANCE = 0.1  # fundamentals within which two modes are near whole ones apart by chance too often to say anything
 FOLDED = 10.0  # decays within which modes that fold onto one another may be one
 
