@@ -264,7 +264,7 @@ def test_simulate_info_identify(here, suffix):
     said = typed(f"simulate --out 'a record.{suffix}' --periods 40 --samples-per-period 8 --seed 3")
     assert f"a record.{suffix}: 4 channels, 320 samples at 1.2732395 Hz, period 6.28318530718 s." in said
     told = typed(["info", f"a record.{suffix}"])
-    for words in ("4 channels, 320 samples", "1.2732395", "X_tt", "displacement", "period of 6.28318530718 s"):
+    for words in ("4 channels, 320 samples", "1.2732395", "X_tt", "displacement", "period of 6.28318531 s"):
         assert words in told
     proposed = said.split("Identify it: floquid ", 1)[1].strip()
     identified = strict_json(typed(f"{proposed} --format json"))

@@ -199,7 +199,7 @@ def _candidates(
     found = []
     if period is not None:
         phases = f", {period * axis.sample_rate:.9g} samples" if axis else ""
-        why = f"the file states a period of {period:.12g} s{phases}"
+        why = f"the file states a period of {period:.9g} s{phases}"
         found.append(ClockCandidate(name="period", why=why, kind="period", is_sure=True))
     for channel, row in zip(channels, values, strict=True):
         row = np.where(np.abs(row) < 1e300, row, np.nan)  # damage; its differences would overflow
