@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from floquid._arrays import BLOCK, Complexes, Floats
 from floquid._checks import Rebuilt, input_error
 from floquid.core import Channel, Cycles, Provenance
-from floquid.fit import ROUNDING, filter_gain, filtered, yule_walker
+from floquid.fit import HALF_DIGITS, LAGS, ROUNDING, filter_gain, filtered, yule_walker
 from floquid.lti import COLOURED, FEWEST, ORDERS, ModalModel, TimeResponses, white_noise_std
 
 FLOOR = 1e-10
@@ -186,7 +186,7 @@ def _check(first: Cycles, hit: Cycles, number: int) -> None:
     alike = (
         [c.name for c in hit.channels] == [c.name for c in first.channels]
         and hit.n_phases == first.n_phases
-        and abs(hit.first_phase - first.first_phase) < 1e-6
+        and abs(hit.first_phase - first.first_phase) < HALF_DIGITS
         and abs(hit.period - first.period) < 1e-9 * first.period
     )
     if not alike:
@@ -245,10 +245,6 @@ def floor_of(values: Iterable[Floats], floor: float) -> float:
     with np.errstate(over="ignore"):
         single = all(np.array_equal(part, part.astype(np.float32), equal_nan=True) for part in values)
     return max(floor, SINGLE) if single else floor
-
-
-LAGS = 16
-"""The lags looked at. Shorter than a period: poles that were fitted leave correlations a period apart."""
 
 
 def whitening_filter(lifted: Lifted, modal: ModalModel) -> Floats | None:

@@ -23,6 +23,7 @@ ROOMS = (
     "periodic",
     "pipeline",
     "preparation",
+    "search",
     "sync",
     "transfer",
     "checks",
@@ -107,7 +108,7 @@ def main() -> None:
     found = list(numbers())
     lines = [f"{one.place:55} {one.name or '-':30} {one.value:20} {one.reason}" for one in found]
     for room in ROOMS:
-        named = [bool(number.name) for number in found if number.place.startswith(f"{room}/")]
+        named = [bool(number.name) for number in found if number.place.startswith((f"{room}/", f"{room}.py"))]
         lines.append(f"{room:12} {sum(named):4} named, {len(named) - sum(named):3} bare")
     sys.stdout.write("\n".join([*lines, f"{len(found)} in all", ""]))
 

@@ -79,11 +79,10 @@ def test_trials_that_are_fitted_finer_change_nothing(of, name, seed, monkeypatch
     """The search is not over where a fit is: how far trials are fitted must not decide which of them are kept."""
     case = of(name, seed)
     own = identified(*case)
-    steps, gain, patience = ambient_fits.ROUGH
-    monkeypatch.setattr(ambient_fits, "ROUGH", (10 * steps, 0.1 * gain, patience))
-    monkeypatch.setattr(ambient_search, "HELD", 4 * ambient_search.HELD)
-    monkeypatch.setattr(driven_fits, "STEPS", 4 * driven_fits.STEPS)
-    monkeypatch.setattr(driven_fits, "REST", 0.1 * driven_fits.REST)
+    for fits in (ambient_fits, ambient_search, driven_fits):
+        monkeypatch.setattr(fits, "FEW_STEPS", 4 * fits.FEW_STEPS)
+    for fits in (ambient_fits, driven_fits):
+        monkeypatch.setattr(fits, "REST", 0.1 * fits.REST)
     rest = Point.settled.__kwdefaults__
     monkeypatch.setattr(
         Point.settled, "__kwdefaults__", rest | {"steps": 4 * rest["steps"], "rest": 0.1 * rest["rest"]}

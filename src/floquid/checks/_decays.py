@@ -21,10 +21,9 @@ from floquid.checks._residual import Colour, colour_of
 from floquid.core import PeriodicModel, PhaseClock, Record
 from floquid.errors import FloquidError
 from floquid.findings import Finding
-from floquid.fit import filter_gain, filtered
+from floquid.fit import SIGNIFICANT, filter_gain, filtered
 from floquid.periodic import (
     NEGLIGIBLE_SLIP,
-    SIGNIFICANT,
     TURNED,
     ForcedResponse,
     instants,

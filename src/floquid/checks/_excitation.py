@@ -13,7 +13,8 @@ from floquid.checks._check import Evidence, is_undetermined, is_vague
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, failure, note, warning
 from floquid.fit import DEVIATIONS, SURE
-from floquid.innovations import ALIKE, GONE, Fit, alike, gap_of, left_over
+from floquid.innovations import GONE, Fit, alike, gap_of, left_over
+from floquid.search import NEAR
 
 AIM = 0.1
 """The relative deviation of the damping for which the length of a record is given."""
@@ -144,7 +145,7 @@ def _own(fit: Fit) -> NDArray[np.bool_]:
         squares, degrees = fit.reached(number)
         halves = 2.0 * (mode.axis + mode.exponent.imag / omega)
         away, std = 0.5 * omega * abs(halves - round(halves)), fit.parameters[(place.start + mode.rows - 1,) * 2] ** 0.5
-        negative = round(halves) % 2 == 1 and away <= min(DEVIATIONS * std, ALIKE * abs(mode.exponent.real))
+        negative = round(halves) % 2 == 1 and away <= min(DEVIATIONS * std, NEAR * abs(mode.exponent.real))
         certain.append(negative or bool(degrees and chdtrc(degrees, squares) < SURE))
     return np.array(certain)
 
@@ -166,5 +167,5 @@ def _one(fit: Fit, model: PeriodicModel, group: NDArray[np.int64], shares: NDArr
     """
     modes = [fit.at.modes[number] for number in group]
     lasting = any(-mode.exponent.real * model.period < GONE for mode in modes)
-    near = min(DEVIATIONS * float(shares[group].max()), ALIKE)
+    near = min(DEVIATIONS * float(shares[group].max()), NEAR)
     return lasting and len(alike(modes, model.fundamental, near)) < len(modes)

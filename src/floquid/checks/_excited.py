@@ -20,9 +20,8 @@ from floquid.checks._period import Off, shaken
 from floquid.checks._residual import FAILED, STRONG_COLOUR, Colour
 from floquid.core import Channel, PeriodicModel, Record
 from floquid.findings import Finding, failure
-from floquid.fit import SURE
+from floquid.fit import SIGNIFICANT, SURE
 from floquid.inputs import Limits, Samples, Scores, Uncertainty, linearise, slopes_of, state_slopes
-from floquid.periodic import SIGNIFICANT
 from floquid.sync import ShaftAngle
 
 

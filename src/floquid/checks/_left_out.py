@@ -14,9 +14,10 @@ from floquid.checks._check import FALSE_ALARM, REMAINDER, Evidence, strongest
 from floquid.core import PeriodicModel, PhaseClock, Record
 from floquid.errors import FloquidError
 from floquid.findings import Finding, failure
+from floquid.fit import REST
 from floquid.innovations import GONE
 from floquid.inputs import Samples
-from floquid.periodic import ROUGH, refit, unexplained
+from floquid.periodic import refit, unexplained
 
 LEAST_FIT = 1.0 - REMAINDER  # the share of the response that has to be predicted on cycles held out
 
@@ -174,7 +175,7 @@ def held_out(
     where the model cannot be fitted to what is left of the record.
     """
     alive = [only(record, numbers_of_hit >= 0) for record, numbers_of_hit in zip(records, cycles, strict=True)]
-    whole = refit(model, alive, clocks, noise=noise, at_rest=ROUGH, one_shape=model.one_shape)
+    whole = refit(model, alive, clocks, noise=noise, at_rest=REST, one_shape=model.one_shape)
     folds = _folds(whole, cycles)
     if folds is None:
         return None
@@ -183,7 +184,7 @@ def held_out(
     numbers, squares, products, response = np.zeros(shape, np.int64), *np.zeros((3, *shape))
     for mine in folds.masks:
         rest = [only(record, ~out) for record, out in zip(alive, mine, strict=True)]
-        anew = refit(whole, rest, clocks, noise=noise, at_rest=ROUGH, one_shape=whole.one_shape)
+        anew = refit(whole, rest, clocks, noise=noise, at_rest=REST, one_shape=whole.one_shape)
         away = [only(record, out) for record, out in zip(alive, mine, strict=True)]
         for hit, errors in enumerate(unexplained(anew, away, clocks)):
             taken = np.flatnonzero(mine[hit])

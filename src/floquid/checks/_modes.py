@@ -11,8 +11,8 @@ from floquid._arrays import Mask
 from floquid.checks._check import REMAINDER, Evidence, strongest
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, warning
-from floquid.fit import DEVIATIONS, ROUNDING, SURE
-from floquid.periodic import CONFIDENT, EVIDENT
+from floquid.fit import DEVIATIONS, EVIDENT, ROUNDING, SURE
+from floquid.periodic import CONFIDENT
 
 if TYPE_CHECKING:
     from floquid.checks._decays import Decays

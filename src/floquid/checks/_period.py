@@ -10,8 +10,8 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid.checks._check import Evidence
 from floquid.findings import Finding, failure, warning
+from floquid.fit import SIGNIFICANT
 from floquid.innovations import turned_records
-from floquid.periodic import SIGNIFICANT
 
 if TYPE_CHECKING:
     from floquid.checks._decays import Decays

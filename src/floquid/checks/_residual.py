@@ -12,8 +12,7 @@ from floquid._arrays import Complexes, Floats, Integers
 from floquid.checks._check import FALSE_ALARM, REMAINDER, Evidence, strongest
 from floquid.core import PeriodicModel, PhaseClock, Record
 from floquid.findings import Finding, Severity, failure, warning
-from floquid.fit import SURE, WITHIN, chi2_limit
-from floquid.lifting import LAGS
+from floquid.fit import LAGS, SURE, WITHIN, chi2_limit
 from floquid.periodic import line_amplitudes, without_lines
 
 if TYPE_CHECKING:

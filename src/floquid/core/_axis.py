@@ -33,7 +33,8 @@ class Reading:
 
 def read_axis(mean: float, square: float, covariance: Floats, half_turns: int, fundamental: float) -> Reading:
     """Read two exponents as they are reported from their mean and squared half-difference, as `readings` has them."""
-    std = float(np.sqrt(max(covariance[1, 1], 0.0)))
+    # Whatever is known of q, half the difference ends halfway to the next axis.
+    std = min(float(np.sqrt(max(covariance[1, 1], 0.0))), (0.5 * fundamental) ** 2)
     return Reading(
         readings(mean, square, covariance, half_turns, fundamental)[1],
         float(np.copysign(max(abs(square), OFF * std), square)),

@@ -7,7 +7,10 @@ import numpy as np
 from floquid._arrays import Floats
 
 ROUNDING = 1e-14
-"""The share of the largest eigenvalue, of a unit diagonal, below which one is rounding of sums in double precision."""
+"""The share of what was summed in double precision below which what is left is rounding."""
+
+HALF_DIGITS = ROUNDING**0.5
+"""The share where something was squared first: also a step for differences, and a whole number's distance from one."""
 
 LEAST_SHARE = 1e-2
 """The share of its information that a direction keeps: noise on coefficients must not turn a curvature negative."""

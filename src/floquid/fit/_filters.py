@@ -6,6 +6,9 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats
 
+LAGS = 16
+"""Lags of a correlation that tell coloured noise: what modes leave has some a period apart."""
+
 
 def yule_walker(correlation: Floats, order: int) -> Floats:
     """The filter (order + 1,) that whitens an autoregression, from its autocorrelation at lags from zero on."""

@@ -14,13 +14,10 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from floquid._arrays import Floats, Integers
-from floquid.fit._tests import DEVIATIONS, WITHIN, chi2_limit
+from floquid.fit._tests import DEVIATIONS, RARE, WITHIN, chi2_limit
 
 OFF = 0.02
 """The least √|q| over the decay with which a block begins: numbers of its second state are over it."""
-
-WORSE = 1e-3
-"""The probability at which noise may make a block worse than the modes that it replaces."""
 
 
 class AxisMode(Protocol):
@@ -143,4 +140,4 @@ def block_stands(trial: AxisFit, without: AxisFit, variance: float, omega: float
     if abs(square) > away * std and (square > 0.0) == real:
         return False
     # It holds both kinds: where it fits worse its fit has not ended.
-    return without.log_likelihood - trial.log_likelihood < chi2_limit(1, WORSE)
+    return without.log_likelihood - trial.log_likelihood < chi2_limit(1, RARE)

@@ -25,8 +25,12 @@ START = 1e-6  # damping of the first step: all but none
 WHOLE = 1e-4  # damping after a first rejected step: below it the step would be the same
 MOST = 1e6  # damping at which a fit ends: no direction lowers the cost
 FALL = 1.0 / 3.0  # least factor of the damping after an accepted step (Nielsen 1999)
-EQUAL = 1e-12  # share of the cost by which a trial may be worse: rounding
-AT_ONCE = 1e-14  # size of a step that changes no digit of a parameter of size one
+STEPS, FEW_STEPS = 60, 12  # steps of a fit to the end, and of one that is only compared, at most
+AT_REST, REST = 1e-4, 0.1  # gains of the last step of either: a hundredth, and a third, of a deviation
+LONGEST_STEP = 0.3  # the most that an exponent moves in a step [1/period]: beyond, one linearisation says nothing
+FARTHEST = 0.5  # the most that an exponent moves in a fit [1/period]: beyond, the multiplier is another one
+CHUNK = 512  # samples whose columns or derivatives are formed at a time
+ROUNDS = 3  # fits at most, each with the noise that the one before leaves: weights settle at once
 SERVES = 0.7  # share of the expected gain above which the matrix serves for the next step, too
 
 
@@ -171,7 +175,7 @@ def levenberg_marquardt(start: Point, of: Steps[Point], ends: Ends) -> Point:
             damping *= max(FALL, 1.0 - (2.0 * min(gained / expected, 1.0) - 1.0) ** 3)
         small += gained < ends.gain
         idle = gained < ends.gain and (small >= ends.patience or normal.promised(pull) <= 2.0 * ends.gain)
-        still = normal.size(step) < ends.deviations or np.abs(step).max() < AT_ONCE
+        still = normal.size(step) < ends.deviations or np.abs(step).max() < ROUNDING
         if idle or still or len(gains) == ends.steps or (of.enough is not None and of.enough(point, gains)):
             break
         kept = of.gradient is not None and step is whole and gained > SERVES * expected
@@ -186,6 +190,6 @@ def levenberg_marquardt(start: Point, of: Steps[Point], ends: Ends) -> Point:
 def _tried(of: Steps[Point], point: Point, step: Floats) -> tuple[Point | None, float]:
     """The point a step away with what it gains; None where that is nothing."""
     trial = of.moved(point, step)
-    if trial is None or not trial.cost <= point.cost + max(EQUAL * abs(point.cost), np.finfo(float).tiny):
+    if trial is None or not trial.cost <= point.cost + max(ROUNDING * abs(point.cost), np.finfo(float).tiny):
         return None, 0.0
     return trial, point.cost - trial.cost

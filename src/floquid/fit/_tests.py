@@ -19,6 +19,28 @@ WITHIN = 1.96
 """Deviations of a value within which it may be another one: its 95 % interval."""
 
 
+RARE = 1e-3
+"""The probability at which noise may pass for what does little harm."""
+
+SIGNIFICANT = 6.0
+"""Deviations by which a period must differ before it counts as another one: of thousands of harmonics none errs."""
+
+EVIDENT = 0.1
+"""The deviation of a difference of two decays, over a decay, below which it says something that they are equal."""
+
+QUIET = 1e-4
+"""The noise over the largest value below which a record says more than modes: a weak nonlinearity, for one."""
+
+VAGUE = 1.0 / WITHIN
+"""The deviation of a decay over it, from which on it is not determined."""
+
+SLOW = 1.0
+"""The decay over a record [nepers] below which it hardly shows: what has one may be steady."""
+
+IN_VAIN = 2
+"""Orders in a row that are no better before a search of the best one ends."""
+
+
 @lru_cache(maxsize=4096)
 def chi2_limit(degrees: float, probability: float) -> float:
     """The χ² of some degrees of freedom that noise exceeds with a probability."""

@@ -22,7 +22,6 @@ from floquid.innovations._result import Fit as Fit
 from floquid.innovations._result import period_step as period_step
 from floquid.innovations._result import phase_step as phase_step
 from floquid.innovations._solve import solve as solve
-from floquid.innovations.search import ALIKE as ALIKE
 from floquid.innovations.search import GONE as GONE
 from floquid.innovations.search import alike as alike
 from floquid.innovations.search import searched as searched

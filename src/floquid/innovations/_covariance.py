@@ -8,14 +8,12 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.fit import IN_VAIN, LAGS
 from floquid.innovations._predictor import Predictor
-from floquid.inputs import LAGS, Samples
+from floquid.inputs import Samples
 
 HARMONICS = 6
 """Harmonics of the covariance that are tried at most."""
-
-IN_VAIN = 2
-"""Harmonics in a row that are no better before the search ends."""
 
 MOST = 0.5
 """Shares of other channels over the samples, at most: as many as there are samples fit anything."""

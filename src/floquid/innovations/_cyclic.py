@@ -8,12 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
-from floquid.fit import SURE, chi2_limit, inverse_root
+from floquid.fit import LAGS, SURE, chi2_limit, inverse_root
 from floquid.innovations._autoregression import delayed, whole_past
 from floquid.inputs import Samples
-
-LAGS = 16
-"""Samples of the past, at most."""
 
 PRODUCTS = 512
 """Products of a residual and a sample of the past that are looked at."""

@@ -16,20 +16,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
-from floquid.fit import schwarz
+from floquid.fit import CHUNK, ROUNDING, schwarz
 from floquid.innovations._gaps import scales_of
 from floquid.innovations._mode import Mode
-from floquid.inputs import Samples
-
-TOGETHER = 512
-"""Samples whose derivatives are held at once."""
+from floquid.inputs import RUNAWAY, Samples
 
 LARGEST = 1e3
 """Innovations over the response from which on the predictor diverges."""
-GROWTH = 3.0
-"""Most growth of a state over a record in the predictor of a fit; one that hardly decays may exceed 1 for a while."""
-FORGOTTEN = 1e-12
-"""Sensitivity to the initial state below which it is set to zero: denormal numbers are slow."""
 STEEPEST = 1e4  # the most that a state may do to one at the next sample, lest rounding to single precision diverges
 
 
@@ -157,7 +150,7 @@ def predicted(
         grown = float(np.linalg.norm(np.array(ends), axis=(1, 2)).max(initial=0.0))
     if not (
         np.abs(innovations).max() <= limit
-        and (growing or grown <= GROWTH)
+        and (growing or grown <= RUNAWAY)
         and np.abs(moved).max(initial=0.0) <= STEEPEST
     ):
         return None
@@ -257,13 +250,13 @@ def slopes(samples: Samples, at: Predictor, root: NDArray[np.float64]) -> Iterat
     ahead = np.concatenate([system - gains @ seen, -gains], axis=2)
     white = -np.concatenate([root @ seen, root], axis=2)
     width = sum(sum(mode.sizes) for mode in at.modes) + at.columns.size + at.initial.size
-    states = np.zeros((TOGETHER + 1, size + channels, width))
+    states = np.zeros((CHUNK + 1, size + channels, width))
     for place, record in enumerate(samples.records):
         states[0, :size] = 0.0
         first = width - at.initial.size + place * size
         states[0, :size, first : first + size] = np.eye(size)
-        for begin in range(record.start, record.stop, TOGETHER):
-            own = slice(begin, min(begin + TOGETHER, record.stop))
+        for begin in range(record.start, record.stop, CHUNK):
+            own = slice(begin, min(begin + CHUNK, record.stop))
             count = own.stop - own.start
             for start, part in _signals(samples, at, own):
                 for channel in range(channels):
@@ -274,7 +267,7 @@ def slopes(samples: Samples, at: Predictor, root: NDArray[np.float64]) -> Iterat
                 after += transition @ before
             yield own, white[own] @ states[:count]
             begun = states[count, :size, width - at.initial.size :]
-            begun[np.abs(begun) < FORGOTTEN] = 0.0
+            begun[np.abs(begun) < ROUNDING] = 0.0
             states[0, :size] = states[count, :size]
 
 

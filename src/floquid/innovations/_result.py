@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from floquid._checks import Rebuilt
 from floquid.core import Channel, Estimates, PeriodicModel, Provenance, modelled
 from floquid.errors import IdentificationError
-from floquid.fit import Normal, wald_rise
+from floquid.fit import HALF_DIGITS, Normal, wald_rise
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, gradient, predicted, responding
 from floquid.innovations._solve import inverse_of, normal_of, places, solve
@@ -32,9 +32,6 @@ from floquid.inputs import (
     selection_of,
     transfer_of,
 )
-
-SHIFT = 1e-9
-"""The share of ω by which it is moved for a derivative."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,17 +218,17 @@ def _as_input_mode(mode: Mode, samples: Samples, initial: NDArray[np.complex128]
 def period_step(fit: Fit) -> tuple[float, float]:
     """(Own period - period given)/period given, as the response has it, to first order, and its deviation."""
     omega = fit.samples.fundamental
-    return _step(fit, [replace(fit.samples, fundamental=omega * (1.0 + sign * SHIFT)) for sign in (1.0, -1.0)])
+    return _step(fit, [replace(fit.samples, fundamental=omega * (1.0 + sign * HALF_DIGITS)) for sign in (1.0, -1.0)])
 
 
 def phase_step(fit: Fit, number: int) -> tuple[float, float]:
     """The share of a period by which a record is later than its clock says, to first order, and its deviation."""
     samples, period = fit.samples, 2.0 * np.pi / fit.samples.fundamental
-    return _step(fit, [samples.later(number, sign * SHIFT * period) for sign in (1.0, -1.0)])
+    return _step(fit, [samples.later(number, sign * HALF_DIGITS * period) for sign in (1.0, -1.0)])
 
 
 def _step(fit: Fit, moved: Sequence[Samples]) -> tuple[float, float]:
-    """The step of what was moved by `SHIFT` to either side, to first order, and its deviation."""
+    """The step of what was moved by half the digits to either side, to first order, and its deviation."""
     samples, at = fit.samples, fit.at
     ends = [predicted(own, at.modes, at.columns, at.initial, growing=True, scales=at.scales) for own in moved]
     # A fit that was ended early may be the last that does not diverge, and have neighbours on one side alone.
@@ -239,7 +236,7 @@ def _step(fit: Fit, moved: Sequence[Samples]) -> tuple[float, float]:
     if not sides:
         return 0.0, float(np.inf)
     later, earlier = (at.innovations if end is None else end.innovations for end in ends)
-    slope = (later - earlier) / (sides * SHIFT)
+    slope = (later - earlier) / (sides * HALF_DIGITS)
     pulled = gradient(samples, at, slope)
     white = at.white(slope)
     information = float(np.sum(white**2) - pulled @ fit.parameters @ pulled)

@@ -8,33 +8,34 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, scaled_inverse
+from floquid.fit import (
+    AT_REST,
+    FEW_STEPS,
+    LONGEST_STEP,
+    REST,
+    ROUNDS,
+    STEPS,
+    Ends,
+    Normal,
+    Steps,
+    levenberg_marquardt,
+    scaled_inverse,
+)
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, gradient, predicted, slopes
 from floquid.inputs import Samples
 
 Step = NDArray[np.float64]
 
-LONGEST_STEP = 0.3
-"""The most that an exponent may move in a step, over one period."""
-
 NEARBY, BENT = 0.1, 0.75
 """The share of a step at which the curve of the residual is looked at, and the size of the second derivative over the
 step beyond which it is shortened."""
 
-FINE = (100, 1e-3, 3)
-"""Steps at most, the gain in twice the logarithm of the likelihood that ends them, and so small ones at most."""
-
-ROUGH = (10, 0.5, 2)
-"""Limits of a fit that is not the last."""
-
 PACED = 3
 """Steps after which a fit whose gains go down is given up where it will not gain what it must at their pace."""
 
-ANEW = 4  # fits at most, one after another, with what makes up for gaps made anew
-
-CLIMBS = 5
-"""Rough fits at most by which a candidate goes on,"""
+PATIENCE = 2
+"""Such steps in a row that end a fit: the matrix that is kept may be a poor one."""
 
 CLIMBING = 20.0
 """while one gains so much in twice the logarithm of the likelihood."""
@@ -74,19 +75,19 @@ def solve(samples: Samples, start: Predictor, *, rough: bool = False, least: flo
     during a fit, which is made anew until that gains nothing more.
     """
     best = start
-    for _ in range(ANEW if samples.gaps else 0):
+    for _ in range(ROUNDS if samples.gaps else 0):
         found = _solve(samples, best, rough=rough, least=least)
         anew = predicted(samples, found.modes, found.columns, found.initial, found.whitening)
         gain = -np.inf if anew is None else anew.log_likelihood - best.log_likelihood
         best = best if anew is None or gain < 0.0 else anew
-        if gain < ROUGH[1]:
+        if gain < REST:
             break
     return best if samples.gaps else _solve(samples, start, rough=rough, least=least)
 
 
 def _solve(samples: Samples, start: Predictor, *, rough: bool, least: float) -> Predictor:
     """The maximum of the likelihood near a start, what makes up for gaps held."""
-    (iterations, at_rest, patience), period = ROUGH if rough else FINE, 2.0 * np.pi / samples.fundamental
+    (iterations, at_rest), period = (FEW_STEPS, REST) if rough else (STEPS, AT_REST), 2.0 * np.pi / samples.fundamental
 
     def bent(at: Predictor, step: Step, normal: Normal, damping: float) -> Step:
         root = normal.root(damping)
@@ -105,7 +106,7 @@ def _solve(samples: Samples, start: Predictor, *, rough: bool, least: float) -> 
         gradient=lambda at: gradient(samples, at, at.innovations),
         enough=hopeless,
     )
-    return levenberg_marquardt(start, steps, Ends(steps=iterations, gain=at_rest, patience=patience))
+    return levenberg_marquardt(start, steps, Ends(steps=iterations, gain=at_rest, patience=PATIENCE))
 
 
 def bend(
@@ -151,7 +152,7 @@ def held(at: Predictor, whole: NDArray[np.float64], root: NDArray[np.float64], p
 
 def climbed(samples: Samples, now: Predictor) -> Predictor:
     """A rough fit that goes on while it gains: a pole beside one that is there begins with next to nothing."""
-    for _ in range(CLIMBS):
+    for _ in range(ROUNDS):
         before, now = now, solve(samples, now, rough=True)
         if now.log_likelihood - before.log_likelihood < CLIMBING:
             break

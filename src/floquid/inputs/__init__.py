@@ -15,6 +15,7 @@ from floquid.inputs._estimates import terms_of as terms_of
 from floquid.inputs._free import fitted_freely as fitted_freely
 from floquid.inputs._joint import chosen_together as chosen_together
 from floquid.inputs._joint import fitted_together as fitted_together
+from floquid.inputs._modes import RUNAWAY as RUNAWAY
 from floquid.inputs._modes import InputMode as InputMode
 from floquid.inputs._modes import answering as answering
 from floquid.inputs._modes import input_gain as input_gain
@@ -24,7 +25,6 @@ from floquid.inputs._result import sealed as sealed
 from floquid.inputs._samples import Hold
 from floquid.inputs._samples import Samples as Samples
 from floquid.inputs._samples import samples_of as samples_of
-from floquid.inputs._solver import LAGS as LAGS
 from floquid.inputs._solver import Linearisation as Linearisation
 from floquid.inputs._solver import linearise as linearise
 from floquid.inputs._solver import slopes_of as slopes_of

@@ -11,15 +11,11 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from floquid.core import Channel, Driven, Estimates, Gains
-from floquid.fit import inverse_root
+from floquid.fit import HALF_DIGITS, inverse_root
 from floquid.inputs._modes import InputMode
 
 Term = tuple[complex, NDArray[np.int64], NDArray[np.complex128], NDArray[np.int64], NDArray[np.complex128]]
 """λ, the harmonics m, c (outputs, harmonics), the harmonics l, b (inputs, harmonics)."""
-
-
-COMMON = 1e-9
-"""The share of the errors of an output below which what it has in common with others is rounding."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -64,7 +60,7 @@ class Errors:
         whitener = block_diag(*roots) if outputs else np.zeros((0, 0))
         values, vectors = np.linalg.eigh(whitener.T @ left @ whitener)
         least = float(np.clip(values.min(initial=1.0), 0.0, 1.0))
-        beyond = values - least > COMMON
+        beyond = values - least > HALF_DIGITS
         share = block_diag(*blocks) @ whitener @ vectors[:, beyond] * np.sqrt(values[beyond] - least)
         parameters = np.eye(count + share.shape[1])
         parameters[:count, :count] = known

@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.fit import scaled_inverse, schwarz
+from floquid.fit import IN_VAIN, ROUNDING, scaled_inverse, schwarz
 from floquid.inputs._modes import InputMode, input_gain
-from floquid.inputs._phases import ROUNDING, Phases, likelihood, normal_equations, phases_of, polished, response_of
+from floquid.inputs._phases import Phases, likelihood, normal_equations, phases_of, polished, response_of
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, solve
 from floquid.inputs._start import bare_mode
@@ -26,12 +26,6 @@ DEEPEST = 12
 STABLE = 0.995
 """The growth from sample to sample of a start at most."""
 
-SMALLEST = 1e-12
-"""The least multiplier: a mode of a smaller one is gone at once."""
-
-WORSE = 2
-"""Orders in a row that are no better before the search ends."""
-
 
 def fitted_freely(samples: Samples, order: int | None = None) -> Linearisation | None:
     """The modes of matrices at each phase that are free, of the best order by the criterion of Schwarz (1978), or one.
@@ -45,7 +39,7 @@ def fitted_freely(samples: Samples, order: int | None = None) -> Linearisation |
     most = min((len(own) for own in bases), default=0) - len(samples.values)
     for number in range(order or 1, min(order or most, most) + 1):
         starts = [_started(samples, at, bases, number, acting) for acting in (False, True)]
-        if starts[0].starts[-1] > MOST or worse == WORSE:
+        if starts[0].starts[-1] > MOST or worse == IN_VAIN:
             break
         trials = [(_criterion(samples, own, likelihood(samples, response_of(samples, own)[1])), own) for own in starts]
         best = min((one for one, _ in found), default=np.inf)
@@ -139,7 +133,7 @@ def _as_modes(samples: Samples, own: Phases) -> Linearisation:
         whole = matrix @ whole
     multipliers, vectors = (np.asarray(own, np.complex128) for own in np.linalg.eig(whole))
     upper = np.flatnonzero(multipliers.imag >= 0.0)
-    logs = np.log(np.maximum(np.abs(multipliers), SMALLEST)) + 1j * np.angle(multipliers) * (multipliers.imag != 0.0)
+    logs = np.log(np.maximum(np.abs(multipliers), ROUNDING)) + 1j * np.angle(multipliers) * (multipliers.imag != 0.0)
     shapes = np.array([_along(own.system, one, start) for one, start in zip(logs / phases, vectors.T, strict=True)])
     turns = np.arange(-((phases - 1) // 2), phases // 2 + 1.0)
     times = samples.times[0] + samples.step * np.arange(phases)

@@ -8,17 +8,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.fit import chi2_limit, inverse_root, scaled_inverse
+from floquid.fit import HALF_DIGITS, SURE, chi2_limit, inverse_root, scaled_inverse
 from floquid.inputs._modes import InputMode, reached_by
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import columns_of
 from floquid.inputs._start import split_products
-
-COLLINEAR = 1e-5
-"""The share of the largest below which a direction of a candidate's columns, less those chosen, is none."""
-
-PROBABILITY = 1e-9
-"""The probability at which noise may pass for a candidate."""
 
 
 def chosen_together(
@@ -38,7 +32,7 @@ def chosen_together(
     while len(taken) < min(most, len(bare)):
         gains = [-np.inf if k in taken else _gain(gram, seen, energy, own, samples) for k, own in enumerate(places)]
         best = int(np.argmax(gains))
-        if gains[best] < chi2_limit((places[best].stop - places[best].start) * len(energy), PROBABILITY):
+        if gains[best] < chi2_limit((places[best].stop - places[best].start) * len(energy), SURE):
             break
         taken.append(best)
         gram, seen, energy = _less(gram, seen, energy, places[best])
@@ -56,7 +50,7 @@ def fitted_together(
     columns, places, drives = _columns(samples, bare, acting)
     size = _size(columns)
     columns /= size[:, None]
-    solved = scaled_inverse(columns @ columns.T, COLLINEAR) @ (columns @ response.T)
+    solved = scaled_inverse(columns @ columns.T, HALF_DIGITS) @ (columns @ response.T)
     left = response - solved.T @ columns
     gain = samples.count * float(np.sum(np.log(np.mean(response**2, axis=1) / np.mean(left**2, axis=1))))
     products = solved / size[:, None]
@@ -90,7 +84,7 @@ def _size(columns: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def _taken(gram: NDArray[np.float64]) -> NDArray[np.float64]:
     """The inverse root of products of columns that were of unit length before others took their share."""
-    return inverse_root(gram, COLLINEAR, scale=np.ones(len(gram)))
+    return inverse_root(gram, HALF_DIGITS, scale=np.ones(len(gram)))
 
 
 def _gain(

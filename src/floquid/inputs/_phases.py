@@ -14,20 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
-from floquid.fit import Ends, Normal, Steps, levenberg_marquardt
+from floquid.fit import CHUNK, FEW_STEPS, REST, ROUNDING, Ends, Normal, Steps, levenberg_marquardt
 from floquid.inputs._samples import Samples
-
-ROUNDING = 1e-10
-"""The share of the largest below which a direction of the parameters is one of a basis, or rounding."""
-
-STEPS = 15
-"""Steps at most."""
-
-AT_REST = 1e-2
-"""The gain in twice the logarithm of the likelihood that ends them."""
-
-TOGETHER = 512
-"""Samples whose derivatives are held at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -124,13 +112,13 @@ def normal_equations(
     of_system, of_inputs, of_seen, of_direct, of_initial, of_known, _ = own.starts
     weights = 1.0 / (np.sqrt(np.sum(left**2, axis=1) / samples.count) + 1e-300)
     matrix, gradient = np.zeros((width, width)), np.zeros(width)
-    slopes = np.empty((TOGETHER + 1, n, width))
+    slopes = np.empty((CHUNK + 1, n, width))
     lines = np.arange(n)
     for number, record in enumerate(samples.records):
         slopes[0] = 0.0
         slopes[0, lines, of_initial + number * n + lines] = 1.0
-        for begin in range(record.start, record.stop, TOGETHER):
-            part = slice(begin, min(begin + TOGETHER, record.stop))
+        for begin in range(record.start, record.stop, CHUNK):
+            part = slice(begin, min(begin + CHUNK, record.stop))
             count, at, inputs = part.stop - part.start, own.at[part], samples.inputs[:, part].T
             forced, rows = slopes[1 : count + 1], np.arange(count)[:, None, None]
             forced[:] = 0.0
@@ -169,7 +157,7 @@ class _Fit:
         return _Fit(own, states, left, -likelihood(samples, left))
 
 
-def polished(samples: Samples, own: Phases, steps: int = STEPS) -> tuple[Phases, float]:
+def polished(samples: Samples, own: Phases, steps: int = FEW_STEPS) -> tuple[Phases, float]:
     """The least squares near some matrices, with twice the logarithm of its likelihood (Levenberg-Marquardt)."""
 
     def normal(at: _Fit) -> Normal:
@@ -181,5 +169,5 @@ def polished(samples: Samples, own: Phases, steps: int = STEPS) -> tuple[Phases,
     found = _Fit.of(samples, own)
     if np.isfinite(found.cost):
         of = Steps(normal=normal, moved=lambda at, step: _Fit.of(samples, at.phases.moved(step)))
-        found = levenberg_marquardt(found, of, Ends(steps=steps, gain=AT_REST))
+        found = levenberg_marquardt(found, of, Ends(steps=steps, gain=REST))
     return found.phases, -found.cost

@@ -15,24 +15,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
-from floquid.fit import Ends, Normal, Steps, inverse_root, levenberg_marquardt, scaled_inverse, schwarz
+from floquid.fit import (
+    AT_REST,
+    LAGS,
+    LONGEST_STEP,
+    ROUNDING,
+    STEPS,
+    Ends,
+    Normal,
+    Steps,
+    inverse_root,
+    levenberg_marquardt,
+    scaled_inverse,
+    schwarz,
+)
 from floquid.inputs._modes import InputMode, runs_away, slopes_of_state, state_of
 from floquid.inputs._samples import Samples
 
-ROUNDING = 1e-12
-"""The share of the largest below which a direction of the columns is rounding."""
-
 EXACT = 1e-5
 """The share of a channel's swing that its noise is taken to be at least: no instrument is better, no hold is exact."""
-
-LONGEST_STEP = 0.3
-"""The most that an exponent may move in a step, over one period."""
-
-ITERATIONS = 25
-"""Steps at most."""
-
-LAGS = 20
-"""Lags of the correlation of what is left."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -232,8 +233,8 @@ def solve(
     modes: Sequence[InputMode],
     direct: Sequence[float] = (),
     *,
-    iterations: int = ITERATIONS,
-    at_rest: float = 1e-3,
+    iterations: int = STEPS,
+    at_rest: float = AT_REST,
     rough: bool = False,
     below: float = np.inf,
 ) -> Linearisation:

@@ -10,12 +10,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid.core import Channel, PeriodicModel
+from floquid.fit import HALF_DIGITS
 from floquid.inputs._estimates import Errors, terms_of
 from floquid.inputs._modes import InputMode, input_gain
 from floquid.inputs._samples import Hold
-
-NUDGE = 1e-5
-"""The share of the decay by which an exponent is moved for a derivative."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -178,7 +176,7 @@ class Grid(Rebuilt):
                 step = np.zeros(len(mask))
                 part = int(index >= firsts[1])
                 if index in (0, half if not mode.real else 0):
-                    step[index] = NUDGE * max(abs(mode.exponent.real), NUDGE * self.fundamental)
+                    step[index] = HALF_DIGITS * max(abs(mode.exponent.real), HALF_DIGITS * self.fundamental)
                     up, down = (self.response(mode.moved(sign * step), shape) for sign in (1.0, -1.0))
                     found.append((up - down) / (2.0 * step[index]))
                 elif index < firsts[part] + size:

@@ -11,11 +11,9 @@ from floquid.periodic._refit import instants, line_amplitudes, own_period, refit
 from floquid.periodic.expansion import assemble, participation, physical_exponents, select_bands
 from floquid.periodic.least_squares import ModeParameters
 from floquid.periodic.period import FSE, Family, PeriodCandidate, PeriodEstimate, estimate_period, fse
-from floquid.periodic.search import ROUGH, combinations_of
+from floquid.periodic.search import combinations_of
 from floquid.periodic.significance import (
-    EVIDENT,
     NEGLIGIBLE_SLIP,
-    SIGNIFICANT,
     TURNED,
     PartialTests,
     Periodicity,
@@ -32,7 +30,7 @@ CONFIDENT = 2e-3
 not may stand for several."""
 
 __all__ = [
-    "CONFIDENT", "EVIDENT", "FSE", "NEGLIGIBLE_SLIP", "ROUGH", "SIGNIFICANT", "TURNED", "Family", "Fit",
+    "CONFIDENT", "FSE", "NEGLIGIBLE_SLIP", "TURNED", "Family", "Fit",
     "ForcedResponse", "Known", "ModeParameters", "OrderError", "PartialTests", "PeriodCandidate", "PeriodEstimate",
     "Periodicity", "Synchrony", "assemble", "combinations_of", "distinct_multipliers", "drift", "estimate_at",
     "estimate_period", "fit", "fit_shapes", "fse", "generous_poles", "groups", "held_shapes", "instants",

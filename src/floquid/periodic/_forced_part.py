@@ -13,7 +13,7 @@ from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Rebuilt, input_error, positive
 from floquid.core import Channel, PhaseClock, Record
 from floquid.errors import IdentificationError
-from floquid.fit import SURE, chi2_limit
+from floquid.fit import HALF_DIGITS, SLOW, SURE, chi2_limit
 from floquid.periodic.least_squares import (
     PLAIN,
     SPEED,
@@ -94,7 +94,6 @@ class ForcedResponse(Rebuilt):
 
 
 USUAL = (1, 2)  # harmonics of the revolution that are always looked at where the forced response is to be found
-SLOW = 1.0  # nepers over the record below which a real multiplier may be taken for a steady response
 
 
 def forced_turns(
@@ -157,7 +156,7 @@ def without_noise(result: SearchResult) -> SearchResult:
     # What follows the speed is kept with its harmonic alone.
     plain = entries.offsets[kept & entries.fixed & (entries.factors == PLAIN)]
     follows = entries.fixed & (entries.factors > TREND) & ~entries.columns().paired
-    kept &= ~follows | (np.abs(entries.offsets[:, None] - plain) < 1e-9).any(axis=1)
+    kept &= ~follows | (np.abs(entries.offsets[:, None] - plain) < HALF_DIGITS).any(axis=1)
     if kept.all():
         return result
     less = entries.picked(np.flatnonzero(kept))
@@ -173,7 +172,7 @@ def _without_twins(result: SearchResult) -> SearchResult:
     free = ~entries.fixed & entries.real & (np.abs(entries.exponents.real) * duration < SLOW)
     turns = entries.offsets[:, None] - entries.offsets[free]
     plain = entries.fixed & (entries.exponents == 0.0) & (entries.factors == PLAIN)
-    twins = plain & (np.abs(turns - np.rint(turns)) < 1e-9).any(axis=1)
+    twins = plain & (np.abs(turns - np.rint(turns)) < HALF_DIGITS).any(axis=1)
     if not twins.any():
         return result
     with suppress(IdentificationError, np.linalg.LinAlgError):

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from floquid._arrays import Complexes, Floats
 from floquid._checks import input_error, noise_array
 from floquid.core import PeriodicModel, PhaseClock, Record
+from floquid.fit import HALF_DIGITS
 from floquid.lifting import Lifted
 from floquid.periodic._sampling import most_harmonics
 from floquid.periodic.least_squares import (
@@ -257,10 +258,6 @@ def _check(model: PeriodicModel, records: Sequence[Record], clocks: Clocks, of: 
         raise input_error("records", of, must, got, "Pass the records that the model was identified from.")
 
 
-STILL = 1e-6
-"""The determinant of a column's cosine and sine, over their size, below which it does not turn: it is one number."""
-
-
 def line_amplitudes(
     record: Record, clock: PhaseClock, period: float, exponents: ArrayLike, turns: ArrayLike
 ) -> tuple[Floats, Floats]:
@@ -290,7 +287,7 @@ def line_amplitudes(
         both, (cosine_sums, sine_sums) = np.diag(sums.gram, n)[:, None], np.split(sums.seen, 2)
         total = np.maximum(cosines + sines, np.finfo(float).tiny)
         determinant = cosines * sines - both**2
-        turning = determinant > STILL * total**2
+        turning = determinant > HALF_DIGITS * total**2
         safe = np.where(turning, determinant, 1.0)
         alpha = np.where(turning, (sines * cosine_sums - both * sine_sums) / safe, cosine_sums / total)
         beta = np.where(turning, (cosines * sine_sums - both * cosine_sums) / safe, sine_sums / total)

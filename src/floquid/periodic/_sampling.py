@@ -8,8 +8,7 @@ import numpy as np
 
 from floquid._checks import input_error
 from floquid.core import Record
-
-WHOLE = 2e-6  # samples a period up to which a number of them is taken for a whole one
+from floquid.fit import HALF_DIGITS
 
 
 def most_harmonics(records: Sequence[Record], period: float) -> int:
@@ -28,4 +27,4 @@ def half_of(records: Sequence[Record], period: float) -> float:
     if least < 2.0:
         remedy = "Check the period and the sampling rate."
         raise input_error("period", "fit", "be two sampling intervals or more", f"it is {least:.3g} of them", remedy)
-    return 0.5 * (round(least) if abs(least - round(least)) < WHOLE else least)
+    return 0.5 * (round(least) if abs(least - round(least)) < HALF_DIGITS else least)

@@ -11,6 +11,14 @@ from typing import Generic, Protocol, Self, TypeVar
 import numpy as np
 
 TRIES = 12  # moves of one round that are fitted, the best predicted first: what comes later hardly ever helps
+HOPE = 2.0  # times the fall of J that a linearisation promises beyond which no fit goes
+SAME = 0.06  # the difference of two exponents times the period [1] within which structures count as one
+NEAR = 0.5  # decays within which two modes may be one
+LOOSE = 0.01  # probability at which noise may pass for a harmonic that is fitted: one that is missing does more harm
+REACH = 4.0  # times its price up to which it is tried whether the other modes can do without one
+GAP = 3  # harmonics beyond the end of a band that are looked at: a symmetric system has every other one
+GROWTHS = 10  # rounds in which bands may grow
+BETTER = 9.0  # the fall of J from which on a branch is the better one, three deviations: few harmonics hardly tell
 SECONDS = 120.0  # processor time of a search [s] after which the least J so far is reported: ten dear records
 
 Structure = TypeVar("Structure")

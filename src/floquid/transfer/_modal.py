@@ -17,6 +17,8 @@ from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
 from floquid.fit import (
+    AT_REST,
+    STEPS,
     Ends,
     Normal,
     Steps,
@@ -28,12 +30,6 @@ from floquid.fit import (
     score_gain,
 )
 from floquid.inputs import Grid, InputMode, terms_of, turning
-
-ITERATIONS = 60
-"""Steps of a fit at most."""
-
-AT_REST = 1e-3
-"""The deviations of a step that is the last."""
 
 ROUNDING = 1e-13
 """The share of the largest below which a direction of the normal matrix is rounding."""
@@ -226,7 +222,7 @@ def eliminated(lines: Lines, modal: Modal) -> Fitted:
     return Fitted(lines, modal.with_amplitudes(np.array(numbers)), columns, bases, left)
 
 
-def fitted(lines: Lines, start: Modal, iterations: int = ITERATIONS) -> Fitted:
+def fitted(lines: Lines, start: Modal, iterations: int = STEPS) -> Fitted:
     """The modes that fit G best in the weighted squares, from a start.
 
     Amplitudes are eliminated (variable projection of Golub and Pereyra 1973, with Kaufman's derivative of 1975).

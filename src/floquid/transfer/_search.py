@@ -9,8 +9,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.fit import chi2_limit
+from floquid.fit import FEW_STEPS, chi2_limit
 from floquid.inputs import InputMode, Limits
+from floquid.search import LOOSE
 from floquid.transfer._modal import Fitted, Lines, Modal, eliminated, fitted, near_real, promised, real_for
 
 DECAYS = 10
@@ -21,12 +22,6 @@ FINE = 3
 
 TRIED = 3
 """Exponents of the grid that are fitted."""
-
-ROUGH = 8
-"""Evaluations of a fit that is to be compared with others."""
-
-LOOSE = 0.02
-"""The probability at which noise may pass for the transient: one that is missing does more harm."""
 
 REAL = 1e-3
 """The probability at which noise may move a real multiplier off the axis."""
@@ -62,7 +57,7 @@ def _without_needless(lines: Lines, now: Fitted, limits: Limits) -> Fitted:
     """Without modes that noise explains once the others are fitted again with the harmonics that they then need."""
     for number in reversed(range(len(now.modal.modes) if len(now.modal.modes) > 1 else 0)):
         less = _less(now.modal, [number])
-        trial = _grown(lines, fitted(lines, less, ROUGH), limits)
+        trial = _grown(lines, fitted(lines, less, FEW_STEPS), limits)
         fewer = now.n_parameters - trial.n_parameters
         if trial.cost - now.cost < _by_noise(lines, now, fewer, limits.mode_alarm):
             return _without_needless(lines, trial, limits)
@@ -151,7 +146,7 @@ def _with_one_more(lines: Lines, now: Fitted | None) -> Fitted | None:
         for main in (0, 1, -1):
             start = eliminated(lines, _joined(modal, [_bare(lines, exponent, main)]))
             if _degrees(lines, start) > 0:
-                trials.append(fitted(lines, start.modal, ROUGH))
+                trials.append(fitted(lines, start.modal, FEW_STEPS))
     trials = [one for one in trials if np.isfinite(one.cost)]
     return fitted(lines, min(trials, key=lambda one: one.cost).modal) if trials else None
 
@@ -194,7 +189,7 @@ def _with_real_ones(lines: Lines, now: Fitted, limits: Limits, refused: list[com
                 bare = [_bare(lines, complex(own), main, (turns, reach)) for own, main in both]
                 start = eliminated(lines, _joined(rest, bare))
                 if _degrees(lines, start) > 0:
-                    trials.append(fitted(lines, start.modal, ROUGH))
+                    trials.append(fitted(lines, start.modal, FEW_STEPS))
             if not trials:
                 continue
             best = fitted(lines, min(trials, key=lambda one: one.cost).modal)
@@ -266,7 +261,7 @@ def _grown(lines: Lines, now: Fitted, limits: Limits) -> Fitted:
             promise = promised(start)
             if now.cost - promise < limit * _level(lines, start, promise):
                 continue
-            trial = fitted(lines, wider, ROUGH)
+            trial = fitted(lines, wider, FEW_STEPS)
             if now.cost - trial.cost > limit * _level(lines, trial):
                 now, improved = trial, True
     return now

@@ -132,7 +132,7 @@ PLANTED = {
     "harmonics of either sign are one": (
         "conjugate", "innovations", _predictor, "turning",
         lambda samples, turns, *rest: TURNING(samples, abs(turns), *rest)),
-    "a derivative by differences that are too wide": ("gradient", "lines", _transfer, "NUDGE", 0.1),
+    "a derivative by differences that are too wide": ("gradient", "lines", _transfer, "HALF_DIGITS", 0.1),
     "the conjugate is left out": ("conjugate", "lines", _transfer, "terms_of", lambda *args: TERMS(*args)[:1]),
 }  # fmt: skip
 BEGUN, TURNING, TERMS = _modes._begun, _predictor.turning, _transfer.terms_of

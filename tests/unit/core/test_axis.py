@@ -26,6 +26,12 @@ def test_the_kind_is_known_where_it_does_not(square):
     assert read.square == square
 
 
+def test_what_is_not_determined_is_read_no_further_than_halfway_to_the_next_axis():
+    read = read_axis(-0.1, 0.01, np.diag([1e30, 1e34]), 1, 2.0)
+    assert abs(read.square) <= 1.0
+    assert read.apart == pytest.approx(np.sqrt(0.01 + 1.96))
+
+
 def test_other_deviations_leave_correlations_and_what_is_not_given():
     root = np.random.default_rng(0).standard_normal((4, 4))
     before = root @ root.T

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from floquid.fit import directions
+from floquid.fit import CHUNK, LONGEST_STEP, ROUNDING, directions
 from floquid.innovations import _products, _result
 from floquid.innovations._covariance import colour, whitening_of
 from floquid.innovations._gain import stable_gains
 from floquid.innovations._mode import Mode
-from floquid.innovations._predictor import FORGOTTEN, TOGETHER, gradient, matrices, predicted, slopes
+from floquid.innovations._predictor import gradient, matrices, predicted, slopes
 from floquid.innovations._products import as_real, merged
 from floquid.innovations._result import Fit, period_step, sized
-from floquid.innovations._solve import LONGEST_STEP, bend, held, moved, normal_of, places, solve
+from floquid.innovations._solve import bend, held, moved, normal_of, places, solve
 from floquid.innovations.search import _bands
 from floquid.innovations.search._fewer import alike, needed
 from floquid.inputs import Limits, samples_of
@@ -101,13 +101,13 @@ def test_what_is_left_of_a_first_state_does_not_underflow(case):
     _, at, _ = case
     generator = np.random.default_rng(8)
     long = samples_of(
-        [generator.standard_normal((2, 9 * TOGETHER))], [generator.standard_normal((1, 9 * TOGETHER))], [0.4],
+        [generator.standard_normal((2, 9 * CHUNK))], [generator.standard_normal((1, 9 * CHUNK))], [0.4],
         step=STEP, fundamental=OMEGA, hold="none",
     )  # fmt: skip
     start = predicted(long, at.modes, at.columns, at.initial)
     parts = [np.abs(part[:, :, -at.initial.size :]) for _, part in slopes(long, start, start.root)]
     assert parts[0].max() > 0.01
-    assert not any(((part > 0.0) & (part < 1e-6 * FORGOTTEN)).any() for part in parts)
+    assert not any(((part > 0.0) & (part < 1e-6 * ROUNDING)).any() for part in parts)
     assert parts[-1].max() == 0.0
 
 

@@ -1,6 +1,7 @@
 """The whole chain by `identify`: options, intermediates, refusals, warnings, and systems of awkward kinds."""
 
 import dataclasses
+import re
 from typing import get_args
 
 import numpy as np
@@ -224,11 +225,16 @@ def test_fewer_than_four_periods_are_refused():
         identify(ringing(pairs(TWO), n_cycles=3))
 
 
-@pytest.mark.first(1)
-def test_fewer_periods_than_modes_are_refused():
+@pytest.mark.first(2)
+@pytest.mark.parametrize("seed", [2, 1, 0, 3, 4, 5, 6, 7])
+def test_fewer_periods_than_modes_are_refused_or_said_to_be_missed(seed):
+    """Ten exponents in seven periods: what fewer modes leave is above the noise."""
     many = pairs(-0.02 + 1j * np.linspace(0.05, 0.5, 5), channels=6)
-    with pytest.raises(IdentificationError, match="holds 7 whole periods, too few for the 8 poles"):
-        identify(ringing(many, n_cycles=7, noise=1e-3))
+    try:
+        said = " ".join(finding.code for finding in identify(ringing(many, n_cycles=7, noise=1e-3, seed=seed)).findings)
+    except IdentificationError as error:
+        said = str(error)
+    assert re.search("holds 7 whole periods, too few for the 8 poles|does not repeat|misfit", said)
 
 
 @pytest.mark.first(2)

@@ -7,23 +7,18 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.fit import Normal, chi2_limit, scaled_inverse, score_gain, wald_rise
+from floquid.fit import HALF_DIGITS, Normal, chi2_limit, scaled_inverse, score_gain, wald_rise
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted, rebuilt
 from floquid.innovations._solve import inverse_of, moved, normal_of, places, solve
 from floquid.inputs import Limits, Samples
-
-ROUNDS = 10
-"""Rounds in which bands may grow."""
-
-COLLINEAR = 1e-6
-"""The share of its information below which a harmonic is one of all that is fitted."""
+from floquid.search import GROWTHS
 
 STRIDE = 2
-"""Harmonics beyond the end of a band that are looked at."""
+"""Harmonics beyond the end of a band that are looked at: each costs a state."""
 
 
-def grown(samples: Samples, now: Predictor, limits: Limits, rounds: int = ROUNDS) -> Predictor:
+def grown(samples: Samples, now: Predictor, limits: Limits, rounds: int = GROWTHS) -> Predictor:
     """The predictor with the harmonics beside its bands whose scores rise above the noise.
 
     While modes are missing few rounds are enough: bands would grow to make up for them.
@@ -137,7 +132,7 @@ def _score(normal: Normal, inverse: NDArray[np.float64], rows: NDArray[np.int64]
     mixed = normal.matrix[rows]
     left = mixed[:, rows] - mixed @ inverse @ mixed.T
     pull = normal.gradient[rows] - mixed @ inverse @ normal.gradient
-    return score_gain(pull, left, COLLINEAR, before=np.diag(mixed[:, rows]))
+    return score_gain(pull, left, HALF_DIGITS, before=np.diag(mixed[:, rows]))
 
 
 def anchored(now: Predictor) -> NDArray[np.bool_]:

@@ -16,6 +16,7 @@ from floquid.innovations._products import as_real, gap_of, merged
 from floquid.innovations._solve import climbed, inverse_of, normal_of, places, solve
 from floquid.innovations.search._bands import anchored, grown, narrowed
 from floquid.inputs import Limits, Samples
+from floquid.search import NEAR
 
 DOUBTFUL = 5.0
 """The squared deviations of a mode's shape over the limit, from which on no fit without it is tried."""
@@ -34,9 +35,6 @@ TOGETHER = 3
 
 SEVERAL = 3
 """Real multipliers on one axis that are left out in turn: a pair that splits has two."""
-
-ALIKE = 0.5
-"""The distance of two modes over their decay below which they may be one."""
 
 
 def better(trial: Predictor, now: Predictor, limits: Limits) -> bool:
@@ -158,7 +156,7 @@ def stable(samples: Samples, now: Predictor, modes: Sequence[Mode], limits: Limi
     return found
 
 
-def alike(modes: Sequence[Mode], omega: float, near: float = ALIKE) -> list[list[int]]:
+def alike(modes: Sequence[Mode], omega: float, near: float = NEAR) -> list[list[int]]:
     """Groups of modes that may be one: so near over their decay, modulo iω; real multipliers beside pairs, too.
 
     Real multipliers of both signs are never one.

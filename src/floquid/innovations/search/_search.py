@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from floquid.core import NearAxis
 from floquid.errors import IdentificationError
-from floquid.fit import chi2_limit
+from floquid.fit import FEW_STEPS, ROUNDS, chi2_limit
 from floquid.innovations._covariance import reweighed, white, whitening_of
 from floquid.innovations._gain import SMALL, stable_gains
 from floquid.innovations._mode import Mode
@@ -32,6 +32,7 @@ from floquid.inputs import (
     input_gain,
 )
 from floquid.inputs import solve as solve_driven
+from floquid.search import LOOSE
 
 STABLE = (0.5, 0.3, 0.2)
 """Shares of the looks at which a candidate comes up, from which on a search begins with it: until all is white."""
@@ -42,9 +43,6 @@ TRIED = 4
 BESIDE = 0.8
 """The share of the decay of a mode that is gone within a period at which another is looked for."""
 
-HELD = 6
-"""Steps by which modes are fitted with the innovations held."""
-
 SHRUNK = (1.0, 0.5, 0.2, 0.05)
 """Factors of the gains of new modes at which a predictor is tried."""
 
@@ -53,12 +51,6 @@ REAL = 0.01
 
 PARTNERS = (0.1, 0.3, 1.0)
 """Decays over a period, beyond that of a real multiplier that lasts, at which a second one is looked for."""
-
-LAST = 3
-"""Fits to the end at most, one after another."""
-
-LOOSE = 1e-2
-"""The probability at which noise may pass for a harmonic at the end: one that is missing does more harm."""
 
 
 def searched(
@@ -145,7 +137,7 @@ def _to_the_end(
     samples: Samples, now: Predictor, limits: Limits, report: Callable[[str], None]
 ) -> tuple[Predictor, bool]:
     """The fit with a harmonic more at each end of the bands, and whether the time was over before."""
-    for more_left in reversed(range(LAST)):
+    for more_left in reversed(range(ROUNDS)):
         unfinished = limits.over
         report(f"fitting {len(now.modes)} modes")
         wide = rebuilt(samples, now, [mode.padded(1.0, limits.highest) for mode in now.modes]) or now
@@ -244,7 +236,7 @@ def _with(
     """The predictor with modes more, as fitted to the innovations of now; None where none is stable."""
     if not more:
         return None
-    seen = solve_driven(driven, more, iterations=HELD)
+    seen = solve_driven(driven, more, iterations=FEW_STEPS // 2)
     found = []
     for number, mode in enumerate(seen.modes):
         gains = [

@@ -15,9 +15,8 @@ from floquid.inputs._solver import Linearisation, columns_of
 from floquid.inputs.search._point import HOPE, Point
 from floquid.inputs.search._scores import by_noise_beyond
 from floquid.inputs.search._structure import Structure
-from floquid.search import Move
+from floquid.search import GAP, Move
 
-NEXT = 3  # harmonics beyond the end of a band that are looked at while modes are searched for: others at the end
 MINOR = 0.05  # the share of the largest gain of a round below which a harmonic waits for the next
 
 
@@ -90,7 +89,7 @@ def _move(point: Point, edits: Iterable[Edit], name: str, least: float) -> Move[
     return Move(total, name, Structure(tuple(modes), tuple(sorted(direct))), least)
 
 
-def _growths(point: Point, bands: Sequence[str] = ("turns", "reach"), most: int = NEXT) -> Iterator[Edit]:
+def _growths(point: Point, bands: Sequence[str] = ("turns", "reach"), most: int = GAP) -> Iterator[Edit]:
     """Harmonics beyond the ends of bands that scores show, as far as they pay for those between."""
     at, samples, price = point.at, point.samples, point.price
     ends = []

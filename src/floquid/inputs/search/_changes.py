@@ -19,12 +19,10 @@ from floquid.inputs.search._near_axis import block_of_pair, block_of_reals, ordi
 from floquid.inputs.search._point import HOPE, Point
 from floquid.inputs.search._scores import by_noise_beyond
 from floquid.inputs.search._structure import Structure
-from floquid.search import Move
+from floquid.search import NEAR, REACH, Move
 
-WEAK = 4.0  # times its price up to which it is tried whether the other modes can do without one
 START = (1, 2)  # harmonics of input and output on either side that a candidate has
 APART = (0.7, 1.4)  # decays of two real multipliers, over that of a pair, from which those far from it are found
-NEAR = 0.5  # decays within which two modes may be one
 
 
 def removals(point: Point) -> Iterator[Move[Structure]]:
@@ -32,7 +30,7 @@ def removals(point: Point) -> Iterator[Move[Structure]]:
     now = point.structure
     for number, weight in enumerate(point.scores.of_modes.tolist()):
         price = point.price.of_mode(now.modes[number])
-        if weight < WEAK * price:
+        if weight < REACH * price:
             yield Move(weight - price, "remove", now.without([number]))
 
 

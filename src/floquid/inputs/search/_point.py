@@ -13,16 +13,12 @@ from functools import cached_property
 
 import numpy as np
 
+from floquid.fit import FEW_STEPS, REST
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, solve
 from floquid.inputs.search._scores import Scores
 from floquid.inputs.search._structure import Limits, Price, Structure
-from floquid.search import Move
-
-STEPS = 12  # steps of one fit: what is far from rest after them is not near a minimum
-REST = 0.5  # the fall of J below which a fit that is only compared is at rest: the least price is twenty
-SAME = 0.06  # the difference of two exponents times the period [1] within which structures count as one
-HOPE = 2.0  # times the fall of J that a linearisation promises beyond which no fit goes
+from floquid.search import HOPE, SAME, Move
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +80,7 @@ class Point:
             self.samples,
             structure.modes,
             structure.direct,
-            iterations=STEPS,
+            iterations=FEW_STEPS,
             at_rest=REST,
             rough=True,
             below=below,

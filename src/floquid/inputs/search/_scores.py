@@ -10,21 +10,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.fit import chi2_limit, inverse_root, score_gain, wald_rise
+from floquid.fit import HALF_DIGITS, ROUNDING, chi2_limit, inverse_root, score_gain, wald_rise
 from floquid.inputs._modes import InputMode, followed, reached_by
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, carried, linearise, scale_of, slopes_of, state_slopes
 from floquid.inputs.search._structure import Limits
 
-NUDGE = 1e-6
-"""The relative change of ω by which the response's slope is taken."""
-
-DOUBLE = 1e-9
-"""The share of the largest below which a direction of the information is rounding in double precision."""
-
-SINGLE = 1e-5
-"""The share in single precision."""
-
+SIDES = (HALF_DIGITS, -HALF_DIGITS)
 
 TINY = float(np.finfo(float).tiny)
 """Added where nothing may be divided by: a channel that says nothing of a mode."""
@@ -45,7 +37,7 @@ class Scores:
     def __init__(self, samples: Samples, now: Linearisation, *, rough: bool = True) -> None:
         self.samples, self.now = samples, now
         self.precision = np.float32 if rough else np.float64
-        least = SINGLE if rough else DOUBLE
+        least = ROUNDING * float(np.finfo(self.precision).eps / np.finfo(float).eps)
         inner = np.complex64 if rough else np.complex128
         states = [own.astype(inner if np.iscomplexobj(own) else self.precision) for own in state_slopes(samples, now)]
         self.weights = 1.0 / now.noise
@@ -208,7 +200,7 @@ class Scores:
             along = np.concatenate([part[:, own] for part in self.along], axis=1).T @ root
             shape = (now.coefficients[own] * self.weights).T.ravel()
             whole = spread + along @ along.T
-            found.append(wald_rise(shape, whole, DOUBLE))
+            found.append(wald_rise(shape, whole, ROUNDING))
         return np.array(found)
 
     def step_along(self, slopes: NDArray[np.float64]) -> tuple[float, float]:
@@ -224,7 +216,7 @@ class Scores:
             pull += float(beyond @ self.left[channel])
             mixed += self.root.T @ (self.slopes[channel] @ beyond)
         information = own - float(mixed @ mixed)
-        if not information > DOUBLE * own:
+        if not information > ROUNDING * own:
             return 0.0, float(np.inf)
         return pull / information, information**-0.5
 
@@ -232,21 +224,21 @@ class Scores:
 def period_step(scores: Scores) -> tuple[float, float]:
     """(Own period - period given)/period given, as the response has it, to first order, and its deviation."""
     omega = scores.samples.fundamental
-    step, std = _step(scores, [replace(scores.samples, fundamental=omega * (1.0 + by)) for by in (NUDGE, -NUDGE)])
+    step, std = _step(scores, [replace(scores.samples, fundamental=omega * (1.0 + by)) for by in SIDES])
     return -step, std
 
 
 def phase_step(scores: Scores, number: int) -> tuple[float, float]:
     """The share of a period by which a record is later than its clock says, to first order, and its deviation."""
     samples, period = scores.samples, 2.0 * np.pi / scores.samples.fundamental
-    return _step(scores, [samples.later(number, by * period) for by in (NUDGE, -NUDGE)])
+    return _step(scores, [samples.later(number, by * period) for by in SIDES])
 
 
 def _step(scores: Scores, moved: Sequence[Samples]) -> tuple[float, float]:
-    """The step of what was moved by `NUDGE` to either side, to first order, and its deviation."""
+    """The step of what was moved by half the digits to either side, to first order, and its deviation."""
     now = scores.now
     one, other = (now.coefficients.T @ linearise(own, now.modes, now.direct).columns for own in moved)
-    return scores.step_along((one - other) / (2.0 * NUDGE))
+    return scores.step_along((one - other) / (2.0 * HALF_DIGITS))
 
 
 def gain_of(scores: Scores, samples: Samples, modes: Sequence[InputMode]) -> float:

@@ -12,9 +12,7 @@ from floquid.inputs.search._bands import centred, far_growths, growths, helpful,
 from floquid.inputs.search._changes import additions, afresh, apart, kinds, merges, removals
 from floquid.inputs.search._point import REST, Point
 from floquid.inputs.search._structure import Limits, Structure
-from floquid.search import Move, descended
-
-LOOSE = 0.02  # the probability at which noise may pass for a harmonic that is fitted: one missing does more harm
+from floquid.search import LOOSE, Move, descended
 
 
 def searched(

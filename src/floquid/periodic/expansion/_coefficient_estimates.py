@@ -6,6 +6,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
 from floquid.core import Estimates
+from floquid.fit import HALF_DIGITS
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
 
@@ -72,7 +73,7 @@ def free_estimates(
 def share_of_nyquist(turns: Floats, n_phases: int) -> Floats:
     """1 below the Nyquist frequency of P/2 turns a period, 0 above; on it two harmonics are one, and each has half."""
     beyond = np.abs(turns) - 0.5 * n_phases
-    return np.where(np.abs(beyond) < 1e-9, 0.5, np.where(beyond < 0, 1.0, 0.0))
+    return np.where(np.abs(beyond) < HALF_DIGITS, 0.5, np.where(beyond < 0, 1.0, 0.0))
 
 
 def _spread(spread: Complexes, kernel: Complexes, modes: Integers, partners: Integers) -> Floats:

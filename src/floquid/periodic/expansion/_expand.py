@@ -9,11 +9,12 @@ import numpy as np
 from floquid._arrays import Complexes, Integers, Mask
 from floquid._checks import input_error
 from floquid.core import Estimates, PeriodicModel
-from floquid.fit import covariance_root
+from floquid.fit import HALF_DIGITS, covariance_root
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
 from floquid.periodic.expansion._coefficient_estimates import free_estimates, share_of_nyquist
-from floquid.periodic.expansion._kept_harmonics import GAP, select_bands
+from floquid.periodic.expansion._kept_harmonics import select_bands
+from floquid.search import GAP
 
 
 def assemble(
@@ -118,7 +119,7 @@ def _estimates(modal: ModalModel, lifted: Lifted, expanded: Expansion, kept: Mas
         # On the Nyquist frequency only the sum of two harmonics is seen: it stands for a mode that has no other.
         near = inside if inside.any() else near & (share_of_nyquist(turns[r], lifted.n_phases) > 0)
         if partners[r] == r:
-            near &= expanded.harmonics + expanded.exponents[r].imag * lifted.period / (2.0 * np.pi) > -1e-6
+            near &= expanded.harmonics + expanded.exponents[r].imag * lifted.period / (2.0 * np.pi) > -HALF_DIGITS
         terms += [(r, int(m)) for m in expanded.harmonics[near]]
     return free_estimates(modal, lifted, expanded.exponents, partners, terms)
 

@@ -7,10 +7,7 @@ import numpy as np
 from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid.core import PeriodicModel
 from floquid.fit import chi2_limit
-
-GAP = 3
-"""A band goes on over this many harmonics that do not rise above the noise: a symmetric system has every second,
-and one whose period was given four times too long every fourth."""
+from floquid.search import GAP
 
 
 def select_bands(

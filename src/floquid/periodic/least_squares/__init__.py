@@ -8,7 +8,6 @@ from floquid.periodic.least_squares._parameters import ModeParameters, forced_en
 from floquid.periodic.least_squares._record_block import GappyBlock, RecordBlock
 from floquid.periodic.least_squares._reduced import real_parts
 from floquid.periodic.least_squares._residual import (
-    FLOOR,
     Residual,
     least_noise,
     noise_left,

@@ -10,9 +10,8 @@ import numpy as np
 from floquid._arrays import Floats, Mask
 from floquid._checks import input_error
 from floquid.core import PhaseClock, Record
+from floquid.fit import HALF_DIGITS
 from floquid.periodic.least_squares._record_block import GappyBlock, RecordBlock
-
-WANDERS = 1e-7  # the relative wander of the speed from which on the forced response is let follow it
 
 
 def record_blocks(
@@ -74,7 +73,7 @@ def _speeds(clock: PhaseClock, times: Floats) -> Floats | None:
     if deviation is None:
         return None
     deviation = deviation - deviation.mean()
-    if deviation.std() < WANDERS:
+    if deviation.std() < HALF_DIGITS:
         return None
     square = deviation**2
     factors = np.array([deviation, square - square.mean(), np.gradient(deviation, times)])

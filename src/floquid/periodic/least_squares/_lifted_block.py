@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import input_error
 from floquid.core import PhaseClock, Record
+from floquid.fit import HALF_DIGITS
 from floquid.lifting import Lifted
 from floquid.lti import TimeResponses
 from floquid.periodic.least_squares._near_axis import EXPONENTIAL, Terms, entry_function
@@ -194,9 +195,6 @@ def _real_data(seen: Complexes) -> Floats:
     return np.concatenate([seen.real, -seen.imag])
 
 
-LARGEST_SLIP = 1e-6  # samples by which the last cycle may have slipped: what is more is fitted sample by sample
-
-
 @dataclass(frozen=True, slots=True)
 class KeptCycles(LiftedBlock):
     """One hit, without the cycles that are left out."""
@@ -219,7 +217,7 @@ class KeptCycles(LiftedBlock):
         exact = record.sample_rate * period
         phases = round(exact)
         cycles = record.n_samples // max(phases, 1)
-        if clock.measured or cycles < 1 or abs(exact - phases) * cycles > LARGEST_SLIP:
+        if clock.measured or cycles < 1 or abs(exact - phases) * cycles > HALF_DIGITS:
             return None
         whole, residual = np.split(record.values, [cycles * phases], axis=1)
         cut = whole.reshape(record.n_channels, cycles, phases)

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Indices, Integers
-from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, scaled_inverse
+from floquid.fit import STEPS, Ends, Normal, Steps, levenberg_marquardt, scaled_inverse
 from floquid.periodic.least_squares._parameters import ModeParameters
 from floquid.periodic.least_squares._reduced import Reduced, complex_parts, real_parts, reduced, smaller, times
 from floquid.periodic.least_squares._sample_block import Block
@@ -30,7 +30,6 @@ from floquid.periodic.least_squares._solver import (
     weighted,
 )
 
-ITERATIONS = 60  # steps at most
 RIDGES = (0.0, 1e-4, 1e-2)
 """Shares of each column's size added to its Gram matrix: residues that are hardly determined get smaller."""
 
@@ -267,7 +266,7 @@ class OneShape:
         def moved(at: OneShape, step: Floats) -> OneShape:
             return OneShape(at.blocks, at.entries, at.linear, at._stepped(step), at.held)
 
-        return levenberg_marquardt(self, Steps(normal=normal, moved=moved), Ends(steps=ITERATIONS, gain=1.0))
+        return levenberg_marquardt(self, Steps(normal=normal, moved=moved), Ends(steps=STEPS, gain=1.0))
 
     def _stepped(self, step: Floats) -> Complexes:
         parts = np.zeros(2 * self.states.size)
@@ -288,7 +287,7 @@ class OneShape:
     def _first(self, hit: int) -> Block:
         return next(block for block in self.blocks if block.hit == hit)
 
-    def solved(self, *, at_rest: float = AT_REST, iterations: int = ITERATIONS) -> OneShape:
+    def solved(self, *, at_rest: float = AT_REST, iterations: int = STEPS) -> OneShape:
         """The least squares near this point."""
         period = 2.0 * np.pi / self.entries.fundamental
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
-from floquid.fit import filter_gain, filtered
+from floquid.fit import CHUNK, filter_gain, filtered
 from floquid.periodic.least_squares._near_axis import own_function
 from floquid.periodic.least_squares._sample_block import (
     SPEED,
@@ -25,8 +25,6 @@ from floquid.periodic.least_squares._uniform_grid import EvenColumns, step_of
 
 ENOUGH = 0.6
 """The share of samples that must be there for sums over all, less those of the missing ones, to be the cheaper way."""
-
-CHUNK = 4096  # samples whose columns are formed at a time
 
 
 @dataclass(frozen=True)  # no slots: what is asked often is kept

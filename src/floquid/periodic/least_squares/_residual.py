@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Floats, Integers
+from floquid.fit import ROUNDING
 from floquid.periodic.least_squares._sample_block import Block, complex_of
 from floquid.periodic.least_squares._solver import Solution
 
-FLOOR = 1e-12  # the share of the largest free response that the noise is taken to be at least, unless told
-ROUNDING = 1e-13  # the share of a channel's largest value below which what is left of it is rounding
 BANDS = 8  # bands whose median is the level of the noise
 APART = 2.0  # lines on each side of an exponential, beside its width, that a fit takes noise from
 
@@ -97,7 +96,7 @@ def squared(lines: NDArray[np.complexfloating]) -> NDArray[np.floating]:
     return lines.real**2 + lines.imag**2
 
 
-def residuals_of(blocks: Sequence[Block], solution: Solution, floor: float = FLOOR) -> list[Residual]:
+def residuals_of(blocks: Sequence[Block], solution: Solution, floor: float = ROUNDING) -> list[Residual]:
     """Residual of each block, its noise at least `least_noise`."""
     columns = solution.entries.columns()
     return [

@@ -20,23 +20,29 @@ import numpy as np
 
 from floquid._arrays import Floats, Integers, Mask
 from floquid.errors import IdentificationError
-from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, positive_part, sandwich, scaled_inverse
+from floquid.fit import (
+    AT_REST,
+    FARTHEST,
+    HALF_DIGITS,
+    LONGEST_STEP,
+    ROUNDING,
+    STEPS,
+    Ends,
+    Normal,
+    Steps,
+    levenberg_marquardt,
+    positive_part,
+    sandwich,
+    scaled_inverse,
+)
 from floquid.periodic.least_squares._parameters import ModeParameters
 from floquid.periodic.least_squares._sample_block import ODD_SLOPE, Block, Columns, Sums, complex_of
 
-ITERATIONS = 40  # steps at most
-LONGEST_STEP = 0.2  # the most that an exponent may move in a step, over one period
-FARTHEST = 0.5  # the most that an exponent may move in all, over one period: the multiplier then is another one
 ASUNDER = np.pi  # the most that half the difference of a pair near an axis may be, over one period: halfway to the next
-AT_REST = 1e-4  # standard deviations that the last step may have
 PASSES = 3  # corrections of the coefficients of one set of exponents, at most
 GAINED = 100.0  # gain of a step of the coefficients, over the residual, up to which no digits that matter are lost
 LITTLE = 1e-3  # the same where columns are all but alike
-GONE = 1e-200  # the sum of squares below which a column has decayed before the first sample
-ROUNDING = 1e-13  # the share of its own size below which a direction of the columns is rounding
 
-
-SAFE = 1e-8  # the share of a column that the columns before it must leave for its inverse to be had without eigenvalues
 NOTHING = 1e-18  # the information on a parameter, over that on the best known, below which nothing is known of it
 
 
@@ -150,7 +156,7 @@ def solve(
     *,
     at_rest: float = AT_REST,
     hold: bool = False,
-    iterations: int = ITERATIONS,
+    iterations: int = STEPS,
 ) -> Solution:
     """The least squares near these exponents: Levenberg-Marquardt on the projected cost.
 
@@ -265,11 +271,11 @@ def _inverse(matrix: Floats, size: Floats) -> tuple[Floats, bool]:
     """
     if not len(matrix):
         return matrix, True
-    scale = np.sqrt(np.where(size > GONE, size, 1.0))
+    scale = np.sqrt(np.where(size > np.finfo(float).tiny, size, 1.0))
     scaled = matrix / np.outer(scale, scale)
     try:
         lower = np.linalg.cholesky(scaled)
-        if np.diag(lower).min() ** 2 > SAFE:
+        if np.diag(lower).min() ** 2 > HALF_DIGITS:
             root = np.linalg.inv(lower)
             return root.T @ root / np.outer(scale, scale), True
     except np.linalg.LinAlgError:

@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid.lifting import LAGS, filters_of
+from floquid.fit import LAGS
+from floquid.lifting import filters_of
 from floquid.periodic.least_squares._record_block import RecordBlock
 from floquid.periodic.least_squares._sample_block import Block, complex_of
 from floquid.periodic.least_squares._solver import Solution

@@ -12,7 +12,7 @@ from floquid._checks import Rebuilt, frozen_array, input_error, positive
 from floquid.core import PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, texts, warning
-from floquid.fit import SURE
+from floquid.fit import ROUNDS, SIGNIFICANT, SURE
 from floquid.periodic.least_squares import Block, ModeParameters, RecordBlock, Solution, chosen_bands, noise_left, solve
 from floquid.periodic.period._fse import model_at
 from floquid.periodic.period._fundamental_candidates import Spacing, spacings_of
@@ -22,8 +22,6 @@ from floquid.periodic.period._spectral_lines import Lines, beside, find_lines, r
 
 CERTAIN = float(np.log(1e2))  # the odds of a fundamental against chance from which on it counts as seen, as a logarithm
 DISTINCT = float(np.log(10.0))  # the odds of a fundamental against another one
-ROUNDS = 3  # rounds in which bands may grow
-AGREE = 6.0  # standard deviations within which the fit keeps the fundamental of the lines
 EXACT = 0.3  # share of a period within which one by modes must be known to be told from the next fraction of an orbit
 SHOWN = 8  # candidates that are reported
 
@@ -169,7 +167,7 @@ def estimate_period(
     if refined is not None:
         model, period_std = refined
         std = float(np.hypot(2.0 * np.pi * spacings[0].std / spacings[0].fundamental ** 2, period_std))
-        if abs(model.period - 2.0 * np.pi / spacings[0].fundamental) > AGREE * std:
+        if abs(model.period - 2.0 * np.pi / spacings[0].fundamental) > SIGNIFICANT * std:
             determined, findings, refined = False, (*findings, warning("period_differs")), None
     period, period_std = (None, None) if refined is None else (refined[0].period, refined[1])
     orbit = orbit_of(blocks, lines, 2.0 * np.pi / longest, 2.0 * np.pi / shortest)
@@ -182,7 +180,7 @@ def estimate_period(
             period_std = period * orbit.std / orbit.fundamental
         else:
             halves = max(round(2.0 * whole / period), 1)
-            agree = abs(2.0 * whole / halves - period) < AGREE * period_std < EXACT * period / halves
+            agree = abs(2.0 * whole / halves - period) < SIGNIFICANT * period_std < EXACT * period / halves
             snapped = 2.0 * whole / halves, 2.0 * whole / halves * orbit.std / orbit.fundamental
             period, period_std = (
                 min((period, period_std), snapped, key=lambda candidate: candidate[1])

@@ -10,7 +10,7 @@ import numpy as np
 
 from floquid._arrays import Integers
 from floquid.errors import IdentificationError
-from floquid.fit import DEVIATIONS
+from floquid.fit import DEVIATIONS, SLOW
 from floquid.periodic.least_squares import RecordBlock, forced_entries, linearise, solve
 from floquid.periodic.period._spectral_lines import Lines, beside, with_noise_left
 
@@ -22,8 +22,7 @@ RESOLVED, PEAKED = 0.02, 0.1
 CERTAIN = float(np.log(1e2))  # odds of the fundamental against chance from which on it counts as seen, as a logarithm
 
 
-STEADY = 0.3  # the decay over the record, in nepers, below which a line may be one of an orbit
-HIGHEST = 40  # the highest harmonic of an orbit that is fitted for its period
+HIGHEST = 64  # the highest harmonic of an orbit that is fitted for its period
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +40,7 @@ class OrbitLines:
 def orbit_of(blocks: Sequence[RecordBlock], lines: Lines, least: float, most: float) -> OrbitLines | None:
     """The fundamental of what does not decay in records, fitted to all its harmonics; None where nothing tells it."""
     duration = max(block.last - float(block.times[0]) for block in blocks)
-    steady = ~lines.real & (lines.undamped | (np.abs(lines.exponents.real) * duration < STEADY))
+    steady = ~lines.real & (lines.undamped | (np.abs(lines.exponents.real) * duration < SLOW))
     orbit = _seen(lines.picked(steady), lines.picked(~steady), least, most, duration)
     if orbit is not None:
         with suppress(IdentificationError, np.linalg.LinAlgError):

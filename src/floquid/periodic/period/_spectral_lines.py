@@ -13,7 +13,7 @@ from floquid._checks import input_error
 from floquid.core import ConstantPeriod, Record
 from floquid.errors import IdentificationError
 from floquid.findings import failure
-from floquid.fit import DEVIATIONS, chi2_limit
+from floquid.fit import DEVIATIONS, SLOW, chi2_limit
 from floquid.lti import AbstractIdentifier, TimeResponses
 from floquid.periodic.least_squares import (
     TREND,
@@ -34,7 +34,6 @@ from floquid.periodic.least_squares import (
 from floquid.periodic.search import lines
 
 MOST_LINES = 60  # lines that are looked for at most, a pair counted once
-SUSTAINED = 2.0  # the most by which an undamped line may decay or grow over a record, as a logarithm: it hardly shows
 PIECES = 64  # pieces of a record whose power is looked at, to see where the response has died
 DEAD = 1.2  # power over that of the end of the record at which a piece is taken for noise
 ALIVE = 4.0  # power over that of the end that the first piece has where a record may be cut at all
@@ -246,6 +245,6 @@ def _lines_of(blocks: Sequence[Block], solution: Solution) -> Lines:
         real=real,
         covariance=covariance * np.outer(signs, signs),
         strength=_strengths(blocks, solution)[0],
-        undamped=(np.abs(values.real) < DEVIATIONS * std) & (np.abs(values.real) * span < SUSTAINED),
+        undamped=(np.abs(values.real) < DEVIATIONS * std) & (np.abs(values.real) * span < SLOW),
         noise=noise_left(blocks, solution),
     )

@@ -4,7 +4,7 @@ from floquid.periodic.search._evidence import coloured, combinations_of, disagre
 from floquid.periodic.search._final import finished
 from floquid.periodic.search._near_axis import read_apart
 from floquid.periodic.search._objective import Point, Price
-from floquid.periodic.search._one_shape import ROUGH, of_shapes, with_one_shape
+from floquid.periodic.search._one_shape import of_shapes, with_one_shape
 from floquid.periodic.search._policies import Bounds, lines, priced, searched, searched_white
 from floquid.periodic.search._result import SearchResult, kept_with
 from floquid.periodic.search._tests import period_step

@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from floquid._arrays import Floats
+from floquid.fit import HALF_DIGITS
 from floquid.periodic.least_squares import (
     PLAIN,
     ModeParameters,
@@ -19,13 +20,12 @@ from floquid.periodic.least_squares import (
 )
 from floquid.periodic.search._objective import Point
 from floquid.periodic.search._peaks import Peak, peaks
-from floquid.search import Move
+from floquid.search import GAP, Move
 
 AT_ONCE = 3  # peaks that are tried together
 PEAKS = 6  # peaks that are looked at
 EXPECTED = 1.0  # peaks of noise expected among those that are tried: it is the fit that decides
 PROMISED = 0.8  # the share of its price that a peak has to promise: it may lie between the lines
-BEYOND = 4  # harmonics beyond a band in which a peak may be a further harmonic of the mode
 
 
 def residuals(point: Point) -> list[Residual]:
@@ -115,7 +115,7 @@ def _known(
     if len(forced) and abs(peak.exponent.real) < line:
         turn = forced[int(np.argmin(np.abs(forced * omega - frequency)))]
         there = entries.offsets[entries.fixed & (entries.factors == PLAIN)]
-        if abs(turn * omega - frequency) < line and not (np.abs(there - turn) < 1e-9).any():
+        if abs(turn * omega - frequency) < line and not (np.abs(there - turn) < HALF_DIGITS).any():
             return entries.joined(forced_entries([turn], omega))
     best, least = None, np.inf
     for entry in np.flatnonzero(~entries.fixed) if bands else ():
@@ -124,7 +124,7 @@ def _known(
         for sign in (1.0, -1.0) if not entries.real[entry] else (1.0,):
             m = round((sign * frequency - value.imag) / omega)
             off = abs(sign * frequency - value.imag - m * omega)
-            if off > line + abs(value.real) or low <= m <= high or not low - BEYOND <= m <= high + BEYOND:
+            if off > line + abs(value.real) or low <= m <= high or not low - GAP <= m <= high + GAP:
                 continue
             if abs(m + (0 if entries.real[entry] else round(value.imag / omega))) <= most and off < least:
                 wider = entries.bands.copy()

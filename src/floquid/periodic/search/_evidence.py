@@ -10,17 +10,16 @@ import numpy as np
 from floquid._arrays import Complexes, Floats, Integers
 from floquid.core import PeriodicModel, kind_open
 from floquid.findings import Finding, note, warning
+from floquid.fit import DEVIATIONS, SURE
 from floquid.periodic.least_squares import shapes
 from floquid.periodic.search._result import SearchResult
+from floquid.search import NEAR
 
 LOUD = 2.0  # times what noise has from which on a peak that is left is a doubt
-NEAR = 0.1  # largest distance of a sum of two exponents from a third, over its decay, to be taken for it
+CLOSE = 0.1  # largest distance of a sum of two exponents from a third, over its decay, to be taken for it
 FAR = 0.6  # the same where a record is known to be nonlinear
-DOUBLE = 0.5  # decays that two modes must be apart, modulo the fundamental, to be surely two
 CHANCE = 0.01  # the tolerance, over the fundamental, beyond which a sum agrees by chance too often to say anything
-CERTAIN = 5.0  # the same in standard deviations
 LOPSIDED = 1.3  # the loudest band over the quietest, in amplitude, below which colour does little harm
-COLOURED = 1e-4  # the probability at which white noise may pass for coloured
 ENOUGH_LINES = 12  # lines of a band, at least, for its level to be looked at
 
 SPREAD = 0.82
@@ -83,7 +82,7 @@ def coloured(result: SearchResult) -> tuple[Finding, ...]:
         centres = (ends + 0.5) / len(lines) * (0.5 / residual.step)
         worst = max(worst, (float(np.exp(np.ptp(logs[row]))), *centres.tolist()))
     ratio, loud, quiet = worst
-    if degrees == 0 or ratio < LOPSIDED or chdtrc(degrees, score) > COLOURED:
+    if degrees == 0 or ratio < LOPSIDED or chdtrc(degrees, score) > SURE:
         return ()
     return (warning("coloured_noise", ratio=ratio, loud=loud, quiet=quiet),)
 
@@ -119,8 +118,8 @@ def doubles(result: SearchResult) -> tuple[Finding, ...]:
         for second in values[k + 1 + (free[k] in both) :]:
             gaps = [value - second, value - second.conjugate()]
             gaps = [complex(gap.real, gap.imag - omega * round(gap.imag / omega)) for gap in gaps]
-            if min(abs(gap) for gap in gaps) < DOUBLE * min(abs(value.real), abs(second.real)):
-                near.append(warning("double", first=_hertz(value), second=_hertz(second), decays=DOUBLE))
+            if min(abs(gap) for gap in gaps) < NEAR * min(abs(value.real), abs(second.real)):
+                near.append(warning("double", first=_hertz(value), second=_hertz(second), decays=NEAR))
     return tuple(near)
 
 
@@ -146,12 +145,12 @@ def combinations_of(model: PeriodicModel, noise: Floats, *, nonlinear: bool = Fa
         return ()
     size = np.abs(model.coefficients[chosen] / noise[:, :, None]).max(axis=(1, 2, 3))
     worst = np.maximum(std.real, std.imag)[chosen]
-    near, chance = (FAR, 2.0 * CHANCE) if nonlinear else (NEAR, CHANCE)
+    near, chance = (FAR, 2.0 * CHANCE) if nonlinear else (CLOSE, CHANCE)
     return _products(model.exponents[chosen], worst, size, model.fundamental, near=near, chance=chance)
 
 
 def _products(
-    values: Complexes, std: Floats, size: Floats, omega: float, *, near: float = NEAR, chance: float = CHANCE
+    values: Complexes, std: Floats, size: Floats, omega: float, *, near: float = CLOSE, chance: float = CHANCE
 ) -> tuple[Finding, ...]:
     r"""Exponents that are sums of those of two larger modes.
 
@@ -170,7 +169,7 @@ def _products(
             )
             gap = value - total
             gap = complex(gap.real, gap.imag - omega * round(gap.imag / omega))
-            tolerance = max(CERTAIN * float(np.hypot(std[c], std[a] + std[b])), near * abs(value.real))
+            tolerance = max(DEVIATIONS * float(np.hypot(std[c], std[a] + std[b])), near * abs(value.real))
             if abs(gap) < tolerance < chance * omega:
                 of = [_hertz(values[k]) for k in sorted({int(a), int(b)})]
                 products.append(warning("product", frequency=_hertz(value), of=of))

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
-from floquid.fit import DEVIATIONS, SURE, chi2_limit
+from floquid.fit import AT_REST, DEVIATIONS, FARTHEST, RARE, SLOW, STEPS, SURE, chi2_limit
 from floquid.periodic.least_squares import (
     ModeParameters,
     linearise,
@@ -20,24 +20,19 @@ from floquid.periodic.least_squares import (
 from floquid.periodic.search._additions import EXPECTED, residuals
 from floquid.periodic.search._moves import energies, nearest
 from floquid.periodic.search._near_axis import with_axis_pairs
-from floquid.periodic.search._objective import FARTHEST, Point
+from floquid.periodic.search._objective import Point
 from floquid.periodic.search._peaks import strongest
 from floquid.periodic.search._result import SearchResult
 from floquid.periodic.search._tests import equality, spread_of_harmonics, untold
 from floquid.periodic.search._units import Units, wide_of
+from floquid.search import BETTER, LOOSE
 
-AT_REST = 1e-5  # the fall of J below which a fit that is reported is at rest: 0.003 deviations
-LOOSE = 0.02  # probability at which noise may pass for a harmonic that is fitted: one that is missing does more harm
 PADDING = 1  # harmonics fitted beyond each end of a band: weak ones that are left out bend the exponents
 
 CROWDED = 0.15
 """The difference of two exponents, over both decays, within which lines that both have tell hardly anything apart."""
 
-CLUSTER = 1e-3  # the probability of harmonics of one exponent at which a mode is taken for several
-LASTING = 0.5  # decay over the record, in nepers: a tone within two deviations of it is steady
-
 NEAREST = 3  # branches on each side that a speed which wanders is asked about
-BETTER = 9.0  # the fall of the misfit within which no branch is the better one
 
 
 def finished(
@@ -46,10 +41,10 @@ def finished(
     """The final fit of a structure with its deviations and its residual."""
     point = named(point)
     bands = point.entries.bands
-    point = _padded(point, most) if choose else point.settled(rest=AT_REST, steps=30)
+    point = _padded(point, most) if choose else point.settled(rest=AT_REST, steps=STEPS)
     if free_period:
         # Not before: with modes still missing, the period would go to where it takes what is theirs.
-        point = point.with_entries(replace(point.entries, free_period=True)).settled(rest=AT_REST, steps=30)
+        point = point.with_entries(replace(point.entries, free_period=True)).settled(rest=AT_REST, steps=STEPS)
     hidden: dict[float, float] = {}
     if search:
         point, bands, hidden = with_axis_pairs(point, bands)
@@ -82,7 +77,7 @@ def _padded(point: Point, most: int) -> Point:
     wide = replace(wide, bands=_uncrowded(wide, wide.padded(PADDING, most).bands))
     for _ in range(2):
         with suppress(np.linalg.LinAlgError):
-            trial = point.with_entries(wide).settled(rest=AT_REST, steps=30)
+            trial = point.with_entries(wide).settled(rest=AT_REST, steps=STEPS)
             away = np.abs(trial.entries.exponents - entries.exponents) * point.period > FARTHEST
             if not away.any() and trial.misfit <= point.misfit:
                 return trial
@@ -144,7 +139,7 @@ def _without_steady(point: Point, bands: Integers) -> Point:
     free = np.flatnonzero(entries.leading)
     std = np.sqrt(np.maximum(np.diag(point.solution.covariance()), 0.0))[: len(free)]
     decay, duration = np.abs(entries.exponents[free].real), max(block.last for block in point.blocks)
-    steady = (decay < DEVIATIONS * std) & (duration * (decay + 2.0 * std) < LASTING)
+    steady = (decay < DEVIATIONS * std) & (duration * (decay + 2.0 * std) < SLOW)
     steady &= ~entries.real[free] & (bands[free, 0] == bands[free, 1])
     energy = np.bincount(entries.columns().modes, energies(point), len(entries.exponents))[free]
     tones = free[steady & (energy <= energy[~steady].max(initial=0.0))]
@@ -184,7 +179,7 @@ def _clusters(point: Point) -> tuple[tuple[int, ...], Floats]:
     clusters = []
     for entry in turns.tolist():
         score, degrees = equality(solution, entry, sure)
-        if degrees and chdtrc(degrees, score) < CLUSTER:
+        if degrees and chdtrc(degrees, score) < RARE:
             clusters.append(entry)
             further[parameters(entry)] += spread_of_harmonics(solution, entry, sure)
     return tuple(clusters), further

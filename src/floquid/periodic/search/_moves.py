@@ -9,18 +9,15 @@ from itertools import combinations
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid.fit import inverse_root, scaled_inverse, wald_rise
+from floquid.fit import HALF_DIGITS, ROUNDING, inverse_root, scaled_inverse, wald_rise
 from floquid.periodic.least_squares import ModeParameters
-from floquid.periodic.search._objective import SINGULAR, Point
+from floquid.periodic.search._objective import Point
 from floquid.periodic.search._units import Units, wide_of
-from floquid.search import Move
+from floquid.search import BETTER, REACH, Move
 
-REACH = 4.0  # times its price up to which it is tried whether the other modes can do without one
 FARTHEST = 0.7  # decays that the halves of a mode start apart at most: scores mislead beyond the width of a line
 REDUCED = 1e-3  # share of the price saved that bands made anew are taken to lower J by: their misfit is not predicted
 APART = 0.1  # decays by which the halves of a doubled mode start apart: near enough to be the derivative of one
-ROUNDING = 1e-7  # fundamentals within which two exponents are one, whatever their deviations
-BETTER = 9.0  # the fall of J from which on a branch is the better one, three deviations: few harmonics hardly tell
 
 
 def bands(point: Point, most: int) -> Iterator[Move]:
@@ -84,7 +81,7 @@ def _loss(point: Point, entry: int) -> float:
     total = 0.0
     for block, linear, low in zip(point.blocks, point.solution.linear, point.floors, strict=True):
         coefficients, spread = linear.coefficients[columns], linear.inverse[np.ix_(columns, columns)]
-        rise = np.sum((inverse_root(spread, SINGULAR).T @ coefficients) ** 2, axis=0)
+        rise = np.sum((inverse_root(spread, ROUNDING).T @ coefficients) ** 2, axis=0)
         level = linear.left + block.n_samples * low**2
         total += block.n_samples * float(np.log1p(np.maximum(rise, 0.0) / level).sum())
     return total
@@ -143,7 +140,7 @@ def energies(point: Point) -> Floats:
 
 def _gain(matrix: Floats, gradient: Floats) -> tuple[Floats, float]:
     """A Gauss-Newton step, and what it takes off the misfit."""
-    step = scaled_inverse(matrix, SINGULAR) @ gradient
+    step = scaled_inverse(matrix, ROUNDING) @ gradient
     return step, float(step @ gradient)
 
 
@@ -165,7 +162,7 @@ def merges(point: Point, span: int) -> Iterator[Move]:
     free = np.flatnonzero(~entries.fixed)
     if len(free) < 2:  # a pair
         return
-    covariance = scaled_inverse(point.solution.information, SINGULAR)
+    covariance = scaled_inverse(point.solution.information, ROUNDING)
     place = _places(entries)
     for first, second in combinations(free.tolist(), 2):
         if entries.real[first] != entries.real[second] or entries.offsets[first] != entries.offsets[second]:
@@ -178,7 +175,7 @@ def merges(point: Point, span: int) -> Iterator[Move]:
             parts = np.array([gap.real, gap.imag])[: len(ties)]
             score = wald_rise(parts, ties @ covariance @ ties.T)
             # Without noise, deviations are smaller than what rounding moves exponents by.
-            score = 0.0 if abs(gap) < ROUNDING * entries.fundamental else score
+            score = 0.0 if abs(gap) < HALF_DIGITS * entries.fundamental else score
             merged = _merged(entries, first, second, sign, turns)
             if np.ptp(merged.bands[first]) > span:
                 continue
@@ -211,7 +208,7 @@ def together(point: Point) -> Point:
             continue
         for sign in (1, -1) if not entries.real[first] else (1,):
             turns, gap = difference(entries, first, second, sign)
-            if abs(gap) < ROUNDING * entries.fundamental:
+            if abs(gap) < HALF_DIGITS * entries.fundamental:
                 trial = point.with_entries(_merged(entries, first, second, sign, turns)).settled()
                 if trial.at_floor:
                     return together(trial)

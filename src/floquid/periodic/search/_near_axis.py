@@ -16,21 +16,14 @@ import numpy as np
 
 from floquid._arrays import Floats, Integers, Mask
 from floquid.core import read_axis
-from floquid.fit import DEVIATIONS, WITHIN, chi2_limit
+from floquid.fit import AT_REST, DEVIATIONS, FARTHEST, RARE, STEPS, WITHIN, chi2_limit
 from floquid.periodic.least_squares import EVEN, ODD, PLAIN, ModeParameters, Solution, linearise
-from floquid.periodic.search._objective import FARTHEST, Point, carried
+from floquid.periodic.search._objective import Point, carried
 from floquid.periodic.search._result import SearchResult
 from floquid.periodic.search._tests import untold
 
 BESIDE = 1.0
 """Distance from an axis, over the decay or its deviation, within which a pair and its conjugate share their lines."""
-
-REAL = 2e-3
-"""The probability at which noise may make a second multiplier of a real one, which moves it by its own deviation: at an
-exponent that is given. That of the second is sought, and the largest of two or three such sums is seen."""
-
-SETTLED = 1e-3  # the fall of the misfit below which a fit is at rest: far less than any limit of noise
-STEPS = 20  # steps of one fit
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +104,7 @@ def _square_std(solution: Solution) -> float:
 def _solved(point: Point, trial: ModeParameters) -> Point | None:
     """The fit near other entries; None where one of them runs away."""
     with suppress(np.linalg.LinAlgError):
-        fitted = point.with_entries(trial).settled(rest=SETTLED, steps=STEPS)
+        fitted = point.with_entries(trial).settled(rest=AT_REST, steps=STEPS)
         away = np.abs(fitted.entries.exponents - trial.exponents) * point.period
         return fitted if away.max(initial=0.0) < FARTHEST else None
     return None
@@ -124,7 +117,7 @@ def _needed(wider: Point, fewer: Point) -> bool:
     """
     more = len(wider.solution.gradient) - len(fewer.solution.gradient)
     more += wider.price.rows * (_coefficients(wider.entries) - _coefficients(fewer.entries))
-    return wider.value < fewer.value if more <= 0 else fewer.misfit - wider.misfit > chi2_limit(more, REAL)
+    return wider.value < fewer.value if more <= 0 else fewer.misfit - wider.misfit > chi2_limit(more, RARE)
 
 
 def _coefficients(entries: ModeParameters) -> int:

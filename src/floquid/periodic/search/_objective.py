@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import Floats, Mask
-from floquid.fit import Ends, Normal, Steps, chi2_limit, levenberg_marquardt
+from floquid.fit import FEW_STEPS, LONGEST_STEP, REST, Ends, Normal, Steps, chi2_limit, levenberg_marquardt
 from floquid.periodic.least_squares import (
     ASUNDER,
     Block,
@@ -25,16 +25,9 @@ from floquid.periodic.least_squares import (
     normal,
     weighted,
 )
-from floquid.search import Move
+from floquid.search import HOPE, SAME, Move
 
-LONGEST_STEP = 0.3  # the most that an exponent moves in a step [1/period]: beyond, one linearisation says nothing
-STEPS = 12  # steps of one fit: what is far from rest after them is not near a minimum
-SINGULAR = 1e-11  # the share of the largest eigenvalue of a scaled matrix below which a direction says nothing
-HOPE = 2.0  # times the fall that a full step promises beyond which no fit goes
-FARTHEST = 0.5  # the most that a wider band may move an exponent [1/period]: beyond, the multiplier is another one
-REST = 0.1  # the fall of J below which a fit that is only compared is at rest: a deviation of a third
 NEAR = 0.02  # fundamentals within which a column starts with the coefficients of one that there was
-SAME = 0.06  # the difference of two exponents times the period [1] within which structures count as one
 FASTEST = 12.0  # the decay or growth over a period, in nepers, beyond which a column is a glitch and no mode
 
 
@@ -155,7 +148,7 @@ class Point:
         """True where the speed wanders."""
         return any(block.wanders for block in self.blocks)
 
-    def settled(self, *, below: float = np.inf, steps: int = STEPS, rest: float = REST) -> Point:
+    def settled(self, *, below: float = np.inf, steps: int = FEW_STEPS, rest: float = REST) -> Point:
         """The least J near this point; given up where J will not come below a value."""
 
         def enough(point: Point, gains: list[float]) -> bool:

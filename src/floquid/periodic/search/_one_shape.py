@@ -10,8 +10,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
 from floquid.errors import IdentificationError
-from floquid.fit import chi2_limit
-from floquid.periodic.expansion import GAP
+from floquid.fit import FARTHEST, QUIET, REST, ROUNDS, chi2_limit
 from floquid.periodic.least_squares import (
     Block,
     ModeParameters,
@@ -24,19 +23,11 @@ from floquid.periodic.least_squares import (
     residuals_of,
 )
 from floquid.periodic.search._additions import EXPECTED
-from floquid.periodic.search._final import LOOSE
-from floquid.periodic.search._objective import FARTHEST
 from floquid.periodic.search._peaks import strongest
 from floquid.periodic.search._result import Disagreement, SearchResult
-
-QUIET = 1e-4
-"""The noise over the largest value below which hits are not said to disagree: a weak nonlinearity does that."""
+from floquid.search import GAP, GROWTHS, LOOSE
 
 BRIEF = 0.5  # decay over a period, in nepers, from which on harmonics that are left out bend exponents
-
-GROWTHS = 8  # harmonics on each side by which bands may grow beyond those of the start
-ROUGH = 0.1  # deviations that the last step of a fit may have that another follows
-ROUNDS = 3  # fits, each with the noise that the one before it leaves: weights settle at once
 
 
 def with_one_shape(result: SearchResult, false_alarm: float, floor: float, most: int) -> SearchResult:
@@ -85,12 +76,12 @@ def grown(shared: OneShape, least: Sequence[Floats], most: int) -> OneShape:
     bands = narrowed(shared, LOOSE)
     for _ in range(GROWTHS):
         padded = replace(shared.entries, bands=bands).padded(GAP + 1, most).bands
-        wide = shared.with_bands(padded).solved(at_rest=ROUGH).with_noise(least)
+        wide = shared.with_bands(padded).solved(at_rest=REST).with_noise(least)
         kept = narrowed(wide, LOOSE)
         if (kept[:, 0] >= bands[:, 0]).all() and (kept[:, 1] <= bands[:, 1]).all():
             break
         shared, bands = wide, kept
-    return shared.with_bands(bands).solved(at_rest=ROUGH).with_noise(least).solved()
+    return shared.with_bands(bands).solved(at_rest=REST).with_noise(least).solved()
 
 
 def of_shapes(
@@ -105,7 +96,7 @@ def of_shapes(
     least = least_noise(blocks, linearise(blocks, entries.picked([])), floor)
     shared = OneShape.near(blocks, entries, eliminated(blocks, entries), values).with_states()
     for _ in range(ROUNDS):
-        shared = shared.with_noise(least).solved(at_rest=ROUGH)
+        shared = shared.with_noise(least).solved(at_rest=REST)
     shared = grown(shared, least, most)
     solution = shared.as_solution()
     rest = residuals_of(shared.blocks, solution, floor)

@@ -9,9 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid.fit import chi2_limit
+from floquid.fit import ROUNDING, chi2_limit
 from floquid.periodic.least_squares import (
-    FLOOR,
     PLAIN,
     Block,
     ModeParameters,
@@ -110,7 +109,7 @@ def lines(
     # A line is one unit: its exponent costs what two numbers more add to the limit of its amplitudes.
     added = chi2_limit(seen + 2, false_alarm) - chi2_limit(seen, false_alarm)
     mode_alarm = float(np.exp(-0.5 * added))  # the χ² of two numbers
-    floors, price = priced(blocks, base, FLOOR, mode_alarm=mode_alarm, harmonic_alarm=false_alarm)
+    floors, price = priced(blocks, base, ROUNDING, mode_alarm=mode_alarm, harmonic_alarm=false_alarm)
 
     def stages(point: Point) -> Iterator[Iterable[Move]]:
         yield removals(point)

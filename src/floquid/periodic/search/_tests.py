@@ -5,13 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from floquid._arrays import Floats, Indices, Mask
-from floquid.fit import scaled_inverse, score_gain
+from floquid.fit import ROUNDING, VAGUE, scaled_inverse, score_gain
 from floquid.periodic.least_squares import ModeParameters, Solution
-from floquid.periodic.search._objective import SINGULAR, Point
-
-UNTOLD = 0.5
-"""The deviation of an exponent, over its decay or one over the record, from which on it is a column and no mode to
-report."""
+from floquid.periodic.search._objective import Point
 
 
 def untold(point: Point) -> Indices:
@@ -24,7 +20,7 @@ def untold(point: Point) -> Indices:
         return free[:0]
     std = np.sqrt(np.maximum(np.diag(point.solution.covariance()), 0.0))[: len(free)]
     lasting = 1.0 / max(block.last for block in point.blocks)
-    return np.asarray(free[std > UNTOLD * np.maximum(np.abs(point.entries.exponents[free].real), lasting)], np.intp)
+    return np.asarray(free[std > VAGUE * np.maximum(np.abs(point.entries.exponents[free].real), lasting)], np.intp)
 
 
 def equality(solution: Solution, entry: int, sure: Mask) -> tuple[float, int]:
@@ -43,7 +39,7 @@ def spread_of_harmonics(solution: Solution, entry: int, sure: Mask) -> tuple[flo
     """
     columns = np.flatnonzero((solution.entries.columns().modes == entry) & sure)
     gradient, _, information = solution.by_column.tied(_parted(solution.entries, columns))
-    inverse, count = scaled_inverse(information, SINGULAR), len(columns)
+    inverse, count = scaled_inverse(information, ROUNDING), len(columns)
     step, variance = inverse @ gradient, np.maximum(np.diag(inverse), 1e-300)
     variances = []
     for part in (slice(-2 * count, -count), slice(-count, None)):
@@ -64,7 +60,7 @@ def _parted(entries: ModeParameters, columns: Indices) -> Floats:
 def _gain(solution: Solution, ties: Floats) -> float:
     """Reduction of the cost by a Gauss-Newton step of parameters that tie columns as given."""
     gradient, matrix, _ = solution.by_column.tied(ties)
-    return score_gain(gradient, matrix, SINGULAR)
+    return score_gain(gradient, matrix, ROUNDING)
 
 
 def period_step(solution: Solution) -> tuple[float, float] | None:
@@ -78,7 +74,7 @@ def period_step(solution: Solution) -> tuple[float, float] | None:
     turned[0, n : 2 * n] = turns
     ties = np.concatenate([ties, turned])
     gradient, _, information = solution.by_column.tied(ties)
-    inverse = scaled_inverse(information, SINGULAR)
+    inverse = scaled_inverse(information, ROUNDING)
     variance = float(inverse[-1, -1])
     if not variance > 0.0 or not information[-1, -1] > 0.0:
         return None

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from floquid._arrays import Floats, Integers, Mask
-from floquid.periodic.expansion import GAP
+from floquid.fit import HALF_DIGITS
 from floquid.periodic.search._objective import Point
-
-ALIKE = 1e-7  # the share of a scaled column beyond the others below which it is not told from them
+from floquid.search import GAP
 
 
 class Units:
@@ -40,7 +39,7 @@ class Units:
             seen = table[:, 2 * n :][place]
             trace, determinant = pivots[:, 0, 0] + pivots[:, 1, 1], np.linalg.det(pivots)
             least = 0.5 * (trace - np.sqrt(np.maximum(trace**2 - 4.0 * determinant, 0.0)))
-            safe = least > np.where(self.inside, 0.0, ALIKE)
+            safe = least > np.where(self.inside, 0.0, HALF_DIGITS)
             pivots[~safe] = np.eye(2)
             total += np.where(safe, np.einsum("jpr,jpr,r->j", seen, np.linalg.solve(pivots, seen), weight), 0.0)
         return total
@@ -63,7 +62,7 @@ class Units:
                 inner = free & self.inside & begin & last
                 change[inner] = (gains - self._price)[inner]
             best = int(np.argmin(change)) if self._n else 0
-            if not self._n or change[best] > -1e-9:
+            if not self._n or change[best] > -HALF_DIGITS:
                 return total, bands
             mode, harmonic = int(modes[best]), int(harmonics[best])
             if self.inside[best]:

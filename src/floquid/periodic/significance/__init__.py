@@ -1,9 +1,7 @@
 """Tests on a model: whether the system is periodic at all, and whether it turns with the period given."""
 
 from floquid.periodic.significance._period_mismatch import (
-    EVIDENT,
     NEGLIGIBLE_SLIP,
-    SIGNIFICANT,
     TURNED,
     Synchrony,
     drift,

@@ -8,18 +8,14 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats
 from floquid.core import PeriodicModel
-from floquid.fit import scaled_inverse
+from floquid.fit import EVIDENT, SIGNIFICANT, scaled_inverse
 from floquid.lifting import Lifted
-
-SIGNIFICANT = 6.0
-"""Standard deviations by which the response's own period must differ before it counts as another one."""
 
 NEGLIGIBLE_SLIP = 0.01
 """Samples of slip over the record below which a difference of periods does no harm, however significant."""
 
 TURNED = 1.0  # the phase [rad] that the fundamental may slip while modes last, for one step of a fit to tell the period
 LARGEST_DIFFERENCE = 0.1  # relative difference of periods up to which two modes are looked at as one mode torn apart
-EVIDENT = 0.1  # equal decays say something where the deviation of their difference is below this share of the decay
 WITNESSES = 3  # pairs of modes that must agree on a difference of periods
 
 

@@ -11,20 +11,16 @@ from floquid._arrays import Complexes, Floats, Indices, Integers, Mask
 from floquid._checks import Rebuilt, finite, input_error
 from floquid.core import Estimates, PeriodicModel
 from floquid.findings import Finding, note, texts, warning
-from floquid.fit import SURE, covariance_root
+from floquid.fit import RARE, SURE, covariance_root
 from floquid.lifting import Lifted
 from floquid.periodic.significance._wald import holm, noncentrality, spacing_probability, wald
+from floquid.search import NEAR
 
 HARMONICS = (1, 2)
 """Harmonics per period that are looked at: stiffness that varies once or twice a period shows in these first."""
 
 LEVEL = 0.05  # the probability at which chance may pass for periodicity
-POWER = 0.95  # the probability with which what lies above a detection limit is seen
-MISPLACED = 0.01  # the probability at which harmonics may pass for modes of their own
-
-TWIN = 0.5
-"""Least distance of a harmonic from a mode, over the sum of their decays, at which their coefficients are told apart:
-below, chi-squares are no longer those of chance (measured)."""
+POWER = 1.0 - LEVEL  # the probability with which what lies above a detection limit is seen
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -129,7 +125,7 @@ class Periodicity(Rebuilt):
     def periodic(self) -> bool | None:
         """True where the null hypothesis is refused at `level`; None where harmonics are not where they would be."""
         refused = self.p_value <= self.level
-        return None if refused and self.spacing_p is not None and self.spacing_p < MISPLACED else refused
+        return None if refused and self.spacing_p is not None and self.spacing_p < RARE else refused
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -282,7 +278,7 @@ def _on_a_mode(whole: Estimates) -> Mask:
     places = np.concatenate([whole.rates[zeroth], whole.rates[zeroth].conj()])
     gaps = np.abs(np.subtract.outer(whole.rates, places))
     decays = np.abs(whole.rates.real)[:, None] + np.abs(places.real)
-    return (gaps < TWIN * decays).any(axis=1) & (whole.harmonics != 0)
+    return (gaps < NEAR * decays).any(axis=1) & (whole.harmonics != 0)
 
 
 def _table(part: list[tuple[float, int, float]], adjusted: Floats) -> PartialTests:

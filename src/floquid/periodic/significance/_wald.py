@@ -6,11 +6,9 @@ import numpy as np
 
 from floquid._arrays import Floats, Indices
 from floquid.core import Estimates
-from floquid.fit import chi2_limit, covariance_root, inverse_root
+from floquid.fit import ROUNDING, chi2_limit, covariance_root, inverse_root
 from floquid.lifting import Lifted
 from floquid.periodic.least_squares import LiftedBlock, ModeParameters, linearise
-
-ROUNDING = 1e-12  # the share of the largest variance of a scaled covariance below which a direction is rounding
 
 
 def wald(whole: Estimates, terms: Indices, channels: Indices) -> tuple[float, int, float]:
@@ -71,9 +69,6 @@ def noncentrality(degrees: int, level: float, power: float) -> float:
     return float(chndtrinc(chi2_limit(degrees, level), degrees, 1.0 - power))
 
 
-NOWHERE = 1e-200  # the information on a line, over that on the best known, below which there is none
-
-
 def spacing_probability(whole: Estimates, lifted: Lifted, lines: Indices) -> float:
     r"""The probability of the responses if harmonics lie whole numbers of fundamentals from their modes; 1 without any.
 
@@ -104,5 +99,7 @@ def spacing_probability(whole: Estimates, lifted: Lifted, lines: Indices) -> flo
 def _gain(gradient: Floats, matrix: Floats) -> float:
     sizes = np.diag(matrix)
     # A line that is nowhere to be seen takes nothing.
-    scale = np.where(sizes > NOWHERE * sizes.max(), sizes, np.inf) ** -0.5
-    return float(gradient * scale @ np.linalg.lstsq(matrix * np.outer(scale, scale), gradient * scale, rcond=1e-12)[0])
+    scale = np.where(sizes > np.finfo(float).tiny, sizes, np.inf) ** -0.5
+    return float(
+        gradient * scale @ np.linalg.lstsq(matrix * np.outer(scale, scale), gradient * scale, rcond=ROUNDING)[0]
+    )

@@ -6,7 +6,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats
 from floquid.core import PeriodicModel
-from floquid.fit import DEVIATIONS, SURE, chi2_limit
+from floquid.fit import DEVIATIONS, HALF_DIGITS, SURE, chi2_limit
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
 from floquid.periodic.expansion import expansion
@@ -32,11 +32,11 @@ def groups(modal: ModalModel, lifted: Lifted) -> ModeParameters:
     for r in expanded.upper:
         score = _score(expanded.coefficients[r], expanded.std[r])
         turns = expanded.exponents[r].imag / omega + expanded.harmonics
-        seen = (score > limit) & (np.abs(turns) < 0.5 * lifted.n_phases - 1e-6)
+        seen = (score > limit) & (np.abs(turns) < 0.5 * lifted.n_phases - HALF_DIGITS)
         if expanded.real[r]:
-            seen &= turns > -1e-6  # the other half is its conjugate
+            seen &= turns > -HALF_DIGITS  # the other half is its conjugate
         if not seen.any():
-            seen[int(np.argmax(score * (turns > -1e-6)))] = True
+            seen[int(np.argmax(score * (turns > -HALF_DIGITS)))] = True
         places = np.flatnonzero(seen)
         cut = (np.diff(expanded.harmonics[places]) > APART) | (
             np.sign(turns[places[1:]]) != np.sign(turns[places[:-1]])
@@ -63,14 +63,14 @@ def distinct_multipliers(model: PeriodicModel) -> int:
     """
     std = np.zeros(model.order, np.complex128) if model.exponent_std is None else model.exponent_std
     kept: list[int] = []
-    for mode in np.flatnonzero(model.multipliers.imag >= -1e-12):
+    for mode in np.flatnonzero(model.multipliers.imag >= -HALF_DIGITS):
         gaps = model.exponents[kept] - model.exponents[mode]
         gaps -= 1j * model.fundamental * np.rint(gaps.imag / model.fundamental)
         within = DEVIATIONS * (np.hypot(std.real[kept], std.real[mode]) + 1j * np.hypot(std.imag[kept], std.imag[mode]))
-        within += (1.0 + 1.0j) * 1e-12 * model.fundamental
+        within += (1.0 + 1.0j) * HALF_DIGITS * model.fundamental
         if not ((np.abs(gaps.real) < within.real) & (np.abs(gaps.imag) < within.imag)).any():
             kept.append(int(mode))
-    return int(np.sum(np.where(np.abs(model.multipliers.imag[kept]) > 1e-12, 2, 1)))
+    return int(np.sum(np.where(np.abs(model.multipliers.imag[kept]) > HALF_DIGITS, 2, 1)))
 
 
 def _score(coefficients: Complexes, std: Complexes) -> Floats:

@@ -12,22 +12,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import Complexes, Floats
-from floquid.fit import chi2_limit
+from floquid.fit import HALF_DIGITS, ROUNDING, SLOW, SURE, chi2_limit
 from floquid.lifting import Lifted, largest_values, whitened, whitening_filter
 from floquid.lti import ERA, ModalModel
 
 GENEROUS = 64  # poles that take any free response with them; at most one in three cycles
 FEWEST = 8  # cycles below which what is known is not told from a free response, for each of its multipliers
 
-MERGED = 1.0
-"""Over the record: a pole that decays or turns by less than this beside a known multiplier is not told from it."""
-
 TOLD = 1e-3  # the share of a known column beyond the poles below which it is not told from them
 BESIDE = (2, 3, 4, 5, 6)  # lines beside that of a known multiplier by which the noise there is judged
 ENOUGH = 6  # columns that must be left beside the poles for that
-ROUNDING = 1e-10  # the same below which it is rounding
-ALMOST_ALL = 1e-6  # the share of the squares that is left below which a difference of sums has lost too many digits
-CERTAIN = 1e-9  # the probability at which noise may pass for a forced response
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,9 +109,9 @@ def generous_poles(lifted: Lifted) -> ModalModel:
 def _apart(modal: ModalModel, roots: Sequence[float], n_cycles: int) -> Complexes:
     """Logarithms of the multipliers, of the upper half, that are told from the known ones."""
     logs = np.asarray(np.log(modal.multipliers), np.complex128)
-    logs = logs[(logs.imag >= -1e-12) & (logs.real > -4.0) & (logs.real < 2.0)]
+    logs = logs[(logs.imag >= -HALF_DIGITS) & (logs.real > -4.0) & (logs.real < 2.0)]
     for root in roots:
-        logs = logs[np.abs(logs - 2j * np.pi * root) * n_cycles > MERGED]
+        logs = logs[np.abs(logs - 2j * np.pi * root) * n_cycles > SLOW]
     return np.asarray(logs, np.complex128)
 
 
@@ -146,7 +140,7 @@ def _squares_left(values: Floats, basis: Floats) -> Floats:
     taken = values @ basis
     whole = np.einsum("rn,rn->r", values, values)
     squares = whole - np.einsum("rk,rk->r", taken, taken)
-    if (squares > ALMOST_ALL * whole).all():
+    if (squares > HALF_DIGITS * whole).all():
         return squares
     return np.sum((values - taken @ basis.T) ** 2, axis=1)
 
@@ -199,7 +193,7 @@ def _limit(lifted: Lifted, less: Known, more: Known) -> float:
     degrees = sum(
         more.basis(n).shape[1] - (less.basis(n).shape[1] if less else 0) for n in lifted.responses.lengths.tolist()
     )
-    return chi2_limit(degrees * lifted.n_channels * lifted.n_phases, CERTAIN)
+    return chi2_limit(degrees * lifted.n_channels * lifted.n_phases, SURE)
 
 
 def _subtracted(
@@ -235,7 +229,7 @@ def _subtracted(
 def _harmonics(lifted: Lifted, roots: Sequence[float], amplitudes: Floats, noise: Floats, spread: Floats) -> set[float]:
     """Turns a period of the harmonics of known columns that rise above the noise, up to half of the samples."""
     half, omega = lifted.n_phases // 2, 2.0 * np.pi / lifted.period
-    limit, turns_found = chi2_limit(2 * lifted.n_channels, CERTAIN), set()
+    limit, turns_found = chi2_limit(2 * lifted.n_channels, SURE), set()
     for column, root in enumerate(roots):
         turns = root + np.arange(-half, half + 1)
         kernel = np.exp(-1j * omega * np.multiply.outer(turns, lifted.phase_times)) / lifted.n_phases

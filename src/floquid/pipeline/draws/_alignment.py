@@ -9,9 +9,7 @@ import numpy as np
 
 from floquid._arrays import Complexes
 from floquid.core import PeriodicModel
-
-ONE = 1e-9
-"""The distance of a gain from 1, and the deviation of a coefficient over it, below which it is the scale of a state."""
+from floquid.fit import HALF_DIGITS
 
 
 def aligned(model: PeriodicModel, found: PeriodicModel) -> tuple[Complexes, Complexes]:
@@ -37,17 +35,17 @@ def _scale(model: PeriodicModel, mode: int, found: PeriodicModel, one: int, turn
     """
     known = np.abs(model.coefficients[mode])
     std = known if model.coefficient_std is None else np.abs(model.coefficient_std[mode])
-    for channel, hit, place in np.argwhere((std <= ONE * known) & (known > 0.0)).tolist():
+    for channel, hit, place in np.argwhere((std <= HALF_DIGITS * known) & (known > 0.0)).tolist():
         at = np.flatnonzero(found.harmonics + turns == model.harmonics[place])
         if len(at) and found.coefficients[one, channel, hit, at[0]]:
             return complex(model.coefficients[mode, channel, hit, place] / found.coefficients[one, channel, hit, at[0]])
     if model.inputs is None or found.inputs is None:
         return 1.0
     ours, theirs = model.inputs, found.inputs
-    for source, place in np.argwhere(np.abs(ours.coefficients[mode] - 1.0) < ONE).tolist():
+    for source, place in np.argwhere(np.abs(ours.coefficients[mode] - 1.0) < HALF_DIGITS).tolist():
         at = np.flatnonzero(theirs.harmonics - turns == ours.harmonics[place])
         return complex(theirs.coefficients[one, source, at[0]]) if len(at) else 1.0
-    for record in np.flatnonzero(np.abs(ours.initial[mode] - 1.0) < ONE).tolist():
+    for record in np.flatnonzero(np.abs(ours.initial[mode] - 1.0) < HALF_DIGITS).tolist():
         return complex(theirs.initial[one, record])
     return 1.0
 

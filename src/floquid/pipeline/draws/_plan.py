@@ -9,6 +9,7 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid.core import PeriodicModel, PhaseClock, Record
+from floquid.fit import CHUNK
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
 from floquid.periodic import instants
@@ -16,8 +17,6 @@ from floquid.pipeline._analysis import Analysis
 from floquid.pipeline.free import by_cycles, samples_of, why_sampled
 from floquid.preparation import Settings, states_of
 from floquid.reconstruction import choices, text_of
-
-CHUNK = 4096  # samples of the response that are made at a time
 
 
 @dataclass(frozen=True, slots=True)

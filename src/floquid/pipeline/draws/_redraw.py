@@ -16,6 +16,7 @@ from floquid._checks import Rebuilt, input_error
 from floquid.core import Estimates, PeriodicModel, Record
 from floquid.errors import FloquidError, IdentificationError
 from floquid.findings import failure
+from floquid.fit import HALF_DIGITS
 from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import MaximumLikelihood, ModalModel, Outcome
 from floquid.periodic import assemble, estimate_at, refit
@@ -32,8 +33,6 @@ from floquid.sync import segment
 NEVER = 1e-300
 """The probability below which the structure of A(t) is refused: the free model that is drawn from has a misfit already,
 and twice that much is no news of the structure."""
-
-FADED = 1e-8  # the share of its size that coloured noise keeps of its beginning when the record begins
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,7 +208,7 @@ def _memory(taps: Floats, longest: int) -> int:
     slowest = max((float(np.abs(np.roots(own)).max(initial=0.0)) for own in taps), default=0.0)
     if slowest >= 1.0:
         return longest
-    return min(longest, int(np.ceil(np.log(FADED) / np.log(slowest)))) if slowest > 0.0 else 0
+    return min(longest, int(np.ceil(np.log(HALF_DIGITS) / np.log(slowest)))) if slowest > 0.0 else 0
 
 
 def _fitted(plan: Plan, values: Sequence[Floats]) -> Draw:

@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 
 from floquid._arrays import Floats, Mask
 from floquid._checks import Rebuilt, input_error
-
-STRUCTURAL = 1e-12
-"""The share of a quantity's largest deviation below which one is rounding: the element is what it is by definition."""
+from floquid.fit import ROUNDING
 
 MATERIAL = 0.25  # the bias, over the deviation, below which it does not matter: the root-mean-square error grows by 3 %
 
@@ -131,7 +129,7 @@ class Spread(Rebuilt):
     def biases(self) -> Floats:
         """The bias of each distinct element that varies over its deviation (biases,)."""
         std, bias = _parts(self.std), _parts(self.bias)
-        kept = _parts_of(self.distinct, self.estimate) & (std > STRUCTURAL * std.max(initial=0.0))
+        kept = _parts_of(self.distinct, self.estimate) & (std > ROUNDING * std.max(initial=0.0))
         return bias[kept] / std[kept]
 
     def _size(self) -> Floats:
@@ -144,7 +142,7 @@ class Spread(Rebuilt):
         """Mask of parts that have a deviation to compare with, and are not listed twice (..., parts)."""
         assert self.asymptotic is not None
         own = _parts(self.asymptotic)
-        return _parts_of(self.distinct, self.estimate) & (own > STRUCTURAL * own.max(initial=0.0))
+        return _parts_of(self.distinct, self.estimate) & (own > ROUNDING * own.max(initial=0.0))
 
 
 def _parts(values: NDArray) -> Floats:

@@ -13,6 +13,7 @@ from floquid.checks import Decays, findings_of
 from floquid.core import BRIDGED, ConstantPeriod, Cycles, Estimates, PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note
+from floquid.fit import DEVIATIONS
 from floquid.lifting import Lifted, lift, unlift, whitened
 from floquid.lti import fit_residues
 from floquid.order import Choice
@@ -22,7 +23,7 @@ from floquid.pipeline._decay import Decay
 from floquid.pipeline._deviations import model_failure, poles_alone, widened, widening, with_misfit
 from floquid.pipeline._state import Again, state_of
 from floquid.pipeline.free._doubts import ambiguity
-from floquid.pipeline.free._noise_colour import ALL_PEAKED, STILL
+from floquid.pipeline.free._noise_colour import ALL_PEAKED
 from floquid.pipeline.free._start import Lifting, Start, filled, out_of_step
 from floquid.preparation import Prepared, Settings, clocks_of, uneven_speed, without_clock
 from floquid.sync import ShaftAngle, rejoin, resample, segment
@@ -147,7 +148,7 @@ def _refuse_peaks(model: PeriodicModel, choice: Choice | None, settings: Setting
     std = model.exponent_std
     if choice is None or std is None or settings.identifier is not None or not _peaked(choice):
         return
-    if (np.abs(model.exponents.real) < STILL * std.real).all():
+    if (np.abs(model.exponents.real) < DEVIATIONS * std.real).all():
         raise IdentificationError(ALL_PEAKED)
 
 

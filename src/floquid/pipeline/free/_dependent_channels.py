@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid.findings import Finding, warning
+from floquid.fit import QUIET
 from floquid.periodic import unexplained
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline.free._doubts import QUIET
 from floquid.preparation import NO_NEWS, name_of
 
 OWN = 0.1

@@ -10,13 +10,11 @@ import numpy as np
 from floquid.core import PeriodicModel, Record
 from floquid.errors import FloquidError
 from floquid.findings import Finding, warning
-from floquid.fit import DEVIATIONS
+from floquid.fit import DEVIATIONS, EVIDENT, QUIET, SIGNIFICANT
 from floquid.lifting import Lifted, largest_values
 from floquid.order import Choice
 from floquid.periodic import (
-    EVIDENT,
     NEGLIGIBLE_SLIP,
-    SIGNIFICANT,
     TURNED,
     Fit,
     estimate_period,
@@ -25,7 +23,6 @@ from floquid.periodic import (
 )
 from floquid.preparation import Prepared
 
-QUIET = 1e-4  # the noise over the largest value below which a record says more than modes: a weak nonlinearity, for one
 SEVERAL = 6  # exponents from which on modes without a second harmonic may be harmonics that a wrong period tore apart
 CHANCE = 0.1  # fundamentals within which two modes are near whole ones apart by chance too often to say anything
 FOLDED = 10.0  # decays within which modes that fold onto one another may be one
@@ -96,7 +93,7 @@ def _folded(model: PeriodicModel) -> bool:
     # Of modes as wide as that, some are near whole fundamentals apart by chance.
     near = (np.abs(gap.imag - turns * model.fundamental) < width) & (width < CHANCE * model.fundamental)
     deviation = np.hypot(std.real[:, None], std.real[None, :])
-    alike = (np.abs(gap.real) < 5.0 * deviation) & (deviation < EVIDENT * np.abs(values.real))
+    alike = (np.abs(gap.real) < DEVIATIONS * deviation) & (deviation < EVIDENT * np.abs(values.real))
     itself = np.abs(values[:, None] - values[None, :].conj()) == 0
     pairs = near & alike & ~itself & ~np.eye(model.order, dtype=bool)
     return bool(2 * pairs.any(axis=1).sum() >= model.order)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from floquid.errors import IdentificationError
 from floquid.findings import failure, warning
+from floquid.fit import ROUNDS
 from floquid.lifting import Lifted, whitened, whitening_filter
 from floquid.lti import AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome, fit_residues
 from floquid.order import Choice, judge
@@ -18,8 +19,6 @@ from floquid.pipeline.free._noise_colour import ALL_PEAKED, dies_away, first_fil
 from floquid.preparation import Settings
 
 ENOUGH_CYCLES = 3  # cycles a pole that a hit must hold for a noise estimate of its own
-NOISE_ROUNDS = 4  # estimates of the noise from the residual, at most
-WHITENINGS = 3  # estimates of the filter that whitens the noise, at most
 SAME = 0.02  # the difference of taps that is not worth another search
 
 
@@ -60,7 +59,7 @@ def find_poles(
             # What a given order leaves may be modes: only generous poles tell the colour of the noise then.
             break
         still = whitening_filter(lifted, modal) is not None
-        if looks == WHITENINGS or (taps is None and not still):
+        if looks == ROUNDS or (taps is None and not still):
             break
         after = whitening_filter(raw, fit_residues(modal.multipliers, raw.responses))
         if taps is not None and after is not None and not still and _alike(taps, after):
@@ -89,7 +88,7 @@ def _settled(lifted: Lifted, settings: Settings, report: Callable[[str], None]) 
     """The poles, and the responses with the noise that they leave."""
     identifier = settings.identifier or MaximumLikelihood(false_alarm=settings.mode_false_alarm)
     modal: ModalModel | None = None
-    for round_ in range(NOISE_ROUNDS):
+    for round_ in range(ROUNDS):
         state = identifier.prepare(lifted.responses)
         if modal is not None:
             modal = identifier.refine(state, modal)

@@ -9,7 +9,6 @@ from floquid.lifting import Lifted, whitening_filter
 from floquid.lti import ModalModel
 from floquid.periodic import generous_poles
 
-STILL = 4.0  # standard deviations within which a mode is not known to decay
 SLOW = 10.0  # the decay over the record, as a logarithm, below which a mode may be noise
 PEAK = 0.05  # the gain of a filter, over its root sum of squares, below which the noise has a peak
 FALLEN = 6.0

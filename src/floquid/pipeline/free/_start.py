@@ -13,6 +13,7 @@ from floquid._checks import input_error
 from floquid.core import BRIDGED, Cycles, PhaseClock, Record, longest_run, over_gaps, runs_of
 from floquid.errors import IdentificationError, NotSynchronousError
 from floquid.findings import note
+from floquid.fit import HALF_DIGITS
 from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import ModalModel
 from floquid.order import Choice
@@ -41,7 +42,6 @@ where what modes leave is no noise."""
 POINTS = 2000  # instants at which the angle of a shaft is looked at
 SHORTEST = 0.25  # the share of a record that must be there in one piece for the rest to be left out of the start
 FAR = 0.05  # the wander of the shaft's angle [rad of the system] from which on lifting in angle makes modes of its own
-WANDERS = 1e-6  # the relative range of the periods from which on the forced response is let follow the speed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +87,7 @@ def cut(prepared: Prepared) -> Lifting:
         periods = [BRIDGED * clock.period for clock in prepared.clocks]
         cycles = resample(filled(prepared.responses, periods), prepared.clocks)
         if prepared.shafts:
-            if any(np.ptp(hit.periods) > WANDERS * hit.period for hit in cycles):
+            if any(np.ptp(hit.periods) > HALF_DIGITS * hit.period for hit in cycles):
                 speeds = tuple(_followed(hit.periods) for hit in cycles)
             period = float(np.mean([shaft.period for shaft in prepared.shafts]))
             cycles = tuple(replace(hit, periods=np.full(hit.n_cycles, period)) for hit in cycles)

@@ -10,7 +10,7 @@ import numpy as np
 
 from floquid.checks import MISFIT
 from floquid.core import PeriodicModel
-from floquid.fit import SURE, chi2_limit
+from floquid.fit import SURE, VAGUE, chi2_limit
 from floquid.lifting import Lifted, unlift
 from floquid.lti import ERA, Ensemble, TimeResponses, brief, pooled_noise
 from floquid.periodic import Fit, ModeParameters
@@ -21,7 +21,6 @@ from floquid.sync import rejoin
 
 AVERAGED = (2, 4)  # orders of the time-invariant system that a few brief hits are taken for at first
 WIDTH = 1  # harmonics on each side that its modes start with: those of a weak parametric excitation
-UNDETERMINED = 0.5  # the deviation of a decay, over the decay, from which on a column is no mode
 
 
 class AbstractOpening(Protocol):
@@ -120,7 +119,7 @@ def determined(model: PeriodicModel | None) -> bool:
     """True where the decays of all modes are known to a share of themselves."""
     if model is None or model.exponent_std is None:
         return False
-    return bool((model.exponent_std.real < UNDETERMINED * np.abs(model.exponents.real)).all())
+    return bool((model.exponent_std.real < VAGUE * np.abs(model.exponents.real)).all())
 
 
 def lasting(fitted: Fit) -> bool:
