@@ -19,6 +19,9 @@ from floquid.inputs import Samples, Scores, Uncertainty, answering, gain_of, sol
 if TYPE_CHECKING:
     from floquid.checks._excited import Parted
 
+BENT = 1e-9
+"""The probability at which noise may pass for powers of the response: these have longer tails than noise."""
+
 MORE = 2.0
 """Least gain by squares and cubes over that by driving noise, which lets them gain by chance."""
 
@@ -164,7 +167,7 @@ def _by_powers(scores: Scores) -> tuple[NDArray[np.float64], int]:
 
 def _nonlinear(gains: NDArray[np.float64], degrees: int) -> tuple[Finding, ...]:
     """Finding on squares and cubes of the response that drive the modes as inputs would."""
-    limit = chi2_limit(degrees, SURE / max(len(gains), 1))
+    limit = chi2_limit(degrees, BENT / max(len(gains), 1))
     if gains.max(initial=0.0) < limit:
         return ()
     return (failure("inputs_nonlinear", squares=float(gains.max()), limit=limit),)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from floquid._arrays import Floats, Mask
 from floquid._checks import Rebuilt, input_error
-from floquid.fit import ROUNDING
+from floquid.fit import HALF_DIGITS
 
 MATERIAL = 0.25  # the bias, over the deviation, below which it does not matter: the root-mean-square error grows by 3 %
 
@@ -129,7 +129,7 @@ class Spread(Rebuilt):
     def biases(self) -> Floats:
         """The bias of each distinct element that varies over its deviation (biases,)."""
         std, bias = _parts(self.std), _parts(self.bias)
-        kept = _parts_of(self.distinct, self.estimate) & (std > ROUNDING * std.max(initial=0.0))
+        kept = _parts_of(self.distinct, self.estimate) & (std > HALF_DIGITS * std.max(initial=0.0))
         return bias[kept] / std[kept]
 
     def _size(self) -> Floats:
@@ -142,7 +142,7 @@ class Spread(Rebuilt):
         """Mask of parts that have a deviation to compare with, and are not listed twice (..., parts)."""
         assert self.asymptotic is not None
         own = _parts(self.asymptotic)
-        return _parts_of(self.distinct, self.estimate) & (own > ROUNDING * own.max(initial=0.0))
+        return _parts_of(self.distinct, self.estimate) & (own > HALF_DIGITS * own.max(initial=0.0))
 
 
 def _parts(values: NDArray) -> Floats:
