@@ -145,20 +145,31 @@ class Experiment:
         return np.linalg.inv(information)
 
     def constrained_bound(self) -> NDArray:
-        """The same with residues constrained to the true band of harmonics: it is less where modes decay fast."""
+        """The same with one shape for all hits, in the true band of harmonics, and a state a hit.
+
+        It is less where modes decay fast, and where hits tell near modes apart.
+        """
         upper, omega = self.truth.exponents[::2], 2.0 * np.pi / self.truth.period
         n, times = len(upper), self.truth.period / self.n_phases * np.arange(self.n_cycles * self.n_phases)
         exponentials = np.exp(np.multiply.outer(times, upper[:, None] + 1j * omega * self.truth.harmonics))
-        columns = exponentials.reshape(len(times), -1)
-        columns = np.concatenate([columns.real, columns.imag], axis=1)
-        information = np.zeros((2 * n, 2 * n))
+        whole = self.truth.coefficients[::2]
+        shapes = whole[:, :, 0]
+        states = np.einsum("rcm,rchm->rh", shapes.conj(), whole) / np.sum(np.abs(shapes) ** 2, axis=(1, 2))[:, None]
+        assert np.allclose(whole, shapes[:, :, None] * states[:, None, :, None])
+        rows = []
         for channel, hit in np.ndindex(self.noise.shape):
-            shapes = self.truth.coefficients[::2, channel, hit]
-            slopes = 2.0 * times[:, None] * np.einsum("trm,rm->tr", exponentials, shapes)
-            slopes = np.concatenate([slopes.real, -slopes.imag], axis=1)
-            slopes -= columns @ np.linalg.lstsq(columns, slopes, rcond=None)[0]
-            information += slopes.T @ slopes / self.noise[channel, hit] ** 2
-        return np.linalg.inv(information)
+            responses = np.einsum("trm,rm->tr", exponentials, shapes[:, channel])
+            of_shapes = np.zeros((len(times), *shapes.shape), complex)
+            of_shapes[:, :, channel] = exponentials * states[:, hit, None]
+            of_states = np.zeros((len(times), n, self.noise.shape[1] - 1), complex)
+            if hit:
+                of_states[:, :, hit - 1] = responses
+            parts = (times[:, None] * responses * states[:, hit], of_shapes, of_states)
+            slopes = [part.reshape(len(times), -1) for part in parts]
+            real = [2.0 * own for slope in slopes for own in (slope.real, -slope.imag)]
+            rows.append(np.concatenate(real, axis=1) / self.noise[channel, hit])
+        jacobian = np.concatenate(rows)
+        return np.linalg.inv(jacobian.T @ jacobian)[: 2 * n, : 2 * n]
 
     def lifted(self, seed: int):
         """The lifted responses with their true noise."""
