@@ -79,8 +79,8 @@ def test_trials_that_are_fitted_finer_change_nothing(of, name, seed, monkeypatch
     """The search is not over where a fit is: how far trials are fitted must not decide which of them are kept."""
     case = of(name, seed)
     own = identified(*case)
-    for fits in (ambient_fits, ambient_search, driven_fits):
-        monkeypatch.setattr(fits, "FEW_STEPS", 4 * fits.FEW_STEPS)
+    for fits, finer in ((ambient_fits, 10), (ambient_search, 4), (driven_fits, 4)):
+        monkeypatch.setattr(fits, "FEW_STEPS", finer * fits.FEW_STEPS)
     for fits in (ambient_fits, driven_fits):
         monkeypatch.setattr(fits, "REST", 0.1 * fits.REST)
     rest = Point.settled.__kwdefaults__

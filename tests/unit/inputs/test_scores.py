@@ -28,7 +28,8 @@ def fit():
 def test_a_mode_of_noise_weighs_little(fit):
     samples, now = fit
     false = replace(now.modes[0], exponent=-0.3 + 4.0j)
-    with_both = solve(samples, [*now.modes, false], now.direct, iterations=FEW_STEPS)  # before it is the true one
+    # A fit to the end would move it onto the line of the true mode beside the next harmonic.
+    with_both = solve(samples, [*now.modes, false], now.direct, iterations=FEW_STEPS)
     weights = Scores(samples, with_both).of_modes
     assert weights[0] > 1e3
     assert weights[1] < 1e2
