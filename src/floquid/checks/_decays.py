@@ -15,7 +15,7 @@ from floquid._arrays import Floats, Integers
 from floquid._checks import frozen_array, input_error, noise_array
 from floquid.checks._check import Evidence, Subject
 from floquid.checks._left_out import ERROR, LEAST_FIT, LeftOut, cycles_of, held_out, of_cycles, only
-from floquid.checks._modes import doubts_of
+from floquid.checks._modes import doubts_of, undetermined_of
 from floquid.checks._period import Off, blurred
 from floquid.checks._residual import Colour, colour_of
 from floquid.core import PeriodicModel, PhaseClock, Record
@@ -135,6 +135,10 @@ class Decays(Subject):
     def doubts(self) -> tuple[Finding, ...]:
         """Findings on modes that are likely none, or hardly determined."""
         return doubts_of(self.model, wanders=any(clock.wander > 0.0 for clock in self.clocks))
+
+    def undetermined(self) -> tuple[Finding, ...]:
+        """Finding on decays that are not determined."""
+        return undetermined_of(self.model)
 
     def colour(self, evidence: Evidence) -> Colour:
         """The response with most colour over its limit."""

@@ -12,14 +12,15 @@ import numpy as np
 
 from floquid import innovations, inputs
 from floquid._arrays import Floats
-from floquid.checks._check import Evidence, Subject, is_undetermined
+from floquid.checks._check import Evidence, Subject
 from floquid.checks._driving import undriven
 from floquid.checks._excitation import excitation_of
 from floquid.checks._left_out import FAILING, LeftOut, first_part
+from floquid.checks._modes import undetermined_of
 from floquid.checks._period import Off, shaken
 from floquid.checks._residual import FAILED, STRONG_COLOUR, Colour
 from floquid.core import Channel, PeriodicModel, Record
-from floquid.findings import Finding, failure
+from floquid.findings import Finding
 from floquid.fit import SIGNIFICANT, SURE
 from floquid.inputs import Limits, Samples, Scores, Uncertainty, linearise, slopes_of, state_slopes
 from floquid.sync import ShaftAngle
@@ -152,9 +153,7 @@ class Driven(Excited):
 
     def undetermined(self) -> tuple[Finding, ...]:
         """Finding on decays that are not determined."""
-        model, std = self.model, self.model.exponent_std
-        assert std is not None
-        return (failure("undetermined"),) if is_undetermined(std.real, model.exponents.real, model.period).any() else ()
+        return undetermined_of(self.model)
 
     def errors(self) -> Floats:
         """The rms error on the last quarter of each record, by a fit to the rest, over what is expected (outputs,).

@@ -1,4 +1,4 @@
-"""Modes of free responses that are likely none, weaker than noise, or hardly determined."""
+"""Modes that are likely none, weaker than noise, or hardly determined."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Mask
-from floquid.checks._check import REMAINDER, Evidence, strongest
+from floquid.checks._check import REMAINDER, Evidence, is_undetermined, strongest
 from floquid.core import PeriodicModel
-from floquid.findings import Finding, warning
+from floquid.findings import Finding, failure, warning
 from floquid.fit import DEVIATIONS, EVIDENT, ROUNDING, SURE
 from floquid.periodic import CONFIDENT
 
@@ -23,6 +23,13 @@ taken for both: what a cubic term makes of a mode decays three times as fast, at
 
 WANDERING = 5.0
 """Distance on a shaft whose speed wanders: a frequency that follows it has lines as far beside as that is fast."""
+
+
+def undetermined_of(model: PeriodicModel) -> tuple[Finding, ...]:
+    """Finding on decays that are not determined; none of a model that fails, which has no deviations."""
+    std = model.exponent_std
+    vague = std is not None and is_undetermined(std.real, model.exponents.real, model.period).any()
+    return (failure("undetermined"),) if vague else ()
 
 
 def _halved(model: PeriodicModel, std: NDArray[np.complex128]) -> bool:

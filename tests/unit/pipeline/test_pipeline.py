@@ -233,15 +233,16 @@ def test_fewer_periods_than_modes_are_refused():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(1, 8))
-def test_fewer_periods_than_modes_are_refused_or_said_to_be_missed(seed):
-    """Ten exponents in seven periods: what fewer modes leave is above the noise."""
+@pytest.mark.parametrize("seed", range(1, 16))
+def test_fewer_periods_than_modes_do_not_pass_without_a_word(seed):
+    """Ten exponents in seven periods: fewer modes leave what is above the noise, or their decays are not determined."""
     many = pairs(-0.02 + 1j * np.linspace(0.05, 0.5, 5), channels=6)
     try:
-        said = " ".join(finding.code for finding in identify(ringing(many, n_cycles=7, noise=1e-3, seed=seed)).findings)
+        analysis = identify(ringing(many, n_cycles=7, noise=1e-3, seed=seed))
     except IdentificationError as error:
-        said = str(error)
-    assert re.search("holds 7 whole periods, too few for the 8 poles|does not repeat|misfit", said)
+        assert re.search("holds 7 whole periods, too few for the 8 poles|does not repeat", str(error))  # noqa: PT017
+        return
+    assert not analysis.passed or "misfit" in {finding.code for finding in analysis.findings}
 
 
 @pytest.mark.first(2)

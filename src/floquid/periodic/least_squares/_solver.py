@@ -23,7 +23,6 @@ from floquid.errors import IdentificationError
 from floquid.fit import (
     AT_REST,
     FARTHEST,
-    HALF_DIGITS,
     LONGEST_STEP,
     ROUNDING,
     STEPS,
@@ -43,6 +42,7 @@ PASSES = 3  # corrections of the coefficients of one set of exponents, at most
 GAINED = 100.0  # gain of a step of the coefficients, over the residual, up to which no digits that matter are lost
 LITTLE = 1e-3  # the same where columns are all but alike
 
+SAFE = 1e-8  # the share of a column beyond others down to which a Cholesky factor keeps what eigenvalues lose
 NOTHING = 1e-18  # the information on a parameter, over that on the best known, below which nothing is known of it
 
 
@@ -275,7 +275,7 @@ def _inverse(matrix: Floats, size: Floats) -> tuple[Floats, bool]:
     scaled = matrix / np.outer(scale, scale)
     try:
         lower = np.linalg.cholesky(scaled)
-        if np.diag(lower).min() ** 2 > HALF_DIGITS:
+        if np.diag(lower).min() ** 2 > SAFE:
             root = np.linalg.inv(lower)
             return root.T @ root / np.outer(scale, scale), True
     except np.linalg.LinAlgError:
