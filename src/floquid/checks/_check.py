@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from floquid._arrays import Floats, Mask
 from floquid.checks._types import Criterion, Validation
 from floquid.findings import Finding, failure, warning
-from floquid.fit import WITHIN
+from floquid.fit import is_vague
 from floquid.innovations import GONE
 
 FALSE_ALARM = 1e-3  # the probability at which noise may fail one of the checks, over all responses and lines together
@@ -115,11 +115,6 @@ def looked_at(subject: Subject, checks: Sequence[Check], *, verdict: bool) -> Ev
             look = check.look or (lambda asked, _, name=check.needs: getattr(asked, name)())
             evidence.findings += look(subject, evidence)
     return evidence
-
-
-def is_vague(std: Floats | float, decay: Floats | float) -> Mask:
-    """True of decays that their deviations do not tell from none: they are not determined."""
-    return np.greater(WITHIN * std, np.abs(decay))
 
 
 def is_undetermined(std: Floats, decay: Floats, period: float) -> Mask:

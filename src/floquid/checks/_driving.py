@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.checks._check import FALSE_ALARM, Evidence, is_vague
+from floquid.checks._check import FALSE_ALARM, Evidence
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, failure, warning
-from floquid.fit import DEVIATIONS, SURE, WITHIN, chi2_limit, wald_rise
+from floquid.fit import DEVIATIONS, SURE, WITHIN, chi2_limit, is_vague, wald_rise
 from floquid.innovations import GONE
 from floquid.inputs import Samples, Scores, Uncertainty, answering, gain_of, solve
 

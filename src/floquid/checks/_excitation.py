@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.checks._check import Evidence, is_undetermined, is_vague
+from floquid.checks._check import Evidence, is_undetermined
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, failure, note, warning
-from floquid.fit import DEVIATIONS, SURE
+from floquid.fit import DEVIATIONS, SURE, is_vague
 from floquid.innovations import GONE, Fit, alike, gap_of, left_over
 from floquid.search import NEAR
 

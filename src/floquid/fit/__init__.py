@@ -43,9 +43,9 @@ from floquid.fit._tests import RARE as RARE
 from floquid.fit._tests import SIGNIFICANT as SIGNIFICANT
 from floquid.fit._tests import SLOW as SLOW
 from floquid.fit._tests import SURE as SURE
-from floquid.fit._tests import VAGUE as VAGUE
 from floquid.fit._tests import WITHIN as WITHIN
 from floquid.fit._tests import chi2_limit as chi2_limit
+from floquid.fit._tests import is_vague as is_vague
 from floquid.fit._tests import schwarz as schwarz
 from floquid.fit._tests import score_gain as score_gain
 from floquid.fit._tests import wald_rise as wald_rise

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from floquid._arrays import Floats
+from floquid._arrays import Floats, Mask
 from floquid.fit._algebra import ROUNDING, inverse_root
 
 SURE = 1e-6
@@ -30,9 +30,6 @@ EVIDENT = 0.1
 
 QUIET = 1e-4
 """The noise over the largest value below which a record says more than modes: a weak nonlinearity, for one."""
-
-VAGUE = 1.0 / WITHIN
-"""The deviation of a decay over it, from which on it is not determined."""
 
 SLOW = 1.0
 """The decay over a record [nepers] below which it hardly shows: what has one may be steady."""
@@ -70,3 +67,8 @@ def wald_rise(values: Floats, covariance: Floats, least: float = ROUNDING) -> fl
 def schwarz(log_likelihood: float, n_parameters: int, n_samples: int) -> float:
     """The criterion of Schwarz (1978), more is better: twice the log-likelihood less log N for each parameter."""
     return log_likelihood - n_parameters * float(np.log(n_samples))
+
+
+def is_vague(std: Floats | float, decay: Floats | float) -> Mask:
+    """True of decays whose 95 % intervals hold zero, or of which nothing is known: they are not determined."""
+    return ~np.less_equal(WITHIN * np.asarray(std), np.abs(decay))

@@ -14,14 +14,11 @@ from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid.core import PeriodicModel, Provenance, modelled
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, failure, note, texts, warning
-from floquid.fit import SURE
+from floquid.fit import SURE, is_vague
 from floquid.inputs import Errors, Grid, Hold, Limits, TransferFunctions, driven_of, estimates_of, sealed, transfer_of
 from floquid.transfer._measured import MeasuredTransfer
 from floquid.transfer._modal import Lines, Modal, near_real
 from floquid.transfer._search import searched
-
-UNKNOWN = 2.0
-"""Deviations of a decay from none within which it is not determined."""
 
 DOUBTFUL = 3.0
 """Deviations off the axis within which a pair may be two real multipliers."""
@@ -172,7 +169,7 @@ def fit_transfer(
         sealed(one)
     model = _model(lines, found.modal, covariance, own)
     assert model.exponent_std is not None
-    unknown = ~(UNKNOWN * model.exponent_std.real < np.abs(model.exponents.real))
+    unknown = is_vague(model.exponent_std.real, model.exponents.real)
     hertz = np.unique(np.abs(model.exponents.imag[unknown])) / (2.0 * np.pi)
     return TransferFit(
         measured=own,

@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 from floquid._checks import Rebuilt
 from floquid.fit import (
     AT_REST,
+    HALF_DIGITS,
+    ROUNDING,
     STEPS,
     Ends,
     Normal,
@@ -30,12 +32,6 @@ from floquid.fit import (
     score_gain,
 )
 from floquid.inputs import Grid, InputMode, terms_of, turning
-
-ROUNDING = 1e-13
-"""The share of the largest below which a direction of the normal matrix is rounding."""
-
-COLLINEAR = 1e-9
-"""The share of the largest below which amplitudes are not told from others."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -212,7 +208,7 @@ def eliminated(lines: Lines, modal: Modal) -> Fitted:
         size = np.where(size > 0.0, size, 1.0)
         basis, triangle = np.linalg.qr((columns / size[:, None]).T)
         left, values, right = np.linalg.svd(triangle)
-        good = values > COLLINEAR * values.max(initial=1.0)
+        good = values > HALF_DIGITS * values.max(initial=1.0)
         basis = basis @ left[:, : len(values)][:, good]
         given = lines.weighed(lines.values[:, output], output)
         along = basis.T @ given
@@ -238,7 +234,7 @@ def fitted(lines: Lines, start: Modal, iterations: int = STEPS) -> Fitted:
 
 def promised(now: Fitted) -> float:
     """χ² after one step of Gauss and Newton."""
-    return now.cost - score_gain(now.apart @ np.concatenate(now.left), now.apart @ now.apart.T, 1e3 * ROUNDING)
+    return now.cost - score_gain(now.apart @ np.concatenate(now.left), now.apart @ now.apart.T, HALF_DIGITS)
 
 
 OFF_AXIS = 20.0

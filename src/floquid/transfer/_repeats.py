@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from floquid.core import Channel
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, warning
-from floquid.fit import SURE
+from floquid.fit import ROUNDING, SURE
 from floquid.inputs import Samples
 from floquid.transfer._measured import MeasuredTransfer, measured_of
 
@@ -22,9 +22,6 @@ EXCITED = 1e-3
 
 LOUD = 50.0
 """where its power is this multiple of that of the noise of the input."""
-
-ROUNDING = 1e-13
-"""The share of the largest line below which noise is rounding."""
 
 BESIDE = 8
 """Lines on either side whose variance over the repeats is put together."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from floquid._arrays import Floats, Indices, Mask
-from floquid.fit import ROUNDING, VAGUE, scaled_inverse, score_gain
+from floquid.fit import ROUNDING, is_vague, scaled_inverse, score_gain
 from floquid.periodic.least_squares import ModeParameters, Solution
 from floquid.periodic.search._objective import Point
 
@@ -20,7 +20,7 @@ def untold(point: Point) -> Indices:
         return free[:0]
     std = np.sqrt(np.maximum(np.diag(point.solution.covariance()), 0.0))[: len(free)]
     lasting = 1.0 / max(block.last for block in point.blocks)
-    return np.asarray(free[std > VAGUE * np.maximum(np.abs(point.entries.exponents[free].real), lasting)], np.intp)
+    return np.asarray(free[is_vague(std, np.maximum(np.abs(point.entries.exponents[free].real), lasting))], np.intp)
 
 
 def equality(solution: Solution, entry: int, sure: Mask) -> tuple[float, int]:

@@ -19,7 +19,6 @@ OWN = 0.1
 
 COPIED = 0.04  # the same below which it is a copy, up to rounding; above, sensors may share what they do not measure
 ENOUGH = 4  # samples for each response from which on sums of them are looked for
-NORMAL_QUARTILE = 0.6745  # the median size of a normal number of unit deviation
 LOOKED_AT = 5000  # second differences whose median tells the noise to two percent
 NAMED = 0.01  # the share of a channel that another must make up to be named
 
@@ -85,7 +84,10 @@ def _noise_of(rests: NDArray[np.float64]) -> NDArray[np.float64]:
 
     Their root mean square, or what their median second difference is in white noise, if that is less.
     """
+    from scipy.special import ndtri
+
     apart = max(1, rests.shape[1] // LOOKED_AT)
     rough = np.abs(np.diff(rests, 2, axis=1)[:, ::apart])
-    rough = np.median(rough, axis=1) / (NORMAL_QUARTILE * np.sqrt(6.0))
+    # The median size of a normal number is its upper quartile.
+    rough = np.median(rough, axis=1) / (ndtri(0.75) * np.sqrt(6.0))
     return np.minimum(np.sqrt(np.einsum("rn,rn->r", rests, rests) / rests.shape[1]), rough)

@@ -10,7 +10,7 @@ import numpy as np
 
 from floquid.checks import MISFIT
 from floquid.core import PeriodicModel
-from floquid.fit import SURE, VAGUE, chi2_limit
+from floquid.fit import SURE, chi2_limit, is_vague
 from floquid.lifting import Lifted, unlift
 from floquid.lti import ERA, Ensemble, TimeResponses, brief, pooled_noise
 from floquid.periodic import Fit, ModeParameters
@@ -119,7 +119,7 @@ def determined(model: PeriodicModel | None) -> bool:
     """True where the decays of all modes are known to a share of themselves."""
     if model is None or model.exponent_std is None:
         return False
-    return bool((model.exponent_std.real < VAGUE * np.abs(model.exponents.real)).all())
+    return not is_vague(model.exponent_std.real, model.exponents.real).any()
 
 
 def lasting(fitted: Fit) -> bool:
