@@ -11,7 +11,7 @@ costs f alone; gradient and matrix are those of accepted points.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Generic, Protocol, TypeVar
 
@@ -91,6 +91,21 @@ class Normal(Rebuilt):
         """The gain that the whole step lets expect."""
         values, vectors = self.directions
         return float(np.sum((vectors.T @ (gradient / self.scale)) ** 2 / (values + START)))
+
+    def turned(self, step: Floats, change: Floats) -> Normal:
+        r"""The matrix with the curvature that a step has shown, by what the gradient fell along it (Broyden 1970).
+
+        .. math:: M + \frac{y y^T}{y^T s} - \frac{M s s^T M}{s^T M s}
+
+        It holds what a residual and its second derivatives add, which Gauss and Newton leave out.
+        """
+        _, vectors = self.directions
+        change = self.scale * (vectors @ (vectors.T @ (change / self.scale)))
+        seen, along = float(change @ step), self.matrix @ step
+        if seen <= 0.0:
+            return self
+        more = np.outer(change, change / seen) - np.outer(along, along / float(along @ step))
+        return replace(self, matrix=self.matrix + more, given=self.scale)
 
     def size(self, step: Floats) -> float:
         """The largest move of a parameter, in deviations of it with all others held."""
@@ -178,9 +193,10 @@ def levenberg_marquardt(start: Point, of: Steps[Point], ends: Ends) -> Point:
         still = normal.size(step) < ends.deviations or np.abs(step).max() < ROUNDING
         if idle or still or len(gains) == ends.steps or (of.enough is not None and of.enough(point, gains)):
             break
-        kept = of.gradient is not None and step is whole and gained > SERVES * expected
-        if kept and of.gradient is not None:
-            pull = of.gradient(point)
+        kept = of.gradient is not None
+        if of.gradient is not None:
+            before, pull = pull, of.gradient(point)
+            normal = normal.turned(step, before - pull)
         else:
             normal = of.normal(point)
             pull = normal.gradient
