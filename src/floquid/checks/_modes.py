@@ -96,10 +96,21 @@ def doubts_of(model: PeriodicModel, *, wanders: bool = False) -> tuple[Finding, 
     findings += _moving(model, WANDERING if wanders else NEIGHBOURS)
     if std is not None and _halved(model, std):
         findings.append(warning("period_halved"))
+    negative = int(_negative(model).sum())
+    if negative % 2:
+        findings.append(warning("partner_missing", number=negative))
     growing = model.exponents.real > (DEVIATIONS * std.real if std is not None else 0.0)
     if growing.any():
         findings.append(warning("growing", number=int(growing.sum()), order=model.order))
     return tuple(findings)
+
+
+def _negative(model: PeriodicModel) -> Mask:
+    r"""Modes with a negative multiplier (modes,).
+
+    Of a real system these are an even number, as :math:`\det\Phi(T) = e^{\int_0^T \mathrm{tr} A\, dt} > 0`.
+    """
+    return model.real & (model.multipliers.real < 0.0)
 
 
 def weak_modes(case: Decays, evidence: Evidence) -> tuple[Finding, ...]:
@@ -109,7 +120,8 @@ def weak_modes(case: Decays, evidence: Evidence) -> tuple[Finding, ...]:
               \sum_m |B_{r,c,h,m}|^2 \sum_k 2\, e^{2 \Re \lambda_r t_k}, \qquad \ell_r = \chi^2_{p_r, \alpha / n}
 
     a conjugate pair once, p its parameters and n the samples of the records. The products of two harmonics are left
-    out: they add up to nothing over a period. The least is `mode`, and has to be 1.
+    out: they add up to nothing over a period. The least is `mode`, and has to be 1. Negative multipliers come in twos:
+    of an even number the strongest speaks for all.
     """
     from scipy.special import chdtri
 
@@ -121,6 +133,9 @@ def weak_modes(case: Decays, evidence: Evidence) -> tuple[Finding, ...]:
     looks = sum(record.n_samples for record in case.records)
     limits = chdtri(2 * case.responses * np.maximum(kept, 1) + 2, SURE / looks)
     shares = powers / limits
+    negative = _negative(model)[modes]
+    if negative.sum() % 2 == 0:
+        shares[negative] = shares[negative].max(initial=0.0)
     if evidence.kept("mode", float(shares.min()), 1.0, at_least=True):
         return ()
     below = [k for (k,) in strongest(np.where(shares < 1.0, 2.0 - shares, 0.0))]

@@ -130,6 +130,9 @@ MODEL: dict[str, str | Callable[..., str]] = {
     "multiplier_minus_one": "A component with a multiplier of -1 neither grows nor decays. Most likely it is the "
     "imbalance response of a shaft that turns once in two periods, not a mode. Let it be fitted: "
     "`periods_per_revolution=2`, and `forced=` not none.",
+    "partner_missing": "A negative real multiplier is missing: {number} found, and a real system has an even number. "
+    "It may be next to one that is found, whose decay is the mean of both then. A hit with another initial state would "
+    "show it.",
     "weakly_determined": "{number} of {order} exponents are weakly determined (deviation above {limit:g} of the "
     "fundamental). Each may stand for several modes, so do not quote their frequency and damping. A second hit at "
     "another place, or less noise, helps most.",

@@ -70,5 +70,5 @@ def schwarz(log_likelihood: float, n_parameters: int, n_samples: int) -> float:
 
 
 def is_vague(std: Floats | float, decay: Floats | float) -> Mask:
-    """True of decays whose 95 % intervals hold zero, or of which nothing is known: they are not determined."""
+    """True of decays that are not determined: their 95 % intervals hold zero, or they have none."""
     return ~np.less_equal(WITHIN * np.asarray(std), np.abs(decay))

@@ -30,6 +30,7 @@ from floquid.periodic.least_squares import (
     solve,
     through,
 )
+from floquid.periodic.search import period_step
 
 Clocks = Sequence[PhaseClock]
 
@@ -137,17 +138,14 @@ def own_period(
     together.
     """
     blocks = _noisy(model, records, clocks, noise, "own_period")
+    if not model.one_shape:
+        return period_step(_evaluated(model, blocks, ModeParameters.of(model)))
     solution = _evaluated(model, blocks, replace(ModeParameters.of(model), free_period=True))
-    if solution.information[-1, -1] <= 0.0:
-        return None
-    covariance, gradient = solution.covariance(), solution.gradient
-    if model.one_shape:
-        shared = _shared(model, blocks, solution)
-        covariance, gradient = shared.normal_inverse, shared.normal.gradient
-    last = len(solution.gradient) - 1
+    shared = _shared(model, blocks, solution)
+    covariance, last = shared.normal_inverse, len(solution.gradient) - 1
     if not 0.0 < covariance[last, last] < model.fundamental**2:
         return None
-    step = float(covariance[last] @ gradient)
+    step = float(covariance[last] @ shared.normal.gradient)
     return -step / model.fundamental, float(np.sqrt(covariance[last, last])) / model.fundamental
 
 

@@ -106,6 +106,26 @@ def test_the_power_of_a_mode_is_that_of_its_response(exponents):
     assert _power(case, 0) == pytest.approx(np.sum(values**2) / 0.25, rel=0.02)
 
 
+@pytest.mark.parametrize("second", [-0.02 + np.pi * 1j, -0.02], ids=["negative", "positive"])
+def test_a_weak_negative_multiplier_beside_another_is_none_of_noise(second):
+    """Negative multipliers come in twos: where one is seen, another one is there. Positive ones may be noise."""
+    shape = np.zeros((2, 1, 1, 3), complex)
+    shape[0, 0, 0, :2], shape[1, 0, 0, 1] = 1.0, 1e-3
+    shape[1, 0, 0, 0] = 1e-3 * (second.imag > 0.0)
+    model = PeriodicModel(
+        exponents=[-0.05 + np.pi * 1j, second],
+        coefficients=shape,
+        harmonics=[-1, 0, 1],
+        period=1.0,
+        channels=clean().channels[:1],
+    )
+    times = np.arange(4000) / 64.0
+    values = model.response(times)[:, 0] + 0.1 * np.random.default_rng(0).standard_normal((1, 4000))
+    record = Record(values=values, sample_rate=64.0, channels=model.channels)
+    found = validate(model, [record], [ConstantPeriod(period=1.0)], noise=np.full((1, 1), 0.1))
+    assert ("mode_weak" in [own.code for own in found.findings]) == (second.imag == 0.0)
+
+
 @pytest.mark.slow
 def test_right_models_pass_with_every_noise():
     """Each of 40 draws; the criteria are made for one false alarm in some hundred."""

@@ -241,6 +241,22 @@ def test_one_harmonic_does_not_tell_the_period():
     assert own_period(single, [record_of(single)], [CLOCK], noise=np.full((2, 1), 1e-3)) is None
 
 
+@pytest.mark.parametrize("lines", [1, 2, 3])
+def test_a_real_multiplier_beside_its_axis_is_no_sign_of_the_period(lines):
+    """A pair that is off its axis, taken for one real multiplier: its lines move, as of another period."""
+    turns = np.arange(-3, 4)
+    b = np.zeros((1, 2, 1, 7), complex)
+    b[0, :, 0, 3:6] = np.array([[1.0, 0.5j, 0.3], [-0.4, 0.2 + 0.1j, 0.6j]]) * (np.arange(3) < lines)
+    b[..., :3] = b[..., 5:2:-1].conj()
+    parts = {"harmonics": turns, "period": PERIOD, "channels": CHANNELS}
+    alone = PeriodicModel(exponents=[-0.02 + 0.5j], coefficients=b, **parts)
+    pair = np.concatenate([b * (turns >= 0), b[..., ::-1].conj() * (turns <= 0)])
+    pair = PeriodicModel(exponents=[-0.02 + 0.5001j, -0.02 - 0.5001j], coefficients=pair, **parts)
+    found = own_period(alone, [record_of(pair)], [CLOCK], noise=np.full((2, 1), 1e-3))
+    assert (found is None) == (lines < 3)
+    assert found is None or abs(found[0]) < 4.0 * found[1] < 1e-4
+
+
 @pytest.mark.parametrize(
     ("records", "noise", "said"),
     [

@@ -132,7 +132,7 @@ def test_modes_near_one_axis_on_lines_of_their_own_stay_modes_of_their_own(seed)
     truth = [-0.05 + 0.01j, -0.2 + 5.0j * OMEGA + 0.02j]
     found = point(truth, [(0, 1), (0, 0)], truth=truth, seed=seed).settled()
     bands = found.entries.bands
-    near, kept, _ = with_axis_pairs(found, bands)
+    near, kept = with_axis_pairs(found, bands)
     result = near.entries
     assert len(kept) == len(result.exponents)
     decays = np.unique(np.round(result.exponents.real, 6))

@@ -139,3 +139,14 @@ def test_half_of_the_true_period_is_told():
     found = identify(replace(ringing(), clock=ConstantPeriod(period=0.5 * ROTOR.period)), validate=False)
     assert found.model.order == 8
     assert "period_halved" in {own.code for own in found.findings}
+
+
+@pytest.mark.parametrize("negative", range(4))
+def test_negative_multipliers_of_a_real_system_come_in_twos(negative):
+    exponents = [-0.1 - 0.05 * k + 0.5j for k in range(negative)] + [-0.2]
+    shape = np.zeros((len(exponents), 1, 1, 3), complex)
+    shape[:, 0, 0, :2], shape[-1, 0, 0, :] = 1.0, [0.0, 1.0, 0.0]
+    model = PeriodicModel(
+        exponents=exponents, coefficients=shape, harmonics=[-1, 0, 1], period=2.0 * np.pi, channels=["x"]
+    )
+    assert ("partner_missing" in [own.code for own in doubts_of(model)]) == (negative % 2 == 1)

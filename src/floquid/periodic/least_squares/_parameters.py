@@ -195,6 +195,13 @@ class ModeParameters:
         turns = np.arange(len(weights)) >= len(rows[0])
         return Parameters(np.concatenate([weights, weights], axis=1), turns)
 
+    @property
+    def alone(self) -> list[int]:
+        """Real multipliers without another one on their axis."""
+        own = np.flatnonzero(self.leading & self.real & (self.factors == PLAIN))
+        axes = self.half_turns[own] % 2
+        return [int(k) for k, axis in zip(own, axes, strict=True) if np.sum(axes == axis) == 1]
+
     def ties(self) -> Floats:
         """Derivatives of `rows` by the parameters (parameters, rows).
 

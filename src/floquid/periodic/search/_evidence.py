@@ -10,7 +10,7 @@ import numpy as np
 from floquid._arrays import Complexes, Floats, Integers
 from floquid.core import PeriodicModel, kind_open
 from floquid.findings import Finding, note, warning
-from floquid.fit import DEVIATIONS, SURE
+from floquid.fit import CHUNK, DEVIATIONS, SURE, WITHIN
 from floquid.periodic.least_squares import shapes
 from floquid.periodic.search._result import SearchResult
 from floquid.search import NEAR
@@ -99,12 +99,28 @@ def near_axis(result: SearchResult) -> tuple[Finding, ...]:
     values = entries.exponents + 1j * entries.fundamental * entries.offsets
     for place, apart in result.apart.items():
         findings.append(kind_open(complex(values[place]), apart))
-    for entry in np.flatnonzero(~entries.fixed & entries.real):
-        turn = float(entries.offsets[entry])
-        if turn in result.hidden and entry not in result.apart:
-            numbers = {"frequency": _hertz(complex(values[entry])), "apart": result.hidden[turn]}
-            findings.append(note("hidden_partner", decay=-float(values[entry].real), **numbers))
+    for entry in entries.alone:
+        numbers = {"decay": -float(values[entry].real), "apart": _hidden(result, entry)}
+        findings.append(note("hidden_partner", frequency=_hertz(complex(values[entry])), **numbers))
     return tuple(findings)
+
+
+def _hidden(result: SearchResult, entry: int) -> float:
+    r"""Distance from a real multiplier, on either side, of two that look like one, as far as noise hides them [1/s].
+
+    Their mean stands for the first moment of both, and noise hides the second:
+
+    .. math:: e^{\sigma t} (1 + \tfrac12 q t^2), \qquad q < 1.96 \operatorname{std} q
+
+    as the deviation of σ tells that of q: both are of t and t² beside what comes before.
+    """
+    solution, entries = result.solution, result.solution.entries
+    place = int(np.sum(entries.leading[:entry]))
+    std = float(np.sqrt(max(solution.covariance()[place, place], 0.0)))
+    times = np.linspace(0.0, max(block.last for block in result.blocks), CHUNK)
+    decaying = np.exp(entries.exponents[entry].real * times)[:, None]
+    seen = np.linalg.qr(decaying * np.vander(times, 3, increasing=True)).R
+    return float(np.sqrt(WITHIN * 2.0 * abs(seen[1, 1] / seen[2, 2]) * std))
 
 
 def doubles(result: SearchResult) -> tuple[Finding, ...]:

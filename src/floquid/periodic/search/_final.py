@@ -45,9 +45,8 @@ def finished(
     if free_period:
         # Not before: with modes still missing, the period would go to where it takes what is theirs.
         point = point.with_entries(replace(point.entries, free_period=True)).settled(rest=AT_REST, steps=STEPS)
-    hidden: dict[float, float] = {}
     if search:
-        point, bands, hidden = with_axis_pairs(point, bands)
+        point, bands = with_axis_pairs(point, bands)
         point = _without_steady(point, bands) if steady else point
         point = _without_undetermined(point)
     noise = noise_of(point.blocks, point.solution, floor)
@@ -63,7 +62,7 @@ def finished(
     peak = strongest(blocks, rest, point.period, EXPECTED)
     shares = [noise[block.rows, block.hit] / each.noise for block, each in zip(blocks, rest, strict=True)]
     misfit = float(np.max(np.concatenate(shares)))
-    return SearchResult(blocks, solution, bands, peak, tuple(rest), misfit, clusters, hidden=hidden)
+    return SearchResult(blocks, solution, bands, peak, tuple(rest), misfit, clusters)
 
 
 def _padded(point: Point, most: int) -> Point:

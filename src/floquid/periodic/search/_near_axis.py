@@ -16,7 +16,7 @@ import numpy as np
 
 from floquid._arrays import Floats, Integers, Mask
 from floquid.core import read_axis
-from floquid.fit import AT_REST, DEVIATIONS, FARTHEST, RARE, STEPS, WITHIN, chi2_limit
+from floquid.fit import AT_REST, DEVIATIONS, FARTHEST, RARE, STEPS, chi2_limit
 from floquid.periodic.least_squares import EVEN, ODD, PLAIN, ModeParameters, Solution, linearise
 from floquid.periodic.search._objective import Point, carried
 from floquid.periodic.search._result import SearchResult
@@ -35,14 +35,13 @@ class Trial:
     bands: Integers  # bands to report (entries, 2)
 
 
-def with_axis_pairs(point: Point, bands: Integers) -> tuple[Point, Integers, dict[float, float]]:
+def with_axis_pairs(point: Point, bands: Integers) -> tuple[Point, Integers]:
     """The fit with each pair near an axis, and each two real multipliers of one sign, by their mean and difference.
 
     Three and more states on one axis become one such pair where noise explains what they do beyond. A single real
     multiplier is given a second one where noise does not explain what that takes out of the cost. With the bands to
-    report (entries, 2), and how far from a single one a second may be that noise hides [1/s], by its turns a period.
+    report (entries, 2).
     """
-    hidden: dict[float, float] = {}
     # Where the speed wanders, frequencies run in time and harmonics in angle: a pair and its conjugate share no lines.
     for axis in () if point.wanders else (0, 1):
         tried: set[tuple[complex, ...]] = set()
@@ -63,12 +62,9 @@ def with_axis_pairs(point: Point, bands: Integers) -> tuple[Point, Integers, dic
             if trial_fit is None:
                 continue
             if states == 1:
-                place = trial.places[0]
-                if not _needed(trial_fit, point) or len(trial_fit.entries.exponents) - 2 in untold(trial_fit):
-                    hidden[float(entries.offsets[place])] = _hidden(trial_fit.solution)
-                    continue
-                wide = _solved(trial_fit, _as_wide(trial_fit.entries))
-                point, bands = trial_fit if wide is None else wide, trial.bands
+                if _needed(trial_fit, point) and len(trial_fit.entries.exponents) - 2 not in untold(trial_fit):
+                    wide = _solved(trial_fit, _as_wide(trial_fit.entries))
+                    point, bands = trial_fit if wide is None else wide, trial.bands
                 continue
             if states > 2 and _needed(point, trial_fit):
                 # Each as two with lines of their own, all of these would share their lines: they stay as told apart.
@@ -80,7 +76,7 @@ def with_axis_pairs(point: Point, bands: Integers) -> tuple[Point, Integers, dic
             if fewer is None and trial_fit.value > point.value and _hides(trial_fit, point, trial):
                 continue
             point, bands = (trial_fit, trial.bands) if fewer is None else (fewer, trial.bands[:-1])
-    return point, bands, hidden
+    return point, bands
 
 
 def _hides(with_block: Point, point: Point, trial: Trial) -> bool:
@@ -88,11 +84,6 @@ def _hides(with_block: Point, point: Point, trial: Trial) -> bool:
     before = np.setdiff1d(untold(point), trial.places)
     after = np.setdiff1d(untold(with_block), len(with_block.entries.exponents) - np.array([1, 2]))
     return len(after) > len(before)
-
-
-def _hidden(solution: Solution) -> float:
-    """Distance from a single real multiplier to a second one that noise hides, by the interval of q [1/s]."""
-    return float(np.sqrt(max(float(solution.entries.all_squares[-1]) + WITHIN * _square_std(solution), 0.0)))
 
 
 def _square_std(solution: Solution) -> float:

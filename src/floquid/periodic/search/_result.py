@@ -31,8 +31,6 @@ class SearchResult:
     clusters: tuple[int, ...] = ()  # the entries whose harmonics do not have one exponent
     as_read: dict[int, complex] = field(default_factory=dict)  # deviations of exponents near an axis, by entry
     apart: dict[int, float] = field(default_factory=dict)  # of pairs of open kind how far apart both exponents may be
-    hidden: dict[float, float] = field(default_factory=dict)
-    """Distance from a real multiplier within which noise hides a second one [1/s], by its turns a period."""
     one: OneShape | None = None  # the same fit with one shape for all hits, where they agree
     disagreement: Disagreement | None = None  # of the hits, where they do not
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from floquid._arrays import Floats, Indices, Mask
-from floquid.fit import ROUNDING, is_vague, scaled_inverse, score_gain
+from floquid.fit import HALF_DIGITS, LONGEST_STEP, ROUNDING, is_vague, scaled_inverse, score_gain
 from floquid.periodic.least_squares import ModeParameters, Solution
 from floquid.periodic.search._objective import Point
 
@@ -64,18 +64,30 @@ def _gain(solution: Solution, ties: Floats) -> float:
 
 
 def period_step(solution: Solution) -> tuple[float, float] | None:
-    """(own period - T)/T by one step of the fundamental as a further parameter, and its deviation; None if untold."""
-    entries = solution.entries
-    turns, n = entries.columns().turns, len(entries.columns().modes)
-    if entries.free_period or not turns.any():
+    """(own period - T)/T by one step of the fundamental as a further parameter, and its deviation; None if untold.
+
+    A real multiplier that is alone on its axis may be a pair beside it, whose lines move together, or one of two, whose
+    slowest line moves alone: neither is a sign of the period.
+    """
+    entries, columns = solution.entries, solution.entries.columns()
+    n = len(columns.modes)
+    if entries.free_period or not columns.turns.any():
         return None
-    ties = entries.ties()
-    turned = np.zeros((1, ties.shape[1]))
-    turned[0, n : 2 * n] = turns
-    ties = np.concatenate([ties, turned])
-    gradient, _, information = solution.by_column.tied(ties)
-    inverse = scaled_inverse(information, ROUNDING)
-    variance = float(inverse[-1, -1])
-    if not variance > 0.0 or not information[-1, -1] > 0.0:
+    ties = [entries.ties()]
+    for entry in entries.alone:
+        own = np.flatnonzero(columns.modes == entry)
+        slowest = int(own[np.argmin(np.abs(columns.turns[own]))])
+        beside = np.zeros((3, ties[0].shape[1]))
+        beside[0, n + own] = beside[1, slowest] = beside[2, n + slowest] = 1.0
+        ties.append(beside)
+    turned = np.zeros((1, ties[0].shape[1]))
+    turned[0, n : 2 * n] = columns.turns
+    gradient, _, information = solution.by_column.tied(np.concatenate([*ties, turned]))
+    others = information[-1, :-1] @ scaled_inverse(information[:-1, :-1], ROUNDING)
+    left = float(information[-1, -1] - others @ information[:-1, -1])
+    if left <= HALF_DIGITS * information[-1, -1]:
         return None
-    return -float(inverse[-1] @ gradient) / entries.fundamental, float(np.sqrt(variance)) / entries.fundamental
+    std = left**-0.5 / entries.fundamental
+    step = float(gradient[-1] - others @ gradient[:-1]) / left
+    # Beyond, one linearisation says nothing.
+    return (-step / entries.fundamental, std) if 2.0 * np.pi * std < LONGEST_STEP else None
