@@ -18,7 +18,7 @@ from floquid.checks._excitation import excitation_of
 from floquid.checks._left_out import FAILING, LeftOut, first_part
 from floquid.checks._modes import undetermined_of
 from floquid.checks._period import Off, shaken
-from floquid.checks._residual import FAILED, STRONG_COLOUR, Colour
+from floquid.checks._residual import STRONG_COLOUR, Colour
 from floquid.core import Channel, PeriodicModel, Record
 from floquid.findings import Finding
 from floquid.fit import SIGNIFICANT, SURE
@@ -156,12 +156,16 @@ class Driven(Excited):
         return undetermined_of(self.model)
 
     def errors(self) -> Floats:
-        """The rms error on the last quarter of each record, by a fit to the rest, over what is expected (outputs,).
+        r"""The rms error on the last quarter of each record, by a fit to the rest, over what is expected (outputs,).
 
-        Expected are the noise, and what the deviations of that fit make of the prediction.
+        Expected are the noise, and what the deviations of that fit make of the prediction:
+
+        .. math:: \frac{1}{n} r^T (\sigma^2 + J P J^T)^{-1} r
         """
         whole, fitted_model = self.own.samples, self.fit.at
-        first, fitted = first_part(whole)
+        fitted = first_part(whole)[1] & whole.there
+        # Not measured and not cut off: states that grow are followed backwards, from the end of each record.
+        first = replace(whole, values=whole.values * fitted, known=whole.known * fitted, there=fitted)
         part = Uncertainty(first, inputs.solve(first, fitted_model.modes, fitted_model.direct))
         whole_at = linearise(whole, part.at.modes, part.at.direct)
         states = state_slopes(whole, whole_at)
@@ -171,10 +175,11 @@ class Driven(Excited):
             residual = whole.values[channel, beyond] - part.at.coefficients[:, channel] @ columns
             at = replace(whole_at, coefficients=part.at.coefficients)
             by_parameters = slopes_of(whole, at, channel, states)[:, beyond]
-            # What the part does not tell of the model is no error of it, up to where it predicts nothing.
-            untold = part.errors.variance(channel, by_parameters.T, columns.T)
-            expected = noise**2 + np.minimum(untold, FAILED * noise**2)
-            errors.append(float(np.sqrt(np.mean(residual**2 / expected))))
+            # An error of one parameter goes through all samples: it counts once.
+            untold = part.errors.root(channel, by_parameters.T, columns.T)
+            pull, inner = untold.T @ residual, untold.T @ untold + noise**2 * np.eye(untold.shape[1])
+            square = (residual @ residual - pull @ np.linalg.solve(inner, pull)) / noise**2
+            errors.append(float(np.sqrt(max(square, 0.0) / len(residual))))
         return np.array(errors)
 
 

@@ -212,6 +212,7 @@ def _as_input_mode(mode: Mode, samples: Samples, initial: NDArray[np.complex128]
         turns=mode.turns,
         initial=initial,
         sizes=np.ones(len(samples.inputs)),
+        backwards=runs_away(samples, mode.exponent),
     )
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from floquid.core import Channel, Driven, Estimates, Gains
-from floquid.fit import HALF_DIGITS, inverse_root
+from floquid.fit import HALF_DIGITS, covariance_root, inverse_root
 from floquid.inputs._modes import InputMode
 
 Term = tuple[complex, NDArray[np.int64], NDArray[np.complex128], NDArray[np.int64], NDArray[np.complex128]]
@@ -72,13 +72,23 @@ class Errors:
             scales=np.ones(outputs),
         )
 
+    def root(
+        self, output: int, by_parameters: NDArray[np.float64], by_columns: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Root of the covariance of real quantities of one output (quantities, directions).
+
+        By (quantities, parameters) and (quantities, columns): the first of each, where there are more.
+        """
+        columns = slice(by_columns.shape[1])
+        whole = by_columns @ self.slopes[output, columns]
+        whole[:, : by_parameters.shape[1]] += by_parameters
+        own = by_columns @ covariance_root(self.spread[self.blocks[output], columns, columns])
+        return np.concatenate([whole @ covariance_root(self.parameters), own * self.scales[output]], axis=1)
+
     def variance(
         self, output: int, by_parameters: NDArray[np.float64], by_columns: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """The variance of real quantities of one output, by (quantities, parameters) and (quantities, columns).
-
-        The first of the parameters and of the columns, where there are more.
-        """
+        """The variance of real quantities of one output (quantities,), by the same."""
         columns = slice(by_columns.shape[1])
         whole = by_columns @ self.slopes[output, columns]
         whole[:, : by_parameters.shape[1]] += by_parameters

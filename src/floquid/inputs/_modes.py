@@ -20,7 +20,7 @@ LINEAR = np.array([(n + 1.0) / factorial(n + 2) for n in reversed(range(14))])
 """The series of a linear input, the highest power first: to double precision below ½, where differences cancel."""
 
 RUNAWAY = 3.0
-"""The growth of a mode over a record [nepers] beyond which its state is run backwards, from the end of the record.
+"""The growth of a mode over a record [nepers] beyond which it is followed backwards, from the end of the record.
 
 Forwards the errors of inputs and innovations grow with it: a mode that a feedback holds would be no candidate.
 """
@@ -50,12 +50,14 @@ class InputMode(Rebuilt):
     turns
         The harmonics m, ascending (turns,); of real states from 0 or ½ on.
     initial
-        z at the first sample of each record (records,); at the last one of a mode that grows beyond all bounds. Of a
+        z at the first sample of each record (records,), at the last one of a mode that is followed `backwards`. Of a
         block those of the second state follow (2 records,).
     sizes
         The state that a gain of 1 makes of each input, about (inputs,): b counts by it beside z at the start.
     square
         q of a block [1/s²]; None of another mode.
+    backwards
+        True of a mode that grows, whose state is followed from the end of each record: a fit keeps to its way.
     """
 
     exponent: complex
@@ -66,6 +68,7 @@ class InputMode(Rebuilt):
     initial: NDArray[np.complex128]
     sizes: NDArray[np.float64]
     square: float | None = None
+    backwards: bool = False
 
     @property
     def states(self) -> int:
@@ -225,10 +228,8 @@ def state_of(samples: Samples, mode: InputMode) -> NDArray:
     if mode.square is not None:
         return _both(samples, mode, lambda own: state_of(samples, own)).real
     drive = _driven(samples, mode, _shares(samples, mode, mode.exponent))
-    initial, decay = mode.initial, complex(np.exp(mode.exponent * samples.step))
-    if mode.real:
-        return _recursion(samples, decay.real, drive.real) + initial.real @ _begun(samples, mode)
-    return _recursion(samples, decay, drive) + initial @ _begun(samples, mode)
+    initial = mode.initial.real if mode.real else mode.initial
+    return followed(samples, mode, drive) + initial @ _begun(samples, mode)
 
 
 def reached_by(samples: Samples, mode: InputMode) -> NDArray:
@@ -242,12 +243,10 @@ def reached_by(samples: Samples, mode: InputMode) -> NDArray:
         both = np.concatenate([alone[:, :size], by_root(alone[:, :size], mode.square)], axis=1)
         begun = np.concatenate([alone[:, size:], by_root(alone[:, size:], mode.square)], axis=1)
         return np.moveaxis(np.concatenate([both.real, -both.imag, begun.real], axis=1), 0, 1)
-    drives, decay = _drives(samples, mode), complex(np.exp(mode.exponent * samples.step))
-    if mode.real:
-        # A real state has the real part of each drive by the real part of b, less the imaginary one by the other.
-        parts = np.concatenate([drives.real, -drives.imag])
-        return np.concatenate([_recursion(samples, decay.real, parts), _begun(samples, mode)])
-    return np.concatenate([_recursion(samples, decay, drives), _begun(samples, mode)])
+    drives = _drives(samples, mode)
+    # A real state has the real part of each drive by the real part of b, less the imaginary one by the other.
+    parts = np.concatenate([drives.real, -drives.imag]) if mode.real else drives
+    return np.concatenate([followed(samples, mode, parts), _begun(samples, mode)])
 
 
 def slopes_of_state(samples: Samples, mode: InputMode, state: NDArray) -> NDArray:
@@ -297,30 +296,34 @@ def _late(samples: Samples, mode: InputMode, state: NDArray) -> NDArray:
     up, down = (_shares(samples, mode, mode.exponent + sign * nudge) for sign in (1.0, -1.0))
     drive = _driven(samples, mode, (up - down) / (2.0 * nudge))
     decay = complex(np.exp(mode.exponent * samples.step))
-    if mode.real:
-        return _recursion(samples, decay.real, samples.step * decay.real * state + drive.real)
-    return _recursion(samples, decay, samples.step * decay * state + drive)
-
-
-def followed(samples: Samples, mode: InputMode, drive: NDArray[np.complex128]) -> NDArray:
-    """The state of a mode that a signal drives from each sample to the next one, from zero (samples,)."""
-    decay = complex(np.exp(mode.exponent * samples.step))
-    return _recursion(samples, decay.real, drive.real) if mode.real else _recursion(samples, decay, drive)
+    return followed(samples, mode, samples.step * decay * state + drive)
 
 
 def runs_away(samples: Samples, exponent: complex) -> bool:
-    """True of a mode that grows by so much over a record that its state is run backwards."""
+    """True of a mode that grows by so much over a record that its state is followed backwards."""
     return exponent.real * samples.step * max(own.stop - own.start for own in samples.records) > RUNAWAY
+
+
+def directed(samples: Samples, mode: InputMode) -> InputMode:
+    """A mode as it is followed in these records: backwards where it runs away."""
+    other = replace(mode, backwards=runs_away(samples, mode.exponent))
+    if other.backwards == mode.backwards:
+        return mode
+    initial = state_of(samples, mode)[..., ends_of(samples, other)]
+    return replace(other, initial=np.asarray(np.ravel(initial), np.complex128))
+
+
+def ends_of(samples: Samples, mode: InputMode) -> list[int]:
+    """The sample of each record from which the state of a mode is followed."""
+    return [own.stop - 1 if mode.backwards else own.start for own in samples.records]
 
 
 def _begun(samples: Samples, mode: InputMode) -> NDArray:
     """e^{λt} from the begin of each record (records, samples), or from its end."""
     rate = mode.exponent.real if mode.real else mode.exponent
     found = np.zeros((len(samples.records), samples.n_samples), type(rate))
-    for number, own in enumerate(samples.records):
-        count = own.stop - own.start
-        origin = count - 1 if runs_away(samples, mode.exponent) else 0
-        found[number, own] = np.exp(rate * samples.step * (np.arange(count) - origin))
+    for number, (own, origin) in enumerate(zip(samples.records, ends_of(samples, mode), strict=True)):
+        found[number, own] = np.exp(rate * samples.step * (np.arange(own.start, own.stop) - origin))
     return found
 
 
@@ -355,12 +358,15 @@ def _drives(samples: Samples, mode: InputMode) -> NDArray[np.complex128]:
     return found.reshape(-1, samples.n_samples)
 
 
-def _recursion(samples: Samples, decay: complex, drives: NDArray) -> NDArray:
-    """State z with z[k + 1] = decay z[k] + drive[k] from zero in each record (…, samples).
+def followed(samples: Samples, mode: InputMode, drives: NDArray) -> NDArray:
+    """State z with z[k + 1] = e^{λ step} z[k] + drive[k] from zero in each record, real ones by Re drive (…, samples).
 
-    Where it runs away it ends with zero: of all solutions that one is bounded where the inputs hold the mode.
+    Of one that is followed backwards it ends with zero: that is bounded where the inputs hold the mode.
     """
-    if not runs_away(samples, np.log(decay) / samples.step):
+    decay: complex = np.exp(mode.exponent * samples.step)
+    if mode.real:
+        decay, drives = decay.real, drives.real
+    if not mode.backwards:
 
         def forwards(own: NDArray) -> NDArray:
             return _summed(decay, np.concatenate([np.zeros_like(own[..., :1]), own[..., :-1]], axis=-1))

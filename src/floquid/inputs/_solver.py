@@ -29,7 +29,7 @@ from floquid.fit import (
     scaled_inverse,
     schwarz,
 )
-from floquid.inputs._modes import InputMode, runs_away, slopes_of_state, state_of
+from floquid.inputs._modes import InputMode, directed, slopes_of_state, state_of
 from floquid.inputs._samples import Samples
 
 EXACT = 1e-5
@@ -242,7 +242,8 @@ def solve(
 
     Rough steps are made in single precision. A fit ends where its cost is `below` a value, or will not come there.
     """
-    now, period = linearise(samples, [mode.scaled() for mode in modes], direct), 2.0 * np.pi / samples.fundamental
+    now = linearise(samples, [directed(samples, mode).scaled() for mode in modes], direct)
+    period = 2.0 * np.pi / samples.fundamental
     if not modes:
         return now
 
@@ -256,7 +257,11 @@ def solve(
 
     steps = Steps(
         normal=normal,
-        moved=lambda at, step: _moved(samples, at, step),
+        moved=lambda at, step: linearise(
+            samples,
+            [mode.moved(own).scaled() for mode, own in zip(at.modes, _parts(at, step), strict=True)],
+            at.direct,
+        ),
         limited=lambda at, step, _normal, _damping: _limited(at, step, period),
         enough=enough if below < np.inf else None,
     )
@@ -299,15 +304,6 @@ def _limited(at: Linearisation, step: NDArray[np.float64], period: float) -> NDA
         mode.distance(own, LONGEST_STEP / period) * period for mode, own in zip(at.modes, _parts(at, step), strict=True)
     )
     return step * min(1.0, LONGEST_STEP / max(longest, 1e-300))
-
-
-def _moved(samples: Samples, at: Linearisation, step: NDArray[np.float64]) -> Linearisation | None:
-    """The linearisation a step away; None where a mode runs away."""
-    moved = [mode.moved(own) for mode, own in zip(at.modes, _parts(at, step), strict=True)]
-    pairs = zip(at.modes, moved, strict=True)
-    if any(runs_away(samples, one.exponent) != runs_away(samples, other.exponent) for one, other in pairs):
-        return None
-    return linearise(samples, [mode.scaled() for mode in moved], at.direct)
 
 
 def covariance(samples: Samples, at: Linearisation) -> NDArray[np.float64]:

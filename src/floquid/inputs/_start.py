@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.inputs._modes import RUNAWAY, InputMode
+from floquid.inputs._modes import RUNAWAY, InputMode, runs_away
 from floquid.inputs._samples import Samples
 
 SIDEBANDS = (3, 2, 1)
@@ -220,6 +220,7 @@ def bare_mode(
         turns=turns,
         initial=np.ones(starts, complex),
         sizes=samples.input_size * np.sqrt(samples.step / max(abs(exponent.real), 1.0 / longest)),
+        backwards=runs_away(samples, exponent),
     )
 
 

@@ -83,6 +83,16 @@ def test_an_offset_however_large_is_no_mode_and_no_reason_for_more_noise(seed, o
     assert beside.model.exponent_std == pytest.approx(alone.model.exponent_std, rel=0.05)
 
 
+@pytest.mark.parametrize("damping", [-0.01, -0.0125, -0.03])
+def test_a_mode_that_grows_by_several_nepers_passes(damping):
+    """By 3.6 to 11: a fit that begins below three goes on beyond, and what is left out is predicted."""
+    values, force = record_of(mathieu(damping=damping), 80, 16, 0.01, 0)
+    record = Record(values=np.concatenate([values, force]), sample_rate=16 / np.pi, channels=["y", "u"])
+    found = identify(record, period=np.pi, inputs=["u"])
+    assert found.passed
+    assert pulls(mathieu(damping=damping), found.model).max() < 4.0
+
+
 def test_two_outputs_two_inputs_and_a_frame_that_turns():
     system = two_masses()
     found = identified(system, 60, 24, 0.02)

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from floquid.core import Provenance
 from floquid.inputs import InputMode, Uncertainty, linearise, samples_of, slopes_of, state_slopes
-from floquid.inputs._modes import reached_by, state_of
+from floquid.inputs._modes import directed, reached_by, runs_away, state_of
 from floquid.inputs.search._near_axis import block_of_pair, block_of_reals, ordinary
 
 STEP, OMEGA = 0.17, 1.3
@@ -36,6 +36,7 @@ def mode(*, real=False, rate=-0.3):
         turns=reach,
         initial=np.array([0.7 + (0.0 if real else 0.2j)]),
         sizes=np.ones(2),
+        backwards=runs_away(samples("zero"), rate),
     )
 
 
@@ -70,7 +71,7 @@ def test_a_mode_that_a_feedback_holds_ends_where_it_is_said(real):
     state = state_of(own, wanted)
     assert np.isclose(state[-1], wanted.initial[0])
     assert np.abs(state).max() < 20.0
-    at = replace(wanted, initial=np.array([state[0] + 0j]))
+    at = replace(wanted, initial=np.array([state[0] + 0j]), backwards=False)
     first = samples_of([own.values[:, :6]], [own.inputs[:, :6]], [0.4], step=STEP, fundamental=OMEGA, hold="zero")
     assert np.allclose(state_of(first, at), state[:6], atol=1e-9)
 
@@ -215,3 +216,13 @@ def test_first_states_of_a_model_are_those_at_the_first_samples(rate):
     at = linearise(own, [mode(real=False, rate=rate)])
     model = Uncertainty(own, at).model(["a", "b"], [f"u{k}" for k in range(len(own.inputs))], Provenance())
     assert np.allclose(model.inputs.initial[0], at.states[0][[record.start for record in own.records]])
+
+
+@pytest.mark.parametrize("backwards", [False, True])
+@pytest.mark.parametrize("real", [False, True])
+def test_a_mode_is_the_same_followed_from_either_end(real, backwards):
+    own = samples("first")
+    other = replace(mode(real=real, rate=0.3 if backwards else 0.05), backwards=not backwards)
+    turned = directed(own, other)
+    assert turned.backwards == runs_away(own, other.exponent)
+    assert np.allclose(state_of(own, turned), state_of(own, other))

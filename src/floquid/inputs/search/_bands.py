@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.fit import wald_rise
-from floquid.inputs._modes import InputMode
+from floquid.inputs._modes import InputMode, ends_of
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, columns_of
 from floquid.inputs.search._point import HOPE, Point
@@ -180,7 +180,7 @@ def centred(samples: Samples, mode: InputMode, now: Linearisation, number: int) 
     own, shape = now.modes[number], np.abs(now.shape(number)) / now.noise
     energy = np.sum(shape**2, axis=1)
     turn = float(own.turns[int(np.argmax(energy))])
-    begins = samples.times[list(samples.begins[:-1])]
+    begins = samples.times[ends_of(samples, mode)]
     exponent = mode.exponent + 1j * turn * samples.fundamental
     found = replace(
         mode,
