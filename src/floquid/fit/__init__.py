@@ -13,6 +13,7 @@ from floquid.fit._filters import LAGS as LAGS
 from floquid.fit._filters import filter_gain as filter_gain
 from floquid.fit._filters import filtered as filtered
 from floquid.fit._filters import yule_walker as yule_walker
+from floquid.fit._near_axis import OFF as OFF
 from floquid.fit._near_axis import AxisFit as AxisFit
 from floquid.fit._near_axis import AxisMode as AxisMode
 from floquid.fit._near_axis import begun_off as begun_off

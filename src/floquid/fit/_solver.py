@@ -124,8 +124,6 @@ class Steps(Generic[Point]):
         The point a step away, None where there is none.
     limited
         A step shortened, by the point, the normal equations and the damping; None for steps of any length.
-    bent
-        Another step to try after one that gains nothing, of the same; None for none.
     gradient
         The gradient at a point, where it costs much less than the matrix: that serves while steps gain as expected.
     enough
@@ -135,7 +133,6 @@ class Steps(Generic[Point]):
     normal: Callable[[Point], Normal]
     moved: Callable[[Point, Floats], Point | None]
     limited: Callable[[Point, Floats, Normal, float], Floats] | None = None
-    bent: Callable[[Point, Floats, Normal, float], Floats] | None = None
     gradient: Callable[[Point], Floats] | None = None
     enough: Callable[[Point, list[float]], bool] | None = None
 
@@ -170,9 +167,6 @@ def levenberg_marquardt(start: Point, of: Steps[Point], ends: Ends) -> Point:
         whole = normal.step(damping, pull)
         step = whole if of.limited is None else of.limited(point, whole, normal, damping)
         trial, gained = _tried(of, point, step)
-        if trial is None and not kept and of.bent is not None:
-            step = of.bent(point, step, normal, damping)
-            trial, gained = _tried(of, point, step)
         if trial is None and kept:
             normal, kept = of.normal(point), False
             pull = normal.gradient

@@ -8,18 +8,12 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.fit import IN_VAIN, LAGS
+from floquid.fit import FEW_STEPS, IN_VAIN, LAGS
 from floquid.innovations._predictor import Predictor
 from floquid.inputs import Samples
 
-HARMONICS = 6
-"""Harmonics of the covariance that are tried at most."""
-
 MOST = 0.5
 """Shares of other channels over the samples, at most: as many as there are samples fit anything."""
-
-STEPS = 8
-"""Steps of Fisher's scoring for the logarithm of a variance."""
 
 
 def reweighed(samples: Samples, at: Predictor) -> Predictor:
@@ -39,14 +33,14 @@ def whitening_of(samples: Samples, innovations: NDArray[np.float64]) -> NDArray[
     count, there = len(innovations), samples.there
     innovations = innovations[:, there]
     found = np.zeros((samples.count, count, count))
-    highest = min(HARMONICS, int(np.pi / (samples.fundamental * samples.step)))
+    highest = int(np.pi / (samples.fundamental * samples.step))
     basis = [np.ones((1, samples.count))]
-    for turn in range(1, highest + 1):
-        angle = samples.turned(turn)[there]
-        basis.append(np.array([angle.real, angle.imag]))
     for channel, own in enumerate(innovations):
         best, found_at = np.inf, 0
         for harmonics in range(highest + 1):
+            if harmonics == len(basis):
+                angle = samples.turned(harmonics)[there]
+                basis.append(np.array([angle.real, angle.imag]))
             columns = np.concatenate(basis[: harmonics + 1])
             if harmonics > found_at + IN_VAIN or (harmonics and len(columns) * channel > MOST * samples.count):
                 break
@@ -81,7 +75,7 @@ def _log_variance(squares: NDArray[np.float64], columns: NDArray[np.float64]) ->
     """The logarithm of a variance that is a sum of columns, by squares (samples,)."""
     inverse = np.linalg.inv(columns @ columns.T)
     found = np.full_like(squares, np.log(squares.mean()))
-    for _ in range(STEPS):
+    for _ in range(FEW_STEPS):
         found = found + (inverse @ (columns @ np.expm1(np.log(squares + 1e-300) - found))) @ columns
     # At the maximum the mean of the squares over the variance is 1.
     return np.asarray(found + np.log(np.mean(squares * np.exp(-found))), np.float64)

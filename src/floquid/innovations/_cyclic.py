@@ -8,12 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
-from floquid.fit import LAGS, SURE, chi2_limit, inverse_root
+from floquid.fit import CHUNK, DEVIATIONS, LAGS, SURE, chi2_limit, inverse_root
 from floquid.innovations._autoregression import delayed, whole_past
 from floquid.inputs import Samples
-
-PRODUCTS = 512
-"""Products of a residual and a sample of the past that are looked at."""
 
 HARMONICS = 3
 """Harmonics of a period that count together."""
@@ -29,9 +26,6 @@ SLOWEST = 0.1
 
 CLEARLY = 2.0
 """The score of a frequency over the largest at harmonics of the period given, from which on it is of another period."""
-
-OPPOSITE = -0.1
-"""The correlation of the products of two records below which they are about half a period apart: noise leaves none."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +114,7 @@ def _products(samples: Samples) -> tuple[NDArray[np.float64], NDArray[np.float64
     """Residuals of an autoregression of constant coefficients, and its regressors, each white (signals, samples)."""
     values = samples.values - np.linalg.lstsq(samples.known.T, samples.values.T, rcond=None)[0].T @ samples.known
     signals = np.concatenate([values, samples.inputs])
-    lags = max(min(LAGS, PRODUCTS // (len(values) * len(signals))), 2)
+    lags = max(min(LAGS, CHUNK // (len(values) * len(signals))), 2)
     past = np.concatenate([samples.each(signals, lambda own, lag=lag: delayed(own, lag)) for lag in range(1, lags + 1)])
     if samples.count < samples.n_samples:
         used = whole_past(samples, lags)
@@ -158,7 +152,7 @@ def turned_records(samples: Samples) -> list[int]:
     strong = [float(np.sum(np.abs(own) ** 2)) > limit for own in each]
     for number in range(1, len(each)):
         alike = np.vdot(each[0], each[number]).real / (np.linalg.norm(each[0]) * np.linalg.norm(each[number]))
-        if strong[0] and strong[number] and alike < OPPOSITE:
+        if strong[0] and strong[number] and alike < -DEVIATIONS / np.sqrt(2.0 * each[0].size):
             found.append(number)
     return found
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.fit import LAGS
 from floquid.inputs import Samples
 
 MEMORY = 64  # samples after a gap at which it is taken for forgotten, beside its own length
-CALM = 16  # samples after a gap from which on innovations tell their own covariance
 
 
 def scales_of(
@@ -52,6 +52,6 @@ def _calm(samples: Samples, innovations: NDArray[np.float64]) -> NDArray[np.floa
     """The covariance of innovations far from gaps, of all where hardly any are."""
     used = samples.there.copy()
     for begin, end in samples.gaps:
-        used[begin : end + CALM] = False
-    own = innovations[:, used if used.sum() > CALM * len(innovations) else samples.there]
+        used[begin : end + LAGS] = False
+    own = innovations[:, used if used.sum() > LAGS * len(innovations) else samples.there]
     return own @ own.T / own.shape[1]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from floquid.fit import (
     AT_REST,
     FEW_STEPS,
+    IN_VAIN,
     LONGEST_STEP,
     REST,
     ROUNDS,
@@ -24,21 +25,12 @@ from floquid.fit import (
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, gradient, predicted, slopes
 from floquid.inputs import Samples
+from floquid.search import BETTER
 
 Step = NDArray[np.float64]
 
-NEARBY, BENT = 0.1, 0.75
-"""The share of a step at which the curve of the residual is looked at, and the size of the second derivative over the
-step beyond which it is shortened."""
-
 PACED = 3
 """Steps after which a fit whose gains go down is given up where it will not gain what it must at their pace."""
-
-PATIENCE = 2
-"""Such steps in a row that end a fit: the matrix that is kept may be a poor one."""
-
-CLIMBING = 20.0
-"""while one gains so much in twice the logarithm of the likelihood."""
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of a start that all but diverges: no step is found then
@@ -69,8 +61,7 @@ def inverse_of(normal: Normal, free: NDArray[np.bool_] | None = None) -> NDArray
 def solve(samples: Samples, start: Predictor, *, rough: bool = False, least: float = -np.inf) -> Predictor:
     """The maximum of the likelihood near a start (Levenberg-Marquardt).
 
-    The matrix is kept while steps gain what it lets expect: the gradient alone costs next to nothing. A step that gains
-    nothing is tried along the curve of the residual before it is shortened. A fit that is of no use below a least
+    The gradient alone costs next to nothing. A fit that is of no use below a least
     logarithm of the likelihood (twice that) is given up where it will not come as far. What makes up for gaps is held
     during a fit, which is made anew until that gains nothing more.
     """
@@ -89,10 +80,6 @@ def _solve(samples: Samples, start: Predictor, *, rough: bool, least: float) -> 
     """The maximum of the likelihood near a start, what makes up for gaps held."""
     (iterations, at_rest), period = (FEW_STEPS, REST) if rough else (STEPS, AT_REST), 2.0 * np.pi / samples.fundamental
 
-    def bent(at: Predictor, step: Step, normal: Normal, damping: float) -> Step:
-        root = normal.root(damping)
-        return held(at, step + bend(samples, at, step, root, normal), root, period)
-
     def hopeless(at: Predictor, gains: list[float]) -> bool:
         if len(gains) < PACED or gains[-1] >= gains[-2]:
             return False
@@ -102,30 +89,10 @@ def _solve(samples: Samples, start: Predictor, *, rough: bool, least: float) -> 
         normal=lambda at: normal_of(samples, at),
         moved=lambda at, step: moved(samples, at, step, period),
         limited=lambda at, step, normal, damping: held(at, step, normal.root(damping), period),
-        bent=bent,
         gradient=lambda at: gradient(samples, at, at.innovations),
         enough=hopeless,
     )
-    return levenberg_marquardt(start, steps, Ends(steps=iterations, gain=at_rest, patience=PATIENCE))
-
-
-def bend(
-    samples: Samples, now: Predictor, step: NDArray[np.float64], root: NDArray[np.float64], normal: Normal
-) -> NDArray[np.float64]:
-    r"""Second-order correction of a step along the curve of the residual (Transtrum and Sethna 2012), by a root W.
-
-    .. math:: \tfrac12 a = -\tfrac12 W W^T J^T R^{-1} \frac{\partial^2 e}{\partial\delta^2}
-
-    Too large a bend is shortened. Zero where the predictor diverges beside.
-    """
-    period = 2.0 * np.pi / samples.fundamental
-    ahead, behind = (moved(samples, now, sign * NEARBY * step, period) for sign in (1.0, -1.0))
-    if ahead is None or behind is None:
-        return np.zeros_like(step)
-    curve = (ahead.innovations - 2.0 * now.innovations + behind.innovations) / NEARBY**2
-    bend = root @ (root.T @ gradient(samples, now, curve))
-    size, most = np.linalg.norm(normal.scale * bend), BENT * np.linalg.norm(normal.scale * step)
-    return np.asarray(0.5 * min(1.0, most / max(size, 1e-300)) * bend)
+    return levenberg_marquardt(start, steps, Ends(steps=iterations, gain=at_rest, patience=IN_VAIN))
 
 
 def held(at: Predictor, whole: NDArray[np.float64], root: NDArray[np.float64], period: float) -> NDArray[np.float64]:
@@ -154,7 +121,7 @@ def climbed(samples: Samples, now: Predictor) -> Predictor:
     """A rough fit that goes on while it gains: a pole beside one that is there begins with next to nothing."""
     for _ in range(ROUNDS):
         before, now = now, solve(samples, now, rough=True)
-        if now.log_likelihood - before.log_likelihood < CLIMBING:
+        if now.log_likelihood - before.log_likelihood < BETTER:
             break
     return now
 

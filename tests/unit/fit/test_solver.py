@@ -121,3 +121,16 @@ def test_a_step_that_is_limited_goes_as_far_as_it_may():
     found = levenberg_marquardt(At(START), steps_of(Count(), limited=limited), Ends(steps=200, deviations=1e-9))
     assert found.p == pytest.approx([1.0, 1.0], abs=1e-8)
     assert max(np.abs(step).max() for step in moves) <= 0.1 + 1e-15
+
+
+def test_a_kept_matrix_takes_up_the_curvature_that_a_step_has_shown():
+    """Along the step it is that of the cost; what a singular matrix knows nothing of stays so."""
+    generator = np.random.default_rng(0)
+    slopes = generator.standard_normal((8, 4)) @ np.diag([1.0, 1.0, 1.0, 0.0])
+    normal, step = Normal(matrix=slopes.T @ slopes, gradient=np.zeros(4)), np.array([0.3, -0.1, 0.2, 0.0])
+    change = 1.7 * normal.matrix @ step + [0.0, 0.1, 0.0, 0.0]
+    turned = normal.turned(step, change)
+    assert np.allclose(turned.matrix @ step, change)
+    assert np.linalg.eigvalsh(turned.matrix)[1] > 0.0
+    assert np.allclose(turned.matrix[3], 0.0)
+    assert normal.turned(step, -change) is normal

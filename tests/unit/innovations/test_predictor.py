@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from floquid.fit import CHUNK, LONGEST_STEP, ROUNDING, directions
+from floquid.fit import CHUNK, LONGEST_STEP, ROUNDING
 from floquid.innovations import _products, _result
 from floquid.innovations._covariance import colour, whitening_of
 from floquid.innovations._gain import stable_gains
@@ -13,7 +13,7 @@ from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import gradient, matrices, predicted, slopes
 from floquid.innovations._products import as_real, merged
 from floquid.innovations._result import Fit, period_step, sized
-from floquid.innovations._solve import bend, held, moved, normal_of, places, solve
+from floquid.innovations._solve import held, moved, normal_of, places, solve
 from floquid.innovations.search import _bands
 from floquid.innovations.search._fewer import alike, needed
 from floquid.inputs import Limits, samples_of
@@ -131,20 +131,6 @@ def test_a_step_that_is_held_is_the_best_that_moves_no_exponent_too_far(case):
     exponents[[0, 1, places(at.modes)[1].start]] = True
     assert np.abs(slope[~exponents] / normal.scale[~exponents]).max() < 1e-8 * np.abs(slope / normal.scale).max()
     assert np.array_equal(held(at, 0.01 * step, root, period), 0.01 * step)
-
-
-def test_a_step_that_is_bent_leaves_no_curve_that_a_step_would_take_up(case):
-    samples, at, _ = case
-    normal, step = normal_of(samples, at), np.random.default_rng(9).standard_normal(normal_of(samples, at).scale.size)
-    step *= 1e-3 / normal.scale / np.linalg.norm(step)
-    values, vectors = directions(normal.matrix, 1e-9, scale=normal.scale)
-    bent = bend(samples, at, step, vectors / (values**0.5 * normal.scale[:, None]), normal)
-    ends = [moved(samples, at, sign * step, 1e-9).innovations for sign in (1.0, -1.0)]
-    curve = ends[0] - 2.0 * at.innovations + ends[1]
-    whole = np.concatenate([part for _, part in slopes(samples, at, at.whitening)])
-    left = gradient(samples, at, curve + 2.0 * (whole @ bent).T) / normal.scale
-    assert np.abs(bent).max() > 0.0
-    assert np.linalg.norm(left) < 0.02 * np.linalg.norm(gradient(samples, at, curve) / normal.scale)
 
 
 def test_the_scale_of_a_state_and_its_branch_change_nothing(case):

@@ -16,25 +16,16 @@ from floquid.innovations._products import as_real, gap_of, merged
 from floquid.innovations._solve import climbed, inverse_of, normal_of, places, solve
 from floquid.innovations.search._bands import anchored, grown, narrowed
 from floquid.inputs import Limits, Samples
-from floquid.search import NEAR
-
-DOUBTFUL = 5.0
-"""The squared deviations of a mode's shape over the limit, from which on no fit without it is tried."""
-
-HOPELESS = 5.0
-"""The loss by a mode less, over the limit, from which on no harmonics of others are grown to make it up."""
+from floquid.search import NEAR, REACH
 
 GONE = 1.0
 """The decay over a period [nepers] from which on a mode is gone within it."""
 
 FEW = 2
-"""Numbers of states tried for all modes that are gone within a period."""
+"""Real multipliers on an axis that stand for more of them: a pair that splits has two."""
 
-TOGETHER = 3
-"""Fits with a mode less that are compared, those first whose mode is needed least to first order: each takes long."""
-
-SEVERAL = 3
-"""Real multipliers on one axis that are left out in turn: a pair that splits has two."""
+TRIED = 3
+"""Fits that are compared at a time, those first that promise most: each takes long."""
 
 
 def better(trial: Predictor, now: Predictor, limits: Limits) -> bool:
@@ -46,7 +37,7 @@ def better(trial: Predictor, now: Predictor, limits: Limits) -> bool:
 
 def least(trial: Predictor, now: Predictor, limits: Limits) -> float:
     """Twice the logarithm of the likelihood of a fit with less below which harmonics will not make up for the loss."""
-    return now.log_likelihood - HOPELESS * chi2_limit(max(now.n_parameters - trial.n_parameters, 1), limits.mode_alarm)
+    return now.log_likelihood - REACH * chi2_limit(max(now.n_parameters - trial.n_parameters, 1), limits.mode_alarm)
 
 
 def needed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
@@ -63,7 +54,7 @@ def needed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
 def _one_less(samples: Samples, now: Predictor, limits: Limits) -> Predictor | None:
     """The fit with a mode less that explains as much with the harmonics that it then needs; None where none does."""
     starts = _fewer(samples, now, limits)
-    while not limits.over and (some := list(islice(starts, TOGETHER))):
+    while not limits.over and (some := list(islice(starts, TRIED))):
         trials = [solve(samples, start, rough=True, least=least(start, now, limits)) for start in some]
         for trial in sorted(trials, key=lambda own: -own.log_likelihood):
             best = _as_good(samples, now, trial, limits)
@@ -137,7 +128,7 @@ def _fewer(samples: Samples, now: Predictor, limits: Limits) -> Iterator[Predict
         count = 2 * mode.shape.size
         weight = wald_rise(mode.parameters[-count:], inverse[place, place][-count:, -count:])
         doubt = weight / chi2_limit(count, limits.mode_alarm)
-        if doubt <= DOUBTFUL or (mode.real and axes.count(mode.axis) >= SEVERAL):
+        if doubt <= REACH or (mode.real and axes.count(mode.axis) > FEW):
             starts.append((doubt, rest))
     for _, modes in sorted(starts, key=lambda own: own[0]):
         trial = stable(samples, now, modes, limits)

@@ -10,14 +10,15 @@ from numpy.typing import NDArray
 
 from floquid.core import NearAxis
 from floquid.errors import IdentificationError
-from floquid.fit import FEW_STEPS, ROUNDS, chi2_limit
+from floquid.fit import FEW_STEPS, OFF, ROUNDS, chi2_limit
 from floquid.innovations._covariance import reweighed, white, whitening_of
 from floquid.innovations._gain import SMALL, stable_gains
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted, rebuilt
+from floquid.innovations._products import APART
 from floquid.innovations._solve import climbed, solve
 from floquid.innovations.search._bands import centred, grown, narrowed
-from floquid.innovations.search._fewer import GONE, better, needed, stable
+from floquid.innovations.search._fewer import GONE, TRIED, better, needed, stable
 from floquid.innovations.search._near_axis import read_near_axis
 from floquid.innovations.search._real import with_real_ones
 from floquid.inputs import (
@@ -37,17 +38,8 @@ from floquid.search import LOOSE
 STABLE = (0.5, 0.3, 0.2)
 """Shares of the looks at which a candidate comes up, from which on a search begins with it: until all is white."""
 
-TRIED = 4
-"""Candidates that are fitted beside the modes in vain before the search ends."""
-
-BESIDE = 0.8
-"""The share of the decay of a mode that is gone within a period at which another is looked for."""
-
 SHRUNK = (1.0, 0.5, 0.2, 0.05)
 """Factors of the gains of new modes at which a predictor is tried."""
-
-REAL = 0.01
-"""Decays off an axis within which a candidate is a real multiplier: the gains of a pair would all but cancel."""
 
 PARTNERS = (0.1, 0.3, 1.0)
 """Decays over a period, beyond that of a real multiplier that lasts, at which a second one is looked for."""
@@ -165,7 +157,7 @@ def _with_one_more(
     period, beside = 2.0 * np.pi / samples.fundamental, []
     for mode in now.modes:
         if -mode.exponent.real * period > GONE:
-            pole = complex(BESIDE * mode.exponent.real, mode.axis * samples.fundamental + mode.exponent.imag)
+            pole = complex(APART[0] * mode.exponent.real, mode.axis * samples.fundamental + mode.exponent.imag)
             beside.append(fitted_together(own, now.innovations, [_bare(own, pole)], acting=0))
     for gain, modes in [*beside, *ranked[:TRIED]]:
         products = 2 * modes[0].turns.size * (modes[0].gains.size + len(samples.records))
@@ -265,7 +257,7 @@ def _with(
 def _bare(driven: Samples, exponent: complex) -> InputMode:
     """A candidate with one harmonic on either side; a real multiplier where it is all but on an axis."""
     half = 0.5 * round(2.0 * exponent.imag / driven.fundamental)
-    if abs(exponent.imag - half * driven.fundamental) > REAL * abs(exponent.real):
+    if abs(exponent.imag - half * driven.fundamental) > OFF * abs(exponent.real):
         turns = np.arange(-1.0, 2.0)
         return bare_mode(driven, exponent, turns, turns)
     turns = np.arange(half % 1.0, 2.0)
