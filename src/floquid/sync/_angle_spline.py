@@ -9,21 +9,15 @@ import numpy as np
 
 from floquid._arrays import BLOCK, Floats, Integers, Mask
 from floquid._checks import Rebuilt
-from floquid.fit import SURE, chi2_limit
+from floquid.fit import LAGS, SURE, chi2_limit
 
 if TYPE_CHECKING:
     from scipy.interpolate import BSpline
     from scipy.sparse import csr_array
 
-LADDER = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384, 512, 768, 1024, 1536, 2048)
-"""Numbers of pieces of the cubic spline that are tried, beside one straight line."""
-
 HARMLESS = 1e-3
 """The share of the angle between pulses below which none is left out: the residual of exact pulses is the spline's own
 error, which is small in most places and not in others."""
-
-LAGS = 8
-"""Lags at which the residual is searched for correlation: motion that the spline does not follow lasts for several."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -222,12 +216,12 @@ def _climb(x: Floats, wave: Floats, lines: Integers, n_lines: int, most: int, fl
     from scipy.special import fdtrc
 
     line = _solve(x, wave, lines, n_lines, np.array([0.0, 0.0, 1.0, 1.0]), 1)
-    tried = []
-    for pieces in LADDER:
-        if pieces > most or pieces + 3 + len(np.unique(lines)) + 2 > len(x):
-            break
+    tried, pieces, rows = [], 1, len(x) - len(np.unique(lines))
+    # The normal matrix of the pieces is a full one.
+    while pieces <= most and pieces + 3 + 2 <= rows and pieces**2 <= BLOCK:
         inner = np.quantile(x, np.linspace(0.0, 1.0, pieces + 1)[1:-1])  # as many pulses in each piece: none is empty
         tried.append(_solve(x, wave, lines, n_lines, np.concatenate([[0.0] * 4, inner, [1.0] * 4]), 3))
+        pieces += max(pieces // 2, 1)
     if not tried:
         return line
     least = len(x) * floor**2  # below it, all is rounding

@@ -11,16 +11,12 @@ from floquid._arrays import Floats, Indices, Integers
 from floquid._checks import input_error
 from floquid.core import AzimuthSignal, Channel, Record, channels_named
 from floquid.findings import Finding, note
-from floquid.sync._count_pulses import SPAN
+from floquid.sync._count_pulses import DOUBT, SPAN
+from floquid.sync._resample import FEWEST_PHASES
 
 OF = "shaft_angle"
 
 TURNS = {"deg": 360.0, "rad": 2.0 * np.pi, "mrad": 2e3 * np.pi, "urad": 2e6 * np.pi}  # a revolution in each unit
-AMISS = 0.1
-"""Revolutions by which a wrap may be off a whole one, and a sample off its neighbours: one averaged over a wrap is."""
-ONE_WAY = 0.8  # of the path from block to block, what the shaft must get on by: noise goes to and fro a little
-A_REVOLUTION = 16
-"""The angle is averaged over blocks of a sixteenth of a revolution: resolution and noise of neighbours go together."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,37 +47,36 @@ def of_azimuth(record: Record, clock: AzimuthSignal) -> Evidence:
     (row,) = channels_named(record.channels, [clock.channel], argument="record", of=OF)
     values, channel = record.values[row], record.channels[row]
     index = np.flatnonzero(np.isfinite(values))
-    few = len(index) < 3
-    if few or np.ptp(values[index]) == 0.0:
-        got = f"{channel.name!r} " + ("has fewer than three samples" if few else "is constant")
+    if not len(index) or np.ptp(values[index]) == 0.0:
+        got = f"{channel.name!r} is " + ("constant" if len(index) else "missing throughout")
         raise input_error("record", OF, "have a channel of azimuth that turns", got, "Choose another clock.")
     missing = len(values) - len(index)
     turns = values / _revolution(values, channel)
     good = index
     for _ in range(3):
         found, off = _unwrapped(turns, good)
-        amiss = np.abs(off) > AMISS
+        amiss = np.abs(off) > DOUBT  # one averaged over a wrap is
         if not amiss.any():
             break
         near = np.concatenate([[False], amiss]) | np.concatenate([amiss, [False]])
-        if np.count_nonzero(~near) < max(3, len(index) // 2):
+        if 2 * np.count_nonzero(~near) < len(index):
             must = "have a channel of azimuth that turns"
-            got = f"{channel.name!r} jumps by more than {AMISS:g} revolutions at {np.count_nonzero(near)} samples"
+            got = f"{channel.name!r} jumps by more than {DOUBT:g} revolutions at {np.count_nonzero(near)} samples"
             raise input_error("record", OF, must, got, "Check the channel and its unit.")
         good = good[~near]
     found, _ = _unwrapped(turns, good)
     backwards = bool(found[-1] < found[0])
     found = -found if backwards else found
     found -= np.floor(found[0])
-    block = max(int((len(found) - 1) / max(found[-1] - found[0], 1e-9) / A_REVOLUTION), 1)
-    block = min(block, max(len(found) // 8, 1))
+    # Resolution and noise of neighbours go together: they are averaged.
+    block = max(int(len(found) / max(found[-1] - found[0], 1.0) / FEWEST_PHASES), 1)
     whole = len(good) // block * block
     places = good[:whole].reshape(-1, block)
     tight = np.ptp(places, axis=1) < 2 * block  # over a stretch without samples the speed may change
     tight |= not tight.any()
     angles = found[:whole].reshape(-1, block)[tight].mean(axis=1)
     path = float(np.abs(np.diff(angles)).sum())
-    if angles[-1] - angles[0] < ONE_WAY * path:
+    if not (np.diff(angles) > 0.0).all():
         must = "be of a shaft that turns one way throughout"
         got = f"{channel.name!r} gets on by {angles[-1] - angles[0]:.3g} revolutions on a path of {path:.3g}"
         remedy = "Cut the record to a part in which the shaft turns, or check the channel."
@@ -128,7 +123,7 @@ def _revolution(values: Floats, channel: Channel) -> float:
     size = _wrap(values)
     if channel.unit != "-":
         turn = TURNS[channel.unit]
-        if size is not None and abs(size / turn - max(round(size / turn), 1)) > AMISS:
+        if size is not None and abs(size / turn - max(round(size / turn), 1)) > DOUBT:
             must = f"have an azimuth that wraps at {turn:.6g} {channel.unit}"
             remedy = "Correct the channel's unit, or scale the channel so that a revolution is 360 deg."
             raise input_error("record", OF, must, f"{channel.name!r} wraps at {size:.4g}", remedy)
@@ -141,7 +136,7 @@ def _revolution(values: Floats, channel: Channel) -> float:
             raise input_error("record", OF, must, got, 'Give the channel its unit, "deg" or "rad".')
         return TURNS["rad"]
     for turn in (TURNS["deg"], TURNS["rad"]):
-        if abs(size / turn - 1.0) < AMISS:
+        if abs(size / turn - 1.0) < DOUBT:
             return turn
     must = "have an azimuth that wraps at 360 deg or 2π rad"
     remedy = "Scale the channel so that a revolution is 360 and give it the unit deg."

@@ -12,7 +12,7 @@ from floquid.core import longest_run
 SPAN = 11  # the fewest intervals whose median is the local one: every second pulse but one may be wrong
 
 DOUBT = 0.25
-"""Line spacings that a pulse, a revolution or the speeds beside a gap may be off: half of one would be another line."""
+"""Line spacings, of an azimuth revolutions, that a pulse or a step may be off: half of one would be another line."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,12 +7,12 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid.core import Record, runs_of
 from floquid.findings import Finding, failure, note, warning
+from floquid.fit import HALF_DIGITS
 
 FLAT = 3  # equal samples in a row that make a flat top
 STUCK = 10  # equal samples in a row that make a dropout
 FULL = 0.95  # the share of its range that a channel must span to have wrapped round
 SMOOTHER = 0.25  # share of the power of second differences that taking the jumps out may leave
-WHOLE = 1e-3  # largest difference of counts from whole numbers: a factor of calibration rounds them
 
 
 def clipped(record: Record) -> tuple[Finding, ...]:
@@ -112,7 +112,7 @@ def measuring(record: Record, *, standing: bool = False) -> list[tuple[int, Floa
         if standing and not (values[1:] == values[:-1]).any():
             continue
         distinct = np.unique(values[np.isfinite(values)])
-        if len(distinct) >= 3 and not (channel.quantity != "force" and _two_levels(values, distinct[0], distinct[-1])):
+        if len(distinct) > 1 and not (channel.quantity != "force" and _two_levels(values, distinct[0], distinct[-1])):
             judged.append((row, values, float(np.diff(distinct).min())))
     return judged
 
@@ -147,7 +147,8 @@ def wrapped(record: Record) -> tuple[Finding, ...]:
         there = values[np.isfinite(values)]
         # Of wide integers, hardly any two neighbours are in a record.
         counts = there if (there == np.rint(there)).all() else there / quantum
-        if np.abs(counts - np.rint(counts)).max() > WHOLE:
+        # The smallest step, and so each count, is known to the rounding of the largest value alone.
+        if np.abs(counts - np.rint(counts)).max() > HALF_DIGITS * np.ptp(counts):
             continue
         for bits in range(8, 33):  # the widths of integers
             jumps = _jumps(np.rint(counts), 2.0**bits)

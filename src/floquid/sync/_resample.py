@@ -13,7 +13,7 @@ from floquid.core import Cycles, PhaseClock, Record, longest_run
 from floquid.fit import SURE
 from floquid.sync._interpolation import ACCURACY, BAND, check_options, half_width, interpolate
 
-FEWEST_PHASES = 8  # the fewest samples a period that are chosen from a bandwidth, where the sampling rate allows them
+FEWEST_PHASES = 8  # samples a period, and instants a revolution, that are chosen at least where a sensor gives them
 _LENGTHS = (256, 1024, 4096, 16384)  # samples of the stretches whose spectra are looked at
 
 
@@ -62,7 +62,7 @@ def resample(
         wanted = max(2.0 * reach * cut.longest / band for reach, cut in zip(reaches, cuts, strict=True))
         phases = min(max(FEWEST_PHASES, int(np.ceil(wanted))), int(most * (1.0 + 1e-9)))
     else:
-        phases = integer(n_phases, "n_phases", "resample", at_least=max(2, int(np.ceil(2e-4 * most))))
+        phases = integer(n_phases, "n_phases", "resample", at_least=2)
     return tuple(
         _resampled(record, cut, phases, reach, band, accuracy)
         for record, cut, reach in zip(several, cuts, reaches, strict=True)

@@ -13,7 +13,7 @@ from floquid._arrays import Floats, Integers, Mask
 from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid.core import PhaseClock, Record
 from floquid.findings import Finding, note, texts, warning
-from floquid.fit import SURE, chi2_limit
+from floquid.fit import DEVIATIONS, HALF_DIGITS, SURE, chi2_limit
 from floquid.sync._angle_spline import AngleFit, AngleSpline, fit_angle
 from floquid.sync._azimuth import OF, Evidence
 from floquid.sync._read_clock import evidence
@@ -21,11 +21,9 @@ from floquid.sync._read_clock import evidence
 STEADY, USABLE = 0.01, 0.05
 """Wander of the speed, of its mean: below the one a periodic model holds, beyond the other it does not."""
 
-GAP = 2.5
-"""Revolutions without a pulse, also before the first and after the last, that are told of: two are one pulse missed.
-The deviation of the angle does not hold how the speed changed there."""
-ALIKE = 0.4  # correlation of neighbours in what is left over that is told of
-ROUGH = 0.01  # scatter of pulses, in revolutions, that is too much for a good sensor on a shaft of steady speed
+GAP = 2.0
+"""Revolutions between knots at least: less, and uneven lines would be taken for a change of speed. More without a
+pulse, also before the first and after the last, are told of: the deviation leaves out how the speed changed there."""
 
 
 def verdict(wander: float, run: float, mean_speed: float) -> tuple[bool, Finding]:
@@ -78,7 +76,7 @@ def alike(residuals: Floats) -> list[Finding]:
     """Finding on residuals that follow one another: a random error differs from pulse to pulse."""
     power = float(residuals @ residuals)
     correlation = float(residuals[1:] @ residuals[:-1]) / power if power > 0.0 else 0.0
-    if correlation < max(ALIKE, 4.0 / np.sqrt(len(residuals))):
+    if correlation < DEVIATIONS / np.sqrt(len(residuals)):
         return []
     return [warning("angle_alike", correlation=correlation)]
 
@@ -88,8 +86,6 @@ def outside(before: float, after: float) -> list[Finding]:
     before, after = (many if many > GAP else 0.0 for many in (before, after))
     return [note("beyond_angle", before=before, after=after)] if before or after else []
 
-
-APART = 2.0  # revolutions between knots at least: less, and uneven lines would be taken for a change of speed
 
 TURN = 2.0 * np.pi
 
@@ -113,7 +109,7 @@ class ShaftAngle(Rebuilt):
         Those that were not rejected (pulses,).
     jitter, jitter_unit
         The standard deviation of what is left over, and its unit: of pulses their times, "s", of an azimuth the angle
-        averaged over a sixteenth of a revolution, "rad".
+        averaged over an eighth of a revolution, "rad".
     geometry, geometry_std
         How far each line of the encoder is ahead of even spacing (lines,) [rad], and its standard deviation; NaN for
         lines that never gave a pulse. None where that is not estimated: one line, or less than three revolutions.
@@ -210,18 +206,18 @@ class ShaftAngle(Rebuilt):
 
     def phase(self, time: float) -> float:
         """The phase at `time` [s], as a fraction of a period in [0, 1)."""
-        fraction = float(self.turns(np.array([time]))[0]) % 1.0
-        return 0.0 if fraction > 1.0 - 1e-9 else fraction
+        turns = float(self.turns(np.array([time]))[0])
+        return max(turns - np.floor(turns + HALF_DIGITS), 0.0)
 
     def phase_zero(self, time: float) -> float:
         """The last instant of phase zero [s] up to `time` [s]."""
-        return float(self.times_at(np.floor(self.turns(np.array([time])) + 1e-9))[0])
+        return float(self.times_at(np.floor(self.turns(np.array([time])) + HALF_DIGITS))[0])
 
     def since_phase_zero(self, start: float, ticks: Floats) -> tuple[Floats, Floats]:
         """Times [s] and angles [rad] since the last phase zero up to `start` [s], at `ticks` [s] after it."""
         times = start + ticks
         angles = self.angle(times) * self.periods_per_revolution
-        return times - self.phase_zero(start), angles - TURN * np.floor(angles[0] / TURN + 1e-9)
+        return times - self.phase_zero(start), angles - TURN * np.floor(angles[0] / TURN + HALF_DIGITS)
 
     def fluctuation(self, times: Floats) -> Floats:
         """Relative deviation of the speed at `times` [s] from its mean."""
@@ -276,7 +272,7 @@ def shaft_angle(record: Record) -> ShaftAngle:
     """
     seen = evidence(record.clock, record)
     revolutions = float(seen.angles[-1] - seen.angles[0]) / TURN
-    most = max(int(revolutions / APART), 1)
+    most = max(int(revolutions / GAP), 1)
     fit = fit_angle(seen.times, seen.angles, seen.lines, seen.n_lines, most, step=seen.step)
     spline = fit.spline
     speeds = spline.speed(np.linspace(spline.first, spline.last, 8 * len(spline.knots)))
@@ -317,8 +313,6 @@ def _remarks(record: Record, seen: Evidence, fit: AngleFit, n_used: int, rejecte
     said = [*seen.said, *fixed, *gaps(seen.times[fit.kept], spline.mean_speed()[0])]
     if seen.n_lines > 1:
         said += uneven(fit.offsets, fit.offsets_std)
-    if fit.std > ROUGH * TURN:
-        said.append(warning("rough_angle", degrees=np.degrees(fit.std)))
     said += alike(fit.residuals[fit.kept])
     ends = spline.speed(np.array([spline.first, spline.last])) / TURN
     stop = record.start + (record.n_samples - 1) / record.sample_rate
