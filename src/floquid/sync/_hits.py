@@ -70,8 +70,8 @@ def find_impacts(
     A free response that starts at the first sample is no impact: an empty result says that the record is one free
     response from its first sample (or that the first samples are all that was hit). Two blows nearer than the model's
     memory (160 samples over the channels) look like one long impact in the response alone. The soft beginning and end
-    of a long one drown in noise: then split with a `skip`. A hard knock of loose parts is an impact; longer chatter, which both
-    predictions miss on both of its sides, is not counted.
+    of a long one drown in noise: then split with a `skip`. A hard knock of loose parts is an impact; longer chatter,
+    which both predictions miss on both of its sides, is not counted.
 
     Raises InputError where a channel is unknown or a number is out of its range. So it does where the response is too
     short or misses too many samples.
