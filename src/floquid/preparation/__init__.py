@@ -10,7 +10,6 @@ from floquid.preparation._before import from_sample as from_sample
 from floquid.preparation._clocks import clocked as clocked
 from floquid.preparation._clocks import clocks_of as clocks_of
 from floquid.preparation._clocks import without_clock as without_clock
-from floquid.preparation._excited import COPY as COPY
 from floquid.preparation._excited import FORBIDDEN as FORBIDDEN
 from floquid.preparation._excited import WORDS as WORDS
 from floquid.preparation._excited import parted as parted

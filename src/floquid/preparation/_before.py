@@ -12,16 +12,15 @@ from floquid._checks import input_error
 from floquid.core import Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, warning
+from floquid.fit import CHUNK
 from floquid.preparation._mended import NO_RESPONSE, begins_free, without_faults, without_spikes
+from floquid.preparation._refuse import NAMED
 from floquid.preparation._settings import Settings
 from floquid.sync import clipped, divisible, dropouts, find_hits, gaps, split_hits, tied
 
-MOST_GAPS = 12  # stretches of missing samples that are listed one by one
 CENSORED = 0.02
 """The share of clipped samples of outputs alone that is left out, at most: they are missing because they were large.
 At 1 % exponents were within 1.1 of their deviations, at 13 % off by 3.0 (rms of 8 draws)."""
-
-CHUNK = 8192  # samples at which an orbit is made at a time
 
 
 def without_orbit(records: tuple[Record, ...]) -> tuple[tuple[Record, ...], tuple[Finding, ...]]:
@@ -72,9 +71,9 @@ def missing_of(records: tuple[Record, ...]) -> tuple[Finding, ...]:
     found = []
     for number, record in enumerate(records, start=1):
         where, own = _name(number, records), gaps(record)
-        found += [replace(gap, where=where) for gap in own[:MOST_GAPS]]
-        if len(own) > MOST_GAPS:
-            found.append(note("more_gaps", where=where, number=len(own) - MOST_GAPS))
+        found += [replace(gap, where=where) for gap in own[:NAMED]]
+        if len(own) > NAMED:
+            found.append(note("more_gaps", where=where, number=len(own) - NAMED))
     return tuple(found)
 
 

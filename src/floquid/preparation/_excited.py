@@ -9,16 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
-from floquid.checks import Parted, quiet_for
+from floquid.checks import Parted
 from floquid.core import Record, channels_named, over_gaps, runs_of
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, note, warning
+from floquid.fit import HALF_DIGITS
 from floquid.inputs import Hold, samples_of
 from floquid.preparation._before import faults_of
 from floquid.preparation._clocks import clocks_of, refuse_no_clock, shafts_of
-from floquid.preparation._lines import Lines
-from floquid.preparation._mended import NO_RESPONSE
-from floquid.preparation._refuse import refuse_period, refuse_unlike
+from floquid.preparation._lines import BESIDE, Lines
+from floquid.preparation._mended import MOST_ABSENT, NO_RESPONSE
+from floquid.preparation._refuse import LEAST, NAMED, refuse_few, refuse_period, refuse_unlike
 from floquid.preparation._settings import Settings
 from floquid.preparation._states import check_states
 from floquid.sync import ShaftAngle
@@ -48,24 +49,6 @@ WORDS = {
 
 PERIODIC = 1e-3
 """The share of an input's energy off the harmonics of the period below which it is periodic itself."""
-
-COPY = 1e-8
-"""The smallest eigenvalue of the correlations of the inputs below which one is a sum of others."""
-
-LEAST = 2.1
-"""Samples that a period must last."""
-
-STILL = 5
-"""Periods without drive at the start of a record from which on a response must ring down."""
-
-FADED, FAINT = 0.5, 0.05
-"""Shares of the energy before, and of that when driven, that a response has left then which does not ring down."""
-
-FEWEST = 8
-"""Periods that records must hold in all."""
-
-MOST_ABSENT = 0.5  # the share of an output's samples that may be missing: beyond, the record is mostly gap
-NAMED = 3  # gaps of an input that a refusal names
 
 
 def refuse_others(settings: Settings, of: str) -> None:
@@ -119,21 +102,14 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
     whole = _refuse_absent(outputs, values)
     rate = records[0].sample_rate
     if rate * period < LEAST:
-        must, got = f"be {LEAST} samples or more", f"is {rate * period:.4g}"
+        must, got = f"be {LEAST:g} samples or more", f"is {rate * period:.4g}"
         raise input_error("period", of, must, got, "Sample faster.")
-    periods = sum(int(own.sum()) for own in whole) / (rate * period)
-    if periods < FEWEST:
-        raise IdentificationError(
-            f"The records hold {periods:.3g} periods, fewer than {FEWEST}: too few for a periodic system whose "
-            "excitation goes on."
-        )
+    refuse_few(sum(int(own.sum()) for own in whole) / (rate * period))
     if driven:
         _refuse(settings.inputs, inputs, rate, period)
     given = shafts[0].periods_per_revolution if shafts else settings.periods_per_revolution
     filled = [over_gaps(own, ~there) for own, there in zip(values, whole, strict=True)]
     turns, findings = _beside(Lines(filled, inputs, times, rate, period), given, settings)
-    # Beside forces that nobody measured a response need not ring down.
-    late = () if settings.excitation == "ambient" else _late(filled, inputs, rate, period)
     hold: Hold = settings.hold
     samples = samples_of(
         values,
@@ -153,29 +129,8 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
         turns=turns,
         shafts=shafts,
         periods_per_revolution=given,
-        findings=(*_partly_missing(values, whole), *_faults(records, outputs, settings), *late, *findings),
+        findings=(*_partly_missing(values, whole), *_faults(records, outputs, settings), *findings),
     )
-
-
-def _late(
-    values: Sequence[NDArray[np.float64]], inputs: Sequence[NDArray[np.float64]], rate: float, period: float
-) -> tuple[Finding, ...]:
-    """Findings on records in which nothing drives at first while the response goes on: channels that came late."""
-    found = []
-    for number, (seen, driven) in enumerate(zip(values, inputs, strict=True), start=1):
-        quiet = quiet_for(driven)
-        if quiet < STILL * rate * period:
-            continue
-        # What repeats with the period is not driven by what was measured; the rest would have to ring down.
-        one = rate * period
-        lag = min((round(one), round(2.0 * one)), key=lambda own: abs(own - round(own / one) * one))
-        swing = np.abs(seen[:, lag:] - seen[:, :-lag])
-        still = swing[:, : quiet - lag]
-        early, middle, later = (np.square(own).sum() for own in np.array_split(still, 3, axis=1))
-        usual = float(np.mean(swing[:, quiet:] ** 2)) * still.size / 3.0 if swing.shape[1] > quiet else 0.0
-        if later > FADED * max(early, middle) and later > FAINT * usual:
-            found.append(warning("inputs_began", record=number, seconds=quiet / rate))
-    return tuple(found)
 
 
 def _refuse_gaps(record: Record, row: int, of: str) -> None:
@@ -254,7 +209,7 @@ def _refuse(names: Sequence[str], inputs: Sequence[NDArray[np.float64]], rate: f
             f"Input {int(np.flatnonzero(size == 0.0)[0]) + 1} never changes: nothing can be learned of what it does. "
             "Leave it out of `inputs`."
         )
-    if np.linalg.eigvalsh(np.corrcoef(centred).reshape(len(size), -1))[0] < COPY:
+    if np.linalg.eigvalsh(np.corrcoef(centred).reshape(len(size), -1))[0] < HALF_DIGITS:
         raise IdentificationError(
             "The inputs are copies or sums of one another: their effects cannot be separated. Leave one out of "
             "`inputs`, or drive them with signals that are independent."
@@ -271,12 +226,12 @@ def _refuse(names: Sequence[str], inputs: Sequence[NDArray[np.float64]], rate: f
 def _off_harmonics(values: NDArray[np.float64], rate: float, period: float) -> float:
     """The share of the energy of the inputs of one record that is off the harmonics of the period."""
     periods = int(values.shape[1] / (rate * period))
-    if periods < 3:
-        return 1.0
+    if periods <= 2 * BESIDE:
+        return 1.0  # nothing is off them
     part = values[:, : round(periods * rate * period)]
     lines = np.abs(np.fft.rfft(part - part.mean(axis=1, keepdims=True), axis=1)) ** 2
     place = np.arange(lines.shape[1]) / periods
-    near = np.abs(place - np.rint(place)) * periods <= 2.5
+    near = np.abs(place - np.rint(place)) * periods <= BESIDE
     return float(lines[:, ~near].sum() / max(lines.sum(), np.finfo(float).tiny))
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from floquid.core import Record
 from floquid.errors import FloquidError
 from floquid.findings import Finding, warning
+from floquid.fit import DEVIATIONS
 from floquid.sync import Impact, find_impacts
 
 NO_RESPONSE = ("force", "pulse", "angle")
@@ -19,20 +20,10 @@ NO_RESPONSE = ("force", "pulse", "angle")
 
 GROWN = 1.3  # times that the typical size of a response grows by at a blow, at least, from one stretch to the next
 STRETCH = 64  # samples of such a stretch, at most; a blow nearer to the ends of a record is not looked for
-SHORT = 3
-"""Samples of a fault, at most, that are left out and the rest believed."""
-
 NEAR, ALONE = 12, 0.35
 """Samples about a fault that are compared with it, and how far, as its share, they may be from their neighbours."""
 
-MOST_BLOWS = 8  # blows beyond which a record is no series of free responses
-SMOOTH = 0.3
-"""The correlation of neighbouring samples from which on what comes before a blow is a response and no noise."""
-
-ENOUGH = 30
-"""Periods before a blow that are a hit of their own: three for each of ten poles; half of the record if it is less."""
-
-MOST_LEFT_OUT = 0.3  # the share of a channel's samples that is left out at most
+MOST_ABSENT = 0.5  # the share of a channel's samples that may be missing: beyond, the record is mostly gap
 
 
 def without_faults(
@@ -52,7 +43,7 @@ def without_faults(
             bad = np.isin(record.values[row], fault["levels"])
         else:
             bad = (record.times >= fault["first"]) & (record.times <= fault["last"])
-        if bad.mean() <= MOST_LEFT_OUT:
+        if bad.mean() <= MOST_ABSENT:
             values[row, bad] = np.nan
             found.append(warning("left_out", channel=fault["channel"], samples=int(bad.sum())))
     return (_with(record, values), tuple(found)) if found else (record, ())
@@ -74,15 +65,13 @@ def without_spikes(record: Record, inputs: Sequence[str] = ()) -> tuple[Record, 
     values, blows, left = np.array(record.values), [], []
     for impact in impacts:
         first, last = (round((at - record.start) * record.sample_rate) for at in (impact.start, impact.end))
-        spike = last - first <= SHORT and _stands_alone(record.values[rows], first, last)
+        spike = _stands_alone(record.values[rows], first, last)
         spike = spike and not (driving and _stands_alone(record.values[driving], first, last))
         if not spike and first >= STRETCH // 2 and _grows(record.values[rows], first, last):
             blows.append(impact.start)
         elif spike:
             values[np.ix_(rows, range(max(first - 1, 0), last + 2))] = np.nan
             left.append(impact.start)
-    if len(blows) > MOST_BLOWS:
-        return record, (), ()
     found = (warning("spikes", instants=left, number=len(left)),) if left else ()
     return (_with(record, values) if left else record), tuple(blows), found
 
@@ -94,12 +83,8 @@ def begins_free(record: Record, blow: float) -> bool:
         return False
     before = np.nan_to_num(before - np.nanmean(before, axis=1, keepdims=True))
     power = np.maximum(np.sum(before**2, axis=1), np.finfo(float).tiny)
-    least = 0.5 * record.n_samples
-    if record.period is not None:
-        least = min(least, ENOUGH * record.period * record.sample_rate)
-    if before.shape[1] < least:
-        return False  # its noise could not be judged beside that of a longer hit
-    return bool((np.sum(before[:, 1:] * before[:, :-1], axis=1) / power > SMOOTH).any())
+    correlation = np.sum(before[:, 1:] * before[:, :-1], axis=1) / power
+    return bool((correlation > DEVIATIONS / np.sqrt(before.shape[1])).any())
 
 
 def _responses(record: Record, inputs: Sequence[str] = ()) -> list[int]:

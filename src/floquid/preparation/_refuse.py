@@ -11,17 +11,13 @@ from floquid._checks import input_error
 from floquid.core import PhaseClock, Record
 from floquid.errors import IdentificationError
 from floquid.lifting import refuse_values
-from floquid.sync import wrapped
+from floquid.sync import LARGEST_DRIFT, wrapped
 
 FEWEST = 4  # whole periods that a record must hold: fewer cannot hold a mode and the noise beside it
 LEAST = 2.0
 """Sampling intervals that a period must last: of shorter ones, a harmonic of the period would alias onto its mean."""
 
-SLACK = 0.5  # samples that a record may lack of the fewest periods: rates and periods are rounded
-LARGEST_DRIFT = 0.01
-"""Samples by which a record that is sampled once a period may slip against it, as where records are cut."""
-
-MOST_SLIPS = 2  # slips of the unit that are named in one message, the likeliest first
+NAMED = 3  # of many gaps, or slips of the unit, those that are named one by one
 NO_NEWS = "a copy adds no knowledge, but would make the deviations too small."
 
 
@@ -85,7 +81,7 @@ def _once_a_period(samples: float, record: Record) -> bool:
 
 def _held(record: Record, period: float) -> float:
     """Length of a record in periods."""
-    return (record.n_samples + SLACK) / (period * record.sample_rate)
+    return record.n_samples / (period * record.sample_rate)
 
 
 def _slip(period: float, record: Record) -> str:
@@ -121,7 +117,7 @@ def _slip(period: float, record: Record) -> str:
         for value, own, words, option in slips
         if value * own >= LEAST and FEWEST * value <= duration * rate / own
     ]
-    return f"{'; or '.join(fits[:MOST_SLIPS])}." if fits else ""
+    return f"{'; or '.join(fits[:NAMED])}." if fits else ""
 
 
 def _as_period(period: float) -> str:

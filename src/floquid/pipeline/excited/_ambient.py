@@ -12,6 +12,7 @@ from floquid.checks import Ambient, Parted
 from floquid.core import Provenance
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, failure, warning
+from floquid.fit import HALF_DIGITS
 from floquid.innovations import (
     Fit,
     Predictor,
@@ -25,7 +26,7 @@ from floquid.pipeline._analysis import Analysis
 from floquid.pipeline.excited._again import with_acting
 from floquid.pipeline.excited._finish import done_beside, finished, order_missed
 from floquid.pipeline.excited._identify import HIGHEST
-from floquid.preparation import COPY, Prepared
+from floquid.preparation import Prepared
 
 OF = "identify"
 
@@ -103,7 +104,7 @@ def identified_ambient(prepared: Prepared, report: Callable[[str], None]) -> Ana
 def _refuse_copies(first: NDArray[np.float64], own: Parted) -> None:
     """Refuse outputs that are sums of others: they have no innovations of their own."""
     spread = np.linalg.eigvalsh(np.corrcoef(first).reshape(len(first), -1))
-    if spread[0] < COPY:
+    if spread[0] < HALF_DIGITS:
         names = ", ".join(repr(channel.name) for channel in own.outputs)
         raise IdentificationError(
             f"One of the outputs {names} is a copy or a sum of others, without noise of its own. Their innovations are "
