@@ -92,9 +92,8 @@ class Analysis(Told, Drawn, Brief):
         model = self.model
         sides = counted(len(model.channels), "channel")
         sides += f", {counted(len(self.inputs), 'input')}" if self.inputs else ""
-        periods = ", ".join(f"{record.duration / model.period:.4g}" for record in self.records[:4])
-        more = ", …" * (len(self.records) > 4)
-        size = f"order={model.order}, period={model.period:.4g} s, {sides}, {periods}{more} periods"
+        periods = ", ".join(f"{record.duration / model.period:.4g}" for record in self.records)
+        size = f"order={model.order}, period={model.period:.4g} s, {sides}, {periods} periods"
         return f"Analysis({size}: {self.answer})"
 
     def _repr_html_(self) -> str:

@@ -10,16 +10,12 @@ import numpy as np
 
 from floquid.core import Estimates, PeriodicModel, Record
 from floquid.findings import Finding, failure
+from floquid.fit import DEVIATIONS
 from floquid.lti import ModalModel
 from floquid.periodic import Fit, ForcedResponse
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._decay import fails
 from floquid.preparation import Settings
-
-BENT = 1.1  # the misfit up to which the deviations are those of the noise alone, in a long record
-SCATTER = 5.0
-"""Excess of the misfit of noise alone over one, at most, times the root of the number of samples: its level is
-estimated."""
 
 
 def widening(misfit: float | None, records: Sequence[Record]) -> float:
@@ -30,7 +26,7 @@ def widening(misfit: float | None, records: Sequence[Record]) -> float:
     if misfit is None:
         return 1.0
     fewest = min(int(np.isfinite(record.values).sum(axis=1).min()) for record in records)
-    return misfit if misfit > max(BENT, 1.0 + SCATTER / np.sqrt(max(fewest, 1))) else 1.0
+    return misfit if misfit > 1.0 + DEVIATIONS / np.sqrt(max(fewest, 1)) else 1.0
 
 
 def widening_of(analysis: Analysis) -> float:

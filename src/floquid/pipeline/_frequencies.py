@@ -15,9 +15,6 @@ POINTS = 400
 BESIDE = (-3.0, -1.0, -0.5, 0.0, 0.5, 1.0, 3.0)
 """Frequencies beside a resonance, in half-widths of it."""
 
-FAINT = 0.03
-"""The share of the strongest way of an input through a mode below which its resonance is not sought."""
-
 
 def frequencies_of(asked: ArrayLike | None, model: PeriodicModel, records: tuple[Record, ...], of: str) -> Floats:
     """Frequencies of transfer functions [Hz]: those asked for, or some to beyond the highest mode (frequencies,)."""
@@ -30,14 +27,13 @@ def frequencies_of(asked: ArrayLike | None, model: PeriodicModel, records: tuple
 
 
 def _peaks(model: PeriodicModel) -> Floats:
-    """Frequencies of the inputs at and beside the resonances of the modes [Hz], by every harmonic that is strong.
+    """Frequencies of the inputs at and beside the resonances of the modes [Hz], by every harmonic that reaches them.
 
     An even grid misses the top of those that are narrower than its steps.
     """
     own = model.inputs
     assert own is not None
-    strength = np.abs(own.coefficients * np.abs(model.coefficients).max(axis=(1, 2, 3), initial=0.0)[:, None, None])
-    reached = (strength > FAINT * strength.max(axis=(0, 2), keepdims=True)).any(axis=1)
+    reached = (own.coefficients != 0.0).any(axis=1)
     rates = model.exponents.imag[:, None] - own.harmonics * model.fundamental
     beside = np.multiply.outer(np.abs(model.exponents.real), BESIDE)
     return (rates[:, :, None] + beside[:, None, :])[reached].ravel() / (2.0 * np.pi)

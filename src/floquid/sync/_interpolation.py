@@ -53,7 +53,7 @@ def design(sample_rate: float, cutoff: float, band: float, accuracy: float, of: 
     check_options(band, accuracy, of)
     n_taps, beta = _kaiser(20.0 * np.log10(_MARGIN / accuracy), 4.0 * (1.0 - band) * share)
     if 2.0 * share > 1.0 + ROUNDING or n_taps > BLOCK:
-        must = f"be half the sampling rate ({0.5 * rate:.6g} Hz) or less, and more than a ten-thousandth of it"
+        must = f"be half the sampling rate ({0.5 * rate:.6g} Hz) or less, and ask for {BLOCK} samples at most"
         raise input_error("cutoff", of, must, f"is {cutoff:.6g} Hz", "Pass half the lower of the old rate and the new.")
     half = int(np.ceil(0.5 * (n_taps - 1)))
 

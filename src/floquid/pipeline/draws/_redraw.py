@@ -30,10 +30,6 @@ from floquid.pipeline.free import again_of
 from floquid.preparation import Settings
 from floquid.sync import segment
 
-NEVER = 1e-300
-"""The probability below which the structure of A(t) is refused: the free model that is drawn from has a misfit already,
-and twice that much is no news of the structure."""
-
 
 @dataclass(frozen=True, slots=True)
 class Draw(Rebuilt):
@@ -240,7 +236,8 @@ def compared(plan: Plan | ExcitedRedrawn, found: PeriodicModel, again: Again, bu
     """Estimates of a draw: the modes in the order drawn from, and A(t), of the harmonics of a model if given."""
     exponents, coefficients = aligned(plan.model, found)
     held, own = built is not None, found if built is None else built
-    state, _ = state_of(own, plan.settings, again, lambda _: None, held=held, refuse=NEVER)
+    # The free model that is drawn from has a misfit already: twice that much is no news of the structure.
+    state, _ = state_of(own, plan.settings, again, lambda _: None, held=held, refuse=0.0)
     if state is not None and state.states != plan.states:
         was, now = ", ".join(plan.states), ", ".join(state.states)
         raise IdentificationError(f"The states of A(t) came out as {now}, and not as {was}.")

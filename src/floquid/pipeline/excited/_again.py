@@ -15,14 +15,14 @@ from floquid.innovations import Fit, Mode, predicted, reweighed, solve
 from floquid.inputs import InputMode, Samples, Uncertainty, linearise
 from floquid.inputs import solve as solve_driven
 from floquid.pipeline._analysis import Analysis
-from floquid.preparation import Settings, blas_threads, parted
+from floquid.preparation import Settings, one_blas_thread, parted
 
 
 def driven_fit(
     records: Sequence[Record], settings: Settings, modes: Sequence[InputMode], direct: Sequence[float]
 ) -> Uncertainty:
     """The fit of measured inputs to their records at its modes and the harmonics of its direct term."""
-    with blas_threads(records):  # in as many threads as when it was identified: the same to the last digit
+    with one_blas_thread():  # as when it was identified: the same to the last digit
         samples = parted(records, settings).samples
         return Uncertainty(samples, linearise(samples, modes, direct))
 
@@ -38,7 +38,7 @@ def ambient_fit(
 
     Raises IdentificationError where its predictor diverges.
     """
-    with blas_threads(records):
+    with one_blas_thread():
         samples, acting = with_acting(parted(records, settings))
         at = predicted(samples, modes, columns, initial)
     if at is None:
@@ -56,7 +56,7 @@ def predicted_rest(analysis: Analysis) -> tuple[NDArray[np.float64], NDArray[np.
     assert fit is not None
     samples = fit.samples
     part, mask = first_part(samples) if analysis.settings.validate else (samples, np.ones(samples.n_samples, bool))
-    with blas_threads(analysis.records):
+    with one_blas_thread():
         if isinstance(fit, Uncertainty):
             own = fit.at if mask.all() else solve_driven(part, fit.at.modes, fit.at.direct)
             columns = linearise(samples, own.modes, own.direct).columns

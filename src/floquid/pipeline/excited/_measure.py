@@ -12,12 +12,13 @@ from numpy.typing import ArrayLike
 from floquid._checks import frozen_array, input_error
 from floquid.core import Record, channels_named
 from floquid.errors import IdentificationError
+from floquid.pipeline._frequencies import POINTS
 from floquid.preparation import (
     RecordOptions,
     Settings,
     begun,
-    blas_threads,
     clocked,
+    one_blas_thread,
     own_names,
     parted,
     refuse_others,
@@ -29,9 +30,6 @@ OF = "measure_transfer"
 
 Method: TypeAlias = Literal["repeats", "polynomials", "chirps"]
 """Ways to measure G."""
-
-POINTS = 400
-"""Frequencies where none are named."""
 
 
 def measure_transfer(
@@ -130,7 +128,7 @@ def measure_transfer(
         count = len(chosen.inputs)
         held = own.samples.inputs[count:] if reference else None
         samples, channels = replace(own.samples, inputs=own.samples.inputs[:count]), (own.outputs, own.inputs[:count])
-        with blas_threads(used):
+        with one_blas_thread():
             hertz = POINTS if frequencies_hz is None else np.atleast_1d(np.asarray(frequencies_hz, float))
             by_lines = method in ("polynomials", "chirps") or reference
             periods = None if by_lines else repeat or repeat_of(samples)

@@ -18,9 +18,6 @@ OWN = 0.1
 """Share of its noise that a channel has beside the others, below which it has none of its own: 1 % of its power."""
 
 COPIED = 0.04  # the same below which it is a copy, up to rounding; above, sensors may share what they do not measure
-ENOUGH = 4  # samples for each response from which on sums of them are looked for
-LOOKED_AT = 5000  # second differences whose median tells the noise to two percent
-NAMED = 0.01  # the share of a channel that another must make up to be named
 
 
 def of_sums(found: Analysis) -> tuple[Finding, ...]:
@@ -44,7 +41,7 @@ def of_sums(found: Analysis) -> tuple[Finding, ...]:
 def _sum_of_others(analysis: Analysis) -> dict[str, Any] | None:
     r"""A response that is a weighted sum of others, noise and all, its shares of them, and what it has beside them.
 
-    .. math:: D^{-1} Y = L Q, \qquad |L_{kk}| / \sqrt{N} < 0.1
+    .. math:: D^{-1} Y = L Q, \qquad |L_{kk}| / \sqrt{N - k} < 0.1
 
     with Y the responses (channels · hits, N samples), D their noise (of what the model leaves, without what is smooth),
     and L lower triangular: what a response has beside those before it, over its noise, is at least its own noise,
@@ -59,7 +56,7 @@ def _sum_of_others(analysis: Analysis) -> dict[str, Any] | None:
     rows = np.concatenate([record.values[:, :n] for record in records])
     rests = np.concatenate([own[:, :n] for own in left])
     there = np.isfinite(rests).all(axis=0)
-    if there.sum() < ENOUGH * len(rows):
+    if there.sum() <= len(rows):
         return None
     if not there.all():
         rows, rests = rows[:, there], rests[:, there]
@@ -68,13 +65,13 @@ def _sum_of_others(analysis: Analysis) -> dict[str, Any] | None:
     if (noise <= QUIET * sizes).any():
         return None
     lower = np.asarray(np.linalg.qr((rows / noise[:, None]).T, mode="r")).T
-    beside = np.abs(np.diag(lower)) / np.sqrt(rows.shape[1])
+    beside = np.abs(np.diag(lower)) / np.sqrt(rows.shape[1] - np.arange(len(rows)))
     if beside.min() >= OWN:
         return None
     first = int(np.flatnonzero(beside < OWN)[0])
     names = [name_of(c.name, hit, len(records)) for hit, r in enumerate(records, start=1) for c in r.channels]
     shares = np.linalg.solve(lower[:first, :first].T, lower[first, :first]) * noise[first] / noise[:first]
-    own = [k for k in range(first) if abs(shares[k]) * sizes[k] > NAMED * sizes[first]]
+    own = [k for k in range(first) if abs(shares[k]) * sizes[k] > OWN * sizes[first]]
     others = [names[k] for k in own]
     return {"channel": names[first], "shares": shares[own], "others": others, "beside": float(beside[first])}
 
@@ -86,8 +83,7 @@ def _noise_of(rests: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     from scipy.special import ndtri
 
-    apart = max(1, rests.shape[1] // LOOKED_AT)
-    rough = np.abs(np.diff(rests, 2, axis=1)[:, ::apart])
+    rough = np.abs(np.diff(rests, 2, axis=1))
     # The median size of a normal number is its upper quartile.
     rough = np.median(rough, axis=1) / (ndtri(0.75) * np.sqrt(6.0))
     return np.minimum(np.sqrt(np.einsum("rn,rn->r", rests, rests) / rests.shape[1]), rough)

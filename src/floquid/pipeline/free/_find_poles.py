@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from floquid.errors import IdentificationError
 from floquid.findings import failure, warning
-from floquid.fit import ROUNDS
+from floquid.fit import REST, ROUNDS
 from floquid.lifting import Lifted, whitened, whitening_filter
 from floquid.lti import AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome, fit_residues
 from floquid.order import Choice, judge
@@ -19,7 +19,6 @@ from floquid.pipeline.free._noise_colour import ALL_PEAKED, dies_away, first_fil
 from floquid.preparation import Settings
 
 ENOUGH_CYCLES = 3  # cycles a pole that a hit must hold for a noise estimate of its own
-SAME = 0.02  # the difference of taps that is not worth another search
 
 
 class UnsettledError(IdentificationError):
@@ -59,12 +58,9 @@ def find_poles(
             # What a given order leaves may be modes: only generous poles tell the colour of the noise then.
             break
         still = whitening_filter(lifted, modal) is not None
-        if looks == ROUNDS or (taps is None and not still):
+        if looks == ROUNDS or not still:
             break
-        after = whitening_filter(raw, fit_residues(modal.multipliers, raw.responses))
-        if taps is not None and after is not None and not still and _alike(taps, after):
-            break
-        taps = after
+        taps = whitening_filter(raw, fit_residues(modal.multipliers, raw.responses))
     if settings.order is not None:
         return lifted, modal, None
     report("weighing the order")
@@ -77,18 +73,12 @@ def find_poles(
     return lifted, modal, choice
 
 
-def _alike(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
-    """True where two sets of filters differ by less than is worth another search."""
-    width = max(one.shape[1], other.shape[1])
-    first, second = (np.pad(taps, ((0, 0), (0, width - taps.shape[1]))) for taps in (one, other))
-    return bool(np.abs(first - second).max() < SAME)
-
-
 def _settled(lifted: Lifted, settings: Settings, report: Callable[[str], None]) -> tuple[Lifted, ModalModel]:
     """The poles, and the responses with the noise that they leave."""
     identifier = settings.identifier or MaximumLikelihood(false_alarm=settings.mode_false_alarm)
     modal: ModalModel | None = None
-    for round_ in range(ROUNDS):
+    for _ in range(ROUNDS):
+        refined = modal is not None
         state = identifier.prepare(lifted.responses)
         if modal is not None:
             modal = identifier.refine(state, modal)
@@ -110,10 +100,10 @@ def _settled(lifted: Lifted, settings: Settings, report: Callable[[str], None]) 
         again = lifted.with_noise(noise)
         change = np.abs(np.log(again.noise / lifted.noise)).max()
         lifted = again
-        if change < 1e-3 and round_:
-            break
-        if change > 0.1:
+        if change > REST:
             modal = None
+        elif refined:
+            break
     if modal is None:
         raise UnsettledError(
             "Identification ended without a result: the noise cannot be told from the response, its estimate does not "

@@ -32,7 +32,7 @@ from floquid.pipeline.free._dependent_channels import of_sums
 from floquid.pipeline.free._doubts import order_too_low, wrong_period_fitted, wrong_period_lifted
 from floquid.pipeline.free._first_period import promised, without_first
 from floquid.pipeline.free._start import Lifting, Start, cut
-from floquid.pipeline.free._starts import OPENINGS, POLES, WIDTH, criterion, determined, explains
+from floquid.pipeline.free._starts import OPENINGS, POLES, criterion, determined, explains
 from floquid.preparation import Prepared, Settings, clocks_of
 
 
@@ -138,7 +138,8 @@ def _brief_fits(
             with suppress(IdentificationError, np.linalg.LinAlgError):
                 yield Candidate(start, model, _of_shapes(prepared, start, model, report), settings)
         lifted = start.lifted
-        costly = lifted.n_channels * (lifted.n_hits * (2 * WIDTH + 1) - lifted.n_phases) > lifted.n_hits
+        # Three harmonics are the fewest that vary.
+        costly = lifted.n_channels * (3 * lifted.n_hits - lifted.n_phases) > lifted.n_hits
     if not costly or not determined(model):
         fitted = _fitted(prepared, cutting, start, model, settings, True, report)
         wrong = wrong_period_fitted(fitted, start.lifted, prepared, report)

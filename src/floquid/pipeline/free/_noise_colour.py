@@ -5,14 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid.fit import SLOW, SURE, chi2_limit
 from floquid.lifting import Lifted, whitening_filter
 from floquid.lti import ModalModel
 from floquid.periodic import generous_poles
 
-SLOW = 10.0  # the decay over the record, as a logarithm, below which a mode may be noise
 PEAK = 0.05  # the gain of a filter, over its root sum of squares, below which the noise has a peak
-FALLEN = 6.0
-"""The largest value of the first quarter of a record, over the rms of its last third, that noise does not reach."""
 
 
 def first_filter(lifted: Lifted) -> NDArray[np.float64] | None:
@@ -33,7 +31,7 @@ def dies_away(lifted: Lifted) -> bool:
         values = lifted.by_channel(lifted.responses.values[:, hit, :length])
         begin = np.abs(values[:, :, : max(length // 4, 1)]).max(axis=(1, 2))
         end = np.sqrt(np.mean(values[:, :, -max(length // 3, 1) :] ** 2, axis=(1, 2)))
-        if (begin > FALLEN * end).any():
+        if (begin > np.sqrt(chi2_limit(1, SURE / max(length * lifted.n_phases, 1))) * end).any():
             return True
     return False
 

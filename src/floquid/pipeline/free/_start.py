@@ -13,7 +13,7 @@ from floquid._checks import input_error
 from floquid.core import BRIDGED, Cycles, PhaseClock, Record, longest_run, over_gaps, runs_of
 from floquid.errors import IdentificationError, NotSynchronousError
 from floquid.findings import note
-from floquid.fit import HALF_DIGITS
+from floquid.fit import HALF_DIGITS, QUIET
 from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import ModalModel
 from floquid.order import Choice
@@ -22,10 +22,11 @@ from floquid.pipeline.free._doubts import quiet
 from floquid.pipeline.free._find_poles import UnsettledError, find_poles
 from floquid.pipeline.free._noise_colour import first_filter
 from floquid.preparation import (
+    MOST_ABSENT,
     Options,
     Prepared,
     Settings,
-    blas_threads,
+    one_blas_thread,
     prepare,
     refuse_excited,
     refuse_few,
@@ -34,13 +35,6 @@ from floquid.preparation import (
 )
 from floquid.sync import ShaftAngle, resample, segment
 
-FLOORS = (1e-4, 1e-3)
-"""Shares of a channel's largest value down to which a record that has hardly any noise is believed, one after another,
-where what modes leave is no noise."""
-
-
-POINTS = 2000  # instants at which the angle of a shaft is looked at
-SHORTEST = 0.25  # the share of a record that must be there in one piece for the rest to be left out of the start
 FAR = 0.05  # the wander of the shaft's angle [rad of the system] from which on lifting in angle makes modes of its own
 
 
@@ -111,7 +105,7 @@ def filled(records: Sequence[Record], longest: Sequence[float]) -> tuple[Record,
             for absent in missing:
                 for begin, end in runs_of(absent):
                     long[begin:end] |= end - begin > most
-            if np.diff(longest_run(~long))[0] < SHORTEST * record.n_samples:
+            if np.diff(longest_run(~long))[0] < MOST_ABSENT * record.n_samples:
                 long[:] = False
             rows = zip(record.values, missing, strict=True)
             values = np.concatenate([over_gaps(own[None], absent) for own, absent in rows])
@@ -150,7 +144,8 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
     """
     settings, lifted = prepared.settings, cutting.lifted
     by_default = settings.identifier is None and settings.order is None and settings.constrained
-    floors = [None, *(floor for floor in FLOORS if by_default and quiet(lifted))]
+    # A record that has hardly any noise is believed down to that where what modes leave is no noise.
+    floors = [None, *([QUIET] if by_default and quiet(lifted) else [])]
     while True:
         chosen = settings if floors[0] is None else replace(settings, noise_floor=floors[0])
         whole = lifted if floors[0] is None else lift(cutting.cycles, floor=floors[0])
@@ -188,7 +183,7 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
 
 def _wander(shaft: ShaftAngle, record: Record) -> float:
     """Largest difference of the system's angle from that of a steady speed [rad]."""
-    times = np.linspace(record.times[0], record.times[-1], POINTS)
+    times = record.times
     angles = shaft.angle(times) * shaft.periods_per_revolution
     return float(np.abs(angles - np.polyval(np.polyfit(times - times[0], angles, 1), times - times[0])).max())
 
@@ -244,7 +239,7 @@ def lifted(
         must, got = "be left out with records that are prepared", "is given"
         name = "settings" if settings is not None else next(iter(options))
         raise input_error(name, "lifted", must, got, "Give it to `prepare`.")
-    with blas_threads(records.responses):
+    with one_blas_thread():
         report("cutting into periods")
         found = cut(records).lifted
         report("estimating the noise")

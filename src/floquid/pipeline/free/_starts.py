@@ -20,7 +20,6 @@ from floquid.preparation import Prepared
 from floquid.sync import rejoin
 
 AVERAGED = (2, 4)  # orders of the time-invariant system that a few brief hits are taken for at first
-WIDTH = 1  # harmonics on each side that its modes start with: those of a weak parametric excitation
 
 
 class AbstractOpening(Protocol):
@@ -44,11 +43,9 @@ class LiftedPoles:
 class Ensembles:
     """Poles of the monodromy matrix that takes the samples of each period to those of the next, in all hits."""
 
-    per_pole: int = ENOUGH_CYCLES  # periods above the noise, a pole, from which on a record is not brief
-
     def starts(self, prepared: Prepared, cutting: Lifting, report: Callable[[str], None]) -> Iterator[Start]:
         """The one start, of brief records alone. Raises IdentificationError where there is no mode."""
-        whole = brief_responses(prepared, cutting, self.per_pole)
+        whole = brief_responses(prepared, cutting)
         if whole is None:
             return
         raw, known, _ = without_forced(whole, prepared, cutting)
@@ -63,11 +60,9 @@ class Ensembles:
 class Averaged:
     """Poles of the samples as those of a time-invariant system: what a weak parametric excitation leaves of it."""
 
-    per_pole: int = ENOUGH_CYCLES  # periods above the noise, a pole, from which on a record is not brief
-
     def starts(self, prepared: Prepared, cutting: Lifting, report: Callable[[str], None]) -> Iterator[Start]:
         """The starts by rising order, of brief records alone."""
-        whole = brief_responses(prepared, cutting, self.per_pole)
+        whole = brief_responses(prepared, cutting)
         if whole is None:
             return
         lifted, known, _ = without_forced(whole, prepared, cutting)
@@ -84,14 +79,13 @@ class Averaged:
             poles = era.extract(state, order).poles
             upper = poles[poles.imag >= 0.0]
             exponents = upper.real + 1j * np.maximum(upper.imag, 0.05 * np.abs(upper.real))
-            bands = np.tile([-WIDTH, WIDTH], (len(upper), 1))
+            bands = np.tile([-1, 1], (len(upper), 1))  # the narrowest that vary: of a weak parametric excitation
             begin = ModeParameters.made(exponents, bands, fundamental)
             yield Start(whole=whole, lifted=lifted, raw=lifted, known=known, modal=None, choice=None, begin=begin)
 
 
-HALF = 2  # periods above the noise, a pole, below which residues free in each hit take all there is
 POLES = LiftedPoles()
-OPENINGS: tuple[AbstractOpening, ...] = (Ensembles(HALF), POLES, Ensembles(), Averaged())
+OPENINGS: tuple[AbstractOpening, ...] = (Ensembles(), POLES, Averaged())
 
 
 def by_default(prepared: Prepared, cutting: Lifting) -> bool:
@@ -99,10 +93,10 @@ def by_default(prepared: Prepared, cutting: Lifting) -> bool:
     return prepared.settings.constrained and prepared.settings.all_found and cutting.synchronous
 
 
-def brief_responses(prepared: Prepared, cutting: Lifting, per_pole: int) -> Lifted | None:
-    """The responses with pooled noise, where all is found by default and fewer than `per_pole` periods tell a pole."""
+def brief_responses(prepared: Prepared, cutting: Lifting) -> Lifted | None:
+    """The responses with pooled noise, where all is found by default and few periods tell a pole."""
     whole = with_pooled_noise(cutting.lifted)
-    return whole if by_default(prepared, cutting) and brief(whole.responses, per_pole) else None
+    return whole if by_default(prepared, cutting) and brief(whole.responses, ENOUGH_CYCLES) else None
 
 
 def with_pooled_noise(lifted: Lifted) -> Lifted:
