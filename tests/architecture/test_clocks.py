@@ -15,7 +15,6 @@ CHECKS_AN_ARGUMENT = {"core/_record.py", "plot/_synchronisation.py"}
 
 NAME_MEASURED = {
     "__init__.py", "core/__init__.py", "core/_clock.py",
-    "sync/_read_clock.py", "sync/_azimuth.py",
     "preparation/_clocks.py", "preparation/_settings.py",
     "systems/_run.py",
 }  # fmt: skip

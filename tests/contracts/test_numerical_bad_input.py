@@ -96,7 +96,7 @@ def pulls(change, draws=20):
 @pytest.mark.slow
 def test_what_is_refused_would_have_had_deviations_too_small(monkeypatch):
     """A channel three more times, in other units: its errors are what they were, its deviations are not."""
-    monkeypatch.setattr("floquid.pipeline.free._dependent_channels._sum_of_others", lambda analysis: None)
+    monkeypatch.setattr("floquid.pipeline.free._doubts._sum_of_others", lambda analysis: None)
     copies = pulls(lambda v: np.concatenate([v, 2.0 * v[:1], 3.0 * v[:1], 4.0 * v[:1]]))
     assert 0.6 < pulls(lambda v: v).std() < 1.4
     assert copies.std() > 1.4

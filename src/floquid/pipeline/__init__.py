@@ -11,9 +11,8 @@ Everything starts from what `prepare` makes of records: the responses, what ties
 from floquid.periodic import CONFIDENT
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._analysis import Driven as Driven
-from floquid.pipeline._decay import Decay
+from floquid.pipeline._deviations import Decay
 from floquid.pipeline._identify import identify
-from floquid.pipeline._validated import validated
 from floquid.pipeline.draws import Bootstrap, Draw, DrawFile, Spread, bootstrap
 from floquid.pipeline.excited import ambient_fit as ambient_fit
 from floquid.pipeline.excited import driven_fit as driven_fit
@@ -21,7 +20,7 @@ from floquid.pipeline.excited import (
     measure_transfer,
 )
 from floquid.pipeline.excited import predicted_rest as predicted_rest
-from floquid.pipeline.free import find_poles, lifted, lifted_views, samples_of
+from floquid.pipeline.free import find_poles, lifted, lifted_views, samples_of, validated
 from floquid.preparation import FORBIDDEN as FORBIDDEN
 from floquid.preparation import WORDS as WORDS
 from floquid.preparation import Excitation as Excitation

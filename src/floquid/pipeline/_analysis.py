@@ -22,7 +22,7 @@ from floquid.lti import AbstractIdentifier, ModalModel
 from floquid.order import Choice, OrderScan, indicators
 from floquid.order import scan as scan_orders
 from floquid.periodic import Fit, ForcedResponse, Periodicity
-from floquid.pipeline._decay import Decay
+from floquid.pipeline._deviations import Decay
 from floquid.pipeline._frequencies import frequencies_of
 from floquid.preparation import Settings, clocks_of
 from floquid.reconstruction import AbstractStructure, Form, Names, Refinement, StateModel, reconstruct, refine

@@ -1,12 +1,22 @@
-"""Clocks of records: those that the settings name, and the angle of a shaft."""
+"""Clocks of records and states of A(t): the channels that the settings name for them, and the angle of a shaft."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 
 from floquid._checks import describe, input_error
-from floquid.core import AzimuthSignal, Clock, ConstantPeriod, PhaseClock, Record, TachometerSignal, channels_named
-from floquid.preparation._settings import EXAMPLE, Settings
+from floquid.core import (
+    AzimuthSignal,
+    Channel,
+    Clock,
+    ConstantPeriod,
+    PhaseClock,
+    Record,
+    TachometerSignal,
+    channels_named,
+)
+from floquid.preparation._settings import ALL, EXAMPLE, Settings
+from floquid.reconstruction import AbstractStructure, displacement_rows, structure_of
 from floquid.sync import ShaftAngle, shaft_angle, tied
 
 
@@ -78,3 +88,26 @@ def shafts_of(records: Sequence[Record], report: Callable[[str], None], of: str)
 def clocks_of(records: Sequence[Record], shafts: tuple[ShaftAngle, ...]) -> tuple[PhaseClock, ...]:
     """Clocks that say the phase in each record: its own, or the angle of its shaft where that is measured."""
     return shafts or tuple(map(tied, records))
+
+
+OF = "identify"
+
+
+def check_states(channels: Sequence[Channel], settings: Settings) -> None:
+    """Refuse states that are not in the records, and a structure that cannot be one of them, before any long work."""
+    names = states_of(channels, settings)
+    if isinstance(names, str):
+        return
+    if settings.form == "second-order":
+        displacement_rows(channels, names, of=OF)
+    else:
+        channels_named(channels, names, argument="states", of=OF)
+    structure = structure_of(settings.structure) if settings.structure else None
+    if isinstance(structure, AbstractStructure):
+        structure.basis(len(names))
+
+
+def states_of(channels: Sequence[Channel], settings: Settings) -> str | tuple[str, ...]:
+    """The states as `reconstruct` takes them: "all" is a channel where one is called so."""
+    alone = settings.states == (ALL,) and ALL not in {channel.name for channel in channels}
+    return ALL if alone else settings.states

@@ -16,12 +16,11 @@ from floquid.findings import Finding, Severity, note, warning
 from floquid.fit import HALF_DIGITS
 from floquid.inputs import Hold, samples_of
 from floquid.preparation._before import faults_of
-from floquid.preparation._clocks import clocks_of, refuse_no_clock, shafts_of
+from floquid.preparation._clocks import check_states, clocks_of, refuse_no_clock, shafts_of
 from floquid.preparation._lines import BESIDE, Lines
 from floquid.preparation._mended import MOST_ABSENT, NO_RESPONSE
 from floquid.preparation._refuse import LEAST, NAMED, refuse_few, refuse_period, refuse_unlike
 from floquid.preparation._settings import Settings
-from floquid.preparation._states import check_states
 from floquid.sync import ShaftAngle
 
 OF = "identify"

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import fields
 from hashlib import sha256
 
 import numpy as np
 
 from floquid._checks import input_error
 from floquid.core import PhaseClock, Record
-from floquid.errors import IdentificationError
+from floquid.errors import IdentificationError, InputError
 from floquid.lifting import refuse_values
+from floquid.preparation._settings import Settings
 from floquid.sync import LARGEST_DRIFT, wrapped
 
 FEWEST = 4  # whole periods that a record must hold: fewer cannot hold a mode and the noise beside it
@@ -167,3 +171,25 @@ def refuse_copies(records: Sequence[Record], of: str = "identify") -> None:
 def name_of(channel: str, hit: int, hits: int) -> str:
     """Name of a channel of a hit in messages."""
     return f"channel {channel!r}" + (f" of record {hit}" if hits > 1 else "")
+
+
+_SUBJECT = re.compile(r"Argument `([^`]*)` of `([^`]*)` must ")
+
+_STRUCTURES = ("structure_of", "Block", "SecondOrder", "FirstOrder")
+
+_OWN = {"names": "channels", "channel": "tach", "shortest": "period", "longest": "period"}
+"""Options by the arguments of inner functions where these have other names; what is none is of the records."""
+
+
+@contextmanager
+def own_names(of: str) -> Iterator[None]:
+    """The errors of what is called within, as errors of the callable `of` that takes records and the settings."""
+    try:
+        yield
+    except InputError as error:
+        match = _SUBJECT.match(str(error))
+        if match is None or match[2] in (of, "Settings"):
+            raise
+        name = "structure" if match[2] in _STRUCTURES else _OWN.get(match[1], match[1])
+        name = name if name in {field.name for field in fields(Settings)} else "records"
+        raise type(error)(f"Argument `{name}` of `{of}` must {str(error)[match.end() :]}") from error

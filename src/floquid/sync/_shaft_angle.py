@@ -15,8 +15,7 @@ from floquid.core import PhaseClock, Record
 from floquid.findings import Finding, note, texts, warning
 from floquid.fit import DEVIATIONS, HALF_DIGITS, SURE, chi2_limit
 from floquid.sync._angle_spline import AngleFit, AngleSpline, fit_angle
-from floquid.sync._azimuth import OF, Evidence
-from floquid.sync._read_clock import evidence
+from floquid.sync._read_clock import OF, Evidence, evidence
 
 STEADY, USABLE = 0.01, 0.05
 """Wander of the speed, of its mean: below the one a periodic model holds, beyond the other it does not."""

@@ -18,7 +18,7 @@ from floquid.periodic.significance import drift
 from floquid.pipeline import Settings
 from floquid.pipeline import lifted as lifted_of
 from floquid.pipeline.free import _find_poles, _start
-from floquid.pipeline.free._noise_colour import first_filter
+from floquid.pipeline.free._find_poles import first_filter
 from floquid.store import load, save
 from floquid.sync import segment
 from floquid.testing import pair_exponents

@@ -23,8 +23,7 @@ from floquid.lti import ERA
 from floquid.periodic import refit
 from floquid.pipeline import Spread, bootstrap, identify
 from floquid.pipeline.draws import _redraw as draws_of
-from floquid.pipeline.draws._alignment import aligned
-from floquid.pipeline.draws._plan import plan_of
+from floquid.pipeline.draws._plan import aligned, plan_of
 from floquid.pipeline.draws._redraw import FreeRedrawn, draw, drawn, noisy
 from floquid.reconstruction import reconstruct, text_of
 from floquid.systems import JeffcottRotor

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from floquid import ConstantPeriod, Record, identify
 from floquid.core import PeriodicModel
 from floquid.errors import IdentificationError
-from floquid.pipeline.free._first_period import promised
+from floquid.pipeline.free._identify import promised
 from floquid.preparation import prepare
 
 PERIOD, PHASES, OMEGA = 1.0, 24, 2.0 * np.pi
@@ -78,7 +78,7 @@ def test_a_residual_that_decays_on_promises_nothing(left, monkeypatch):
     sizes = np.exp(-0.08 * records[0].times) + (records[0].times < PERIOD) * 4.0
 
     def of(size):
-        monkeypatch.setattr("floquid.pipeline.free._first_period.unexplained", lambda *_: list(size * noise))
+        monkeypatch.setattr("floquid.pipeline.free._identify.unexplained", lambda *_: list(size * noise))
         return promised(fit, prepared)
 
     first, second = left

@@ -1,15 +1,16 @@
-"""Plan of a bootstrap of free responses: the model, its response in each record, and how records were fitted."""
+"""Plan of a bootstrap of free responses, and the modes of a draw in the order of those drawn from."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from floquid._arrays import Floats
+from floquid._arrays import Complexes, Floats
 from floquid.core import PeriodicModel, PhaseClock, Record
-from floquid.fit import CHUNK
+from floquid.fit import CHUNK, HALF_DIGITS
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
 from floquid.periodic import instants
@@ -139,4 +140,72 @@ def _fitted(model: PeriodicModel) -> PeriodicModel:
         harmonics=np.arange(-width, width + 1),
         period=model.period,
         channels=model.channels,
+    )
+
+
+def aligned(model: PeriodicModel, found: PeriodicModel) -> tuple[Complexes, Complexes]:
+    """The exponents and coefficients found, in the order, on the branches and with the harmonics of `model`.
+
+    The scale of a state that is free is that of `model`.
+    """
+    exponents = np.zeros(model.order, complex)
+    coefficients = np.zeros(model.coefficients.shape, complex)
+    kept = (model.coefficients != 0).any(axis=(1, 2))
+    for one, own, by in pairs(model, found):
+        exponents[own] = found.exponents[one] - 1j * found.fundamental * by
+        _, there, here = np.intersect1d(found.harmonics + by, model.harmonics[kept[own]], return_indices=True)
+        value = found.coefficients[one][..., there] * _scale(model, own, found, one, by)
+        coefficients[own][..., np.flatnonzero(kept[own])[here]] = value
+    return exponents, coefficients
+
+
+def _scale(model: PeriodicModel, mode: int, found: PeriodicModel, one: int, turns: int) -> complex:
+    """The factor that gives a mode found the scale of a mode of `model`, whose state is free in records with inputs.
+
+    It is of a coefficient that has no deviation, or of the gain or first state that is 1, where there is one.
+    """
+    known = np.abs(model.coefficients[mode])
+    std = known if model.coefficient_std is None else np.abs(model.coefficient_std[mode])
+    for channel, hit, place in np.argwhere((std <= HALF_DIGITS * known) & (known > 0.0)).tolist():
+        at = np.flatnonzero(found.harmonics + turns == model.harmonics[place])
+        if len(at) and found.coefficients[one, channel, hit, at[0]]:
+            return complex(model.coefficients[mode, channel, hit, place] / found.coefficients[one, channel, hit, at[0]])
+    if model.inputs is None or found.inputs is None:
+        return 1.0
+    ours, theirs = model.inputs, found.inputs
+    for source, place in np.argwhere(np.abs(ours.coefficients[mode] - 1.0) < HALF_DIGITS).tolist():
+        at = np.flatnonzero(theirs.harmonics - turns == ours.harmonics[place])
+        return complex(theirs.coefficients[one, source, at[0]]) if len(at) else 1.0
+    for record in np.flatnonzero(np.abs(ours.initial[mode] - 1.0) < HALF_DIGITS).tolist():
+        return complex(theirs.initial[one, record])
+    return 1.0
+
+
+def pairs(model: PeriodicModel, found: PeriodicModel) -> Iterator[tuple[int, int, int]]:
+    """Each mode found, the mode of `model` that it is, and by how many fundamentals its exponent is above that."""
+    from scipy.optimize import linear_sum_assignment
+
+    apart = np.subtract.outer(found.exponents, model.exponents)
+    turns = np.rint(np.imag(apart) / model.fundamental).astype(np.int64)
+    theirs, ours = linear_sum_assignment(np.abs(apart - 1j * model.fundamental * turns))
+    for one, own in zip(theirs.tolist(), ours.tolist(), strict=True):
+        yield one, own, int(turns[one, own])
+
+
+def selected(built: PeriodicModel, found: PeriodicModel) -> PeriodicModel:
+    """The model found with the coefficients alone that A(t) was built from.
+
+    What is fitted beyond them stays in the estimates, as there. The choice is held as the bands are: where what is
+    drawn from has a coefficient near the limit, the noise of the record is in it already, and in a draw once more.
+    """
+    kept = (built.coefficients != 0).any(axis=(1, 2))
+    mask = np.zeros((found.order, len(found.harmonics)), bool)
+    for one, own, by in pairs(built, found):
+        mask[one] = np.isin(found.harmonics + by, built.harmonics[kept[own]])
+    wide = mask[:, None, None]
+    std = found.coefficient_std
+    return replace(
+        found,
+        coefficients=found.coefficients * wide,
+        coefficient_std=None if std is None else std * wide,
     )

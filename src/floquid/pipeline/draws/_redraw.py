@@ -24,8 +24,7 @@ from floquid.pipeline._analysis import Analysis, Driven
 from floquid.pipeline._deviations import widening_of
 from floquid.pipeline._identify import identify
 from floquid.pipeline._state import Again, state_of
-from floquid.pipeline.draws._alignment import aligned, selected
-from floquid.pipeline.draws._plan import Plan, choices_of, plan_of, without_states
+from floquid.pipeline.draws._plan import Plan, aligned, choices_of, plan_of, selected, without_states
 from floquid.pipeline.free import again_of
 from floquid.preparation import Settings
 from floquid.sync import segment

@@ -1,4 +1,4 @@
-"""Analysis of a fit: the views that are derived from it, A(t), and the findings."""
+"""Analysis of a fit: the views that are derived from it, A(t), the findings, and the verdict."""
 
 from __future__ import annotations
 
@@ -9,21 +9,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.checks import Decays, findings_of
+from floquid.checks import Decays, Evidence, findings_of, validate
 from floquid.core import BRIDGED, ConstantPeriod, Cycles, Estimates, PeriodicModel, Record
-from floquid.errors import IdentificationError
-from floquid.findings import Finding, note
+from floquid.errors import FloquidError, IdentificationError
+from floquid.findings import Finding, failure, note
 from floquid.fit import DEVIATIONS
 from floquid.lifting import Lifted, lift, unlift, whitened
 from floquid.lti import fit_residues
 from floquid.order import Choice
 from floquid.periodic import Fit, combinations_of, estimate_at, periodicity
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._decay import Decay
-from floquid.pipeline._deviations import model_failure, poles_alone, widened, widening, with_misfit
+from floquid.pipeline._deviations import Decay, model_failure, poles_alone, widened, widening, with_misfit
 from floquid.pipeline._state import Again, state_of
 from floquid.pipeline.free._doubts import ambiguity
-from floquid.pipeline.free._noise_colour import ALL_PEAKED
+from floquid.pipeline.free._find_poles import ALL_PEAKED
 from floquid.pipeline.free._start import Lifting, Start, filled, out_of_step
 from floquid.preparation import Prepared, Settings, clocks_of, uneven_speed, without_clock
 from floquid.sync import ShaftAngle, rejoin, resample, segment
@@ -226,3 +225,29 @@ def _done(found: Fit, why: str, given: float) -> list[Finding]:
         done.append(note("no_forced"))
     parts = {"offset": forced.offset, "drift": forced.drift}
     return done + [note(code) for code, values in parts.items() if values.any()]
+
+
+def validated(analysis: Analysis, *, report: Callable[[str], None] = lambda _: None) -> Analysis:
+    """Analysis with the verdict on its model, and on its A(t) where it has one.
+
+    A verdict that cannot be had is one against the model, and says why. `analysis` is what `identify` found, or `load`
+    read; `report` is told of each stage.
+    """
+    forced = analysis.forced
+    nu = analysis.settings.periods_per_revolution if forced is None else forced.revolution / analysis.model.period
+    try:
+        verdict = validate(
+            analysis.model,
+            analysis.responses,
+            analysis.clocks,
+            noise=analysis.noise,
+            state=analysis.state,
+            whitening=analysis.whitening,
+            periods_per_revolution=nu,
+            misfit=analysis.misfit,
+            report=report,
+        )
+    except (FloquidError, np.linalg.LinAlgError) as error:
+        why = failure("not_checked", error=str(error).rstrip("."))
+        verdict = Evidence(findings=[why]).verdict(analysis.noise.shape)
+    return replace(analysis, validation=replace(verdict, passed=verdict.passed and not analysis.failed))

@@ -19,8 +19,7 @@ from floquid.lti import ModalModel
 from floquid.order import Choice
 from floquid.periodic import Known, ModeParameters, without_known
 from floquid.pipeline.free._doubts import quiet
-from floquid.pipeline.free._find_poles import UnsettledError, find_poles
-from floquid.pipeline.free._noise_colour import first_filter
+from floquid.pipeline.free._find_poles import UnsettledError, find_poles, first_filter
 from floquid.preparation import (
     MOST_ABSENT,
     Options,
