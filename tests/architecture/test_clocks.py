@@ -15,7 +15,7 @@ CHECKS_AN_ARGUMENT = {"core/_record.py", "plot/_synchronisation.py"}
 
 NAME_MEASURED = {
     "__init__.py", "core/__init__.py", "core/_clock.py",
-    "preparation/_clocks.py", "preparation/_settings.py",
+    "preparation/_clocks.py", "preparation/_settings.py", "sync/_read_clock.py",
     "systems/_run.py",
 }  # fmt: skip
 """Modules that name the class of a measured clock: its own, the contents pages, its reader, its option, an example."""

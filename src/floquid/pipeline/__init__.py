@@ -16,9 +16,7 @@ from floquid.pipeline._identify import identify
 from floquid.pipeline.draws import Bootstrap, Draw, DrawFile, Spread, bootstrap
 from floquid.pipeline.excited import ambient_fit as ambient_fit
 from floquid.pipeline.excited import driven_fit as driven_fit
-from floquid.pipeline.excited import (
-    measure_transfer,
-)
+from floquid.pipeline.excited import measure_transfer
 from floquid.pipeline.excited import predicted_rest as predicted_rest
 from floquid.pipeline.free import find_poles, lifted, lifted_views, samples_of, validated
 from floquid.preparation import FORBIDDEN as FORBIDDEN

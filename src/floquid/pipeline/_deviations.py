@@ -102,11 +102,6 @@ def widened(estimates: Estimates, factor: float) -> Estimates:
     return replace(estimates, covariance=factor**2 * estimates.covariance, spread=factor**2 * estimates.spread)
 
 
-def poles_alone(modal: ModalModel) -> ModalModel:
-    """The modal model without any deviation."""
-    return replace(modal, covariance=None, residue_spread=None, residue_slope=None)
-
-
 def model_failure(found: Fit, settings: Settings) -> Finding | None:
     """Finding that the model fails, with what to try; None where it does not."""
     if not fails(found):

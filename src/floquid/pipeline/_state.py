@@ -10,13 +10,7 @@ from numpy.typing import NDArray
 from floquid.core import Estimates, PeriodicModel
 from floquid.errors import IdentificationError
 from floquid.preparation import Settings, states_of
-from floquid.reconstruction import (
-    Refinement,
-    StateModel,
-    reconstruct,
-    refine,
-    structure_of,
-)
+from floquid.reconstruction import Refinement, StateModel, reconstruct, refine, structure_of
 
 Again = Callable[[NDArray[np.complex128]], Estimates]
 

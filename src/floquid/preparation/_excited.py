@@ -17,11 +17,11 @@ from floquid.fit import HALF_DIGITS
 from floquid.inputs import Hold, samples_of
 from floquid.preparation._before import faults_of
 from floquid.preparation._clocks import check_states, clocks_of, refuse_no_clock, shafts_of
-from floquid.preparation._lines import BESIDE, Lines
+from floquid.preparation._lines import Lines
 from floquid.preparation._mended import MOST_ABSENT, NO_RESPONSE
-from floquid.preparation._refuse import LEAST, NAMED, refuse_few, refuse_period, refuse_unlike
+from floquid.preparation._refuse import LEAST, NAMED, refuse_few, refuse_period
 from floquid.preparation._settings import Settings
-from floquid.sync import ShaftAngle
+from floquid.sync import ShaftAngle, refuse_unlike
 
 OF = "identify"
 
@@ -45,9 +45,6 @@ WORDS = {
     "inputs": "where inputs are measured",
     "ambient": "of outputs alone",
 }  # a kind of records in messages
-
-PERIODIC = 1e-3
-"""The share of an input's energy off the harmonics of the period below which it is periodic itself."""
 
 
 def refuse_others(settings: Settings, of: str) -> None:
@@ -100,12 +97,12 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
     inputs, values = [record.values[driven] for record in records], [record.values[rows] for record in records]
     whole = _refuse_absent(outputs, values)
     rate = records[0].sample_rate
-    if rate * period < LEAST:
-        must, got = f"be {LEAST:g} samples or more", f"is {rate * period:.4g}"
+    if rate * period <= LEAST:
+        must, got = f"be more than {LEAST:g} samples", f"is {rate * period:.4g}"
         raise input_error("period", of, must, got, "Sample faster.")
     refuse_few(sum(int(own.sum()) for own in whole) / (rate * period))
     if driven:
-        _refuse(settings.inputs, inputs, rate, period)
+        _refuse(inputs)
     given = shafts[0].periods_per_revolution if shafts else settings.periods_per_revolution
     filled = [over_gaps(own, ~there) for own, there in zip(values, whole, strict=True)]
     turns, findings = _beside(Lines(filled, inputs, times, rate, period), given, settings)
@@ -198,8 +195,8 @@ def _turned(records: Sequence[Record], of: str) -> tuple[float, list[NDArray[np.
     return period, [own * period / (2.0 * np.pi) for own in angles], shafts
 
 
-def _refuse(names: Sequence[str], inputs: Sequence[NDArray[np.float64]], rate: float, period: float) -> None:
-    """Refuse inputs that say nothing: none, copies, periodic ones."""
+def _refuse(inputs: Sequence[NDArray[np.float64]]) -> None:
+    """Refuse inputs that say nothing: those that never change, and copies."""
     whole = np.concatenate(inputs, axis=1)
     centred = whole - whole.mean(axis=1, keepdims=True)
     size = np.sqrt(np.mean(centred**2, axis=1))
@@ -213,25 +210,6 @@ def _refuse(names: Sequence[str], inputs: Sequence[NDArray[np.float64]], rate: f
             "The inputs are copies or sums of one another: their effects cannot be separated. Leave one out of "
             "`inputs`, or drive them with signals that are independent."
         )
-    for name, rows in zip(names, zip(*inputs, strict=True), strict=True):
-        if max(_off_harmonics(row[None], rate, period) for row in rows) < PERIODIC:
-            raise IdentificationError(
-                f"Input {name!r} repeats with the period of the system: all of its lines are multiples of its "
-                "fundamental. So does the response to it, which shows no modes. Leave it out of `inputs`, or drive "
-                "with lines between the harmonics, at random, or with blows."
-            )
-
-
-def _off_harmonics(values: NDArray[np.float64], rate: float, period: float) -> float:
-    """The share of the energy of the inputs of one record that is off the harmonics of the period."""
-    periods = int(values.shape[1] / (rate * period))
-    if periods <= 2 * BESIDE:
-        return 1.0  # nothing is off them
-    part = values[:, : round(periods * rate * period)]
-    lines = np.abs(np.fft.rfft(part - part.mean(axis=1, keepdims=True), axis=1)) ** 2
-    place = np.arange(lines.shape[1]) / periods
-    near = np.abs(place - np.rint(place)) * periods <= BESIDE
-    return float(lines[:, ~near].sum() / max(lines.sum(), np.finfo(float).tiny))
 
 
 def _beside(lines: Lines, given: float, settings: Settings) -> tuple[tuple[float, ...], tuple[Finding, ...]]:

@@ -32,16 +32,9 @@ from floquid.preparation._clocks import check_states, clocked, clocks_of, refuse
 from floquid.preparation._excited import parted as parted_of
 from floquid.preparation._excited import refuse_others
 from floquid.preparation._forces import forces_of, refuse_driven, refuse_random
-from floquid.preparation._refuse import (
-    own_names,
-    refuse_copies,
-    refuse_period,
-    refuse_short,
-    refuse_unlike,
-    refuse_unusable,
-)
+from floquid.preparation._refuse import own_names, refuse_copies, refuse_period, refuse_short, refuse_unusable
 from floquid.preparation._settings import Options, Settings, settings_of, takes_settings
-from floquid.sync import ShaftAngle
+from floquid.sync import ShaftAngle, refuse_unlike
 
 if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController

@@ -92,53 +92,24 @@ def _slip(period: float, record: Record) -> str:
     """In which other unit the period, or the sampling rate, would be possible; empty where it would be in none."""
     rate, duration = record.sample_rate, record.duration
     inverse, minute = 1.0 / period, 60.0 / period
-    if period * rate < LEAST:
-        meant = f"{inverse:.6g} s (if {inverse:.6g} was meant in s, and no frequency)", _as_period(inverse)
-    else:
-        meant = (
-            f"{inverse:.6g} s (1/{period:.6g}, if {period:.6g} was meant in Hz)",
-            _as_period(inverse),
-        )
-    slips = [
-        (inverse, rate, *meant),
-        (minute, rate, f"{minute:.6g} s (if {period:.6g} was meant in revolutions a minute)", _as_period(minute)),
-        (period / 1e3, rate, f"{period / 1e3:.6g} s (if it was meant in ms)", _as_period(period / 1e3)),
-        (
-            60.0 * period,
-            rate,
-            f"{60.0 * period:.6g} s (if the frequency of {inverse:.6g} was meant in revolutions a minute)",
-            _as_period(60.0 * period),
-        ),
-        (
-            period,
-            1e3 * rate,
-            f"a sampling rate of {1e3 * rate:.6g} Hz (if times or rate were meant in ms or kHz)",
-            f"`rate={1e3 * rate:.6g}`",
-        ),
-    ]
+    frequency = f"if {inverse:.6g} was meant in s, and no frequency"
+    hertz = frequency if period * rate < LEAST else f"1/{period:.6g}, if {period:.6g} was meant in Hz"
     fits = [
-        f"{words} would fit: {option}"
-        for value, own, words, option in slips
-        if value * own >= LEAST and FEWEST * value <= duration * rate / own
+        f"{value:.6g} s ({meant}) would fit: `period={value:.6g}`"
+        for value, meant in (
+            (inverse, hertz),
+            (minute, f"if {period:.6g} was meant in revolutions a minute"),
+            (period / 1e3, "if it was meant in ms"),
+            (60.0 * period, f"if the frequency of {inverse:.6g} was meant in revolutions a minute"),
+        )
+        if value * rate >= LEAST and FEWEST * value <= duration
     ]
+    if 1e3 * period * rate >= LEAST and 1e3 * FEWEST * period <= duration:
+        fits.append(
+            f"a sampling rate of {1e3 * rate:.6g} Hz (if times or rate were meant in ms or kHz) would fit: "
+            f"`rate={1e3 * rate:.6g}`"
+        )
     return f"{'; or '.join(fits[:NAMED])}." if fits else ""
-
-
-def _as_period(period: float) -> str:
-    return f"`period={period:.6g}`"
-
-
-def refuse_unlike(records: Sequence[Record], of: str) -> None:
-    """Refuse records that cannot be hits on one system: of other channels, or in other units, than the first."""
-    first = records[0]
-    for number, record in enumerate(records[1:], start=2):
-        for what, one, other in (
-            ("channels", [c.name for c in first.channels], [c.name for c in record.channels]),
-            ("units", [c.unit for c in first.channels], [c.unit for c in record.channels]),
-        ):
-            if one != other:
-                must, got = f"have the same {what}", f"number 1 has {one} and number {number} has {other}"
-                raise input_error("records", of, must, got, "Choose common channels with `channels=`, in one order.")
 
 
 def refuse_unusable(records: Sequence[Record], of: str = "identify") -> None:

@@ -8,6 +8,7 @@ from floquid.sync._pulse_times import pulse_times
 from floquid.sync._read_clock import divisible as divisible
 from floquid.sync._resample import bandwidth, resample
 from floquid.sync._segment import LARGEST_DRIFT as LARGEST_DRIFT
+from floquid.sync._segment import refuse_unlike as refuse_unlike
 from floquid.sync._segment import rejoin, samples_per_period, segment
 from floquid.sync._shaft_angle import ShaftAngle, shaft_angle
 from floquid.sync._shaft_angle import tied as tied

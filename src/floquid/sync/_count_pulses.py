@@ -9,6 +9,7 @@ import numpy as np
 from floquid._arrays import Floats, Indices, Integers
 from floquid.core import longest_run
 
+FEWEST_PHASES = 8  # samples a period, and instants a revolution, that are chosen at least where a sensor gives them
 SPAN = 11  # the fewest intervals whose median is the local one: every second pulse but one may be wrong
 
 DOUBT = 0.25

@@ -12,9 +12,8 @@ from floquid._arrays import Floats, Indices, Integers
 from floquid._checks import input_error
 from floquid.core import AzimuthSignal, Channel, PulseTimes, Record, TachometerSignal, channels_named
 from floquid.findings import Finding, note, warning
-from floquid.sync._count_pulses import DOUBT, SPAN, count
+from floquid.sync._count_pulses import DOUBT, FEWEST_PHASES, SPAN, count
 from floquid.sync._pulse_times import pulse_times
-from floquid.sync._resample import FEWEST_PHASES
 
 OF = "shaft_angle"
 

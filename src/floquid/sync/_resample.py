@@ -11,9 +11,10 @@ from floquid._arrays import Floats, Indices
 from floquid._checks import input_error, integer
 from floquid.core import Cycles, PhaseClock, Record, longest_run
 from floquid.fit import SURE
+from floquid.sync._count_pulses import FEWEST_PHASES
 from floquid.sync._interpolation import ACCURACY, BAND, check_options, half_width, interpolate
+from floquid.sync._segment import refuse_unlike
 
-FEWEST_PHASES = 8  # samples a period, and instants a revolution, that are chosen at least where a sensor gives them
 _LENGTHS = (256, 1024, 4096, 16384)  # samples of the stretches whose spectra are looked at
 
 
@@ -184,17 +185,7 @@ def _check_alike(records: tuple[Record, ...], clocks: tuple[PhaseClock, ...]) ->
             must = "be a ConstantPeriod or a shaft angle"
             remedy = "Find the shaft angle from the pulses or the azimuth channel first."
             raise input_error("clocks", "resample", must, f"one is a {type(clock).__name__}", remedy)
-    first = [(channel.name, channel.unit) for channel in records[0].channels]
-    for number, record in enumerate(records[1:], start=2):
-        other = [(channel.name, channel.unit) for channel in record.channels]
-        if other != first:
-            got = f"number 1 has {_words(first)} and number {number} has {_words(other)}"
-            remedy = "Choose common channels with `channels=`, in one order."
-            raise input_error("records", "resample", "have the same channels, in the same units", got, remedy)
-
-
-def _words(channels: list[tuple[str, str]]) -> str:
-    return ", ".join(f"{name} [{unit}]" for name, unit in channels)
+    refuse_unlike(records, "resample")
 
 
 def bandwidth(record: Record) -> float:

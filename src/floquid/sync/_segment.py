@@ -34,6 +34,7 @@ def segment(records: Record | Sequence[Record]) -> tuple[Cycles, ...]:
     first = several[0]
     phases = samples_per_period(first)
     phase = _clock(first).phase(first.start)
+    refuse_unlike(several, "segment")
     for number, record in enumerate(several[1:], start=2):
         _check_alike(first, record, number)
     return tuple(_cut(record, phases, phase) for record in several)
@@ -71,6 +72,16 @@ def samples_per_period(record: Record) -> int:
     return phases
 
 
+def refuse_unlike(records: Sequence[Record], of: str) -> None:
+    """Refuse records that cannot be hits on one system: of other channels, or in other units, than the first."""
+    for number, record in enumerate(records[1:], start=2):
+        for what, field in (("channels", "name"), ("units", "unit")):
+            one, other = ([getattr(channel, field) for channel in own.channels] for own in (records[0], record))
+            if one != other:
+                must, got = f"have the same {what}", f"number 1 has {one} and number {number} has {other}"
+                raise input_error("records", of, must, got, "Choose common channels with `channels=`, in one order.")
+
+
 def rejoin(cycles: Cycles) -> Record:
     """The record of the cycles, end to end: the exact inverse of `segment` for whole periods.
 
@@ -102,20 +113,11 @@ def _clock(record: Record) -> PhaseClock:
 
 
 def _check_alike(first: Record, record: Record, number: int) -> None:
-    """Refuse a record that cannot be a hit on the same system as the first."""
-    facts = {
-        "channels": ([c.name for c in first.channels], [c.name for c in record.channels]),
-        "units": ([c.unit for c in first.channels], [c.unit for c in record.channels]),
-    }
+    """Refuse a record of another rate or period than the first."""
     numbers = {
         "sample rate": (first.sample_rate, record.sample_rate, "Hz"),
         "period": (_clock(first).period, _clock(record).period, "s"),
     }
-    for what, (one, other) in facts.items():
-        if one != other:
-            must = f"have the same {what}"
-            got = f"number 1 has {one} and number {number} has {other}"
-            raise input_error("records", "segment", must, got, "Choose common channels with `channels=`, in one order.")
     for what, (one, other, unit) in numbers.items():
         if abs(one - other) > 1e-9 * one:
             error = input_error(

@@ -6,7 +6,7 @@ import pickle
 import signal
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import TypeAlias
 
 import numpy as np
 from numpy.random import SeedSequence
@@ -58,46 +58,13 @@ class Draw(Rebuilt):
     failure: str = ""
 
 
-class Redrawn(Protocol):
-    """A kind of record to draw from: all that is needed beside a seed."""
-
-    @property
-    def model(self) -> PeriodicModel:
-        """The model drawn from."""
-        ...
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        """Names of the states of A(t); none where there is no A(t)."""
-        ...
-
-    @property
-    def whole(self) -> bool:
-        """True where each draw is identified from the beginning."""
-        ...
-
-    @property
-    def period_std(self) -> float | None:
-        """The deviation of the period [s]; None where it is not fitted."""
-        ...
-
-    @property
-    def widened(self) -> bool:
-        """True where the deviations hold what is left beside noise, which is in no draw."""
-        ...
-
-    def redone(self, generator: np.random.Generator) -> Draw:
-        """Identify records drawn from the model."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
 class FreeRedrawn:
     """Draws of free responses."""
 
     plan: Plan
-    period_std: float | None
-    widened: bool
+    period_std: float | None  # the deviation of the period [s]; None where it is not fitted
+    widened: bool  # whether the deviations hold what is left beside noise, which is in no draw
 
     @property
     def model(self) -> PeriodicModel:
@@ -166,6 +133,10 @@ class ExcitedRedrawn:
             records.append(replace(record, values=mixed))
         settings = replace(without_states(self.settings), channels=tuple(names), skip=None, validate=False)
         return identify(records, settings)
+
+
+Redrawn: TypeAlias = FreeRedrawn | ExcitedRedrawn
+"""A kind of record to draw from: all that is needed beside a seed."""
 
 
 def redrawn(analysis: Analysis, *, whole: bool) -> Redrawn:

@@ -26,10 +26,10 @@ from floquid.innovations import (
     searched,
     solve,
 )
-from floquid.inputs import InputMode, Limits, Samples, Uncertainty, linearise
+from floquid.inputs import InputMode, Samples, Uncertainty, linearise
 from floquid.inputs import solve as solve_driven
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline.excited._identify import HIGHEST, done_beside, finished, order_missed
+from floquid.pipeline.excited._identify import finished, limits_of, unchecked
 from floquid.preparation import Prepared, Settings, one_blas_thread, parted
 
 OF = "identify"
@@ -64,14 +64,7 @@ def identified_ambient(prepared: Prepared, report: Callable[[str], None]) -> Ana
     samples, acting = with_acting(own)
     phases = 2.0 * np.pi / (samples.fundamental * samples.step)
     other, repeats = (0.0, ()) if own.shafts else _other_period(samples, trusted=settings.trust_period)
-    highest = max(min(HIGHEST, int(0.5 * phases) - 1), 0) if settings.harmonics is None else settings.harmonics
-    limits = Limits(
-        mode_alarm=settings.mode_false_alarm,
-        harmonic_alarm=settings.harmonic_false_alarm,
-        highest=highest,
-        seconds=settings.seconds,
-        order=settings.order,
-    )
+    limits = limits_of(settings, phases)
     report("taking first innovations from an autoregression")
     first = first_innovations(samples, acting)
     _refuse_copies(first, own)
@@ -85,22 +78,7 @@ def identified_ambient(prepared: Prepared, report: Callable[[str], None]) -> Ana
     fit = Fit(samples, found, acting)
     provenance = Provenance.merge(tuple(record.provenance for record in own.records))
     model = fit.model(own.outputs, own.inputs, provenance, near.as_read)
-    missed = order_missed(model, settings.order)
-    analysis = Analysis(
-        settings=settings,
-        records=own.records,
-        model=model,
-        driven=fit,
-        shafts=own.shafts,
-        findings=(
-            *prepared.findings,
-            *done_beside(own),
-            *repeats,
-            *near.findings,
-            *missed,
-            *late,
-        ),
-    )
+    analysis = unchecked(prepared, model, fit, (*repeats, *near.findings), late)
     asked = {"own": own, "model": model, "limits": limits, "turning": settings.forced == "auto"}
     return finished(analysis, Ambient(**asked, fit=fit, other=other, as_read=near.as_read), report)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,17 +12,11 @@ from floquid.checks import Driven, Excited, Parted, findings_of, judged
 from floquid.core import PeriodicModel, Provenance
 from floquid.errors import FloquidError, IdentificationError
 from floquid.findings import Finding, Severity, note, warning
-from floquid.inputs import (
-    Limits,
-    Linearisation,
-    Uncertainty,
-    fitted_freely,
-    read_near_axis,
-    searched,
-)
+from floquid.inputs import Limits, Linearisation, Uncertainty, fitted_freely, read_near_axis, searched
 from floquid.pipeline._analysis import Analysis
+from floquid.pipeline._analysis import Driven as Fitted
 from floquid.pipeline._state import state_of
-from floquid.preparation import Prepared
+from floquid.preparation import Prepared, Settings
 
 OF = "identify"
 
@@ -51,13 +45,7 @@ def identified_driven(prepared: Prepared, report: Callable[[str], None]) -> Anal
     if settings.harmonics is not None and 2 * settings.harmonics >= phases:
         must = f"be less than half the {phases:.6g} samples a period"
         raise input_error("harmonics", OF, must, f"is {settings.harmonics}", "Ask for fewer, or sample faster.")
-    limits = Limits(
-        mode_alarm=settings.mode_false_alarm,
-        harmonic_alarm=settings.harmonic_false_alarm,
-        seconds=settings.seconds,
-        order=settings.order,
-        highest=max(min(HIGHEST, int(0.5 * phases) - 1), 0) if settings.harmonics is None else settings.harmonics,
-    )
+    limits = limits_of(settings, phases)
     report("searching for modes")
     found, unfinished = searched(samples, limits, report)
     free = None
@@ -81,31 +69,46 @@ def identified_driven(prepared: Prepared, report: Callable[[str], None]) -> Anal
     model = fit.model(own.outputs, own.inputs, provenance, near.as_read)
     most = None if free else HIGHEST
     phases_free = (note("inputs_free", phases=round(phases)),) if free else ()
-    missed = order_missed(model, settings.order)
-    analysis = Analysis(
+    analysis = unchecked(prepared, model, fit, (*phases_free, *near.findings), late)
+    turning = settings.forced == "auto"
+    return finished(analysis, Driven(own=own, model=model, limits=limits, fit=fit, most=most, turning=turning), report)
+
+
+def limits_of(settings: Settings, phases: float) -> Limits:
+    """Limits of a search in records of some samples a period."""
+    return Limits(
+        mode_alarm=settings.mode_false_alarm,
+        harmonic_alarm=settings.harmonic_false_alarm,
+        seconds=settings.seconds,
+        order=settings.order,
+        highest=max(min(HIGHEST, int(0.5 * phases) - 1), 0) if settings.harmonics is None else settings.harmonics,
+    )
+
+
+def unchecked(
+    prepared: Prepared, model: PeriodicModel, fit: Fitted, told: Sequence[Finding], late: Sequence[Finding]
+) -> Analysis:
+    """The result before any check: what was done, what is told of the fit, and whether time was over."""
+    own, settings = prepared.parted, prepared.settings
+    assert own is not None
+    missed = (
+        ()
+        if settings.order in (None, model.order)
+        else (warning("other_order", order=settings.order, found=model.order),)
+    )
+    return Analysis(
         settings=settings,
         records=own.records,
         model=model,
         driven=fit,
         shafts=own.shafts,
-        findings=(
-            *prepared.findings,
-            *done_beside(own),
-            *phases_free,
-            *near.findings,
-            *missed,
-            *late,
-        ),
+        findings=(*prepared.findings, *done_beside(own), *told, *missed, *late),
     )
-    turning = settings.forced == "auto"
-    return finished(analysis, Driven(own=own, model=model, limits=limits, fit=fit, most=most, turning=turning), report)
 
 
 def _if_better(one: Linearisation | None, other: Linearisation) -> Linearisation | None:
     """A fit if the criterion of Schwarz (1978) prefers it to another; None if not."""
-    if one is None:
-        return None
-    return one if one.criterion > other.criterion else None
+    return one if one is not None and one.criterion > other.criterion else None
 
 
 def at_limit(found: Linearisation, limits: Limits) -> bool:
@@ -130,11 +133,6 @@ def done_beside(own: Parted) -> tuple[Finding, ...]:
     done += [note("no_response", channel=name, quantity="force") for name in sorted(forces - used)]
     said = (finding for shaft in own.shafts for finding in shaft.findings if finding.code != "angle_alike")
     return (*done, *own.findings, *said)
-
-
-def order_missed(model: PeriodicModel, order: int | None) -> tuple[Finding, ...]:
-    """Finding on a model of another number of poles than was asked for."""
-    return () if order in (None, model.order) else (warning("other_order", order=order, found=model.order),)
 
 
 def finished(analysis: Analysis, subject: Excited, report: Callable[[str], None]) -> Analysis:

@@ -12,16 +12,15 @@ from numpy.typing import NDArray
 from floquid.checks import Decays, Evidence, findings_of, validate
 from floquid.core import BRIDGED, ConstantPeriod, Cycles, Estimates, PeriodicModel, Record
 from floquid.errors import FloquidError, IdentificationError
-from floquid.findings import Finding, failure, note
+from floquid.findings import Finding, failure, note, warning
 from floquid.fit import DEVIATIONS
 from floquid.lifting import Lifted, lift, unlift, whitened
 from floquid.lti import fit_residues
 from floquid.order import Choice
 from floquid.periodic import Fit, combinations_of, estimate_at, periodicity
 from floquid.pipeline._analysis import Analysis
-from floquid.pipeline._deviations import Decay, model_failure, poles_alone, widened, widening, with_misfit
+from floquid.pipeline._deviations import Decay, model_failure, widened, widening, with_misfit
 from floquid.pipeline._state import Again, state_of
-from floquid.pipeline.free._doubts import ambiguity
 from floquid.pipeline.free._find_poles import ALL_PEAKED
 from floquid.pipeline.free._start import Lifting, Start, filled, out_of_step
 from floquid.preparation import Prepared, Settings, clocks_of, uneven_speed, without_clock
@@ -64,10 +63,13 @@ def completed(
         modal = fit_residues(model.multipliers, lifted.responses)
     assert modal is not None
     if fails is not None:
-        modal = poles_alone(modal)
+        modal = replace(modal, covariance=None, residue_spread=None, residue_slope=None)
         choice = None if choice is None else replace(choice, model=modal)
     if changed and settings.order is None:
         choice = Choice(order=model.order, model=modal, findings=(*_peaked(choice), *fitted.findings))
+    ambiguous = []
+    if choice is not None and choice.ambiguous:
+        ambiguous = [warning("order_ambiguous", order=choice.order, doubts=choice.doubts)]
     _refuse_peaks(model, choice, settings)
     state, refinement = state_of(model, settings, again_of(fitted, lifted, shafts, settings), report)
     tested = None
@@ -88,7 +90,7 @@ def completed(
             *_done(fitted, why_sampled(fitted, shafts, settings), settings.periods_per_revolution),
             *(own for own in (fails, *doubts, *uneven_speed(shafts)) if own is not None),
             *fitted.warnings,
-            *ambiguity(choice),
+            *ambiguous,
             *(() if changed else combinations_of(model, lifted.noise, nonlinear=start.floor is not None)),
             *findings_of(
                 Decays(

@@ -13,24 +13,14 @@ from floquid._checks import input_error
 from floquid.core import PeriodicModel, Record
 from floquid.errors import FloquidError
 from floquid.findings import Finding, warning
-from floquid.fit import DEVIATIONS, EVIDENT, QUIET, SIGNIFICANT
+from floquid.fit import DEVIATIONS, QUIET, SIGNIFICANT
 from floquid.lifting import Lifted, largest_values
 from floquid.order import Choice
-from floquid.periodic import (
-    NEGLIGIBLE_SLIP,
-    TURNED,
-    Fit,
-    estimate_period,
-    spacing,
-    synchrony,
-    unexplained,
-)
+from floquid.periodic import NEGLIGIBLE_SLIP, TURNED, Fit, estimate_period, spacing, synchrony, unexplained
 from floquid.pipeline._analysis import Analysis
 from floquid.preparation import NO_NEWS, Prepared, name_of
 
 SEVERAL = 6  # exponents from which on modes without a second harmonic may be harmonics that a wrong period tore apart
-CHANCE = 0.1  # fundamentals within which two modes are near whole ones apart by chance too often to say anything
-FOLDED = 10.0  # decays within which modes that fold onto one another may be one
 
 
 def wrong_period_lifted(model: PeriodicModel, lifted: Lifted, prepared: Prepared) -> Finding | None:
@@ -67,7 +57,7 @@ def wrong_period_fitted(
         if 2.0 * np.pi * abs(relative) * alive < TURNED or (torn is not None and (relative, std) == torn.sign):
             return _wrong(prepared, model.period, relative, std)
         vague = True
-    if not (vague or _single(model) or _folded(model)):
+    if not (vague or _single(model)):
         return None
     report("finding the period from the response alone")
     estimate = _period_alone(prepared.responses)
@@ -84,24 +74,6 @@ def _single(model: PeriodicModel) -> bool:
     """True where there are several modes and none has a second harmonic, as where a wrong period tore them apart."""
     several = (np.abs(model.coefficients).max(axis=(1, 2)) > 0).sum(axis=1) > 1
     return model.order >= SEVERAL and not several.any()
-
-
-def _folded(model: PeriodicModel) -> bool:
-    """True where two modes of equal decay fold next to one another, as a wrong period tears one into."""
-    std = model.exponent_std
-    if std is None:
-        return False
-    values = model.exponents
-    gap = values[:, None] - values[None, :]
-    turns = np.rint(gap.imag / model.fundamental)
-    width = FOLDED * np.abs(values.real)
-    # Of modes as wide as that, some are near whole fundamentals apart by chance.
-    near = (np.abs(gap.imag - turns * model.fundamental) < width) & (width < CHANCE * model.fundamental)
-    deviation = np.hypot(std.real[:, None], std.real[None, :])
-    alike = (np.abs(gap.real) < DEVIATIONS * deviation) & (deviation < EVIDENT * np.abs(values.real))
-    itself = np.abs(values[:, None] - values[None, :].conj()) == 0
-    pairs = near & alike & ~itself & ~np.eye(model.order, dtype=bool)
-    return bool(2 * pairs.any(axis=1).sum() >= model.order)
 
 
 def _period_alone(records: Sequence[Record]) -> tuple[float, float] | None:
@@ -137,13 +109,6 @@ def order_too_low(order: int, choice: Choice) -> Finding | None:
 def quiet(lifted: Lifted) -> bool:
     """True where the noise before any mode is fitted is so small that what modes leave is no noise."""
     return bool((lifted.noise < QUIET * largest_values(lifted.responses.values, lifted.n_channels)).all())
-
-
-def ambiguity(choice: Choice | None) -> tuple[Finding, ...]:
-    """Finding that the order is ambiguous, if it is."""
-    if choice is None or not choice.ambiguous:
-        return ()
-    return (warning("order_ambiguous", order=choice.order, doubts=choice.doubts),)
 
 
 OWN = 0.1

@@ -31,7 +31,7 @@ from floquid.pipeline._analysis import Analysis
 from floquid.pipeline.free._complete import completed, free_residues, samples_of, validated
 from floquid.pipeline.free._doubts import of_sums, order_too_low, wrong_period_fitted, wrong_period_lifted
 from floquid.pipeline.free._start import Lifting, Start, cut
-from floquid.pipeline.free._starts import OPENINGS, POLES, criterion, determined, explains
+from floquid.pipeline.free._starts import OPENINGS, criterion, determined, explains, poles
 from floquid.preparation import Prepared, Settings, clocks_of, from_sample
 
 
@@ -87,10 +87,10 @@ def _best(prepared: Prepared, report: Callable[[str], None]) -> Candidate:
     report("estimating the noise")
     refusal: IdentificationError | None = None
     for opening in OPENINGS:
-        usual = opening is POLES
+        usual = opening is poles
         fits, found = _fits if usual else _brief_fits, list[Candidate]()
         try:
-            for start in opening.starts(prepared, cutting, report):
+            for start in opening(prepared, cutting, report):
                 for candidate in fits(prepared, cutting, start, report):
                     if usual or (explains(candidate.fitted, candidate.start) and not candidate.wrong_period):
                         found.append(candidate)

@@ -144,10 +144,10 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
     settings, lifted = prepared.settings, cutting.lifted
     by_default = settings.identifier is None and settings.order is None and settings.constrained
     # A record that has hardly any noise is believed down to that where what modes leave is no noise.
-    floors = [None, *([QUIET] if by_default and quiet(lifted) else [])]
+    floor: float | None = None
     while True:
-        chosen = settings if floors[0] is None else replace(settings, noise_floor=floors[0])
-        whole = lifted if floors[0] is None else lift(cutting.cycles, floor=floors[0])
+        chosen = settings if floor is None else replace(settings, noise_floor=floor)
+        whole = lifted if floor is None else lift(cutting.cycles, floor=floor)
         raw, known, taps = without_forced(whole, prepared, cutting)
         turning = zip(prepared.shafts, prepared.responses, strict=False)
         from_lines = Start(whole=whole, lifted=raw, raw=raw, known=known, modal=None, choice=None)
@@ -157,8 +157,8 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
         try:
             free, modal, choice = find_poles(raw, chosen, report, taps=taps)
         except UnsettledError:
-            if len(floors) > 1:
-                floors = floors[1:]
+            if by_default and floor is None and quiet(lifted):
+                floor = QUIET
                 continue
             if cutting.synchronous or not by_default:
                 raise
@@ -176,7 +176,7 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
             known=known,
             modal=modal,
             choice=choice,
-            floor=floors[0],
+            floor=floor,
         )
 
 

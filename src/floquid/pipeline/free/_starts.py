@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from typing import Protocol
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,70 +21,56 @@ from floquid.sync import rejoin
 AVERAGED = (2, 4)  # orders of the time-invariant system that a few brief hits are taken for at first
 
 
-class AbstractOpening(Protocol):
-    """Starts of modes, from lifted records."""
-
-    def starts(self, prepared: Prepared, cutting: Lifting, report: Callable[[str], None]) -> Iterator[Start]:
-        """The starts, the best first. Raises IdentificationError where there is none."""
-        ...
+Opening = Callable[[Prepared, Lifting, Callable[[str], None]], Iterator[Start]]
+"""Starts of modes, the best first. Raises IdentificationError where there is none."""
 
 
-@dataclass(frozen=True, slots=True)
-class LiftedPoles:
+def poles(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]) -> Iterator[Start]:
     """Poles of lifted responses, residues free in each hit: half as many as there are periods above the noise."""
-
-    def starts(self, prepared: Prepared, cutting: Lifting, report: Callable[[str], None]) -> Iterator[Start]:
-        """The one start. Raises IdentificationError where there is none."""
-        yield start_of(prepared, cutting, report)
+    yield start_of(prepared, cutting, report)
 
 
-@dataclass(frozen=True, slots=True)
-class Ensembles:
-    """Poles of the monodromy matrix that takes the samples of each period to those of the next, in all hits."""
-
-    def starts(self, prepared: Prepared, cutting: Lifting, report: Callable[[str], None]) -> Iterator[Start]:
-        """The one start, of brief records alone. Raises IdentificationError where there is no mode."""
-        whole = brief_responses(prepared, cutting)
-        if whole is None:
-            return
-        raw, known, _ = without_forced(whole, prepared, cutting)
-        identifier = Ensemble(false_alarm=prepared.settings.mode_false_alarm)
-        chosen = replace(prepared.settings, identifier=identifier)
-        found, modal, choice = find_poles(raw, chosen, report, taps=None)
-        whole = whole.with_noise(found.noise) if known else found
-        yield Start(whole=whole, lifted=found, raw=raw, known=known, modal=modal, choice=choice)
+def ensembles(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]) -> Iterator[Start]:
+    """Poles of the monodromy matrix that takes the samples of each period to those of the next, in brief records."""
+    whole = brief_responses(prepared, cutting)
+    if whole is None:
+        return
+    raw, known, _ = without_forced(whole, prepared, cutting)
+    identifier = Ensemble(false_alarm=prepared.settings.mode_false_alarm)
+    chosen = replace(prepared.settings, identifier=identifier)
+    found, modal, choice = find_poles(raw, chosen, report, taps=None)
+    whole = whole.with_noise(found.noise) if known else found
+    yield Start(whole=whole, lifted=found, raw=raw, known=known, modal=modal, choice=choice)
 
 
-@dataclass(frozen=True, slots=True)
-class Averaged:
-    """Poles of the samples as those of a time-invariant system: what a weak parametric excitation leaves of it."""
+def averaged(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]) -> Iterator[Start]:
+    """Poles of the samples of brief records as those of a time-invariant system, by rising order.
 
-    def starts(self, prepared: Prepared, cutting: Lifting, report: Callable[[str], None]) -> Iterator[Start]:
-        """The starts by rising order, of brief records alone."""
-        whole = brief_responses(prepared, cutting)
-        if whole is None:
-            return
-        lifted, known, _ = without_forced(whole, prepared, cutting)
-        records = [rejoin(hit) for hit in unlift(lifted)]
-        lengths = [record.n_samples for record in records]
-        values = np.zeros((lifted.n_channels, len(records), max(lengths)))
-        for hit, record in enumerate(records):
-            values[:, hit, : lengths[hit]] = record.values
-        step = 1.0 / records[0].sample_rate
-        era, fundamental = ERA(), 2.0 * np.pi / lifted.period
-        state = era.prepare(TimeResponses(values=values, dt=step, noise=lifted.noise, lengths=lengths))
-        for order in AVERAGED:
-            report(f"a time-invariant system of order {order}")
-            poles = era.extract(state, order).poles
-            upper = poles[poles.imag >= 0.0]
-            exponents = upper.real + 1j * np.maximum(upper.imag, 0.05 * np.abs(upper.real))
-            bands = np.tile([-1, 1], (len(upper), 1))  # the narrowest that vary: of a weak parametric excitation
-            begin = ModeParameters.made(exponents, bands, fundamental)
-            yield Start(whole=whole, lifted=lifted, raw=lifted, known=known, modal=None, choice=None, begin=begin)
+    They are what a weak parametric excitation leaves of it.
+    """
+    whole = brief_responses(prepared, cutting)
+    if whole is None:
+        return
+    lifted, known, _ = without_forced(whole, prepared, cutting)
+    records = [rejoin(hit) for hit in unlift(lifted)]
+    lengths = [record.n_samples for record in records]
+    values = np.zeros((lifted.n_channels, len(records), max(lengths)))
+    for hit, record in enumerate(records):
+        values[:, hit, : lengths[hit]] = record.values
+    step = 1.0 / records[0].sample_rate
+    era, fundamental = ERA(), 2.0 * np.pi / lifted.period
+    state = era.prepare(TimeResponses(values=values, dt=step, noise=lifted.noise, lengths=lengths))
+    for order in AVERAGED:
+        report(f"a time-invariant system of order {order}")
+        found = era.extract(state, order).poles
+        upper = found[found.imag >= 0.0]
+        exponents = upper.real + 1j * np.maximum(upper.imag, 0.05 * np.abs(upper.real))
+        bands = np.tile([-1, 1], (len(upper), 1))  # the narrowest that vary: of a weak parametric excitation
+        begin = ModeParameters.made(exponents, bands, fundamental)
+        yield Start(whole=whole, lifted=lifted, raw=lifted, known=known, modal=None, choice=None, begin=begin)
 
 
-POLES = LiftedPoles()
-OPENINGS: tuple[AbstractOpening, ...] = (Ensembles(), POLES, Averaged())
+OPENINGS: tuple[Opening, ...] = (ensembles, poles, averaged)
 
 
 def by_default(prepared: Prepared, cutting: Lifting) -> bool:
