@@ -13,14 +13,14 @@ from floquid._checks import input_error
 from floquid.core import PeriodicModel, Record
 from floquid.errors import FloquidError
 from floquid.findings import Finding, warning
-from floquid.fit import DEVIATIONS, QUIET, SIGNIFICANT
+from floquid.fit import DEVIATIONS, EVIDENT, QUIET, SIGNIFICANT
 from floquid.lifting import Lifted, largest_values
 from floquid.order import Choice
 from floquid.periodic import NEGLIGIBLE_SLIP, TURNED, Fit, estimate_period, spacing, synchrony, unexplained
 from floquid.pipeline._analysis import Analysis
 from floquid.preparation import NO_NEWS, Prepared, name_of
 
-SEVERAL = 6  # exponents from which on modes without a second harmonic may be harmonics that a wrong period tore apart
+NEARBY = 0.1  # fundamentals within which modes that fold next to one another may be one that a wrong period tore apart
 
 
 def wrong_period_lifted(model: PeriodicModel, lifted: Lifted, prepared: Prepared) -> Finding | None:
@@ -57,7 +57,7 @@ def wrong_period_fitted(
         if 2.0 * np.pi * abs(relative) * alive < TURNED or (torn is not None and (relative, std) == torn.sign):
             return _wrong(prepared, model.period, relative, std)
         vague = True
-    if not (vague or _single(model)):
+    if not (vague or _single(model) or _folded(model)):
         return None
     report("finding the period from the response alone")
     estimate = _period_alone(prepared.responses)
@@ -73,7 +73,23 @@ def wrong_period_fitted(
 def _single(model: PeriodicModel) -> bool:
     """True where there are several modes and none has a second harmonic, as where a wrong period tore them apart."""
     several = (np.abs(model.coefficients).max(axis=(1, 2)) > 0).sum(axis=1) > 1
-    return model.order >= SEVERAL and not several.any()
+    return len(model.upper_modes) > 1 and not several.any()
+
+
+def _folded(model: PeriodicModel) -> bool:
+    """True where two modes of equal decay fold next to one another, as a wrong period tears one into."""
+    std = model.exponent_std
+    if std is None:
+        return False
+    values = model.exponents
+    gap = values[:, None] - values[None, :]
+    turns = np.rint(gap.imag / model.fundamental)
+    near = np.abs(gap.imag - turns * model.fundamental) < NEARBY * model.fundamental
+    deviation = np.hypot(std.real[:, None], std.real[None, :])
+    alike = (np.abs(gap.real) < DEVIATIONS * deviation) & (deviation < EVIDENT * np.abs(values.real))
+    itself = np.abs(values[:, None] - values[None, :].conj()) == 0
+    pairs = near & alike & ~itself & ~np.eye(model.order, dtype=bool)
+    return bool(2 * pairs.any(axis=1).sum() >= model.order)
 
 
 def _period_alone(records: Sequence[Record]) -> tuple[float, float] | None:
