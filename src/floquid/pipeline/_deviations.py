@@ -12,7 +12,7 @@ from floquid._show import Brief
 from floquid.checks import FAILED
 from floquid.core import Cycles, Estimates, PeriodicModel, Record
 from floquid.findings import Finding, failure
-from floquid.fit import DEVIATIONS
+from floquid.fit import SIGNIFICANT
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
 from floquid.order import Choice
@@ -61,7 +61,7 @@ def widening(misfit: float | None, records: Sequence[Record]) -> float:
     if misfit is None:
         return 1.0
     fewest = min(int(np.isfinite(record.values).sum(axis=1).min()) for record in records)
-    return misfit if misfit > 1.0 + DEVIATIONS / np.sqrt(max(fewest, 1)) else 1.0
+    return misfit if misfit > 1.0 + SIGNIFICANT / np.sqrt(max(fewest, 1)) else 1.0
 
 
 def widening_of(analysis: Analysis) -> float:
