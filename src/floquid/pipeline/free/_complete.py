@@ -67,9 +67,7 @@ def completed(
         choice = None if choice is None else replace(choice, model=modal)
     if changed and settings.order is None:
         choice = Choice(order=model.order, model=modal, findings=(*_peaked(choice), *fitted.findings))
-    ambiguous = []
-    if choice is not None and choice.ambiguous:
-        ambiguous = [warning("order_ambiguous", order=choice.order, doubts=choice.doubts)]
+    doubted = [] if choice is None or not choice.ambiguous else [choice]
     _refuse_peaks(model, choice, settings)
     state, refinement = state_of(model, settings, again_of(fitted, lifted, shafts, settings), report)
     tested = None
@@ -90,7 +88,7 @@ def completed(
             *_done(fitted, why_sampled(fitted, shafts, settings), settings.periods_per_revolution),
             *(own for own in (fails, *doubts, *uneven_speed(shafts)) if own is not None),
             *fitted.warnings,
-            *ambiguous,
+            *(warning("order_ambiguous", order=own.order, doubts=own.doubts) for own in doubted),
             *(() if changed else combinations_of(model, lifted.noise, nonlinear=start.floor is not None)),
             *findings_of(
                 Decays(

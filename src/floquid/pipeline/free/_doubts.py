@@ -20,7 +20,8 @@ from floquid.periodic import NEGLIGIBLE_SLIP, TURNED, Fit, estimate_period, spac
 from floquid.pipeline._analysis import Analysis
 from floquid.preparation import NO_NEWS, Prepared, name_of
 
-NEARBY = 0.1  # fundamentals within which modes that fold next to one another may be one that a wrong period tore apart
+CHANCE = 0.1  # fundamentals within which two modes are near whole ones apart by chance too often to say anything
+FOLDED = 10.0  # decays within which modes that fold onto one another may be one
 
 
 def wrong_period_lifted(model: PeriodicModel, lifted: Lifted, prepared: Prepared) -> Finding | None:
@@ -84,7 +85,9 @@ def _folded(model: PeriodicModel) -> bool:
     values = model.exponents
     gap = values[:, None] - values[None, :]
     turns = np.rint(gap.imag / model.fundamental)
-    near = np.abs(gap.imag - turns * model.fundamental) < NEARBY * model.fundamental
+    width = FOLDED * np.abs(values.real)
+    # Of modes as wide as that, some are near whole fundamentals apart by chance.
+    near = (np.abs(gap.imag - turns * model.fundamental) < width) & (width < CHANCE * model.fundamental)
     deviation = np.hypot(std.real[:, None], std.real[None, :])
     alike = (np.abs(gap.real) < DEVIATIONS * deviation) & (deviation < EVIDENT * np.abs(values.real))
     itself = np.abs(values[:, None] - values[None, :].conj()) == 0

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from floquid.errors import IdentificationError
 from floquid.findings import failure, warning
-from floquid.fit import REST, ROUNDS, SLOW, SURE, chi2_limit
+from floquid.fit import QUIET, REST, ROUNDS, SURE, chi2_limit
 from floquid.lifting import Lifted, whitened, whitening_filter
 from floquid.lti import AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome, fit_residues
 from floquid.order import Choice, judge
@@ -192,8 +192,8 @@ def under_a_peak(lifted: Lifted, modal: ModalModel) -> NDArray[np.bool_]:
     turns = 2j * np.pi / lifted.period * np.arange(-half, half + 1)
     size = np.linalg.norm(lifted.whitening, axis=1)
     for mode, (pole, residues) in enumerate(zip(modal.poles, modal.residues, strict=True)):
-        if abs(pole.real) * lifted.period * int(lifted.responses.lengths.max()) >= SLOW:
-            continue
+        if np.exp(-abs(pole.real) * lifted.period * int(lifted.responses.lengths.max())) < QUIET:
+            continue  # it decays to nothing
         shapes = lifted.by_channel(residues) / lifted.noise[:, None, :]
         parts = np.einsum("mk,ckh->cm", np.exp(-np.multiply.outer(pole + turns, lifted.phase_times)), shapes)
         channel, harmonic = np.unravel_index(int(np.argmax(np.abs(parts))), parts.shape)

@@ -182,9 +182,8 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
 
 def _wander(shaft: ShaftAngle, record: Record) -> float:
     """Largest difference of the system's angle from that of a steady speed [rad]."""
-    times = record.times
-    angles = shaft.angle(times) * shaft.periods_per_revolution
-    return float(np.abs(angles - np.polyval(np.polyfit(times - times[0], angles, 1), times - times[0])).max())
+    since, angles = record.times - record.times[0], shaft.angle(record.times) * shaft.periods_per_revolution
+    return float(np.abs(angles - np.polyval(np.polyfit(since, angles, 1), since)).max())
 
 
 def without_forced(
