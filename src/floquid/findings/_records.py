@@ -91,6 +91,8 @@ SHAFT: dict[str, str | Callable[..., str]] = {
     "angle_bridged": _bridged,
     "uneven_lines": "The {lines} lines are unevenly spaced, by up to {degrees:.3g} deg or {percent:.3g} % of their "
     "spacing: learned from the pulses and taken out.",
+    "rough_angle": "The residual of the angle scatters by {degrees:.3g} deg: the sensor is poor, or the speed changes "
+    "within a revolution.",
     "angle_alike": "The residual of the angle is correlated ({correlation:.2g}) from pulse to pulse, so its deviations "
     "are too small. The speed changes faster than the curve can follow, or the sensor's error depends on the angle.",
     "beyond_angle": _beyond,

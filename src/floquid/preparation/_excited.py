@@ -13,13 +13,13 @@ from floquid.checks import Parted
 from floquid.core import Record, channels_named, over_gaps, runs_of
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, note, warning
-from floquid.fit import HALF_DIGITS
+from floquid.fit import HALF_DIGITS, RARE
 from floquid.inputs import Hold, samples_of
 from floquid.preparation._before import faults_of
 from floquid.preparation._clocks import check_states, clocks_of, refuse_no_clock, shafts_of
 from floquid.preparation._lines import Lines
 from floquid.preparation._mended import MOST_ABSENT, NO_RESPONSE
-from floquid.preparation._refuse import LEAST, NAMED, refuse_few, refuse_period
+from floquid.preparation._refuse import LEAST, NAMED, refuse_period
 from floquid.preparation._settings import Settings
 from floquid.sync import ShaftAngle, refuse_unlike
 
@@ -45,6 +45,9 @@ WORDS = {
     "inputs": "where inputs are measured",
     "ambient": "of outputs alone",
 }  # a kind of records in messages
+
+FEWEST = 8
+"""Periods that records must hold in all: of fewer no line stands apart from the harmonics of the period."""
 
 
 def refuse_others(settings: Settings, of: str) -> None:
@@ -100,9 +103,14 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
     if rate * period <= LEAST:
         must, got = f"be more than {LEAST:g} samples", f"is {rate * period:.4g}"
         raise input_error("period", of, must, got, "Sample faster.")
-    refuse_few(sum(int(own.sum()) for own in whole) / (rate * period))
+    periods = sum(int(own.sum()) for own in whole) / (rate * period)
+    if periods < FEWEST:
+        raise IdentificationError(
+            f"The records hold {periods:.3g} periods, fewer than {FEWEST}: too few for a periodic system whose "
+            "excitation goes on."
+        )
     if driven:
-        _refuse(inputs)
+        _refuse(settings.inputs, inputs, rate, period)
     given = shafts[0].periods_per_revolution if shafts else settings.periods_per_revolution
     filled = [over_gaps(own, ~there) for own, there in zip(values, whole, strict=True)]
     turns, findings = _beside(Lines(filled, inputs, times, rate, period), given, settings)
@@ -195,8 +203,8 @@ def _turned(records: Sequence[Record], of: str) -> tuple[float, list[NDArray[np.
     return period, [own * period / (2.0 * np.pi) for own in angles], shafts
 
 
-def _refuse(inputs: Sequence[NDArray[np.float64]]) -> None:
-    """Refuse inputs that say nothing: those that never change, and copies."""
+def _refuse(names: Sequence[str], inputs: Sequence[NDArray[np.float64]], rate: float, period: float) -> None:
+    """Refuse inputs that say nothing: none, copies, periodic ones."""
     whole = np.concatenate(inputs, axis=1)
     centred = whole - whole.mean(axis=1, keepdims=True)
     size = np.sqrt(np.mean(centred**2, axis=1))
@@ -210,6 +218,25 @@ def _refuse(inputs: Sequence[NDArray[np.float64]]) -> None:
             "The inputs are copies or sums of one another: their effects cannot be separated. Leave one out of "
             "`inputs`, or drive them with signals that are independent."
         )
+    for name, rows in zip(names, zip(*inputs, strict=True), strict=True):
+        if max(_off_harmonics(row[None], rate, period) for row in rows) < RARE:
+            raise IdentificationError(
+                f"Input {name!r} repeats with the period of the system: all of its lines are multiples of its "
+                "fundamental. So does the response to it, which shows no modes. Leave it out of `inputs`, or drive "
+                "with lines between the harmonics, at random, or with blows."
+            )
+
+
+def _off_harmonics(values: NDArray[np.float64], rate: float, period: float) -> float:
+    """The share of the energy of the inputs of one record that is off the harmonics of the period."""
+    periods = int(values.shape[1] / (rate * period))
+    if periods < 3:
+        return 1.0
+    part = values[:, : round(periods * rate * period)]
+    lines = np.abs(np.fft.rfft(part - part.mean(axis=1, keepdims=True), axis=1)) ** 2
+    place = np.arange(lines.shape[1]) / periods
+    near = np.abs(place - np.rint(place)) * periods <= 2.5
+    return float(lines[:, ~near].sum() / max(lines.sum(), np.finfo(float).tiny))
 
 
 def _beside(lines: Lines, given: float, settings: Settings) -> tuple[tuple[float, ...], tuple[Finding, ...]]:

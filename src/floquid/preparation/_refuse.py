@@ -21,6 +21,7 @@ FEWEST = 4  # whole periods that a record must hold: fewer cannot hold a mode an
 LEAST = 2.0
 """Sampling intervals that a period must last: of shorter ones, a harmonic of the period would alias onto its mean."""
 
+SLACK = 0.5  # samples that a record may lack of the fewest periods: rates and periods are rounded
 NAMED = 3  # of many gaps, or slips of the unit, those that are named one by one
 NO_NEWS = "a copy adds no knowledge, but would make the deviations too small."
 
@@ -85,7 +86,7 @@ def _once_a_period(samples: float, record: Record) -> bool:
 
 def _held(record: Record, period: float) -> float:
     """Length of a record in periods."""
-    return record.n_samples / (period * record.sample_rate)
+    return (record.n_samples + SLACK) / (period * record.sample_rate)
 
 
 def _slip(period: float, record: Record) -> str:

@@ -75,9 +75,10 @@ def samples_per_period(record: Record) -> int:
 def refuse_unlike(records: Sequence[Record], of: str) -> None:
     """Refuse records that cannot be hits on one system: of other channels, or in other units, than the first."""
     for number, record in enumerate(records[1:], start=2):
+        both = (records[0].channels, record.channels)
+        one, other = (", ".join(f"{own.name} [{own.unit or '-'}]" for own in channels) for channels in both)
         for what, field in (("channels", "name"), ("units", "unit")):
-            one, other = ([getattr(channel, field) for channel in own.channels] for own in (records[0], record))
-            if one != other:
+            if len({tuple(getattr(own, field) for own in channels) for channels in both}) > 1:
                 must, got = f"have the same {what}", f"number 1 has {one} and number {number} has {other}"
                 raise input_error("records", of, must, got, "Choose common channels with `channels=`, in one order.")
 

@@ -212,6 +212,31 @@ def test_one_blow_does_not_tell_how_the_input_reaches_the_modes():
     assert "u" in found.warnings[0]
 
 
+@pytest.mark.parametrize("late", [True, False])
+def test_inputs_measured_from_later_on_alone_are_told(late):
+    """The force acts all the time, or from then on; the response rings from the begin in both."""
+    system, first = mathieu(), 15 * PHASES
+    forces = np.random.default_rng(1).standard_normal((1, PERIODS * PHASES))
+    measured = forces.copy()
+    measured[0, :first] = 0.0
+    values = system.response(forces if late else measured, PHASES, start=[1.0, 0.0])
+    values += 0.02 * values.std() * np.random.default_rng(2).standard_normal(values.shape)
+    record = Record(values=np.vstack([values, measured]), sample_rate=PHASES / system.period, channels=["y", "u"])
+    told = [own for own in identify(record, period=system.period, inputs=["u"]).findings if own.code == "inputs_began"]
+    assert [own.numbers["record"] for own in told] == [1] * late
+
+
+def test_a_blow_after_a_rest_came_in_time():
+    system, first = mathieu(), 8 * PHASES
+    forces = np.zeros((1, PERIODS * PHASES))
+    forces[0, first] = 1.0
+    values = system.response(forces, PHASES)
+    values += 0.02 * values.std() * np.random.default_rng(2).standard_normal(values.shape)
+    record = Record(values=np.vstack([values, forces]), sample_rate=PHASES / system.period, channels=["y", "u"])
+    found = identify(record, period=system.period, inputs=["u"])
+    assert "inputs_began" not in codes(found)
+
+
 def test_an_input_of_a_constant_system_is_told():
     """Its one b is the scale of the mode, and has no deviation."""
     system = mathieu()

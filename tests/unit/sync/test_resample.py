@@ -423,9 +423,9 @@ def test_what_cannot_be_resampled_is_refused():
     assert "at least one record, but is empty" in refused([], [])
     assert "one for each of 2 records, but holds 1" in refused([whole, whole], [clock])
     other = record(signal, channels=("Z",))
-    assert "number 1 has ['X'] and number 2 has ['Z']" in refused([whole, other], [clock, clock])
+    assert "number 1 has X [-] and number 2 has Z [-]" in refused([whole, other], [clock, clock])
     metres, millimetres = record(signal, units=("m",)), record(signal, units=("mm",))
-    assert "number 1 has ['m'] and number 2 has ['mm']" in refused([metres, millimetres], [clock, clock])
+    assert "number 1 has X [m] and number 2 has X [mm]" in refused([metres, millimetres], [clock, clock])
     assert "one is a TachometerSignal" in refused(whole, [TachometerSignal(channel="X")])
     fast = refused(whole, ConstantPeriod(period=0.0019))
     assert "periods of at least two samples, but one is 0.0019 s, or 1.9 samples at 1000 Hz" in fast
