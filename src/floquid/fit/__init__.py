@@ -39,6 +39,7 @@ from floquid.fit._solver import levenberg_marquardt as levenberg_marquardt
 from floquid.fit._tests import DEVIATIONS as DEVIATIONS
 from floquid.fit._tests import EVIDENT as EVIDENT
 from floquid.fit._tests import IN_VAIN as IN_VAIN
+from floquid.fit._tests import MODES as MODES
 from floquid.fit._tests import QUIET as QUIET
 from floquid.fit._tests import RARE as RARE
 from floquid.fit._tests import SIGNIFICANT as SIGNIFICANT

@@ -21,9 +21,7 @@ from floquid._arrays import Floats
 from floquid._checks import Rebuilt
 from floquid.fit._algebra import ROUNDING, directions, unit_scale
 
-START = 1e-6  # damping of the first step: all but none
-WHOLE = 1e-4  # damping after a first rejected step: below it the step would be the same
-MOST = 1e6  # damping at which a fit ends: no direction lowers the cost
+START = 1e-6  # damping of the first step, and the least after a rejected one: all but none
 FALL = 1.0 / 3.0  # least factor of the damping after an accepted step (Nielsen 1999)
 STEPS, FEW_STEPS = 60, 12  # steps of a fit to the end, and of one that is only compared, at most
 AT_REST, REST = 1e-4, 0.1  # gains of the last step of either: a hundredth, and a third, of a deviation
@@ -31,7 +29,6 @@ LONGEST_STEP = 0.3  # the most that an exponent moves in a step [1/period]: beyo
 FARTHEST = 0.5  # the most that an exponent moves in a fit [1/period]: beyond, the multiplier is another one
 CHUNK = 512  # samples whose columns or derivatives are formed at a time
 ROUNDS = 3  # fits at most, each with the noise that the one before leaves: weights settle at once
-SERVES = 0.7  # share of the expected gain above which the matrix serves for the next step, too
 
 
 class Costed(Protocol):
@@ -173,9 +170,9 @@ def levenberg_marquardt(start: Point, of: Steps[Point], ends: Ends) -> Point:
             continue
         if trial is None:
             # Had it been accepted it would have been the last: shorter ones gain no more.
-            if normal.size(step) < ends.deviations or normal.promised(pull) < ends.gain or damping >= MOST:
+            if normal.size(step) < ends.deviations or normal.promised(pull) < ends.gain or damping > 1.0 / ROUNDING:
                 break
-            damping, growth = max(growth * damping, WHOLE), 2.0 * growth
+            damping, growth = max(growth * damping, START), 2.0 * growth
             continue
         expected = normal.gain(step, pull)
         point, growth = trial, 2.0

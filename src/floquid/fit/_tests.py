@@ -34,6 +34,9 @@ QUIET = 1e-4
 SLOW = 1.0
 """The decay over a record [nepers] below which it hardly shows: what has one may be steady."""
 
+MODES = 24
+"""Modes, a pair counted once, that are looked for at most: what needs more is no sum of modes."""
+
 IN_VAIN = 2
 """Orders in a row that are no better before a search of the best one ends."""
 
