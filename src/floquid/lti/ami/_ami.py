@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 from typing import Any, ClassVar, final
 
 import numpy as np
 
-from floquid.fit import DEVIATIONS, positive_part, sandwich
+from floquid.fit import FEW_STEPS, IN_VAIN, positive_part, sandwich
 from floquid.lti._exponentials import complex_residues
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, Block, PoleSet, composites, spectra
 from floquid.lti._significance import rise_limit
@@ -38,11 +37,6 @@ from floquid.lti.ami._isolation import (
     started,
     without,
 )
-
-ROUGH = 0.01  # deviations below which a pole counts as at rest while there may be modes to come
-FIRST = 30  # rounds, at most, after which a mode just isolated must have proved itself
-STRONG = 20.0  # times the limit at which the energy of a mode shows that it is there: half of the trials are spared
-TRIES = 4  # the number of peaks that are tried before what is left counts as noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,35 +129,30 @@ class AMI(AbstractIdentifier):
     def refine(self, state: Lines, model: ModalModel) -> ModalModel:
         """The model in `state` of the same modes: going round, from the poles of `model`; its outcome is that of it."""
         poles = PoleSet.from_multipliers(model.multipliers)
-        now = started(poles, state.blocks, self._rounds(self.tolerance))
-        now = go_round(now, state.blocks, self._rounds(self.tolerance))
+        now = started(poles, state.blocks, self._rounds())
+        now = go_round(now, state.blocks, self._rounds())
         return isolated_model(now, state.data, state.blocks, model.outcome, self.widths)
 
-    def _rounds(self, tolerance: float, most: int | None = None) -> Rounds:
+    def _rounds(self, most: int | None = None) -> Rounds:
         most = self.rounds if most is None else min(most, self.rounds)
-        return Rounds(widths=self.widths, tolerance=max(tolerance, self.tolerance), most=most, rank_one=self.rank_one)
+        return Rounds(widths=self.widths, tolerance=self.tolerance, most=most, rank_one=self.rank_one)
 
     def _search(self, state: Lines, most: int, report: Report) -> Isolated:
-        """Isolate mode after mode; before the end, bring the poles to rest and look once more."""
-        now, at_rest = nothing(state.blocks), True
-        while True:
-            more = self._next(now, state, most)
-            if more is not None:
-                now, at_rest = self._settle(more, state, ROUGH), False
-                report(f"{now.order} poles isolated")
-            elif not at_rest:
-                now, at_rest = self._settle(now, state, self.tolerance), True
-            else:
-                return now
+        """Isolate mode after mode."""
+        now = nothing(state.blocks)
+        while (more := self._next(now, state, most)) is not None:
+            now = self._settle(more, state)
+            report(f"{now.order} poles isolated")
+        return now
 
     def _next(self, now: Isolated, state: Lines, most: int) -> Isolated | None:
         """The modes and one more, if a peak of what is left holds one."""
-        for peak in peaks(now, state.blocks)[:TRIES]:
+        for peak in peaks(now, state.blocks)[:IN_VAIN]:
             best: tuple[float, Isolated] | None = None
             for mode in first_fits(peak, now, state.blocks, self.rank_one):
                 if now.order + mode.size > most:
                     continue
-                more = go_round(joined(now, mode, state.blocks), state.blocks, self._rounds(ROUGH, FIRST))
+                more = go_round(joined(now, mode, state.blocks), state.blocks, self._rounds(FEW_STEPS))
                 gain = now.cost - more.cost - state.limit(mode.size, self.false_alarm)
                 if gain > 0 and (best is None or gain > best[0]):
                     best = gain, more
@@ -171,29 +160,29 @@ class AMI(AbstractIdentifier):
                 return best[1]
         return None
 
-    def _settle(self, now: Isolated, state: Lines, tolerance: float) -> Isolated:
+    def _settle(self, now: Isolated, state: Lines) -> Isolated:
         """Bring the poles to rest, take away what is not needed, and put on the real axis what may lie there."""
-        if now.rest >= tolerance:
-            now = go_round(now, state.blocks, self._rounds(tolerance))
+        rounds = self._rounds()
+        if now.rest >= self.tolerance:
+            now = go_round(now, state.blocks, rounds)
         changed = True
         while changed and now.modes:
             changed = False
             for position in np.argsort([_energy_of(mode, state) for mode in now.modes]):
-                simpler = self._simpler(now, int(position), state, last=tolerance < ROUGH)
+                simpler = self._simpler(now, int(position), state)
                 if simpler is not None:
-                    now, changed = go_round(simpler, state.blocks, self._rounds(tolerance)), True
+                    now, changed = go_round(simpler, state.blocks, rounds), True
                     break
-        return self._paired(now, state) if tolerance < ROUGH else now
+        return now
 
-    def _simpler(self, now: Isolated, position: int, state: Lines, *, last: bool) -> Isolated | None:
+    def _simpler(self, now: Isolated, position: int, state: Lines) -> Isolated | None:
         """The modes less one, or with a pair made a real pole, where the noise could explain the difference."""
-        mode, rounds = now.modes[position], self._rounds(ROUGH, FIRST)
+        mode, rounds = now.modes[position], self._rounds(FEW_STEPS)
         limit = state.limit(mode.size, self.false_alarm)
         less = without(now, position, state.blocks)
-        if _energy_of(mode, state) < STRONG * limit or (last and _crowded(now, position, state)):
-            trial = go_round(less, state.blocks, rounds)
-            if trial.cost - now.cost < limit:
-                return trial
+        trial = go_round(less, state.blocks, rounds)
+        if trial.cost - now.cost < limit:
+            return trial
         for kind, angle in ((POSITIVE, mode.s.imag), (NEGATIVE, np.pi - mode.s.imag)):
             if mode.kind == PAIR and angle < 0.5 * abs(mode.s.real) + _resolution(state):
                 real = empty_mode(complex(mode.s.real, 0.0 if kind == POSITIVE else np.pi), kind, state.blocks)
@@ -201,20 +190,6 @@ class AMI(AbstractIdentifier):
                 if trial.cost - now.cost < state.limit(1, self.false_alarm):
                     return trial
         return None
-
-    def _paired(self, now: Isolated, state: Lines) -> Isolated:
-        """Two real poles of a sign made a pair where that is as good: where they meet, their residues are unbounded."""
-        for first, second in combinations(range(len(now.modes)), 2):
-            one, other = now.modes[first], now.modes[second]
-            if one.kind == PAIR or one.kind != other.kind:
-                continue
-            middle, rest = 0.5 * (one.s + other.s), without(without(now, second, state.blocks), first, state.blocks)
-            turn = max(0.1 * abs(middle.real), 0.25 * _resolution(state))
-            pair = empty_mode(middle + (turn if one.kind == POSITIVE else -turn) * 1j, PAIR, state.blocks)
-            trial = go_round(joined(rest, pair, state.blocks), state.blocks, self._rounds(self.tolerance))
-            if trial.cost - now.cost < DEVIATIONS**2:
-                return trial
-        return now
 
     def _force(self, now: Isolated, state: Lines, order: int) -> Isolated:
         """The modes brought to `order` where that can be done: the weakest leave, the clearest peaks join."""
@@ -224,11 +199,11 @@ class AMI(AbstractIdentifier):
                 break
             energies = [_energy_of(m, state) if fits else np.inf for m, fits in zip(now.modes, sizes, strict=True)]
             now = without(now, int(np.argmin(energies)), state.blocks)
-            now = go_round(now, state.blocks, self._rounds(self.tolerance))
+            now = go_round(now, state.blocks, self._rounds())
         while now.order < order:
             trials = [
-                go_round(joined(now, mode, state.blocks), state.blocks, self._rounds(self.tolerance))
-                for peak in peaks(now, state.blocks, clear=-np.inf)[:TRIES]
+                go_round(joined(now, mode, state.blocks), state.blocks, self._rounds())
+                for peak in peaks(now, state.blocks, clear=-np.inf)[:order]
                 for mode in first_fits(peak, now, state.blocks, self.rank_one)
                 if now.order + mode.size <= order
             ]
@@ -248,13 +223,6 @@ def _energy_of(mode: Mode, state: Lines) -> float:
     """The sum of squares of what a mode is on the lines."""
     lines = (mode.lines(b, block) for b, block in enumerate(state.blocks))
     return float(sum(np.sum(np.abs(x) ** 2) for x in lines))
-
-
-def _crowded(now: Isolated, position: int, state: Lines) -> bool:
-    """True where another pole is so near that it could move to take this one's part."""
-    s = now.poles().s
-    distance = np.delete(np.minimum(np.abs(s - s[position]), np.abs(s - s[position].conj())), position)
-    return bool((distance < 2.0 * max(abs(s[position].real), _resolution(state))).any())
 
 
 def isolated_model(

@@ -7,13 +7,10 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Floats
-from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, positive_part, scaled_inverse
+from floquid.fit import FEW_STEPS, ROUNDING, Ends, Normal, Steps, levenberg_marquardt, positive_part, scaled_inverse
 from floquid.lti._poles import FASTEST, PAIR, Block, PoleSet, mode_columns, moved_pole
-
-FEWEST_LINES = 6  # lines to each side of a peak that a fit looks at, however sharp the peak
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +51,8 @@ def real_rows(lines: Complexes) -> Floats:
 def band_lines(s: complex, block: Block, widths: float) -> slice:
     """The lines within `widths` half-power half-widths of a pole's peak."""
     spacing = 2.0 * np.pi / block.samples
-    reach = max(int(np.ceil(widths * abs(s.real) / spacing)), FEWEST_LINES)
+    # No peak is narrower than a line on each side.
+    reach = int(np.ceil(widths * max(abs(s.real) / spacing, 1.0)))
     centre = round(abs(s.imag) / spacing)
     return slice(max(0, centre - reach), min(len(block.values), centre + reach + 1))
 
@@ -146,18 +144,11 @@ def fit_residues(s: complex, kind: int, band: Band) -> Floats:
     return inverse @ (q.T @ band.values)
 
 
-WORST = 1e10  # the condition number of the coupled fits beyond which two modes count as one
-KNOWN = 1e9  # condition number beyond which no deviations are known: rounding in the slopes grows with its power 3/2
-HALVINGS = 6  # halvings of Newton's step before it is given up
+WORST = 1.0 / ROUNDING
+"""The condition number of the coupled fits beyond which two modes count as one."""
 
-SLACK = 0.01
-"""Largest addition of a leap to the sum of squares, for each residue: fits near the peaks are not quite the least."""
-
-
-def slack(modes: Sequence[Mode]) -> float:
-    """Largest addition of a leap of these modes to the sum of squares."""
-    return 1.0 + SLACK * sum(own.size for mode in modes for own in mode.coefficients)
-
+KNOWN = ROUNDING ** (-2.0 / 3.0)
+"""The condition number beyond which no deviations are known: rounding in slopes grows with its power 3/2."""
 
 Bands = Sequence[Sequence[slice]]  # the lines to which each mode is fitted, for each block
 
@@ -296,13 +287,13 @@ def newton(
     if not np.linalg.cond(slope / both) < WORST:
         return now
     step, before = np.linalg.solve(slope / both, lean / scale) / scale, cost(now)
-    for _ in range(HALVINGS):
+    for _ in range(FEW_STEPS):
         poles = [
             replace(mode, s=moved_pole(mode.s, mode.kind, step[at]))
             for mode, at in zip(now, columns_of(now), strict=True)
         ]
         moved = joint_residues(poles, blocks, near) if np.abs(step).max() < 1.0 else None
-        if moved is not None and cost(moved) < before + slack(now):
+        if moved is not None and cost(moved) < before + 1.0:
             return moved
         step = 0.5 * step
     return now
@@ -310,32 +301,3 @@ def newton(
 
 def _rows(block: Block) -> Floats:
     return real_rows(block.values.reshape(len(block.values), -1))
-
-
-def limit(past: Sequence[Sequence[Mode]], blocks: Sequence[Block]) -> list[Mode]:
-    """The limit of a sequence of rounds by reduced-rank extrapolation (Eddy 1979; Mešina 1977)."""
-    norms = [
-        [np.linalg.norm(mode_columns(m.s, m.kind, x.angles, x.samples, x.weights)[0], axis=0) for x in blocks]
-        for m in past[-1]
-    ]
-    steps = np.diff([_state(modes, past[-1], norms) for modes in past], axis=0)
-    mixed = np.linalg.lstsq(np.diff(steps, axis=0).T, steps[0], rcond=1e-10)[0]
-    weights = np.eye(len(past))[0]  # of the rounds: the first of them less the steps so mixed
-    weights[:-2] += mixed
-    weights[1:-1] -= mixed
-    found = []
-    for rounds in zip(*past, strict=True):
-        s = complex(weights @ np.array([mode.s for mode in rounds]))
-        parts = zip(*(mode.coefficients for mode in rounds), strict=True)
-        own = tuple(np.tensordot(weights, part, axes=1) for part in parts)
-        found.append(replace(rounds[-1], s=moved_pole(s, rounds[-1].kind, np.zeros(2)), coefficients=own))
-    return found
-
-
-def _state(modes: Sequence[Mode], last: Sequence[Mode], norms: Sequence[Sequence[NDArray]]) -> Floats:
-    """Poles and residues as one vector, each in units of what noise does to it."""
-    parts: list[Floats] = []
-    for mode, final, sizes in zip(modes, last, norms, strict=True):
-        parts.append(np.array([mode.s.real, mode.s.imag]) / final.deviation)
-        parts += [(own * size[:, None, None]).ravel() for own, size in zip(mode.coefficients, sizes, strict=True)]
-    return np.concatenate(parts)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import Complexes, Floats
-from floquid.fit import DEVIATIONS
+from floquid.fit import DEVIATIONS, ROUNDS, STEPS
 from floquid.lti._poles import FASTEST, NEGATIVE, PAIR, POSITIVE, WHITE, Block, PoleSet
 from floquid.lti.ami._fit import (
     Band,
@@ -21,21 +21,11 @@ from floquid.lti.ami._fit import (
     fit_pole,
     fit_residues,
     joint_residues,
-    limit,
     newton,
-    slack,
 )
 
 NEAR = 3.0
 """Half-power half-widths to each side of a peak that a mode's first fit looks at, the other modes being unknown."""
-
-SETTLING = 3
-"""Rounds in which the band of each mode follows its pole; later it stays, or the poles could not come to rest."""
-
-LEAP = 4  # rounds after which Newton's step is tried
-LEAP_OF_OUTER_PRODUCTS = 7  # rounds after which the limit of their sequence is tried
-TURNS = 100  # turns, at most, in which the nearest outer product is found
-FAR = 1.0  # deviations a round below which the limit of outer products is not that of residues of any rank
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,30 +86,23 @@ def go_round(now: Isolated, blocks: Sequence[Block], rounds: Rounds) -> Isolated
 
     Modes that overlap come to rest slowly, by a constant factor a round. So every few rounds a leap to where they will
     come to rest is tried, and taken unless it leaves more than the last round did: Newton's step on the equations that
-    the rounds solve, or, near the rest of outer products, whose equations are not so simple, the limit of the sequence.
+    the rounds solve.
     """
     outer = rounds.rank_one and sum(len(block.inputs) for block in blocks) > 1
     near: Bands = []
-    past: list[Isolated] = []
     best: Isolated | None = None
     for count in range(rounds.most if now.modes else 0):
-        if count < SETTLING:
+        if count < ROUNDS:  # bands that go on following their poles would not let them come to rest
             near = bands_of(now.modes, blocks, rounds.widths)
         now = _one_round(now, blocks, near, rounds.rank_one)
         if now.rest < rounds.tolerance:
             break
         best = now if best is None or now.cost < best.cost else best
-        past.append(now)
-        if len(past) == (LEAP_OF_OUTER_PRODUCTS if outer else LEAP) and len(now.modes) > 1:
-            near_rest = outer and now.rest < FAR
-            leap = (
-                limit([x.modes for x in past], blocks)
-                if near_rest
-                else newton(now.modes, blocks, near, lambda modes: Isolated.of(modes, _left(modes, blocks)).cost)
-            )
-            now, past = _taken(leap, now, blocks, outer), []
+        if (count + 1) % ROUNDS == 0 and len(now.modes) > 1:
+            leap = newton(now.modes, blocks, near, lambda modes: Isolated.of(modes, _left(modes, blocks)).cost)
+            now = _taken(leap, now, blocks, outer)
     # Poles that are hardly told apart may drive each other away instead of coming to rest.
-    return now if best is None or now.cost < best.cost + slack(now.modes) else best
+    return now if best is None or now.cost < best.cost + 1.0 else best
 
 
 def _left(modes: Sequence[Mode], blocks: Sequence[Block]) -> tuple[Complexes, ...]:
@@ -133,7 +116,7 @@ def _taken(leap: Sequence[Mode] | None, now: Isolated, blocks: Sequence[Block], 
         return now
     modes = tuple(rank_one_mode(mode, blocks) for mode in leap) if outer else tuple(leap)
     there = Isolated.of(modes, _left(modes, blocks), now.rest)
-    return there if there.cost < now.cost + slack(modes) else now
+    return there if there.cost < now.cost + 1.0 else now
 
 
 def _one_round(now: Isolated, blocks: Sequence[Block], near: Bands, rank_one: bool) -> Isolated:
@@ -194,7 +177,7 @@ def nearest_outer_product(matrix: Complexes, noise: Floats) -> Complexes:
     rows = np.exp(np.mean(np.log(noise), axis=1, keepdims=True))
     right = np.linalg.svd(matrix / rows, full_matrices=False)[2][0]
     product = np.zeros_like(matrix)
-    for _ in range(TURNS):
+    for _ in range(STEPS):
         shape = (weight * matrix) @ right.conj() / np.maximum(weight @ np.abs(right) ** 2, np.finfo(float).tiny)
         size = weight.T @ np.abs(shape) ** 2
         right = shape.conj() @ (weight * matrix) / np.maximum(size, np.finfo(float).tiny)
