@@ -97,7 +97,7 @@ def scan(
         finds each order afresh; ml and ami add poles to those they have, so that poles of noise stay too.
     orders
         The orders: 2..40 is each from 2 to 40, 2..40..2 every other one, 4,8,16 these three. When not given, every
-        other one up to half of the periods, at most 40.
+        other one up to half of the periods, at most 48.
     out
         A folder for scan.json, figures/stabilisation.png and figures/indicators.png. Of a saved result frequencies are
         unfolded.

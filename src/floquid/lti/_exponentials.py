@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 
 from floquid._arrays import BLOCK, Complexes, Floats, Integers
 from floquid._checks import frozen_array, input_error
-from floquid.fit import Ends, Normal, Steps, levenberg_marquardt, positive_part, sandwich
+from floquid.fit import AT_REST, STEPS, Ends, Normal, Steps, levenberg_marquardt, positive_part, sandwich
 from floquid.lti._factor import Factor
 from floquid.lti._poles import LARGEST_GROWTH, PAIR, PoleSet
 from floquid.lti._types import ModalModel, Outcome, TimeResponses
@@ -187,8 +187,8 @@ def polish(
     start: PoleSet | Fit,
     factors: Sequence[Factor],
     *,
-    iterations: int = 60,
-    tolerance: float = 1e-4,
+    iterations: int = STEPS,
+    tolerance: float = AT_REST,
     enough: float = -np.inf,
 ) -> Fit:
     """The maximum-likelihood poles near those of the start: steps to the least projected cost."""

@@ -13,17 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import BLOCK, Floats, Integers
+from floquid.fit import CHUNK, ROUNDING
 from floquid.lti._types import TimeResponses
-
-LARGEST = 2**22  # the most numbers that a factor may hold; beyond, it is made of leading directions
-LEADING = 192  # number of leading directions then
-
-SAFE = 1e-4
-"""The share of the noise that rounding in a squared matrix may reach before the triangular factor is made by
-orthogonal steps, which cost four times as much."""
-
-SHORT = 600
-"""Samples up to which a record is looked at whole: enough to tell white noise, few enough for a Gram matrix."""
 
 Rows = Callable[[], Iterator[Floats]]  # the rows of a matrix W (rows, width), some at a time, as often as it is asked
 
@@ -92,14 +83,14 @@ def energies(data: TimeResponses) -> Floats:
 def energetic_length(energy: Floats, data: TimeResponses) -> int:
     """The samples to look at first: all of a short record; of a long one, those before the energy meets its floor."""
     whole = len(energy)
-    if whole <= SHORT:
+    if whole <= CHUNK:
         return whole
     width = whole // 20
     blocks = energy[: width * 20].reshape(20, width).mean(axis=1)
     columns = data.n_outputs * data.n_inputs
     quiet = blocks < blocks.min() * (1.0 + 6.0 * np.sqrt(2.0 / (width * columns))) * 1.02
     loud = np.flatnonzero(~quiet)
-    return min(whole, max(SHORT, int(np.ceil(1.5 * width * (loud[-1] + 1))))) if len(loud) else whole
+    return min(whole, max(CHUNK, int(np.ceil(1.5 * width * (loud[-1] + 1))))) if len(loud) else whole
 
 
 def product_noise(noise: Floats) -> Floats:
@@ -126,8 +117,8 @@ def _factor(data: TimeResponses, inputs: Integers, samples: int) -> Factor:
     def rows() -> Iterator[Floats]:
         return scaled_blocks(data, inputs, samples)
 
-    if min(columns, samples) * samples > LARGEST:
-        values, energy = _leading(rows, samples, min(LEADING, samples, columns))
+    if min(columns, samples) * samples > BLOCK:
+        values, energy = _leading(rows, samples, min(-(-BLOCK // samples), samples, columns))
         return Factor(values, columns, energy)
     if columns <= samples:
         whole = np.empty((samples, columns))
@@ -139,12 +130,18 @@ def _factor(data: TimeResponses, inputs: Integers, samples: int) -> Factor:
     return Factor.of(_triangular(rows, samples, columns), columns, triangular=True)
 
 
+def is_safe(width: int, energy: float, count: float) -> bool:
+    """True where rounding in a matrix of squares (width, width) stays below `count` rows of unit noise."""
+    return width * ROUNDING * energy < count
+
+
 def _triangular(rows: Rows, width: int, count: int) -> Floats:
     """Triangular F (width, width) with F Fᵀ = WᵀW, of `count` rows of unit noise that are more than `width`."""
     gram = np.zeros((width, width))
     for block in rows():
         gram += block.T @ block
-    if width * np.finfo(float).eps * np.trace(gram) < SAFE * count:
+    # Orthogonal steps cost four times as much: they are for data whose rounding, once squared, reaches the noise.
+    if is_safe(width, float(np.trace(gram)), count):
         try:
             return np.asarray(np.linalg.cholesky(gram), np.float64)
         except np.linalg.LinAlgError:  # only for responses of less than full rank
@@ -208,13 +205,13 @@ def compress(data: TimeResponses, *, rank_one: bool = False) -> TimeResponses:
 
     width = int(data.lengths.sum())
     whole = min(data.n_outputs, width)
-    if whole * width <= LARGEST:
+    if whole * width <= BLOCK:
         few = data.n_outputs <= width
         rows = np.concatenate(list(blocks())) if few else _triangular(blocks, width, data.n_outputs).T
         _, strengths, along = np.linalg.svd(rows, full_matrices=False)
         rows = strengths[:, None] * along
     else:
-        rows = _leading(blocks, width, min(LEADING, whole))[0].T[::-1]
+        rows = _leading(blocks, width, min(-(-BLOCK // width), whole))[0].T[::-1]
     values = np.zeros((len(rows), data.n_inputs, data.values.shape[2]))
     ends = np.cumsum(data.lengths)
     for i, (end, length) in enumerate(zip(ends, data.lengths, strict=True)):

@@ -24,6 +24,7 @@ import numpy as np
 from floquid._arrays import Complexes, Floats
 from floquid._checks import input_error, integer
 from floquid.errors import InputError
+from floquid.fit import HALF_DIGITS
 from floquid.lti._exponentials import fit_residues
 from floquid.lti._factor import Factor, factors
 from floquid.lti._poles import FASTEST, LARGEST_GROWTH, PoleSet
@@ -42,10 +43,6 @@ from floquid.lti._types import (
 Method = Literal["cov", "dat"]
 
 SHARE = 0.7  # a single decay brings it in six tenths of its time constant, where the errors of this method are least
-
-RIDGE = 1e-7
-"""Without noise a denominator above the order is singular. One more response, a blow to one sample of this share of the
-norm of all, is below what any noise does, and makes it regular: its spectrum is flat."""
 
 
 @final
@@ -256,8 +253,10 @@ class SdypyLSCF(AbstractIdentifier):
 
 def _multipliers(values: Floats, pairs: int) -> Complexes:
     """The roots of the highest denominator, up to `pairs` pairs, that can be solved for; what is no number included."""
+    # Without noise a denominator above the order is singular: a blow to one sample, below what any noise does, has a
+    # flat spectrum, and makes it regular.
     blow = np.zeros((1, values.shape[1]))
-    blow[0, values.shape[1] // 2] = RIDGE * np.linalg.norm(values)
+    blow[0, values.shape[1] // 2] = HALF_DIGITS * np.linalg.norm(values)
     lines = np.fft.rfft(np.concatenate([values, blow]))
     # The model cuts off the line at its upper limit: one more is there to be cut off.
     lines = np.concatenate([lines, lines[:, -1:]], axis=1)

@@ -2,6 +2,6 @@
 
 from floquid.lti.likelihood._ensemble import Ensemble, brief, pooled_noise
 from floquid.lti.likelihood._maximum_likelihood import Evidence, MaximumLikelihood
-from floquid.lti.likelihood._residual import COLOURED, FEWEST, ORDERS
+from floquid.lti.likelihood._residual import FEWEST
 
-__all__ = ["COLOURED", "FEWEST", "ORDERS", "Ensemble", "Evidence", "MaximumLikelihood", "brief", "pooled_noise"]
+__all__ = ["FEWEST", "Ensemble", "Evidence", "MaximumLikelihood", "brief", "pooled_noise"]

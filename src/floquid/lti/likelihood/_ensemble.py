@@ -18,7 +18,7 @@ from typing import ClassVar, final
 import numpy as np
 
 from floquid._arrays import Floats, Integers
-from floquid.fit import SURE, chi2_limit
+from floquid.fit import MODES, SURE, chi2_limit
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 from floquid.lti._significance import noise_edge, rise_limit
 from floquid.lti._types import (
@@ -42,8 +42,6 @@ from floquid.lti.likelihood._rank_one import (
     refined,
 )
 
-MOST = 24  # poles that are looked for at most
-
 
 @dataclass(frozen=True, slots=True)
 class States:
@@ -60,7 +58,7 @@ class States:
         """The states of responses."""
         stacked, ends = Stacked.of(data), np.minimum(data.lengths, max(samples_above(data), 1))
         starts = np.cumsum(data.lengths) - data.lengths
-        delays = max(1, min(-(-MOST // data.n_outputs), int(ends.min()) // 2))
+        delays = max(1, min(-(-MODES // data.n_outputs), int(ends.min()) // 2))
         counts = ends - delays + 1
         kept = np.concatenate([start + np.arange(count) for start, count in zip(starts, counts, strict=True)])
         loud = np.concatenate([stacked.values[:, kept + delay] for delay in range(delays)])
@@ -124,7 +122,7 @@ class Ensemble(AbstractIdentifier):
         """The model in `state`, of this `order` or the one found; `report` is told of each stage."""
         data = state.stacked.data
         checked_order(order, self, data)
-        rank = min(state.rank, MOST)
+        rank = min(state.rank, MODES)
         if not rank:
             return _empty(data)
         if rank > int((data.lengths - 1).sum()):
@@ -198,7 +196,7 @@ def _empty(data: TimeResponses, outcome: Outcome = Outcome.NO_MODE) -> ModalMode
 def brief(data: TimeResponses, per_pole: int) -> bool:
     """True where `data` are above their noise for fewer than `per_pole` samples for each pole that they hold."""
     above = samples_above(data)
-    return 0 < above < per_pole * MOST and above < per_pole * min(States.of(data).rank, MOST)
+    return 0 < above < per_pole * MODES and above < per_pole * min(States.of(data).rank, MODES)
 
 
 def pooled_noise(blocks: Iterable[Sequence[Floats]]) -> Floats:

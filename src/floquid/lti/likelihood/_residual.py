@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid.fit import yule_walker
+from floquid.fit import CHUNK, LAGS, SIGNIFICANT, yule_walker
 from floquid.lti._exponentials import real_powers
-from floquid.lti._factor import SHORT, Factor
+from floquid.lti._factor import Factor
 from floquid.lti._poles import PoleSet
 
 FEWEST = 24
@@ -24,13 +24,6 @@ FEWEST = 24
 LASTING = 1.5
 """The ratio of the energies in the first and the second half of a record up to which a residual is noise. The inverse
 has no bound: poles that decay take more of coloured noise out of the first half."""
-
-COLOURED = 8.0
-"""The deviations from white noise at which a filter is worth its trouble: white noise has them once in 10,000 records,
-since the squares that they are a sum of have a long tail."""
-
-ORDERS = (1, 2, 4, 8)
-"""The orders of the autoregressive filters that whiten, the first that does is taken: noise of more is rare."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +45,7 @@ class Residual:
     @staticmethod
     def of(poles: PoleSet, factors: Sequence[Factor]) -> Residual:
         """Residual of the longest block, over its own mean deviation."""
-        block = factors[0].cut(SHORT)
+        block = factors[0].cut(CHUNK)
         taken = np.zeros((len(block.values), 0)) if block.taken is None else block.taken
         # What was taken off belongs to the fit: no noise is left there either, whichever samples are looked at.
         columns = real_powers(poles, len(block.values)) if len(poles) else taken[:, :0]
@@ -146,15 +139,15 @@ def _independent(residual: Floats, fitted: Floats, columns: int) -> float:
 
 def whitening_of(residual: Residual) -> Floats | None:
     """The shortest filter that makes a residual white, or the longest; None where it is white."""
-    if residual.colour() < COLOURED:
+    if residual.colour() < SIGNIFICANT:
         return None
     taps = None
-    for order in ORDERS:
-        if 4 * order >= len(residual.values):
-            break
+    order = 1
+    while 4 * order < len(residual.values) and order < LAGS:
         taps = whitening(residual, order)
-        if residual.filtered(taps).colour() < COLOURED:
+        if residual.filtered(taps).colour() < SIGNIFICANT:
             break
+        order *= 2
     return taps
 
 

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.lib.stride_tricks import as_strided
 
 from floquid._arrays import BLOCK, Complexes, Floats
-from floquid.fit import DEVIATIONS, SURE
+from floquid.fit import DEVIATIONS, MODES, SURE
 from floquid.lti._exponentials import Fit, fit, polish, real_powers
 from floquid.lti._factor import Factor
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
@@ -166,10 +166,6 @@ class Threshold:
         return fit.cost + pairs * self.of(2) + (len(fit.poles) - pairs) * self.of(1)
 
 
-CROWD = 48
-"""Poles of a start, tested one by one, from which on they are no modes: what is left is not white along the record."""
-
-
 def choose(
     factors: Sequence[Factor],
     start: Callable[[int], PoleSet],
@@ -193,7 +189,7 @@ def choose(
         begin = prune_linear(start(order).plausible(), factors, (threshold.of(1), threshold.of(2)))
         if 2 * begin.order > order and order < starts[-1]:
             continue
-        if begin.order > CROWD:
+        if begin.order > 2 * MODES:  # what is left is not white along the record
             report(f"start of order {order}: {begin.order} poles, more than are searched through")
             return (best, ended, Residual.of(best.poles, factors)) if ended else (fit(begin, factors), False, noise)
         settled = _settle(polish(begin, factors), factors, threshold, most)

@@ -23,12 +23,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
-from floquid.fit import ROUNDING
+from floquid.fit import ROUNDING, SLOW
 from floquid.lti._poles import line_weights
-
-SAME = 1.0
-"""The change over the record, in nepers and radians, by which roots of the two denominators differ if not one mode;
-both are asked for roots that grow or decay by less."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,13 +221,14 @@ class Denominators:
             ends = np.kron(fixed[:, None], np.eye(self.inputs))
             found.append(self._roots(null @ (null.T @ ends), highest=is_highest))
         (inner, inner_shares), (outer, outer_shares) = found
-        keep = np.abs(inner) < np.exp(SAME / self.samples)
+        # Both are asked for roots that hardly change over the record: those that differ by less are one mode.
+        keep = np.abs(inner) < np.exp(SLOW / self.samples)
         inner, inner_shares = inner[keep], inner_shares[keep]
-        keep = np.abs(outer) > np.exp(-SAME / self.samples)
+        keep = np.abs(outer) > np.exp(-SLOW / self.samples)
         outer, outer_shares = outer[keep], outer_shares[keep]
         if len(inner):
             apart = np.abs(np.log(outer)[:, None] - np.log(inner))
-            keep = np.minimum(apart, np.abs(apart - 2.0 * np.pi)).min(axis=1) > SAME / self.samples
+            keep = np.minimum(apart, np.abs(apart - 2.0 * np.pi)).min(axis=1) > SLOW / self.samples
             outer, outer_shares = outer[keep], outer_shares[keep]
         return np.concatenate([inner, outer]), np.concatenate([inner_shares, outer_shares])
 

@@ -12,7 +12,7 @@ from floquid._arrays import BLOCK, Complexes, Floats
 from floquid._checks import finite, input_error, integer
 from floquid.lti._era import hankel_covariance
 from floquid.lti._exponentials import model_of
-from floquid.lti._factor import SAFE, Factor, energetic_length, energies, factors, product_noise
+from floquid.lti._factor import Factor, energetic_length, energies, factors, is_safe, product_noise
 from floquid.lti._poles import FASTEST, PoleSet
 from floquid.lti._significance import strongest
 from floquid.lti._types import AbstractIdentifier, ModalModel, Report, TimeResponses, given_order, reached, silent
@@ -165,8 +165,8 @@ class PolyLSCF(AbstractIdentifier):
         degree = degree_for(self.degree, band, data.n_inputs)
         if self.degree is None:
             degree = min(degree, max(1, DEGREE // data.n_inputs))
-        safe = samples * np.finfo(float).eps * energy.sum() < SAFE * data.n_outputs
-        found = matrix(data, band, degree, safe=bool(safe))
+        safe = is_safe(samples, float(energy.sum()), data.n_outputs)
+        found = matrix(data, band, degree, safe=safe)
         return Candidates(data, found, candidates(found, shared=True))
 
     def extract(self, state: Candidates, order: int | None = None, *, report: Report = silent) -> ModalModel:
@@ -209,7 +209,7 @@ def degree_for(asked: int | None, band: Band, inputs: int = 1) -> int:
 
 def common(blocks: Sequence[Factor], bands: Sequence[Band], degree: int) -> Denominators:
     """The denominators common to all responses, from blocks of more than `degree` samples or lines."""
-    safe = all(len(b.values) * np.finfo(float).eps * b.energy < SAFE * b.columns for b in blocks)
+    safe = all(is_safe(len(b.values), b.energy, b.columns) for b in blocks)
     equations = sum(block.columns * (band.size - degree) for block, band in zip(blocks, bands, strict=True))
     samples, one = bands[0].samples, np.ones(1)
     if bands[0].whole and safe:
