@@ -8,6 +8,7 @@ from floquid.periodic._fit_shapes import fit_shapes
 from floquid.periodic._forced_part import ForcedResponse
 from floquid.periodic._output_error_step import estimate_at
 from floquid.periodic._refit import instants, line_amplitudes, own_period, refit, unexplained, without_lines
+from floquid.periodic._start import Known, distinct_multipliers, generous_poles, groups, held_shapes, without_known
 from floquid.periodic.expansion import assemble, participation, physical_exponents, select_bands
 from floquid.periodic.least_squares import ModeParameters
 from floquid.periodic.period import FSE, Family, PeriodCandidate, PeriodEstimate, estimate_period, fse
@@ -23,7 +24,6 @@ from floquid.periodic.significance import (
     spacing,
     synchrony,
 )
-from floquid.periodic.start import Known, distinct_multipliers, generous_poles, groups, held_shapes, without_known
 
 CONFIDENT = 2e-3
 """A mode counts as well determined when both parts of its exponent have a deviation below this share of ω: one that is

@@ -13,6 +13,7 @@ from floquid._checks import Rebuilt, input_error
 from floquid.core import Channel, PeriodicModel, PhaseClock, Provenance, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, note, texts, warning
+from floquid.fit import MODES
 from floquid.lifting import Lifted
 from floquid.periodic._forced_part import (
     ForcedResponse,
@@ -23,7 +24,8 @@ from floquid.periodic._forced_part import (
     free_records,
     without_noise,
 )
-from floquid.periodic._sampling import below, half_of
+from floquid.periodic._refit import below, half_of
+from floquid.periodic._start import Known
 from floquid.periodic.least_squares import (
     Block,
     LiftedBlock,
@@ -35,6 +37,7 @@ from floquid.periodic.least_squares import (
     shapes,
 )
 from floquid.periodic.search import (
+    LOUD,
     Bounds,
     Point,
     SearchResult,
@@ -49,12 +52,7 @@ from floquid.periodic.search import (
     searched_white,
     with_one_shape,
 )
-from floquid.periodic.start import Known
 from floquid.search import SECONDS
-
-HIGHEST = 64  # the highest harmonic of the revolution that a forced response is looked for at
-MOST_ENTRIES = 24  # modes, a pair counted once, that are looked for at most
-SURELY = 10.0  # a peak so far above the limit is no noise
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -198,8 +196,8 @@ def fit(
     bounds = Bounds(
         most=most,
         span=below(2.0 * samples.half),
-        modes=MOST_ENTRIES if order is None else (order + 1) // 2,
-        forced=np.arange(1, int(min(HIGHEST, samples.half * nu)) + 1) / nu if auto else np.zeros(0),
+        modes=MODES if order is None else (order + 1) // 2,
+        forced=np.arange(1, int(samples.half * nu) + 1) / nu if auto else np.zeros(0),
         width=harmonics,
         search=search,
         angle_std=angle_std(clocks, records),
@@ -235,7 +233,7 @@ def fit(
         raise IdentificationError(_no_mode(result))
     if auto:
         result = without_noise(result)
-    result = with_one_shape(read_apart(result), harmonic_false_alarm, noise_floor, most)
+    result = with_one_shape(read_apart(result), harmonic_false_alarm)
     _check_order(result, order)
     return result_of(
         result,
@@ -374,15 +372,15 @@ def _interference(result: SearchResult, channels: Sequence[Channel]) -> tuple[Fi
 
 def _endless(result: SearchResult) -> tuple[Finding, ...]:
     """Finding that the search ended by its limit of modes alone; empty where it did not."""
-    if int((~result.solution.entries.fixed).sum()) < MOST_ENTRIES:
+    if int((~result.solution.entries.fixed).sum()) < MODES:
         return ()
-    return (warning("search_ended", number=MOST_ENTRIES),)
+    return (warning("search_ended", number=MODES),)
 
 
 def _no_mode(result: SearchResult) -> str:
     """Message that no mode was found: nothing rises above the noise, or what does is no mode that could be fitted."""
     beside = ", beside a forced response, an offset and a drift" if result.solution.entries.fixed.any() else ""
-    if result.peak.gain < SURELY * result.peak.limit:
+    if result.peak.gain < LOUD * result.peak.limit:
         return (
             f"Identification ended without a result: no mode rises above the noise{beside}. Use a record with a clear "
             "free decay, or start it closer to the blow."

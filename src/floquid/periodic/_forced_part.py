@@ -13,7 +13,8 @@ from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Rebuilt, input_error, positive
 from floquid.core import Channel, PhaseClock, Record
 from floquid.errors import IdentificationError
-from floquid.fit import HALF_DIGITS, SLOW, SURE, chi2_limit
+from floquid.fit import HALF_DIGITS, SURE, chi2_limit
+from floquid.periodic._start import Known
 from floquid.periodic.least_squares import (
     PLAIN,
     SPEED,
@@ -30,7 +31,6 @@ from floquid.periodic.least_squares import (
     solve,
 )
 from floquid.periodic.search import SearchResult, kept_with, read_apart
-from floquid.periodic.start import Known
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -93,9 +93,6 @@ class ForcedResponse(Rebuilt):
         return self.offset[:, :, None] + 2.0 * (self.coefficients @ turned).real
 
 
-USUAL = (1, 2)  # harmonics of the revolution that are always looked at where the forced response is to be found
-
-
 def forced_turns(
     forced: str | Sequence[int], known: Known | None, most: float, nu: float
 ) -> tuple[list[float], bool] | None:
@@ -113,7 +110,7 @@ def _listed(forced: str | Sequence[int], most: float, nu: float) -> tuple[int, .
     if isinstance(forced, str):
         if forced not in ("auto", "none"):
             raise input_error("forced", "fit", "be auto, none or a list of whole numbers", f"is {forced!r}", remedy)
-        return None if forced == "none" else tuple(j for j in USUAL if j / nu <= most)
+        return None if forced == "none" else ()
     chosen = tuple(dict.fromkeys(int(j) for j in forced))
     for j in chosen:
         if j < 1 or j / nu > most:
@@ -143,7 +140,6 @@ def angle_std(clocks: Sequence[PhaseClock], records: Sequence[Record]) -> tuple[
 
 def without_noise(result: SearchResult) -> SearchResult:
     """Without those harmonics of the forced response, offset and drift that noise explains, or a mode beside them."""
-    result = _without_twins(result)
     apart, entries = read_apart(result), result.solution.entries
     both = shapes(apart.blocks, apart.solution)  # fixed entries have the same places in both
     place = int(np.flatnonzero(both.harmonics == 0)[0])
@@ -164,23 +160,6 @@ def without_noise(result: SearchResult) -> SearchResult:
     with suppress(IdentificationError, np.linalg.LinAlgError):
         solution = solve(result.blocks, less)
     return kept_with(result, kept, solution)
-
-
-def _without_twins(result: SearchResult) -> SearchResult:
-    """Without the forced response on the lines of a real multiplier that hardly decays, where that alone will do."""
-    entries, duration = result.solution.entries, max(block.last for block in result.blocks)
-    free = ~entries.fixed & entries.real & (np.abs(entries.exponents.real) * duration < SLOW)
-    turns = entries.offsets[:, None] - entries.offsets[free]
-    plain = entries.fixed & (entries.exponents == 0.0) & (entries.factors == PLAIN)
-    twins = plain & (np.abs(turns - np.rint(turns)) < HALF_DIGITS).any(axis=1)
-    if not twins.any():
-        return result
-    with suppress(IdentificationError, np.linalg.LinAlgError):
-        alone = solve(result.blocks, entries.picked(np.flatnonzero(~twins)), hold=True)
-        fewer = sum(len(block.rows) for block in result.blocks) * int(np.where(entries.real[twins], 1, 2).sum())
-        if alone.cost - result.solution.cost < chi2_limit(fewer, SURE):
-            return kept_with(result, ~twins, alone)
-    return result
 
 
 def forced_of(

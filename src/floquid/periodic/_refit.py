@@ -13,7 +13,6 @@ from floquid._checks import input_error, noise_array
 from floquid.core import PeriodicModel, PhaseClock, Record
 from floquid.fit import HALF_DIGITS
 from floquid.lifting import Lifted
-from floquid.periodic._sampling import most_harmonics
 from floquid.periodic.least_squares import (
     AT_REST,
     Block,
@@ -32,9 +31,27 @@ from floquid.periodic.least_squares import (
 )
 from floquid.periodic.search import period_step
 
-Clocks = Sequence[PhaseClock]
 
-FEWEST = 2  # samples below which a channel has none
+def most_harmonics(records: Sequence[Record], period: float) -> int:
+    """The highest harmonic of the period below half of the lowest sampling rate."""
+    return below(half_of(records, period))
+
+
+def below(half: float) -> int:
+    """The highest harmonic below half of the samples a period."""
+    return max(int(np.ceil(half)) - 1, 0)
+
+
+def half_of(records: Sequence[Record], period: float) -> float:
+    """Half of the samples a period at the lowest rate, a whole number of them where it is one up to rounding."""
+    least = min(record.sample_rate for record in records) * period
+    if least < 2.0:
+        remedy = "Check the period and the sampling rate."
+        raise input_error("period", "fit", "be two sampling intervals or more", f"it is {least:.3g} of them", remedy)
+    return 0.5 * (round(least) if abs(least - round(least)) < HALF_DIGITS else least)
+
+
+Clocks = Sequence[PhaseClock]
 
 
 def refit(
@@ -215,7 +232,7 @@ def seen(period: float, records: Sequence[Record], clocks: Clocks) -> Iterator[B
         if cheap is not None:
             yield cheap
             continue
-        rows = np.flatnonzero((~np.isnan(record.values)).sum(axis=1) >= FEWEST)
+        rows = np.flatnonzero((~np.isnan(record.values)).sum(axis=1) > 1)
         if len(rows):
             part = record if len(rows) == record.n_channels else record.select([record.channels[r].name for r in rows])
             for block in record_blocks([part], [clock], 1.0)[0]:

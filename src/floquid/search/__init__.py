@@ -1,8 +1,6 @@
 """Search over structures by one objective: moves, and the descent that accepts those by which it falls."""
 
-from floquid.search._descend import BETTER as BETTER
 from floquid.search._descend import GAP as GAP
-from floquid.search._descend import GROWTHS as GROWTHS
 from floquid.search._descend import HOPE as HOPE
 from floquid.search._descend import LOOSE as LOOSE
 from floquid.search._descend import NEAR as NEAR

@@ -17,8 +17,6 @@ NEAR = 0.5  # decays within which two modes may be one
 LOOSE = 0.02  # probability at which noise may pass for a harmonic that is fitted: one that is missing does more harm
 REACH = 4.0  # times its price up to which it is tried whether the other modes can do without one
 GAP = 3  # harmonics beyond the end of a band that are looked at: a symmetric system has every other one
-GROWTHS = 10  # rounds in which bands may grow
-BETTER = 9.0  # the fall of J from which on a branch is the better one, three deviations: few harmonics hardly tell
 SECONDS = 120.0  # processor time of a search [s] after which the least J so far is reported: ten dear records
 
 Structure = TypeVar("Structure")

@@ -221,14 +221,14 @@ def test_hardly_any_noise(n, noise):
 
 
 def test_a_search_that_ends_but_for_its_limit_says_so(monkeypatch):
-    monkeypatch.setattr("floquid.periodic._fit_records.MOST_ENTRIES", 2)
+    monkeypatch.setattr("floquid.periodic._fit_records.MODES", 2)
     given, others = record(n=500, noise=0.01), np.array([-0.06 + 2.6j, -0.07 + 7.3j])
     more = response(given.times, OMEGA * given.times, shapes(seed=3), exponents=others)
     found = fit([replace(given, values=given.values + more)], [CLOCK], forced="none")
     doubts = texts(found.findings, "warning")
     assert any("ended at 2 modes, its limit" in doubt for doubt in doubts)
     assert any("peak of the residual" in doubt and "is not explained" in doubt for doubt in doubts)
-    monkeypatch.setattr("floquid.periodic._fit_records.MOST_ENTRIES", 3)
+    monkeypatch.setattr("floquid.periodic._fit_records.MODES", 3)
     right = fit([coloured(record(n=500), 0.0, seed=0)], [CLOCK], forced="none")
     assert not any(own.code == "search_ended" for own in right.findings)
 

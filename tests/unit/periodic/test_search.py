@@ -11,7 +11,7 @@ from floquid.periodic.least_squares import ModeParameters, forced_entries, recor
 from floquid.periodic.search import Bounds, Point, lines, priced, searched
 from floquid.periodic.search._moves import bands, doubles, merges, splits, together
 from floquid.periodic.search._near_axis import with_axis_pairs
-from floquid.periodic.search._units import Units, wide_of
+from floquid.periodic.search._tests import Units, wide_of
 
 MOST = 6
 
@@ -145,7 +145,7 @@ def test_a_line_alone_costs_the_limit_of_its_numbers(alarm):
     """An exponent and an amplitude, each at a limit of its own, cost half as much again: weak lines were not found."""
     measured = records(system([-0.06 + 0.9j], channels=2), noise=0.01, n_cycles=60, seed=1)
     blocks, omega, _ = record_blocks(measured, [record.clock for record in measured], 1.0)
-    found = lines(blocks, forced_entries([], omega), 5, alarm)
+    found = lines(blocks, forced_entries([], omega), alarm)
     assert len(found.entries.exponents) == 3  # the mode has three harmonics
     one = found.price.of(found.entries.picked([0]))
     assert one == pytest.approx(chi2_limit(2 + 2 * 2, alarm))

@@ -7,18 +7,17 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.fit import HALF_DIGITS, Normal, chi2_limit, scaled_inverse, score_gain, wald_rise
+from floquid.fit import FEW_STEPS, HALF_DIGITS, Normal, chi2_limit, scaled_inverse, score_gain, wald_rise
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted, rebuilt
 from floquid.innovations._solve import inverse_of, moved, normal_of, places, solve
 from floquid.inputs import Limits, Samples
-from floquid.search import GROWTHS
 
 STRIDE = 2
 """Harmonics beyond the end of a band that are looked at: each costs a state."""
 
 
-def grown(samples: Samples, now: Predictor, limits: Limits, rounds: int = GROWTHS) -> Predictor:
+def grown(samples: Samples, now: Predictor, limits: Limits, rounds: int = FEW_STEPS) -> Predictor:
     """The predictor with the harmonics beside its bands whose scores rise above the noise.
 
     While modes are missing few rounds are enough: bands would grow to make up for them.

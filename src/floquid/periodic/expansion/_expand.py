@@ -6,15 +6,89 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from floquid._arrays import Complexes, Integers, Mask
+from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import input_error
 from floquid.core import Estimates, PeriodicModel
 from floquid.fit import HALF_DIGITS, covariance_root
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
-from floquid.periodic.expansion._coefficient_estimates import free_estimates, share_of_nyquist
 from floquid.periodic.expansion._kept_harmonics import select_bands
 from floquid.search import GAP
+
+
+def free_estimates(
+    modal: ModalModel, lifted: Lifted, exponents: Complexes, partners: Integers, terms: list[tuple[int, int]]
+) -> Estimates:
+    r"""Estimates of the coefficients B = Σ_k κ_k R_k, κ_k = e^{-(λ + imω) t_k}/(P g), of free residues R.
+
+    The residues at different phases err independently of one another, with covariance σ²S and pseudo-covariance σ²S',
+    S' that of a mode with the conjugate of the other; the poles move them through `modal.residue_slope`, and the
+    kernel κ too. `exponents` are on the branch that is meant (modes,) [1/s], `partners` the conjugate of each mode,
+    itself where the multiplier is real, `terms` the modes and harmonics wanted, of the upper half and of real ones.
+    """
+    assert modal.covariance is not None
+    assert modal.residue_spread is not None
+    assert modal.residue_slope is not None
+    distinct = list(dict.fromkeys(mode for mode, _ in terms))
+    modes, harmonics = (np.array(column, np.int64) for column in zip(*terms, strict=True))
+    times, omega = lifted.phase_times, 2.0 * np.pi / lifted.period
+    rates = exponents[modes] + 1j * harmonics * omega
+    share = share_of_nyquist(rates.imag / omega, lifted.n_phases) / lifted.n_phases
+    kernel = np.asarray(share[:, None] * np.exp(-np.multiply.outer(rates, times)), np.complex128)
+    gain = lifted.gain(rates)
+    residues = lifted.by_channel(modal.residues)
+    values = np.einsum("tk,tckh->tch", kernel, residues[modes]) / gain.T[:, :, None]
+    # By each pole: through the residues of every mode, and through a mode's own kernel and gain.
+    moved = np.einsum("tk,rckh->rtch", kernel, residues)
+    moved = moved * -np.moveaxis(modal.residue_slope[:, modes, :], (0, 1, 2), (2, 1, 0))[:, :, None, :]
+    turned = np.einsum("tk,k,tckh->tch", kernel, times / lifted.period, residues[modes])
+    moved[modes, np.arange(len(terms))] -= turned
+    moved = moved / gain.T[:, :, None]
+    relative = (lifted.gain(rates, slope=True) / gain).T / lifted.period
+    moved[modes, np.arange(len(terms))] -= values * relative[:, :, None]
+    moved = moved * lifted.period
+    real = np.array([partners[mode] == mode for mode in distinct])
+    mirrored = moved[[partners[mode] for mode in distinct]]
+    straight = moved[distinct]
+    both = np.where(real[:, None, None, None], straight, straight + mirrored)
+    across = np.where(real[:, None, None, None], 0.0, 1j * (straight - mirrored))
+    slopes = np.moveaxis(np.concatenate([both, across, np.zeros_like(both[:1])]), 0, -1)
+    order, count = modal.order, len(distinct)
+    parts = np.array([*distinct, *(order + mode for mode in distinct)])
+    covariance = np.zeros((2 * count + 1, 2 * count + 1))
+    covariance[:-1, :-1] = modal.covariance[np.ix_(parts, parts)]
+    covariance[count:-1][real], covariance[:, count:-1][:, real] = 0.0, 0.0
+    n_hits = lifted.n_hits
+    place = {mode: number for number, mode in enumerate(distinct)}
+    return Estimates(
+        exponents=exponents[distinct],
+        real=real,
+        fundamental=omega,
+        modes=np.array([place[int(mode)] for mode in modes], np.int64),
+        harmonics=harmonics,
+        coefficients=values,
+        covariance=covariance,
+        slopes=slopes,
+        spread=np.array([_spread(modal.residue_spread[hit], kernel, modes, partners) for hit in range(n_hits)]),
+        blocks=np.tile(np.arange(n_hits), (lifted.n_channels, 1)),
+        scales=lifted.noise / gain.T[:, :, None],
+    )
+
+
+def share_of_nyquist(turns: Floats, n_phases: int) -> Floats:
+    """1 below the Nyquist frequency of P/2 turns a period, 0 above; on it two harmonics are one, and each has half."""
+    beyond = np.abs(turns) - 0.5 * n_phases
+    return np.where(np.abs(beyond) < HALF_DIGITS, 0.5, np.where(beyond < 0, 1.0, 0.0))
+
+
+def _spread(spread: Complexes, kernel: Complexes, modes: Integers, partners: Integers) -> Floats:
+    """The covariance of real parts, then imaginary parts, at unit noise (2 terms, 2 terms)."""
+    straight = spread[np.ix_(modes, modes)] * (kernel @ kernel.conj().T)
+    crossed = spread[np.ix_(modes, partners[modes])] * (kernel @ kernel.T)
+    upper = 0.5 * (straight + crossed).real
+    lower = 0.5 * (straight - crossed).real
+    side = 0.5 * (crossed - straight).imag
+    return np.block([[upper, side], [side.T, lower]])
 
 
 def assemble(

@@ -1,19 +1,20 @@
 """The constrained fit: parameters, blocks of samples, the solver, and what its solution says."""
 
-from floquid.periodic.least_squares._blocks_of_records import record_blocks
 from floquid.periodic.least_squares._estimates import chosen_bands, estimates_of, model_of, parts_of, shapes
 from floquid.periodic.least_squares._lifted_block import KeptCycles, LiftedBlock
 from floquid.periodic.least_squares._one_shape import OneShape
 from floquid.periodic.least_squares._parameters import ModeParameters, forced_entries
-from floquid.periodic.least_squares._record_block import GappyBlock, RecordBlock
-from floquid.periodic.least_squares._reduced import real_parts
+from floquid.periodic.least_squares._record_block import GappyBlock, RecordBlock, record_blocks
 from floquid.periodic.least_squares._residual import (
     Residual,
+    filtered_blocks,
     least_noise,
     noise_left,
     noise_of,
+    residual_filter,
     residuals_of,
     squared,
+    through,
 )
 from floquid.periodic.least_squares._sample_block import (
     EVEN,
@@ -35,7 +36,7 @@ from floquid.periodic.least_squares._solver import (
     eliminated,
     linearise,
     normal,
+    real_parts,
     solve,
     weighted,
 )
-from floquid.periodic.least_squares._whitening import filtered_blocks, residual_filter, through

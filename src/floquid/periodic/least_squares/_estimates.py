@@ -11,16 +11,13 @@ from numpy.typing import NDArray
 from floquid._arrays import Complexes, Floats, Integers
 from floquid.core import Channel, Estimates, PeriodicModel, Provenance, modelled
 from floquid.errors import IdentificationError
-from floquid.fit import FEW_STEPS, REST
+from floquid.fit import FEW_STEPS, REST, WITHIN
 from floquid.periodic.expansion import bands_at, select_bands
 from floquid.periodic.least_squares._one_shape import OneShape
 from floquid.periodic.least_squares._parameters import ModeParameters
 from floquid.periodic.least_squares._sample_block import Block
 from floquid.periodic.least_squares._solver import Solution, linearise, solve
 from floquid.search import GAP
-
-SHORT = 2.0
-"""Standard deviations up to which one step of a linearisation stands for a fit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,7 +241,7 @@ def unselected(blocks: Sequence[Block], solution: Solution, bands: Integers, mos
         wide = linearise(blocks, replace(solution.entries, bands=bands).padded(GAP + 1, most))
         scale = np.sqrt(np.maximum(np.diag(wide.information), 0.0))
         step = np.asarray(np.linalg.solve(wide.information, wide.gradient), np.float64)
-        if np.abs(step * scale).max(initial=0.0) > SHORT:
+        if np.abs(step * scale).max(initial=0.0) > WITHIN:  # one step of a linearisation does not stand for a fit
             wide = solve(blocks, wide, at_rest=REST, iterations=FEW_STEPS)
         else:
             start = tuple(block.coefficients for block in wide.linear)

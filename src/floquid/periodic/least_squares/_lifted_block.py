@@ -19,13 +19,15 @@ from floquid.core import PhaseClock, Record
 from floquid.fit import HALF_DIGITS
 from floquid.lifting import Lifted
 from floquid.lti import TimeResponses
-from floquid.periodic.least_squares._near_axis import EXPONENTIAL, Terms, entry_function
 from floquid.periodic.least_squares._sample_block import (
+    EXPONENTIAL,
     SPEED_RATE,
     TREND,
     Block,
     Columns,
     Sums,
+    Terms,
+    entry_function,
     real_products,
 )
 

@@ -18,20 +18,21 @@ import numpy as np
 from floquid._arrays import Complexes, Floats, Indices, Integers
 from floquid.fit import STEPS, Ends, Normal, Steps, levenberg_marquardt, scaled_inverse
 from floquid.periodic.least_squares._parameters import ModeParameters
-from floquid.periodic.least_squares._reduced import Reduced, complex_parts, real_parts, reduced, smaller, times
 from floquid.periodic.least_squares._sample_block import Block
 from floquid.periodic.least_squares._solver import (
     AT_REST,
     LONGEST_STEP,
     ROUNDING,
     Linear,
+    Reduced,
     Solution,
+    complex_parts,
     eliminated,
+    real_parts,
+    reduced,
+    times,
     weighted,
 )
-
-RIDGES = (0.0, 1e-4, 1e-2)
-"""Shares of each column's size added to its Gram matrix: residues that are hardly determined get smaller."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,15 +61,9 @@ class OneShape:
 
     @staticmethod
     def at(blocks: Sequence[Block], entries: ModeParameters, linear: Sequence[Linear]) -> OneShape:
-        """The states of least cost at these exponents, from those nearest to free residues.
-
-        Where free residues are hardly determined, those nearest to smaller ones lead further.
-        """
-        candidates = []
-        for ridge in RIDGES:
-            values = [complex_parts(smaller(part, ridge)) for part in linear]
-            candidates.append(OneShape.near(blocks, entries, linear, values).with_states())
-        return min(candidates, key=lambda candidate: candidate.cost)
+        """The states of least cost at these exponents, from those nearest to free residues."""
+        values = [complex_parts(part.coefficients) for part in linear]
+        return OneShape.near(blocks, entries, linear, values).with_states()
 
     @staticmethod
     def near(

@@ -1,4 +1,4 @@
-"""Residual of a fit: its noise, and the grids on which its spectrum is searched."""
+"""Residual of a fit: its noise, the grids on which its spectrum is searched, and the filter that whitens it."""
 
 from __future__ import annotations
 
@@ -10,15 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid.fit import ROUNDING
+from floquid.fit import LAGS, ROUNDING
+from floquid.lifting import filters_of
+from floquid.periodic.least_squares._record_block import RecordBlock
 from floquid.periodic.least_squares._sample_block import Block, complex_of
 from floquid.periodic.least_squares._solver import Solution
 
 BANDS = 8  # bands whose median is the level of the noise
-APART = 2.0  # lines on each side of an exponential, beside its width, that a fit takes noise from
-
-QUIETEST = 0.01
-"""The level of a band over that of the loudest, at least: below, there are but the skirts of what is elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +40,7 @@ class Residual:
         parts = np.array_split(power, min(BANDS, power.shape[1]), axis=1)
         # The power of a line of white noise is exponentially distributed: its median is ln 2 of its mean.
         levels = np.sqrt([np.median(part, axis=1) / np.log(2.0) for part in parts]).T
-        levels = np.maximum(levels, np.maximum(least[:, None], QUIETEST * levels.max(axis=1, keepdims=True)))
+        levels = np.maximum(levels, least[:, None])
         return Residual(values, taken, step, np.median(levels, axis=1), levels)
 
     def level(self) -> Residual:
@@ -59,7 +57,8 @@ class Residual:
         omega = 2.0 * np.pi / grid * np.arange(1, power.shape[1] + 1)
         apart = np.ones(len(omega), bool)
         for rate in rates:
-            apart &= np.abs(omega - abs(rate.imag)) > abs(rate.real) + APART * 2.0 * np.pi / grid
+            # A line under Hann's window is two lines wide on each side.
+            apart &= np.abs(omega - abs(rate.imag)) > abs(rate.real) + 4.0 * np.pi / grid
         bands = np.array_split(np.arange(len(omega)), min(BANDS, len(omega)))
         kept = [band[apart[band]] for band in bands]
         levels = [
@@ -135,3 +134,45 @@ def noise_left(blocks: Sequence[Block], solution: Solution) -> Floats:
         free[block.rows, block.hit] += max(block.n_samples - columns, 1)
     # Sums over all samples less those over missing ones may round to less than nothing.
     return np.sqrt(np.maximum(squares, 0.0) / np.maximum(free, 1.0))
+
+
+def residual_filter(blocks: Sequence[Block], solution: Solution, *, least: float = 0.0) -> Floats | None:
+    """The filter of each channel that whitens what a fit leaves (channels, taps); None where that is white.
+
+    By the Yule-Walker equations for the residual of all hits together; of a wandering speed one for all channels, since
+    there the columns themselves go through it. White is what has squared correlations of less than `least` in sum.
+    """
+    columns = solution.entries.columns()
+    sums = np.zeros((1 + max(int(block.rows.max()) for block in blocks), LAGS + 1))
+    pairs, numbers = np.zeros(sums.shape), np.zeros(len(sums))
+    for block, linear in zip(blocks, solution.linear, strict=True):
+        times, residual = block.residual(columns, complex_of(linear.coefficients))
+        grid = np.rint((times - times[0]) / np.median(np.diff(times))).astype(np.int64)
+        there, values = np.zeros(grid[-1] + 1), np.zeros((len(residual), grid[-1] + 1))
+        there[grid], values[:, grid] = 1.0, residual / block.noise[:, None]
+        n = len(there)
+        for lag in range(min(LAGS, n - 1) + 1):
+            sums[block.rows, lag] += np.einsum("rt,rt->r", values[:, : n - lag], values[:, lag:])
+            pairs[block.rows, lag] += float(there[: n - lag] @ there[lag:])
+        numbers[block.rows] += block.n_samples
+    correlations = sums / np.maximum(pairs, 1.0)
+    if any(block.wanders for block in blocks):
+        correlations = np.broadcast_to(correlations.mean(axis=0), correlations.shape)
+        numbers = np.full(len(numbers), numbers.sum())
+    level = correlations[:, :1]
+    correlations = correlations / np.where(level > 0.0, level, 1.0)
+    if np.sum(correlations[:, 1:] ** 2, axis=1).max() < least:
+        return None
+    return filters_of(correlations, numbers)
+
+
+def through(blocks: Sequence[Block], taps: Floats | None) -> Sequence[Block]:
+    """The blocks after a filter of each channel; as they are without one, or where too few samples would be left."""
+    after = None if taps is None else filtered_blocks(blocks, taps)
+    return blocks if after is None else after
+
+
+def filtered_blocks(blocks: Sequence[Block], taps: Floats) -> tuple[Block, ...] | None:
+    """The blocks after a filter of each channel; None where samples are missing and too few would be left."""
+    filtered = [block.filtered(taps[block.rows]) if isinstance(block, RecordBlock) else None for block in blocks]
+    return None if any(block is None for block in filtered) else tuple(block for block in filtered if block is not None)

@@ -18,13 +18,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from floquid._arrays import Floats, Integers, Mask
+from floquid._arrays import Complexes, Floats, Indices, Integers, Mask
 from floquid.errors import IdentificationError
 from floquid.fit import (
     AT_REST,
     FARTHEST,
     LONGEST_STEP,
     ROUNDING,
+    ROUNDS,
     STEPS,
     Ends,
     Normal,
@@ -38,12 +39,11 @@ from floquid.periodic.least_squares._parameters import ModeParameters
 from floquid.periodic.least_squares._sample_block import ODD_SLOPE, Block, Columns, Sums, complex_of
 
 ASUNDER = np.pi  # the most that half the difference of a pair near an axis may be, over one period: halfway to the next
-PASSES = 3  # corrections of the coefficients of one set of exponents, at most
-GAINED = 100.0  # gain of a step of the coefficients, over the residual, up to which no digits that matter are lost
-LITTLE = 1e-3  # the same where columns are all but alike
 
-SAFE = 1e-8  # the share of a column beyond others down to which a Cholesky factor keeps what eigenvalues lose
-NOTHING = 1e-18  # the information on a parameter, over that on the best known, below which nothing is known of it
+GAINED = 100.0  # gain of a step of the coefficients, over the residual, up to which no digits that matter are lost
+
+NOTHING = ROUNDING**2
+"""The information on a parameter, over that on the best known, below which nothing is known of it: a square."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,8 +224,8 @@ def _linear(block: Block, columns: Columns, sines: Mask, start: Floats | None) -
         step = inverse @ sums.seen[fitted]
         gained = np.sum(step * sums.seen[fitted], axis=0)
         coefficients = coefficients + step
-        enough = GAINED if safe else LITTLE
-        if round_ == PASSES or (round_ >= passes and (gained <= enough * (sums.left - gained)).all()):
+        exact = safe and (gained <= GAINED * (sums.left - gained)).all()
+        if round_ == ROUNDS or (round_ >= passes and exact):
             break
     return Linear(
         coefficients=coefficients,
@@ -275,9 +275,62 @@ def _inverse(matrix: Floats, size: Floats) -> tuple[Floats, bool]:
     scaled = matrix / np.outer(scale, scale)
     try:
         lower = np.linalg.cholesky(scaled)
-        if np.diag(lower).min() ** 2 > SAFE:
+        if np.diag(lower).min() ** 2 > ROUNDING:
             root = np.linalg.inv(lower)
             return root.T @ root / np.outer(scale, scale), True
     except np.linalg.LinAlgError:
         pass
     return scaled_inverse(matrix, ROUNDING, scale=scale), False
+
+
+@dataclass(frozen=True, slots=True)
+class Reduced:
+    """Sums of one block with its fixed columns eliminated; numbers are real parts, then imaginary parts."""
+
+    gram: Floats  # products of the columns (2 columns, 2 columns)
+    mixed: Floats  # products of the columns with all columns times t (2 columns, 2 all)
+    slopes: Floats  # products of all columns times t (2 all, 2 all)
+    late: Floats  # products of those with the residual of free residues (2 all, rows)
+    seen: Complexes  # coefficients of free residues (all, rows)
+    back: Floats  # coefficients of the fixed columns by those of the others (2 fixed, 2 columns)
+
+
+def complex_parts(coefficients: Floats) -> Complexes:
+    """α - iβ (columns, rows)."""
+    n = len(coefficients) // 2
+    return coefficients[:n] - 1j * coefficients[n:]
+
+
+def real_parts(values: Complexes) -> Floats:
+    """Real parts, then imaginary parts (2 n, …)."""
+    return np.concatenate([values.real, values.imag])
+
+
+def times(states: Complexes) -> Floats:
+    """The product with complex numbers, as a matrix on real parts, then imaginary parts (2 n, 2 n)."""
+    real, imag = np.diag(states.real), np.diag(states.imag)
+    return np.block([[real, -imag], [imag, real]])
+
+
+def reduced(linear: Linear, entries: ModeParameters, free: Indices) -> Reduced:
+    """The sums of a block, its fixed columns eliminated."""
+    n, sines = len(entries.sines()), entries.sines()
+    signs = np.repeat([1.0, -1.0], n)
+    turn = signs[:, None] * signs
+    gram, mixed = turn * linear.gram, turn * linear.mixed
+    slopes = turn * (linear.curvature + linear.mixed.T @ linear.inverse @ linear.mixed)
+    late = signs[:, None] * linear.slope
+    beside = np.setdiff1d(np.arange(n), free)
+    here, there = np.concatenate([free, n + free]), np.concatenate([beside, n + beside])
+    inverse = np.zeros((len(there),) * 2)
+    kept = np.flatnonzero(np.concatenate([np.ones(len(beside), bool), sines[beside]]))
+    inverse[np.ix_(kept, kept)] = scaled_inverse(gram[np.ix_(there, there)][np.ix_(kept, kept)], ROUNDING)
+    back = inverse @ gram[np.ix_(there, here)]
+    return Reduced(
+        gram=gram[np.ix_(here, here)] - gram[np.ix_(here, there)] @ back,
+        mixed=mixed[here] - back.T @ mixed[there],
+        slopes=slopes - mixed[there].T @ inverse @ mixed[there],
+        late=late,
+        seen=complex_parts(linear.coefficients),
+        back=back,
+    )

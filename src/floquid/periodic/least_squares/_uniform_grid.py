@@ -13,28 +13,25 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from floquid._arrays import Complexes, Floats, Integers
-from floquid.periodic.least_squares._near_axis import Terms
+from floquid._arrays import BLOCK, Complexes, Floats, Integers
+from floquid.lti import LARGEST_GROWTH
 from floquid.periodic.least_squares._sample_block import (
     SPEED,
     SPEED_RATE,
     TREND,
     Columns,
     Sums,
+    Terms,
     real_products,
 )
 
-FEWEST = 1024  # samples from which pieces are quicker
-LONGEST = 256  # samples of a piece
-AT_ONCE = 1 << 16  # samples of a channel whose rest is formed at a time
-STEEPEST = 300.0  # largest growth of a column within a piece, as the logarithm: its power is formed there
 UNEVEN = 8.0 * np.finfo(float).eps  # the share of the largest time by which evenly spaced times may be off
 
 
 def step_of(times: Floats) -> float | None:
     """The step of evenly spaced times (samples,) [s], None where they are not."""
     n = len(times)
-    if n < FEWEST:
+    if n < 2:
         return None
     step = float(times[-1] - times[0]) / (n - 1)
     off = np.abs(times - (times[0] + step * np.arange(n))).max()
@@ -42,8 +39,8 @@ def step_of(times: Floats) -> float | None:
 
 
 def _piece(n_samples: int) -> int:
-    """Samples of a piece: about as many as there are pieces, up to `LONGEST`."""
-    return int(min(LONGEST, 2 ** np.ceil(0.5 * np.log2(max(n_samples, 1)))))
+    """Samples of a piece: about as many as there are pieces."""
+    return int(2 ** np.ceil(0.5 * np.log2(max(n_samples, 1))))
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,14 +73,14 @@ class EvenColumns:
         if step is None or ((columns.factors >= SPEED) & (columns.factors <= SPEED_RATE)).any():
             return None
         growth = float(columns.growth.max(initial=0.0))
-        if growth * step * _piece(len(times)) > STEEPEST:
+        if growth * step * _piece(len(times)) > LARGEST_GROWTH:
             return None
         return cls(columns, float(times[0]), step, len(times), middle, half)
 
     def pieces(self) -> Iterator[Pieces]:
         """All samples, in groups of whole pieces, and what is left at the end."""
         length = _piece(self.n_samples)
-        group = max(AT_ONCE // length, 1) * length
+        group = max(BLOCK // (length * (1 + len(self.columns.modes))), 1) * length
         whole = self.n_samples - self.n_samples % length
         for begin in range(0, whole, group):
             end = min(begin + group, whole)

@@ -14,16 +14,12 @@ from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, texts, warning
 from floquid.fit import ROUNDS, SIGNIFICANT, SURE
 from floquid.periodic.least_squares import Block, ModeParameters, RecordBlock, Solution, chosen_bands, noise_left, solve
-from floquid.periodic.period._fse import model_at
-from floquid.periodic.period._fundamental_candidates import Spacing, spacings_of
-from floquid.periodic.period._harmonic_families import averaged, entries_of, grouped
-from floquid.periodic.period._orbit_lines import OrbitLines, orbit_of
+from floquid.periodic.period._fse import averaged, entries_of, grouped, model_at
+from floquid.periodic.period._fundamental_candidates import OrbitLines, Spacing, orbit_of, spacings_of
 from floquid.periodic.period._spectral_lines import Lines, beside, find_lines, raw_blocks, with_noise_left
 
 CERTAIN = float(np.log(1e2))  # the odds of a fundamental against chance from which on it counts as seen, as a logarithm
 DISTINCT = float(np.log(10.0))  # the odds of a fundamental against another one
-EXACT = 0.3  # share of a period within which one by modes must be known to be told from the next fraction of an orbit
-SHOWN = 8  # candidates that are reported
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,7 +149,7 @@ def estimate_period(
     longest, shortest = _bounds(records, longest, shortest)
     report("searching for lines")
     blocks = raw_blocks(records)
-    lines = find_lines(blocks, shortened=True, report=report)
+    lines = find_lines(blocks, report=report)
     damped, tones = lines.picked(~lines.undamped), lines.picked(lines.undamped)
     spacings = spacings_of(damped, tones, 2.0 * np.pi / longest, 2.0 * np.pi / shortest)
     findings, determined = _judgement(damped, tones, spacings)
@@ -180,7 +176,7 @@ def estimate_period(
             period_std = period * orbit.std / orbit.fundamental
         else:
             halves = max(round(2.0 * whole / period), 1)
-            agree = abs(2.0 * whole / halves - period) < SIGNIFICANT * period_std < EXACT * period / halves
+            agree = abs(2.0 * whole / halves - period) < SIGNIFICANT * period_std < 0.5 * period / halves
             snapped = 2.0 * whole / halves, 2.0 * whole / halves * orbit.std / orbit.fundamental
             period, period_std = (
                 min((period, period_std), snapped, key=lambda candidate: candidate[1])
@@ -193,7 +189,7 @@ def estimate_period(
         period_std=period_std,
         told=determined,
         findings=findings,
-        candidates=tuple(_candidate(candidate) for candidate in spacings[:SHOWN]),
+        candidates=tuple(_candidate(candidate) for candidate in spacings),
         model=None if refined is None else refined[0],
         lines=damped.exponents,
         undamped=tones.exponents,

@@ -22,10 +22,7 @@ from floquid.periodic.search._objective import Point
 from floquid.periodic.search._peaks import Peak, peaks
 from floquid.search import GAP, Move
 
-AT_ONCE = 3  # peaks that are tried together
-PEAKS = 6  # peaks that are looked at
-EXPECTED = 1.0  # peaks of noise expected among those that are tried: it is the fit that decides
-PROMISED = 0.8  # the share of its price that a peak has to promise: it may lie between the lines
+PEAKS = 3  # peaks that are tried, together and each alone
 
 
 def residuals(point: Point) -> list[Residual]:
@@ -45,8 +42,8 @@ def additions(
     least = price.mode(real=False) + float(price.harmonics(np.array([True]))[0])
     # Far from a loud mode its skirts are above the noise there: by one level for all bands the loudest is first.
     for levels in (rest, [residual.level() for residual in rest]):
-        _, candidates = peaks(point.blocks, levels, point.period, EXPECTED, most=PEAKS)
-        candidates = [peak for peak in candidates if peak.gain > loud * max(peak.limit, PROMISED * least)]
+        _, candidates = peaks(point.blocks, levels, point.period, most=PEAKS)
+        candidates = [peak for peak in candidates if peak.gain > loud * max(peak.limit, least)]
         if not candidates:
             return
         yield _moves(point, rest, candidates, forced, most, room=room, width=width)
@@ -67,23 +64,22 @@ def _moves(
 
     def move(name: str, trial: ModeParameters, gain: float) -> Iterator[Move]:
         more = point.price.of(trial) - price
-        if gain > PROMISED * more:
+        if gain > more:
             yield Move(more - gain, name, trial)
 
     several, total = entries, 0.0
-    for number, peak in enumerate(candidates):
+    for peak in candidates:
         known = _known(entries, peak, forced, line, most, bands=width is None)
         if known is not None:
             yield from move("harmonic", known, peak.gain)
-        if not room or number > AT_ONCE:
+        if not room:
             continue
         alone = _alone(point, residuals, peak)
         if width:
             alone = replace(alone, bands=np.array([[-width, width]]))
-        if number < AT_ONCE:
-            wider = _known(several, peak, forced, line, most, bands=width is None)
-            several = several.joined(alone) if wider is None else wider
-            total += peak.gain
+        wider = _known(several, peak, forced, line, most, bands=width is None)
+        several = several.joined(alone) if wider is None else wider
+        total += peak.gain
         yield from move("new mode", entries.joined(alone), peak.gain)
     if total and len(candidates) > 1 and several is not entries:
         yield from move("new modes", several, total)

@@ -10,16 +10,12 @@ import numpy as np
 from floquid._arrays import Complexes, Floats, Integers
 from floquid.core import PeriodicModel, kind_open
 from floquid.findings import Finding, note, warning
-from floquid.fit import CHUNK, DEVIATIONS, SURE, WITHIN
+from floquid.fit import CHUNK, DEVIATIONS, EVIDENT, SURE, WITHIN
 from floquid.periodic.least_squares import shapes
-from floquid.periodic.search._result import SearchResult
+from floquid.periodic.search._objective import SearchResult
 from floquid.search import NEAR
 
 LOUD = 2.0  # times what noise has from which on a peak that is left is a doubt
-CLOSE = 0.1  # largest distance of a sum of two exponents from a third, over its decay, to be taken for it
-FAR = 0.6  # the same where a record is known to be nonlinear
-CHANCE = 0.01  # the tolerance, over the fundamental, beyond which a sum agrees by chance too often to say anything
-LOPSIDED = 1.3  # the loudest band over the quietest, in amplitude, below which colour does little harm
 ENOUGH_LINES = 12  # lines of a band, at least, for its level to be looked at
 
 SPREAD = 0.82
@@ -82,7 +78,7 @@ def coloured(result: SearchResult) -> tuple[Finding, ...]:
         centres = (ends + 0.5) / len(lines) * (0.5 / residual.step)
         worst = max(worst, (float(np.exp(np.ptp(logs[row]))), *centres.tolist()))
     ratio, loud, quiet = worst
-    if degrees == 0 or ratio < LOPSIDED or chdtrc(degrees, score) > SURE:
+    if degrees == 0 or chdtrc(degrees, score) > SURE:
         return ()
     return (warning("coloured_noise", ratio=ratio, loud=loud, quiet=quiet),)
 
@@ -161,12 +157,12 @@ def combinations_of(model: PeriodicModel, noise: Floats, *, nonlinear: bool = Fa
         return ()
     size = np.abs(model.coefficients[chosen] / noise[:, :, None]).max(axis=(1, 2, 3))
     worst = np.maximum(std.real, std.imag)[chosen]
-    near, chance = (FAR, 2.0 * CHANCE) if nonlinear else (CLOSE, CHANCE)
-    return _products(model.exponents[chosen], worst, size, model.fundamental, near=near, chance=chance)
+    near = NEAR if nonlinear else EVIDENT
+    return _products(model.exponents[chosen], worst, size, model.fundamental, near=near)
 
 
 def _products(
-    values: Complexes, std: Floats, size: Floats, omega: float, *, near: float = CLOSE, chance: float = CHANCE
+    values: Complexes, std: Floats, size: Floats, omega: float, *, near: float = EVIDENT
 ) -> tuple[Finding, ...]:
     r"""Exponents that are sums of those of two larger modes.
 
@@ -179,14 +175,16 @@ def _products(
     for c, value in enumerate(values):
         larger = np.flatnonzero(size > size[c])
         signed = [(a, sign) for a in larger for sign in (1, -1)]
-        for (a, first_sign), (b, second_sign) in combinations_with_replacement(signed, 2):
+        sums = list(combinations_with_replacement(signed, 2))
+        for (a, first_sign), (b, second_sign) in sums:
             total = (values[a] if first_sign > 0 else values[a].conj()) + (
                 values[b] if second_sign > 0 else values[b].conj()
             )
             gap = value - total
             gap = complex(gap.real, gap.imag - omega * round(gap.imag / omega))
             tolerance = max(DEVIATIONS * float(np.hypot(std[c], std[a] + std[b])), near * abs(value.real))
-            if abs(gap) < tolerance < chance * omega:
+            # By chance less than one of all sums is so near.
+            if abs(gap) < tolerance < 0.5 * omega / len(sums):
                 of = [_hertz(values[k]) for k in sorted({int(a), int(b)})]
                 products.append(warning("product", frequency=_hertz(value), of=of))
                 break

@@ -17,22 +17,13 @@ from floquid.periodic.least_squares import (
     solve,
     weighted,
 )
-from floquid.periodic.search._additions import EXPECTED, residuals
+from floquid.periodic.search._additions import residuals
 from floquid.periodic.search._moves import energies, nearest
 from floquid.periodic.search._near_axis import with_axis_pairs
-from floquid.periodic.search._objective import Point
+from floquid.periodic.search._objective import Point, SearchResult
 from floquid.periodic.search._peaks import strongest
-from floquid.periodic.search._result import SearchResult
-from floquid.periodic.search._tests import equality, spread_of_harmonics, untold
-from floquid.periodic.search._units import Units, wide_of
-from floquid.search import BETTER, LOOSE
-
-PADDING = 1  # harmonics fitted beyond each end of a band: weak ones that are left out bend the exponents
-
-CROWDED = 0.15
-"""The difference of two exponents, over both decays, within which lines that both have tell hardly anything apart."""
-
-NEAREST = 3  # branches on each side that a speed which wanders is asked about
+from floquid.periodic.search._tests import Units, equality, spread_of_harmonics, untold, wide_of
+from floquid.search import LOOSE, NEAR
 
 
 def finished(
@@ -59,7 +50,7 @@ def finished(
     if further.any():
         solution = replace(solution, further=further)
     rest = residuals(point)
-    peak = strongest(blocks, rest, point.period, EXPECTED)
+    peak = strongest(blocks, rest, point.period)
     shares = [noise[block.rows, block.hit] / each.noise for block, each in zip(blocks, rest, strict=True)]
     misfit = float(np.max(np.concatenate(shares)))
     return SearchResult(blocks, solution, bands, peak, tuple(rest), misfit, clusters)
@@ -73,7 +64,8 @@ def _padded(point: Point, most: int) -> Point:
     loose = replace(point, price=replace(point.price, harmonic_alarm=LOOSE))
     _, bands = Units(loose, wide_of(point, most)).stepwise(grow=True, shrink=False)
     wide = replace(entries, bands=bands)
-    wide = replace(wide, bands=_uncrowded(wide, wide.padded(PADDING, most).bands))
+    # Weak harmonics that are left out bend the exponents.
+    wide = replace(wide, bands=_uncrowded(wide, wide.padded(1, most).bands))
     for _ in range(2):
         with suppress(np.linalg.LinAlgError):
             trial = point.with_entries(wide).settled(rest=AT_REST, steps=STEPS)
@@ -92,7 +84,7 @@ def _uncrowded(entries: ModeParameters, padded: Integers) -> Integers:
         taken: set[int] = set()
         for neighbour in free:
             sign, turns, gap = nearest(entries, int(entry), int(neighbour))
-            if neighbour != entry and gap <= CROWDED:
+            if neighbour != entry and 2.0 * gap <= NEAR:
                 ends = sign * entries.bands[neighbour] + turns
                 taken |= set(range(int(ends.min()), int(ends.max()) + 1))
         low, high = entries.bands[entry]
@@ -203,7 +195,7 @@ def _spread_of_branches(point: Point) -> Floats | None:
     turning = free[~entries.real[free]]
     further, start = np.zeros(len(point.solution.gradient)), tuple(p.coefficients for p in point.solution.linear)
     for number, entry in enumerate(turning):
-        low, high = np.clip(entries.bands[entry], -NEAREST, NEAREST)
+        low, high = entries.bands[entry]
         tried: list[tuple[float, complex]] = []
         for m in range(low, high + 1):
             exponents, bands = entries.exponents.copy(), entries.bands.copy()
@@ -214,7 +206,7 @@ def _spread_of_branches(point: Point) -> Floats | None:
             step = np.asarray(np.linalg.lstsq(trial.gauss_newton, trial.gradient, rcond=1e-12)[0], np.float64)
             tried.append((trial.cost - float(step @ trial.gradient), complex(moved.moved(step).exponents[entry])))
         least = min(cost for cost, _ in tried)
-        likely: Complexes = np.array([value for cost, value in tried if cost < least + BETTER])
+        likely: Complexes = np.array([value for cost, value in tried if cost < least + DEVIATIONS**2])
         gaps = likely - entries.exponents[entry]
         apart = np.abs(gaps.imag - omega * np.rint(gaps.imag / omega)).max()
         further[int(np.searchsorted(free, entry))] = np.abs(gaps.real).max() ** 2

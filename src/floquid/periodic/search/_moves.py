@@ -9,15 +9,11 @@ from itertools import combinations
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid.fit import HALF_DIGITS, ROUNDING, inverse_root, scaled_inverse, wald_rise
+from floquid.fit import DEVIATIONS, HALF_DIGITS, OFF, ROUNDING, inverse_root, scaled_inverse, wald_rise
 from floquid.periodic.least_squares import ModeParameters
 from floquid.periodic.search._objective import Point
-from floquid.periodic.search._units import Units, wide_of
-from floquid.search import BETTER, REACH, Move
-
-FARTHEST = 0.7  # decays that the halves of a mode start apart at most: scores mislead beyond the width of a line
-REDUCED = 1e-3  # share of the price saved that bands made anew are taken to lower J by: their misfit is not predicted
-APART = 0.1  # decays by which the halves of a doubled mode start apart: near enough to be the derivative of one
+from floquid.periodic.search._tests import Units, wide_of
+from floquid.search import NEAR, REACH, Move
 
 
 def bands(point: Point, most: int) -> Iterator[Move]:
@@ -34,7 +30,7 @@ def bands(point: Point, most: int) -> Iterator[Move]:
     trial = replace(point.entries, bands=chosen)
     fewer = point.price.of(trial) - point.price.of(point.entries)
     if fewer < 0.0:
-        yield Move(REDUCED * fewer, "bands anew", trial)
+        yield Move(fewer, "bands anew", trial)
 
 
 def removals(point: Point) -> Iterator[Move]:
@@ -121,7 +117,7 @@ def doubles(point: Point) -> Iterator[Move]:
     for entry in np.flatnonzero(~entries.fixed & ~entries.real):
         of_mode = np.flatnonzero(columns.modes == entry)
         harmonic = int(columns.harmonics[of_mode[np.argmax(strengths[of_mode])]])
-        value = entries.exponents[entry] + APART * entries.exponents[entry].real
+        value = entries.exponents[entry] + OFF * entries.exponents[entry].real
         beside = ModeParameters.made([value], [(harmonic, harmonic)], entries.fundamental)
         trial = entries.joined(beside)
         change = point.with_entries(trial).value - point.value
@@ -147,7 +143,7 @@ def _gain(matrix: Floats, gradient: Floats) -> tuple[Floats, float]:
 def _cut(entries: ModeParameters, entry: int, harmonic: int, moved: tuple[complex, complex]) -> ModeParameters:
     """The entries with one in two parts, below a harmonic and from it on, each about its middle."""
     omega, (low, high) = entries.fundamental, entries.bands[entry]
-    limit = FARTHEST * abs(entries.exponents[entry].real) + 1e-3 * omega / (2.0 * np.pi)
+    limit = NEAR * abs(entries.exponents[entry].real) + 1e-3 * omega / (2.0 * np.pi)
     rest, parts = without(entries, [entry]), []
     for (first, last), step in zip(((low, harmonic - 1), (harmonic, high)), moved, strict=True):
         middle = int(np.clip(0, first, last))
@@ -259,4 +255,4 @@ def branches(point: Point) -> Iterator[Move]:
             exponents, bands = entries.exponents.copy(), entries.bands.copy()
             exponents[entry] += 1j * turns * entries.fundamental
             bands[entry] -= turns
-            yield Move(0.0, "branch", replace(entries, exponents=exponents, bands=bands), BETTER)
+            yield Move(0.0, "branch", replace(entries, exponents=exponents, bands=bands), DEVIATIONS**2)

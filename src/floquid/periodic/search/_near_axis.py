@@ -14,16 +14,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from floquid._arrays import Floats, Integers, Mask
+from floquid._arrays import Floats, Integers
 from floquid.core import read_axis
 from floquid.fit import AT_REST, DEVIATIONS, FARTHEST, RARE, STEPS, chi2_limit
 from floquid.periodic.least_squares import EVEN, ODD, PLAIN, ModeParameters, Solution, linearise
-from floquid.periodic.search._objective import Point, carried
-from floquid.periodic.search._result import SearchResult
+from floquid.periodic.search._objective import Point, SearchResult, carried
 from floquid.periodic.search._tests import untold
-
-BESIDE = 1.0
-"""Distance from an axis, over the decay or its deviation, within which a pair and its conjugate share their lines."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +164,7 @@ def _near(solution: Solution) -> list[int]:
         value = entries.exponents[entry]
         off = value.imag - 0.5 * omega * round(2.0 * value.imag / omega)
         deviation = 0.0 if entries.real[entry] else std[first + int(np.searchsorted(turns, entry))]
-        if entries.real[entry] or abs(off) < BESIDE * max(abs(value.real), deviation):
+        if entries.real[entry] or abs(off) < max(abs(value.real), deviation):
             places.append(int(entry))
     return places
 
@@ -284,17 +280,9 @@ def _moved(further: Floats | None, old: ModeParameters, new: ModeParameters, res
     if further is None:
         return None
     additions = np.zeros(len(new.ties()))
-    decays, turns = ([mask(entries) for entries in (old, new)] for mask in (_leading, _turning))
+    decays, turns = [old.leading, new.leading], [~entries.fixed & ~entries.real for entries in (old, new)]
     for (of, to), first in ((decays, (0, 0)), (turns, [int(moved.sum()) for moved in decays])):
         kept = np.flatnonzero(to[: len(rest)])
         place = np.searchsorted(np.flatnonzero(of), rest[kept])
         additions[first[1] + np.arange(len(kept))] = further[first[0] + place]
     return additions
-
-
-def _leading(entries: ModeParameters) -> Mask:
-    return entries.leading
-
-
-def _turning(entries: ModeParameters) -> Mask:
-    return ~entries.fixed & ~entries.real

@@ -9,26 +9,26 @@ with other modes can be compared. Weights N/R inside Gauss-Newton are a majorisa
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from floquid._arrays import Floats, Mask
+from floquid._arrays import Floats, Integers, Mask
 from floquid.fit import FEW_STEPS, LONGEST_STEP, REST, Ends, Normal, Steps, chi2_limit, levenberg_marquardt
 from floquid.periodic.least_squares import (
     ASUNDER,
     Block,
     Linear,
     ModeParameters,
+    OneShape,
+    Residual,
     Solution,
     eliminated,
     normal,
     weighted,
 )
+from floquid.periodic.search._peaks import Peak
 from floquid.search import HOPE, SAME, Move
-
-NEAR = 0.02  # fundamentals within which a column starts with the coefficients of one that there was
-FASTEST = 12.0  # the decay or growth over a period, in nepers, beyond which a column is a glitch and no mode
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +91,7 @@ class Point:
         """After a step in the parameters; None where a column has no samples to be seen in."""
         entries = self.entries.moved(step)
         apart = np.sqrt(np.abs(entries.all_squares).max(initial=0.0))
-        if apart * self.period > ASUNDER or np.abs(entries.exponents.real).max(initial=0.0) * self.period > FASTEST:
+        if apart * self.period > ASUNDER:
             return None
         start = tuple(linear.coefficients for linear in self.solution.linear)
         return _weighted(self.blocks, self.floors, self.price, entries, eliminated(self.blocks, entries, start))
@@ -186,7 +186,7 @@ def carried(solution: Solution, entries: ModeParameters) -> tuple[Floats, ...]:
     apart = np.abs(np.subtract.outer(new.rates, old.rates))
     apart[new.factors[new.modes][:, None] != old.factors[old.modes]] = np.inf
     nearest = np.argmin(apart, axis=1)
-    known = apart[np.arange(len(nearest)), nearest] < NEAR * entries.fundamental
+    known = apart[np.arange(len(nearest)), nearest] * 2.0 * np.pi < SAME * entries.fundamental
     # Of columns that are nearest to the same one, the first has its coefficients.
     known &= np.isin(np.arange(len(nearest)), np.unique(np.where(known, nearest, -1), return_index=True)[1])
     place = np.concatenate([nearest, nearest + len(old.modes)])
@@ -207,3 +207,36 @@ def _weighted(
     blocks = tuple(block.with_noise(np.sqrt(variance)) for block, variance in zip(blocks, level, strict=True))
     misfit = sum(b.n_samples * float(np.log(variance).sum()) for b, variance in zip(blocks, level, strict=True))
     return Point(blocks, floors, price, weighted(blocks, entries, linear), misfit)
+
+
+@dataclass(frozen=True, slots=True)
+class Disagreement:
+    """Hits that do not share their shapes: the mode that differs most, and its difference over its response."""
+
+    exponent: complex
+    share: float
+    probability: float
+
+
+@dataclass(frozen=True, slots=True)
+class SearchResult:
+    """The blocks with the noise of the residual, the fit, the bands that are reported, and the strongest peak left."""
+
+    blocks: tuple[Block, ...]
+    solution: Solution
+    bands: Integers
+    peak: Peak
+    residuals: tuple[Residual, ...]  # residual of each block
+    misfit: float = 1.0  # the rms of the residual over the level of its noise, the largest of all channels and hits
+    clusters: tuple[int, ...] = ()  # the entries whose harmonics do not have one exponent
+    as_read: dict[int, complex] = field(default_factory=dict)  # deviations of exponents near an axis, by entry
+    apart: dict[int, float] = field(default_factory=dict)  # of pairs of open kind how far apart both exponents may be
+    one: OneShape | None = None  # the same fit with one shape for all hits, where they agree
+    disagreement: Disagreement | None = None  # of the hits, where they do not
+
+
+def kept_with(result: SearchResult, kept: Mask, solution: Solution) -> SearchResult:
+    """The result with some entries, and their fit: fixed ones are no parameters, what was added to variances stays."""
+    places = tuple(int(kept[:entry].sum()) for entry in result.clusters)
+    solution = replace(solution, further=result.solution.further)
+    return replace(result, solution=solution, bands=result.bands[kept], clusters=places)

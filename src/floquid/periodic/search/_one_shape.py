@@ -10,7 +10,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
 from floquid.errors import IdentificationError
-from floquid.fit import FARTHEST, QUIET, REST, ROUNDS, chi2_limit
+from floquid.fit import FARTHEST, FEW_STEPS, QUIET, REST, ROUNDS, chi2_limit
 from floquid.periodic.least_squares import (
     Block,
     ModeParameters,
@@ -22,15 +22,12 @@ from floquid.periodic.least_squares import (
     real_parts,
     residuals_of,
 )
-from floquid.periodic.search._additions import EXPECTED
+from floquid.periodic.search._objective import Disagreement, SearchResult
 from floquid.periodic.search._peaks import strongest
-from floquid.periodic.search._result import Disagreement, SearchResult
-from floquid.search import GAP, GROWTHS, LOOSE
-
-BRIEF = 0.5  # decay over a period, in nepers, from which on harmonics that are left out bend exponents
+from floquid.search import GAP, LOOSE
 
 
-def with_one_shape(result: SearchResult, false_alarm: float, floor: float, most: int) -> SearchResult:
+def with_one_shape(result: SearchResult, false_alarm: float) -> SearchResult:
     r"""The result with one shape for all hits, if noise explains what that leaves more; else how much they differ.
 
     .. math:: \Delta\chi^2 \sim \chi^2_n, \qquad n = n_{\text{free residues}} - n_{\text{shapes}} - n_{\text{states}}
@@ -42,15 +39,12 @@ def with_one_shape(result: SearchResult, false_alarm: float, floor: float, most:
     if len(hits) < 2 or result.as_read or not (~entries.fixed).any():
         return result
     with suppress(IdentificationError, np.linalg.LinAlgError):
-        shared, bands = OneShape.at(result.blocks, entries, result.solution.linear).solved(), result.bands
-        if (np.abs(shared.entries.exponents.real) * 2.0 * np.pi > BRIEF * entries.fundamental).any():
-            shared = grown(shared, least_noise(result.blocks, result.solution, floor), most)
-            bands = np.where(entries.fixed[:, None], bands, shared.entries.bands)
+        shared = OneShape.at(result.blocks, entries, result.solution.linear).solved()
         probability = agreement(shared, result)
         away = np.abs(shared.entries.exponents - entries.exponents) * 2.0 * np.pi / entries.fundamental
         if probability > false_alarm and (away < FARTHEST).all():
             misfit = misfit_of_all(result.blocks, result.residuals)
-            return replace(result, one=shared, bands=bands, misfit=misfit)
+            return replace(result, one=shared, misfit=misfit)
         if all((block.noise < QUIET * block.largest).all() for block in result.blocks):
             return result
         entry, share = difference(shared)
@@ -74,7 +68,7 @@ def misfit_of_all(blocks: Sequence[Block], rest: Sequence[Residual]) -> float:
 def grown(shared: OneShape, least: Sequence[Floats], most: int) -> OneShape:
     """The fit with the harmonics that noise does not explain, by the noise that it leaves, at least `least`."""
     bands = narrowed(shared, LOOSE)
-    for _ in range(GROWTHS):
+    for _ in range(FEW_STEPS):
         padded = replace(shared.entries, bands=bands).padded(GAP + 1, most).bands
         wide = shared.with_bands(padded).solved(at_rest=REST).with_noise(least)
         kept = narrowed(wide, LOOSE)
@@ -100,7 +94,7 @@ def of_shapes(
     shared = grown(shared, least, most)
     solution = shared.as_solution()
     rest = residuals_of(shared.blocks, solution, floor)
-    peak = strongest(shared.blocks, rest, 2.0 * np.pi / entries.fundamental, EXPECTED)
+    peak = strongest(shared.blocks, rest, 2.0 * np.pi / entries.fundamental)
     misfit = misfit_of_all(shared.blocks, rest)
     return SearchResult(shared.blocks, solution, shared.entries.bands, peak, tuple(rest), misfit, one=shared)
 

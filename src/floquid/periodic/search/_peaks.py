@@ -21,13 +21,9 @@ from floquid.fit import chi2_limit
 from floquid.periodic.least_squares import Block, Residual, squared
 
 DECAYS = 8  # decay rates looked at, from one over the record to `FASTEST` over a period
-FEW_DECAYS = 4  # the same where nothing is to be fitted, and a look is enough
 FASTEST = 0.7  # nepers over a period: beyond, the line of a mode is as wide as all the lines between its harmonics
 GROWTH = (2.0, 6.0)  # growth over the record of the growing exponentials looked at, as logarithms
 DIED = 8.0  # decays after which an exponential has died
-
-NEAR = 1e4
-"""Times the noise up to which single precision shows every line of a residual: beyond, its rounding makes lines."""
 
 SKIRT = 10.0  # times what a decaying line has beside its peak below which another peak may be that
 
@@ -41,42 +37,37 @@ class Peak:
     limit: float
 
 
-def strongest(blocks: Sequence[Block], residuals: Sequence[Residual], period: float, false_alarm: float) -> Peak:
-    """The exponential that takes most out of the residuals; noise alone passes its limit by `false_alarm`."""
-    return peaks(blocks, residuals, period, false_alarm, most=0, decays=FEW_DECAYS)[0]
+def strongest(blocks: Sequence[Block], residuals: Sequence[Residual], period: float) -> Peak:
+    """The exponential that takes most out of the residuals; of noise alone one is expected beyond its limit."""
+    return peaks(blocks, residuals, period, most=0)[0]
 
 
 def peaks(
     blocks: Sequence[Block],
     residuals: Sequence[Residual],
     period: float,
-    false_alarm: float,
-    passed: Sequence[float] = (),
     *,
     most: int,
-    decays: int = DECAYS,
 ) -> tuple[Peak, list[Peak]]:
     """The exponential that explains most of the residual, and those that may be tried, at most `most`.
 
-    These are apart from one another and from the angular frequencies `passed` [rad/s], strongest first; the first is
-    there in any case, the others pass the limit. Other parameters as of `strongest`.
+    These are apart from one another, strongest first; the first is there in any case, the others pass the limit. Other
+    parameters as of `strongest`.
     """
     span = max(residual.span for residual in residuals)
-    looked_at = np.geomspace(1.0 / span, max(FASTEST / period, 2.0 / span), decays)
+    looked_at = np.geomspace(1.0 / span, max(FASTEST / period, 2.0 / span), DECAYS)
     rates = np.concatenate([looked_at, -np.array(GROWTH) / span])
     spectra = [_Spectra(residual) for residual in residuals]
     gains, omegas = zip(*(_gains(spectra, rate) for rate in rates), strict=True)
     gain, omega = np.concatenate(gains), np.concatenate(omegas)
     rate = np.repeat(rates, [len(lines) for lines in omegas])
     degrees = 2 * sum(len(block.rows) for block in blocks)
-    limit = chi2_limit(degrees, false_alarm / len(omega))
+    limit = chi2_limit(degrees, 1.0 / len(omega))
 
     def at(k: int) -> Peak:
         return Peak(complex(-rate[k], omega[k]), float(gain[k]), limit)
 
     largest = at(int(np.argmax(gain)))
-    for frequency in passed:
-        gain[np.abs(omega - frequency) <= 8.0 * np.pi / span] = 0.0
     chosen: list[Peak] = []
     while len(chosen) < most:
         k = int(np.argmax(gain))
@@ -88,7 +79,7 @@ def peaks(
         # The skirts of a peak are no peaks of their own.
         width = np.maximum(np.maximum(np.abs(rate), abs(rate[k])), 2.0 * np.pi / span)
         apart = np.abs(omega - omega[k]) / width
-        gain[(gain < SKIRT * gain[k] / (1.0 + apart**2)) | (apart < 8.0)] = 0.0
+        gain[gain < SKIRT * gain[k] / (1.0 + apart**2)] = 0.0
     return largest, chosen
 
 
@@ -115,7 +106,9 @@ class _Spectra:
         self.there = np.zeros(len(self.times))
         self.there[residual.taken] = 1.0
         scaled = residual.values / residual.noise[:, None]
-        self.values = scaled.astype(np.float32 if np.abs(scaled).max() < NEAR else np.float64)
+        # Rounding of the power in single precision stays below the noise, or it would make lines.
+        single = np.abs(scaled).max() ** 2 * np.finfo(np.float32).eps < 1.0
+        self.values = scaled.astype(np.float32 if single else np.float64)
         self.weights: dict[int, NDArray[np.floating]] = {}
 
     def gain(self, decay: float, omega: Floats, lines: int) -> Floats:

@@ -26,7 +26,6 @@ from floquid.search import SECONDS, Move, descended
 
 LOUD = 100.0  # times the price from which on a line cannot be a peak of noise that is coloured
 STRONG = 0.1  # the sum of squared correlations from which on the residual is coloured noise and no weak mode
-WORSE = 1.1  # the growth of the price by errors of the angle at which a search goes on with it
 
 Log = Callable[[str], None]
 
@@ -59,13 +58,8 @@ def searched(first: Point, bounds: Bounds, report: Log = lambda _: None) -> Poin
 
     # Bands first at the exponents as they are: with wide ones, modes that share lines follow the noise.
     current = descended(first, lambda point: iter([_bands(point, bounds)]), until, report).settled()
-    while True:
-        current = _blurred(current, bounds.angle_std)
-        least = descended(current, lambda point: _stages(point, bounds), until, report)
-        fitted = replace(together(least), unfinished=least.unfinished)
-        if _blurred(fitted, bounds.angle_std).price.blur <= WORSE * current.price.blur:
-            return fitted
-        current = fitted
+    least = descended(_blurred(current, bounds.angle_std), lambda point: _stages(point, bounds), until, report)
+    return replace(together(least), unfinished=least.unfinished)
 
 
 def _stages(point: Point, bounds: Bounds) -> Iterator[Iterable[Move]]:
@@ -101,9 +95,7 @@ def _room(point: Point, bounds: Bounds) -> bool:
     return int((~point.entries.fixed).sum()) < bounds.modes
 
 
-def lines(
-    blocks: Sequence[Block], base: ModeParameters, most: int, false_alarm: float, report: Log = lambda _: None
-) -> Point:
+def lines(blocks: Sequence[Block], base: ModeParameters, false_alarm: float, report: Log = lambda _: None) -> Point:
     """The lines of one LTI system, each exponential alone, beside what is fitted in any case."""
     nothing, seen = np.zeros(0), 2 * sum(len(block.rows) for block in blocks)
     # A line is one unit: its exponent costs what two numbers more add to the limit of its amplitudes.
@@ -112,9 +104,8 @@ def lines(
     floors, price = priced(blocks, base, ROUNDING, mode_alarm=mode_alarm, harmonic_alarm=false_alarm)
 
     def stages(point: Point) -> Iterator[Iterable[Move]]:
-        yield removals(point)
-        room = int((~point.entries.fixed).sum()) < most
-        yield from additions(point, nothing, 0, room=room, width=0)
+        yield (*removals(point), *merges(point, 0))
+        yield from additions(point, nothing, 0, width=0)
 
     return descended(Point.at(blocks, floors, price, base), stages, time.process_time() + SECONDS, report)
 

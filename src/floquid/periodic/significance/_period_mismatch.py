@@ -8,15 +8,13 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats
 from floquid.core import PeriodicModel
-from floquid.fit import EVIDENT, SIGNIFICANT, scaled_inverse
+from floquid.fit import EVIDENT, IN_VAIN, SIGNIFICANT, scaled_inverse
 from floquid.lifting import Lifted
 
 NEGLIGIBLE_SLIP = 0.01
 """Samples of slip over the record below which a difference of periods does no harm, however significant."""
 
 TURNED = 1.0  # the phase [rad] that the fundamental may slip while modes last, for one step of a fit to tell the period
-LARGEST_DIFFERENCE = 0.1  # relative difference of periods up to which two modes are looked at as one mode torn apart
-WITNESSES = 3  # pairs of modes that must agree on a difference of periods
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +61,7 @@ def synchrony(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
 def spacing(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
     r"""The period from modes that are harmonics of one mode torn apart by a wrong period.
 
-    Modes a, b of equal real part with Im(λ_a - λ_b) = mω/(1 + ε), m ≠ 0. At least `WITNESSES` such pairs must agree on
+    Modes a, b of equal real part with Im(λ_a - λ_b) = mω/(1 + ε), m ≠ 0. More than two such pairs must agree on
     ε, and half of the modes must be in them: two close modes of nearly equal decay are no sign of a wrong period. Of
     several ε the one with most pairs counts. None when too few pairs of modes agree, or too few modes are in them. The
     `model` was identified from the responses `lifted`.
@@ -80,7 +78,6 @@ def spacing(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
     alike = (
         (np.abs(gap.real) < 5.0 * deviation[0])
         & (deviation[0] < EVIDENT * np.abs(model.exponents[first].real))
-        & (np.abs(relative) < LARGEST_DIFFERENCE)
         & (error < np.abs(relative) / SIGNIFICANT)
     )
     # A pair and the pair of its conjugates are one witness.
@@ -88,7 +85,7 @@ def spacing(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
     relative, error, members = relative[alike], error[alike], np.stack([first, second])[:, alike]
     # A mode and its conjugate are one member.
     mode = np.array([np.argmin(np.abs(model.exponents - e.real - 1j * abs(e.imag))) for e in model.exponents], int)
-    best, most = None, WITNESSES - 1
+    best, most = None, IN_VAIN
     for value, std_of_pair in zip(relative, error, strict=True):
         near = np.abs(relative - value) < 4.0 * np.hypot(error, std_of_pair)
         if near.sum() <= most or 2 * len(np.unique(mode[members[:, near]])) < len(np.unique(mode)):

@@ -1,4 +1,4 @@
-"""The forced response in lifted responses: columns over the cycles that are known before any pole is.
+"""Start of a fit from lifted responses: one mode a multiplier and group of harmonics, beside the forced response.
 
 What repeats with the revolution (an orbit, gravity, an imbalance, an offset) has multipliers e^{2πij/ν}, with ν periods
 a revolution; a drift is one of multiplier 1 that grows with time. Neither is a mode, however near one lies.
@@ -12,16 +12,139 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import Complexes, Floats
-from floquid.fit import HALF_DIGITS, ROUNDING, SLOW, SURE, chi2_limit
+from floquid.core import PeriodicModel
+from floquid.fit import DEVIATIONS, HALF_DIGITS, MODES, OFF, RARE, ROUNDING, SLOW, SURE, chi2_limit
 from floquid.lifting import Lifted, largest_values, whitened, whitening_filter
 from floquid.lti import ERA, ModalModel
+from floquid.periodic.expansion import expansion, physical_exponents
+from floquid.periodic.least_squares import ModeParameters
+from floquid.search import GAP
 
-GENEROUS = 64  # poles that take any free response with them; at most one in three cycles
+
+def groups(modal: ModalModel, lifted: Lifted) -> ModeParameters:
+    """One mode for each pole of `modal` and group of its harmonics significant in `lifted`, its band about the largest.
+
+    Modes fold onto one another in lifted responses: their poles then come out as one, or bent. Their harmonics lie at
+    different unfolded frequencies, and start as separate modes. They are split at the sign of the frequency and at gaps
+    of more than `GAP` harmonics; where they are one mode after all, a test of equal exponents joins them.
+    """
+    expanded = expansion(modal, lifted)
+    omega = 2.0 * np.pi / lifted.period
+    limit = chi2_limit(2 * expanded.coefficients.shape[1] * expanded.coefficients.shape[2], SURE)
+    exponents, bands = [], []
+    for r in expanded.upper:
+        score = _score(expanded.coefficients[r], expanded.std[r])
+        turns = expanded.exponents[r].imag / omega + expanded.harmonics
+        seen = (score > limit) & (np.abs(turns) < 0.5 * lifted.n_phases - HALF_DIGITS)
+        if expanded.real[r]:
+            seen &= turns > -HALF_DIGITS  # the other half is its conjugate
+        if not seen.any():
+            seen[int(np.argmax(score * (turns > -HALF_DIGITS)))] = True
+        places = np.flatnonzero(seen)
+        cut = (np.diff(expanded.harmonics[places]) > GAP) | (np.sign(turns[places[1:]]) != np.sign(turns[places[:-1]]))
+        for group in np.split(places, np.flatnonzero(cut) + 1):
+            strongest = int(group[np.argmax(score[group])])
+            value = expanded.exponents[r] + 1j * omega * expanded.harmonics[strongest]
+            ends = expanded.harmonics[group[[0, -1]]] - expanded.harmonics[strongest]
+            if value.imag < 0.0:
+                value, ends = value.conjugate(), -ends[::-1]
+            if expanded.real[r]:
+                least = omega / int(lifted.responses.lengths.max())
+                # On the axis, nothing says which way it lies.
+                value += 1j * OFF * max(abs(value.real), least)
+            exponents.append(value)
+            bands.append(ends)
+    return ModeParameters.made(exponents, np.array(bands, np.int64).reshape(-1, 2), omega)
+
+
+def distinct_multipliers(model: PeriodicModel) -> int:
+    """The number of multipliers of a model that deviations tell apart: two modes may share one.
+
+    Free in each hit, the residues of one mode hold those of both, and only outer products of shape and hit tell them
+    apart.
+    """
+    std = np.zeros(model.order, np.complex128) if model.exponent_std is None else model.exponent_std
+    kept: list[int] = []
+    for mode in np.flatnonzero(model.multipliers.imag >= -HALF_DIGITS):
+        gaps = model.exponents[kept] - model.exponents[mode]
+        gaps -= 1j * model.fundamental * np.rint(gaps.imag / model.fundamental)
+        within = DEVIATIONS * (np.hypot(std.real[kept], std.real[mode]) + 1j * np.hypot(std.imag[kept], std.imag[mode]))
+        within += (1.0 + 1.0j) * HALF_DIGITS * model.fundamental
+        if not ((np.abs(gaps.real) < within.real) & (np.abs(gaps.imag) < within.imag)).any():
+            kept.append(int(mode))
+    return int(np.sum(np.where(np.abs(model.multipliers.imag[kept]) > HALF_DIGITS, 2, 1)))
+
+
+def _score(coefficients: Complexes, std: Complexes) -> Floats:
+    """The chi-square of each harmonic over channels and hits (harmonics,)."""
+    total = np.zeros(coefficients.shape[-1])
+    for value, deviation in ((coefficients.real, std.real), (coefficients.imag, std.imag)):
+        share = np.divide(value, deviation, out=np.zeros_like(value), where=deviation > 0)
+        total += np.sum(share**2, axis=(0, 1))
+    return total
+
+
+def held_shapes(modal: ModalModel, lifted: Lifted, *, false_alarm: float) -> tuple[ModalModel, int]:
+    r"""The modal model with residues held to harmonics, and the number of harmonics on each side.
+
+    .. math:: R_{k,r} \approx \sum_{|m| \le M} B_{r,m}\, e^{(\lambda_r + i m \omega) t_k}
+
+    by least squares, which weighs each phase by what the response is there. An expansion of R e^{-λt} alone weighs the
+    end of the period like its beginning, where noise is e^{λT} times louder. M is the least that raises the cost by no
+    more than noise explains.
+
+    Parameters
+    ----------
+    modal
+        The modal model of `lifted.responses`.
+    lifted
+        The lifted responses.
+    false_alarm
+        The probability that noise raises the cost by more than is let pass.
+    """
+    from scipy.special import chdtri
+
+    exponents, most = physical_exponents(modal, lifted), (lifted.n_phases - 1) // 2
+    for width in range(most):
+        held = replace(modal, residues=_held(modal, lifted, exponents, width))
+        moved = physical_exponents(held, lifted)
+        if (moved != exponents).any():
+            held = replace(modal, residues=_held(modal, lifted, moved, width))
+        fewer = modal.order * lifted.n_channels * (lifted.n_phases - 2 * width - 1)
+        if _rise(modal, held, lifted) < float(chdtri(fewer, false_alarm)):
+            return held, width
+    return modal, most
+
+
+def _held(modal: ModalModel, lifted: Lifted, exponents: Complexes, width: int) -> Complexes:
+    """Residues (modes, outputs, hits) with harmonics on each side of the branch of each mode."""
+    omega, residues = 2.0 * np.pi / lifted.period, np.array(modal.residues)
+    for mode, value in enumerate(exponents):
+        low = high = 0
+        if modal.multipliers[mode].imag == 0.0:
+            # The shape of a real multiplier is its own conjugate, and so are its harmonics.
+            mirror = -round(2.0 * value.imag / omega)
+            low, high = min(0, mirror), max(0, mirror)
+        rates = value + 1j * omega * np.arange(low - width, high + width + 1)
+        columns, _ = np.linalg.qr(np.exp(np.multiply.outer(lifted.phase_times, rates)))
+        shapes = lifted.by_channel(residues[mode])
+        held = np.einsum("pm,qm,cqh->cph", columns, columns.conj(), shapes, optimize=True)
+        held = held.reshape(residues[mode].shape)
+        residues[mode] = held.real if modal.multipliers[mode].imag == 0.0 else held
+    return residues
+
+
+def _rise(modal: ModalModel, held: ModalModel, lifted: Lifted) -> float:
+    """The squares of the difference of two models over the noise, over all samples."""
+    total, change = 0.0, held.residues - modal.residues
+    for hit, length in enumerate(lifted.responses.lengths.tolist()):
+        powers = np.exp(np.multiply.outer(modal.poles * lifted.period, np.arange(length)))
+        moved: Floats = (change[:, :, hit].T @ powers).real / lifted.responses.noise[:, hit, None]
+        total += float(np.sum(moved**2))
+    return total
+
+
 FEWEST = 8  # cycles below which what is known is not told from a free response, for each of its multipliers
-
-TOLD = 1e-3  # the share of a known column beyond the poles below which it is not told from them
-BESIDE = (2, 3, 4, 5, 6)  # lines beside that of a known multiplier by which the noise there is judged
-ENOUGH = 6  # columns that must be left beside the poles for that
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +180,7 @@ class Known:
 def columns_of(root: float, n_cycles: int) -> list[Floats]:
     """Real columns of the multiplier e^{2πip} (cycles,)."""
     angles = 2.0 * np.pi * root * np.arange(n_cycles)
-    return [np.cos(angles)] if root in (0.0, 0.5) else [np.cos(angles), np.sin(angles)]
+    return [np.cos(angles)] if 2.0 * root == round(2.0 * root) else [np.cos(angles), np.sin(angles)]
 
 
 def _drift(n_cycles: int) -> Floats:
@@ -102,14 +225,14 @@ def without_known(
 def generous_poles(lifted: Lifted) -> ModalModel:
     """More poles than there are modes, of lifted responses: they take any response with them, and leave the noise."""
     era = ERA()
-    order = max(1, min(GENEROUS, int(lifted.responses.lengths.max()) // 3))
+    order = max(1, min(2 * MODES, int(lifted.responses.lengths.max()) // 3))
     return era.extract(era.prepare(lifted.responses), order)
 
 
 def _apart(modal: ModalModel, roots: Sequence[float], n_cycles: int) -> Complexes:
     """Logarithms of the multipliers, of the upper half, that are told from the known ones."""
     logs = np.asarray(np.log(modal.multipliers), np.complex128)
-    logs = logs[(logs.imag >= -HALF_DIGITS) & (logs.real > -4.0) & (logs.real < 2.0)]
+    logs = logs[logs.imag >= -HALF_DIGITS]
     for root in roots:
         logs = logs[np.abs(logs - 2j * np.pi * root) * n_cycles > SLOW]
     return np.asarray(logs, np.complex128)
@@ -158,29 +281,15 @@ def _gain(lifted: Lifted, bases: Sequence[Floats], less: Known, more: Known) -> 
             if less
             else basis_of_hit
         )
-        extra = _beyond(basis, more.basis(length), TOLD)
+        extra = _beyond(basis, more.basis(length), RARE)
         values = data.values[:, hit, :length]
         seen = values @ extra
         free = max(length - basis.shape[1] - extra.shape[1], 1)
         squares = _squares_left(values, np.concatenate([basis, extra], axis=1))
         noise = lifted.by_channel(squares[:, None] / free).mean(axis=1)[:, 0]
-        # Noise that is coloured is loudest near some multiplier: what lies beside the known one says how loud there.
-        beside = _beyond(np.concatenate([basis, extra], axis=1), _neighbours(less, more, length), TOLD)
-        if beside.shape[1] >= ENOUGH:
-            near = np.sum((values @ beside) ** 2, axis=1) / beside.shape[1]
-            noise = np.maximum(noise, lifted.by_channel(near[:, None]).mean(axis=1)[:, 0])
         power = lifted.by_channel(np.sum(seen**2, axis=1)[:, None]).sum(axis=1)[:, 0]
         total += float(np.sum(power / np.maximum(noise, _least(lifted)[:, hit])))
     return total
-
-
-def _neighbours(less: Known, more: Known, n_cycles: int) -> Floats:
-    """Columns of frequencies beside those that only the second has, over the cycles (cycles, columns)."""
-    roots = set(more.roots) - set(less.roots) or {0.0}
-    turns = [root + sign * k / n_cycles for root in roots for k in BESIDE for sign in (1, -1)]
-    angles = 2.0 * np.pi * np.multiply.outer(np.arange(n_cycles), turns)
-    columns = np.concatenate([np.cos(angles), np.sin(angles)], axis=1)
-    return np.asarray(np.linalg.qr(columns)[0], np.float64) if n_cycles > columns.shape[1] else columns[:, :0]
 
 
 def _least(lifted: Lifted) -> Floats:
