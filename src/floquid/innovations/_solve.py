@@ -13,19 +13,20 @@ from floquid.fit import (
     FEW_STEPS,
     IN_VAIN,
     LONGEST_STEP,
+    RARE,
     REST,
     ROUNDS,
     STEPS,
     Ends,
     Normal,
     Steps,
+    chi2_limit,
     levenberg_marquardt,
     scaled_inverse,
 )
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, gradient, predicted, slopes
 from floquid.inputs import Samples
-from floquid.search import BETTER
 
 Step = NDArray[np.float64]
 
@@ -121,7 +122,7 @@ def climbed(samples: Samples, now: Predictor) -> Predictor:
     """A rough fit that goes on while it gains: a pole beside one that is there begins with next to nothing."""
     for _ in range(ROUNDS):
         before, now = now, solve(samples, now, rough=True)
-        if now.log_likelihood - before.log_likelihood < BETTER:
+        if now.log_likelihood - before.log_likelihood < chi2_limit(1, RARE):
             break
     return now
 
