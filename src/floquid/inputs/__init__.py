@@ -22,6 +22,7 @@ from floquid.inputs._modes import input_gain as input_gain
 from floquid.inputs._modes import runs_away as runs_away
 from floquid.inputs._result import Uncertainty as Uncertainty
 from floquid.inputs._result import sealed as sealed
+from floquid.inputs._samples import LEAKAGE as LEAKAGE
 from floquid.inputs._samples import Hold
 from floquid.inputs._samples import Samples as Samples
 from floquid.inputs._samples import samples_of as samples_of

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
 from floquid.fit import CHUNK, FEW_STEPS, REST, ROUNDING, Ends, Normal, Steps, levenberg_marquardt
-from floquid.inputs._samples import Samples
+from floquid.inputs._samples import LEAKAGE, Samples
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -76,8 +76,8 @@ def phases_of(samples: Samples) -> NDArray[np.int64] | None:
     count = 2.0 * np.pi / (samples.fundamental * samples.step)
     if (
         count < 2.0
-        or abs(count - round(count)) * turned.max() / count > 1e-3
-        or np.abs(turned - np.rint(turned)).max() > 1e-3
+        or abs(count - round(count)) * turned.max() / count > LEAKAGE
+        or np.abs(turned - np.rint(turned)).max() > LEAKAGE
     ):
         return None
     return np.rint(turned).astype(np.int64) % round(count)

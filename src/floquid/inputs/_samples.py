@@ -17,6 +17,9 @@ from floquid.core import BRIDGED, over_gaps, runs_of
 Hold: TypeAlias = Literal["zero", "first", "none"]
 """The input between its samples: held, linear, or acting at the samples alone."""
 
+LEAKAGE = 0.02
+"""The share of a sample by which a whole number of periods may not be one of samples: less leaks than noise has."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Samples(Rebuilt):

@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid.core import Channel, ConstantPeriod, Record
-
-ROUNDED = 1e-6
-"""The share by which periods and rates are off as they are written: a rate so near is that of whole samples."""
+from floquid.inputs import LEAKAGE
 
 DRAWS = 20
 """Draws of the phases; the one of least peak is taken."""
@@ -130,8 +128,8 @@ def multisine(
     for name, value in (("period", period), ("sample_rate", sample_rate), ("rms", rms)):
         if not (np.isfinite(value) and value > 0.0):
             raise input_error(name, of, "be above 0", f"is {value!r}", "Give it in s, in Hz, or in the input's unit.")
-    if turns < 4:
-        raise input_error("turns", of, "be at least 4", f"is {turns}", "As turns=128.")
+    if turns <= 2:  # all classes are their own negative
+        raise input_error("turns", of, "be above 2", f"is {turns}", "As turns=128.")
     if seed < 0:
         raise input_error("seed", of, "be 0 or more", f"is {seed}", "As seed=0.")
     if inputs < 1:
@@ -140,7 +138,7 @@ def multisine(
         raise input_error("spare", of, "be from 0 to less than 1", f"is {spare}", "As spare=0.1.")
     exact = turns * period * sample_rate
     samples = round(exact)
-    if abs(exact - samples) > ROUNDED * exact:
+    if abs(exact - samples) > LEAKAGE:
         must = "give a whole number of samples in a repeat"
         rates = " or ".join(f"{count / (turns * period):.10g}" for count in (int(exact), int(exact) + 1))
         raise input_error("sample_rate", of, must, f"gives {exact:.8g} of them", f"Take {rates} Hz, or other turns.")
