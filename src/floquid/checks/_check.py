@@ -15,7 +15,8 @@ from floquid.findings import Finding, failure, warning
 from floquid.fit import is_vague
 from floquid.innovations import GONE
 
-FALSE_ALARM = 1e-3  # the probability at which noise may fail one of the checks, over all responses and lines together
+FAINT = 0.1  # the amplitude of what is left, over the noise, that is let pass in any case
+MISFIT = 1.3  # times the noise that a fit may leave: its level is an estimate
 REMAINDER = 0.05  # the share of the response, in amplitude, that a model may leave beyond the noise and still pass
 
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.checks._check import FALSE_ALARM, Evidence
+from floquid.checks._check import Evidence
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, failure, warning
-from floquid.fit import DEVIATIONS, SURE, WITHIN, chi2_limit, is_vague, wald_rise
+from floquid.fit import DEVIATIONS, RARE, SURE, WITHIN, chi2_limit, is_vague, wald_rise
 from floquid.innovations import GONE
 from floquid.inputs import Samples, Scores, Uncertainty, answering, gain_of, solve
 
@@ -21,9 +21,6 @@ if TYPE_CHECKING:
 
 BENT = 1e-9
 """The probability at which noise may pass for powers of the response: these have longer tails than noise."""
-
-MORE = 2.0
-"""Least gain by squares and cubes over that by driving noise, which lets them gain by chance."""
 
 UNTOLD = DEVIATIONS**2
 """The criterion of a fit of one size over another below which the record does not tell them."""
@@ -44,7 +41,7 @@ def _beside(scores: Scores) -> tuple[Finding, ...]:
     Where squares are there they gain several times what noise does, more than they do by chance.
     """
     by_noise, (by_powers, degrees) = scores.by_noise(), _by_powers(scores)
-    noisy = MORE * by_noise > by_powers.max(initial=0.0) - degrees
+    noisy = by_noise > by_powers.max(initial=0.0) - degrees
     return (() if noisy else _nonlinear(by_powers, degrees)) or _driven(by_noise)
 
 
@@ -137,7 +134,7 @@ def _driven(gain: float) -> tuple[Finding, ...]:
 
     Noise w on an input u acts as a force -w that nobody measured (Söderström 2007).
     """
-    for report, level in ((failure, SURE), (warning, FALSE_ALARM)):
+    for report, level in ((failure, SURE), (warning, RARE)):
         if gain >= (limit := chi2_limit(1, level)):
             return (report("inputs_noise", squares=gain, limit=limit, sure=level == SURE),)
     return ()

@@ -12,18 +12,9 @@ from numpy.typing import NDArray
 from floquid.checks._check import Evidence, is_undetermined
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, failure, note, warning
-from floquid.fit import DEVIATIONS, SURE, is_vague
+from floquid.fit import DEVIATIONS, EVIDENT, SURE, WITHIN, is_vague
 from floquid.innovations import GONE, Fit, alike, gap_of, left_over
 from floquid.search import NEAR
-
-AIM = 0.1
-"""The relative deviation of the damping for which the length of a record is given."""
-
-SHORT = (0.5, 2.0)
-"""Deviations of an exponent from the maximum of the likelihood, from which on that is told, and it is no estimate."""
-
-STILL = 10.0
-"""Radians that a mode turns, and nepers that it decays, in a record, less than which it is likely a drift."""
 
 
 def repetition(case: Any, _: Evidence) -> tuple[Finding, ...]:
@@ -62,7 +53,8 @@ def excitation_of(
     ]
     findings += _no_estimates(fit, model, shares, certain, groups)
     longest = max(np.diff(fit.samples.begins)) * fit.samples.step
-    still, low = ~certain & (_away(fit) * longest < STILL), hertz * 2.0 * np.pi * longest < STILL
+    # What turns less than once in a record is likely a drift.
+    still, low = ~certain & (_away(fit) * longest < 2.0 * np.pi), hertz * longest < 1.0
     for report, which in ((failure, still & low), (warning, still & ~low)):  # a line of the period may be a mode's
         if which.any():
             findings.append(report("ambient_slow", frequencies=hertz[which].tolist()))
@@ -77,10 +69,10 @@ def excitation_of(
     for code, which in (("ambient_single", single), ("ambient_fast", fast), ("ambient_real", lasts)):
         if which.any():
             findings.append(warning(code, frequencies=hertz[which].tolist()))
-    if (shares[~(still | line)] > AIM).any():
+    if (shares[~(still | line)] > EVIDENT).any():
         worst = int(np.argmax(np.where(still | line, 0.0, shares)))
         report = warning if is_vague(shares[worst], 1.0) else note
-        periods = duration / model.period * (shares / AIM) ** 2
+        periods = duration / model.period * (shares / EVIDENT) ** 2
         findings.append(
             report(
                 "ambient_length",
@@ -119,10 +111,10 @@ def _no_estimates(
     short = np.array([fit.short(number) for number in range(len(decays))])
     dead = is_undetermined(shares * decays, decays, model.period) & claimed
     findings = [failure("undetermined", frequencies=hertz[dead].tolist())] if dead.any() else []
-    which = claimed & (short > SHORT[0])
+    which = claimed & (short > WITHIN)
     if which.any():
-        report, most = failure if short[which].max() > SHORT[1] else warning, float(short[which].max())
-        findings.append(report("ambient_short", frequencies=hertz[which].tolist(), deviations=most))
+        deviations = float(short[which].max())
+        findings.append(failure("ambient_short", frequencies=hertz[which].tolist(), deviations=deviations))
     return findings
 
 

@@ -9,28 +9,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid.checks._check import FALSE_ALARM, REMAINDER, Evidence, strongest
+from floquid.checks._check import FAINT, MISFIT, REMAINDER, Evidence, strongest
 from floquid.core import PeriodicModel, PhaseClock, Record
 from floquid.findings import Finding, Severity, failure, warning
-from floquid.fit import LAGS, SURE, WITHIN, chi2_limit
+from floquid.fit import LAGS, RARE, SURE, WITHIN, chi2_limit
 from floquid.periodic import line_amplitudes, without_lines
+from floquid.search import GAP
 
 if TYPE_CHECKING:
     from floquid.checks._decays import Decays
     from floquid.checks._excited import Parted
 
-TONE = 0.1  # the amplitude of a tone, over the noise, that is let pass in any case
-
-LOUD_TONE, LOUD_LINE = 1.0, 0.5
-"""Amplitudes of a tone and of any other line, over the noise, that fail a model: the latter may be of a mode."""
-
-ABOVE = 8.0  # least score of a tone over that of the lines beside it
 COLOUR = 0.01  # the sum of squared autocorrelations that is let pass in any case: less is no colour worth a filter
 STRONG_COLOUR = 0.25  # the same from which on a model fails: such colour may be what modes leave
-ROUNDING = 0.5  # Residual over the noise below which the noise is no estimate but what the record is believed down to
-
 HARMONIC = 0.01  # the share of the response in one harmonic beside a band that is let pass in any case
-BESIDE = 4  # harmonics on each side of a mode's band, and lines on each side of a tone, that are looked at
 PIECE = 64  # lines of a spectrum over which its level is taken, and harmonics of the period looked at, at most
 
 
@@ -44,10 +36,11 @@ def tones(case: Decays, evidence: Evidence) -> tuple[Finding, ...]:
         amplitudes, squares = line_amplitudes(*_residual(case, hit, rest), np.zeros(len(turns)), turns)
         size[:, hit] = amplitudes / case.noise[:, hit, None]
         score[:, hit] = squares / case.noise[:, hit, None] ** 2
-    there = (score > chi2_limit(2, FALSE_ALARM / score.size)) & (size > TONE)
+    there = (score > chi2_limit(2, RARE / score.size)) & (size > FAINT)
     candidates = np.flatnonzero(there.any(axis=(0, 1)))
-    there[..., candidates] &= score[..., candidates] > ABOVE * _beside(case, residuals, turns[candidates])
-    evidence.kept("tone", float(np.max(size * there, initial=0.0)), TONE, failing=LOUD_TONE)
+    chance = -np.log(RARE) * _beside(case, residuals, turns[candidates])  # of a mean of two squares
+    there[..., candidates] &= score[..., candidates] > chance
+    evidence.kept("tone", float(np.max(size * there, initial=0.0)), FAINT, failing=1.0)
     which = strongest((size * there).max(axis=1))
     if which:
         at = [(channel, int(np.argmax((size * there)[channel, :, tone])), tone) for channel, tone in which]
@@ -81,7 +74,7 @@ def _beside(case: Decays, residuals: list[Floats], turns: Floats) -> Floats:
         angles = case.instants[hit][1]
         apart = 2.0 * np.pi / max(float(angles[-1] - angles[0]), 1e-300)
         # The nearest lines have their share of a tone that is between two of them.
-        shifts = apart * np.array([*range(-BESIDE, -1), *range(2, BESIDE + 1)])
+        shifts = apart * np.array([*range(-GAP, -1), *range(2, GAP + 1)])
         near = np.abs(np.add.outer(turns, shifts)).ravel()
         _, squares = line_amplitudes(*_residual(case, hit, rest), np.zeros(len(near)), near)
         level = squares.reshape(len(rest), len(turns), len(shifts)).mean(axis=2)
@@ -152,10 +145,10 @@ def lines(case: Decays, evidence: Evidence) -> tuple[Finding, ...]:
     total = sum(number * len(score) for _, number, score, _, _ in looks)
     size, frequency = np.zeros(case.noise.shape), np.zeros(case.noise.shape)
     for hit, _, score, amplitude, where in looks:
-        better = (score > np.log(total / FALSE_ALARM)) & (amplitude > TONE) & (amplitude > size[:, hit])
+        better = (score > np.log(total / RARE)) & (amplitude > FAINT) & (amplitude > size[:, hit])
         size[better, hit] = amplitude[better]
         frequency[better, hit] = where[better] * case.records[hit].sample_rate
-    if not evidence.kept("line", float(size.max()), TONE, failing=LOUD_LINE):
+    if not evidence.kept("line", float(size.max()), FAINT, failing=1.0):
         channels, hits = np.transpose(at := strongest(size))
         sizes, share = size[channels, hits], _share(case, size[..., None] ** 2)
         of = frequency[channels, hits]
@@ -189,9 +182,8 @@ def colour_of(case: Decays, evidence: Evidence) -> Colour:
         rate = case.records[hit].sample_rate
         squares, numbers, lags = squared_correlations(rest, 1.0 / rate, rates, int(2.0 * case.highest) - 1)
         size = np.maximum(numbers - 2 * len(rates), 1)
-        rounding = np.sqrt(np.nanmean(rest**2, axis=1)) < ROUNDING * case.noise[:, hit]
-        excess[:, hit] = np.where(rounding, 0.0, squares - lags / size)
-        limit[:, hit] = np.maximum((chi2_limit(lags, FALSE_ALARM / case.responses) - lags) / size, COLOUR)
+        excess[:, hit] = squares - lags / size
+        limit[:, hit] = np.maximum((chi2_limit(lags, RARE / case.responses) - lags) / size, COLOUR)
     place = np.unravel_index(int(np.argmax(excess / limit)), excess.shape)
     bound = float(limit[place])
     which = strongest(np.where(evidence.hidden, 0.0, excess) * (excess > limit))
@@ -223,7 +215,7 @@ def lines_of(model: PeriodicModel, highest: float) -> tuple[Integers, Integers]:
         if not row.any() or mode not in model.upper_modes:
             continue
         low, high = model.harmonics[row][[0, -1]]
-        near = np.concatenate([np.arange(low - BESIDE, low), np.arange(high + 1, high + 1 + BESIDE)])
+        near = np.concatenate([np.arange(low - GAP, low), np.arange(high + 1, high + 1 + GAP)])
         # One that is as many lines from the other end as there are samples a period folds onto it.
         near = near[(near > high - 2.0 * highest + 0.5) & (near < low + 2.0 * highest - 0.5)]
         at = model.exponents[mode].imag / model.fundamental + near
@@ -312,7 +304,6 @@ def of_outliers(residual: Floats, parted: Parted) -> tuple[Finding, ...]:
     return tuple(findings)
 
 
-MISFIT = 1.3  # times the noise that a fit may leave
 FAILED = 3.0  # times the noise that a fit leaves from which on it is no model of the record: then it has no deviations
 
 

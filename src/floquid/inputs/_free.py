@@ -7,24 +7,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.fit import IN_VAIN, ROUNDING, scaled_inverse, schwarz
+from floquid.fit import CHUNK, IN_VAIN, LAGS, ROUNDING, scaled_inverse, schwarz
 from floquid.inputs._modes import InputMode, input_gain
 from floquid.inputs._phases import Phases, likelihood, normal_equations, phases_of, polished, response_of
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, solve
-from floquid.inputs._start import bare_mode
-
-MOST = 500
-"""Entries of all matrices at most."""
-
-ROWS = 0.3
-"""Rows of the past, and of the future, over the periods, at most."""
-
-DEEPEST = 12
-"""Samples of the past, and of the future, at most."""
-
-STABLE = 0.995
-"""The growth from sample to sample of a start at most."""
+from floquid.inputs._start import MOST_ROWS, bare_mode
 
 
 def fitted_freely(samples: Samples, order: int | None = None) -> Linearisation | None:
@@ -39,7 +27,7 @@ def fitted_freely(samples: Samples, order: int | None = None) -> Linearisation |
     most = min((len(own) for own in bases), default=0) - len(samples.values)
     for number in range(order or 1, min(order or most, most) + 1):
         starts = [_started(samples, at, bases, number, acting) for acting in (False, True)]
-        if starts[0].starts[-1] > MOST or worse == IN_VAIN:
+        if starts[0].starts[-1] > CHUNK or worse == IN_VAIN:
             break
         trials = [(_criterion(samples, own, likelihood(samples, response_of(samples, own)[1])), own) for own in starts]
         best = min((one for one, _ in found), default=np.inf)
@@ -69,7 +57,7 @@ def _observability(samples: Samples, at: NDArray[np.int64]) -> list[NDArray[np.f
     signals /= np.maximum(signals.std(axis=1, keepdims=True), 1e-300)
     count, phases = len(signals), int(at.max()) + 1
     periods = samples.n_samples / phases
-    depth = min(int(ROWS * periods / count), DEEPEST)
+    depth = min(int(0.5 * MOST_ROWS * periods / count), LAGS)
     found = []
     for phase in range(phases if depth > 1 else 0):
         begins = [np.flatnonzero(at[own] == phase) + own.start for own in samples.stretches]
@@ -108,7 +96,7 @@ def _started(
     growth = np.abs(np.linalg.eigvals(whole)).max() ** (1.0 / phases)
     start = Phases(
         at=at,
-        system=np.asarray(system * min(1.0, STABLE / growth), np.float64),
+        system=np.asarray(system * min(1.0, 1.0 / growth), np.float64),
         reached=np.zeros((phases, order, inputs)),
         seen=np.array([own[:channels] for own in cut]) * samples.values.std(axis=1)[:, None],
         direct=np.zeros((phases, channels, inputs)),

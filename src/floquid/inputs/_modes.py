@@ -13,9 +13,6 @@ from floquid._checks import Rebuilt
 from floquid.inputs._block import by_root, parts_of, slopes_along_square
 from floquid.inputs._samples import Hold, Samples
 
-SERIES = 1e-4
-"""Below this a quotient of differences is taken from its series."""
-
 LINEAR = np.array([(n + 1.0) / factorial(n + 2) for n in reversed(range(14))])
 """The series of a linear input, the highest power first: to double precision below ½, where differences cancel."""
 
@@ -199,7 +196,7 @@ def input_gain(exponent: complex, turn: float, omega: float, step: float, hold: 
         return np.exp(exponent * step) * step, 0j
     rate = (1j * turn * omega - exponent) * step
     decay = np.exp(exponent * step)
-    whole = 1.0 + rate / 2.0 + rate**2 / 6.0 + rate**3 / 24.0 if abs(rate) < SERIES else np.expm1(rate) / rate
+    whole = np.expm1(rate) / rate if rate else 1.0
     if hold == "zero":
         return step * decay * whole, 0j
     small = abs(rate) < 0.5

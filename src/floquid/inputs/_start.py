@@ -17,18 +17,13 @@ from numpy.typing import NDArray
 
 from floquid.inputs._modes import RUNAWAY, InputMode, runs_away
 from floquid.inputs._samples import Samples
-
-SIDEBANDS = (3, 2, 1)
-"""Harmonics of the modulated inputs, the most that there are samples for."""
+from floquid.search import GAP
 
 THINNED = (1, 2, 4, 8)
 """Samples are thinned by these factors."""
 
 ORDERS = (8, 14, 20, 28, 36, 48, 60)
 """Poles of each look."""
-
-DEEPEST = 60
-"""Poles that the past and the future can tell, about."""
 
 MANY, STRONGEST = 15, 8
 """Signals of a kind that are looked at as they are, at most, and the sums of more that are."""
@@ -39,11 +34,6 @@ FEWEST = 6
 MOST_ROWS = 0.5
 """Rows of the past and the future over the columns, at most."""
 
-MOST = 24
-"""Candidates at most."""
-
-FASTEST = 1.5
-"""The largest decay between two samples of a candidate [nepers]."""
 
 ALIKE = 0.15
 """The distance of two candidates, over their decay, within which one is enough."""
@@ -75,7 +65,7 @@ def candidates(
     poles = np.asarray(np.concatenate(found), np.complex128)
     branch, look = np.asarray(np.concatenate(turns), np.float64), np.concatenate(ages)
     longest = samples.step * max(own.stop - own.start for own in samples.records)
-    good = (poles.real * samples.step > -FASTEST) & (held | (poles.real * longest < RUNAWAY))
+    good = (poles.real * samples.step > -np.pi) & (held | (poles.real * longest < RUNAWAY))
     # Of a pair both folds are there: the one of positive frequency is kept.
     poles, branch, look = poles[good], branch[good], look[good]
     below = poles.imag < 0.0
@@ -86,7 +76,7 @@ def candidates(
     looks = (look[:, None] == np.unique(look)).astype(float)
     near = np.abs(poles[:, None] - poles) < ALIKE * (np.abs(poles.real) + 1.0 / longest)[:, None]
     free = np.ones(len(poles), bool)
-    while free.any() and len(apart) < MOST:
+    while free.any():
         votes = np.count_nonzero((near & free) @ looks, axis=1) * free
         best = int(np.argmax(votes))
         own = near[best] & free
@@ -104,16 +94,16 @@ def _poles(samples: Samples, response: NDArray[np.float64], thinned: int) -> lis
     taps = _low_pass(thinned)
     lengths = [(own.stop - own.start - len(taps) + thinned) // thinned for own in samples.stretches]
     most = MOST_ROWS * sum(max(n - 2 * FEWEST + 1, 0) for n in lengths) / (2 * FEWEST)
-    room = int(most) - len(samples.inputs) * (1 + 2 * SIDEBANDS[-1])
+    room = int(most) - len(samples.inputs) * (1 + 2)
     if room < 1:
         return []
     if len(response) > room:
         response = _sums(response, room)
     count = len(response)
     looks = []
-    for sidebands in SIDEBANDS:
+    for sidebands in range(GAP, 0, -1):  # the most that there are samples for
         signals = len(samples.inputs) * (1 + 2 * sidebands) + count
-        depth = min(int(np.ceil(DEEPEST / count)) + 2, 40)
+        depth = min(int(np.ceil(ORDERS[-1] / count)) + 2, 40)
         while depth >= FEWEST and 2 * depth * signals > MOST_ROWS * sum(max(n - 2 * depth + 1, 0) for n in lengths):
             depth -= 2 if depth > FEWEST + 1 else 1
         if depth < FEWEST:

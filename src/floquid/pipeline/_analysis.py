@@ -13,9 +13,10 @@ from floquid import innovations
 from floquid._arrays import Floats
 from floquid._checks import counted, input_error
 from floquid._show import Brief, Drawings, Drawn, Told, late
-from floquid.checks import AIM, Validation
+from floquid.checks import Validation
 from floquid.core import Channel, Cycles, PeriodicModel, PhaseClock, Provenance, Record
 from floquid.findings import Finding, Severity, texts
+from floquid.fit import EVIDENT
 from floquid.inputs import TransferFunctions, Uncertainty
 from floquid.lifting import Lifted
 from floquid.lti import AbstractIdentifier, ModalModel
@@ -271,7 +272,7 @@ class Analysis(Told, Drawn, Brief):
         if not self.ambient or std is None:
             return None
         duration = sum(record.n_samples / record.sample_rate for record in self.records)
-        found = duration * (std.real / np.abs(self.model.exponents.real) / AIM) ** 2
+        found = duration * (std.real / np.abs(self.model.exponents.real) / EVIDENT) ** 2
         found.flags.writeable = False
         return found
 

@@ -17,8 +17,6 @@ from floquid.inputs.search._scores import by_noise_beyond
 from floquid.inputs.search._structure import Structure
 from floquid.search import GAP, Move
 
-MINOR = 0.05  # the share of the largest gain of a round below which a harmonic waits for the next
-
 
 @dataclass(frozen=True, slots=True)
 class Edit:
@@ -36,9 +34,8 @@ def growths(point: Point, *, alone: bool = True) -> Iterator[Move[Structure]]:
     edits = list(_growths(point))
     if not edits:
         return
-    least = max(1e-3, by_noise_beyond(point.scores, point.limits, -sum(each.change for each in edits)))
+    least = max(1e-3, by_noise_beyond(point.scores, point.limits))
     best = min(edits, key=lambda each: each.change)
-    edits = [each for each in edits if each.change <= MINOR * best.change]
     fewer = [] if alone else list(_shrinkages(point))
     # What is gained by those that go does not count for the others, which noise may have made.
     gone = -sum(each.change for each in fewer)
@@ -56,7 +53,7 @@ def far_growths(point: Point) -> Iterator[Move[Structure]]:
     edits = list(_growths(point, ("turns",), 2 * point.limits.highest))
     if edits:
         best = min(edits, key=lambda each: each.change)
-        least = max(1e-3, by_noise_beyond(point.scores, point.limits, -best.change))
+        least = max(1e-3, by_noise_beyond(point.scores, point.limits))
         yield _move(point, [best], "grow far", least)
 
 

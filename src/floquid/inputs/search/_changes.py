@@ -22,7 +22,6 @@ from floquid.inputs.search._structure import Structure
 from floquid.search import NEAR, REACH, Move
 
 START = (1, 2)  # harmonics of input and output on either side that a candidate has
-APART = (0.7, 1.4)  # decays of two real multipliers, over that of a pair, from which those far from it are found
 
 
 def removals(point: Point) -> Iterator[Move[Structure]]:
@@ -71,13 +70,11 @@ def kinds(point: Point) -> Iterator[Move[Structure]]:
             alone = point.at.left + point.at.coefficients[columns].T @ point.at.columns[columns]
             share = np.sum(alone**2, axis=1) / samples.count / squares
             loss = samples.count * float(np.sum(np.log(np.maximum(share, 1.0))))
-            for name, shares in (("single", (1.0,)), ("two", APART)):
-                decays = [complex(share * mode.exponent.real) for share in shares]
-                bare = [bare_mode(samples, own, block.reach, block.turns, real=True) for own in decays]
-                gain, real = fitted_together(samples, alone, bare)
-                move = _kind(point, name, rest.joined(real), point.at.cost + loss - gain)
-                if move.change < 0.0:
-                    yield move
+            bare = bare_mode(samples, complex(mode.exponent.real), block.reach, block.turns, real=True)
+            gain, real = fitted_together(samples, alone, [bare])
+            move = _kind(point, "single", rest.joined(real), point.at.cost + loss - gain)
+            if move.change < 0.0:
+                yield move
             yield from _other_kind(point, rest, block)
     for two in _twins(now.modes):
         block = block_of_reals([now.modes[number] for number in two], samples.fundamental)
@@ -145,9 +142,9 @@ def afresh(point: Point) -> Iterator[Move[Structure]]:
 
 def _bare(samples: Samples, mode: InputMode, *, axis: bool) -> InputMode:
     """A mode with one harmonic on either side, and no products yet; on the axis that it is nearest to if so said."""
-    most, real = float(START[0]), mode.real or axis
+    real = mode.real or axis
     low = half_of(mode, samples.fundamental) % 1.0
-    turns = np.arange(low if real else -most, most + 1.0)
+    turns = np.arange(low if real else -1.0, 2.0)
     return bare_mode(samples, complex(mode.exponent.real) if real else mode.exponent, turns, turns, real=real)
 
 
@@ -166,7 +163,7 @@ def additions(point: Point) -> Iterator[Move[Structure]]:
     if not ranked:
         return
     ranked.sort(key=lambda each: -each[0])
-    least = max(1e-3, by_noise_beyond(point.scores, point.limits, ranked[0][0])) if now.modes else 1e-3
+    least = max(1e-3, by_noise_beyond(point.scores, point.limits)) if now.modes else 1e-3
     tried: list[complex] = []
     for gain, mode in ranked:
         change = point.price.of_mode(mode) - gain
