@@ -5,7 +5,7 @@
 """
 
 from floquid.checks._check import MISFIT as MISFIT
-from floquid.checks._check import Check
+from floquid.checks._check import Check, Criterion, Validation
 from floquid.checks._check import Evidence as Evidence
 from floquid.checks._decays import Decays as Decays
 from floquid.checks._excited import Ambient as Ambient
@@ -14,9 +14,8 @@ from floquid.checks._excited import Excited as Excited
 from floquid.checks._excited import Parted as Parted
 from floquid.checks._left_out import first_part as first_part
 from floquid.checks._left_out import quiet_for as quiet_for
-from floquid.checks._limits import MOST_PERIODS as MOST_PERIODS
+from floquid.checks._modes import MOST_PERIODS as MOST_PERIODS
 from floquid.checks._residual import FAILED as FAILED
-from floquid.checks._types import Criterion, Validation
 from floquid.checks._verdict import CHECKS, validate
 from floquid.checks._verdict import findings_of as findings_of
 from floquid.checks._verdict import judged as judged

@@ -6,17 +6,15 @@ from collections.abc import Callable, Sequence
 
 from numpy.typing import ArrayLike
 
-from floquid.checks._check import REMAINDER, Check, Evidence, Subject, looked_at
+from floquid.checks._check import REMAINDER, Check, Evidence, Subject, Validation, looked_at
 from floquid.checks._decays import decays_of
 from floquid.checks._driving import driving, reach
 from floquid.checks._excitation import repetition
 from floquid.checks._left_out import left_out
-from floquid.checks._limits import bands, limits, needed, steady
-from floquid.checks._modes import weak_modes
+from floquid.checks._modes import bands, limits, needed, steady, weak_modes
 from floquid.checks._period import period, phases
 from floquid.checks._residual import colour, harmonics, level, lines, misfit, spikes, tones
 from floquid.checks._system import system
-from floquid.checks._types import Validation
 from floquid.core import PeriodicModel, PhaseClock, Record
 from floquid.findings import Finding
 from floquid.reconstruction import StateModel

@@ -13,8 +13,6 @@ from floquid.inputs._estimates import estimates_of as estimates_of
 from floquid.inputs._estimates import selection_of as selection_of
 from floquid.inputs._estimates import terms_of as terms_of
 from floquid.inputs._free import fitted_freely as fitted_freely
-from floquid.inputs._joint import chosen_together as chosen_together
-from floquid.inputs._joint import fitted_together as fitted_together
 from floquid.inputs._modes import RUNAWAY as RUNAWAY
 from floquid.inputs._modes import InputMode as InputMode
 from floquid.inputs._modes import answering as answering
@@ -33,6 +31,9 @@ from floquid.inputs._solver import solve as solve
 from floquid.inputs._solver import state_slopes as state_slopes
 from floquid.inputs._start import bare_mode as bare_mode
 from floquid.inputs._start import candidates as candidates
+from floquid.inputs._start import chosen_together as chosen_together
+from floquid.inputs._start import fitted_together as fitted_together
+from floquid.inputs._start import on_branch as on_branch
 from floquid.inputs._transfer import Grid as Grid
 from floquid.inputs._transfer import TransferFunctions, transfer_functions
 from floquid.inputs._transfer import modal_transfer as modal_transfer

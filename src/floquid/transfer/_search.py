@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.fit import FEW_STEPS, RARE, chi2_limit
-from floquid.inputs import InputMode, Limits
+from floquid.inputs import InputMode, Limits, on_branch
 from floquid.search import LOOSE
 from floquid.transfer._modal import Fitted, Lines, Modal, eliminated, fitted, near_real, promised, real_for
 
@@ -94,30 +94,13 @@ def _centred(lines: Lines, modal: Modal) -> Modal:
     for mode, shape in zip(modal.modes, modal.shapes, strict=True):
         if not mode.real:
             turn = mode.turns[np.argmax(np.linalg.norm(shape, axis=0))]
-            mode = replace(
-                mode,
-                exponent=mode.exponent + 1j * turn * lines.fundamental,
-                turns=mode.turns - turn,
-                reach=mode.reach + turn,
-                initial=mode.initial * np.exp(1j * turn * lines.fundamental * lines.echoes[1][: len(mode.initial)]),
-            )
-            if mode.exponent.imag < 0.0:
-                mode, shape = _conjugate(mode), shape.conj()[:, ::-1]
+            begins = lines.echoes[1][: len(mode.initial)]
+            if mode.exponent.imag + turn * lines.fundamental < 0.0:
+                shape = shape.conj()[:, ::-1]
+            mode = on_branch(mode, turn, lines.fundamental, begins)
         modes.append(mode)
         shapes.append(shape)
     return Modal(tuple(modes), tuple(shapes), modal.direct)
-
-
-def _conjugate(mode: InputMode) -> InputMode:
-    """The other one of a pair."""
-    return replace(
-        mode,
-        exponent=mode.exponent.conjugate(),
-        turns=-mode.turns[::-1],
-        reach=-mode.reach[::-1],
-        gains=mode.gains.conj()[:, ::-1],
-        initial=mode.initial.conj(),
-    )
 
 
 def _with_one_more(lines: Lines, now: Fitted | None) -> Fitted | None:

@@ -9,8 +9,7 @@ from tests.unit.inputs.test_start import samples_from
 
 from floquid.fit import FEW_STEPS
 from floquid.inputs import samples_of, solve
-from floquid.inputs._joint import chosen_together
-from floquid.inputs._start import bare_mode
+from floquid.inputs._start import bare_mode, chosen_together
 from floquid.inputs.search._scores import Scores
 
 

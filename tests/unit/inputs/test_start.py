@@ -5,8 +5,7 @@ import pytest
 from tests.driven import mathieu, record_of, two_masses
 
 from floquid.inputs import samples_of
-from floquid.inputs._joint import chosen_together
-from floquid.inputs._start import _lower, _products_of_lags, bare_mode, candidates
+from floquid.inputs._start import _lower, _products_of_lags, bare_mode, candidates, chosen_together
 
 
 def samples_from(system, periods, phases, noise, seed=0):

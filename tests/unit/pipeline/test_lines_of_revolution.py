@@ -7,7 +7,7 @@ import pytest
 from tests.driven import ambient_of, imbalance_of, mathieu, pulls, record_of
 
 from floquid import Channel, ConstantPeriod, Record, Settings, TachometerSignal, identify
-from floquid.checks._limits import lines_of_revolution
+from floquid.checks._modes import lines_of_revolution
 from floquid.errors import IdentificationError, InputError
 from floquid.findings import Severity, texts
 from floquid.preparation._excited import parted
@@ -95,7 +95,7 @@ def test_a_line_that_nobody_told_of_is_told_with_the_remedy(driven):
 
 def test_outputs_alone_of_a_tachometer_with_a_pulse_a_turn(monkeypatch):
     given = []
-    monkeypatch.setattr("floquid.checks._limits.lines_of_revolution", lambda *own: given.append(own[-1]) or ())
+    monkeypatch.setattr("floquid.checks._modes.lines_of_revolution", lambda *own: given.append(own[-1]) or ())
     values = ambient_of(SYSTEM, 300, PHASES, 0.02, 0)
     values += 20.0 * values.std() * imbalance_of(SYSTEM, 300, PHASES)
     pulses = 5.0 * (np.arange(values.shape[1]) % (2 * PHASES) < 4)

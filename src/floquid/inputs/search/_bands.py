@@ -12,6 +12,7 @@ from floquid.fit import wald_rise
 from floquid.inputs._modes import InputMode, ends_of
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, columns_of
+from floquid.inputs._start import on_branch
 from floquid.inputs.search._point import HOPE, Point
 from floquid.inputs.search._scores import by_noise_beyond
 from floquid.inputs.search._structure import Structure
@@ -177,25 +178,7 @@ def centred(samples: Samples, mode: InputMode, now: Linearisation, number: int) 
     own, shape = now.modes[number], np.abs(now.shape(number)) / now.noise
     energy = np.sum(shape**2, axis=1)
     turn = float(own.turns[int(np.argmax(energy))])
-    begins = samples.times[ends_of(samples, mode)]
-    exponent = mode.exponent + 1j * turn * samples.fundamental
-    found = replace(
-        mode,
-        exponent=exponent,
-        turns=mode.turns - turn,
-        reach=mode.reach + turn,
-        initial=mode.initial * np.exp(1j * turn * samples.fundamental * begins),
-    )
-    if exponent.imag >= 0.0:
-        return found
-    return replace(
-        found,
-        exponent=exponent.conjugate(),
-        turns=-found.turns[::-1],
-        reach=-found.reach[::-1],
-        gains=found.gains[:, ::-1].conj(),
-        initial=found.initial.conj(),
-    )
+    return on_branch(mode, turn, samples.fundamental, samples.times[ends_of(samples, mode)])
 
 
 def _weight(now: Linearisation, columns: slice, turning: NDArray[np.bool_], which: NDArray[np.int64]) -> float:

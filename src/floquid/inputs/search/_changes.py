@@ -10,11 +10,10 @@ from itertools import combinations, pairwise
 import numpy as np
 
 from floquid.fit import chi2_limit, half_of, near_axis, wald_rise
-from floquid.inputs._joint import fitted_together
 from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import solve
-from floquid.inputs._start import bare_mode, candidates
+from floquid.inputs._start import bare_mode, candidates, conjugated, fitted_together
 from floquid.inputs.search._near_axis import block_of_pair, block_of_reals, ordinary
 from floquid.inputs.search._point import HOPE, Point
 from floquid.inputs.search._scores import by_noise_beyond
@@ -108,18 +107,6 @@ def _twins(modes: Sequence[InputMode]) -> Iterator[list[int]]:
         if len(gaps):
             first = int(np.argmin(gaps))
             yield alike[first : first + 2]
-
-
-def conjugated(mode: InputMode) -> InputMode:
-    """Name a pair by the conjugate of its exponent."""
-    return replace(
-        mode,
-        exponent=mode.exponent.conjugate(),
-        turns=-mode.turns[::-1],
-        reach=-mode.reach[::-1],
-        gains=mode.gains[:, ::-1].conj(),
-        initial=mode.initial.conj(),
-    )
 
 
 def afresh(point: Point) -> Iterator[Move[Structure]]:
