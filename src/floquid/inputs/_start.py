@@ -39,6 +39,9 @@ MOST_ROWS = 0.5
 """Rows of the past and the future over the columns, at most."""
 
 
+MOST = 24
+"""Candidates at most."""
+
 ALIKE = 0.15
 """The distance of two candidates, over their decay, within which one is enough."""
 
@@ -80,7 +83,7 @@ def candidates(
     looks = (look[:, None] == np.unique(look)).astype(float)
     near = np.abs(poles[:, None] - poles) < ALIKE * (np.abs(poles.real) + 1.0 / longest)[:, None]
     free = np.ones(len(poles), bool)
-    while free.any():
+    while free.any() and len(apart) < MOST:
         votes = np.count_nonzero((near & free) @ looks, axis=1) * free
         best = int(np.argmax(votes))
         own = near[best] & free
