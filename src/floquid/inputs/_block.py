@@ -14,7 +14,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.fit import HALF_DIGITS
+LEAST = 1e-5
+"""q over the squared decay below which parts are interpolated in q: differences lose 1e-13, interpolation 1e-10."""
 
 Function: TypeAlias = Callable[[complex], NDArray]
 
@@ -51,7 +52,7 @@ def _parts(function: Function, square: float) -> NDArray:
 
 def _through_zero(of: Callable[[float], NDArray], square: float, decay: float) -> NDArray:
     """A function of q, near zero from its values on either side."""
-    least = HALF_DIGITS * decay**2
+    least = LEAST * decay**2
     if abs(square) >= least:
         return of(square)
     share = 0.5 + 0.5 * square / least
