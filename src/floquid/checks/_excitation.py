@@ -27,6 +27,10 @@ def repetition(case: Any, _: Evidence) -> tuple[Finding, ...]:
     return (failure("wrong_period", given=case.model.period, own=2.0 * np.pi / case.other, fraction=True),)
 
 
+SHORT = 0.5
+"""Deviations of an exponent from the maximum of the likelihood from which on that is told."""
+
+
 def excitation_of(
     fit: Fit, model: PeriodicModel, relative: NDArray[np.float64], duration: float, as_read: Collection[int]
 ) -> tuple[Finding, ...]:
@@ -111,10 +115,10 @@ def _no_estimates(
     short = np.array([fit.short(number) for number in range(len(decays))])
     dead = is_undetermined(shares * decays, decays, model.period) & claimed
     findings = [failure("undetermined", frequencies=hertz[dead].tolist())] if dead.any() else []
-    which = claimed & (short > WITHIN)
+    which = claimed & (short > SHORT)
     if which.any():
-        deviations = float(short[which].max())
-        findings.append(failure("ambient_short", frequencies=hertz[which].tolist(), deviations=deviations))
+        report, most = failure if short[which].max() > WITHIN else warning, float(short[which].max())
+        findings.append(report("ambient_short", frequencies=hertz[which].tolist(), deviations=most))
     return findings
 
 

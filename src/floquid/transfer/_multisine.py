@@ -128,8 +128,8 @@ def multisine(
     for name, value in (("period", period), ("sample_rate", sample_rate), ("rms", rms)):
         if not (np.isfinite(value) and value > 0.0):
             raise input_error(name, of, "be above 0", f"is {value!r}", "Give it in s, in Hz, or in the input's unit.")
-    if turns <= 2:  # all classes are their own negative
-        raise input_error("turns", of, "be above 2", f"is {turns}", "As turns=128.")
+    if turns < 4:
+        raise input_error("turns", of, "be at least 4", f"is {turns}", "As turns=128.")
     if seed < 0:
         raise input_error("seed", of, "be 0 or more", f"is {seed}", "As seed=0.")
     if inputs < 1:

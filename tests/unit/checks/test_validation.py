@@ -17,7 +17,8 @@ from floquid.errors import IdentificationError
 from floquid.exports import summary
 from floquid.fit import DEVIATIONS, filter_gain, filtered
 from floquid.periodic import line_amplitudes, refit, without_lines
-from floquid.pipeline import _validated, validated
+from floquid.pipeline import validated
+from floquid.pipeline.free import _complete
 from floquid.systems import JeffcottRotor
 
 ROTOR = JeffcottRotor(damping=0.02)
@@ -381,7 +382,7 @@ def test_a_validation_that_fails_does_not_lose_the_result(monkeypatch):
     def fail(*args, **options):
         raise IdentificationError("nothing to see.")
 
-    monkeypatch.setattr(_validated, "validate", fail)
+    monkeypatch.setattr(_complete, "validate", fail)
     analysis = identify(ROTOR.simulate(n_periods=40, samples_per_period=8, noise=0.02, seed=1))
     assert analysis.model.order == 4
     assert said(analysis.validation) == "The model could not be checked: nothing to see."
@@ -391,7 +392,7 @@ def test_a_mistake_of_ours_is_not_swallowed(monkeypatch):
     def fail(*args, **options):
         raise ZeroDivisionError
 
-    monkeypatch.setattr(_validated, "validate", fail)
+    monkeypatch.setattr(_complete, "validate", fail)
     with pytest.raises(ZeroDivisionError):
         identify(ROTOR.simulate(n_periods=40, samples_per_period=8, noise=0.02, seed=1))
 

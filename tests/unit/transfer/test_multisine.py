@@ -63,7 +63,7 @@ def test_it_can_be_played():
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ({"turns": 2}, "turns"),
+        ({"turns": 3}, "turns"),
         ({"inputs": 0}, "inputs"),
         ({"spare": 1.0}, "spare"),
         ({"rms": 0.0}, "rms"),
