@@ -7,6 +7,10 @@ def test_each_named_number_has_a_reason():
     assert not [number for number in numbers() if number.name and not number.reason]
 
 
+def test_they_are_fewer_than_two_hundred():
+    assert sum(1 for _ in numbers()) < 200
+
+
 def test_one_without_a_reason_is_found():
     found = list(
         _of("room/file.py", 'A = 3\nB = 4.0  # of rounding\nC = 1e-9\n"""Of noise."""\nx = A > 0.3 or A > 0\n')

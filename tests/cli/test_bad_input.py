@@ -166,7 +166,7 @@ SAMPLES = [
 ]  # fmt: skip
 
 HITS = [
-    ("other channels", other_hit(channels=list("abcd")), TWO, 2, r"the same channels.*'a'.*\n.*--channels"),
+    ("other channels", other_hit(channels=list("abcd")), TWO, 2, r"the same channels.* a \[-\].*\n.*--channels"),
     ("other number of channels", other_hit(values=VALUES[:3], channels=list("XYZ")), TWO, 2, r"the same channels"),
     ("other order of channels", other_hit(channels=["Y", "X", "X_tt", "Y_tt"]), TWO, 2, r"the same channels"),
     ("other units", other_hit(units=["mm"] * 4), TWO, 2, r"the same units"),

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from floquid.checks._decays import Decays
     from floquid.checks._excited import Parted
 
+ROUNDING = 0.5  # residual over the noise below which the noise is no estimate but what the record is believed down to
 COLOUR = 0.01  # the sum of squared autocorrelations that is let pass in any case: less is no colour worth a filter
 STRONG_COLOUR = 0.25  # the same from which on a model fails: such colour may be what modes leave
 HARMONIC = 0.01  # the share of the response in one harmonic beside a band that is let pass in any case
@@ -182,7 +183,8 @@ def colour_of(case: Decays, evidence: Evidence) -> Colour:
         rate = case.records[hit].sample_rate
         squares, numbers, lags = squared_correlations(rest, 1.0 / rate, rates, int(2.0 * case.highest) - 1)
         size = np.maximum(numbers - 2 * len(rates), 1)
-        excess[:, hit] = squares - lags / size
+        rounding = np.sqrt(np.nanmean(rest**2, axis=1)) < ROUNDING * case.noise[:, hit]
+        excess[:, hit] = np.where(rounding, 0.0, squares - lags / size)
         limit[:, hit] = np.maximum((chi2_limit(lags, RARE / case.responses) - lags) / size, COLOUR)
     place = np.unravel_index(int(np.argmax(excess / limit)), excess.shape)
     bound = float(limit[place])

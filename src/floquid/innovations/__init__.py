@@ -9,6 +9,7 @@ modulated outputs, and operational modal analysis of them.
 from floquid.innovations._autoregression import first_innovations as first_innovations
 from floquid.innovations._covariance import colour as colour
 from floquid.innovations._covariance import reweighed as reweighed
+from floquid.innovations._cyclic import CLEARLY as CLEARLY
 from floquid.innovations._cyclic import Repetition as Repetition
 from floquid.innovations._cyclic import left_over as left_over
 from floquid.innovations._cyclic import repetition as repetition

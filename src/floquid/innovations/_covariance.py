@@ -10,10 +10,7 @@ from numpy.typing import NDArray
 
 from floquid.fit import FEW_STEPS, IN_VAIN, LAGS
 from floquid.innovations._predictor import Predictor
-from floquid.inputs import Samples
-
-MOST = 0.5
-"""Shares of other channels over the samples, at most: as many as there are samples fit anything."""
+from floquid.inputs import MOST_ROWS, Samples
 
 
 def reweighed(samples: Samples, at: Predictor) -> Predictor:
@@ -42,7 +39,7 @@ def whitening_of(samples: Samples, innovations: NDArray[np.float64]) -> NDArray[
                 angle = samples.turned(harmonics)[there]
                 basis.append(np.array([angle.real, angle.imag]))
             columns = np.concatenate(basis[: harmonics + 1])
-            if harmonics > found_at + IN_VAIN or (harmonics and len(columns) * channel > MOST * samples.count):
+            if harmonics > found_at + IN_VAIN or (harmonics and len(columns) * channel > MOST_ROWS * samples.count):
                 break
             shares, log_variance = _fitted(own, innovations[:channel], columns)
             parameters = shares.size + len(columns)

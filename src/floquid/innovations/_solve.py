@@ -30,9 +30,6 @@ from floquid.inputs import Samples
 
 Step = NDArray[np.float64]
 
-PACED = 3
-"""Steps after which a fit whose gains go down is given up where it will not gain what it must at their pace."""
-
 
 @np.errstate(over="ignore", invalid="ignore")  # of a start that all but diverges: no step is found then
 def normal_of(samples: Samples, at: Predictor) -> Normal:
@@ -82,7 +79,7 @@ def _solve(samples: Samples, start: Predictor, *, rough: bool, least: float) -> 
     (iterations, at_rest), period = (FEW_STEPS, REST) if rough else (STEPS, AT_REST), 2.0 * np.pi / samples.fundamental
 
     def hopeless(at: Predictor, gains: list[float]) -> bool:
-        if len(gains) < PACED or gains[-1] >= gains[-2]:
+        if len(gains) < 2 or gains[-1] >= gains[-2]:
             return False
         return at.log_likelihood + (iterations - len(gains)) * gains[-2] < least
 

@@ -29,6 +29,7 @@ from floquid.inputs._solver import linearise as linearise
 from floquid.inputs._solver import slopes_of as slopes_of
 from floquid.inputs._solver import solve as solve
 from floquid.inputs._solver import state_slopes as state_slopes
+from floquid.inputs._start import MOST_ROWS as MOST_ROWS
 from floquid.inputs._start import bare_mode as bare_mode
 from floquid.inputs._start import candidates as candidates
 from floquid.inputs._start import chosen_together as chosen_together

@@ -17,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.fit import HALF_DIGITS, SURE, chi2_limit, inverse_root, scaled_inverse
+from floquid.fit import HALF_DIGITS, MODES, SURE, chi2_limit, inverse_root, scaled_inverse
 from floquid.inputs._modes import RUNAWAY, InputMode, reached_by, runs_away
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import columns_of
@@ -38,9 +38,6 @@ FEWEST = 6
 MOST_ROWS = 0.5
 """Rows of the past and the future over the columns, at most."""
 
-
-MOST = 24
-"""Candidates at most."""
 
 ALIKE = 0.15
 """The distance of two candidates, over their decay, within which one is enough."""
@@ -83,7 +80,7 @@ def candidates(
     looks = (look[:, None] == np.unique(look)).astype(float)
     near = np.abs(poles[:, None] - poles) < ALIKE * (np.abs(poles.real) + 1.0 / longest)[:, None]
     free = np.ones(len(poles), bool)
-    while free.any() and len(apart) < MOST:
+    while free.any() and len(apart) < MODES:
         votes = np.count_nonzero((near & free) @ looks, axis=1) * free
         best = int(np.argmax(votes))
         own = near[best] & free

@@ -39,7 +39,7 @@ def coefficients(columns, rows=3):
 
 
 def used(one, columns):
-    return EvenColumns.of(columns, one.times, one.step, middle=one.middle, half=one.half)
+    return EvenColumns.of(columns, one.times, one.step, middle=one.middle, half=one.half, last=one.last)
 
 
 def assert_equal(found, expected, tolerance=1e-11):

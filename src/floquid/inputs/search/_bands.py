@@ -35,7 +35,7 @@ def growths(point: Point, *, alone: bool = True) -> Iterator[Move[Structure]]:
     edits = list(_growths(point))
     if not edits:
         return
-    least = max(1e-3, by_noise_beyond(point.scores, point.limits))
+    least = max(1e-3, by_noise_beyond(point.scores, point.limits, -sum(each.change for each in edits)))
     best = min(edits, key=lambda each: each.change)
     fewer = [] if alone else list(_shrinkages(point))
     # What is gained by those that go does not count for the others, which noise may have made.
@@ -54,7 +54,7 @@ def far_growths(point: Point) -> Iterator[Move[Structure]]:
     edits = list(_growths(point, ("turns",), 2 * point.limits.highest))
     if edits:
         best = min(edits, key=lambda each: each.change)
-        least = max(1e-3, by_noise_beyond(point.scores, point.limits))
+        least = max(1e-3, by_noise_beyond(point.scores, point.limits, -best.change))
         yield _move(point, [best], "grow far", least)
 
 

@@ -150,7 +150,7 @@ def additions(point: Point) -> Iterator[Move[Structure]]:
     if not ranked:
         return
     ranked.sort(key=lambda each: -each[0])
-    least = max(1e-3, by_noise_beyond(point.scores, point.limits)) if now.modes else 1e-3
+    least = max(1e-3, by_noise_beyond(point.scores, point.limits, ranked[0][0])) if now.modes else 1e-3
     tried: list[complex] = []
     for gain, mode in ranked:
         change = point.price.of_mode(mode) - gain

@@ -24,6 +24,9 @@ TINY = float(np.finfo(float).tiny)
 DRAWS = 30
 """Draws of white noise by which a fit is told from noise."""
 
+FEW, FAR = 5, 0.25
+"""Draws that tell a gain to a quarter of its deviation, and the share of a limit below which they do."""
+
 
 class Scores:
     """Gains in twice the logarithm of the likelihood by groups of columns or parameters more (score tests).
@@ -249,10 +252,12 @@ def gain_of(scores: Scores, samples: Samples, modes: Sequence[InputMode]) -> flo
     return (2.0 * step - 1.0) / std**2
 
 
-def by_noise_beyond(scores: Scores, limits: Limits) -> float:
+def by_noise_beyond(scores: Scores, limits: Limits, promised: float = 0.0) -> float:
     """The fall of J by noise that drives the modes, as a number more; zero where noise of sensors explains all.
 
     Inputs at any harmonic, and modes at any frequency near, make up for such noise: they must be better than it.
     """
     limit = chi2_limit(1, limits.harmonic_alarm)
-    return max(scores.by_noise() - limit, 0.0)
+    # A few draws do where it is far below, or below what is promised.
+    gain = scores.by_noise(FEW)
+    return max((gain if gain < FAR * max(limit, promised) else scores.by_noise()) - limit, 0.0)

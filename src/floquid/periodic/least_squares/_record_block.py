@@ -159,7 +159,7 @@ class RecordBlock(Block):
         """The columns in pieces, None where the times are not evenly spaced, or the shaft is not steady."""
         if self.angles is not None:
             return None
-        return EvenColumns.of(columns, self.times, self.step, middle=self.middle, half=self.half)
+        return EvenColumns.of(columns, self.times, self.step, middle=self.middle, half=self.half, last=self.last)
 
     def _with_times(self, columns: Columns, chunk: slice) -> tuple[Floats, Floats]:
         """The columns, and the columns times t (samples, 2 columns)."""

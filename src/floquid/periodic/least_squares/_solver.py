@@ -42,6 +42,8 @@ ASUNDER = np.pi  # the most that half the difference of a pair near an axis may 
 
 GAINED = 100.0  # gain of a step of the coefficients, over the residual, up to which no digits that matter are lost
 
+SAFE = 1e-11  # the share of a column beyond others down to which a Cholesky factor keeps what eigenvalues lose
+
 NOTHING = ROUNDING**2
 """The information on a parameter, over that on the best known, below which nothing is known of it: a square."""
 
@@ -275,7 +277,7 @@ def _inverse(matrix: Floats, size: Floats) -> tuple[Floats, bool]:
     scaled = matrix / np.outer(scale, scale)
     try:
         lower = np.linalg.cholesky(scaled)
-        if np.diag(lower).min() ** 2 > ROUNDING:
+        if np.diag(lower).min() ** 2 > SAFE:
             root = np.linalg.inv(lower)
             return root.T @ root / np.outer(scale, scale), True
     except np.linalg.LinAlgError:

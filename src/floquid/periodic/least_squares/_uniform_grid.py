@@ -64,10 +64,11 @@ class EvenColumns:
     n_samples: int
     middle: float  # time at which the trend is zero [s]
     half: float  # unit of the trend [s]
+    last: float  # time from which what grows is counted [s]
 
     @classmethod
     def of(
-        cls, columns: Columns, times: Floats, step: float | None, *, middle: float, half: float
+        cls, columns: Columns, times: Floats, step: float | None, *, middle: float, half: float, last: float
     ) -> EvenColumns | None:
         """Columns on the grid; None where they cannot be had in pieces."""
         if step is None or ((columns.factors >= SPEED) & (columns.factors <= SPEED_RATE)).any():
@@ -75,7 +76,7 @@ class EvenColumns:
         growth = float(columns.growth.max(initial=0.0))
         if growth * step * _piece(len(times)) > LARGEST_GROWTH:
             return None
-        return cls(columns, float(times[0]), step, len(times), middle, half)
+        return cls(columns, float(times[0]), step, len(times), middle, half, last)
 
     def pieces(self) -> Iterator[Pieces]:
         """All samples, in groups of whole pieces, and what is left at the end."""
@@ -91,13 +92,12 @@ class EvenColumns:
     def _pieces(self, begin: int, end: int, length: int) -> Pieces:
         times = self.first + self.step * np.arange(begin, end, length, dtype=np.float64)
         later = self.step * np.arange(length, dtype=np.float64)
-        last = self.first + self.step * (self.n_samples - 1)
         terms = self._terms
         within = self._exponentials(later, later[-1])[:, terms.of]
-        first = self._exponentials(times, last - later[-1])[:, terms.of]
+        first = self._exponentials(times, self.last - later[-1])[:, terms.of]
         if not terms.plain:
             within = within * terms.at(terms.second, later, growth=later[-1])
-            first = first * terms.at(terms.first, times, growth=last - later[-1])
+            first = first * terms.at(terms.first, times, growth=self.last - later[-1])
         trend = self.columns.factors[self.columns.modes[terms.of]] == TREND
         within = np.concatenate([within, within[:, trend] * (later / self.half)[:, None]], axis=1)
         first = np.concatenate([first, first[:, trend]], axis=1)

@@ -15,6 +15,7 @@ from floquid.errors import IdentificationError
 from floquid.findings import Finding, failure, warning
 from floquid.fit import HALF_DIGITS
 from floquid.innovations import (
+    CLEARLY,
     Fit,
     Mode,
     Predictor,
@@ -33,12 +34,6 @@ from floquid.pipeline.excited._identify import finished, limits_of, unchecked
 from floquid.preparation import Prepared, Settings, one_blas_thread, parted
 
 OF = "identify"
-
-CLEARLY = 2.0
-"""The squared scores of the own period of a response over those of the one given, from which on it is told from it.
-
-A response that is hardly periodic scores at many periods, by up to 1.6 times what it does at its own.
-"""
 
 
 def identified_ambient(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
