@@ -13,7 +13,7 @@ from floquid.checks._excited import Driven as Driven
 from floquid.checks._excited import Excited as Excited
 from floquid.checks._excited import Parted as Parted
 from floquid.checks._left_out import first_part as first_part
-from floquid.checks._left_out import quiet_for as quiet_for
+from floquid.checks._left_out import without_last as without_last
 from floquid.checks._modes import MOST_PERIODS as MOST_PERIODS
 from floquid.checks._residual import FAILED as FAILED
 from floquid.checks._verdict import CHECKS, validate

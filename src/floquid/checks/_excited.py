@@ -15,7 +15,7 @@ from floquid._arrays import Floats
 from floquid.checks._check import MISFIT, REMAINDER, Evidence, Subject
 from floquid.checks._driving import undriven
 from floquid.checks._excitation import excitation_of
-from floquid.checks._left_out import LeftOut, first_part
+from floquid.checks._left_out import LeftOut, first_part, without_last
 from floquid.checks._modes import undetermined_of
 from floquid.checks._period import Off, shaken
 from floquid.checks._residual import COLOUR, STRONG_COLOUR, Colour
@@ -162,9 +162,7 @@ class Driven(Excited):
         .. math:: \frac{1}{n} r^T (\sigma^2 + J P J^T)^{-1} r
         """
         whole, fitted_model = self.own.samples, self.fit.at
-        fitted = first_part(whole)[1] & whole.there
-        # Not measured and not cut off: states that grow are followed backwards, from the end of each record.
-        first = replace(whole, values=whole.values * fitted, known=whole.known * fitted, there=fitted)
+        first, fitted = without_last(whole)
         part = Uncertainty(first, inputs.solve(first, fitted_model.modes, fitted_model.direct))
         whole_at = linearise(whole, part.at.modes, part.at.direct)
         states = state_slopes(whole, whole_at)

@@ -10,6 +10,7 @@ from tests.driven import Driven, flapping, mathieu, paper_rotor, pulls, record_o
 
 from floquid import Channel, ConstantPeriod, IdentificationError, InputError, PeriodicModel, Record, identify
 from floquid.checks._check import is_undetermined
+from floquid.pipeline import predicted_rest
 
 NAMES = {"unit": "m"}, {"unit": "N"}
 
@@ -91,6 +92,9 @@ def test_a_mode_that_grows_by_several_nepers_passes(damping):
     found = identify(record, period=np.pi, inputs=["u"])
     assert found.passed
     assert pulls(mathieu(damping=damping), found.model).max() < 4.0
+    predicted, fitted = predicted_rest(found)
+    error = (values - predicted)[:, ~fitted]
+    assert error.std() < 0.1 * values[:, ~fitted].std()
 
 
 def test_two_outputs_two_inputs_and_a_frame_that_turns():

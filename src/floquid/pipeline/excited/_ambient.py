@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import input_error
-from floquid.checks import Ambient, Parted, first_part
+from floquid.checks import Ambient, Parted, first_part, without_last
 from floquid.core import Provenance, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, failure, warning
@@ -162,7 +162,7 @@ def predicted_rest(analysis: Analysis) -> tuple[NDArray[np.float64], NDArray[np.
     part, mask = first_part(samples) if analysis.settings.validate else (samples, np.ones(samples.n_samples, bool))
     with one_blas_thread():
         if isinstance(fit, Uncertainty):
-            own = fit.at if mask.all() else solve_driven(part, fit.at.modes, fit.at.direct)
+            own = fit.at if mask.all() else solve_driven(without_last(samples)[0], fit.at.modes, fit.at.direct)
             columns = linearise(samples, own.modes, own.direct).columns
             return np.where(samples.there, own.coefficients.T @ columns, np.nan), mask
         own, whole = fit.at, None
