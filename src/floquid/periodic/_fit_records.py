@@ -233,7 +233,7 @@ def fit(
         raise IdentificationError(_no_mode(result))
     if auto:
         result = without_noise(result)
-    result = with_one_shape(read_apart(result), harmonic_false_alarm)
+    result = with_one_shape(read_apart(result), harmonic_false_alarm, noise_floor, most)
     _check_order(result, order)
     return result_of(
         result,

@@ -13,7 +13,7 @@ from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Rebuilt, input_error, positive
 from floquid.core import Channel, PhaseClock, Record
 from floquid.errors import IdentificationError
-from floquid.fit import HALF_DIGITS, SURE, chi2_limit
+from floquid.fit import HALF_DIGITS, SLOW, SURE, chi2_limit
 from floquid.periodic._start import Known
 from floquid.periodic.least_squares import (
     PLAIN,
@@ -140,6 +140,7 @@ def angle_std(clocks: Sequence[PhaseClock], records: Sequence[Record]) -> tuple[
 
 def without_noise(result: SearchResult) -> SearchResult:
     """Without those harmonics of the forced response, offset and drift that noise explains, or a mode beside them."""
+    result = _without_twins(result)
     apart, entries = read_apart(result), result.solution.entries
     both = shapes(apart.blocks, apart.solution)  # fixed entries have the same places in both
     place = int(np.flatnonzero(both.harmonics == 0)[0])
@@ -160,6 +161,23 @@ def without_noise(result: SearchResult) -> SearchResult:
     with suppress(IdentificationError, np.linalg.LinAlgError):
         solution = solve(result.blocks, less)
     return kept_with(result, kept, solution)
+
+
+def _without_twins(result: SearchResult) -> SearchResult:
+    """Without the forced response on the lines of a real multiplier that hardly decays, where that alone will do."""
+    entries, duration = result.solution.entries, max(block.last for block in result.blocks)
+    free = ~entries.fixed & entries.real & (np.abs(entries.exponents.real) * duration < SLOW)
+    turns = entries.offsets[:, None] - entries.offsets[free]
+    plain = entries.fixed & (entries.exponents == 0.0) & (entries.factors == PLAIN)
+    twins = plain & (np.abs(turns - np.rint(turns)) < HALF_DIGITS).any(axis=1)
+    if not twins.any():
+        return result
+    with suppress(IdentificationError, np.linalg.LinAlgError):
+        alone = solve(result.blocks, entries.picked(np.flatnonzero(~twins)), hold=True)
+        fewer = sum(len(block.rows) for block in result.blocks) * int(np.where(entries.real[twins], 1, 2).sum())
+        if alone.cost - result.solution.cost < chi2_limit(fewer, SURE):
+            return kept_with(result, ~twins, alone)
+    return result
 
 
 def forced_of(

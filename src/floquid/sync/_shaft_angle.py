@@ -86,8 +86,6 @@ def outside(before: float, after: float) -> list[Finding]:
     return [note("beyond_angle", before=before, after=after)] if before or after else []
 
 
-ROUGH = 0.01  # scatter of pulses, in revolutions, that is too much for a good sensor on a shaft of steady speed
-
 TURN = 2.0 * np.pi
 
 
@@ -314,7 +312,7 @@ def _remarks(record: Record, seen: Evidence, fit: AngleFit, n_used: int, rejecte
     said = [*seen.said, *fixed, *gaps(seen.times[fit.kept], spline.mean_speed()[0])]
     if seen.n_lines > 1:
         said += uneven(fit.offsets, fit.offsets_std)
-    if fit.std > ROUGH * TURN:
+    if fit.std > STEADY * TURN:
         said.append(warning("rough_angle", degrees=np.degrees(fit.std)))
     said += alike(fit.residuals[fit.kept])
     ends = spline.speed(np.array([spline.first, spline.last])) / TURN

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,22 +14,17 @@ from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid.core import PeriodicModel, Provenance, modelled
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, failure, note, texts, warning
-from floquid.fit import DEVIATIONS, SURE, is_vague, near_axis, off_axis
-from floquid.inputs import (
-    Errors,
-    Grid,
-    Hold,
-    InputMode,
-    Limits,
-    TransferFunctions,
-    driven_of,
-    estimates_of,
-    sealed,
-    transfer_of,
-)
+from floquid.fit import SURE, is_vague
+from floquid.inputs import Errors, Grid, Hold, Limits, TransferFunctions, driven_of, estimates_of, sealed, transfer_of
 from floquid.transfer._measured import MeasuredTransfer
-from floquid.transfer._modal import Lines, Modal
+from floquid.transfer._modal import Lines, Modal, near_real
 from floquid.transfer._search import searched
+
+DOUBTFUL = 3.0
+"""Deviations off the axis within which a pair may be two real multipliers."""
+
+WORSE = 1.3
+"""The χ² of a degree of freedom above which that is told: deviations of G are estimates themselves."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -168,7 +163,8 @@ def fit_transfer(
     degrees = 2 * int(np.count_nonzero(lines.there)) - found.n_parameters
     ratio = found.cost / max(degrees, 1)
     covariance = found.covariance() * max(ratio, 1.0)
-    misfit = degrees > 0 and chdtrc(degrees, found.cost) < SURE
+    on_axis = next(near_real(found.modal.modes, lambda: covariance, lines.fundamental, [], DOUBTFUL), None)
+    misfit = degrees > 0 and ratio > WORSE and chdtrc(degrees, found.cost) < SURE
     for one in (found.modal, *found.modal.modes):
         sealed(one)
     model = _model(lines, found.modal, covariance, own)
@@ -187,21 +183,11 @@ def fit_transfer(
         findings=(
             note("modes_of_lines", modes=len(found.modal.modes), ratio=ratio, degrees=degrees),
             *([warning("modes_of_lines_misfit", ratio=ratio)] if misfit else []),
-            *([failure("modes_of_lines_real")] if _near_real(found.modal.modes, covariance, lines.fundamental) else []),
+            *([failure("modes_of_lines_real")] if on_axis else []),
             *([failure("modes_of_lines_undetermined", frequencies=hertz.tolist())] if hertz.size else []),
             *_flattened(said, model),
         ),
     )
-
-
-def _near_real(modes: Sequence[InputMode], covariance: NDArray[np.float64], omega: float) -> bool:
-    """True where a pair may be two real multipliers, by the covariance of the numbers of all modes."""
-    place, std = 0, np.sqrt(np.diag(covariance))
-    for mode in modes:
-        imag, place = place + int(mode.free.sum()) // 2, place + int(mode.free.sum())
-        if near_axis(mode, omega) and off_axis(mode, omega) <= DEVIATIONS * std[imag]:
-            return True
-    return False
 
 
 def _parts(

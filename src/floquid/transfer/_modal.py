@@ -8,7 +8,7 @@ with conjugates, of samples with its discrete counterpart, and with what a trans
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -27,6 +27,7 @@ from floquid.fit import (
     half_of,
     levenberg_marquardt,
     near_axis,
+    off_axis,
     scaled_inverse,
     score_gain,
 )
@@ -236,18 +237,39 @@ def promised(now: Fitted) -> float:
     return now.cost - score_gain(now.apart @ np.concatenate(now.left), now.apart @ now.apart.T, HALF_DIGITS)
 
 
-def near_real(modes: Sequence[InputMode], omega: float, highest: float) -> Iterator[list[int]]:
+OFF_AXIS = 20.0
+"""Deviations off the axis from which on a multiplier is not tried as a real one."""
+
+SAME = 0.05
+"""The distance of two exponents over their decay below which they are one."""
+
+
+def near_real(
+    modes: Sequence[InputMode],
+    parameters: Callable[[], NDArray[np.float64]],
+    omega: float,
+    refused: list[complex],
+    within: float = OFF_AXIS,
+) -> Iterator[list[int]]:
     """Pairs, by their numbers, for which one real multiplier or two are to be tried: those of one sign together first.
 
-    On an axis beyond the `highest` harmonic none is: a fit that ran away from the lines is wrong whatever it is.
+    They are `within` deviations of the axis. `parameters` has the covariance of the free numbers of all modes,
+    and it may have more beyond. Pairs that were not taken join `refused`.
     """
+    spread, place = None, 0
     near: dict[float, list[int]] = {}
     for number, mode in enumerate(modes):
-        half = half_of(mode, omega)
-        if near_axis(mode, omega) and abs(half) <= highest:
-            near.setdefault(half % 1.0, []).append(number)
+        imag, place = place + int(mode.free.sum()) // 2, place + int(mode.free.sum())
+        if not near_axis(mode, omega):
+            continue
+        if any(abs(mode.exponent - other) < SAME * abs(other.real) for other in refused):
+            continue
+        spread = parameters() if spread is None else spread
+        if off_axis(mode, omega) <= within * spread[imag, imag] ** 0.5:
+            near.setdefault(half_of(mode, omega) % 1.0, []).append(number)
     for pairs in near.values():
         yield from [pairs, *([[one] for one in pairs] if len(pairs) > 1 else [])]
+        refused += [modes[number].exponent for number in pairs]
 
 
 def real_for(pairs: Sequence[InputMode], omega: float) -> tuple[list[tuple[float, ...]], NDArray, NDArray]:

@@ -9,10 +9,28 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.fit import FEW_STEPS, RARE, chi2_limit
-from floquid.inputs import InputMode, Limits, on_branch
+from floquid.fit import FEW_STEPS, chi2_limit
+from floquid.inputs import InputMode, Limits
 from floquid.search import LOOSE
 from floquid.transfer._modal import Fitted, Lines, Modal, eliminated, fitted, near_real, promised, real_for
+
+DECAYS = 10
+"""Decays of the grid, from a part of the distance of lines to their range."""
+
+FINE = 3
+"""Frequencies of the grid for a line."""
+
+TRIED = 3
+"""Exponents of the grid that are fitted."""
+
+REAL = 1e-3
+"""The probability at which noise may move a real multiplier off the axis."""
+
+FAR = 1e3
+"""The size of an exponent over the highest frequency of the lines from which on a fit ran away from them."""
+
+HELD = 1e6
+"""Weight of a gain over the initial state, where the scale of a mode is fixed."""
 
 
 def searched(lines: Lines, limits: Limits, report: Callable[[str], None] = lambda _: None) -> Fitted | None:
@@ -94,31 +112,43 @@ def _centred(lines: Lines, modal: Modal) -> Modal:
     for mode, shape in zip(modal.modes, modal.shapes, strict=True):
         if not mode.real:
             turn = mode.turns[np.argmax(np.linalg.norm(shape, axis=0))]
-            begins = lines.echoes[1][: len(mode.initial)]
-            if mode.exponent.imag + turn * lines.fundamental < 0.0:
-                shape = shape.conj()[:, ::-1]
-            mode = on_branch(mode, turn, lines.fundamental, begins)
+            mode = replace(
+                mode,
+                exponent=mode.exponent + 1j * turn * lines.fundamental,
+                turns=mode.turns - turn,
+                reach=mode.reach + turn,
+                initial=mode.initial * np.exp(1j * turn * lines.fundamental * lines.echoes[1][: len(mode.initial)]),
+            )
+            if mode.exponent.imag < 0.0:
+                mode, shape = _conjugate(mode), shape.conj()[:, ::-1]
         modes.append(mode)
         shapes.append(shape)
     return Modal(tuple(modes), tuple(shapes), modal.direct)
+
+
+def _conjugate(mode: InputMode) -> InputMode:
+    """The other one of a pair."""
+    return replace(
+        mode,
+        exponent=mode.exponent.conjugate(),
+        turns=-mode.turns[::-1],
+        reach=-mode.reach[::-1],
+        gains=mode.gains.conj()[:, ::-1],
+        initial=mode.initial.conj(),
+    )
 
 
 def _with_one_more(lines: Lines, now: Fitted | None) -> Fitted | None:
     """The fit with the exponent of the grid that makes it best; None where no fit has fewer numbers than there are."""
     modal = Modal((), ()) if now is None else now.modal
     trials = []
-    exponent = _candidate(lines, lines.values - modal.transfer(lines))
-    for main in (0, 1, -1):
-        start = eliminated(lines, _joined(modal, [_bare(lines, exponent, main)]))
-        if _degrees(lines, start) > 0:
-            trials.append(fitted(lines, start.modal, FEW_STEPS))
+    for exponent in _candidates(lines, lines.values - modal.transfer(lines)):
+        for main in (0, 1, -1):
+            start = eliminated(lines, _joined(modal, [_bare(lines, exponent, main)]))
+            if _degrees(lines, start) > 0:
+                trials.append(fitted(lines, start.modal, FEW_STEPS))
     trials = [one for one in trials if np.isfinite(one.cost)]
-    if not trials:
-        return None
-    best = min(trials, key=lambda one: one.cost).modal
-    # Bands grow on either side alike: they begin about the harmonic that is seen most.
-    again = eliminated(lines, _joined(modal, [_bare(lines, _centred(lines, best).modes[-1].exponent, 0)])).modal
-    return min((fitted(lines, one) for one in (best, again)), key=lambda one: one.cost)
+    return fitted(lines, min(trials, key=lambda one: one.cost).modal) if trials else None
 
 
 def _bare(
@@ -139,14 +169,17 @@ def _bare(
         gains=gains,
         turns=turns,
         initial=np.zeros(records, complex),
-        sizes=np.full(inputs, 1.0 / abs(exponent.real)),
+        sizes=np.full(inputs, HELD),
     )
 
 
-def _with_real_ones(lines: Lines, now: Fitted, limits: Limits) -> Fitted:
+def _with_real_ones(lines: Lines, now: Fitted, limits: Limits, refused: list[complex] | None = None) -> Fitted:
     """With pairs whose multipliers may be one or two real ones taken for that, where noise explains the rest."""
+    refused = [] if refused is None else refused
     modes, omega = now.modal.modes, lines.fundamental
-    for pairs in near_real(modes, omega, limits.highest):
+    if any(abs(mode.exponent) > FAR * np.abs(lines.omega).max() for mode in modes):
+        return now  # a fit that ran away from the lines is wrong whatever stands for its pairs
+    for pairs in near_real(modes, lambda: now.parameters, omega, refused):
         rest = _less(now.modal, pairs)
         kinds, turns, reach = real_for([modes[k] for k in pairs], omega)
         for starts in kinds:
@@ -164,8 +197,8 @@ def _with_real_ones(lines: Lines, now: Fitted, limits: Limits) -> Fitted:
             rise = (best.cost - now.cost) / _level(lines, now)
             # These fits are not narrowed: numbers more are no argument against one that is better.
             fewer = max(now.n_parameters - best.n_parameters, 0)
-            if rise < (chi2_limit(fewer, RARE) if fewer else 0.0):
-                return _with_real_ones(lines, best, limits)
+            if rise < (chi2_limit(fewer, REAL) if fewer else 0.0):
+                return _with_real_ones(lines, best, limits, refused)
     return now
 
 
@@ -176,13 +209,12 @@ def _joined(modal: Modal, more: Sequence[InputMode]) -> Modal:
     return Modal((*modal.modes, *more), (*modal.shapes, *bare), modal.direct)
 
 
-def _candidate(lines: Lines, residual: NDArray[np.complex128]) -> complex:
-    """The exponent that explains most of a residual, harmonics each with an amplitude of its own."""
+def _candidates(lines: Lines, residual: NDArray[np.complex128]) -> list[complex]:
+    """Exponents that explain most of a residual, harmonics each with an amplitude of its own, best first."""
     low, high = float(lines.omega.min()), float(lines.omega.max())
     gap = (high - low) / max(len(lines.omega) - 1, 1)
-    # From a resonance as wide as the lines are apart on, by octaves.
-    decays = -0.5 * gap * 2.0 ** np.arange(np.log2(2.0 * high / gap) + 1.0)
-    turned = np.linspace(max(low - gap, 0.0), high + gap, len(lines.omega) + 2)
+    decays = -np.geomspace(0.1 * gap, high, DECAYS)
+    turned = np.linspace(max(low - gap, 0.0), high + gap, FINE * len(lines.omega) + 1)
     poles = (decays[:, None] + 1j * turned).ravel()
     left = np.zeros(len(poles))
     for source in range(lines.values.shape[2]):
@@ -194,7 +226,13 @@ def _candidate(lines: Lines, residual: NDArray[np.complex128]) -> complex:
         matrix = np.moveaxis(basis, 1, 2)
         orthogonal, _ = np.linalg.qr(matrix / np.linalg.norm(matrix, axis=1, keepdims=True))
         left += np.sum(np.abs(right) ** 2) - np.sum(np.abs(orthogonal.conj().swapaxes(1, 2) @ right) ** 2, axis=(1, 2))
-    return complex(poles[np.argmin(left)])
+    chosen: list[complex] = []
+    for pole in poles[np.argsort(left)].tolist():
+        if all(abs(pole - other) > max(2.0 * gap, abs(other.real)) for other in chosen):
+            chosen.append(pole)
+        if len(chosen) == TRIED:
+            break
+    return chosen
 
 
 def _resonances(lines: Lines, poles: NDArray[np.complex128], there: NDArray[np.bool_]) -> NDArray[np.complex128]:
@@ -232,8 +270,7 @@ def _grown(lines: Lines, now: Fitted, limits: Limits) -> Fitted:
 def _wider(modal: Modal, number: int, limits: Limits, size: tuple[int, ...]) -> Modal | None:
     """Modes, one with one harmonic more on either side of its turns (even number) or reach, or one more of D."""
     if number == 2 * len(modal.modes):
-        wider = replace(modal, direct=(*modal.direct, np.zeros(size, complex)))
-        return wider if len(modal.direct) <= limits.highest else None
+        return replace(modal, direct=(*modal.direct, np.zeros(size, complex))) if len(modal.direct) < 3 else None
     place, side = divmod(number, 2)
     mode, shape = modal.modes[place], modal.shapes[place]
     bands = (mode.turns, mode.reach)[side]

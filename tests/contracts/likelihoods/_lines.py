@@ -11,6 +11,7 @@ from tests.contracts.likelihoods._point import Group, Mode, Normal
 
 from floquid.transfer import Modal
 from floquid.transfer._modal import Fitted, Lines, eliminated, fitted, promised, turning
+from floquid.transfer._search import HELD
 
 
 @dataclass(frozen=True)
@@ -139,5 +140,5 @@ class LinePoint:
 
 def modal_of(lines: Lines, modes: Sequence[Mode]) -> Modal:
     direct = (np.zeros(lines.values.shape[1:3], complex),)
-    sizes = np.ones(lines.values.shape[2])
+    sizes = np.full(lines.values.shape[2], HELD)
     return Modal(tuple(input_mode(mode, sizes) for mode in modes), tuple(mode.shape for mode in modes), direct)

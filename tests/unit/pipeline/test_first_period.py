@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from floquid import ConstantPeriod, Record, identify
 from floquid.core import PeriodicModel
+from floquid.errors import IdentificationError
 from floquid.pipeline.free._identify import promised
 from floquid.preparation import prepare
 
@@ -55,11 +56,8 @@ def test_modes_that_are_gone_after_a_period_do_not_bend_the_others(seed):
 
 
 def test_all_is_kept_where_that_is_asked_for():
-    """It fails then, by what it does not know; the period, which is right, is not to blame."""
-    found = identify(decays(SLOW, *FAST), skip=0, validate=False)
-    assert found.failed
-    assert "undetermined" in {own.code for own in found.findings}
-    assert found.records[0].start == 0.0
+    with pytest.raises(IdentificationError, match="does not repeat with the period given"):
+        identify(decays(SLOW, *FAST), skip=0, validate=False)
 
 
 @pytest.mark.first(2)

@@ -21,6 +21,7 @@ from floquid.inputs.search._structure import Structure
 from floquid.search import NEAR, REACH, Move
 
 START = (1, 2)  # harmonics of input and output on either side that a candidate has
+APART = (0.7, 1.4)  # decays of two real multipliers, over that of a pair, from which those far from it are found
 
 
 def removals(point: Point) -> Iterator[Move[Structure]]:
@@ -69,11 +70,13 @@ def kinds(point: Point) -> Iterator[Move[Structure]]:
             alone = point.at.left + point.at.coefficients[columns].T @ point.at.columns[columns]
             share = np.sum(alone**2, axis=1) / samples.count / squares
             loss = samples.count * float(np.sum(np.log(np.maximum(share, 1.0))))
-            bare = bare_mode(samples, complex(mode.exponent.real), block.reach, block.turns, real=True)
-            gain, real = fitted_together(samples, alone, [bare])
-            move = _kind(point, "single", rest.joined(real), point.at.cost + loss - gain)
-            if move.change < 0.0:
-                yield move
+            for name, shares in (("single", (1.0,)), ("two", APART)):
+                decays = [complex(share * mode.exponent.real) for share in shares]
+                bare = [bare_mode(samples, own, block.reach, block.turns, real=True) for own in decays]
+                gain, real = fitted_together(samples, alone, bare)
+                move = _kind(point, name, rest.joined(real), point.at.cost + loss - gain)
+                if move.change < 0.0:
+                    yield move
             yield from _other_kind(point, rest, block)
     for two in _twins(now.modes):
         block = block_of_reals([now.modes[number] for number in two], samples.fundamental)

@@ -30,6 +30,8 @@ from floquid.periodic.least_squares import (
 from floquid.periodic.search._peaks import Peak
 from floquid.search import HOPE, SAME, Move
 
+FASTEST = 12.0  # the decay or growth over a period, in nepers, beyond which a column is a glitch and no mode
+
 
 @dataclass(frozen=True, slots=True)
 class Price:
@@ -91,7 +93,7 @@ class Point:
         """After a step in the parameters; None where a column has no samples to be seen in."""
         entries = self.entries.moved(step)
         apart = np.sqrt(np.abs(entries.all_squares).max(initial=0.0))
-        if apart * self.period > ASUNDER:
+        if apart * self.period > ASUNDER or np.abs(entries.exponents.real).max(initial=0.0) * self.period > FASTEST:
             return None
         start = tuple(linear.coefficients for linear in self.solution.linear)
         return _weighted(self.blocks, self.floors, self.price, entries, eliminated(self.blocks, entries, start))

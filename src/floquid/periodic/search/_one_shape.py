@@ -10,7 +10,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
 from floquid.errors import IdentificationError
-from floquid.fit import FARTHEST, FEW_STEPS, QUIET, REST, ROUNDS, chi2_limit
+from floquid.fit import FARTHEST, FEW_STEPS, QUIET, REST, ROUNDS, SLOW, chi2_limit
 from floquid.periodic.least_squares import (
     Block,
     ModeParameters,
@@ -27,24 +27,28 @@ from floquid.periodic.search._peaks import strongest
 from floquid.search import GAP, LOOSE
 
 
-def with_one_shape(result: SearchResult, false_alarm: float) -> SearchResult:
+def with_one_shape(result: SearchResult, false_alarm: float, floor: float, most: int) -> SearchResult:
     r"""The result with one shape for all hits, if noise explains what that leaves more; else how much they differ.
 
     .. math:: \Delta\chi^2 \sim \chi^2_n, \qquad n = n_{\text{free residues}} - n_{\text{shapes}} - n_{\text{states}}
 
-    Pairs near an axis keep free residues: their functions are no exponentials.
+    Pairs near an axis keep free residues: their functions are no exponentials. Of modes that are brief, by what they
+    decay over a period, harmonics that are left out bend exponents: those that all hits show together are added.
     """
     entries = result.solution.entries
     hits = {block.hit for block in result.blocks}
     if len(hits) < 2 or result.as_read or not (~entries.fixed).any():
         return result
     with suppress(IdentificationError, np.linalg.LinAlgError):
-        shared = OneShape.at(result.blocks, entries, result.solution.linear).solved()
+        shared, bands = OneShape.at(result.blocks, entries, result.solution.linear).solved(), result.bands
+        if (np.abs(shared.entries.exponents.real) * 2.0 * np.pi > SLOW * entries.fundamental).any():
+            shared = grown(shared, least_noise(result.blocks, result.solution, floor), most)
+            bands = np.where(entries.fixed[:, None], bands, shared.entries.bands)
         probability = agreement(shared, result)
         away = np.abs(shared.entries.exponents - entries.exponents) * 2.0 * np.pi / entries.fundamental
         if probability > false_alarm and (away < FARTHEST).all():
             misfit = misfit_of_all(result.blocks, result.residuals)
-            return replace(result, one=shared, misfit=misfit)
+            return replace(result, one=shared, bands=bands, misfit=misfit)
         if all((block.noise < QUIET * block.largest).all() for block in result.blocks):
             return result
         entry, share = difference(shared)
