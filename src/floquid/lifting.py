@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from floquid._arrays import BLOCK, Complexes, Floats
 from floquid._checks import Rebuilt, input_error
 from floquid.core import Channel, Cycles, Provenance
-from floquid.fit import HALF_DIGITS, LAGS, ROUNDING, SIGNIFICANT, filter_gain, filtered, yule_walker
-from floquid.lti import FEWEST, ModalModel, TimeResponses, white_noise_std
+from floquid.fit import HALF_DIGITS, LAGS, ROUNDING, filter_gain, filtered, yule_walker
+from floquid.lti import COLOURED, FEWEST, ModalModel, TimeResponses, white_noise_std
 
 FLOOR = 1e-10
 """The noise is taken to be at least this share of a channel's largest value: records are never exact beyond it."""
@@ -267,7 +267,7 @@ def filters_of(correlations: Floats, numbers: Floats) -> Floats | None:
     `correlations` (channels, lags) are those of each channel's noise, from lag zero on, each the mean of `numbers`
     (channels,) samples.
     """
-    coloured = _colours(correlations, numbers) > SIGNIFICANT
+    coloured = _colours(correlations, numbers) > COLOURED
     if not coloured.any():
         return None
     taps = np.eye(1)
@@ -275,7 +275,7 @@ def filters_of(correlations: Floats, numbers: Floats) -> Floats | None:
     while order < correlations.shape[1]:
         taps = np.array([yule_walker(own, order) for own in correlations])
         left = np.array([_filtered(own, part) for own, part in zip(correlations, taps, strict=True)])
-        if (_colours(left, numbers) < SIGNIFICANT)[coloured].all():
+        if (_colours(left, numbers) < COLOURED)[coloured].all():
             break
         order *= 2
     taps[~coloured] = np.eye(1, taps.shape[1])

@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 BENT = 1e-9
 """The probability at which noise may pass for powers of the response: these have longer tails than noise."""
 
+MORE = 2.0
+"""Least gain by squares and cubes over that by driving noise, which lets them gain by chance."""
+
 UNTOLD = DEVIATIONS**2
 """The criterion of a fit of one size over another below which the record does not tell them."""
 
@@ -41,7 +44,7 @@ def _beside(scores: Scores) -> tuple[Finding, ...]:
     Where squares are there they gain several times what noise does, more than they do by chance.
     """
     by_noise, (by_powers, degrees) = scores.by_noise(), _by_powers(scores)
-    noisy = by_noise > by_powers.max(initial=0.0) - degrees
+    noisy = MORE * by_noise > by_powers.max(initial=0.0) - degrees
     return (() if noisy else _nonlinear(by_powers, degrees)) or _driven(by_noise)
 
 

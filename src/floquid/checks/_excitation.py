@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from floquid.checks._check import Evidence, is_undetermined
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, failure, note, warning
-from floquid.fit import DEVIATIONS, EVIDENT, SURE, WITHIN, is_vague
+from floquid.fit import DEVIATIONS, EVIDENT, SURE, is_vague
 from floquid.innovations import GONE, Fit, alike, gap_of, left_over
 from floquid.search import NEAR
 
@@ -27,8 +27,11 @@ def repetition(case: Any, _: Evidence) -> tuple[Finding, ...]:
     return (failure("wrong_period", given=case.model.period, own=2.0 * np.pi / case.other, fraction=True),)
 
 
-SHORT = 0.5
-"""Deviations of an exponent from the maximum of the likelihood from which on that is told."""
+SHORT = (0.5, 2.0)
+"""Deviations of an exponent from the maximum of the likelihood, from which on that is told, and it is no estimate."""
+
+STILL = 10.0
+"""Radians that a mode turns, and nepers that it decays, in a record, less than which it is likely a drift."""
 
 
 def excitation_of(
@@ -57,8 +60,7 @@ def excitation_of(
     ]
     findings += _no_estimates(fit, model, shares, certain, groups)
     longest = max(np.diff(fit.samples.begins)) * fit.samples.step
-    # What turns less than once in a record is likely a drift.
-    still, low = ~certain & (_away(fit) * longest < 2.0 * np.pi), hertz * longest < 1.0
+    still, low = ~certain & (_away(fit) * longest < STILL), hertz * 2.0 * np.pi * longest < STILL
     for report, which in ((failure, still & low), (warning, still & ~low)):  # a line of the period may be a mode's
         if which.any():
             findings.append(report("ambient_slow", frequencies=hertz[which].tolist()))
@@ -115,9 +117,9 @@ def _no_estimates(
     short = np.array([fit.short(number) for number in range(len(decays))])
     dead = is_undetermined(shares * decays, decays, model.period) & claimed
     findings = [failure("undetermined", frequencies=hertz[dead].tolist())] if dead.any() else []
-    which = claimed & (short > SHORT)
+    which = claimed & (short > SHORT[0])
     if which.any():
-        report, most = failure if short[which].max() > WITHIN else warning, float(short[which].max())
+        report, most = failure if short[which].max() > SHORT[1] else warning, float(short[which].max())
         findings.append(report("ambient_short", frequencies=hertz[which].tolist(), deviations=most))
     return findings
 

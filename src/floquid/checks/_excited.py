@@ -12,18 +12,24 @@ import numpy as np
 
 from floquid import innovations, inputs
 from floquid._arrays import Floats
-from floquid.checks._check import MISFIT, REMAINDER, Evidence, Subject
+from floquid.checks._check import Evidence, Subject
 from floquid.checks._driving import undriven
 from floquid.checks._excitation import excitation_of
-from floquid.checks._left_out import LeftOut, first_part, without_last
+from floquid.checks._left_out import FAILING, LeftOut, first_part, without_last
 from floquid.checks._modes import undetermined_of
 from floquid.checks._period import Off, shaken
-from floquid.checks._residual import COLOUR, STRONG_COLOUR, Colour
+from floquid.checks._residual import STRONG_COLOUR, Colour
 from floquid.core import Channel, PeriodicModel, Record
 from floquid.findings import Finding
-from floquid.fit import LAGS, RARE, SIGNIFICANT, SURE, chi2_limit
+from floquid.fit import SIGNIFICANT, SURE
 from floquid.inputs import Limits, Samples, Scores, Uncertainty, linearise, slopes_of, state_slopes
 from floquid.sync import ShaftAngle
+
+COLOURED = 0.1
+"""The sum of squared correlations from which on the residual is no white noise."""
+
+PREDICTABLE = 0.03
+"""The share of the variance of the innovations that is predictable from those before, from which on a model fails."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +51,7 @@ class Excited(Subject):
     """A model and the records whose excitation goes on, with the limits of its search."""
 
     of_verdict: ClassVar = frozenset(("left out",))
-    predicted: ClassVar = {"held_out_error": MISFIT}
+    predicted: ClassVar = {"held_out_error": FAILING}
     chain: ClassVar[ModuleType]  # the room that has its score tests
     slip: ClassVar[float]  # periods by which one may be off over a record, and its own be told to first order
     random: ClassVar[bool] = False  # True where nobody measured all that drives the system
@@ -95,7 +101,7 @@ class Excited(Subject):
         size, channel = float(errors[worst]), self.own.outputs[worst].name
         return LeftOut(
             arrays={"held_out_error": np.where(np.isfinite(errors), errors, np.nan)[:, None]},
-            sizes={"held_out_error": (size, MISFIT, None)},
+            sizes={"held_out_error": (size, FAILING, None)},
             numbers={"ratio": size, "part": "last quarter", "channel": channel, "hit": 0},
         )
 
@@ -121,15 +127,9 @@ class Driven(Excited):
         return self.fit.at.left
 
     @property
-    def white(self) -> float:
-        """The sum of squared correlations of an output up to which the residual is white noise."""
-        chance = chi2_limit(LAGS, RARE / len(self.own.outputs)) / self.own.samples.count
-        return max(chance, COLOUR)
-
-    @property
     def coloured(self) -> bool:
         """True where the residual is not white."""
-        return self.fit.at.colour > self.white
+        return self.fit.at.colour > COLOURED
 
     def vague_angles(self) -> tuple[Finding, ...]:
         """Findings on errors of the angle, over the variance of the residual."""
@@ -148,7 +148,7 @@ class Driven(Excited):
         """The most correlations of one output."""
         size = float(self.fit.at.colour)
         numbers = {"squares": [size]} if self.coloured else {}
-        return Colour(size=size, limit=self.white, failing=max(STRONG_COLOUR, self.white), numbers=numbers)
+        return Colour(size=size, limit=COLOURED, failing=STRONG_COLOUR, numbers=numbers)
 
     def undetermined(self) -> tuple[Finding, ...]:
         """Finding on decays that are not determined."""
@@ -219,7 +219,7 @@ class Ambient(Excited):
         """The share of the innovations that is predictable, where chance does not explain it."""
         share, chance = innovations.colour(self.own.samples, self.fit.at)
         numbers = {"predictable": share} if chance < SURE else {}
-        return Colour(size=share, limit=REMAINDER, failing=REMAINDER, numbers=numbers)
+        return Colour(size=share, limit=PREDICTABLE, failing=PREDICTABLE, numbers=numbers)
 
     def excitation(self) -> tuple[Finding, ...]:
         """Findings on modes that may be the excitation's own, or none."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Floats, Integers, Mask
-from floquid.checks._check import FAINT, MISFIT, REMAINDER, Evidence, strongest
+from floquid.checks._check import REMAINDER, Evidence, strongest
 from floquid.core import PeriodicModel, PhaseClock, Record
 from floquid.errors import FloquidError
 from floquid.findings import Finding, failure
@@ -27,8 +27,16 @@ ERROR = 1.0 + REMAINDER
 KEPT = 0.75
 """The share of each record, from when its inputs move on, that a model is fitted to for the check on the rest."""
 
+FAILING = 1.4
+"""Factor of the limit from which on a model fails, twice over a stretch; where the excitation goes on, over
+what is expected."""
+
 FOLDS = 5
 """Parts that cycles, or records, are dealt into, pieces of a record in each, and stretches with errors of their own."""
+
+PARTS = 4  # parts of a cycle, every other one left out of a brief hit: the rest of it tells the states
+
+ALIVE = 0.2  # the rms of the response in a cycle, over the noise, below which there is nothing to predict
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,7 +92,7 @@ def of_cycles(case: Any, sums: HeldOut) -> LeftOut:
     return LeftOut(
         arrays={"fit": fit, "held_out_error": error},
         sizes={
-            "held_out_error": (*whole[:2], MISFIT * whole[1]),
+            "held_out_error": (*whole[:2], FAILING * whole[1]),
             "held_out_stretch": (*along[:2], 2.0 * along[1]),
         },
         numbers={"ratio": along[0], "part": f"{part} part", **case.place(channel, hit)},
@@ -236,18 +244,18 @@ def _folds(model: PeriodicModel, cycles: Sequence[Integers]) -> Folds | None:
 
 
 def _of_hits(cycles: Sequence[Integers], end: int) -> Folds | None:
-    """The first half of each cycle of some hits, then the second one, then those of other hits."""
+    """Every other part of the cycles of some hits, then the parts between, then those of other hits."""
     groups = min(FOLDS, len(cycles))
     parts = []
     for numbers in cycles:
         places = np.zeros(len(numbers), np.int64)
         for cycle in range(int(numbers.max()) + 1):
             inside = np.flatnonzero(numbers == cycle)
-            places[inside] = 2 * np.arange(len(inside)) // max(len(inside), 1)
+            places[inside] = np.arange(len(inside)) * PARTS // max(len(inside), 1)
         parts.append(places)
     masks = [
         [
-            (numbers >= 0) & (place == side) & (hit % groups == group)
+            (numbers >= 0) & (place % 2 == side) & (hit % groups == group)
             for hit, (numbers, place) in enumerate(zip(cycles, parts, strict=True))
         ]
         for group in range(groups)
@@ -267,7 +275,7 @@ def cycles_of(model: PeriodicModel, instants: Sequence[tuple[Floats, Floats]], n
         decays = np.exp(np.multiply.outer(times[0] + np.arange(number) * model.period, model.exponents))
         response = np.einsum("nr,rcp->cnp", decays, shapes[:, :, hit], optimize=True).real
         power = np.mean((response / noise[:, hit, None, None]) ** 2, axis=2).max(axis=0)
-        alive = np.flatnonzero(power > FAINT**2)
+        alive = np.flatnonzero(power > ALIVE**2)
         end = int(alive[-1]) + 1 if len(alive) else 0
         cycle = np.floor(turns + 1e-9).astype(np.int64)
         cycles.append(np.where(cycle < end, cycle, -1))

@@ -190,9 +190,6 @@ def doubts_of(model: PeriodicModel, *, wanders: bool = False) -> tuple[Finding, 
     findings += _moving(model, WANDERING if wanders else NEIGHBOURS)
     if std is not None and _halved(model, std):
         findings.append(warning("period_halved"))
-    negative = int(_negative(model).sum())
-    if negative % 2:
-        findings.append(warning("partner_missing", number=negative))
     growing = model.exponents.real > (DEVIATIONS * std.real if std is not None else 0.0)
     if growing.any():
         findings.append(warning("growing", number=int(growing.sum()), order=model.order))
@@ -205,6 +202,12 @@ def _negative(model: PeriodicModel) -> Mask:
     Of a real system these are an even number, as :math:`\det\Phi(T) = e^{\int_0^T \mathrm{tr} A\, dt} > 0`.
     """
     return model.real & (model.multipliers.real < 0.0)
+
+
+def partners(case: Any, _: Evidence) -> tuple[Finding, ...]:
+    """Finding on an odd number of negative multipliers."""
+    number = int(_negative(case.model).sum())
+    return (warning("partner_missing", number=number),) if number % 2 else ()
 
 
 def weak_modes(case: Decays, evidence: Evidence) -> tuple[Finding, ...]:

@@ -14,12 +14,16 @@ from floquid.core import PeriodicModel, PhaseClock, Record
 from floquid.findings import Finding, Severity, failure, warning
 from floquid.fit import LAGS, RARE, SURE, WITHIN, chi2_limit
 from floquid.periodic import line_amplitudes, without_lines
-from floquid.search import GAP
 
 if TYPE_CHECKING:
     from floquid.checks._decays import Decays
     from floquid.checks._excited import Parted
 
+LOUD_TONE, LOUD_LINE = 1.0, 0.5
+"""Amplitudes of a tone and of any other line, over the noise, that fail a model: the latter may be of a mode."""
+
+ABOVE = 8.0  # least score of a tone over that of the lines beside it
+BESIDE = 4  # harmonics on each side of a mode's band, and lines on each side of a tone, that are looked at
 ROUNDING = 0.5  # residual over the noise below which the noise is no estimate but what the record is believed down to
 COLOUR = 0.01  # the sum of squared autocorrelations that is let pass in any case: less is no colour worth a filter
 STRONG_COLOUR = 0.25  # the same from which on a model fails: such colour may be what modes leave
@@ -39,9 +43,8 @@ def tones(case: Decays, evidence: Evidence) -> tuple[Finding, ...]:
         score[:, hit] = squares / case.noise[:, hit, None] ** 2
     there = (score > chi2_limit(2, RARE / score.size)) & (size > FAINT)
     candidates = np.flatnonzero(there.any(axis=(0, 1)))
-    chance = -np.log(RARE) * _beside(case, residuals, turns[candidates])  # of a mean of two squares
-    there[..., candidates] &= score[..., candidates] > chance
-    evidence.kept("tone", float(np.max(size * there, initial=0.0)), FAINT, failing=1.0)
+    there[..., candidates] &= score[..., candidates] > ABOVE * _beside(case, residuals, turns[candidates])
+    evidence.kept("tone", float(np.max(size * there, initial=0.0)), FAINT, failing=LOUD_TONE)
     which = strongest((size * there).max(axis=1))
     if which:
         at = [(channel, int(np.argmax((size * there)[channel, :, tone])), tone) for channel, tone in which]
@@ -75,7 +78,7 @@ def _beside(case: Decays, residuals: list[Floats], turns: Floats) -> Floats:
         angles = case.instants[hit][1]
         apart = 2.0 * np.pi / max(float(angles[-1] - angles[0]), 1e-300)
         # The nearest lines have their share of a tone that is between two of them.
-        shifts = apart * np.array([*range(-GAP, -1), *range(2, GAP + 1)])
+        shifts = apart * np.array([*range(-BESIDE, -1), *range(2, BESIDE + 1)])
         near = np.abs(np.add.outer(turns, shifts)).ravel()
         _, squares = line_amplitudes(*_residual(case, hit, rest), np.zeros(len(near)), near)
         level = squares.reshape(len(rest), len(turns), len(shifts)).mean(axis=2)
@@ -149,7 +152,7 @@ def lines(case: Decays, evidence: Evidence) -> tuple[Finding, ...]:
         better = (score > np.log(total / RARE)) & (amplitude > FAINT) & (amplitude > size[:, hit])
         size[better, hit] = amplitude[better]
         frequency[better, hit] = where[better] * case.records[hit].sample_rate
-    if not evidence.kept("line", float(size.max()), FAINT, failing=1.0):
+    if not evidence.kept("line", float(size.max()), FAINT, failing=LOUD_LINE):
         channels, hits = np.transpose(at := strongest(size))
         sizes, share = size[channels, hits], _share(case, size[..., None] ** 2)
         of = frequency[channels, hits]
@@ -217,7 +220,7 @@ def lines_of(model: PeriodicModel, highest: float) -> tuple[Integers, Integers]:
         if not row.any() or mode not in model.upper_modes:
             continue
         low, high = model.harmonics[row][[0, -1]]
-        near = np.concatenate([np.arange(low - GAP, low), np.arange(high + 1, high + 1 + GAP)])
+        near = np.concatenate([np.arange(low - BESIDE, low), np.arange(high + 1, high + 1 + BESIDE)])
         # One that is as many lines from the other end as there are samples a period folds onto it.
         near = near[(near > high - 2.0 * highest + 0.5) & (near < low + 2.0 * highest - 0.5)]
         at = model.exponents[mode].imag / model.fundamental + near

@@ -11,10 +11,16 @@ from floquid._arrays import Complexes, Floats
 from floquid.checks._check import Evidence
 from floquid.core import PeriodicModel
 from floquid.findings import Finding, failure
-from floquid.fit import DEVIATIONS, HALF_DIGITS
+from floquid.fit import DEVIATIONS
 from floquid.reconstruction import StateModel
 
 TOLERANCE = 1e-4  # relative errors of multipliers, and of Φ, that interpolation between the instants may make
+ACCURACY = 1e-6
+"""The relative change of Φ over a period at which steps are short enough: half as long, they are 16 times as good.
+
+A smaller share of the largest multiplier is not told by integrating.
+"""
+
 MOST_STEPS = 2**16  # steps in a period, at most
 
 
@@ -89,8 +95,7 @@ def _multipliers(of_system: Complexes, model: PeriodicModel) -> tuple[float, tup
     """The largest difference from the nearest multiplier, both ways, over what it may be; and the pair."""
     of_model = model.multipliers
     std = 0.0 if model.exponent_std is None else np.abs(model.exponent_std) * model.period
-    # A smaller share of the largest multiplier is not told by integrating.
-    may = np.abs(of_model) * (DEVIATIONS * std + TOLERANCE) + HALF_DIGITS * np.abs(of_model).max()
+    may = np.abs(of_model) * (DEVIATIONS * std + TOLERANCE) + ACCURACY * np.abs(of_model).max()
     off = np.abs(np.subtract.outer(of_system, of_model)) / may
     # Two that are one would not be seen by this: the sum of the exponents is looked at beside it.
     pairs = [(int(np.argmin(row)), k) for k, row in enumerate(off.T)]
@@ -117,7 +122,7 @@ def _integrated(state: StateModel, period: float) -> tuple[Floats, Floats] | Non
     steps, before = 2 ** max(0, int(np.ceil(np.log2(max(width * largest, 1.0))))), None
     while steps * len(state.times) <= MOST_STEPS:
         transition = _propagated(parts, len(state.times), steps, period)
-        if before is not None and np.abs(transition[-1] - before).max() <= HALF_DIGITS * np.abs(transition[-1]).max():
+        if before is not None and np.abs(transition[-1] - before).max() <= ACCURACY * np.abs(transition[-1]).max():
             whole = transition * scale[:, None] / scale
             return whole[:-1], whole[-1]
         steps, before = 2 * steps, transition[-1]

@@ -11,7 +11,7 @@ from floquid.checks._decays import decays_of
 from floquid.checks._driving import driving, reach
 from floquid.checks._excitation import repetition
 from floquid.checks._left_out import left_out
-from floquid.checks._modes import bands, limits, needed, steady, weak_modes
+from floquid.checks._modes import bands, limits, needed, partners, steady, weak_modes
 from floquid.checks._period import period, phases
 from floquid.checks._residual import colour, harmonics, level, lines, misfit, spikes, tones
 from floquid.checks._system import system
@@ -44,6 +44,7 @@ CHECKS = (
     Check("colour", "Is the residual white?", "colour", colour),
     Check("spikes", "Are there samples that are no noise?", "residual", spikes),
     Check("modes", "Is each mode determined, and likely one?", "doubts"),
+    Check("partners", "Are negative multipliers even in number?", "shape", partners),
     Check("limits", "Did the search end at the most modes?", "seen", limits),
     Check("determined", "Is each decay determined?", "undetermined"),
     Check("bands", "Do the bands end below the highest harmonics?", "most", bands),

@@ -43,7 +43,7 @@ from floquid.lifting import Lifted
 from floquid.lti import ModalModel, Outcome
 from floquid.order import OrderScan, Stability
 from floquid.order import scan as scan_orders
-from floquid.pipeline import Analysis, IdentifierName, Settings, lifted, one_blas_thread, prepare
+from floquid.pipeline import Analysis, IdentifierName, Settings, blas_threads, lifted, prepare
 
 OF = "floquid scan"
 STAGES = 8
@@ -149,7 +149,7 @@ def _scanned(
     if orders and orders[-1] >= samples:
         must, got = f"be less than the {samples} periods of the record", f"goes up to {orders[-1]}"
         raise input_error("--orders", OF, must, got, "Ask for lower orders, or record longer.")
-    with one_blas_thread():
+    with blas_threads([responses.responses]):
         found = scan_orders(responses.responses, chosen.identifier, orders, report=report)
     return Scanned(done=done, faults=faults, lifted=responses, found=found, analysis=analysis)
 

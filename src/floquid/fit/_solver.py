@@ -21,7 +21,9 @@ from floquid._arrays import Floats
 from floquid._checks import Rebuilt
 from floquid.fit._algebra import ROUNDING, directions, unit_scale
 
-START = 1e-6  # damping of the first step, and the least after a rejected one: all but none
+START = 1e-6  # damping of the first step: all but none
+WHOLE = 1e-4  # damping after a first rejected step: below it the step would be the same
+MOST = 1e6  # damping at which a fit ends: no direction lowers the cost
 FALL = 1.0 / 3.0  # least factor of the damping after an accepted step (Nielsen 1999)
 STEPS, FEW_STEPS = 60, 12  # steps of a fit to the end, and of one that is only compared, at most
 AT_REST, REST = 1e-4, 0.1  # gains of the last step of either: a hundredth, and a third, of a deviation
@@ -170,9 +172,9 @@ def levenberg_marquardt(start: Point, of: Steps[Point], ends: Ends) -> Point:
             continue
         if trial is None:
             # Had it been accepted it would have been the last: shorter ones gain no more.
-            if normal.size(step) < ends.deviations or normal.promised(pull) < ends.gain or damping > 1.0 / ROUNDING:
+            if normal.size(step) < ends.deviations or normal.promised(pull) < ends.gain or damping >= MOST:
                 break
-            damping, growth = max(growth * damping, START), 2.0 * growth
+            damping, growth = max(growth * damping, WHOLE), 2.0 * growth
             continue
         expected = normal.gain(step, pull)
         point, growth = trial, 2.0

@@ -13,10 +13,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import BLOCK, Floats, Integers
-from floquid.fit import CHUNK, ROUNDING
+from floquid.fit import ROUNDING
 from floquid.lti._types import TimeResponses
 
 Rows = Callable[[], Iterator[Floats]]  # the rows of a matrix W (rows, width), some at a time, as often as it is asked
+
+LARGEST = 2**22  # the most numbers that a factor may hold; beyond, it is made of leading directions
+LEADING = 192  # number of leading directions then
+
+SHORT = 600
+"""Samples up to which a record is looked at whole: enough to tell white noise, few enough for a Gram matrix."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,14 +89,14 @@ def energies(data: TimeResponses) -> Floats:
 def energetic_length(energy: Floats, data: TimeResponses) -> int:
     """The samples to look at first: all of a short record; of a long one, those before the energy meets its floor."""
     whole = len(energy)
-    if whole <= CHUNK:
+    if whole <= SHORT:
         return whole
     width = whole // 20
     blocks = energy[: width * 20].reshape(20, width).mean(axis=1)
     columns = data.n_outputs * data.n_inputs
     quiet = blocks < blocks.min() * (1.0 + 6.0 * np.sqrt(2.0 / (width * columns))) * 1.02
     loud = np.flatnonzero(~quiet)
-    return min(whole, max(CHUNK, int(np.ceil(1.5 * width * (loud[-1] + 1))))) if len(loud) else whole
+    return min(whole, max(SHORT, int(np.ceil(1.5 * width * (loud[-1] + 1))))) if len(loud) else whole
 
 
 def product_noise(noise: Floats) -> Floats:
@@ -117,8 +123,8 @@ def _factor(data: TimeResponses, inputs: Integers, samples: int) -> Factor:
     def rows() -> Iterator[Floats]:
         return scaled_blocks(data, inputs, samples)
 
-    if min(columns, samples) * samples > BLOCK:
-        values, energy = _leading(rows, samples, min(-(-BLOCK // samples), samples, columns))
+    if min(columns, samples) * samples > LARGEST:
+        values, energy = _leading(rows, samples, min(LEADING, samples, columns))
         return Factor(values, columns, energy)
     if columns <= samples:
         whole = np.empty((samples, columns))
@@ -205,13 +211,13 @@ def compress(data: TimeResponses, *, rank_one: bool = False) -> TimeResponses:
 
     width = int(data.lengths.sum())
     whole = min(data.n_outputs, width)
-    if whole * width <= BLOCK:
+    if whole * width <= LARGEST:
         few = data.n_outputs <= width
         rows = np.concatenate(list(blocks())) if few else _triangular(blocks, width, data.n_outputs).T
         _, strengths, along = np.linalg.svd(rows, full_matrices=False)
         rows = strengths[:, None] * along
     else:
-        rows = _leading(blocks, width, min(-(-BLOCK // width), whole))[0].T[::-1]
+        rows = _leading(blocks, width, min(LEADING, whole))[0].T[::-1]
     values = np.zeros((len(rows), data.n_inputs, data.values.shape[2]))
     ends = np.cumsum(data.lengths)
     for i, (end, length) in enumerate(zip(ends, data.lengths, strict=True)):

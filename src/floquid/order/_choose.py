@@ -10,8 +10,8 @@ import numpy as np
 
 from floquid._show import Brief
 from floquid.findings import Finding, Severity, note, texts, warning
-from floquid.fit import DEVIATIONS, SIGNIFICANT
-from floquid.lti import AbstractIdentifier, Evidence, MaximumLikelihood, ModalModel, Outcome, TimeResponses
+from floquid.fit import DEVIATIONS
+from floquid.lti import COLOURED, AbstractIdentifier, Evidence, MaximumLikelihood, ModalModel, Outcome, TimeResponses
 
 DETERMINED = 2e-3 * 2.0 * np.pi
 """The standard deviation of a decay or an angle above which a mode may stand for several [rad/sample]."""
@@ -123,7 +123,7 @@ def _findings(evidence: Evidence) -> list[Finding]:
     found.append((warning if doubtful else note)("further_mode", share=share, doubtful=doubtful))
     if evidence.moved > DEVIATIONS and doubtful:
         found.append(warning("modes_move", moved=evidence.moved))
-    if abs(evidence.colour) > SIGNIFICANT:
+    if abs(evidence.colour) > COLOURED:
         return [*found, warning("not_white", colour=evidence.colour)]
     return [*found, note("white", colour=evidence.colour, taps=evidence.whitened, independent=evidence.independent)]
 

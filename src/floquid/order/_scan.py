@@ -8,7 +8,6 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import input_error, integer
-from floquid.fit import MODES
 from floquid.lti import (
     ERA,
     AbstractIdentifier,
@@ -19,6 +18,11 @@ from floquid.lti import (
     weighted_blocks,
 )
 from floquid.order._types import Criteria, OrderScan, Stability, Tolerances, both_compressed, indicators_of
+
+MOST = 40  # the highest order of a scan whose orders are not given
+
+FAR = 10.0
+"""The misfit, in tolerances, beyond which two poles are just as far: one that is lost pushes no other off its match."""
 
 DEFAULT = Tolerances()
 
@@ -52,7 +56,7 @@ def scan(
     identifier
         The algorithm; None for `ERA`.
     orders
-        The orders, positive and below the number of samples; 2, 4, … up to half of the samples and at most 48 when not
+        The orders, positive and below the number of samples; 2, 4, … up to half of the samples and at most 40 when not
         given.
     tolerances
         When poles of neighbouring orders count as one.
@@ -89,7 +93,7 @@ def scan(
 def _orders(orders: Sequence[int] | None, samples: int) -> tuple[int, ...]:
     """The orders, ascending and each once."""
     if orders is None:
-        most = min(2 * MODES, samples // 2)
+        most = min(MOST, samples // 2)
         return tuple(range(2, most + 1, 2)) or (1,)
     if isinstance(orders, (str, bytes)) or not isinstance(orders, Sequence | range | np.ndarray) or not len(orders):
         remedy = "Pass e.g. range(2, 42, 2)."
@@ -210,8 +214,7 @@ def stability(
     turn, decay = _misfits(model.multipliers, lower.multipliers, tolerances)
     shape = (1.0 - mac(*shapes)) / (1.0 - tolerances.shape)
     misfits = np.stack([turn, decay, shape])
-    # Beyond its tolerance a pole is just as far: one that is lost pushes no other off its match.
-    rows, columns = paired(np.minimum(misfits, 1.0).sum(axis=0))
+    rows, columns = paired(np.minimum(misfits, FAR).sum(axis=0))
     met = misfits[:, rows, columns] <= 1.0
     levels[rows] = np.cumprod(met, axis=0).sum(axis=0)
     # Equal angles of real multipliers say nothing by themselves.

@@ -11,7 +11,7 @@ import numpy as np
 from floquid._arrays import BLOCK, Floats, Integers
 from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive
 from floquid._show import Drawings, Drawn, Told
-from floquid.fit import DEVIATIONS, MODES
+from floquid.fit import DEVIATIONS
 from floquid.lti import ModalModel, TimeResponses, composites, compress, noise_edge
 
 
@@ -193,6 +193,8 @@ class OrderScan(Told, Drawn, Rebuilt):
 
 
 SMOOTHING = 5  # number of adjacent lines that are looked at together
+FEW = 64  # rows below which delays are added, half of the samples allowing: fewer responses than poles cannot tell them
+
 DRAWS = 16  # draws of noise for the edge where delays repeat it: their deviation is known to a fifth
 
 
@@ -213,7 +215,7 @@ def indicators(data: TimeResponses, model: ModalModel | None = None, *, smoothin
 
     The singular values are those of the weighted responses, one a row, cut to the shortest input; each pole adds one at
     most. They are held against the largest of white noise: √rows + √columns with the margin of its fluctuations at one
-    in a thousand (Johnstone 2001). Fewer than 48 rows are given delays as rows of their own, and the edge is
+    in a thousand (Johnstone 2001). Fewer than 64 rows are given delays as rows of their own, and the edge is
     drawn from noise of the same size.
 
     `data` are the responses and their noise; spectra of unequally long inputs are those of the shorter ones filled with
@@ -253,8 +255,7 @@ def indicators_of(
     curves = composites(data, model or nothing)
     shortest = int(data.lengths.min())
     rows = data.n_outputs * data.n_inputs
-    # Fewer responses than poles cannot tell them.
-    delays = max(1, min(-(-2 * MODES // rows), shortest // 2))
+    delays = max(1, min(-(-FEW // rows), shortest // 2))
     return Indicators(
         angles=2.0 * np.pi * np.arange(lines) / samples,
         dt=data.dt,

@@ -25,7 +25,7 @@ from floquid.preparation import Excitation as Excitation
 from floquid.preparation import IdentifierName as IdentifierName
 from floquid.preparation import Prepared as Prepared
 from floquid.preparation import Settings as Settings
-from floquid.preparation import one_blas_thread as one_blas_thread
+from floquid.preparation import blas_threads as blas_threads
 from floquid.preparation import prepare as prepare
 
 __all__ = [

@@ -16,7 +16,7 @@ from floquid.preparation import (
     Options,
     Prepared,
     Settings,
-    one_blas_thread,
+    blas_threads,
     own_names,
     prepare,
     settings_of,
@@ -78,7 +78,7 @@ def identify(
         would look right and be wrong.
     """
     prepared = prepare(records, settings_of(settings, options, OF), report=report)
-    with own_names(OF), one_blas_thread():
+    with own_names(OF), blas_threads(prepared.records):
         try:
             found = CHAINS[prepared.settings.kind](prepared, report)
         except IdentificationError as error:

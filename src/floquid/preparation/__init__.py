@@ -18,7 +18,7 @@ from floquid.preparation._excited import refuse_others as refuse_others
 from floquid.preparation._forces import refuse_excited as refuse_excited
 from floquid.preparation._mended import MOST_ABSENT as MOST_ABSENT
 from floquid.preparation._prepare import Prepared, prepare
-from floquid.preparation._prepare import one_blas_thread as one_blas_thread
+from floquid.preparation._prepare import blas_threads as blas_threads
 from floquid.preparation._prepare import uneven_speed as uneven_speed
 from floquid.preparation._refuse import NO_NEWS as NO_NEWS
 from floquid.preparation._refuse import name_of as name_of

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from floquid._checks import input_error
 from floquid.core import Record
 from floquid.errors import IdentificationError
-from floquid.preparation._lines import BESIDE
 from floquid.preparation._mended import NO_RESPONSE
 from floquid.preparation._settings import Settings
 
@@ -21,6 +20,8 @@ BROAD = 16.0
 
 WHITE = 0.125
 """Share of all lines from which on a force is noise and no response."""
+
+BESIDE = 3  # lines on either side of a harmonic of the period that are its own
 
 
 def refuse_excited(settings: Settings, of: str) -> None:

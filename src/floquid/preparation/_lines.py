@@ -9,15 +9,28 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._arrays import Integers, Mask
 from floquid.checks import MOST_PERIODS
-from floquid.fit import CHUNK, SLOW, SURE
 
 STEADY_LINES = 12
 """Harmonics of the period at which a response that repeats with it is looked for."""
 
-BESIDE = 4
-"""Lines on either side of a harmonic that are its own, and by which the level there is judged."""
+BESIDE = (1, 2, 3, 4)
+"""Lines on either side of a harmonic by which the level there is judged."""
+
+BLOCK = 256
+"""Samples that are summed to lines at once."""
+
+PERIODS_A_LINE = 4.0
+"""Periods of the records over the harmonics that are fitted, at least, where all are."""
+
+LOUD = 8.0
+"""The amplitude at a harmonic over that beside it from which on it is fitted."""
+
+LONG = 60
+"""Periods that a record has at least in which such lines are looked for."""
+
+PURE = 50.0
+"""The amplitude of such a line over that beside, at least: few modes that hardly decay are at such a line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,11 +46,13 @@ class Lines:
     def steady(self, periods_of_turn: float) -> tuple[float, ...]:
         """Harmonics of a response that repeats with the period or the revolution: an orbit, gravity, an imbalance.
 
-        Where one stands above what is beside it all are fitted: a smaller one that is left out would be taken for a
-        mode that never decays.
+        Where one stands far above what is beside it all are fitted, as far as the records are long enough: a smaller
+        one that is left out would be taken for a mode that never decays.
         """
         turns = self._up_to_highest(periods_of_turn)
-        return tuple(turns.tolist()) if self._loud(turns, self.outputs).any() else ()
+        loud = turns[self._above(turns, self.outputs) > LOUD]
+        periods = sum(own.shape[1] for own in self.outputs) / (self.rate * self.period)
+        return tuple((turns if len(loud) and periods > PERIODS_A_LINE * len(turns) else loud).tolist())
 
     def periods_of_turn(self) -> int:
         """Periods of the revolution whose lines the outputs have between the harmonics, and no input has."""
@@ -47,10 +62,10 @@ class Lines:
             each[count] = turns[np.gcd(np.rint(turns * count).astype(np.int64), count) == 1]
         turns = np.concatenate(list(each.values()))
         counts = np.repeat(list(each), [len(own) for own in each.values()])
-        pure = self._loud(turns, self.outputs, counts) & (self._above(turns, self.outputs, counts) > _of_mode())
+        pure = self._above(turns, self.outputs, LONG) > PURE
         if not pure.any():
             return 1
-        driven = self._loud(turns, self.inputs)
+        driven = self._above(turns, self.inputs) > LOUD
         found = 1
         for count in each:
             if pure[counts == count].any() and not driven[counts == count].any():
@@ -64,35 +79,16 @@ class Lines:
         fractions = np.arange(1, int(highest * periods_of_turn) + 1) / periods_of_turn
         return np.union1d(np.arange(1.0, highest + 1.0), fractions)
 
-    def _loud(
-        self, harmonics: NDArray[np.float64], values: Sequence[NDArray[np.float64]], counts: Integers | int = 0
-    ) -> Mask:
-        r"""True of lines that noise, as loud as it is beside them, hardly makes (harmonics,).
-
-        .. math:: P\Big(\frac{|C_0|^2}{\overline{|C_k|^2}} > f\Big) = \Big(1 + \frac{f}{2K}\Big)^{-2K}
-
-        of an F distribution, with K lines on either side.
-        """
-        chance = SURE / (len(harmonics) * max(sum(map(len, values)), 1))
-        limit = 2.0 * BESIDE * (chance ** (-0.5 / BESIDE) - 1.0)
-        return self._above(harmonics, values, counts) > np.sqrt(limit)
-
     def _above(
-        self, harmonics: NDArray[np.float64], values: Sequence[NDArray[np.float64]], counts: Integers | int = 0
+        self, harmonics: NDArray[np.float64], values: Sequence[NDArray[np.float64]], periods: float = 0.0
     ) -> NDArray[np.float64]:
-        """Lines over those beside, the most of all channels in records that resolve `counts` a period (harmonics,)."""
+        """Lines over those beside, the most of all channels in records that are long enough (harmonics,)."""
         each = [
             _above_beside(own, times, self.period, harmonics)
-            * (times[-1] - times[0] > 2.0 * BESIDE * counts * self.period)
             for own, times in zip(values, self.times, strict=True)
+            if times[-1] - times[0] > (periods - 1.0) * self.period
         ]
         return np.max(np.concatenate([np.zeros((1, len(harmonics))), *each]), axis=0)
-
-
-def _of_mode() -> float:
-    """The line of a mode that hardly decays over a record, over those beside it."""
-    beside = 2.0 * np.pi * np.arange(1, BESIDE + 1)
-    return float(1.0 / np.sqrt(np.mean(SLOW**2 / (SLOW**2 + beside**2))))
 
 
 def _above_beside(
@@ -104,19 +100,19 @@ def _above_beside(
     that go with the values: 2(|C|² + |S|²) = |C - iS|² + |C + iS|².
     """
     fundamental = 2.0 * np.pi / period
-    slow = 2.0 * np.pi * np.arange(1, BESIDE + 1) / (times[-1] - times[0])
+    slow = 2.0 * np.pi * np.array(BESIDE) / (times[-1] - times[0])
     whole, i = np.unique(np.floor(harmonics), return_inverse=True)
     fractions, j = np.unique(np.round(harmonics - np.floor(harmonics), 12), return_inverse=True)
     values = values - values.mean(axis=1, keepdims=True)
-    room = np.empty((len(whole), len(fractions), CHUNK), np.complex128)
+    room = np.empty((len(whole), len(fractions), BLOCK), np.complex128)
     sums = np.zeros((len(values) * (1 + 2 * len(slow)), 2 * len(whole) * len(fractions)))
-    for first in range(0, len(times), CHUNK):
-        own = times[first : first + CHUNK]
+    for first in range(0, len(times), BLOCK):
+        own = times[first : first + BLOCK]
         coarse, fine = (np.exp(-1j * fundamental * np.multiply.outer(one, own)) for one in (whole, fractions))
         turned = np.multiply(coarse[:, None], fine, out=room[..., : len(own)]).reshape(-1, len(own))
         angles = np.multiply.outer(slow, own)
         beside = np.concatenate([np.ones((1, len(own))), np.cos(angles), np.sin(angles)])
-        weighted = (values[:, None, first : first + CHUNK] * beside).reshape(-1, len(own))
+        weighted = (values[:, None, first : first + BLOCK] * beside).reshape(-1, len(own))
         sums += weighted @ np.concatenate([turned.real, turned.imag]).T
     shape = (len(values), 1 + 2 * len(slow), 2, len(whole) * len(fractions))
     squares = np.sum(sums.reshape(shape) ** 2, axis=2)[..., i * len(fractions) + j]

@@ -15,6 +15,7 @@ from floquid.checks import Parted
 from floquid.core import ConstantPeriod, PhaseClock, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, texts, warning
+from floquid.lti import TimeResponses
 from floquid.periodic import estimate_period
 from floquid.preparation._before import (
     begun,
@@ -39,6 +40,7 @@ from floquid.sync import ShaftAngle, refuse_unlike
 if TYPE_CHECKING:
     from threadpoolctl import ThreadpoolController
 
+LARGE = 20_000_000  # samples in all from which linear algebra may use all threads
 NEAR = 1.5  # largest factor between the period and a first value of it
 
 
@@ -110,12 +112,13 @@ def prepare(
     return replace(found, faults=faults)
 
 
-def one_blas_thread() -> AbstractContextManager[object]:
-    """Linear algebra in one thread.
+def blas_threads(records: Sequence[Record | TimeResponses]) -> AbstractContextManager[object]:
+    """Linear algebra in one thread, unless the records are large.
 
     The matrices are many and small: threads inside BLAS would wait for each other, on a busy machine for seconds.
     """
-    return _thread_pools("scipy.linalg" in sys.modules).limit(limits=1, user_api="blas")
+    few = sum(record.values.size for record in records) < LARGE
+    return _thread_pools("scipy.linalg" in sys.modules).limit(limits=1 if few else None, user_api="blas")
 
 
 @cache
@@ -136,7 +139,7 @@ def _excited(records: tuple[Record, ...], settings: Settings, report: Callable[[
     """The outputs and inputs of records whose excitation goes on, mended, and what was done."""
     records, begun_at = begun(records, settings)
     records, faults = mended(records, settings)
-    with one_blas_thread():
+    with blas_threads(records):
         report("parting inputs and outputs")
         own = parted_of(records, settings, of)
     if settings.kind == "inputs":
@@ -198,7 +201,7 @@ def _tied(
     refuse_copies(responses, of)
     check_states(responses[0].channels, settings)
     if settings.estimate_period:
-        with one_blas_thread():
+        with blas_threads(responses):
             responses, more = _with_own_period(responses, settings.period, report)
         records, said = responses, (*said, *more)
     shafts = shafts_of(records, report, of)

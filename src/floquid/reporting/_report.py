@@ -13,7 +13,7 @@ from floquid._checks import input_error, timed_matrices
 from floquid.errors import IdentificationError, InputError
 from floquid.io import as_path, atomic_path
 from floquid.order import OrderScan
-from floquid.pipeline import Analysis, one_blas_thread
+from floquid.pipeline import Analysis, blas_threads
 from floquid.reporting._brief import brief_page
 from floquid.reporting._case import case_of
 from floquid.reporting._lines_page import lines_page
@@ -130,7 +130,7 @@ def _scan(analysis: Analysis, progress: Callable[[str], None]) -> tuple[OrderSca
         return None, ""
     progress("scanning the order")
     try:
-        with one_blas_thread():
+        with blas_threads([analysis.lifted.responses]):
             return analysis.scan(), ""
     except (InputError, IdentificationError) as error:
         return None, str(error)

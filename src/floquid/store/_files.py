@@ -26,9 +26,9 @@ from floquid.pipeline import (
     Driven,
     Settings,
     ambient_fit,
+    blas_threads,
     driven_fit,
     lifted_views,
-    one_blas_thread,
     samples_of,
 )
 from floquid.reconstruction import AbstractStructure, Refinement, StateModel, structure_of, text_of
@@ -292,7 +292,7 @@ def _decay(
     if len(records) != model.n_hits:
         raise DamagedError("model/coefficients are not of as many hits as there are records")
     fit = _fit(group["fit"], model, samples_of(records, shafts, settings))
-    with one_blas_thread():  # as when it was identified: the same to the last digit
+    with blas_threads(fit.free):  # as when it was identified: the same to the last digit
         cycles, lifted = lifted_views(fit, shafts, settings)
     own = get_fields(group["modal"], ModalModel)
     own["outcome"] = Outcome[own["outcome"]]

@@ -13,8 +13,9 @@ from floquid.core import Record, channels_named
 from floquid.findings import Finding, note
 from floquid.sync._impact_search import by_force, by_response
 
-LEAST = 0.05  # the weakest impact, and the shortest piece, that count, as shares of the strongest and the longest one
+LEAST = 0.05  # the weakest impact that counts, as a share of the strongest one
 APART = 0.01  # Impacts closer than this share of the record are one impact
+SHORTEST = 0.1  # pieces shorter than this share of the longest one are left out
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,9 +70,9 @@ def find_impacts(
 
     A free response that starts at the first sample is no impact: an empty result says that the record is one free
     response from its first sample (or that the first samples are all that was hit). Two blows nearer than the model's
-    memory (160 samples over the channels) look like one long impact in the response alone. The soft beginning and end
-    of a long one drown in noise: then split with a `skip`. A hard knock of loose parts is an impact; longer chatter,
-    which both predictions miss on both of its sides, is not counted.
+    memory (up to 64 samples) look like one long impact in the response alone. The soft beginning and end of a long one
+    drown in noise: then split with a `skip`. A hard knock of loose parts is an impact; longer chatter, which both
+    predictions miss on both of its sides, is not counted.
 
     Raises InputError where a channel is unknown or a number is out of its range. So it does where the response is too
     short or misses too many samples.
@@ -142,7 +143,7 @@ def split_hits(
         The name of the force channel: by default those of quantity "force".
     skip, shortest
         Left out after each impact [s], such as first cycles that are not linear; and the length below which pieces are
-        left out [s], by default 5 % of the longest.
+        left out [s], by default a tenth of the longest.
     """
     of = "split_hits"
     pause = finite(skip, "skip", of, unit="s")
@@ -153,7 +154,7 @@ def split_hits(
         impacts = (Impact(start=record.start, end=record.start, strength=1.0, double=False),)
     bounds = _bounds(record, impacts, pause)
     lengths = [max(0, stop - first) / record.sample_rate for first, stop in bounds]
-    limit = LEAST * max(lengths) if shortest is None else positive(shortest, "shortest", of, unit="s")
+    limit = SHORTEST * max(lengths) if shortest is None else positive(shortest, "shortest", of, unit="s")
     kept = [number for number, length in enumerate(lengths) if length > 0 and length >= limit * (1 - 1e-9)]
     if not kept:
         got = f"is {pause:g} s, and the longest piece would last {max(lengths):g} s"

@@ -12,17 +12,25 @@ from numpy.lib.stride_tricks import sliding_window_view
 from floquid._arrays import BLOCK, Floats, Mask
 from floquid._checks import input_error
 from floquid.core import runs_of
-from floquid.fit import QUIET, ROUNDS, SURE, chi2_limit
+from floquid.fit import SURE, chi2_limit
 
 Blow = tuple[int, int, float, bool]
 
+LONGEST_MEMORY = 64  # samples that the model looks back at most
 TERMS = 160  # coefficients a channel of the model at most: memory times channels
 ROWS_A_TERM = 5  # samples a coefficient that the fit needs
+MOST_ROWS = 10_000  # samples that the fit uses at most: more make it slower, not better
+
+LEAST_ERROR = 1e-4
+"""Prediction error that is never an impact, against the deviation of the channel, and that the fit takes for granted:
+one of a record without noise would be exact and unstable."""
 
 SIDED = 0.7
 """Share of the errors around an impact that lies ahead of it forwards and before it backwards: less is chatter."""
 
 NEARBY = 16  # windows on each side over which the usual prediction error is taken
+
+PASSES = 6  # fits, at most, without the rows that hold impacts: each finds fewer of them than the one before
 
 
 def by_force(force: Floats, *, least: float, apart: int) -> list[Blow]:
@@ -57,7 +65,7 @@ def by_response(values: Floats, rows: list[int], *, least: float, apart: int) ->
     free = whole
     errors = _errors(scaled, memory, whole, free)
     excess, limit = _excess(*errors, window, len(rows))
-    for _ in range(ROUNDS):
+    for _ in range(PASSES):
         counted = np.concatenate([[0], np.cumsum(excess > limit)])
         # A row of the fit is n ... n + memory: free when no impact comes after its first and up to its last sample.
         now = whole & (counted[memory + 1 : -1] == counted[1 : -1 - memory])
@@ -72,7 +80,7 @@ def by_response(values: Floats, rows: list[int], *, least: float, apart: int) ->
 
 def _memory(complete: Mask, channels: int) -> tuple[int, Mask]:
     """Memory of the model, and the mask of rows (samples - memory,) of the fit that miss no sample."""
-    memory = max(1, min(TERMS // channels, len(complete) // (ROWS_A_TERM * channels + 1)))
+    memory = max(1, min(LONGEST_MEMORY, TERMS // channels, len(complete) // (ROWS_A_TERM * channels + 1)))
     counted = np.concatenate([[0], np.cumsum(~complete)])
     while memory >= 2:
         whole = counted[memory + 1 :] == counted[: -1 - memory]
@@ -94,8 +102,7 @@ def _errors(scaled: Floats, memory: int, whole: Mask, free: Mask) -> tuple[Float
     channels, samples = scaled.shape
     # A row is a stretch of the samples in order of time: it is copied as it lies.
     in_time = np.ascontiguousarray(scaled.T).ravel()
-    # More rows than fill a block make it slower, not better.
-    every = max(int(free.sum()) * memory * channels // BLOCK, 1)
+    every = -(-int(free.sum()) // MOST_ROWS)
     # Stretches are longer than the memory: their ends cost as much as their samples.
     used = free & (np.arange(len(free)) // (4 * memory) % every == 0)
     mean, gram = _moments(in_time.reshape(samples, channels), used if used.any() else free)
@@ -110,10 +117,10 @@ def _errors(scaled: Floats, memory: int, whole: Mask, free: Mask) -> tuple[Float
     ahead, back = np.full((2, samples), np.nan)
     floor = 0.0
     for squares, error in ((ahead[memory:], errors[:, :channels]), (back[:-memory], errors[:, channels:])):
-        covariance = error[free].T @ error[free] / free.sum() + QUIET**2 * np.eye(channels)
+        covariance = error[free].T @ error[free] / free.sum() + LEAST_ERROR**2 * np.eye(channels)
         inverse = np.linalg.inv(covariance)
         squares[:] = np.where(whole, np.einsum("nc,cd,nd->n", error, inverse, error, optimize=True) / channels, np.nan)
-        floor = max(floor, QUIET**2 * float(np.trace(inverse)) / channels)
+        floor = max(floor, LEAST_ERROR**2 * float(np.trace(inverse)) / channels)
     return ahead, back, floor
 
 
@@ -148,7 +155,7 @@ def _filter(gram: Floats, channels: int, *, ahead: bool) -> Floats:
     size = len(gram)
     target = slice(size - channels, size) if ahead else slice(0, channels)
     known = slice(0, size - channels) if ahead else slice(channels, size)
-    ridge = QUIET**2 * np.eye(size - channels)  # an exact fit would be unstable
+    ridge = LEAST_ERROR**2 * np.eye(size - channels)
     filters = np.zeros((size, channels))
     filters[target] = np.eye(channels)
     filters[known] = -np.linalg.solve(gram[known, known] + ridge, gram[known, target])

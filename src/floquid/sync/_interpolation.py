@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 
 from floquid._arrays import BLOCK, Floats, Indices
 from floquid._checks import finite, frozen_array, input_error, positive
-from floquid.fit import ROUNDING
 
 BAND = 0.8  # end of the pass band, as a share of the cut-off frequency, by default
 ACCURACY = 1e-6  # the error of interpolation, as a share of each line's amplitude, unless told
@@ -51,10 +50,10 @@ def design(sample_rate: float, cutoff: float, band: float, accuracy: float, of: 
     rate = positive(sample_rate, "sample_rate", of, unit="Hz")
     share = positive(cutoff, "cutoff", of, unit="Hz") / rate
     check_options(band, accuracy, of)
-    n_taps, beta = _kaiser(20.0 * np.log10(_MARGIN / accuracy), 4.0 * (1.0 - band) * share)
-    if 2.0 * share > 1.0 + ROUNDING or n_taps > BLOCK:
-        must = f"be half the sampling rate ({0.5 * rate:.6g} Hz) or less, and ask for {BLOCK} samples at most"
+    if not 1e-4 <= share <= 0.5 * (1.0 + 1e-12):
+        must = f"lie between 1e-4 of the sampling rate and half of it ({0.5 * rate:.6g} Hz)"
         raise input_error("cutoff", of, must, f"is {cutoff:.6g} Hz", "Pass half the lower of the old rate and the new.")
+    n_taps, beta = _kaiser(20.0 * np.log10(_MARGIN / accuracy), 4.0 * (1.0 - band) * share)
     half = int(np.ceil(0.5 * (n_taps - 1)))
 
     nodes = chebyshev.chebpts1(_DEGREE + 1)

@@ -18,6 +18,7 @@ RISE, FALL = 0.45, 0.25
 ENDS = (2, 1, 4)
 """Samples of base and of top that the sum over an edge takes in beyond the rise: filters ring, and noise adds up."""
 
+NEAR = 16  # most samples beside an edge from which the levels there are taken: bases drift, and teeth differ in height
 CLEAR = 15.0  # least height of pulses, in standard deviations of the base: the threshold is then six above it
 MOSTLY = 0.6  # fraction of the time beyond which a high level is the base: pulses of half the time go up
 
@@ -123,8 +124,8 @@ def _level(samples: Floats, default: float) -> Floats:
 
 def _edges(heights: Floats, begins: Indices, shape: _Shape, half: int) -> Floats:
     """Leading edges by the area method, each between its own base and its own top."""
-    # Levels beside an edge: bases drift, and teeth differ in height.
-    before, after = (max(int(length - 2 * half), 0) for length in (shape.gap, shape.width))
+    before = int(np.clip(shape.gap - 2 * half, 0, NEAR))
+    after = int(np.clip(shape.width - 2 * half, 0, NEAR))
     base = _level(_windows(heights, begins - half - before, before), 0.0)
     top = _level(_windows(heights, begins + half, after), 1.0)
     base, top = np.where(top - base > 0.5, base, 0.0), np.where(top - base > 0.5, top, 1.0)
@@ -137,7 +138,7 @@ def _middles(heights: Floats, begins: Indices, ends: Indices, shape: _Shape) -> 
     """Middles of narrow pulses: by the areas of their halves, and their centroids."""
     apart = shape.gap + shape.width
     half = max(min(int(np.ceil(0.5 * (shape.width + shape.rise))) + ENDS[0], int(0.5 * apart)), 1)
-    beside = max(int(0.5 * apart - half - 0.5), 0)
+    beside = int(np.clip(0.5 * apart - half - 0.5, 0, NEAR))
     offsets = np.arange(-half, half + 1)
     middle, centroid = np.array([]), 0.5 * (begins + ends - 1)
     window = np.empty((0, 2 * half + 1))

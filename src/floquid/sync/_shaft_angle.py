@@ -20,9 +20,11 @@ from floquid.sync._read_clock import OF, Evidence, evidence
 STEADY, USABLE = 0.01, 0.05
 """Wander of the speed, of its mean: below the one a periodic model holds, beyond the other it does not."""
 
-GAP = 2.0
-"""Revolutions between knots at least: less, and uneven lines would be taken for a change of speed. More without a
-pulse, also before the first and after the last, are told of: the deviation leaves out how the speed changed there."""
+GAP = 2.5
+"""Revolutions without a pulse, also before the first and after the last, that are told of: two are one pulse missed.
+The deviation of the angle does not hold how the speed changed there."""
+ALIKE = 0.4  # correlation of neighbours in what is left over that is told of
+APART = 2.0  # revolutions between knots at least: less, and uneven lines would be taken for a change of speed
 
 
 def verdict(wander: float, run: float, mean_speed: float) -> tuple[bool, Finding]:
@@ -75,7 +77,7 @@ def alike(residuals: Floats) -> list[Finding]:
     """Finding on residuals that follow one another: a random error differs from pulse to pulse."""
     power = float(residuals @ residuals)
     correlation = float(residuals[1:] @ residuals[:-1]) / power if power > 0.0 else 0.0
-    if correlation < DEVIATIONS / np.sqrt(len(residuals)):
+    if correlation < max(ALIKE, DEVIATIONS / np.sqrt(len(residuals))):
         return []
     return [warning("angle_alike", correlation=correlation)]
 
@@ -271,7 +273,7 @@ def shaft_angle(record: Record) -> ShaftAngle:
     """
     seen = evidence(record.clock, record)
     revolutions = float(seen.angles[-1] - seen.angles[0]) / TURN
-    most = max(int(revolutions / GAP), 1)
+    most = max(int(revolutions / APART), 1)
     fit = fit_angle(seen.times, seen.angles, seen.lines, seen.n_lines, most, step=seen.step)
     spline = fit.spline
     speeds = spline.speed(np.linspace(spline.first, spline.last, 8 * len(spline.knots)))

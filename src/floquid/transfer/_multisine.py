@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt, frozen_array, input_error
 from floquid.core import Channel, ConstantPeriod, Record
-from floquid.inputs import LEAKAGE
+
+ROUNDED = 1e-6
+"""The share by which periods and rates are off as they are written: a rate so near is that of whole samples."""
 
 DRAWS = 20
 """Draws of the phases; the one of least peak is taken."""
@@ -138,7 +140,7 @@ def multisine(
         raise input_error("spare", of, "be from 0 to less than 1", f"is {spare}", "As spare=0.1.")
     exact = turns * period * sample_rate
     samples = round(exact)
-    if abs(exact - samples) > LEAKAGE:
+    if abs(exact - samples) > ROUNDED * exact:
         must = "give a whole number of samples in a repeat"
         rates = " or ".join(f"{count / (turns * period):.10g}" for count in (int(exact), int(exact) + 1))
         raise input_error("sample_rate", of, must, f"gives {exact:.8g} of them", f"Take {rates} Hz, or other turns.")

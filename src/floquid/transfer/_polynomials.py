@@ -11,12 +11,30 @@ from numpy.typing import NDArray
 from floquid.core import Channel
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, warning
-from floquid.fit import CHUNK, HALF_DIGITS, RARE
-from floquid.inputs import LEAKAGE, Samples
+from floquid.fit import SURE
+from floquid.inputs import Samples
 from floquid.transfer._measured import MeasuredTransfer, measured_of
 
 DEGREE = 2
 """Degree of the polynomials."""
+
+FREE = (20, 0.6)
+"""Lines of a window beyond the unknowns: a number, and a share of them more."""
+
+LEAKAGE = 0.02
+"""The share of a sample by which a whole number of periods may not be one of samples."""
+
+TOGETHER = 256
+"""Windows that are solved at once."""
+
+POOR = 1e6
+"""The variance of G, over that from inputs of the same power at every line, from which on they have none to tell it."""
+
+BENT = 12
+"""Windows in which G bends most, for which polynomials of one degree more are tried,"""
+
+WORSE = 1.6
+"""and the gain over the noise of them that is told."""
 
 
 def by_polynomials(
@@ -53,7 +71,7 @@ def by_polynomials(
     inputs, known = inputs / size[:, None], known / also[:, None]  # units do not matter
     lines, records = chosen_lines(known, frequencies_hz, samples.step), len(outputs)
     unknowns = (DEGREE + 1) * (len(asked) * inputs.shape[1] + records)
-    half = int(np.ceil(unknowns / records))  # twice as many lines as unknowns
+    half = int(np.ceil(0.5 * (unknowns + max(FREE[0], FREE[1] * unknowns)) / records))
     if 4 * half > count // 2:
         raise IdentificationError(
             f"The records hold {periods} whole periods, {count // 2} lines: too few for {unknowns} unknowns in windows "
@@ -62,14 +80,20 @@ def by_polynomials(
     shape = (len(asked), outputs.shape[1], inputs.shape[1], len(lines))
     values, std = np.zeros(shape, complex), np.zeros(shape, complex)
     noise, explained = np.zeros((outputs.shape[1], len(lines))), np.zeros((outputs.shape[1], len(lines)))
+    bends = np.zeros((len(asked), len(lines)))
     even = 1.0 / (records * (2 * half + 1))
-    for row, begin in product(range(len(asked)), range(0, len(lines), CHUNK)):
-        own = slice(begin, begin + CHUNK)
+    for row, begin in product(range(len(asked)), range(0, len(lines), TOGETHER)):
+        own = slice(begin, begin + TOGETHER)
         middle = lines[own] + asked[row] * periods
         solved, variance, left, share = _windows(outputs, (inputs, known), middle, asked, periods, half)
+        driven = slice(0, (DEGREE + 1) * len(asked) * inputs.shape[1])
+        bend = np.abs(solved) ** 2 / (variance[:, :, None] * left[:, None, :])
+        bends[row, own] = (
+            bend[:, driven].reshape(len(middle), -1, DEGREE + 1, outputs.shape[1])[:, :, 2].max(axis=(1, 2))
+        )
         place = (DEGREE + 1) * inputs.shape[1] * row + (DEGREE + 1) * np.arange(inputs.shape[1])
         # Between the lines of a multisine the equations are of rounding alone.
-        told = np.where(HALF_DIGITS * variance[:, place, None] < even, variance[:, place, None], np.nan)
+        told = np.where(variance[:, place, None] < POOR * even, variance[:, place, None], np.nan)
         g = np.where(np.isfinite(told), solved[:, place], np.nan)
         values[row, :, :, own] = np.moveaxis(g, 0, -1).swapaxes(0, 1)
         spread = np.sqrt(0.5 * told * left[:, None, :])
@@ -92,7 +116,7 @@ def by_polynomials(
         begins=np.zeros(0),
         findings=(
             note("measured_polynomials", lines=2 * half + 1, width=(2 * half + 1) / (count * samples.step)),
-            *_flattened(outputs, (inputs, known), lines + asked[:, None] * periods, asked, periods, half),
+            *_flattened(outputs, (inputs, known), lines + asked[:, None] * periods, bends, asked, periods, half),
         ),
     )
 
@@ -112,24 +136,28 @@ def _flattened(
     outputs: NDArray,
     inputs: tuple[NDArray, NDArray],
     middle: NDArray[np.int64],
+    bends: NDArray[np.float64],
     harmonics: NDArray[np.int64],
     periods: int,
     half: int,
 ) -> list[Finding]:
-    """Finding where polynomials of a higher degree leave less than noise, in one of the windows side by side."""
+    """Finding where polynomials of a higher degree leave less than noise, in windows in which G bends most."""
     from scipy.special import fdtrc
 
-    chosen: list[int] = []
-    for line in np.unique(middle).tolist():
-        if not chosen or line - chosen[-1] > 2 * half:
+    order, chosen = np.argsort(-bends, axis=None), []
+    for line in middle.ravel()[order].tolist():
+        if all(abs(line - other) > 2 * half for other in chosen):
             chosen.append(line)
+        if len(chosen) == BENT:
+            break
     both = [_windows(outputs, inputs, np.array(chosen), harmonics, periods, half, DEGREE + more) for more in (0, 1)]
     lines = len(outputs) * (2 * half + 1)
-    (low, few), (high, many) = ((one[2], one[0].shape[1]) for one in both)
+    (low, few), (high, many) = ((np.sum(one[2], axis=0), one[0].shape[1]) for one in both)
     free, more = lines - many, many - few
     gain = ((lines - few) * low - free * high) / more / high
-    seen = fdtrc(2.0 * more, 2.0 * free, gain) * gain.size < RARE
-    return [warning("measured_flattened", ratio=float(gain.max()))] if seen.any() else []
+    degrees = 2.0 * len(chosen)
+    sure = fdtrc(degrees * more, degrees * free, gain) * len(gain) < SURE
+    return [warning("measured_flattened", ratio=float(gain.max()))] if (sure & (gain > WORSE)).any() else []
 
 
 def whole_periods(samples: Samples) -> tuple[int, int]:

@@ -11,20 +11,26 @@ from floquid.core import Channel
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, warning
 from floquid.fit import ROUNDING, SURE
-from floquid.inputs import LEAKAGE, Samples
+from floquid.inputs import Samples
 from floquid.transfer._measured import MeasuredTransfer, measured_of
 
 ALIKE = 0.1
 """The rms by which repeats of an input may differ, over its own: it may be measured with noise."""
 
 EXCITED = 1e-3
-"""The amplitude of a line over the largest from which on it is one of the input, where it is above its noise."""
+"""The amplitude of a line over the largest from which on it is one of the input,"""
+
+LOUD = 50.0
+"""where its power is this multiple of that of the noise of the input."""
 
 BESIDE = 8
 """Lines on either side whose variance over the repeats is put together."""
 
 RINGING = 2.0
 """The variance of repeats with what rings on in it, over that without, from which on it is taken out."""
+
+MARGIN = 0.3
+"""The share of the noise above which that is told: its own level is an estimate."""
 
 
 def repeat_of(samples: Samples) -> int | None:
@@ -34,7 +40,7 @@ def repeat_of(samples: Samples) -> int | None:
     shortest = min(own.stop - own.start for own in samples.records)
     for turns in range(2, int(shortest / (3.0 * per_turn)) + 1):
         lag = round(turns * per_turn)
-        if abs(turns * per_turn - lag) > LEAKAGE:
+        if abs(turns * per_turn - lag) > 1e-3:
             continue
         late, early = (
             np.concatenate([inputs[:, own][:, part] for own in samples.records], axis=1)
@@ -86,8 +92,7 @@ def by_repeats(
         spread = np.average([_without_ringing(own) for own in answers], axis=0, weights=counts - 1)
         spread = np.maximum(spread, _rounding(outputs))
     powers = counts[:, None, None] * np.abs(inputs) ** 2
-    least = np.log(count / SURE) * unlike  # noise has more at none of the lines
-    driving = powers > np.maximum(EXCITED**2 * powers.max(axis=(0, 2), keepdims=True), least)
+    driving = (powers > EXCITED**2 * powers.max(axis=(0, 2), keepdims=True)) & (powers > LOUD * unlike)
     driving[:, :, 0] = driving[:, :, (count - 1) // 2 + 1 :] = False
     for own in driving:  # lines of different records do not meet: a scan may have one in each
         _refuse_collisions(own, turns)
@@ -220,7 +225,7 @@ def _transient(records: list[NDArray], drop: int) -> list[Finding]:
     worst, found = 0.0, False
     for own in records:
         repeats, lines = own.shape[1], own.shape[2] // 2
-        if repeats <= 2:  # one other has no spread
+        if repeats < 3:
             continue
         means, spread = _means([own[:, 1:]])
         apart = np.abs(own[:, 0] - means[0]) ** 2 * (repeats - 1.0) / repeats
@@ -235,7 +240,7 @@ def _above(ratio: float, lines: int) -> bool:
     """True where a mean of squares of complex numbers over their variances is above 1 beyond chance."""
     from scipy.special import chdtrc
 
-    return bool(lines and chdtrc(2 * lines, 2 * lines * ratio) < SURE)
+    return bool(lines and chdtrc(2 * lines, 2 * lines * ratio) < SURE and ratio > 1.0 + MARGIN)
 
 
 def _not_linear(nonlinear: NDArray[np.float64], lines: int, names: Sequence[str]) -> list[Finding]:

@@ -132,10 +132,10 @@ def test_white_noise_is_left_alone(n_phases):
 
 
 @pytest.mark.parametrize("lags", [1, 6])
-def test_a_filter_is_made_from_six_deviations_on(lags):
+def test_a_filter_is_made_from_eight_deviations_on(lags):
     """Box and Pierce's sum over white noise has the mean of the lags, and twice their variance."""
     numbers, kinds = np.array([150.0]), []
-    for deviations in (5.5, 6.5):
+    for deviations in (7.5, 8.5):
         correlations = np.zeros((1, lags + 1))
         correlations[0, :2] = 1.0, np.sqrt((lags + deviations * np.sqrt(2.0 * lags)) / numbers[0])
         kinds.append(filters_of(correlations, numbers) is not None)

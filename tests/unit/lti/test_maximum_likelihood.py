@@ -5,7 +5,6 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import linear_sum_assignment
 
-from floquid.fit import CHUNK
 from floquid.lti import MaximumLikelihood, ModalModel, Outcome, TimeResponses, fit_residues, white_noise_std
 from floquid.lti._era import Realisation, hankel_covariance
 from floquid.lti._exponentials import fit, polish
@@ -272,14 +271,14 @@ def test_a_mode_that_outlasts_the_energy_of_the_others_is_fitted_to_its_end():
 
     def of_the_slow_mode(samples):
         data = TimeResponses(values=values[..., :samples], dt=1.0, noise=np.full((20, 1), noise))
-        assert [len(f.values) for f in IDENTIFIER.prepare(data).factors] == [CHUNK]
+        assert [len(f.values) for f in IDENTIFIER.prepare(data).factors] == [600]
         found = identified(data)
         assert found.order == 4
         weak = np.argmin(np.abs(found.multipliers - slow))
         return np.log(found.multipliers[weak] / slow).real, np.sqrt(found.covariance[weak, weak])
 
     off, std = of_the_slow_mode(5000)
-    _, std_of_the_loud_part = of_the_slow_mode(CHUNK)
+    _, std_of_the_loud_part = of_the_slow_mode(600)
     assert std < 0.35 * std_of_the_loud_part
     assert abs(off) < 4.0 * std
 

@@ -176,7 +176,7 @@ class TestNotTold:
 
     def test_two_fundamentals_that_explain_the_lines_alike(self):
         # λ, λ + iω and those moved by the distance of the modes: a parallelogram, whose other side would do as well.
-        record = record_of([-0.02 + 10.0j, -0.02 + 15.3j], width=1, empty=(-1,), seed=1)
+        record = record_of([-0.02 + 10.0j, -0.02 + 15.3j], width=1, empty=(-1,))
         self.check(estimate_period([record]), "explain the lines as well")
 
 

@@ -50,7 +50,7 @@ def test_the_page_of_a_driven_analysis(driven, tmp_path):
     assert "1 mode (order 2) found in 1 record of 1 output and 1 measured input, 50 periods" in said
     assert "Harmonic transfer functions" in said
     assert "by a fit to the first three quarters alone" in said
-    assert "The records are too short for that: a line is measured over 0.236 Hz" in said
+    assert "The records are too short for that: a line is measured over 0.248 Hz" in said
     assert "deviations apart" not in page
     assert "no standard deviations" not in said
     assert "tip &lt;b&gt;" in page

@@ -78,6 +78,7 @@ def test_hits_in_the_response_of_others_are_found_to_two_samples(seed):
 
 def test_what_the_detector_needs_is_what_makes_it_see(monkeypatch):
     """A mutant: a model of one coefficient foretells no oscillation, and sees no hit for its own errors."""
+    monkeypatch.setattr(_impact_search, "LONGEST_MEMORY", 1)
     monkeypatch.setattr(_impact_search, "_memory", lambda complete, _: (1, np.ones(len(complete) - 1, dtype=bool)))
     assert len(find_hits(measured())) != 2
 

@@ -167,14 +167,12 @@ def test_the_joint_covariance_is_the_inverse_of_all_products_of_slopes():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(1, 5))
-def test_lines_that_do_not_tell_a_pair_from_two_real_ones_fail(seed):
-    """A fit that is wrong says so: a better search may find what is right, and has no reason to fail."""
+def test_lines_that_do_not_tell_a_pair_from_two_real_ones_fail():
     system = flapping()
-    given = of_equations(system, np.linspace(0.01, 0.5, 60), noise=0.01, seed=seed)
+    given = of_equations(system, np.linspace(0.01, 0.5, 60), noise=0.01, seed=1)
     found = fit_transfer(given, period=system.period)
-    failures = [one.code for one in found.findings if one.severity == Severity.FAILURE]
-    assert pulls(system, found.model)[:, 0].max() < 4.0 or failures == ["modes_of_lines_real"]
+    assert pulls(system, found.model)[:, 0].max() > 5.0
+    assert [one.code for one in found.findings if one.severity == Severity.FAILURE] == ["modes_of_lines_real"]
 
 
 def test_a_decay_that_lines_do_not_tell_fails():

@@ -2,6 +2,6 @@
 
 from floquid.lti.likelihood._ensemble import Ensemble, brief, pooled_noise
 from floquid.lti.likelihood._maximum_likelihood import Evidence, MaximumLikelihood
-from floquid.lti.likelihood._residual import FEWEST
+from floquid.lti.likelihood._residual import COLOURED, FEWEST
 
-__all__ = ["FEWEST", "Ensemble", "Evidence", "MaximumLikelihood", "brief", "pooled_noise"]
+__all__ = ["COLOURED", "FEWEST", "Ensemble", "Evidence", "MaximumLikelihood", "brief", "pooled_noise"]

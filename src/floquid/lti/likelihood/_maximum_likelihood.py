@@ -10,7 +10,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats
 from floquid._checks import Rebuilt
-from floquid.fit import ROUNDS, SURE, wald_rise
+from floquid.fit import SURE, wald_rise
 from floquid.lti._era import Realisation, search_window
 from floquid.lti._exponentials import Fit, model_of, of_dependent_noise, polish
 from floquid.lti._factor import Factor, energetic_length, energies, factors
@@ -153,6 +153,7 @@ def entry_deviations(fit: Fit) -> Floats:
 
 
 AT_REST = 1e-6  # deviations that the last step of the poles may have: two starts that meet give the same digits
+LOOKS = 4  # starts of the search, with more samples or with the noise whitened
 
 
 @dataclass(frozen=True, slots=True)
@@ -331,7 +332,7 @@ class MaximumLikelihood(AbstractIdentifier):
                 noise=noise,
                 report=report,
             )
-            if looks == ROUNDS:
+            if looks == LOOKS:
                 return fit, blocks, ended, residual
             needed = horizon(fit.poles, state.whole, self.time_constants)
             if ended and needed > len(state.factors[0].values):

@@ -13,10 +13,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid.fit import CHUNK, LAGS, SIGNIFICANT, yule_walker
+from floquid.fit import LAGS, yule_walker
 from floquid.lti._exponentials import real_powers
-from floquid.lti._factor import Factor
+from floquid.lti._factor import SHORT, Factor
 from floquid.lti._poles import PoleSet
+
+COLOURED = 8.0
+"""The deviations from white noise at which a filter is worth its trouble: white noise has them once in 10,000 records,
+since the squares that they are a sum of have a long tail."""
 
 FEWEST = 24
 """Samples of a response, more than poles, below which noise is told neither from a misfit nor from what dies away."""
@@ -45,7 +49,7 @@ class Residual:
     @staticmethod
     def of(poles: PoleSet, factors: Sequence[Factor]) -> Residual:
         """Residual of the longest block, over its own mean deviation."""
-        block = factors[0].cut(CHUNK)
+        block = factors[0].cut(SHORT)
         taken = np.zeros((len(block.values), 0)) if block.taken is None else block.taken
         # What was taken off belongs to the fit: no noise is left there either, whichever samples are looked at.
         columns = real_powers(poles, len(block.values)) if len(poles) else taken[:, :0]
@@ -139,13 +143,13 @@ def _independent(residual: Floats, fitted: Floats, columns: int) -> float:
 
 def whitening_of(residual: Residual) -> Floats | None:
     """The shortest filter that makes a residual white, or the longest; None where it is white."""
-    if residual.colour() < SIGNIFICANT:
+    if residual.colour() < COLOURED:
         return None
     taps = None
     order = 1
     while 4 * order < len(residual.values) and order < LAGS:
         taps = whitening(residual, order)
-        if residual.filtered(taps).colour() < SIGNIFICANT:
+        if residual.filtered(taps).colour() < COLOURED:
             break
         order *= 2
     return taps

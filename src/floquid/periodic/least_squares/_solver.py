@@ -42,7 +42,7 @@ ASUNDER = np.pi  # the most that half the difference of a pair near an axis may 
 
 GAINED = 100.0  # gain of a step of the coefficients, over the residual, up to which no digits that matter are lost
 
-SAFE = 1e-11  # the share of a column beyond others down to which a Cholesky factor keeps what eigenvalues lose
+SAFE = 1e-8  # the share of a column beyond others down to which a Cholesky factor keeps what eigenvalues lose
 
 NOTHING = ROUNDING**2
 """The information on a parameter, over that on the best known, below which nothing is known of it: a square."""

@@ -149,7 +149,7 @@ def estimate_period(
     longest, shortest = _bounds(records, longest, shortest)
     report("searching for lines")
     blocks = raw_blocks(records)
-    lines = find_lines(blocks, report=report)
+    lines = find_lines(blocks, shortened=True, report=report)
     damped, tones = lines.picked(~lines.undamped), lines.picked(lines.undamped)
     spacings = spacings_of(damped, tones, 2.0 * np.pi / longest, 2.0 * np.pi / shortest)
     findings, determined = _judgement(damped, tones, spacings)

@@ -33,6 +33,10 @@ from floquid.periodic.least_squares import (
 )
 from floquid.periodic.search import lines
 
+PIECES = 64  # pieces of a record whose power is looked at, to see where the response has died
+DEAD = 1.2  # power over that of the end of the record at which a piece is taken for noise
+ALIVE = 4.0  # power over that of the end that the first piece has where a record may be cut at all
+
 
 @dataclass(frozen=True, slots=True)
 class Lines:
@@ -105,13 +109,17 @@ def with_noise_left(blocks: Sequence[Block], solution: Solution) -> tuple[Block,
 def find_lines(
     blocks: Sequence[RecordBlock],
     *,
+    shortened: bool = False,
     false_alarm: float = 1e-9,
     report: Callable[[str], None] = lambda _: None,
 ) -> Lines:
     """Lines found one after another in the spectrum of the residual, all fitted jointly.
 
-    Noise passes for a line with the probability `false_alarm`.
+    With `shortened`, the end of a record, where the response has died, is left out: a first look is then quick. Noise
+    passes for a line with the probability `false_alarm`.
     """
+    if shortened:
+        blocks = [_alive(block) for block in blocks]
     point = lines(blocks, beside(_fundamental(blocks)), false_alarm, report)
     noisy = with_noise_left(point.blocks, point.solution)
     return _lines_of(noisy, solve(noisy, weighted(noisy, point.entries, point.solution.linear), hold=True))
@@ -185,6 +193,21 @@ def _clear(blocks: Sequence[Block], entries: ModeParameters, false_alarm: float)
 def _fundamental(blocks: Sequence[RecordBlock]) -> float:
     """A fundamental so high that no line is a harmonic of another."""
     return 4.0 * np.pi / min(float(np.diff(block.times).min()) for block in blocks)
+
+
+def _alive(block: RecordBlock) -> RecordBlock:
+    """A block without its end where the response has died in noise."""
+    n = block.n_samples // PIECES
+    if n < 2:
+        return block
+    pieces = block.values[:, : n * PIECES].reshape(len(block.rows), PIECES, n).var(axis=2)
+    floor = np.median(pieces[:, -PIECES // 4 :], axis=1, keepdims=True)
+    over = (pieces / np.maximum(floor, np.finfo(float).tiny)).max(axis=0)
+    alive = np.flatnonzero(over > DEAD + 4.0 * np.sqrt(2.0 / n))
+    if over[0] < ALIVE or not len(alive):
+        return block
+    end = min(int(1.25 * (alive[-1] + 1) * n) + 1, block.n_samples)
+    return replace(block, times=block.times[:end], values=block.values[:, :end])
 
 
 def _strengths(blocks: Sequence[Block], solution: Solution, *, relative: bool = False) -> tuple[Floats, int]:

@@ -18,7 +18,6 @@ from floquid._checks import Rebuilt, describe, input_error, integer
 from floquid._show import Told
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, texts, warning
-from floquid.fit import RARE
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline.draws._draw_file import DrawFile
 from floquid.pipeline.draws._redraw import Draw, Redrawn, drawn, redrawn
@@ -26,6 +25,7 @@ from floquid.pipeline.draws._spread import MATERIAL, Spread
 
 OF = "bootstrap"
 
+FAMILY_WISE = 0.01  # probability at which the verdict is against deviations that are right, over all elements together
 FEWEST = 20  # draws below which nothing can be said of a deviation
 
 
@@ -96,11 +96,11 @@ class Bootstrap(Told, Rebuilt):
     def doubtful(self) -> dict[str, Mask]:
         """Elements of `Spread.ratios` that differ from one by more than chance, by quantity; those alone that have any.
 
-        Together, over all quantities, right deviations are found wrong with a probability of at most 10⁻³
+        Together, over all quantities, right deviations are found wrong with a probability of at most `FAMILY_WISE`
         (Bonferroni).
         """
         chances = {spread.name: spread.chances() for spread in self.quantities}
-        level = RARE / max(sum(len(own) for own in chances.values()), 1)
+        level = FAMILY_WISE / max(sum(len(own) for own in chances.values()), 1)
         return {name: own < level for name, own in chances.items() if (own < level).any()}
 
     @property
@@ -145,7 +145,7 @@ class Bootstrap(Told, Rebuilt):
         wide = {}
         for spread in self.quantities:
             ratios = spread.ratios()
-            if spread.bound and (spread.spare() < RARE / max(len(ratios), 1)).any():
+            if spread.bound and (spread.spare() < FAMILY_WISE / max(len(ratios), 1)).any():
                 wide[spread.name] = np.median(1.0 / ratios)
         numbers = {"names": list(wide), "ratios": list(wide.values()), "misfit": self.exponents.bound}
         return [note("deviations_wide", **numbers)] if wide else []
@@ -156,7 +156,7 @@ class Bootstrap(Told, Rebuilt):
         # Of a bound, the bias is compared with it together with the spread.
         biases = {spread.name: np.abs(spread.biases()) for spread in self.quantities if not spread.bound}
         count = sum(len(own) for own in biases.values())
-        chance = -float(ndtri(0.5 * RARE / max(count, 1))) / np.sqrt(self.n_used)
+        chance = -float(ndtri(0.5 * FAMILY_WISE / max(count, 1))) / np.sqrt(self.n_used)
         large = {name: own[own > MATERIAL + chance] for name, own in biases.items()}
         names = [name for name, own in large.items() if len(own)]
         if not names:

@@ -31,7 +31,7 @@ from floquid.inputs import InputMode, Samples, Uncertainty, linearise
 from floquid.inputs import solve as solve_driven
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline.excited._identify import finished, limits_of, unchecked
-from floquid.preparation import Prepared, Settings, one_blas_thread, parted
+from floquid.preparation import Prepared, Settings, blas_threads, parted
 
 OF = "identify"
 
@@ -126,7 +126,7 @@ def driven_fit(
     records: Sequence[Record], settings: Settings, modes: Sequence[InputMode], direct: Sequence[float]
 ) -> Uncertainty:
     """The fit of measured inputs to their records at its modes and the harmonics of its direct term."""
-    with one_blas_thread():  # as when it was identified: the same to the last digit
+    with blas_threads(records):  # as when it was identified: the same to the last digit
         samples = parted(records, settings).samples
         return Uncertainty(samples, linearise(samples, modes, direct))
 
@@ -142,7 +142,7 @@ def ambient_fit(
 
     Raises IdentificationError where its predictor diverges.
     """
-    with one_blas_thread():
+    with blas_threads(records):
         samples, acting = with_acting(parted(records, settings))
         at = predicted(samples, modes, columns, initial)
     if at is None:
@@ -160,7 +160,7 @@ def predicted_rest(analysis: Analysis) -> tuple[NDArray[np.float64], NDArray[np.
     assert fit is not None
     samples = fit.samples
     part, mask = first_part(samples) if analysis.settings.validate else (samples, np.ones(samples.n_samples, bool))
-    with one_blas_thread():
+    with blas_threads(analysis.records):
         if isinstance(fit, Uncertainty):
             own = fit.at if mask.all() else solve_driven(without_last(samples)[0], fit.at.modes, fit.at.direct)
             columns = linearise(samples, own.modes, own.direct).columns

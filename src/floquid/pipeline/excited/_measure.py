@@ -17,8 +17,8 @@ from floquid.preparation import (
     RecordOptions,
     Settings,
     begun,
+    blas_threads,
     clocked,
-    one_blas_thread,
     own_names,
     parted,
     refuse_others,
@@ -128,7 +128,7 @@ def measure_transfer(
         count = len(chosen.inputs)
         held = own.samples.inputs[count:] if reference else None
         samples, channels = replace(own.samples, inputs=own.samples.inputs[:count]), (own.outputs, own.inputs[:count])
-        with one_blas_thread():
+        with blas_threads(used):
             hertz = POINTS if frequencies_hz is None else np.atleast_1d(np.asarray(frequencies_hz, float))
             by_lines = method in ("polynomials", "chirps") or reference
             periods = None if by_lines else repeat or repeat_of(samples)

@@ -13,7 +13,7 @@ from floquid._checks import input_error
 from floquid.core import BRIDGED, Cycles, PhaseClock, Record, longest_run, over_gaps, runs_of
 from floquid.errors import IdentificationError, NotSynchronousError
 from floquid.findings import note
-from floquid.fit import HALF_DIGITS, QUIET
+from floquid.fit import HALF_DIGITS
 from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import ModalModel
 from floquid.order import Choice
@@ -21,11 +21,10 @@ from floquid.periodic import Known, ModeParameters, without_known
 from floquid.pipeline.free._doubts import quiet
 from floquid.pipeline.free._find_poles import UnsettledError, find_poles, first_filter
 from floquid.preparation import (
-    MOST_ABSENT,
     Options,
     Prepared,
     Settings,
-    one_blas_thread,
+    blas_threads,
     prepare,
     refuse_excited,
     refuse_few,
@@ -34,6 +33,11 @@ from floquid.preparation import (
 )
 from floquid.sync import ShaftAngle, resample, segment
 
+FLOORS = (1e-4, 1e-3)
+"""Shares of a channel's largest value down to which a record that has hardly any noise is believed, one after another,
+where what modes leave is no noise."""
+
+SHORTEST = 0.25  # the share of a record that must be there in one piece for the rest to be left out of the start
 FAR = 0.05  # the wander of the shaft's angle [rad of the system] from which on lifting in angle makes modes of its own
 
 
@@ -104,7 +108,7 @@ def filled(records: Sequence[Record], longest: Sequence[float]) -> tuple[Record,
             for absent in missing:
                 for begin, end in runs_of(absent):
                     long[begin:end] |= end - begin > most
-            if np.diff(longest_run(~long))[0] < MOST_ABSENT * record.n_samples:
+            if np.diff(longest_run(~long))[0] < SHORTEST * record.n_samples:
                 long[:] = False
             rows = zip(record.values, missing, strict=True)
             values = np.concatenate([over_gaps(own[None], absent) for own, absent in rows])
@@ -143,11 +147,10 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
     """
     settings, lifted = prepared.settings, cutting.lifted
     by_default = settings.identifier is None and settings.order is None and settings.constrained
-    # A record that has hardly any noise is believed down to that where what modes leave is no noise.
-    floor: float | None = None
+    floors = [None, *(floor for floor in FLOORS if by_default and quiet(lifted))]
     while True:
-        chosen = settings if floor is None else replace(settings, noise_floor=floor)
-        whole = lifted if floor is None else lift(cutting.cycles, floor=floor)
+        chosen = settings if floors[0] is None else replace(settings, noise_floor=floors[0])
+        whole = lifted if floors[0] is None else lift(cutting.cycles, floor=floors[0])
         raw, known, taps = without_forced(whole, prepared, cutting)
         turning = zip(prepared.shafts, prepared.responses, strict=False)
         from_lines = Start(whole=whole, lifted=raw, raw=raw, known=known, modal=None, choice=None)
@@ -157,8 +160,8 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
         try:
             free, modal, choice = find_poles(raw, chosen, report, taps=taps)
         except UnsettledError:
-            if by_default and floor is None and quiet(lifted):
-                floor = QUIET
+            if len(floors) > 1:
+                floors = floors[1:]
                 continue
             if cutting.synchronous or not by_default:
                 raise
@@ -176,7 +179,7 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
             known=known,
             modal=modal,
             choice=choice,
-            floor=floor,
+            floor=floors[0],
         )
 
 
@@ -237,7 +240,7 @@ def lifted(
         must, got = "be left out with records that are prepared", "is given"
         name = "settings" if settings is not None else next(iter(options))
         raise input_error(name, "lifted", must, got, "Give it to `prepare`.")
-    with one_blas_thread():
+    with blas_threads(records.responses):
         report("cutting into periods")
         found = cut(records).lifted
         report("estimating the noise")
