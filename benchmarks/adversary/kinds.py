@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from benchmarks.adversary import driven
 from benchmarks.adversary.systems import Clock, System, drawn
 from benchmarks.chain.case import Case, Modes, bound, tellable, wrapped
 from numpy.typing import NDArray
@@ -422,5 +423,26 @@ KINDS: dict[str, Kind] = {
     "tachometer": Kind(make=tachometer, runs=40, measured=True),
     "exact pulses": Kind(make=exact_pulses, runs=20, measured=True),
     "azimuth": Kind(make=azimuth, runs=30, measured=True),
+    "inputs": Kind(make=driven.forced, runs=30),
+    "inputs: swept": Kind(make=driven.swept, runs=15),
+    "inputs: coloured noise": Kind(make=driven.coloured, runs=15),
+    "inputs: late": Kind(make=driven.late, runs=10),
+    "inputs: gaps": Kind(make=driven.missing, runs=10),
+    "inputs: hum": Kind(make=driven.hum, runs=10),
+    "inputs: out of step": Kind(make=driven.out_of_step, runs=15, measured=True),
+    "inputs: noise on them": Kind(make=driven.noisy_inputs, runs=10, benign=False),
+    "inputs: others unmeasured": Kind(make=driven.shaken, runs=10, benign=False),
+    "inputs: drift": Kind(make=driven.drifting, runs=7, benign=False),
+    "inputs: cubic": Kind(make=driven.cubic, runs=6, benign=False),
+    "inputs: clipped": Kind(make=driven.clipped, runs=6, benign=False),
+    "inputs: spikes": Kind(make=driven.spiked, runs=6, benign=False),
+    "alone": Kind(make=driven.alone, runs=30),
+    "alone: gaps": Kind(make=driven.alone_missing, runs=10),
+    "alone: hum": Kind(make=driven.alone_hum, runs=10, benign=False),
+    "alone: orbit": Kind(make=driven.alone_orbit, runs=10),
+    "alone: drift": Kind(make=driven.alone_drifting, runs=7, benign=False),
+    "alone: coloured forces": Kind(make=driven.alone_coloured, runs=7, benign=False),
+    "alone: half the period": Kind(make=driven.alone_halved, runs=6, benign=False),
 }
-"""750 records: 600 of constant period and rate in step, 150 with a measured clock or out of step."""
+"""750 free responses, 600 of constant period and rate in step, 150 with a measured clock or out of step; 150 with
+inputs, and 80 of outputs alone."""

@@ -91,7 +91,7 @@ def judged(kind: str, seed: int) -> Row:
     return Row(
         kind=kind,
         seed=seed,
-        outcome="passed" if analysis.validation.passed else "failed",
+        outcome="passed" if analysis.passed else "failed",
         message="; ".join(analysis.reasons),
         wrong=bool(own["false"] or (pulls > OFF).any()),
         told=bool(warned),

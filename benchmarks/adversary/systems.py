@@ -139,26 +139,12 @@ class System:
 
         At another `speed` than 1 rad/s, the mean of a shaft that wanders, each branch but one is elsewhere.
         """
-        n = self.size
-        transition = self._period(speed)[: 2 * n, :, : 2 * n]
-        multipliers, vectors = np.linalg.eig(transition[:, -1])
-        amounts = np.linalg.solve(vectors, self.start.astype(complex))
-        angles = 2.0 * np.pi * np.arange(PHASES) / PHASES
         harmonics = np.arange(-HARMONICS, HARMONICS + 1)
+        angles = 2.0 * np.pi * np.arange(PHASES) / PHASES
         exponents, coefficients = [], []
-        real = np.abs(multipliers.imag) < 1e-9 * np.abs(multipliers)
-        for number in np.flatnonzero(real | (multipliers.imag > 0)):
-            exponent = np.log(complex(multipliers[number])) * speed / (2.0 * np.pi)
-            shape = np.einsum("ijk,k->ij", transition[:, :-1], vectors[:, number]) * np.exp(-exponent * angles / speed)
-            lines = np.fft.fft(self.seen(shape, angles) * amounts[number], axis=1)[:, harmonics % PHASES] / PHASES
-            if real[number]:
-                lines = 0.5 * lines
-                exponent = exponent.real + 0.5j * speed * (multipliers[number].real < 0)
-            else:
-                shift = int(harmonics[np.argmax(np.linalg.norm(lines, axis=0))])
-                exponent, lines = exponent + 1j * speed * shift, _shifted(lines, shift)
+        for exponent, shape in self.shapes(speed):
             exponents.append(exponent)
-            coefficients.append(lines)
+            coefficients.append(np.fft.fft(self.seen(shape, angles), axis=1)[:, harmonics % PHASES] / PHASES)
         return Modes(
             exponents=np.array(exponents, complex),
             coefficients=np.array(coefficients),
@@ -166,15 +152,30 @@ class System:
             period=2.0 * np.pi / speed,
         )
 
+    def shapes(self, speed: float = 1.0) -> list[tuple[complex, NDArray[np.complex128]]]:
+        """λ of each mode and the shape of the states at phases of a period (2 n, phases), as the blow excites it.
 
-def _shifted(lines: NDArray[np.complex128], by: int) -> NDArray[np.complex128]:
-    """Coefficients whose harmonics are counted from another branch."""
-    out = np.zeros_like(lines)
-    if by >= 0:
-        out[:, : lines.shape[1] - by] = lines[:, by:]
-    else:
-        out[:, -by:] = lines[:, :by]
-    return out
+        The free motion is twice the real part of the sum of shapes times e^{λt}.
+        """
+        n, found = self.size, []
+        transition = self._period(speed)[: 2 * n, :, : 2 * n]
+        multipliers, vectors = np.linalg.eig(transition[:, -1])
+        amounts = np.linalg.solve(vectors, self.start.astype(complex))
+        angles = 2.0 * np.pi * np.arange(PHASES) / PHASES
+        real = np.abs(multipliers.imag) < 1e-9 * np.abs(multipliers)
+        for number in np.flatnonzero(real | (multipliers.imag > 0)):
+            exponent = np.log(complex(multipliers[number])) * speed / (2.0 * np.pi)
+            shape = np.einsum("ijk,k->ij", transition[:, :-1], vectors[:, number]) * np.exp(-exponent * angles / speed)
+            shape = shape * amounts[number]
+            if real[number]:
+                shape = 0.5 * shape
+                exponent = exponent.real + 0.5j * speed * (multipliers[number].real < 0)
+            else:
+                lines = np.fft.fft(self.seen(shape, angles), axis=1)
+                shift = int(np.fft.fftfreq(PHASES, 1.0 / PHASES)[np.argmax(np.linalg.norm(lines, axis=0))])
+                exponent, shape = exponent + 1j * speed * shift, shape * np.exp(-1j * shift * angles)
+            found.append((exponent, shape))
+        return found
 
 
 @dataclass(frozen=True, slots=True)

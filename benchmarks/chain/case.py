@@ -48,6 +48,8 @@ class Case:
     slack
         How far beside an exponent is right too, real + 1j imaginary (modes,) [1/s]: of systems that are not quite
         linear and periodic; None for none.
+    sure
+        The share of ω below which both deviations of a confident exponent are.
     """
 
     records: tuple[Record, ...]
@@ -58,6 +60,7 @@ class Case:
     options: dict[str, object] = field(default_factory=dict)
     declared: float | None = None
     slack: NDArray[np.complex128] | None = None
+    sure: float = SURE
 
     @property
     def fundamental(self) -> float:

@@ -12,7 +12,7 @@ from importlib import import_module
 from types import FrameType
 
 import numpy as np
-from benchmarks.chain.case import SURE, Case, wrapped
+from benchmarks.chain.case import Case, wrapped
 from numpy.typing import NDArray
 
 import floquid
@@ -171,7 +171,7 @@ def compared(case: Case, model: PeriodicModel) -> dict:
     true, estimated = linear_sum_assignment(np.abs(gaps))
     own = np.full(len(case.exponents), np.inf)
     own[true] = pulls[true, estimated]
-    confident = np.maximum(std.real, std.imag) < SURE * model.fundamental
+    confident = np.maximum(std.real, std.imag) < case.sure * model.fundamental
     sure = np.zeros(len(case.exponents), bool)
     sure[true] = confident[estimated]
     found = case.must & (own <= WITHIN)

@@ -135,13 +135,14 @@ def _began(record: int, seconds: float, channels: Sequence[str] = ()) -> str:
 def _driven(squares: float, limit: float, sure: bool) -> str:
     if sure:
         return (
-            f"Something drives the system beside the inputs (squared scores {squares:.3g}, limit {limit:.3g}), so "
-            "deviations are too small. It may be an unmeasured force, noise on the measured inputs or a feedback. "
+            f"Something drives the system beside the inputs (squared scores {squares:.3g}, limit {limit:.3g}). "
+            "Deviations count it to first order. It may be an unmeasured force, noise on the measured inputs or a "
+            "feedback. "
             'Measure the inputs better, or use `excitation="ambient"` with these inputs.'
         )
     return (
         f"Something may drive the system a little beside the inputs (squared scores {squares:.3g}, limit {limit:.3g} "
-        "in 99 of 100 records). Deviations are then too small. A longer record decides. For a force use "
+        "in 99 of 100 records). Deviations count it to first order. A longer record decides. For a force use "
         '`excitation="ambient"` with these inputs.'
     )
 

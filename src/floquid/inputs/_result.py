@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
@@ -24,7 +24,7 @@ from floquid.inputs._solver import (
     state_slopes,
 )
 from floquid.inputs._transfer import Grid, TransferFunctions, transfer_of
-from floquid.inputs.search import read_near_axis
+from floquid.inputs.search import Scores, read_near_axis, through, unmeasured
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,17 +42,53 @@ class Uncertainty(Rebuilt):
             sealed(one)
 
     @cached_property
-    def parameters(self) -> NDArray[np.float64]:
-        """Covariance of the free parameters (parameters, parameters)."""
+    def of_white(self) -> NDArray[np.float64]:
+        """Covariance of the free parameters where noise is white: the inverse of their information."""
         return covariance(self.samples, self.at)
+
+    @cached_property
+    def parameters(self) -> NDArray[np.float64]:
+        r"""Covariance of the free parameters (parameters, parameters), noise that drives the modes counted.
+
+        .. math:: H^{-1} (H + \sum_r P_r\, G\, \Sigma_r\, G^T) H^{-1}
+
+        with G the slopes of the parameters beside the columns (White 1982).
+        """
+        beside = [self._beside(channel) for channel in range(len(self.samples.values))] if self._through else []
+        rows = np.stack(beside, axis=1) if beside else np.zeros((0, 0, 0))
+        driven = [self.of_white @ root(rows) for root in self._through]
+        return sum((one @ one.T for one in driven), self.of_white)
+
+    @cached_property
+    def _through(self) -> list[Callable[[NDArray], NDArray[np.float64]]]:
+        """Roots of the covariance of products of rows with noise that drives each mode, of modes that have some."""
+        scores = Scores(self.samples, self.at)
+
+        def root(number: int, variance: float) -> Callable[[NDArray], NDArray[np.float64]]:
+            def of(rows: NDArray) -> NDArray[np.float64]:
+                by = through(scores, number, rows)
+                return np.asarray(np.sqrt(variance) * np.concatenate([by.real, by.imag], axis=-1), np.float64)
+
+            return of
+
+        return [root(number, own) for number, own in enumerate(unmeasured(scores).tolist()) if own > 0.0]
+
+    def _beside(self, channel: int) -> NDArray[np.float64]:
+        """Slopes of a channel by the free parameters over its noise, less what the columns take of them."""
+        own = slopes_of(self.samples, self.at, channel, self._states, 1.0 / self.at.noise[channel])
+        return own - ((own @ self.at.columns.T) @ self.at.inverse) @ self.at.columns
+
+    @cached_property
+    def _states(self) -> list[NDArray]:
+        """Derivatives of the states by the parameters."""
+        return state_slopes(self.samples, self.at)
 
     @cached_property
     def slopes(self) -> NDArray[np.float64]:
         """Derivatives of the linear coefficients by the free parameters (channels, columns, parameters)."""
-        states = state_slopes(self.samples, self.at)
         return np.array(
             [
-                -self.at.inverse @ (self.at.columns @ slopes_of(self.samples, self.at, channel, states).T)
+                -self.at.inverse @ (self.at.columns @ slopes_of(self.samples, self.at, channel, self._states).T)
                 for channel in range(len(self.samples.values))
             ]
         )
@@ -91,7 +127,7 @@ class Uncertainty(Rebuilt):
         pairs = zip(self.at.modes, exponents.tolist(), strict=True)
         modes = [replace(mode, exponent=complex(value.real) if mode.real else value) for mode, value in pairs]
         here = Uncertainty(self.samples, linearise(self.samples, modes, self.at.direct))
-        step = here.parameters @ normal_equations(here.samples, here.at)[1]
+        step = here.of_white @ normal_equations(here.samples, here.at)[1]
         return here.estimates.moved(selection_of(here.at.modes) @ step)
 
     def transfer(
@@ -145,13 +181,23 @@ class Uncertainty(Rebuilt):
     @cached_property
     def errors(self) -> Errors:
         """Errors of the free parameters, and of the columns of each output."""
+        spread, outputs = self.at.inverse[None], len(self.at.noise)
+        if self._through:
+            spread = np.array([self._of_columns(channel) for channel in range(outputs)])
         return Errors(
             parameters=self.parameters,
             slopes=self.slopes,
-            spread=self.at.inverse[None],
-            blocks=np.zeros(len(self.at.noise), np.int64),
+            spread=spread,
+            blocks=np.arange(outputs) if self._through else np.zeros(outputs, np.int64),
             scales=self.at.noise,
         )
+
+    def _of_columns(self, channel: int) -> NDArray[np.float64]:
+        """Covariance of the coefficients of an output over its noise, beside that of the parameters."""
+        rows = np.zeros((len(self.at.columns), len(self.at.noise), self.samples.n_samples))
+        rows[:, channel] = self.at.columns
+        driven = [self.at.inverse @ root(rows) for root in self._through]
+        return sum((one @ one.T for one in driven), self.at.inverse)
 
     @property
     def shapes(self) -> list[NDArray[np.complex128]]:

@@ -137,7 +137,7 @@ class Scores:
         generator, drawn = np.random.default_rng(0), np.zeros((4, draws, len(pulls)))
         for draw in range(draws):
             whole = self.samples.kept(generator.standard_normal(self.left.shape, self.precision))
-            for place, own in ((0, self._unfitted(whole)), (2, whole)):
+            for place, own in ((0, self.unfitted(whole)), (2, whole)):
                 drawn[place, draw], found = self._pulls(own)
                 drawn[place + 1, draw] = np.einsum("mcn,mcn->m", found, found) + TINY
         # Of a whole draw the mean is none: less that, what is taken is told three times as well.
@@ -149,14 +149,17 @@ class Scores:
         """The gradient by noise that drives each mode, the size of its slopes, and that of their sum beside the fit."""
         pulls, slopes = self._pulls(self.left)
         sizes = np.sqrt(np.einsum("mcn,mcn->m", slopes, slopes)) + TINY
-        return pulls, sizes, float(np.linalg.norm(self._unfitted(np.tensordot(1.0 / sizes, slopes, 1))))
+        return pulls, sizes, float(np.linalg.norm(self.unfitted(np.tensordot(1.0 / sizes, slopes, 1))))
 
     @cached_property
-    def _heard(self) -> list[NDArray[np.complex128]]:
-        """The shapes of the modes over the noise, in the channels heard (channels heard, samples)."""
+    def shapes_heard(self) -> list[tuple[NDArray[np.bool_], NDArray[np.complex128]]]:
+        """Mask of the channels heard, and the shape of each mode over the noise in these (channels heard, samples)."""
         heard = self.now.heard
         return [
-            carried(self.samples, self.now.shape(number).T[heard] * self.weights[heard, None], mode.turns.tolist())
+            (
+                heard,
+                carried(self.samples, self.now.shape(number).T[heard] * self.weights[heard, None], mode.turns.tolist()),
+            )
             for number, mode in enumerate(self.now.modes)
         ]
 
@@ -165,14 +168,14 @@ class Scores:
 
         Those are (modes, channels, samples), nothing where what is left is no noise.
         """
-        heard, slopes = self.now.heard, np.zeros((len(self.now.modes), *left.shape))
-        for number, (mode, shape) in enumerate(zip(self.now.modes, self._heard, strict=True)):
+        slopes = np.zeros((len(self.now.modes), *left.shape))
+        for number, (mode, (heard, shape)) in enumerate(zip(self.now.modes, self.shapes_heard, strict=True)):
             slopes[number, heard] = (
                 shape * followed(self.samples, mode, np.sum(shape.conj() * left[heard], axis=0))
             ).real
         return np.einsum("mcn,cn->m", slopes, left), slopes
 
-    def _unfitted(self, values: NDArray) -> NDArray:
+    def unfitted(self, values: NDArray) -> NDArray:
         """Residual of a response after this fit, to first order, over its noise (channels, samples)."""
         own = (values @ self.columns.T) @ self.now.inverse
         values, step = values - own.astype(self.precision) @ self.columns, np.zeros(self.root.shape[1])
