@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from floquid._arrays import Floats, Integers, Mask
 from floquid._checks import counted
@@ -35,7 +34,7 @@ _SINCE_1970 = (
     (1e14, 1e-6, "us", "microseconds"),
     (1e17, 1e-9, "ns", "nanoseconds"),
 )
-"""Times without a unit of which all are at least so large, and less than a hundred times that: from 1973 to 2286."""
+"""The least size of times without a unit that count from 1970, in which unit; the largest is a hundred times that."""
 
 JITTER = 0.01
 """Scatter of the times about their line, in steps, that is passed over beside the rounding: at 40 samples a period a
@@ -143,7 +142,9 @@ def repair(column: TimeColumn, source: Source) -> TimeAxis:
 
 def _since_1970(column: TimeColumn) -> tuple[TimeColumn, tuple[str, ...]]:
     """A `column` without a unit that by its size counts from 1970, counted from its first time; others as they are."""
-    low, high = (float(np.min(column.values)), float(np.max(column.values))) if column.scale is None else (0.0, 0.0)
+    if column.scale is not None or not column.values.size:
+        return column, ()
+    low, high = float(np.min(column.values)), float(np.max(column.values))
     for least, scale, unit, name in _SINCE_1970:
         if least <= low <= high < 100.0 * least:
             first = np.datetime64(int(column.values[0]), unit)
@@ -186,6 +187,8 @@ def _is_even(line: LineFit, positions: Floats, rounded: Rounding) -> bool:
     most = 2.0 * float(half.max())
     if (np.abs(line.residuals) > most).any():
         return False
+
+    from scipy.optimize import minimize_scalar
 
     def lacks(tilt: float) -> float:  # the fitted line is pulled by where rounding lies on one side, or is coarse
         rest = line.residuals - tilt * positions
