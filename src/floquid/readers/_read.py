@@ -107,14 +107,15 @@ def read(
 
     The format is chosen by the suffix. `.npz`: `values` (channels, samples), `sample_rate` [Hz] or `time` (samples,)
     [s], `channels`, and optionally `units`, `quantities`, `start` [s], `period` [s], `origin` [s], `orbit` (channels,
-    phases). `.csv`: a header row, a time column, then channels, units in brackets; an empty cell or `nan` is a missing
-    sample. `.mat` (MATLAB v5 to v7.3), `.h5` and `.hdf5`: the names of `.npz`. A file of these four without `values` is
-    read by the paths of its variables in `channels`: `run/acc/x` is a vector of samples, `data[2]` row 2 of a matrix
-    (channels, samples), counted from 0. `data.T[2]` is column 2 of one (samples, channels), and `data` or `data.T` all
-    of them. A vector `time` or `t` [s] beside them gives the rate, or a number `sample_rate` [Hz]. `.uff` and `.unv`:
-    the time responses of a universal file. `.out` and `.outb`: output of OpenFAST. `.tdms` (needs npTDMS): channels of
-    numbers, by their names, or as `group/channel`. `.parquet` (needs pyarrow): columns headed as in `.csv`, or dates
-    for the times. `.wav`: whole numbers over full scale, others as they are.
+    phases). Text tables (`.csv`, `.txt`, `.dat`, `.asc`, `.tsv`, `.lvm`, and `.xlsx` with python-calamine): a header
+    row, a time column in a unit or of dates, then channels, units in brackets or in a row below; an empty cell or `nan`
+    is a missing sample. `.mat` (MATLAB v5 to v7.3), `.h5` and `.hdf5`: the names of `.npz`. A file of these four
+    without `values` is read by the paths of its variables in `channels`: `run/acc/x` is a vector of samples, `data[2]`
+    row 2 of a matrix (channels, samples), counted from 0. `data.T[2]` is column 2 of one (samples, channels), and
+    `data` or `data.T` all of them. A vector `time` or `t` [s] beside them gives the rate, or a number `sample_rate`
+    [Hz]. `.uff` and `.unv`: the time responses of a universal file. `.out` and `.outb`: output of OpenFAST. `.tdms`
+    (needs npTDMS): channels of numbers, by their names, or as `group/channel`. `.parquet` (needs pyarrow): columns
+    headed as in `.csv`, or dates for the times. `.wav`: whole numbers over full scale, others as they are.
 
     A time column is repaired, not trusted: the rate is fitted to the whole column, and is a nominal value where the
     evidence is clear. Gaps of whole steps become missing samples, and `provenance` says so.

@@ -81,11 +81,11 @@ def text_of_workbook(source: Source) -> Text:
     ):
         book = calamine.CalamineWorkbook.from_filelike(stream)
         sheets = [book.get_sheet_by_index(place) for place in range(len(book.sheet_names))]
-        sheet = max(sheets, key=lambda sheet: sheet.total_height * sheet.total_width)
+        sheet = max(sheets, key=lambda sheet: sheet.height * sheet.width)
         content = io.StringIO()
         writer = csv.writer(content, delimiter="\t", lineterminator="\n")
         writer.writerows([_as_text(cell) for cell in row] for row in sheet.iter_rows())
-    others = sum(other.total_height > 0 for other in sheets) - 1
+    others = sum(other.height > 0 for other in sheets) - 1
     notes = (f"Sheet {sheet.name!r} was read, the largest of {others + 1}.",) if others > 0 else ()
     return Text(source=source, content=content.getvalue(), notes=notes)
 
