@@ -56,6 +56,14 @@ _PARTINGS = (
 )
 """The ways to part lines, the likeliest first; two of them mend dates that a mark would part."""
 
+_OF_NAMES: tuple[Callable[[str], list[str]], ...] = (
+    *(parting.cells for parting in _PARTINGS[:3]),
+    str.split,
+    lambda line: [cell.replace("\0", " ") for cell in re.sub(r"\s+(?=[\[(])", "\0", line).split()],
+    lambda line: re.split(r"\s{2,}|\t", line.strip()),
+)
+"""The ways to part a line of names over rows parted by blanks: `time, x`, `Time (s) x (m)`, `Tip x   Tip y`."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
@@ -164,7 +172,8 @@ def _names_above(
     source: Source, words: _Lines, comments: _Lines, parting: Parting, rows: Sequence[Sequence[str]]
 ) -> _Names | None:
     """The names right above the `rows`, or in a comment there; None where neither has as many as these have cells."""
-    own = _names_in(words, parting, rows)
+    ways = [parting.cells] if parting.mark else _OF_NAMES
+    own = _names_in(words, ways, rows)
     if own is not None:
         names, above = own.names, own.above
         parts = [name_and_unit(name) for name in names]
@@ -172,17 +181,26 @@ def _names_above(
             raise _unclear(source, above, own.top)
         return own
     last = words[-1][0] if words else 0
-    remarks = [(number, line.lstrip("#% ")) for number, line in comments if not line.startswith(RECORD_LINE)]
-    found = _names_in([line for line in remarks if line[0] > last], parting, rows)
-    return found if found is not None and len(found.names) > 1 else None
+    remarks = [(number, line.lstrip("#% ")) for number, line in comments if number > last and RECORD_LINE not in line]
+    found = _names_in(remarks, ways, rows)
+    if found is None:  # NumPy's `savetxt` writes a header as it is told, whatever parts the cells
+        found = _names_in(remarks, _OF_NAMES, rows)
+        if found is None or find_time(source, [name_and_unit(name) for name in found.names])[0] is None:
+            return None
+    return found if len(found.names) > 1 else None
 
 
-def _names_in(lines: _Lines, parting: Parting, rows: Sequence[Sequence[str]]) -> _Names | None:
-    """The names, as many as the cells of the `rows`, in the last of the `lines`, or in the one before it over units."""
+def _names_in(
+    lines: _Lines, ways: Sequence[Callable[[str], list[str]]], rows: Sequence[Sequence[str]]
+) -> _Names | None:
+    """The names, as many as the cells of the `rows`, in the last of the `lines`, or in the one before it over units.
+
+    They are parted in the first of the `ways` that fits.
+    """
     if not lines:
         return None
     top, line = lines[-1]
-    for part in _partings_of_names(parting):
+    for part in ways:
         names = _filled(part(line))
         before = _filled(part(lines[-2][1])) if len(lines) > 1 else []
         units, above = [""] * len(names), 0
@@ -205,17 +223,6 @@ def _names_in(lines: _Lines, parting: Parting, rows: Sequence[Sequence[str]]) ->
 
 def _is_filled_number(cell: str) -> bool:
     return cell != "" and is_number(cell)
-
-
-def _partings_of_names(parting: Parting) -> list[Callable[[str], list[str]]]:
-    """The ways to part a line of names: those parted by blanks may have some inside, `Tip x (mm)`."""
-    if parting.mark:
-        return [parting.cells]
-    return [
-        str.split,
-        lambda line: [cell.replace("\0", " ") for cell in re.sub(r"\s+(?=[\[(])", "\0", line).split()],
-        lambda line: re.split(r"\s{2,}|\t", line.strip()),
-    ]
 
 
 def _is_no_column(name: str) -> bool:

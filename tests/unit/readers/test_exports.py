@@ -24,6 +24,9 @@ EXPORTS = {  # name: the suffix, the text, the names, the units
     "tabs and blanks": (".dat", "time [s]\tx [m]\ty [m]\n" + rows("{t} \t {x} \t {y}"), "xy", "mm"),
     "np.savetxt": (".csv", "# time [s],x [m],y [m]\n" + rows("{t},{x},{y}"), "xy", "mm"),
     "np.savetxt with blanks": (".dat", "# run 7\n# time x y\n" + rows("{t} {x} {y}"), "xy", "--"),
+    "np.savetxt, commas over blanks": (".txt", "# time, x, y\n" + rows("{t} {x} {y}"), "xy", "--"),
+    "np.savetxt, blanks over commas": (".csv", "# time x y\n" + rows("{t},{x},{y}"), "xy", "--"),
+    "commas over blanks": (".dat", "time [s], x [m], y [m]\n" + rows("{t}  {x}  {y}"), "xy", "mm"),
     "MATLAB's comments": (".dat", "% time x y\n% s m m\n" + rows("{t} {x} {y}"), "xy", "mm"),
     "PicoScope": (".csv", "Time,x,y\n(ms),(mV),(mV)\n\n" + rows("{ms},{x},{y}"), "xy", ["mV"] * 2),
     "Rigol": (
