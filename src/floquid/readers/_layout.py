@@ -17,7 +17,7 @@ from floquid.io import Source
 from floquid.tables import find_time, name_and_unit, rate_stated, says_rate
 
 RECORD_LINE = "# floquid record: "  # begin of the line that says what a table has no place for
-MOST_ABOVE = 100  # lines above the numbers, at most
+_MOST_ABOVE = 100  # lines of words above the numbers, at most
 
 _DAY = r"\d{4}[-/]\d\d[-/]\d\d"
 _DATE = re.compile(rf"{_DAY}(?:[T ]\d\d:\d\d(?::\d\d(?:[.,]\d+)?)?)? ?(?:Z|UTC|[+-]\d\d:?\d\d)?")
@@ -48,13 +48,15 @@ class Parting:
         return [cell.strip() for cell in line.split(self.mark)]
 
 
+_DAY_AND_TIME = re.compile(rf"(?i)({_DAY}|\bdate|\bdatum)\s*[,;\t]\s*(?=\d\d:\d\d|time|zeit|uhrzeit)")
 _PARTINGS = (
     *(Parting(mark=mark) for mark in ",;\t"),
     Parting(mark=",", mend=(re.compile(r"(:\d\d),(?=\d+\s*,)"), r"\1.")),  # the fraction of a date
     Parting(mark=""),
     Parting(mark="", mend=(re.compile(rf"({_DAY})\s+(?=\d\d:\d\d)"), r"\1T")),
+    *(Parting(mark=mark, mend=(_DAY_AND_TIME, r"\1 ")) for mark in ",;\t"),
 )
-"""The ways to part lines, the likeliest first; two of them mend dates that a mark would part."""
+"""The ways to part lines, the likeliest first; those that mend join a date that the mark would part."""
 
 _OF_NAMES: tuple[Callable[[str], list[str]], ...] = (
     *(parting.cells for parting in _PARTINGS[:3]),
@@ -145,7 +147,7 @@ def _head(lines: Iterator[tuple[int, str]]) -> tuple[_Lines, _Lines]:
     for number, line in lines:
         if line.strip():
             (comments if is_comment(line) else words).append((number, line.rstrip("\n")))
-        if max(len(words), len(comments)) > MOST_ABOVE + 2:
+        if len(words) > _MOST_ABOVE + 2:
             break
     return words, comments
 
@@ -246,10 +248,11 @@ def _named(found: _Names, parting: Parting, first: tuple[int, Sequence[str]], he
     bare = [re.sub(r"^[\[(](.*)[\])]$", r"\1", unit).strip() for unit in found.units]
     units = [_UNITS.get(unit.lower(), unit) for unit in bare]
     names = ["Sequence" if unit.lower() == "sequence" else n for n, unit in zip(found.names, bare, strict=True)]
-    rate, note = None, ""
+    stated = {}
     for number, line in [*head, *((found.top, text) for text in found.stated)]:
-        for key, stated in _rates_in(line, parting):
-            rate, note = stated, f"Sampling rate {stated:.12g} Hz: by `{key}` in line {number}."
+        for key, rate in _rates_in(line, parting):
+            stated[rate] = f"Sampling rate {rate:.12g} Hz: by `{key}` in line {number}."
+    rate = next(iter(stated)) if len(stated) == 1 else None  # of several, none is known to be meant
     past = [number for number, line in head if number < found.top and not is_comment(line)]
     return Layout(
         parting=parting,
@@ -259,7 +262,7 @@ def _named(found: _Names, parting: Parting, first: tuple[int, Sequence[str]], he
         row=tuple(first[1]),
         comments=tuple(line for _, line in head if is_comment(line)),
         rate=rate,
-        rate_note=note,
+        rate_note="" if rate is None else stated[rate],
         notes=(f"What is above the header, down to line {max(past)}, was read past.",) if past else (),
     )
 

@@ -49,6 +49,9 @@ EXPORTS = {  # name: the suffix, the text, the names, the units
     "tabs and commas": (".txt", "Zeit [s]\tx [m]\ty [m]\n" + rows("{t}\t{x}\t{y}").replace(".", ","), "xy", "mm"),
     "a rate above": (".csv", "Sampling rate:,50,Hz\nOperator,me\nx [m],y [m]\n" + rows("{x},{y}"), "xy", "mm"),
     "a rate in a comment": (".csv", "# fs = 0.05 kHz\nx [m],y [m]\n" + rows("{x},{y}"), "xy", "mm"),
+    "a count called #": (".csv", "#,time [s],x [m],y [m]\n" + rows("{k},{t},{x},{y}"), "xy", "mm"),
+    "a long comment": (".csv", "# a\n" * 300 + "time [s],x [m],y [m]\n" + rows("{t},{x},{y}"), "xy", "mm"),
+    "Excel's first line": (".csv", "sep=;\ntime [s];x [m];y [m]\n" + rows("{t};{x};{y}"), "xy", "mm"),
     "Time(S)": (".csv", "Time(S),x,y\n" + rows("{t},{x},{y}"), "xy", "--"),
     "counts": (".csv", "nr,time [s],x,y\n" + rows("{k},{t},{x},{y}"), "xy", "--"),
     "an index without a name": (".csv", ",time [s],x,y\n" + rows("{k},{t},{x},{y}"), "xy", "--"),
@@ -62,6 +65,7 @@ EXPORTS = {  # name: the suffix, the text, the names, the units
         ".csv", "when;x;y\n" + rows("2024-05-01 12:00:00,{ms:03d};{k},5;-{k},5"), "xy", "--",
     ),
     "dates and blanks": (".txt", "Timestamp x y\n" + rows("2024-05-01 12:00:00.{ms:03d} {x} {y}"), "xy", "--"),
+    "dates and times apart": (".csv", "Date;Time;x;y\n" + rows("2024-05-01;12:00:00,{ms:03d};{x};{y}"), "xy", "--"),
     "dates beside times": (".csv", "date,time [s],x,y\n" + rows("2024-05-01,{t},{x},{y}"), "xy", "--"),
     "an end without a line's": (".csv", "time,x,y\n" + rows("{t},{x},{y}", end=""), "xy", "--"),
     "cut short": (".csv", "time,x,y\n" + rows("{t},{x},{y}") + "0.08,5", "xy", "--"),
@@ -103,6 +107,13 @@ def test_what_was_read_in_another_way_is_said(tmp_path):
         path = tmp_path / f"run{suffix}"
         path.write_text(text)
         assert words in read(path).provenance.steps, name
+
+
+def test_of_several_rates_that_are_stated_none_is_taken(tmp_path):
+    path = tmp_path / "run.csv"
+    path.write_text("Sample rate A,50\nSample rate,100\nfs = 20\nx [m],y [m]\n" + rows("{x},{y}"))
+    with pytest.raises(InputError, match="neither a rate nor a column of times"):
+        read(path)
 
 
 def test_a_counter_that_is_named_is_read(tmp_path):
