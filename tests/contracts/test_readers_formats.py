@@ -13,7 +13,7 @@ from floquid.errors import InputError
 from floquid.io import GUARD
 from floquid.readers import FORMATS, describe_file, read, write
 
-NEEDS = {"tdms": "nptdms", "parquet": "pyarrow"}
+NEEDS = {"tdms": "nptdms", "parquet": "pyarrow", "excel": "python_calamine"}
 """The module behind each extra."""
 
 

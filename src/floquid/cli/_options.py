@@ -65,6 +65,8 @@ Seed = Annotated[int, Parameter(converter=whole_number, help="The seed of the no
 _NOISE = "Standard deviation of white noise, as a share of the largest free response of each channel: 0.02 is 2 %."
 Noise = Annotated[float, Parameter(help=_NOISE)]
 Rate = Annotated[float | None, Parameter(help="The sampling rate [Hz], overriding what the file says.")]
+_HEADER = "A text table has a line of names, or without one columns called 1, 2, 3."
+Header = Annotated[bool, Parameter(help=_HEADER, show_default=False)]
 _FREQUENCY = "The fundamental frequency [Hz], one over the period; instead of --period."
 Frequency = Annotated[float | None, Parameter(help=_FREQUENCY)]
 
@@ -108,6 +110,7 @@ READING = {  # what is said of records beside the settings
     "frequency": (float, _FREQUENCY),
     "origin": (float, "The time of phase zero [s]; 0 if not given."),
     "rate": (float, "The sampling rate [Hz], overriding what the files say."),
+    "header": (bool, _HEADER),
 }
 
 RECORD = "Record"
@@ -190,7 +193,7 @@ else:
     ModelOptions = _options("ModelOptions", ("Model", MODEL), ("State matrix A(t)", SYSTEM), ("Checks", CHECKS))
 
 
-_HOW = ("rate", "origin", "identifier")  # the choices that are not settings as they stand
+_HOW = ("rate", "origin", "header", "identifier")  # the choices that are not settings as they stand
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -200,6 +203,7 @@ class Choices:
     settings: Settings = field(default_factory=Settings)
     rate: float | None = None  # the sampling rate [Hz], overriding what the files say; None for theirs
     origin: float = 0.0  # the time of phase zero [s]
+    header: bool = True  # a text table has a line of names
     identifier: IdentifierName | None = None  # the algorithm that finds the poles; None for the usual one
 
     def resolved(self) -> Settings:
@@ -217,7 +221,12 @@ class Choices:
         import tomli_w
 
         content = {name.name: getattr(self.settings, name.name) for name in fields(Settings)}
-        content |= {"rate": self.rate, "origin": self.origin or None, "identifier": self.identifier}
+        content |= {
+            "rate": self.rate,
+            "origin": self.origin or None,
+            "header": None if self.header else False,
+            "identifier": self.identifier,
+        }
         lists = {name: list(value) if isinstance(value, tuple) else value for name, value in content.items()}
         return tomli_w.dumps({name: value for name, value in lists.items() if value is not None})
 
@@ -240,11 +249,15 @@ def choices_of(file: Path | None) -> Choices:
         if name not in known:
             raise InputError(f"{file} has `{name}`, which is not a setting.\n  The settings are: {', '.join(known)}.")
     try:
-        reading: dict[str, float] = {}
+        reading: dict[str, Any] = {}
         if "rate" in content:
             reading["rate"] = positive(content.pop("rate"), "rate", "Settings", unit="Hz")
         if "origin" in content:
             reading["origin"] = finite(content.pop("origin"), "origin", "Settings", unit="s")
+        if (header := content.pop("header", None)) is not None:
+            if not isinstance(header, bool):
+                raise input_error("header", "Settings", "be true or false", f"is {header!r}")
+            reading["header"] = header
         identifier = content.pop("identifier", None)
         Settings(identifier=identifier)  # refuses what is no such word
         return Choices(settings=Settings(**content), identifier=identifier, **reading)
