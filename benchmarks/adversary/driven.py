@@ -120,22 +120,23 @@ class Driving:
         )
 
     def alone(self, values: NDArray[np.float64], sigma: NDArray[np.float64], **more: object) -> Case:
-        """The case of outputs alone: no mode must be found, and none that is told may be wrong."""
+        """The case of outputs alone: modes must be found that are above the noise, long enough to be told, and apart."""
         modes = self.system.modes()
         exponents = modes.listed(modes.exponents)
-        loud = np.abs(modes.coefficients).max(axis=(1, 2))
-        strong = modes.listed((loud > 0.1 * loud.max()).astype(complex)).real > 0.0
+        coordinates, _ = self._coordinates(modes, self.white(self.system.size))
+        turned = np.exp(1j * np.multiply.outer(modes.harmonics, self.times))
+        seen = 2.0 * (np.einsum("rch,hn->rcn", modes.coefficients, turned) * coordinates[:, None]).real
+        strong = modes.listed((seen.std(axis=2) > sigma).any(axis=1).astype(complex)).real > 0.0
         # A process of white noise through a pole of decay σ tells it to √(2 σ / length), at best.
         least = np.sqrt(2.0 * np.abs(exponents.real) / self.times[-1]) * (1.0 + 1.0j)
         sure = np.abs(SPARE * least) < SURE * modes.fundamental
         gaps = np.abs(np.subtract.outer(exponents, exponents)) + np.diag(np.full(len(exponents), np.inf))
         apart = gaps.min(axis=1, initial=np.inf) > 5.0 * SPARE * np.abs(least)
-        quiet = (sigma < 0.05 * np.nanstd(values, axis=1)).any()
         return Case(
             records=(self._record(values, np.empty((0, values.shape[1]))),),
             period=PERIOD,
             exponents=exponents,
-            must=strong & sure & apart & quiet,
+            must=strong & sure & apart,
             options={"excitation": "ambient", **more},
             sure=SURE,
         )
