@@ -17,6 +17,8 @@ from floquid.errors import InputError
 from floquid.io import Source
 from floquid.tables._time_axis import TimeAxis, TimeColumn, repair
 
+_STRAY = 3  # rows that a lattice may stray from even places among those of others; samples lost by chance stray farther
+
 
 def repair_rows(time: TimeColumn, channels: Sequence[Channel], values: Floats, source: Source) -> TimeAxis:
     """The even time axis behind a column of `time`: of all its rows, or of those that hold `values` (channels, rows).
@@ -28,22 +30,18 @@ def repair_rows(time: TimeColumn, channels: Sequence[Channel], values: Floats, s
     if there.all():
         return repair(time, source)
     groups = _sampled_together(channels, there)
-    apart = [_is_apart(rows, alone=len(groups) == 1) for rows, _ in groups]
+    apart = [rows for rows, _ in groups if _is_apart(rows, alone=len(groups) == 1)]
     try:
         whole = repair(time, source)
-        if not any(apart):
+        if not apart or any(_of(time, rows, source).positions is not None for rows in apart):
             return whole
     except InputError:
         if all(rows.all() for rows, _ in groups):
             raise
-        whole = None
     try:
-        axes = [repair(replace(time, values=time.values[rows]), source) for rows, _ in groups]
+        axes = [_of(time, rows, source) for rows, _ in groups]
     except InputError:
         return repair(time, source)  # as it was, or refused as it was
-    have_gaps = any(is_apart and axis.positions is not None for is_apart, axis in zip(apart, axes, strict=True))
-    if whole is not None and have_gaps:
-        return whole
     if len(axes) == 1:
         rows = groups[0][0]
         note = f"{rows.sum()} of {rows.size} rows hold the channels asked for: the others are at times between theirs."
@@ -56,6 +54,11 @@ def repair_rows(time: TimeColumn, channels: Sequence[Channel], values: Floats, s
     first = ",".join(groups[0][1][:3])
     remedy = f"Read those of one rate by `channels=`, for example {first}, or resample the file onto even times."
     raise source.error("have its channels sampled together", got, remedy)
+
+
+def _of(time: TimeColumn, rows: Mask, source: Source) -> TimeAxis:
+    """The time axis behind these `rows` alone."""
+    return repair(replace(time, values=time.values[rows]), source)
 
 
 def _sampled_together(channels: Sequence[Channel], there: Mask) -> list[tuple[Mask, list[str]]]:
@@ -74,7 +77,9 @@ def _sampled_together(channels: Sequence[Channel], there: Mask) -> list[tuple[Ma
 
 
 def _is_apart(rows: Mask, *, alone: bool) -> bool:
-    """True where many rows lie between those with samples, and not one number of them between any two, or `alone`."""
-    steps = np.diff(np.flatnonzero(rows))
-    between = int((steps - 1).sum())
-    return between >= max(10, 0.1 * len(steps)) and (alone or bool(np.ptp(steps) > 0))
+    """True where many rows lie between those with samples, evenly, and not one number of them each, or `alone`."""
+    places = np.flatnonzero(rows)
+    steps = np.diff(places)
+    if int((steps - 1).sum()) < max(10, 0.1 * len(steps)) or not (alone or np.ptp(steps) > 0):
+        return False
+    return bool(np.abs(places - np.linspace(places[0], places[-1], len(places))).max() <= _STRAY)
