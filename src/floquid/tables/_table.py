@@ -10,13 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._arrays import Floats, Mask
+from floquid._arrays import Floats
 from floquid._checks import describe, finite, input_error, positive
 from floquid._show import Brief
 from floquid.core import Channel, ConstantPeriod, Provenance, Record, channels_named
 from floquid.errors import InputError
 from floquid.io import Source
-from floquid.tables._time_axis import TimeAxis, TimeColumn, repair
+from floquid.tables._rows import repair_rows
+from floquid.tables._time_axis import TimeAxis, TimeColumn
 
 
 def make_channel(source: Source, **words: Any) -> Channel:
@@ -303,11 +304,11 @@ def settle_axis(table: Table, source: Source, rate: float | None) -> TimeAxis | 
         even = TimeAxis(sample_rate=stated or 0.0, start=table.start or 0.0, notes=(note,))
         return even if stated is not None and table.binding else None
     if stated is None:
-        return _fitted(table, table.time, source)
+        return repair_rows(table.time, table.channels, table.values, source)
     times = table.time.values * (table.time.scale or 1.0)
     if np.array_equal(times, times[0] + np.arange(len(times)) / stated):
         return TimeAxis(sample_rate=stated, start=float(times[0]), notes=(note,))
-    fitted = _fitted(table, table.time, source)
+    fitted = repair_rows(table.time, table.channels, table.values, source)
     drift = abs(stated / fitted.sample_rate - 1.0) * (table.values.shape[1] - 1)
     if drift > 0.5 and table.binding:
         times_say = f"its times make {fitted.sample_rate:.12g} Hz: {drift:.3g} samples apart at its end"
@@ -317,44 +318,6 @@ def settle_axis(table: Table, source: Source, rate: float | None) -> TimeAxis | 
         note = f"A rate of {stated:.12g} Hz is stated, which is not that of the times: the times are believed."
         return replace(fitted, notes=(*fitted.notes, note))
     return replace(fitted, sample_rate=stated, notes=(note, *fitted.notes[1:]))
-
-
-def _fitted(table: Table, time: TimeColumn, source: Source) -> TimeAxis:
-    """The time axis behind the `time` of a `table`: of all its rows or, where those are uneven, of those with samples.
-
-    Loggers write channels of several rates on the union of their times, each with a lattice of its own.
-    """
-    try:
-        return repair(time, source)
-    except InputError as uneven:
-        alike: list[tuple[Mask, list[str]]] = []
-        for channel, there in zip(table.channels, ~np.isnan(table.values), strict=True):
-            if not there.any():
-                continue
-            for place, (rows, names) in enumerate(alike):
-                if (rows & there).sum() > 0.9 * max(rows.sum(), there.sum()):
-                    alike[place] = (rows | there, [*names, channel.name])
-                    break
-            else:
-                alike.append((there, [channel.name]))
-        if all(rows.all() for rows, _ in alike):
-            raise
-        try:
-            axes = [repair(replace(time, values=time.values[rows]), source) for rows, _ in alike]
-        except InputError:
-            raise uneven from None
-    if len(axes) == 1:
-        rows = alike[0][0]
-        note = f"{rows.sum()} of {rows.size} rows hold the channels asked for: the others are at times between theirs."
-        return replace(axes[0], rows=rows, notes=(*axes[0].notes, note))
-    groups = [
-        f"{', '.join(names[:3])}{', …' if len(names) > 3 else ''} at {axis.sample_rate:.6g} Hz"
-        for (_, names), axis in zip(alike, axes, strict=True)
-    ]
-    got = f"has each on times of its own in `{time.label}`: {'; '.join(groups[:6])}{'; …' if len(groups) > 6 else ''}"
-    first = ",".join(alike[0][1][:3])
-    remedy = f"Read those of one rate by `channels=`, for example {first}, or resample the file onto even times."
-    raise source.error("have its channels sampled together", got, remedy)
 
 
 def times_of(values: NDArray[Any], *, scale: float | None, label: str) -> tuple[TimeColumn, tuple[str, ...]] | None:

@@ -161,3 +161,30 @@ def test_every_other_sample_of_a_channel_may_be_missing(tmp_path):
     record = table(tmp_path, union(50, 25))
     assert record.sample_rate == 50.0
     assert np.isnan(record.values[2]).sum() == 250
+
+
+@pytest.mark.parametrize(("fast", "slow"), [(30, 20), (100, 24), (50, 30), (100, 16)])
+def test_rates_that_coarse_times_hide_are_told_by_the_empty_cells(tmp_path, fast, slow):
+    times = [{f"{k / rate:.2f}" for k in range(10 * rate)} for rate in (fast, slow)]
+    rows = [
+        f"{t},{'1' if t in times[0] else ''},{'2' if t in times[1] else ''}\n"
+        for t in sorted(set().union(*times), key=float)
+    ]
+    text = "time [s],x,y\n" + "".join(rows)
+    with pytest.raises(InputError, match=rf"x at {fast} Hz; y at ({slow}|{slow - 1}\.99\d+) Hz"):
+        table(tmp_path, text)
+    for name, rate in (("x", fast), ("y", slow)):
+        record = table(tmp_path, text, channels=[name])
+        assert record.n_samples == 10 * rate
+        assert abs(record.sample_rate - rate) < 1e-3
+    assert table(tmp_path, union(50, 25), channels=["y"]).sample_rate == 25.0
+
+
+def test_samples_that_are_missing_here_and_there_stay_missing(tmp_path):
+    lost = np.random.default_rng(0).uniform(size=(400, 2)) < 0.3
+    cells = [f"{k / 50:.2f},{'' if a else 1},{'' if b else 2}\n" for k, (a, b) in enumerate(lost)]
+    record = table(tmp_path, "time [s],x,y\n" + "".join(cells))
+    assert (record.sample_rate, record.n_samples) == (50.0, 400)
+    np.testing.assert_array_equal(np.isnan(record.values), lost.T)
+    cells = [f"{k / 50:.2f},{'' if k < 100 or k > 300 else 1}\n" for k in range(400)]
+    assert table(tmp_path, "time [s],x\n" + "".join(cells)).n_samples == 400
