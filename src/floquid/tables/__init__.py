@@ -1,6 +1,7 @@
 """Columns of samples and of times: what a file or an object says of a record, and the even time axis behind it."""
 
 from floquid.tables._nominal_rate import Printed, fit_line, nominal_rate_of_step, printed, rate_of_step
+from floquid.tables._rate_names import rate_stated, says_rate
 from floquid.tables._table import (
     MISSING,
     OPTION,
@@ -30,6 +31,7 @@ from floquid.tables._time_axis import SECONDS, TimeAxis, TimeColumn, repair
 __all__ = [
     "MISSING", "OPTION", "SECONDS", "Printed", "Table", "TimeAxis", "TimeColumn", "check_distinct", "check_table",
     "clock_numbers", "find_time", "fit_line", "make_channel", "make_channels", "name_and_unit", "nominal_rate_of_step",
-    "number_in", "numbers_of", "orbit_of", "printed", "rate_of_step", "real_row", "record_of", "refuse_blurred_times",
-    "repair", "rows_of", "settle_axis", "stated_number", "texts_of", "times_of", "with_units",
+    "number_in", "numbers_of", "orbit_of", "printed", "rate_of_step", "rate_stated",
+    "real_row", "record_of", "refuse_blurred_times",
+    "repair", "rows_of", "says_rate", "settle_axis", "stated_number", "texts_of", "times_of", "with_units",
 ]  # fmt: skip
