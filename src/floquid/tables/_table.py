@@ -49,6 +49,18 @@ def check_distinct(source: Source, names: Iterable[str]) -> None:
         seen.add(name)
 
 
+def numbered(names: Sequence[str]) -> list[str]:
+    """The `names` of columns, those that come again with their number: x, x_2, x_3."""
+    found: list[str] = []
+    for name in names:
+        number, new = 1, name
+        while new in found:
+            number += 1
+            new = f"{name}_{number}"
+        found.append(new)
+    return found
+
+
 def rows_of(source: Source, named: Sequence[Channel], channels: Sequence[str] | None) -> list[int]:
     """The rows of the `named` channels of a `source` that `channels` asks for, in that order; None asks for all."""
     if channels is None:

@@ -222,7 +222,8 @@ def test_times_beside_the_channels(tmp_path):
     assert record.sample_rate == 12.5
     assert "Times from `run/time`, beside the channels." in record.provenance.steps
     assert "The times in the file were ignored." in read(path, channels=["run.acc.x"], rate=2.0).provenance.steps
-    refused(path, "neither a rate nor a column of times", "`rate=`", channels=["data[0]"])
+    bare = v5(tmp_path, data=VALUES)
+    refused(bare, "neither a rate nor a column of times", "`rate=`", channels=["data[0]"])
     stated = v5(tmp_path, acc={"x": VALUES[0]}, sample_rate=7.0)
     assert read(stated, channels=["acc/x"]).sample_rate == 7.0
     torque = v5(tmp_path, x=VALUES[0], t=TIME, T=VALUES[1])
@@ -235,6 +236,41 @@ def test_times_beside_the_channels(tmp_path):
     others = v5(tmp_path, a={"x": VALUES[0], "t": TIME}, b={"x": VALUES[1], "t": 2 * TIME})
     refused(others, "one vector of times", "`b/t`", channels=["a/x", "b/x"])
     assert read(others, channels=["a/x", "b/x"], rate=1.0).n_channels == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("fs", 12.5), ("Fs", [[12.5]]), ("dt", 0.08), ("SampleRate", 12.5), ("Time_Sample_Rate", 12.5)]
+)
+def test_a_number_beside_the_channels_states_their_rate(tmp_path, name, value):
+    record = read(v5(tmp_path, x=VALUES[0], y=VALUES[1], **{name: value}), channels=["x", "y"])
+    assert record.sample_rate == 12.5
+    assert f"Sampling rate 12.5 Hz: by `{name}` in the file." in record.provenance.steps
+    assert read(v5(tmp_path, run={"x": VALUES[0]}, **{name: value}), channels=["run/x"]).sample_rate == 12.5
+    ours = {"values": VALUES, "channels": np.array(["x", "y"], object), name: value}
+    assert read(v5(tmp_path, **ours)).sample_rate == 12.5
+    assert read(v5(tmp_path, **ours), rate=3.0).sample_rate == 3.0
+
+
+def test_numbers_that_state_several_rates_or_none(tmp_path):
+    several = v5(tmp_path, x=VALUES[0], fs=12.5, dt=0.01)
+    refused(several, "state one rate", "12.5 Hz in `fs` and 100 Hz in `dt`", "`rate=`", channels=["x"])
+    assert read(several, channels=["x"], rate=12.5).sample_rate == 12.5
+    apart = v5(tmp_path, x=VALUES[0], t=TIME, fs=13.0)
+    refused(apart, "the rate that its times have", "states 13 Hz", "make 12.5 Hz", channels=["x"])
+    refused(v5(tmp_path, x=VALUES[0], fs=-1.0), "neither a rate", channels=["x"])
+    refused(v5(tmp_path, x=VALUES[0], fs=VALUES[1]), "neither a rate", channels=["x"])
+
+
+@pytest.mark.parametrize("name", ["gain", "Gains", "scale", "slopes", "offset", "x_scaling", "Sensitivity"])
+def test_counts_beside_a_scale_are_refused(tmp_path, name):
+    counts = np.arange(80, dtype=np.int16).reshape(2, 40)
+    path = v5(tmp_path, counts=counts, fs=12.5, **{name: [0.5, 2.0]})
+    refused(path, "quantities that were measured", f"counts in `counts`, and beside them `{name}`", channels=["counts"])
+    ours = v5(tmp_path, values=counts, channels=np.array(["x", "y"], object), fs=12.5, **{name: [0.5, 2.0]})
+    refused(ours, "quantities that were measured", "`values`", "counts * gain + offset")
+    for harmless in ({"counts": 0.5 * counts}, {name: [0.0, 0.0] if name == "offset" else [1.0, 1.0]}, {name: "volts"}):
+        plain = v5(tmp_path, **({"counts": counts, "fs": 12.5, name: [0.5, 2.0]} | harmless))
+        assert read(plain, channels=["counts"]).n_channels == 2
 
 
 def test_without_paths_the_variables_are_listed(tmp_path):

@@ -24,10 +24,10 @@ from floquid.readers.variables._by_name import (
     VariableFile,
     example,
     listing,
-    numbers,
     printable,
     require_numbers,
-    scalar,
+    samples,
+    stated_rate,
     table_by_name,
     time_column,
 )
@@ -72,7 +72,7 @@ def _table_by_path(source: Source, file: VariableFile, *, channels: Sequence[str
     rows = [row for word in channels for row in _rows(source, file, beside, _parse(source, file, word))]
     _check_rows(source, rows)
     values = _values(source, file, rows)
-    rate = _rate(source, file, rows, ignore_time=ignore_time)
+    rate, note = _rate(source, file, rows, ignore_time=ignore_time)
     near = {one.path: one for row in rows for one in _nearest(beside, row.variable)}
     named = {row.variable.path: row.name for row in rows}
     times = [one for one in near.values() if one.size == values.shape[1] and one.path not in named]
@@ -91,6 +91,7 @@ def _table_by_path(source: Source, file: VariableFile, *, channels: Sequence[str
         channels=tuple(make_channel(source, name=row.name, unit=row.variable.unit or "-") for row in rows),
         time=time,
         sample_rate=rate,
+        rate_note=note,
         notes=notes,
     )
 
@@ -217,7 +218,7 @@ def _values(source: Source, file: VariableFile, rows: Sequence[_Row]) -> Floats:
         places.setdefault(row.variable.path, []).append(place)
     with np.errstate(over="ignore"):  # a long double too large becomes infinite, and is refused as such
         for path, wanted in places.items():
-            array = numbers(source, file, path)
+            array = samples(source, file, path)
             if not values.size:  # not before: that there is so much of it has now been checked
                 values = np.empty((len(rows), _length(rows[0])))
             for place in wanted:
@@ -263,17 +264,19 @@ def _time(source: Source, file: VariableFile, times: Sequence[Variable]) -> Time
     return columns[0] if times[0].unit not in ("", "-") else replace(columns[0], scale=None)
 
 
-def _rate(source: Source, file: VariableFile, rows: Sequence[_Row], *, ignore_time: bool) -> float | None:
-    """A number called `sample_rate`, at the level of the channels or above."""
+def _rate(
+    source: Source, file: VariableFile, rows: Sequence[_Row], *, ignore_time: bool
+) -> tuple[float | None, str | None]:
+    """The rate that numbers beside the channels state, and a sentence on it."""
+    if ignore_time:
+        return None, None
     found = {}
-    for row in rows:
-        for level in row.variable.levels:
-            path = f"{level}sample_rate"
-            if path in file.variables:
-                found[path] = scalar(source, file, path)
-                break
-    if len(set(found.values())) > 1 and not ignore_time:
-        stated = " and ".join(f"{rate:.12g} Hz in `{printable(path)}`" for path, rate in list(found.items())[:2])
+    for variable in {row.variable.path: row.variable for row in rows}.values():
+        stated = stated_rate(source, file, variable)
+        if stated is not None:
+            found.setdefault(stated.rate, stated)
+    if len(found) > 1:
+        stated = " and ".join(f"{one.rate:.12g} Hz in `{printable(one.path)}`" for one in list(found.values())[:2])
         must = "state one rate for the channels named"
         raise source.error(must, f"states {stated}", "Choose channels of one measurement, or pass `rate=` [Hz].")
-    return next(iter(found.values()), None)
+    return next(((one.rate, one.note) for one in found.values()), (None, None))
