@@ -15,7 +15,8 @@ from floquid.core import Record
 from floquid.io import GUARD, DamagedError, Source, as_path, atomic_path, readable_file
 from floquid.readers._csv import load_csv, save_csv
 from floquid.readers._openfast import load_out, load_outb
-from floquid.readers._packages import load_parquet, load_tdms, load_wav, save_parquet
+from floquid.readers._packages import load_parquet, load_tdms, save_parquet
+from floquid.readers._wav import load_wav
 from floquid.readers.uff import load_uff, save_uff
 from floquid.readers.variables import load_hdf5, load_mat, load_npz, save_hdf5, save_mat, save_npz
 from floquid.tables import Table, check_table, record_of
