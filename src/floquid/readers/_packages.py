@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._checks import printable
 from floquid.core import Record
 from floquid.io import Source, load_package
 from floquid.readers._csv import stated_in, stated_text
@@ -71,11 +72,19 @@ def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
     with again, source.path.open("rb") as stream:  # given the path, npTDMS would trust an index file beside it
         file = nptdms.TdmsFile.open(stream)
         unclosed = _unclosed(source, file)
-        signals, others = _signals(file)
+        signals, dates, others = _signals(source, file)
         if not signals:
-            got = f"holds {len(others)} channels of other kinds" if others else "holds no channel"
+            count = len(others) + len(dates)
+            got = f"holds {count} channels of other kinds" if count else "holds no channel"
             raise source.error("hold a channel of numbers", got, "Export the signals.")
         times, signals = _split(source, signals)
+        for one in dates:
+            has_step = any(signal.group == one.group and signal.get("wf_increment") is not None for signal in signals)
+            is_time = _is_time(source, one) or not has_step
+            if is_time and not any(time.group == one.group for time in times):
+                times.append(one)
+            else:
+                others.append(one.path)
         several = len({signal.group for signal in signals}) > 1
         names = [signal.path if several else signal.name for signal in signals]
         named = make_channels(source, names, [signal.unit for signal in signals])
@@ -94,7 +103,8 @@ def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
         column = None
         if time is not None and not ignore_time:
             _, scale = find_time(source, [time.parts])
-            column = TimeColumn(values=time.held.read_data(), scale=scale, label=time.path)
+            column, said = _times(source, time, scale)
+            notes += said
     notes += unclosed + tuple(f"Channel {path!r} is not of numbers, and is not used." for path in others[:20])
     return Table(
         values=values,
@@ -116,23 +126,46 @@ def _unclosed(source: Source, file: Any) -> tuple[str, ...]:
     return ("The last segment of the file was never closed; its samples are used.",) * status.incomplete_final_segment
 
 
-def _signals(file: Any) -> tuple[list[_Signal], list[str]]:
-    """The channels of numbers, and the paths of the others."""
-    signals, others = [], []
+def _signals(source: Source, file: Any) -> tuple[list[_Signal], list[_Signal], list[str]]:
+    """The channels of numbers, those of dates, and the paths of the others."""
+    signals, dates, others = [], [], []
     for group in file.groups():
         for channel in group.channels():
-            path = f"{group.name}/{channel.name}"
             if len(channel) == 0:
-                continue
-            if channel.dtype.kind not in "biuf":
-                others.append(path)
                 continue
             name, unit = name_and_unit(channel.name)
             words = channel.properties.get("unit_string") or channel.properties.get("NI_UnitDescription")
             if isinstance(words, str) and words.strip():
                 name, unit = channel.name, words.strip()
-            signals.append(_Signal(held=channel, group=group.name, name=name, unit=unit or "-"))
-    return signals, others
+            signal = _Signal(held=channel, group=group.name, name=name, unit=unit or "-")
+            if channel.dtype.kind in "biuf":
+                signals.append(signal)
+            elif channel.dtype.kind == "M" or (channel.dtype.kind == "O" and _is_time(source, signal)):
+                dates.append(signal)
+            else:
+                others.append(signal.path)
+    return signals, dates, others
+
+
+def _is_time(source: Source, signal: _Signal) -> bool:
+    return find_time(source, [signal.parts])[0] is not None
+
+
+def _times(source: Source, time: _Signal, scale: float | None) -> tuple[TimeColumn, tuple[str, ...]]:
+    """The times in a channel of numbers, of time stamps, or of dates as text, and notes."""
+    values = np.asarray(time.held.read_data())
+    if values.dtype.kind == "O":
+        try:
+            values = values.astype("M8[ns]")
+        except ValueError:
+            got = f"has {printable(str(values[0]))[:40]!r} first in {time.path!r}"
+            must = "have its times as numbers, as time stamps, or as text such as 2026-03-01T12:00:00.5"
+            raise source.error(must, got, "Write them so, or pass `rate=` [Hz] to ignore them.") from None
+    if values.dtype.kind == "M":
+        found = times_of(values, scale=1.0, label=time.path)
+        assert found is not None
+        return found
+    return TimeColumn(values=values, scale=scale, label=time.path), ()
 
 
 def _split(source: Source, signals: Sequence[_Signal]) -> tuple[list[_Signal], list[_Signal]]:
