@@ -519,6 +519,65 @@ def test_labels_that_may_be_of_something_else_name_nothing(tmp_path, texts):
     assert [c.name for c in read(path, channels=["data"], rate=8.0).channels] == ["data[0]", "data[1]"]
 
 
+def elements(**fields):
+    """A struct array, of an element for each entry of the lists of its fields."""
+    made = np.empty((1, len(next(iter(fields.values())))), dtype=[(name, object) for name in fields])
+    for name, entries in fields.items():
+        for at, entry in enumerate(entries):
+            made[name][0, at] = entry
+    return made
+
+
+def in_version_5(folder):
+    """Signals of a test bench: those on the ordinate with names and units, and the times on the abscissa."""
+    y = elements(Name=["accX", "tach"], Data=[VALUES[0], VALUES[1][:, None]], Unit=["m/s^2", "V"])
+    return v5(folder, run={"X": {"Name": "Time", "Data": TIME}, "Y": y})
+
+
+def in_version_73(folder):
+    with V73(folder) as file:
+        file.text("run/X/Name", "Time")
+        file.numbers("run/X/Data", TIME)
+        for name, entries in {"Name": ["accX", "tach"], "Unit": ["m/s^2", "V"], "Data": VALUES}.items():
+            made = []
+            for entry in entries:
+                file.count += 1
+                put = file.text if isinstance(entry, str) else file.numbers
+                made.append(put(f"#refs#/{file.count}", entry).ref)
+            file.file.create_dataset(f"run/Y/{name}", data=np.array(made, dtype=h5py.ref_dtype).reshape(2, 1))
+        for path in ("run", "run/X", "run/Y"):
+            file.mark(file.file[path], "struct")
+    return file.path
+
+
+@pytest.mark.parametrize("save", [in_version_5, in_version_73])
+@pytest.mark.parametrize(
+    ("channels", "names"),
+    [
+        (["run/Y"], ["accX", "tach"]),
+        (["accX", "tach"], ["accX", "tach"]),
+        (["run/Y[0]/Data", "run/Y[1]/Data"], ["run/Y[0]/Data", "run/Y[1]/Data"]),
+        (["run.Y(1).Data", "run/Y(2)/Data"], ["run.Y(1).Data", "run/Y(2)/Data"]),
+    ],
+)
+def test_elements_of_a_struct_array(tmp_path, save, channels, names):
+    found = read(save(tmp_path), channels=channels)
+    np.testing.assert_array_equal(found.values, VALUES)
+    assert [channel.name for channel in found.channels] == names
+    assert [channel.unit for channel in found.channels] == ["m/s^2", "V"]
+    assert found.sample_rate == 12.5
+    refused(save(tmp_path), "run/Y[1]/Data: ", "Name them by `channels=`, as in run/Y;")
+
+
+def test_what_simulink_logs(tmp_path):
+    log = {"time": TIME[:, None], "signals": elements(values=[VALUES[0][:, None], VALUES.T], label=["q", "two"])}
+    path = v5(tmp_path, out=log, single={"time": TIME, "signals": {"values": VALUES[1], "label": "p"}})
+    found = read(path, channels=["out/signals(1)/values", "out.signals(2).values.T", "single/signals(1)/values"])
+    np.testing.assert_array_equal(found.values, VALUES[[0, 0, 1, 1]])
+    assert found.sample_rate == 12.5
+    assert [c.name for c in read(path, channels=["q", "p"]).channels] == ["q", "p"]
+
+
 # Version 7.3: HDF5, arrays turned round, text as codes, cells as references.
 
 

@@ -43,7 +43,7 @@ REMEDIES: dict[Kind, str] = {
     "a MATLAB object": "MATLAB alone reads its objects (string, table, timetable, datetime). Convert it there first, "
     "as in `channels = cellstr(channels)` or `values = table2array(values).'`, and save it again.",
     "a cell array": "Save the numbers as one matrix, and names as a cell array of text: {'x', 'y'}.",
-    "a struct array": "Save each of its elements as a struct, or as a variable, of its own.",
+    "a struct array": "Name the numbers in its elements, as in `Y[0]/Data`, or save them as variables of their own.",
     "a link": "Links are not followed: name the path that it points to, or read the file that holds it.",
     "data of another file": "Data in other files are not read: save one file that holds them.",
     "dates": "Save numbers, times in seconds, as np.asarray(x, dtype=float) makes them.",
@@ -193,16 +193,36 @@ def listing(file: VariableFile) -> str:
 
 def example(file: VariableFile) -> str:
     """Paths such as the user may mean by `channels`: the largest variable, and the next ones of its shape."""
-    candidates = [
-        one for one in file.variables.values() if (one.is_vector or one.is_matrix) and one.name not in TIME_NAMES
-    ]
+    candidates = [one for one in file.variables.values() if (one.is_vector or one.is_matrix) and not is_time(file, one)]
     if not candidates:
         return ""
     first = max(candidates, key=lambda one: one.size)
+    array = re.match(r"(.+?)\[\d+\]/", first.path)
+    if array is not None and first.is_vector and said_beside(file, first)[0]:
+        return printable(array[1])
     if first.is_vector:
         return ",".join(printable(one.path) for one in candidates if one.shape == first.shape and one.is_vector)[:200]
     turned = ".T" if first.shape[0] > first.shape[1] else ""
     return ",".join(f"{printable(first.path)}{turned}[{row}]" for row in range(2))
+
+
+def said_beside(file: VariableFile, variable: Variable) -> tuple[str, str]:
+    """The name and the unit of a vector in a struct of its own, by the texts beside it; empty where there are none."""
+    beside = [one for one in file.variables.values() if one.levels[0] == variable.levels[0] and one is not variable]
+    if not variable.levels[0] or any(one.kind == "numbers" and one.size > 1 for one in beside):
+        return "", ""
+    texts = {one.name.lower(): one.path for one in beside if one.kind in ("text", "a cell array")}
+    found = []
+    for words in (("name", "label", "channel", "title", "signal"), ("unit", "units")):
+        path = next((texts[word] for word in words if word in texts), None)
+        rows = (file.texts(path) or []) if path is not None else []
+        found.append(rows[0].strip() if len(rows) == 1 else "")
+    return found[0], found[1]
+
+
+def is_time(file: VariableFile, variable: Variable) -> bool:
+    """True for a vector that is called a time, by its own name or by the text beside it."""
+    return variable.is_vector and (variable.name in TIME_NAMES or said_beside(file, variable)[0] in TIME_NAMES)
 
 
 _WORDS = ("units", "quantities", "locations", "directions")

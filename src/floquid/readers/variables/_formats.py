@@ -96,13 +96,14 @@ class _MatFile:
 
 
 def _leaves(content: dict[str, Any], stem: str = "") -> Iterator[tuple[str, Any]]:
-    """Every variable with its path: of a struct, its fields."""
+    """Every variable with its path: of a struct, its fields; of a struct array, itself and those of each element."""
     for name, value in content.items():
-        if type(value) is np.ndarray and value.dtype.names and value.size == 1:
-            record = value.item()
-            yield from _leaves(dict(zip(value.dtype.names, record, strict=True)), f"{stem}{name}/")
-        else:
+        is_struct = type(value) is np.ndarray and value.dtype.names
+        if not is_struct or value.size != 1:
             yield f"{stem}{name}", value
+        for number, record in enumerate(value.ravel(order="F") if is_struct else ()):
+            element = f"{stem}{name}" if value.size == 1 else f"{stem}{name}[{number}]"
+            yield from _leaves(dict(zip(value.dtype.names, record, strict=True)), f"{element}/")
 
 
 def _variable(path: str, value: Any) -> Variable:

@@ -92,6 +92,7 @@ class Hdf5File:
     def __init__(self, file: h5py.File) -> None:
         self._file: Any = file  # what is at a path is checked in `_walk`
         self.variables: dict[str, Variable] = {}
+        self._elements: dict[str, Any] = {}  # of struct arrays, which are elsewhere in the file
         matlab = False
         for path, thing in self._walk():
             self.variables[path] = self._variable(path, thing)
@@ -106,11 +107,14 @@ class Hdf5File:
         """The array of a variable of numbers, in its shape."""
         if not self.variables[path].size:
             return np.zeros(self.variables[path].shape)
-        return self._attributes[path] if path in self._attributes else _quantity(self._file[path])
+        return self._attributes[path] if path in self._attributes else _quantity(self._thing(path))
 
     def texts(self, path: str) -> list[str] | None:
         """The texts in a dataset, the rows of a character array, or the texts in a cell array."""
-        return texts_in(self._file[path])
+        return texts_in(self._thing(path))
+
+    def _thing(self, path: str) -> Any:
+        return self._elements[path] if path in self._elements else self._file[path or "/"]
 
     def _walk(self) -> Iterator[tuple[str, Any]]:
         """Every dataset with its path, and a group that MATLAB makes of one thing; of a link None.
@@ -133,6 +137,13 @@ class Hdf5File:
                 thing = group[name]
                 if isinstance(thing, h5py.Dataset) or (isinstance(thing, h5py.Group) and _is_one_thing(thing)):
                     yield where, thing
+                    for element, place in _elements(path, name, thing):
+                        if isinstance(element, h5py.Dataset):
+                            self._elements[place] = element
+                            yield place, element
+                        elif element.id not in seen:
+                            seen.add(element.id)
+                            waiting.append((f"{place}/", element))
                 elif isinstance(thing, h5py.Group) and thing.id not in seen:
                     seen.add(thing.id)
                     waiting.append((f"{where}/", thing))
@@ -140,9 +151,9 @@ class Hdf5File:
     def _numbers_beside(self) -> Iterator[tuple[str, NDArray[Any]]]:
         """Numbers in the attributes of what is there, by the path that they would have as variables."""
         paths = [path for path, variable in self.variables.items() if variable.kind != "a link"]
-        groups = {level for path in paths for level in self.variables[path].levels}
+        groups = {level for path in paths if "[" not in path for level in self.variables[path].levels}
         for path in (*paths, *groups):
-            thing = self._file[path or "/"]
+            thing = self._thing(path)
             for name in thing.attrs:
                 if name in _PACKING or not (says_rate(name) or SCALE.search(name)):
                     continue
@@ -182,6 +193,19 @@ def _quantity(dataset: Any) -> NDArray[Any]:
     if lost is not None:
         values[lost] = np.nan
     return values
+
+
+def _elements(level: str, name: str, field: Any) -> Iterator[tuple[Any, str]]:
+    """What a field of a struct array refers to, with the paths: Data in Y/ is Y[0]/Data and so on."""
+    import h5py
+
+    if not (level and isinstance(field, h5py.Dataset) and h5py.check_ref_dtype(field.dtype) is h5py.Reference):
+        return
+    if attribute(field, "MATLAB_class") or attribute(field.parent, "MATLAB_class") != "struct" or is_elsewhere(field):
+        return
+    for number, reference in enumerate(array_in(field).ravel()):
+        if reference:
+            yield field.file[reference], f"{level.rstrip('/')}[{number}]/{name}"
 
 
 def _is_one_thing(group: Any) -> bool:
