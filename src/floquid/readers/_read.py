@@ -18,7 +18,7 @@ from floquid.readers._openfast import load_out, load_outb
 from floquid.readers._packages import load_parquet, load_tdms, save_parquet
 from floquid.readers._wav import load_wav
 from floquid.readers.uff import load_uff, save_uff
-from floquid.readers.variables import load_hdf5, load_mat, load_npz, save_hdf5, save_mat, save_npz
+from floquid.readers.variables import load_hdf5, load_mat, load_npy, load_npz, save_hdf5, save_mat, save_npz
 from floquid.tables import Table, check_table, record_of
 
 
@@ -74,6 +74,7 @@ FORMATS: tuple[Format, ...] = (
     Format(name="TDMS file", suffix=".tdms", load=load_tdms, needs="tdms", guarded=True),
     Format(name="Parquet file", suffix=".parquet", load=load_parquet, save=save_parquet, needs="parquet", guarded=True),
     Format(name="WAV file", suffix=".wav", load=load_wav),
+    Format(name="NumPy array", suffix=".npy", load=load_npy),
 )
 
 SUFFIXES = ", ".join(kind.suffix for kind in FORMATS)
@@ -109,10 +110,11 @@ def read(
     sample. `.mat` (MATLAB v5 to v7.3), `.h5` and `.hdf5`: the names of `.npz`. A file of these four without `values` is
     read by the paths of its variables in `channels`: `run/acc/x` is a vector of samples, `data[2]` row 2 of a matrix
     (channels, samples), counted from 0. `data.T[2]` is column 2 of one (samples, channels), and `data` or `data.T` all
-    of them. A vector `time` or `t` [s] beside them gives the rate, or a number `sample_rate` [Hz]. `.uff` and `.unv`:
-    the time responses of a universal file. `.out` and `.outb`: output of OpenFAST. `.tdms` (needs npTDMS): channels of
-    numbers, by their names, or as `group/channel`. `.parquet` (needs pyarrow): columns headed as in `.csv`, or dates
-    for the times. `.wav`: whole numbers over full scale, others as they are.
+    of them. `Y[1]/Data` is in element 1 of a struct array, and `Y` all its elements. A vector `time` or `t` [s] beside
+    them gives the rate, or a number called `sample_rate`, `fs`, `dt` or the like. `.npy`: one array, `data`. `.uff`
+    and `.unv`: the time responses of a universal file. `.out` and `.outb`: output of OpenFAST. `.tdms` (needs npTDMS):
+    channels of numbers, by their names, or as `group/channel`. `.parquet` (needs pyarrow): columns headed as in `.csv`,
+    or dates for the times. `.wav`: whole numbers over full scale, others as they are.
 
     A time column is repaired, not trusted: the rate is fitted to the whole column, and is a nominal value where the
     evidence is clear. Gaps of whole steps become missing samples, and `provenance` says so.

@@ -1,4 +1,4 @@
-"""NumPy archives and MATLAB files as files of named variables, and records as such files.
+"""NumPy arrays and archives, and MATLAB files as files of named variables, and records as such files.
 
 Which variable is a channel, a time or a unit is told by their names, of any format: `_by_name`.
 """
@@ -17,10 +17,12 @@ from floquid._checks import input_error
 from floquid.core import Record
 from floquid.io import Source, letters, load_variables, mat_order, refuse_wrong_name
 from floquid.readers.variables._arrays import Arrays
-from floquid.readers.variables._by_name import MATLAB, NUMPY, Dialect, Kind, Variable
+from floquid.readers.variables._by_name import MATLAB, NUMPY, TIME_NAMES, Dialect, Kind, Variable
 from floquid.readers.variables._by_path import table_of_variables
 from floquid.readers.variables._hdf5 import load_hdf5
 from floquid.tables import Table, numbers_of, orbit_of, texts_of
+
+_NPY = b"\x93NUMPY"
 
 
 def load_npz(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
@@ -36,6 +38,22 @@ def _arrays(source: Source) -> dict[str, NDArray[Any]]:
     again = source.taken_apart("NumPy archive", f"Copy it again. {NUMPY.save}")
     with again, source.path.open("rb") as stream, np.load(stream, allow_pickle=False) as archive:
         return {key: _array(archive, key) for key in archive.files}
+
+
+def load_npy(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
+    """The table in a file of one array, `data`: a vector, rows of samples, or records with a field a channel."""
+    with source.path.open("rb") as stream:
+        if stream.read(6) != _NPY:
+            refuse_wrong_name(source, "a NumPy array (.npy)", f"Copy it again. {NUMPY.save}")
+    with source.taken_apart("NumPy array", f"Copy it again. {NUMPY.save}"):
+        found = np.load(source.path, allow_pickle=False)
+        fields = found.dtype.names
+        file = Arrays(source, {name: found[name] for name in fields} if fields else {"data": found}, NUMPY)
+        if channels is None and fields:
+            channels = [one.path for one in file.variables.values() if one.is_vector and one.path not in TIME_NAMES]
+        elif channels is None and (found.ndim == 1 or (found.ndim == 2 and 0 < len(found) <= found.shape[1])):
+            channels = ["data"]
+        return table_of_variables(source, file, channels=channels or None, ignore_time=ignore_time)
 
 
 def _array(archive: Any, key: str) -> NDArray[Any]:
