@@ -459,7 +459,8 @@ FILES = {
     "an archive": (npz_bytes(), "seems to be a ZIP archive", "Name it by its format"),
     "the head alone, cut": (b"MATLAB 5.0 MAT-file", "cut short", "Copy it again"),
     "version 7.3, cut": (b"MATLAB 7.3 MAT-file".ljust(124) + b"\0\2IM" + bytes(300), "cut short", "Copy it again"),
-    "version 4": (struct.pack("<5i", 0, 2, 40, 0, 2) + b"x\0" + VALUES.tobytes(), "version 4", "'-v7'"),
+    "version 4, cut": (struct.pack("<5i", 0, 2, 40, 0, 2) + b"x\0" + VALUES.tobytes()[:-3], "cut short", "Copy it"),
+    "version 4, no shape": (struct.pack("<5i", 0, -2, 40, 0, 2) + b"x\0" + VALUES.tobytes(), "is not one", "'-v7'"),
     "anything": (bytes(range(128, 256)) * 3, "is not one", "Copy it again"),
     "no variables": (b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM", "no `values`", "nothing", "In MATLAB"),
 }
@@ -576,6 +577,28 @@ def test_what_simulink_logs(tmp_path):
     np.testing.assert_array_equal(found.values, VALUES[[0, 0, 1, 1]])
     assert found.sample_rate == 12.5
     assert [c.name for c in read(path, channels=["q", "p"]).channels] == ["q", "p"]
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_version_4(tmp_path, order):
+    path = tmp_path / "run.mat"
+    scipy.io.savemat(path, {"data": VALUES, "t": TIME, "labels": ["x", "tip"], "fs": 12.5}, format="4")
+    if order == ">":
+        kind, names = 1000, {"data": VALUES.T, "t": TIME[:, None], "labels": None}
+        path.write_bytes(
+            b"".join(
+                struct.pack(">5i", kind, *array.shape[::-1], 0, len(name) + 1) + name.encode() + b"\0"
+                + array.astype(">f8").tobytes()
+                for name, array in names.items() if array is not None
+            )
+        )  # fmt: skip
+    found = read(path, channels=["data"])
+    np.testing.assert_array_equal(found.values, VALUES)
+    assert found.sample_rate == 12.5
+    assert [c.name for c in found.channels] == (["x", "tip"] if order == "<" else ["data[0]", "data[1]"])
+    ours = {"values": VALUES, "channels": ["x", "tip"], "sample_rate": 12.5}
+    scipy.io.savemat(path, ours, format="4")
+    assert [c.name for c in read(path).channels] == ["x", "tip"]
 
 
 # Version 7.3: HDF5, arrays turned round, text as codes, cells as references.

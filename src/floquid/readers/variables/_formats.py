@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid.core import Record
-from floquid.io import Source, letters, load_variables, mat_order, refuse_wrong_name
+from floquid.io import Source, is_mat_4, letters, load_variables, mat_order, refuse_wrong_name
 from floquid.readers.variables._arrays import Arrays
 from floquid.readers.variables._by_name import MATLAB, NUMPY, TIME_NAMES, Dialect, Kind, Variable
 from floquid.readers.variables._by_path import table_of_variables
@@ -82,15 +82,13 @@ _SAVE_AGAIN = "In MATLAB save it again, as in save('run.mat', 'values', 'sample_
 
 
 def load_mat(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
-    """The table in a MATLAB file, of version 5 to 7, or 7.3; nothing in it is ever run or made an object of."""
+    """The table in a MATLAB file, of version 4 to 7, or 7.3; nothing in it is ever run or made an object of."""
     import h5py
 
     if h5py.is_hdf5(source.path):
         return load_hdf5(source, channels=channels, ignore_time=ignore_time)
-    if not mat_order(source.path):
-        refuse_wrong_name(
-            source, "a MATLAB file of version 5 to 7.3, not of version 4", f"Copy it again. {_SAVE_AGAIN}"
-        )
+    if not mat_order(source.path) and not is_mat_4(source.path):
+        refuse_wrong_name(source, "a MATLAB file", f"Copy it again. {_SAVE_AGAIN}")
     with source.taken_apart("MATLAB file", f"Copy it again. {_SAVE_AGAIN}"):
         file = _MatFile(load_variables(source.path))
         return table_of_variables(source, file, channels=channels, ignore_time=ignore_time)
