@@ -6,7 +6,10 @@ import time
 from importlib.util import find_spec
 from pathlib import Path
 
-EXTRAS = {"control": "control", "pandas": "pandas", "pyarrow": "parquet", "nptdms": "tdms", "xarray": "xarray"}
+EXTRAS = {
+    "asammdf": "mdf", "comtrade": "comtrade", "control": "control", "pandas": "pandas", "pyarrow": "parquet",
+    "nptdms": "tdms", "xarray": "xarray",
+}  # fmt: skip
 
 began = time.perf_counter()
 import floquid as fq  # noqa: E402

@@ -13,7 +13,7 @@ from floquid.errors import InputError
 from floquid.io import GUARD
 from floquid.readers import FORMATS, describe_file, read, write
 
-NEEDS = {"tdms": "nptdms", "parquet": "pyarrow"}
+NEEDS = {"comtrade": "comtrade", "mdf": "asammdf", "parquet": "pyarrow", "tdms": "nptdms"}
 """The module behind each extra."""
 
 

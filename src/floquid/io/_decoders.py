@@ -39,7 +39,7 @@ def mat_order(path: Path) -> str:
 
 
 def is_mat_4(path: Path) -> bool:
-    """True for a MATLAB file of version 4: it begins with the kind and the shape of a matrix, and has no mark."""
+    """True where `path` is a MATLAB file of version 4: it begins with the kind and the shape of a matrix."""
     with path.open("rb") as stream:
         head = stream.read(20)
     for order in "<>" if len(head) == 20 else "":

@@ -14,8 +14,10 @@ from floquid._checks import describe, input_error
 from floquid.core import Record
 from floquid.io import GUARD, DamagedError, Source, as_path, atomic_path, readable_file
 from floquid.readers._csv import load_csv, save_csv
+from floquid.readers._hawc2 import load_sel
 from floquid.readers._openfast import load_out, load_outb
 from floquid.readers._packages import load_parquet, load_tdms, save_parquet
+from floquid.readers._recorders import load_comtrade, load_mdf
 from floquid.readers._wav import load_wav
 from floquid.readers.uff import load_uff, save_uff
 from floquid.readers.variables import load_hdf5, load_mat, load_npy, load_npz, save_hdf5, save_mat, save_npz
@@ -75,6 +77,11 @@ FORMATS: tuple[Format, ...] = (
     Format(name="Parquet file", suffix=".parquet", load=load_parquet, save=save_parquet, needs="parquet", guarded=True),
     Format(name="WAV file", suffix=".wav", load=load_wav),
     Format(name="NumPy array", suffix=".npy", load=load_npy),
+    Format(name="COMTRADE file", suffix=".cfg", load=load_comtrade, needs="comtrade", guarded=True),
+    Format(name="COMTRADE file", suffix=".cff", load=load_comtrade, needs="comtrade", guarded=True),
+    Format(name="MDF file", suffix=".mf4", load=load_mdf, needs="mdf", guarded=True),
+    Format(name="MDF file", suffix=".mdf", load=load_mdf, needs="mdf", guarded=True),
+    Format(name="output of HAWC2", suffix=".sel", load=load_sel),
 )
 
 SUFFIXES = ", ".join(kind.suffix for kind in FORMATS)
@@ -114,7 +121,8 @@ def read(
     them gives the rate, or a number called `sample_rate`, `fs`, `dt` or the like. `.npy`: one array, `data`. `.uff`
     and `.unv`: the time responses of a universal file. `.out` and `.outb`: output of OpenFAST. `.tdms` (needs npTDMS):
     channels of numbers, by their names, or as `group/channel`. `.parquet` (needs pyarrow): columns headed as in `.csv`,
-    or dates for the times. `.wav`: whole numbers over full scale, others as they are.
+    or dates for the times. `.wav`: whole numbers over full scale, others as they are. `.cfg` with `.dat`, or `.cff`
+    (needs comtrade), `.mf4` and `.mdf` (needs asammdf): channels with one rate. `.sel` with `.dat`: output of HAWC2.
 
     A time column is repaired, not trusted: the rate is fitted to the whole column, and is a nominal value where the
     evidence is clear. Gaps of whole steps become missing samples, and `provenance` says so.

@@ -196,7 +196,7 @@ def _quantity(dataset: Any) -> NDArray[Any]:
 
 
 def _elements(level: str, name: str, field: Any) -> Iterator[tuple[Any, str]]:
-    """What a field of a struct array refers to, with the paths: Data in Y/ is Y[0]/Data and so on."""
+    """The values of a field in a struct array, each with its path: Data in Y/ is Y[0]/Data and so on."""
     import h5py
 
     if not (level and isinstance(field, h5py.Dataset) and h5py.check_ref_dtype(field.dtype) is h5py.Reference):
