@@ -21,7 +21,7 @@ from floquid.readers._recorders import load_comtrade, load_mdf
 from floquid.readers._wav import load_wav
 from floquid.readers.uff import load_uff, save_uff
 from floquid.readers.variables import load_hdf5, load_mat, load_npy, load_npz, save_hdf5, save_mat, save_npz
-from floquid.tables import Table, check_table, record_of
+from floquid.tables import Table, check_table, record_of, with_names
 
 
 class Load(Protocol):
@@ -107,6 +107,7 @@ def read(
     period: float | None = None,
     rate: float | None = None,
     channels: Sequence[str] | None = None,
+    names: Sequence[str] | None = None,
     origin: float = 0.0,
 ) -> Record:
     """The record (channels, samples) in a file: sample n is at `start` + n/`rate` [s].
@@ -142,10 +143,14 @@ def read(
         starts at zero, or at the file's `start`.
     channels
         The names of the channels to read, in that order, or the paths of their variables; None reads all.
+    names
+        Names to give the channels, in that order; fewer leave the others as they are. One may be the path of a variable
+        of texts, such as `labels`, one for each row of the matrix that is read. None leaves all.
     origin
         The time of phase zero [s].
     """
     source, kind, table = load_table(path, of="read", channels=channels, ignore_time=rate is not None)
+    table = table if names is None else with_names(table, names, source)
     n_channels, n_samples = table.values.shape
     step = f"Read {n_channels} channels of {n_samples} samples from a {kind.name} ({kind.suffix})."
     record = record_of(table, source, rate=rate, period=period, origin=origin, step=step)

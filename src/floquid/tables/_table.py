@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Floats
-from floquid._checks import describe, finite, input_error, positive
+from floquid._checks import counted, describe, finite, input_error, positive
 from floquid._show import Brief
 from floquid.core import Channel, ConstantPeriod, Provenance, Record, channels_named
 from floquid.errors import InputError
@@ -235,6 +235,8 @@ class Table(Brief):
         One period of the periodic orbit that the response was about (channels, phases).
     notes
         Sentences on what else there is.
+    labels
+        Names that texts in the file may give the channels, by what those texts are called.
     """
 
     values: Floats
@@ -249,6 +251,29 @@ class Table(Brief):
     origin: float | None = None
     orbit: Floats | None = None
     notes: tuple[str, ...] = ()
+    labels: Mapping[str, Sequence[str]] = field(default_factory=dict)
+
+
+def with_names(table: Table, names: Sequence[str], source: Source) -> Table:
+    """The `table` of a `source`, its first channels renamed: to the `names`, or to the labels that one names."""
+    if isinstance(names, str) or not names or not all(isinstance(name, str) for name in names):
+        raise input_error("names", source.of, "be a list of names, at least one", f"is {names!r}")
+    chosen = table.labels[names[0]] if len(names) == 1 and names[0] in table.labels else names
+    count = len(table.channels)
+    if len(chosen) > count:
+        listing = f" Texts in the file: {', '.join(table.labels)}." if table.labels else ""
+        got = f"are {len(chosen)} for {counted(count, 'channel')} of {source.name}"
+        raise input_error("names", source.of, "be as many as the channels", got, f"Leave some out.{listing}")
+    channels = []
+    for channel, name in zip(table.channels, chosen, strict=False):
+        is_plain = Channel(name=channel.name, unit=channel.unit).quantity == channel.quantity
+        try:
+            channels.append(replace(channel, name=name, quantity=None if is_plain else channel.quantity))
+        except InputError as error:
+            raise source.wrapped(error) from None
+    channels += table.channels[len(channels) :]
+    check_distinct(source, [channel.name for channel in channels])
+    return replace(table, channels=tuple(channels))
 
 
 def check_table(table: Table, source: Source) -> None:

@@ -579,6 +579,23 @@ def test_what_simulink_logs(tmp_path):
     assert [c.name for c in read(path, channels=["q", "p"]).channels] == ["q", "p"]
 
 
+def test_names_are_given_or_of_a_variable_that_is_said(tmp_path):
+    path = v5(tmp_path, data=VALUES.T, labels=cell("hip", "acc"), units=cell("m", "V"), fs=12.5, x=VALUES[0])
+
+    def names(*given, channels=("data.T",)):
+        return [c.name for c in read(path, channels=channels, names=given).channels]
+
+    assert names("labels") == ["hip", "acc"]
+    assert names("units") == ["m", "V"]
+    assert names("left", "right") == ["left", "right"]
+    assert names("left") == ["left", "acc"]  # the others stay as they are
+    assert names("labels", channels=["data.T[1]", "x"]) == ["acc", "x"]
+    assert read(path, channels=["data.T"], names=["labels"]).channels[1].quantity == "acceleration"
+    many = {"channels": ["data.T"], "names": list("abc")}
+    refused(path, "as many as the channels", "3 for 2 channels", "labels, units", **many)
+    refused(path, "name each channel once", "'acc' twice", channels=["data.T"], names=["acc"])
+
+
 @pytest.mark.parametrize("order", ["<", ">"])
 def test_version_4(tmp_path, order):
     path = tmp_path / "run.mat"

@@ -111,7 +111,7 @@ def load_uff(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
 
 
 def _by_lines(functions: Sequence[_Function], channels: Sequence[str]) -> list[str]:
-    """The names of `channels`, of which some may be ID line 1 of a function: other programs show that."""
+    """The names of `channels`, some of them by ID line 1 of a function, as other programs show it."""
     names = {function.channel.name for function in functions}
     lines = [function.header.ids[0] for function in functions]
     called = {line: f.channel.name for line, f in zip(lines, functions, strict=True) if lines.count(line) == 1}

@@ -105,6 +105,7 @@ def _table_by_path(source: Source, file: VariableFile, *, channels: Sequence[str
         time=time,
         sample_rate=rate,
         rate_note=note,
+        labels=_label_lists(file, rows),
         notes=notes,
     )
 
@@ -148,6 +149,19 @@ def _variable_at(file: VariableFile, path: str) -> Variable | None:
         if any(one.startswith(f"{known}[0]/") for one in file.variables):
             return Variable(path=known, shape=(), kind="a struct array")  # which has no dataset of its own in HDF5
     return None
+
+
+def _label_lists(file: VariableFile, rows: Sequence[_Row]) -> dict[str, list[str]]:
+    """Names for the rows by every text variable that has one for each row of the matrices they are of, by its path."""
+    counts = {row.variable.shape[:: -1 if row.turned else 1][0] for row in rows if row.row is not None}
+    found: dict[str, list[str]] = {}
+    for one in file.variables.values() if len(counts) < 2 else ():
+        texts = file.texts(one.path) if one.kind in ("a cell array", "text") else None
+        if texts and len(texts) in (counts or {len(rows)}):
+            places = range(len(rows)) if not counts else [row.row for row in rows]
+            pairs = zip(places, rows, strict=True)
+            found[one.path] = [row.name if place is None else texts[place].strip() for place, row in pairs]
+    return found
 
 
 def _labels(file: VariableFile, matrix: Variable, *, turned: bool) -> list[str]:
