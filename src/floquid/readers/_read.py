@@ -14,11 +14,9 @@ from floquid._checks import describe, input_error
 from floquid.core import Record
 from floquid.io import GUARD, DamagedError, Source, as_path, atomic_path, readable_file
 from floquid.readers._csv import load_csv, save_csv
-from floquid.readers._hawc2 import load_sel
-from floquid.readers._openfast import load_out, load_outb
-from floquid.readers._packages import load_parquet, load_tdms, save_parquet
-from floquid.readers._recorders import load_comtrade, load_mdf
-from floquid.readers._wav import load_wav
+from floquid.readers._parquet import load_parquet, save_parquet
+from floquid.readers.recorders import load_comtrade, load_mdf, load_tdms, load_wav
+from floquid.readers.simulators import load_out, load_outb, load_sel
 from floquid.readers.uff import load_uff, save_uff
 from floquid.readers.variables import load_hdf5, load_mat, load_npy, load_npz, save_hdf5, save_mat, save_npz
 from floquid.tables import Table, check_table, record_of, with_names
