@@ -27,6 +27,7 @@ from floquid.tables import (
 )
 
 _AGAIN = "Copy or export it again."
+_DECIMALS = 9  # of a time stamp [s]: clocks of computers count no finer than 1 ns
 _CHOOSE = "Choose channels that go together with `channels=`, as in `group/channel`."
 
 
@@ -60,7 +61,7 @@ def load_tdms(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
     nptdms.log.log_manager.set_level(logging.CRITICAL)
     again = source.taken_apart("TDMS file", _AGAIN)
     with again, source.path.open("rb") as stream:  # given the path, npTDMS would trust an index file beside it
-        file = nptdms.TdmsFile.open(stream)
+        file = nptdms.TdmsFile.open(stream, raw_timestamps=True)
         unclosed = _unclosed(source, file)
         signals, dates, others = _signals(source, file)
         if not signals:
@@ -143,16 +144,19 @@ def _is_time(source: Source, signal: _Signal) -> bool:
 
 def _times(source: Source, time: _Signal, scale: float | None) -> tuple[TimeColumn, tuple[str, ...]]:
     """The times in a channel of numbers, of time stamps, or of dates as text, and notes."""
-    values = np.asarray(time.held.read_data())
+    values = time.held.read_data()
+    if time.held.dtype.kind == "M":  # as dates they would be cut, not rounded, to microseconds
+        seconds = (values.seconds - values.seconds[0]) + values.second_fractions * 2.0**-64
+        notes = (f"The times are dates: they count from the first, {values[0]}.",)
+        return TimeColumn(values=np.round(seconds - seconds[0], _DECIMALS), scale=1.0, label=time.path), notes
     if values.dtype.kind == "O":
         try:
-            values = values.astype("M8[ns]")
+            dates = values.astype("M8[ns]")
         except ValueError:
             got = f"has {printable(str(values[0]))[:40]!r} first in {time.path!r}"
             must = "have its times as numbers, as time stamps, or as text such as 2026-03-01T12:00:00.5"
             raise source.error(must, got, "Write them so, or pass `rate=` [Hz] to ignore them.") from None
-    if values.dtype.kind == "M":
-        found = times_of(values, scale=1.0, label=time.path)
+        found = times_of(dates, scale=1.0, label=time.path)
         assert found is not None
         return found
     return TimeColumn(values=values, scale=scale, label=time.path), ()
