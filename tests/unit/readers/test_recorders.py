@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from tests.contracts.test_readers_bad_input import assert_refused
 
+from floquid.errors import InputError
 from floquid.readers import read
 
 N = 60
@@ -73,6 +74,16 @@ def test_comtrade_that_is_not_whole(tmp_path):
     assert f"The file is cut short: it declares {N} samples, and 30 are there." in found.provenance.steps
     (tmp_path / "run.dat").unlink()
     assert_refused(path, ["its samples beside it", "has no run.dat", "Copy both files"])
+    data = (comtrade(tmp_path, "ASCII").with_suffix(".dat")).read_bytes()
+    line = data.index(b"\r\n31,")
+    for cut in range(line + 10, line + 20):  # in the middle of a number, which may be whole without its last digits
+        (tmp_path / "run.dat").write_bytes(data[:cut])
+        try:
+            found = read(path)
+        except InputError:
+            continue
+        np.testing.assert_allclose(found.values[0], 0.5 * COUNTS[0, : found.n_samples] - 1.0, rtol=1e-12)
+        assert found.n_samples <= 30
     two = comtrade(tmp_path, rates=((50.0, 20), (25.0, N)))
     assert_refused(two, ["have one rate", "50 Hz and then 25 Hz", "`rate=`"])
     path.write_text("not a head\n")

@@ -20,20 +20,24 @@ def load_comtrade(source: Source, *, channels: Sequence[str] | None, ignore_time
     """The table in a COMTRADE file (.cfg with its .dat, or .cff)."""
     comtrade = load_package("comtrade", source.of)
     path = source.path
-    if path.suffix.lower() == ".cfg" and not any(path.with_suffix(end).exists() for end in (".dat", ".DAT", ".Dat")):
+    beside = [path.with_suffix(end) for end in (".dat", ".DAT", ".Dat")] if path.suffix.lower() == ".cfg" else [path]
+    samples = next((place for place in beside if place.exists()), None)
+    if samples is None:
         got = f"has no {path.with_suffix('.dat').name} beside it"
         raise source.error("have its samples beside it", got, "Copy both files into one folder.")
     options = {"ignore_warnings": True, "use_numpy_arrays": True, "use_double_precision": True}
     with source.taken_apart("COMTRADE file", _AGAIN):
         file = comtrade.Comtrade(**options)
         try:
-            file.load(str(path))
+            file.load(str(path), str(samples))
         except UnicodeDecodeError:
-            file.load(str(path), encoding="latin-1")
+            file.load(str(path), str(samples), encoding="latin-1")
         times = np.asarray(file.time)
     notes = () if file.start_timestamp is None else (f"The first sample was taken at {file.start_timestamp}.",)
     there = len(times) if len(times) < 2 else int(np.flatnonzero(times).max(initial=0)) + 1  # zero: never filled
     if there < len(times):
+        if file.ft.upper() == "ASCII" and not samples.read_bytes().endswith(b"\n"):
+            there -= 1  # the last line may have lost some of its digits
         notes += (f"The file is cut short: it declares {len(times)} samples, and {there} are there.",)
     names = numbered([name or f"ch{row}" for row, name in enumerate(file.analog_channel_ids, 1)])
     units = [channel.uu or "-" for channel in file.cfg.analog_channels]

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.core import Channel
 from floquid.io import Source, load_package
 from floquid.tables import Table, TimeColumn, make_channels, numbered, rows_of
 
@@ -29,7 +28,7 @@ def load_mdf(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
             if held.channel_group.cycles_nr and index != file.masters_db.get(group)
         ]
         names = _mdf_names(file, places)
-        rows = rows_of(source, [Channel(name=name) for name in names], channels)
+        rows = rows_of(source, make_channels(source, names), channels)
         signals = [(names[row], file.get(group=places[row][0], index=places[row][1])) for row in rows]
         start = file.start_time
     others = [name for name, signal in signals if not _is_plain(signal)]
@@ -64,7 +63,7 @@ def _is_plain(signal: Any) -> bool:
 
 def _mdf_names(file: Any, places: Sequence[tuple[int, int]]) -> list[str]:
     """A name for each channel; where several have one, with that of its group, or its number, before it."""
-    names = [file.groups[group].channels[index].name for group, index in places]
+    names = [file.groups[group].channels[index].name.strip() or f"channel {index}" for group, index in places]
     count = Counter(names)
     groups = {group: getattr(file.groups[group].channel_group, "acq_name", "") or str(group) for group, _ in places}
     pairs = zip(names, places, strict=True)

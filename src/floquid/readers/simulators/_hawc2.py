@@ -50,7 +50,9 @@ def load_sel(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
     step = length / n_samples
     if is_binary:
         raw, notes = _binary(source, samples, n_samples, n_channels)
-        values = raw[columns].astype(np.float64) * scales[columns, None]
+        values = np.empty((len(columns), n_samples))
+        for row, column in zip(values, columns, strict=True):
+            np.multiply(raw[column], scales[column], out=row)
         first = float(raw[0, 0] * scales[0]) if has_time else step
         # 16 bits blur the times; a run that is written late begins later than after one step.
         start = step if abs(first - step) <= scales[0] else step * round(first / step)
