@@ -389,6 +389,10 @@ def test_counts_of_hawc2_are_quantities(tmp_path):
     assert [(c.name, c.unit) for c in found.channels] == [("x", "m"), ("y", "rad")]
     assert (found.sample_rate, found.start) == (50.0, 30.0)
     np.testing.assert_array_equal(read(path, channels=["y"]).values, found.values[1:])
+    np.testing.assert_array_equal(read(path, channels=["block0000/data.T[1]"]).values, found.values[1:])
+    np.testing.assert_array_equal(read(path, channels=["block0000/data.T"], rate=50.0).values, found.values)
+    with pytest.raises(InputError, match=r"has 'block0000/data.T\[2\]'.\n  The channels are: x, y"):
+        read(path, channels=["block0000/data.T[2]"])
 
 
 def test_blocks_of_hawc2_follow_one_another(tmp_path):

@@ -40,6 +40,8 @@ def load_hdf5(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
         plain = Hdf5File(opened)
         is_gtsdf = attribute(opened, "type").lower() == "general time series data format"
         file: VariableFile = _gtsdf(source, opened, plain) if is_gtsdf else plain
+        if is_gtsdf and channels is not None:
+            channels = [name for word in channels for name in _by_column(word, file.texts("channels") or [])]
         return table_of_variables(source, file, channels=channels, ignore_time=ignore_time)
 
 
@@ -69,6 +71,14 @@ def _gtsdf(source: Source, opened: Any, plain: Hdf5File) -> Arrays:
             for level, block, attributes in zip(levels, values, said, strict=True)
         ])  # fmt: skip
     return Arrays(source, {key: np.asarray(array) for key, array in arrays.items()}, HDF5)
+
+
+def _by_column(word: str, names: Sequence[str]) -> list[str]:
+    """The names of what `block0000/data.T` or a column of it asks for; another word is a name itself."""
+    match = re.fullmatch(r"block\d{4,}/data\.T(?:\[(\d+)\])?", word) if isinstance(word, str) else None
+    if match is None or int(match[1] or 0) >= len(names):
+        return [word]
+    return list(names) if match[1] is None else [names[int(match[1])]]
 
 
 def _block(plain: Hdf5File, level: str) -> Floats:
