@@ -1,5 +1,6 @@
 """Columns of samples and of times: what a file or an object says of a record, and the even time axis behind it."""
 
+from floquid.tables._channel_names import numbered, with_names
 from floquid.tables._nominal_rate import Printed, fit_line, nominal_rate_of_step, printed, rate_of_step
 from floquid.tables._rate_names import rate_stated, says_rate
 from floquid.tables._table import (
@@ -14,7 +15,6 @@ from floquid.tables._table import (
     make_channels,
     name_and_unit,
     number_in,
-    numbered,
     numbers_of,
     orbit_of,
     real_row,
@@ -25,7 +25,6 @@ from floquid.tables._table import (
     stated_number,
     texts_of,
     times_of,
-    with_names,
     with_units,
 )
 from floquid.tables._time_axis import SECONDS, TimeAxis, TimeColumn, repair
