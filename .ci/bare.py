@@ -6,10 +6,7 @@ import time
 from importlib.util import find_spec
 from pathlib import Path
 
-EXTRAS = {
-    "asammdf": "mdf", "comtrade": "comtrade", "control": "control", "pandas": "pandas", "pyarrow": "parquet",
-    "nptdms": "tdms", "xarray": "xarray",
-}  # fmt: skip
+EXTRAS = ("asammdf", "comtrade", "control", "pandas", "pyarrow", "python_calamine", "nptdms", "xarray")
 
 began = time.perf_counter()
 import floquid as fq  # noqa: E402
@@ -22,13 +19,13 @@ record = fq.systems.JeffcottRotor().simulate(n_periods=256, noise=0.01)
 for suffix in ("npz", "csv", "mat", "h5", "uff"):
     fq.write(record, f"run.{suffix}")
     assert fq.identify(fq.read(f"run.{suffix}", period=record.clock.period), validate=False).model.order == 4, suffix
-for suffix in ("tdms", "parquet"):
-    Path(f"run.{suffix}").write_bytes(b"TDSm or PAR1, it is not looked at")
-    for ask in (fq.read, lambda name: fq.write(record, name))[: 1 if suffix == "tdms" else 2]:
+for suffix, extra in (("tdms", "tdms"), ("parquet", "parquet"), ("xlsx", "excel")):
+    Path(f"run.{suffix}").write_bytes(b"TDSm, PAR1 or PK, it is not looked at")
+    for ask in (fq.read, lambda name: fq.write(record, name))[: 2 if suffix == "parquet" else 1]:
         try:
             ask(f"run.{suffix}")
         except fq.InputError as error:
-            assert f'pip install "floquid[{suffix}]"' in str(error), error
+            assert f'pip install "floquid[{extra}]"' in str(error), error
         else:
             raise AssertionError(f"{suffix} without its package")
 

@@ -130,7 +130,7 @@ class Driving:
         sure = np.abs(SPARE * least) < SURE * modes.fundamental
         gaps = np.abs(np.subtract.outer(exponents, exponents)) + np.diag(np.full(len(exponents), np.inf))
         apart = gaps.min(axis=1, initial=np.inf) > 5.0 * SPARE * np.abs(least)
-        quiet = (sigma < 0.05 * values.std(axis=1)).any()
+        quiet = (sigma < 0.05 * np.nanstd(values, axis=1)).any()
         return Case(
             records=(self._record(values, np.empty((0, values.shape[1]))),),
             period=PERIOD,

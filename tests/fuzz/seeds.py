@@ -71,6 +71,10 @@ _OTHERS: dict[str, tuple[Callable[[Path], object], ...]] = {
     ".csv": (
         lambda path: path.write_text("time;x [mm];y\n0,0;1,5;2\n0,1;;3\n0,2;2,5;4\n", encoding="utf-8"),
         lambda path: path.write_text('"t [ms]"\t"x"\n0\t1\n1\t2\n2\t3\n', encoding="utf-8"),
+        lambda path: path.write_text("X,x,Start,Increment,\nSequence,Volt,0,2e-2\n0,1.5,\n1,2.5,\n2,3,\n"),
+        lambda path: path.write_text("# fs = 50\n# time x [mm]\n0.00  1.5\n0.02  1.7\n0.04  1.1\n0.05  \n"),
+        lambda path: path.write_text("when;x\n2024-05-01 12:00:00,02;1,5\n2024-05-01 12:00:00,04+02:00;1\n"),
+        lambda path: path.write_text("LabVIEW\t\nDelta_X\t0.02\t0.02\nX_Value\tx\tComment\n\t1\n\t2\n", "utf-16"),
         lambda path: path.write_bytes(b"\xef\xbb\xbftime,x\r\n0,1\r\n1,nan\r\n2,3\r\n"),
     ),
 }

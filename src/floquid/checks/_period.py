@@ -98,7 +98,8 @@ def shaken(parted: Parted, columns: Floats, noise: Floats) -> tuple[Finding, ...
     """
     samples, several = parted.samples, parted.periods_per_revolution
     columns = columns[:, : len(samples.known)]  # inputs that act at once may follow
-    parts = columns[:, len(samples.records) :].reshape(len(columns), len(parted.turns), 2)
+    first, turns = len(samples.records), len(parted.turns)
+    parts = columns[:, first : first + 2 * turns].reshape(len(columns), turns, 2)
     steady = 0.5 * np.sum((np.array(parted.turns)[:, None] * parts) ** 2, axis=(1, 2))
     power = float(np.max((steady + np.var(samples.values - columns @ samples.known, axis=1)) / noise**2))
     findings = []

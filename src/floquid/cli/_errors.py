@@ -35,7 +35,7 @@ _SETTINGS = {
 }
 
 _OPTIONS = {
-    "read": {"path": "`FILE`", "period": "The period", **_alike("rate", "channels", "names", "origin")},
+    "read": {"path": "`FILE`", "period": "The period", **_alike("rate", "channels", "names", "origin", "header")},
     "floquet.read_matrix": {"paths": "`FILES`", **_alike("period", "interpolation")},
     "floquet.read_openfast": {"paths": "`FILES`"},
     "Settings": _SETTINGS,
@@ -50,7 +50,7 @@ _OPTIONS = {
     "multisine": {"sample_rate": "`--rate`", **_alike("period", "turns", "band", "inputs", "rms", "seed")},
     "Multisine.record": _alike("repeats"),
     "ConstantPeriod": {"period": "The period", "origin": "`--origin`"},
-    "describe_file": {"path": "`FILE`", **_alike("rate", "channels")},
+    "describe_file": {"path": "`FILE`", **_alike("rate", "channels", "header")},
     "write": {"path": "`--out`", "record": "The record"},
     "save": {"path": "`--out`"},
     "export_modes": {"path": "`OUT`"},

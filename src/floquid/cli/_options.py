@@ -65,6 +65,8 @@ Seed = Annotated[int, Parameter(converter=whole_number, help="The seed of the no
 _NOISE = "Standard deviation of white noise, as a share of the largest free response of each channel: 0.02 is 2 %."
 Noise = Annotated[float, Parameter(help=_NOISE)]
 Rate = Annotated[float | None, Parameter(help="The sampling rate [Hz], overriding what the file says.")]
+_HEADER = "A text table has a line of names, or without one columns called 1, 2, 3."
+Header = Annotated[bool, Parameter(help=_HEADER, show_default=False)]
 _FREQUENCY = "The fundamental frequency [Hz], one over the period; instead of --period."
 Frequency = Annotated[float | None, Parameter(help=_FREQUENCY)]
 
@@ -113,6 +115,7 @@ READING = {  # what is said of records beside the settings
     "origin": (float, "The time of phase zero [s]; 0 if not given."),
     "rate": (float, "The sampling rate [Hz], overriding what the files say."),
     "names": (str, _NAMES),
+    "header": (bool, _HEADER),
 }
 
 RECORD = "Record"
@@ -195,7 +198,7 @@ else:
     ModelOptions = _options("ModelOptions", ("Model", MODEL), ("State matrix A(t)", SYSTEM), ("Checks", CHECKS))
 
 
-_HOW = ("rate", "names", "origin", "identifier")  # the choices that are not settings as they stand
+_HOW = ("rate", "names", "origin", "header", "identifier")  # the choices that are not settings as they stand
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -207,6 +210,7 @@ class Choices:
     names: tuple[str, ...] = ()  # names to give the channels, or the path of a variable that holds them
     asked: tuple[str, ...] = ()  # the channels as the files call them, where they have been given other names
     origin: float = 0.0  # the time of phase zero [s]
+    header: bool = True  # a text table has a line of names
     identifier: IdentifierName | None = None  # the algorithm that finds the poles; None for the usual one
 
     def resolved(self) -> Settings:
@@ -224,8 +228,14 @@ class Choices:
         import tomli_w
 
         content = {name.name: getattr(self.settings, name.name) for name in fields(Settings)}
-        content |= {"rate": self.rate, "names": self.names or None, "origin": self.origin or None}
-        content |= {"identifier": self.identifier, "channels": self.asked or self.settings.channels}
+        content |= {
+            "channels": self.asked or self.settings.channels,
+            "rate": self.rate,
+            "names": self.names or None,
+            "origin": self.origin or None,
+            "header": None if self.header else False,
+            "identifier": self.identifier,
+        }
         lists = {name: list(value) if isinstance(value, tuple) else value for name, value in content.items()}
         return tomli_w.dumps({name: value for name, value in lists.items() if value is not None})
 
@@ -255,6 +265,10 @@ def choices_of(file: Path | None) -> Choices:
             reading["origin"] = finite(content.pop("origin"), "origin", "Settings", unit="s")
         if "names" in content:
             reading["names"] = Settings(channels=content.pop("names")).channels
+        if (header := content.pop("header", None)) is not None:
+            if not isinstance(header, bool):
+                raise input_error("header", "Settings", "be true or false", f"is {header!r}")
+            reading["header"] = header
         identifier = content.pop("identifier", None)
         Settings(identifier=identifier)  # refuses what is no such word
         return Choices(settings=Settings(**content), identifier=identifier, **reading)

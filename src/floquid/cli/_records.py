@@ -13,7 +13,7 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid._checks import counted, input_error
 from floquid.cli._folder import identified_in
-from floquid.cli._options import Choices, Frequency, Names, NewRecordFile, Rate, RecordFile, period_of, split
+from floquid.cli._options import Choices, Frequency, Header, Names, NewRecordFile, Rate, RecordFile, period_of, split
 from floquid.cli._terminal import new_table, progress, terminal
 from floquid.core import Record
 from floquid.errors import InputError
@@ -72,7 +72,7 @@ def read_records(
         report(f"reading {file.name}")
         record = read(
             file, period=chosen.period, rate=choices.rate, channels=named, names=choices.names or None,
-            origin=choices.origin,
+            origin=choices.origin, header=choices.header,
         )  # fmt: skip
         if record.clock is None and not signals and not chosen.estimate_period:
             got = f"neither it nor --frequency is, and {file} does not state one"
@@ -80,7 +80,7 @@ def read_records(
             remedy = (
                 "Give the period [s] (--period 0.02), its frequency [Hz] (--frequency 50), or the channel of a "
                 f"tachometer (--tach tach). {'--estimate-period finds it from the response.' if free else _TELLS}"
-                f"{_likely(file, choices.rate)}"
+                f"{_likely(file, choices.rate, choices.header)}"
             )
             raise input_error("--period", of, "be given", got, remedy)
         records.append(record)
@@ -90,13 +90,13 @@ def read_records(
     return records, choices
 
 
-def _likely(file: Path, rate: float | None) -> str:
+def _likely(file: Path, rate: float | None, header: bool) -> str:
     """The option for the clock that the file seems to hold, in a sentence; empty if there is none."""
-    option = _best_option(describe_file(file, rate=rate).clock_candidates)
+    option = _best_option(describe_file(file, rate=rate, header=header).clock_candidates)
     return f"\n  This file seems to have one: {option}" if option else ""
 
 
-def info(file: RecordFile, /, *, channels: str | None = None, rate: Rate = None) -> None:
+def info(file: RecordFile, /, *, channels: str | None = None, rate: Rate = None, header: Header = True) -> None:
     """Show what is in a record file: channels, units, rate, candidates for the clock, and what to type next.
 
     Parameters
@@ -106,10 +106,11 @@ def info(file: RecordFile, /, *, channels: str | None = None, rate: Rate = None)
     channels
         The channels to show, comma-separated; all when not given.
     """
-    found = describe_file(file, rate=rate, channels=None if channels is None else split(channels))
+    found = describe_file(file, rate=rate, channels=None if channels is None else split(channels), header=header)
     _print_summary(found)
     given = "" if channels is None else f" --channels {shlex.quote(channels)}"
     given += "" if rate is None else f" --rate {rate:.17g}"
+    given += "" if header else " --no-header"
     terminal().print(_next_command(found, given), soft_wrap=True)
 
 
@@ -229,6 +230,7 @@ def convert(
     period: float | None = None,
     frequency: Frequency = None,
     origin: float = 0.0,
+    header: Header = True,
 ) -> None:
     """Write a record in another format, and say what that format could not hold; or the modes of a result.
 
@@ -251,13 +253,13 @@ def convert(
     _refuse_same(file, out)
     if file.is_dir() or _is_result(file):
         options = {"channels": channels, "names": names, "rate": rate, "period": period, "frequency": frequency}
-        _convert_modes(file, out, options | {"origin": origin or None})
+        _convert_modes(file, out, options | {"origin": origin or None, "no-header": None if header else True})
         return
     with progress(3) as report:
         report(f"reading {file.name}")
         chosen, called = (None if words is None else split(words) for words in (channels, names))
         period = period_of(period, frequency, OF)
-        record = read(file, rate=rate, period=period, channels=chosen, names=called, origin=origin)
+        record = read(file, rate=rate, period=period, channels=chosen, names=called, origin=origin, header=header)
         report(f"writing {out.name}")
         _write(record, out)
         report("reading it back")

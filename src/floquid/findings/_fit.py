@@ -140,8 +140,8 @@ FIT: dict[str, str | Callable[..., str]] = {
     "mode where it is loud may be noise.",
     "interference": lambda frequency, amplitude, unit, channel: (
         f"A steady tone at {frequency:.5g} Hz, {valued(f'{amplitude:.3g}', unit)} in channel {channel}, was fitted "
-        "and taken off. It does not decay, and no line beside it follows the period. Likely: the mains, another "
-        "machine, or a mode that decays too slowly for this record."
+        "and taken off. It does not decay. Likely: the mains, another machine, or a mode that decays too slowly for "
+        "this record."
     ),
     "cluster": "The mode at {frequency:.4g} Hz is most likely several that fold onto one another: its harmonics ask "
     "for different exponents. Its deviation covers them.",

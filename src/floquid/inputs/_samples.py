@@ -162,13 +162,14 @@ def samples_of(
     fundamental: float,
     hold: Hold = "zero",
     turns: Sequence[float] = (),
+    tones: Sequence[Sequence[float]] = (),
     floor: float = 0.0,
 ) -> Samples:
     """The samples of records, with an offset of each and the harmonics `turns` of a periodic response beside.
 
     Outputs and inputs of each record are (channels, samples) and (inputs, samples), `starts` are the times of the first
     samples after phase zero [s], or the angles of all samples over ω (samples,) [s]. A sample at which an output is NaN
-    is not there.
+    is not there. Each record may have steady `tones` of its own [Hz].
     """
     begins = (0, *np.cumsum([own.shape[1] for own in values]).tolist())
     times = np.concatenate(
@@ -183,6 +184,11 @@ def samples_of(
     for turn in turns:
         angle = turn * fundamental * times
         known.append(np.array([np.cos(angle), np.sin(angle)]))
+    for own, (first, last) in zip(tones, pairwise(begins), strict=False):
+        for hertz in own:
+            angle, both = 2.0 * np.pi * hertz * step * np.arange(last - first), np.zeros((2, begins[-1]))
+            both[:, first:last] = np.cos(angle), np.sin(angle)
+            known.append(both)
     joined = np.concatenate(values, axis=1)
     there = np.all(np.isfinite(joined), axis=0, keepdims=True)[0]
     return Samples(

@@ -21,11 +21,12 @@ from floquid.io._files import (
     load_package,
     readable_file,
     refuse_wrong_name,
+    seems_to_be,
 )
 from floquid.io._guard import GUARD
 
 __all__ = [
     "GUARD", "DamagedError", "Source", "array_in", "as_path", "atomic_path", "attribute", "flush", "flush_folder",
     "is_elsewhere", "is_mat_4", "is_whole", "letters", "load_package", "load_variables", "mat_order", "readable_file",
-    "refuse_wrong_name", "texts_in",
+    "refuse_wrong_name", "seems_to_be", "texts_in",
 ]  # fmt: skip

@@ -73,13 +73,18 @@ _FIRST_BYTES = {
 }
 
 
-def refuse_wrong_name(source: Source, kind: str, remedy: str) -> None:
-    """Refuse a `source` that is no whole `kind` of file: by what it seems to be instead, else with a `remedy`."""
-    with source.path.open("rb") as stream:
+def seems_to_be(path: Path) -> str:
+    """The kind of file at `path` by its first bytes, in words; empty where they are of no kind that is known."""
+    with path.open("rb") as stream:
         head = stream.read(512)
     found = next((name for first, name in _FIRST_BYTES.items() if head.startswith(first)), "")
-    if not found and head and all(32 <= byte < 127 or byte in b"\t\r\n" for byte in head):
-        found = "text (.csv)"
+    is_text = head and all(32 <= byte < 127 or byte in b"\t\r\n" for byte in head)
+    return found or ("text (.csv)" if is_text else "")
+
+
+def refuse_wrong_name(source: Source, kind: str, remedy: str) -> None:
+    """Refuse a `source` that is no whole `kind` of file: by what it seems to be instead, else with a `remedy`."""
+    found = seems_to_be(source.path)
     if found and f"({source.path.suffix.lower()})" not in found:
         raise source.error(f"be {kind}", f"seems to be {found}", "Name it by its format.")
     raise source.error(f"be {kind}", "is not one, or is damaged or cut short", remedy)

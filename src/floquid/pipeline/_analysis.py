@@ -178,8 +178,8 @@ class Analysis(Told, Drawn, Brief):
 
     @property
     def interference(self) -> tuple[Finding, ...]:
-        """Findings on steady tones that were taken off the free response."""
-        fitted = () if self.decay is None else self.decay.fit.findings
+        """Findings on steady tones that were taken off the response."""
+        fitted = self.findings if self.decay is None else self.decay.fit.findings
         return tuple(own for own in fitted if own.code == "interference")
 
     @property

@@ -10,17 +10,18 @@ from numpy.typing import NDArray
 
 from floquid._checks import input_error
 from floquid.checks import Parted
-from floquid.core import Record, channels_named, over_gaps, runs_of
+from floquid.core import Channel, Record, channels_named, over_gaps, runs_of
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, note, warning
 from floquid.fit import HALF_DIGITS, RARE
 from floquid.inputs import Hold, samples_of
 from floquid.preparation._before import faults_of
 from floquid.preparation._clocks import check_states, clocks_of, refuse_no_clock, shafts_of
-from floquid.preparation._lines import Lines
+from floquid.preparation._lines import STEADY_LINES, Lines
 from floquid.preparation._mended import MOST_ABSENT, NO_RESPONSE
 from floquid.preparation._refuse import LEAST, NAMED, refuse_period
 from floquid.preparation._settings import Settings
+from floquid.preparation._tones import Tone, tones_of
 from floquid.sync import ShaftAngle, refuse_unlike
 
 OF = "identify"
@@ -114,6 +115,11 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
     given = shafts[0].periods_per_revolution if shafts else settings.periods_per_revolution
     filled = [over_gaps(own, ~there) for own, there in zip(values, whole, strict=True)]
     turns, findings = _beside(Lines(filled, inputs, times, rate, period), given, settings)
+    whole_turns = np.arange(-STEADY_LINES, STEADY_LINES + 1) / (rate * period)
+    tones = [
+        tones_of(own, drives, _repeated(angles, turns, period), whole_turns)
+        for own, drives, angles in zip(filled, inputs, times, strict=True)
+    ]
     hold: Hold = settings.hold
     samples = samples_of(
         values,
@@ -123,6 +129,7 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
         fundamental=2.0 * np.pi / period,
         hold=hold,
         turns=turns,
+        tones=[[tone.frequency * rate for tone in own] for own in tones],
         floor=settings.noise_floor,
     )
     return Parted(
@@ -133,8 +140,30 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
         turns=turns,
         shafts=shafts,
         periods_per_revolution=given,
-        findings=(*_partly_missing(values, whole), *_faults(records, outputs, settings), *findings),
+        findings=(
+            *_partly_missing(values, whole),
+            *_faults(records, outputs, settings),
+            *_interference(tones, rate, [channels[name] for name in outputs]),
+            *findings,
+        ),
     )
+
+
+def _repeated(times: NDArray[np.float64], turns: Sequence[float], period: float) -> NDArray[np.float64]:
+    """An offset and the harmonics of a response that repeats (columns, samples)."""
+    angles = 2.0 * np.pi / period * np.multiply.outer(np.array(turns), times)
+    return np.concatenate([np.ones((1, len(times))), np.cos(angles), np.sin(angles)])
+
+
+def _interference(tones: Sequence[Sequence[Tone]], rate: float, channels: Sequence[Channel]) -> tuple[Finding, ...]:
+    """Notes on the steady tones beside the modes: the frequency of each, and its amplitude where it is largest."""
+    notes = []
+    for tone in (tone for own in tones for tone in own):
+        row = int(np.argmax(tone.amplitudes))
+        size, channel = float(tone.amplitudes[row]), channels[row]
+        hertz = tone.frequency * rate
+        notes.append(note("interference", frequency=hertz, amplitude=size, channel=channel.name, unit=channel.unit))
+    return tuple(notes)
 
 
 def _refuse_gaps(record: Record, row: int, of: str) -> None:

@@ -26,9 +26,6 @@ PERIODS_A_LINE = 4.0
 LOUD = 8.0
 """The amplitude at a harmonic over that beside it from which on it is fitted."""
 
-LONG = 60
-"""Periods that a record has at least in which such lines are looked for."""
-
 PURE = 50.0
 """The amplitude of such a line over that beside, at least: few modes that hardly decay are at such a line."""
 
@@ -62,7 +59,7 @@ class Lines:
             each[count] = turns[np.gcd(np.rint(turns * count).astype(np.int64), count) == 1]
         turns = np.concatenate(list(each.values()))
         counts = np.repeat(list(each), [len(own) for own in each.values()])
-        pure = self._above(turns, self.outputs, LONG) > PURE
+        pure = self._above(turns, self.outputs) > PURE
         if not pure.any():
             return 1
         driven = self._above(turns, self.inputs) > LOUD
@@ -79,14 +76,10 @@ class Lines:
         fractions = np.arange(1, int(highest * periods_of_turn) + 1) / periods_of_turn
         return np.union1d(np.arange(1.0, highest + 1.0), fractions)
 
-    def _above(
-        self, harmonics: NDArray[np.float64], values: Sequence[NDArray[np.float64]], periods: float = 0.0
-    ) -> NDArray[np.float64]:
-        """Lines over those beside, the most of all channels in records that are long enough (harmonics,)."""
+    def _above(self, harmonics: NDArray[np.float64], values: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Lines over those beside, the most of all channels and records (harmonics,)."""
         each = [
-            _above_beside(own, times, self.period, harmonics)
-            for own, times in zip(values, self.times, strict=True)
-            if times[-1] - times[0] > (periods - 1.0) * self.period
+            _above_beside(own, times, self.period, harmonics) for own, times in zip(values, self.times, strict=True)
         ]
         return np.max(np.concatenate([np.zeros((1, len(harmonics))), *each]), axis=0)
 

@@ -13,13 +13,13 @@ from typing import Protocol, final
 from floquid._checks import describe, input_error
 from floquid.core import Record
 from floquid.io import GUARD, DamagedError, Source, as_path, atomic_path, readable_file
-from floquid.readers._csv import load_csv, save_csv
+from floquid.readers._csv import load_csv, load_xlsx, save_csv
 from floquid.readers._parquet import load_parquet, save_parquet
 from floquid.readers.recorders import load_comtrade, load_mdf, load_tdms, load_wav
 from floquid.readers.simulators import load_out, load_outb, load_sel
 from floquid.readers.uff import load_uff, save_uff
 from floquid.readers.variables import load_hdf5, load_mat, load_npy, load_npz, save_hdf5, save_mat, save_npz
-from floquid.tables import Table, check_table, record_of, with_names
+from floquid.tables import Table, check_table, record_of, with_names, without_counters
 
 
 class Load(Protocol):
@@ -64,6 +64,8 @@ class Format:
 FORMATS: tuple[Format, ...] = (
     Format(name="NumPy archive", suffix=".npz", load=load_npz, save=save_npz),
     Format(name="text table", suffix=".csv", load=load_csv, save=save_csv),
+    *(Format(name="text table", suffix=suffix, load=load_csv) for suffix in (".txt", ".dat", ".asc", ".tsv", ".lvm")),
+    Format(name="workbook", suffix=".xlsx", load=load_xlsx, needs="excel", guarded=True),
     Format(name="MATLAB file", suffix=".mat", load=load_mat, save=save_mat, guarded=True),
     Format(name="data file in HDF5", suffix=".h5", load=load_hdf5, save=save_hdf5, guarded=True),
     Format(name="data file in HDF5", suffix=".hdf5", load=load_hdf5, save=save_hdf5, guarded=True),
@@ -107,21 +109,24 @@ def read(
     channels: Sequence[str] | None = None,
     names: Sequence[str] | None = None,
     origin: float = 0.0,
+    header: bool = True,
 ) -> Record:
     """The record (channels, samples) in a file: sample n is at `start` + n/`rate` [s].
 
     The format is chosen by the suffix. `.npz`: `values` (channels, samples), `sample_rate` [Hz] or `time` (samples,)
     [s], `channels`, and optionally `units`, `quantities`, `start` [s], `period` [s], `origin` [s], `orbit` (channels,
-    phases). `.csv`: a header row, a time column, then channels, units in brackets; an empty cell or `nan` is a missing
-    sample. `.mat` (MATLAB v5 to v7.3), `.h5` and `.hdf5`: the names of `.npz`. A file of these four without `values` is
-    read by the paths of its variables in `channels`: `run/acc/x` is a vector of samples, `data[2]` row 2 of a matrix
-    (channels, samples), counted from 0. `data.T[2]` is column 2 of one (samples, channels), and `data` or `data.T` all
-    of them. `Y[1]/Data` is in element 1 of a struct array, and `Y` all its elements. A vector `time` or `t` [s] beside
-    them gives the rate, or a number called `sample_rate`, `fs`, `dt` or the like. `.npy`: one array, `data`. `.uff`
-    and `.unv`: the time responses of a universal file. `.out` and `.outb`: output of OpenFAST. `.tdms` (needs npTDMS):
-    channels of numbers, by their names, or as `group/channel`. `.parquet` (needs pyarrow): columns headed as in `.csv`,
-    or dates for the times. `.wav`: whole numbers over full scale, others as they are. `.cfg` with `.dat`, or `.cff`
-    (needs comtrade), `.mf4` and `.mdf` (needs asammdf): channels with one rate. `.sel` with `.dat`: output of HAWC2.
+    phases). Text tables (`.csv`, `.txt`, `.dat`, `.asc`, `.tsv`, `.lvm`, and `.xlsx` with python-calamine): a header
+    row, a time column in a unit or of dates, then channels, units in brackets or in a row below; an empty cell or `nan`
+    is a missing sample. `.mat` (MATLAB v4 to v7.3), `.h5` and `.hdf5`: the names of `.npz`. A file of these four
+    without `values` is read by the paths of its variables in `channels`: `run/acc/x` is a vector of samples, `data[2]`
+    row 2 of a matrix (channels, samples), counted from 0. `data.T[2]` is column 2 of one (samples, channels), and
+    `data` or `data.T` all of them. `Y[1]/Data` is in element 1 of a struct array, and `Y` all its elements. A vector
+    `time` or `t` [s] beside them gives the rate, or a number called `sample_rate`, `fs`, `dt` or the like. `.npy`: one
+    array, `data`. `.uff` and `.unv`: the time responses of a universal file. `.out` and `.outb`: output of OpenFAST.
+    `.tdms` (needs npTDMS): channels of numbers, by their names, or as `group/channel`. `.parquet` (needs pyarrow):
+    columns headed as in `.csv`, or dates for the times. `.wav`: whole numbers over full scale, others as they are.
+    `.cfg` with `.dat`, or `.cff` (needs comtrade), `.mf4` and `.mdf` (needs asammdf): channels with one rate. `.sel`
+    with `.dat`: output of HAWC2.
 
     A time column is repaired, not trusted: the rate is fitted to the whole column, and is a nominal value where the
     evidence is clear. Gaps of whole steps become missing samples, and `provenance` says so.
@@ -146,8 +151,11 @@ def read(
         of texts, such as `labels`, one for each row of the matrix that is read. None leaves all.
     origin
         The time of phase zero [s].
+    header
+        False for a text table without a line of names: its columns are called 1, 2, 3, and the first is the time where
+        it increases.
     """
-    source, kind, table = load_table(path, of="read", channels=channels, ignore_time=rate is not None)
+    source, kind, table = load_table(path, of="read", channels=channels, ignore_time=rate is not None, header=header)
     table = table if names is None else with_names(table, names, source)
     n_channels, n_samples = table.values.shape
     step = f"Read {n_channels} channels of {n_samples} samples from a {kind.name} ({kind.suffix})."
@@ -186,7 +194,7 @@ def write(record: Record, path: str | PathLike[str]) -> None:
 
 
 def load_table(
-    path: str | PathLike[str], *, of: str, channels: Sequence[str] | None, ignore_time: bool
+    path: str | PathLike[str], *, of: str, channels: Sequence[str] | None, ignore_time: bool, header: bool
 ) -> tuple[Source, Format, Table]:
     """The content of a file, checked except for its time axis."""
     source = Source(of=of, name=str(as_path(path, of=of)))
@@ -194,8 +202,12 @@ def load_table(
     readable_file(path, of=of)
     if channels is not None and (isinstance(channels, str) or len(channels) == 0):
         raise input_error("channels", of, "be a list of names, at least one", f"is {channels!r}")
+    load = partial(kind.load, source, channels=channels, ignore_time=ignore_time)
+    if not header:
+        if kind.load not in (load_csv, load_xlsx):
+            raise input_error("header", of, "be False for a text table alone", f"{source.name} is a {kind.name}")
+        load = partial(load, header=False)
     try:
-        load = partial(kind.load, source, channels=channels, ignore_time=ignore_time)
         table = GUARD.call(source.path, load) if kind.guarded else load()
     except DamagedError as error:
         raise source.error(f"be a whole {kind.name}", f"is damaged: {error}", "Copy it again.") from None
@@ -203,4 +215,4 @@ def load_table(
         must = "be readable to its end"
         raise source.error(must, f"is not ({error or type(error).__name__})", "Copy it again.") from error
     check_table(table, source)
-    return source, kind, table
+    return source, kind, without_counters(table) if channels is None else table

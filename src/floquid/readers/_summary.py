@@ -121,18 +121,24 @@ class FileSummary:
 
 
 def describe_file(
-    path: str | PathLike[str], *, rate: float | None = None, channels: Sequence[str] | None = None
+    path: str | PathLike[str],
+    *,
+    rate: float | None = None,
+    channels: Sequence[str] | None = None,
+    header: bool = True,
 ) -> FileSummary:
     """Summary of a file: channels, units, rate, candidates for the clock.
 
     It is what `floquid info` prints. A file whose time axis cannot be settled is described all the same, without a
     rate, and a note says why. Raises InputError where the file cannot be read, or is not what its format must be; an
     argument is not possible. `path` is the file, `rate` the sampling rate [Hz], overriding what the file says, and
-    `channels` those to describe, in that order; None describes all.
+    `channels` those to describe, in that order; None describes all. `header` is False for a text table without names.
     """
     if rate is not None:
         rate = positive(rate, "rate", "describe_file", unit="Hz", remedy="Pass the number of samples a second.")
-    source, kind, table = load_table(path, of="describe_file", channels=channels, ignore_time=rate is not None)
+    source, kind, table = load_table(
+        path, of="describe_file", channels=channels, ignore_time=rate is not None, header=header
+    )
     notes: tuple[str, ...]
     try:
         axis = settle_axis(table, source, rate)

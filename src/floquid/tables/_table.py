@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._arrays import Floats
+from floquid._arrays import Floats, Mask
 from floquid._checks import describe, finite, input_error, positive
 from floquid._show import Brief
 from floquid.core import Channel, ConstantPeriod, Provenance, Record, channels_named
 from floquid.errors import InputError
 from floquid.io import Source
-from floquid.tables._time_axis import SECONDS, TimeAxis, TimeColumn, repair
+from floquid.tables._time_axis import TimeAxis, TimeColumn, repair
 
 
 def make_channel(source: Source, **words: Any) -> Channel:
@@ -150,51 +150,37 @@ def refuse_blurred_times(record: Record) -> None:
         raise input_error("record", "write", must, got, "Write it as .npz, or count its time from a nearer start.")
 
 
-_TIME_NAME = re.compile(
-    r"(?:elapsed |relative )?(t|times?|time ?stamps?|zeit|temps|tiempo)(?:[ _.-](\w+))?", re.IGNORECASE
+_COUNTER = re.compile(
+    r"(unnamed|sample|scan|row|line|(data ?)?point|record|frame|sequence|index|idx|id|count(er)?|no|nr|num(ber)?|n|#)?"
+    r"[ _.:-]*(0|index|idx|id|count(er)?|no|nr|num(ber)?|#)?[.:]?",
+    re.IGNORECASE,
 )
-_OTHER_UNITS = {"-", "%", "°", "Hz", "rpm", "RPM", "V", "mV", "uV", "A", "mA"}
-_OTHER_UNITS |= {"Pa", "kPa", "MPa", "bar", "Nm", "N.m", "N m"}
+"""Names of a column that counts rows."""
 
 
-def name_and_unit(cell: str) -> tuple[str, str | None]:
-    """The name and the unit in a `cell`: «x [m]», or «x (m)» where m is a unit and no remark; None without a unit."""
-    match = re.fullmatch(r"(.*?)\s*\[([^\[\]]*)\]", cell)
-    if match:
-        return match[1], match[2].strip()
-    match = re.fullmatch(r"(.*?)\s*\(([^()]*)\)", cell)
-    if match and _is_unit(match[2].strip()):
-        return match[1], match[2].strip()
-    return cell, None
+def counts_rows(values: Floats) -> bool:
+    """True of `values` that go up by one from row to row, from a whole number on: they count the rows."""
+    return len(values) > 1 and float(values[0]).is_integer() and bool((np.diff(values) == 1.0).all())
 
 
-def _is_unit(text: str) -> bool:
-    return text in _OTHER_UNITS or text in SECONDS or (text != "" and Channel(name="x", unit=text).quantity != "other")
-
-
-def find_time(source: Source, parts: Sequence[tuple[str, str | None]]) -> tuple[int | None, float | None]:
-    """The first column of a `source` that is a time, and its unit in seconds; of `parts`, a name and a unit each.
-
-    A time by its name, or the very first column by its unit. None stands for no such column, and for no unit.
-    """
-    for column, (name, unit) in enumerate(parts):
-        known = SECONDS.get(unit or "")
-        if column == 0 and known is not None:
-            return column, known
-        if name.lower() in SECONDS and len(name) > 1 and unit is None:  # a column headed «ms»
-            return column, SECONDS[name.lower()]
-        match = _TIME_NAME.fullmatch(name)
-        if match is None or (match[2] is not None and match[2].lower() not in SECONDS):
-            continue
-        if unit in (None, "", "-"):
-            return column, SECONDS[match[2].lower()] if match[2] else None
-        if known is not None:
-            return column, known
-        if len(match[1]) > 1:
-            must = "have its times in one of s, ms, us, ns, min, h"
-            got = f"has column {column + 1}, {name!r}, in {unit!r}"
-            raise source.error(must, got, "Export the times as numbers in seconds.")
-    return None, None
+def without_counters(table: Table) -> Table:
+    """The `table` without channels that count its rows, by their names and numbers, unless it has no others."""
+    counters = [
+        bool(_COUNTER.fullmatch(channel.name)) and counts_rows(row)
+        for channel, row in zip(table.channels, table.values, strict=True)
+    ]
+    if not any(counters) or all(counters):
+        return table
+    kept = [row for row, counts in enumerate(counters) if not counts]
+    names = ", ".join(f"`{channel.name}`" for channel, counts in zip(table.channels, counters, strict=True) if counts)
+    note = f"{names} counts the rows and is no channel; name it with `channels=` to read it all the same."
+    return replace(
+        table,
+        values=table.values[kept],
+        channels=tuple(table.channels[row] for row in kept),
+        orbit=None if table.orbit is None else table.orbit[kept],
+        notes=(*table.notes, note),
+    )
 
 
 OPTION = "`rate=`"
@@ -320,11 +306,11 @@ def settle_axis(table: Table, source: Source, rate: float | None) -> TimeAxis | 
         even = TimeAxis(sample_rate=stated or 0.0, start=table.start or 0.0, notes=(note,))
         return even if stated is not None and table.binding else None
     if stated is None:
-        return repair(table.time, source)
+        return _fitted(table, table.time, source)
     times = table.time.values * (table.time.scale or 1.0)
     if np.array_equal(times, times[0] + np.arange(len(times)) / stated):
         return TimeAxis(sample_rate=stated, start=float(times[0]), notes=(note,))
-    fitted = repair(table.time, source)
+    fitted = _fitted(table, table.time, source)
     drift = abs(stated / fitted.sample_rate - 1.0) * (table.values.shape[1] - 1)
     if drift > 0.5 and table.binding:
         times_say = f"its times make {fitted.sample_rate:.12g} Hz: {drift:.3g} samples apart at its end"
@@ -334,6 +320,44 @@ def settle_axis(table: Table, source: Source, rate: float | None) -> TimeAxis | 
         note = f"A rate of {stated:.12g} Hz is stated, which is not that of the times: the times are believed."
         return replace(fitted, notes=(*fitted.notes, note))
     return replace(fitted, sample_rate=stated, notes=(note, *fitted.notes[1:]))
+
+
+def _fitted(table: Table, time: TimeColumn, source: Source) -> TimeAxis:
+    """The time axis behind the `time` of a `table`: of all its rows or, where those are uneven, of those with samples.
+
+    Loggers write channels of several rates on the union of their times, each with a lattice of its own.
+    """
+    try:
+        return repair(time, source)
+    except InputError as uneven:
+        alike: list[tuple[Mask, list[str]]] = []
+        for channel, there in zip(table.channels, ~np.isnan(table.values), strict=True):
+            if not there.any():
+                continue
+            for place, (rows, names) in enumerate(alike):
+                if (rows & there).sum() > 0.9 * max(rows.sum(), there.sum()):
+                    alike[place] = (rows | there, [*names, channel.name])
+                    break
+            else:
+                alike.append((there, [channel.name]))
+        if all(rows.all() for rows, _ in alike):
+            raise
+        try:
+            axes = [repair(replace(time, values=time.values[rows]), source) for rows, _ in alike]
+        except InputError:
+            raise uneven from None
+    if len(axes) == 1:
+        rows = alike[0][0]
+        note = f"{rows.sum()} of {rows.size} rows hold the channels asked for: the others are at times between theirs."
+        return replace(axes[0], rows=rows, notes=(*axes[0].notes, note))
+    groups = [
+        f"{', '.join(names[:3])}{', …' if len(names) > 3 else ''} at {axis.sample_rate:.6g} Hz"
+        for (_, names), axis in zip(alike, axes, strict=True)
+    ]
+    got = f"has each on times of its own in `{time.label}`: {'; '.join(groups[:6])}{'; …' if len(groups) > 6 else ''}"
+    first = ",".join(alike[0][1][:3])
+    remedy = f"Read those of one rate by `channels=`, for example {first}, or resample the file onto even times."
+    raise source.error("have its channels sampled together", got, remedy)
 
 
 def times_of(values: NDArray[Any], *, scale: float | None, label: str) -> tuple[TimeColumn, tuple[str, ...]] | None:

@@ -7,12 +7,12 @@ through all times; see `_nominal_rate` for when it is replaced by a round number
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._arrays import Floats, Integers
+from floquid._arrays import Floats, Integers, Mask
 from floquid._checks import counted
 from floquid._show import Brief
 from floquid.errors import InputError
@@ -28,6 +28,13 @@ SECONDS = {
     **dict.fromkeys(["h", "hr", "hour", "hours"], 3600.0),
 }
 """The units of time by their names, and no others."""
+
+_SINCE_1970 = (
+    (1e11, 1e-3, "ms", "milliseconds"),
+    (1e14, 1e-6, "us", "microseconds"),
+    (1e17, 1e-9, "ns", "nanoseconds"),
+)
+"""The least size of times without a unit that count from 1970, in which unit; the largest is a hundred times that."""
 
 JITTER = 0.01
 """Scatter of the times about their line, in steps, that is passed over beside the rounding: at 40 samples a period a
@@ -70,19 +77,24 @@ class TimeAxis(Brief):
     ----------
     sample_rate, start
         The rate [Hz] and the time of the first sample [s].
+    rows
+        True for each row of the file that is on the axis (all rows,), or None where all are.
     positions
-        The sample that each row of the file becomes (rows,), or None when each follows the one before.
+        The sample that each of these rows becomes (rows,), or None when each follows the one before.
     notes
         How the axis was found, in sentences.
     """
 
     sample_rate: float
     start: float
+    rows: Mask | None = None
     positions: Integers | None = None
     notes: tuple[str, ...] = ()
 
     def place(self, values: Floats) -> Floats:
         """The rows of the file, `values`, at their samples, NaN in the gaps (channels, samples); read-only."""
+        if self.rows is not None:
+            values = values[:, self.rows]
         if self.positions is not None:
             placed = np.full((len(values), int(self.positions[-1]) + 1), np.nan)
             placed[:, self.positions] = values
@@ -97,8 +109,9 @@ def repair(column: TimeColumn, source: Source) -> TimeAxis:
     The times t_n are fitted by t_0 + k_n h with whole numbers k_n, least squares over the whole column. All k_n = n if
     that leaves residuals within the rounding of the column; otherwise steps of a whole number of h are gaps. Where the
     rounding is about as long as a step, a gap and a rounding look alike: see `_whole_steps`. Times without a unit are
-    taken for seconds, and a note says so.
+    taken for seconds, or by their size for milliseconds since 1970, and a note says so.
     """
+    column, since = _since_1970(column)
     scale = 1.0 if column.scale is None else column.scale
     with np.errstate(over="ignore", invalid="ignore"):  # refused below
         times = column.values.astype(np.float64, copy=False)
@@ -108,23 +121,36 @@ def repair(column: TimeColumn, source: Source) -> TimeAxis:
     positions = np.arange(len(times), dtype=np.float64)
     line = fit_line(positions, times)
     whole = _whole_steps(times, rounded)
-    if whole is not None or not _is_even(line, rounded):
+    if whole is not None or not _is_even(line, positions, rounded):
         positions = _positions_with_gaps(times, rounded, whole, column.label, source)
         line = fit_line(positions, times)
-        if not _is_even(line, rounded):
+        if not _is_even(line, positions, rounded):
             raise _uneven(times, line, column.label, source)
     nominal = nominal_rate(positions, times, rounded, line)
     rate = 1.0 / line.step if nominal is None else nominal
     start = line.start if nominal is None else float(np.mean(times - positions / nominal))
     if abs(start - times[0]) <= rounded.coarsest + 4.0 * np.spacing(np.abs(times).max()):
         start = float(times[0])  # as printed: the line is no better than the rounding here
-    notes = _notes(line, rounded, nominal, positions, times)
+    notes = (*_notes(line, rounded, nominal, positions, times), *since)
     if column.scale is None:
         notes += (f"`{column.label}` has no unit: its times are taken for seconds (others would be `time [ms]`).",)
     has_gaps = positions[-1] + 1 > len(times)
     return TimeAxis(
         sample_rate=rate, start=start, positions=positions.astype(np.int64) if has_gaps else None, notes=notes
     )
+
+
+def _since_1970(column: TimeColumn) -> tuple[TimeColumn, tuple[str, ...]]:
+    """A `column` without a unit that by its size counts from 1970, counted from its first time; others as they are."""
+    if column.scale is not None or not column.values.size:
+        return column, ()
+    low, high = float(np.min(column.values)), float(np.max(column.values))
+    for least, scale, unit, name in _SINCE_1970:
+        if least <= low <= high < 100.0 * least:
+            first = np.datetime64(int(column.values[0]), unit)
+            note = f"`{column.label}` has no unit: by their size its times are {name} since 1970, from {first} on."
+            return replace(column, values=column.values - column.values[0], scale=scale), (note,)
+    return column, ()
 
 
 def _check_order(times: Floats, label: str, source: Source) -> None:
@@ -151,9 +177,25 @@ def _check_order(times: Floats, label: str, source: Source) -> None:
     raise source.error("have times that increase", got, remedy)
 
 
-def _is_even(line: LineFit, rounded: Rounding) -> bool:
-    allowed = np.maximum(rounded.quantum, 0.1 * rounded.coarsest)  # coarse times pull the line where others are fine
-    return line.step > 0 and bool((np.abs(line.residuals) <= allowed + JITTER * line.step).all())
+def _is_even(line: LineFit, positions: Floats, rounded: Rounding) -> bool:
+    """True where some line runs within half the rounding, and a little scatter, of every time."""
+    if line.step <= 0:
+        return False
+    half = 0.5 * rounded.quantum * (1.0 + 1e-6) + JITTER * line.step
+    if (np.abs(line.residuals) <= half).all():
+        return True
+    most = 2.0 * float(half.max())
+    if (np.abs(line.residuals) > most).any():
+        return False
+
+    from scipy.optimize import minimize_scalar
+
+    def lacks(tilt: float) -> float:  # the fitted line is pulled by where rounding lies on one side, or is coarse
+        rest = line.residuals - tilt * positions
+        return float((rest - half).max() - (rest + half).min())
+
+    tilt = 2.0 * most / float(positions[-1])
+    return bool(minimize_scalar(lacks, bounds=(-tilt, tilt), options={"xatol": 1e-4 * tilt}).fun <= 1e-2 * half.min())
 
 
 def _whole_steps(times: Floats, rounded: Rounding) -> float | None:
@@ -190,7 +232,7 @@ def _positions_with_gaps(times: Floats, rounded: Rounding, whole: float | None, 
     if whole is None and rounded.coarsest > _COARSE * step:
         must = "have times of more digits than one step, or no gaps"
         got = f"has uneven steps of about {step:.3g} s in `{label}`, with times {rounded.words}"
-        raise source.error(must, got, f"Export the times with more digits. {_RESAMPLE}")
+        raise source.error(must, got, f"If they are rounded, export more digits. {_RESAMPLE}")
     positions = np.zeros(len(times))
     for _ in range(2):  # the second time with the step of the whole column
         positions[1:] = np.cumsum(np.maximum(np.rint(steps / step), 1.0))

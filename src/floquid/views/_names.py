@@ -90,7 +90,7 @@ def _time(power: int) -> str:
 SHORT = {"pulses_per_revolution": "pulses_per_rev", "periods_per_revolution": "periods_per_rev"}
 """Settings that have shorter names on the command line."""
 
-_KNOWN = {*(field.name for field in fields(Settings)), "rate", "origin", "method", "repeat", "drop"}
+_KNOWN = {*(field.name for field in fields(Settings)), "rate", "origin", "header", "method", "repeat", "drop"}
 
 
 def for_command(text: str) -> str:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from floquid.errors import InputError
 from floquid.readers import describe_file, read
 
 NAN = np.nan
@@ -87,8 +88,6 @@ def test_a_rate_that_is_given_makes_the_times_of_no_account(tmp_path):
 
 
 def test_a_blank_line_is_not_skipped_where_it_may_be_a_sample(tmp_path):
-    from floquid.errors import InputError
-
     with pytest.raises(InputError, match=r"blank line.*line 3"):
         table(tmp_path, "x\n1\n\n3\n", rate=4.0)
     assert table(tmp_path, "time,x\n0,1\n\n1,3\n").n_samples == 2
@@ -120,7 +119,6 @@ def test_a_header_edited_after_writing_is_believed(tmp_path):
 
 def test_a_record_whose_times_a_table_cannot_tell_apart_is_not_written(tmp_path):
     from floquid.core import Record
-    from floquid.errors import InputError
     from floquid.readers import write
 
     late = Record(values=np.eye(2, 5), sample_rate=1e6, channels=["x", "y"], start=1e12)
@@ -138,3 +136,28 @@ def test_an_unusable_time_axis_is_described(tmp_path):
     assert found.sample_rate is None
     assert found.n_samples == 3
     assert any("goes back in `time`" in note for note in found.notes)
+
+
+def union(fast=50, slow=20, seconds=10):
+    """Two channels of a logger on the union of their times, in hundredths of a second."""
+    ticks = range(100 * seconds)
+    cells = [(k, "1.5" if k % (100 // fast) == 0 else "", "-2" if k % (100 // slow) == 0 else "") for k in ticks]
+    return "time [s],x,z,y\n" + "".join(f"{k / 100:.2f},{x},{x},{y}\n" for k, x, y in cells if x or y)
+
+
+def test_channels_of_two_rates_on_the_union_of_their_times_are_told_apart(tmp_path):
+    with pytest.raises(InputError, match=r"own in `time \[s\]`: x, z at 50 Hz; y at 20 Hz.\n.*`channels=`.*x,z"):
+        table(tmp_path, union())
+    fast, slow = table(tmp_path, union(), channels=["x", "z"]), table(tmp_path, union(), channels=["y"])
+    assert (fast.sample_rate, fast.n_samples, slow.sample_rate, slow.n_samples) == (50.0, 500, 20.0, 200)
+    assert not np.isnan(fast.values).any()
+    assert (
+        "200 of 600 rows hold the channels asked for: the others are at times between theirs." in slow.provenance.steps
+    )
+    assert describe_file(tmp_path / "run.csv").sample_rate is None
+
+
+def test_every_other_sample_of_a_channel_may_be_missing(tmp_path):
+    record = table(tmp_path, union(50, 25))
+    assert record.sample_rate == 50.0
+    assert np.isnan(record.values[2]).sum() == 250

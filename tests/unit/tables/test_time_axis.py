@@ -194,3 +194,30 @@ def test_a_gap_of_a_broken_step_is_refused():
     steps[50] = 0.0345
     with pytest.raises(InputError, match="a gap must be a whole number of steps"):
         repaired(np.cumsum(steps))
+
+
+@pytest.mark.parametrize(("fast", "slow"), [(50.0, 20.0), (100.0, 30.0), (1000.0, 300.0), (50.0, 49.0)])
+def test_times_of_two_rates_on_their_union_are_uneven(fast, slow):
+    digits = 2 if fast == 50.0 and slow == 20.0 else 6
+    times = np.unique(np.round(np.concatenate([np.arange(0, 20, 1 / fast), np.arange(0, 20, 1 / slow)]), digits))
+    with pytest.raises(InputError):
+        repaired(times)
+
+
+@pytest.mark.parametrize("rate", [97.3, 80.0, 64.0, 51.2345])
+@pytest.mark.parametrize("n", [3, 10, 100, 5000])
+def test_times_that_are_cut_off_not_rounded_are_even(rate, n):
+    times = np.floor((np.arange(n) / rate + 0.00371) * 100.0) / 100.0
+    axis = repaired(times)
+    assert axis.positions is None
+    assert abs(axis.sample_rate / rate - 1.0) < 0.02 / (n / rate)
+
+
+@pytest.mark.parametrize(("scale", "name"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")])
+def test_times_without_a_unit_that_count_from_1970_are_known_by_their_size(scale, name):
+    ticks = 1714564800.0 * scale + np.rint(np.arange(1000) * 0.02 * scale)
+    axis = repaired(ticks, scale=None)
+    assert axis.sample_rate == 50.0
+    assert axis.start == 0.0
+    assert f"by their size its times are {name} since 1970, from 2024-05-01T12:00:00" in axis.notes[-1]
+    assert repaired(1.7e9 + np.arange(1000) * 0.5, scale=None).sample_rate == 2.0
