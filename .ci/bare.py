@@ -6,7 +6,7 @@ import time
 from importlib.util import find_spec
 from pathlib import Path
 
-EXTRAS = ("control", "pandas", "pyarrow", "python_calamine", "nptdms", "xarray")
+EXTRAS = ("asammdf", "comtrade", "control", "pandas", "pyarrow", "python_calamine", "nptdms", "xarray")
 
 began = time.perf_counter()
 import floquid as fq  # noqa: E402

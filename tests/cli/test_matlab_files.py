@@ -105,3 +105,20 @@ def test_values_the_wrong_way_round(here, rows):
     content = {"values": values, "sample_rate": 1.0, "channels": np.array([*rows], dtype=object)}
     scipy.io.savemat("run.mat", content)
     typed(f"identify run.mat --period {PERIOD}", code=2, message="save `values.'`")
+
+
+def test_names_for_the_columns_of_a_matrix(here, rows):
+    data = np.column_stack([rows["X"], rows["Y"]])
+    scipy.io.savemat("lab.mat", {"data": data, "labels": np.array(["hip", "knee"], object), "fs": 1.2732395447351628})
+    found = []
+    for names in ("labels", "hip,knee", "from the settings"):
+        words = f"--channels data.T --period {PERIOD} --names {names}"
+        if names == "from the settings":
+            words = "--settings out/settings.toml"
+        typed(f"identify lab.mat {words} --out out")
+        found.append(json.loads((here / "out" / "summary.json").read_text()))
+    assert "hip" in json.dumps(found[0])
+    assert found[0]["modes"] == found[1]["modes"] == found[2]["modes"]
+    typed("convert lab.mat lab.csv --channels data.T --names left,right")
+    assert "left" in typed("info lab.csv")
+    typed("convert lab.mat lab.csv --channels data.T --names a,b,c", 2, "`--names` must be as many as the channels")

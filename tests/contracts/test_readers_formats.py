@@ -13,7 +13,9 @@ from floquid.errors import InputError
 from floquid.io import GUARD
 from floquid.readers import FORMATS, describe_file, read, write
 
-NEEDS = {"tdms": "nptdms", "parquet": "pyarrow", "excel": "python_calamine"}
+NEEDS = {
+    "comtrade": "comtrade", "excel": "python_calamine", "mdf": "asammdf", "parquet": "pyarrow", "tdms": "nptdms",
+}  # fmt: skip
 """The module behind each extra."""
 
 

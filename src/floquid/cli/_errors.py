@@ -35,7 +35,7 @@ _SETTINGS = {
 }
 
 _OPTIONS = {
-    "read": {"path": "`FILE`", "period": "The period", **_alike("rate", "channels", "origin", "header")},
+    "read": {"path": "`FILE`", "period": "The period", **_alike("rate", "channels", "names", "origin", "header")},
     "floquet.read_matrix": {"paths": "`FILES`", **_alike("period", "interpolation")},
     "floquet.read_openfast": {"paths": "`FILES`"},
     "Settings": _SETTINGS,

@@ -71,6 +71,10 @@ _FREQUENCY = "The fundamental frequency [Hz], one over the period; instead of --
 Frequency = Annotated[float | None, Parameter(help=_FREQUENCY)]
 
 
+_NAMES = "Names for the channels, comma-separated, or the path of a variable that holds them."
+Names = Annotated[str | None, Parameter(help=_NAMES)]
+
+
 def split(text: str) -> tuple[str, ...]:
     """A comma-separated list."""
     return tuple(word.strip() for word in text.split(",") if word.strip())
@@ -110,6 +114,7 @@ READING = {  # what is said of records beside the settings
     "frequency": (float, _FREQUENCY),
     "origin": (float, "The time of phase zero [s]; 0 if not given."),
     "rate": (float, "The sampling rate [Hz], overriding what the files say."),
+    "names": (str, _NAMES),
     "header": (bool, _HEADER),
 }
 
@@ -175,7 +180,7 @@ def given(options: object, of: str) -> dict[str, Any]:
     said = {long.get(f.name, f.name): getattr(options, f.name) for f in fields(options)}  # type: ignore[arg-type]
     if "frequency" in said:
         said["period"] = period_of(said["period"], said.pop("frequency"), of)
-    for name in ("channels", "inputs", "states"):
+    for name in ("channels", "names", "inputs", "states"):
         if said.get(name) is not None:
             said[name] = split(text := said[name])
             if name == "inputs" and not said[name]:  # an empty variable of a shell would make a free response of it
@@ -193,7 +198,7 @@ else:
     ModelOptions = _options("ModelOptions", ("Model", MODEL), ("State matrix A(t)", SYSTEM), ("Checks", CHECKS))
 
 
-_HOW = ("rate", "origin", "header", "identifier")  # the choices that are not settings as they stand
+_HOW = ("rate", "names", "origin", "header", "identifier")  # the choices that are not settings as they stand
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -202,6 +207,8 @@ class Choices:
 
     settings: Settings = field(default_factory=Settings)
     rate: float | None = None  # the sampling rate [Hz], overriding what the files say; None for theirs
+    names: tuple[str, ...] = ()  # names to give the channels, or the path of a variable that holds them
+    asked: tuple[str, ...] = ()  # the channels as the files call them, where they have been given other names
     origin: float = 0.0  # the time of phase zero [s]
     header: bool = True  # a text table has a line of names
     identifier: IdentifierName | None = None  # the algorithm that finds the poles; None for the usual one
@@ -213,7 +220,7 @@ class Choices:
     def with_given(self, **given: Any) -> Choices:
         """Choices with the given ones (not None) put over them."""
         given = {name: value for name, value in given.items() if value is not None}
-        reading = {name: given.pop(name) for name in _HOW if name in given}
+        reading = {name: given.pop(name) for name in (*_HOW, "asked") if name in given}
         return replace(self, settings=replace(self.settings, **given), **reading)
 
     def text(self) -> str:
@@ -222,7 +229,9 @@ class Choices:
 
         content = {name.name: getattr(self.settings, name.name) for name in fields(Settings)}
         content |= {
+            "channels": self.asked or self.settings.channels,
             "rate": self.rate,
+            "names": self.names or None,
             "origin": self.origin or None,
             "header": None if self.header else False,
             "identifier": self.identifier,
@@ -254,6 +263,8 @@ def choices_of(file: Path | None) -> Choices:
             reading["rate"] = positive(content.pop("rate"), "rate", "Settings", unit="Hz")
         if "origin" in content:
             reading["origin"] = finite(content.pop("origin"), "origin", "Settings", unit="s")
+        if "names" in content:
+            reading["names"] = Settings(channels=content.pop("names")).channels
         if (header := content.pop("header", None)) is not None:
             if not isinstance(header, bool):
                 raise input_error("header", "Settings", "be true or false", f"is {header!r}")

@@ -13,7 +13,7 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid._checks import counted, input_error
 from floquid.cli._folder import identified_in
-from floquid.cli._options import Choices, Frequency, Header, NewRecordFile, Rate, RecordFile, period_of, split
+from floquid.cli._options import Choices, Frequency, Header, Names, NewRecordFile, Rate, RecordFile, period_of, split
 from floquid.cli._terminal import new_table, progress, terminal
 from floquid.core import Record
 from floquid.errors import InputError
@@ -66,13 +66,14 @@ def read_records(
     """The records, and the choices with the names that the channels have from here on."""
     chosen, records = choices.settings, []
     signals = [name for name in (chosen.tach, chosen.azimuth) if name is not None]
-    beside = [name for name in (*signals, *chosen.inputs) if name not in chosen.channels]
+    beside = [name for name in (*signals, *chosen.inputs) if name not in (*chosen.channels, *choices.names)]
     named = (*chosen.channels, *beside) if chosen.channels else None
     for file in files:
         report(f"reading {file.name}")
         record = read(
-            file, period=chosen.period, rate=choices.rate, channels=named, origin=choices.origin, header=choices.header
-        )
+            file, period=chosen.period, rate=choices.rate, channels=named, names=choices.names or None,
+            origin=choices.origin, header=choices.header,
+        )  # fmt: skip
         if record.clock is None and not signals and not chosen.estimate_period:
             got = f"neither it nor --frequency is, and {file} does not state one"
             free = not chosen.inputs and chosen.excitation == "none"
@@ -84,7 +85,8 @@ def read_records(
             raise input_error("--period", of, "be given", got, remedy)
         records.append(record)
     if chosen.channels:  # a path may stand for all rows of a matrix: from here on each has its name
-        choices = choices.with_given(channels=tuple(c.name for c in records[0].channels if c.name not in beside))
+        own = tuple(c.name for c in records[0].channels if c.name not in beside)
+        choices = choices.with_given(channels=own, asked=chosen.channels if choices.names else None)
     return records, choices
 
 
@@ -223,6 +225,7 @@ def convert(
     /,
     *,
     channels: str | None = None,
+    names: Names = None,
     rate: Rate = None,
     period: float | None = None,
     frequency: Frequency = None,
@@ -249,15 +252,14 @@ def convert(
     """
     _refuse_same(file, out)
     if file.is_dir() or _is_result(file):
-        options = {"channels": channels, "rate": rate, "period": period, "frequency": frequency}
+        options = {"channels": channels, "names": names, "rate": rate, "period": period, "frequency": frequency}
         _convert_modes(file, out, options | {"origin": origin or None, "no-header": None if header else True})
         return
     with progress(3) as report:
         report(f"reading {file.name}")
-        named = None if channels is None else split(channels)
-        record = read(
-            file, rate=rate, period=period_of(period, frequency, OF), channels=named, origin=origin, header=header
-        )
+        chosen, called = (None if words is None else split(words) for words in (channels, names))
+        period = period_of(period, frequency, OF)
+        record = read(file, rate=rate, period=period, channels=chosen, names=called, origin=origin, header=header)
         report(f"writing {out.name}")
         _write(record, out)
         report("reading it back")

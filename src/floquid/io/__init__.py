@@ -4,6 +4,7 @@ from floquid.io._decoders import (
     array_in,
     attribute,
     is_elsewhere,
+    is_mat_4,
     is_whole,
     letters,
     load_variables,
@@ -26,6 +27,6 @@ from floquid.io._guard import GUARD
 
 __all__ = [
     "GUARD", "DamagedError", "Source", "array_in", "as_path", "atomic_path", "attribute", "flush", "flush_folder",
-    "is_elsewhere", "is_whole", "letters", "load_package", "load_variables", "mat_order", "readable_file",
+    "is_elsewhere", "is_mat_4", "is_whole", "letters", "load_package", "load_variables", "mat_order", "readable_file",
     "refuse_wrong_name", "seems_to_be", "texts_in",
 ]  # fmt: skip

@@ -1,4 +1,4 @@
-"""MATLAB files of version 5 to 7, and datasets of HDF5 files, as arrays and texts.
+"""MATLAB files of version 4 to 7, and datasets of HDF5 files, as arrays and texts.
 
 A damaged tag of a MATLAB file can end scipy (1.17), or keep it busy without end: to be called behind `GUARD`.
 
@@ -38,6 +38,19 @@ def mat_order(path: Path) -> str:
         return {b"IM": "<", b"MI": ">"}.get(stream.read(_HEAD)[126:128], "")
 
 
+def is_mat_4(path: Path) -> bool:
+    """True where `path` is a MATLAB file of version 4: it begins with the kind and the shape of a matrix."""
+    with path.open("rb") as stream:
+        head = stream.read(20)
+    for order in "<>" if len(head) == 20 else "":
+        kind, rows, columns, is_complex, letters_of_name = struct.unpack(f"{order}5i", head)
+        machine, form = divmod(kind, 100)
+        known = machine in (0, 10, 20, 30, 40) and form // 10 < 6 and form % 10 < 3
+        if known and min(rows, columns) >= 0 and is_complex in (0, 1) and 1 < letters_of_name < 10_000:
+            return True
+    return False
+
+
 def load_variables(path: Path) -> dict[str, Any]:
     """The variables of a file at `path`, as scipy has them: text as letters, a struct as records.
 
@@ -46,7 +59,11 @@ def load_variables(path: Path) -> dict[str, Any]:
     import scipy.io
     from scipy.io.matlab import MatlabOpaque
 
-    order, data = mat_order(path), memoryview(path.read_bytes())
+    order = mat_order(path)
+    if not order:
+        found = scipy.io.loadmat(path, chars_as_strings=False, appendmat=False)  # of version 4
+        return {name: value for name, value in found.items() if not name.startswith("__")}
+    data = memoryview(path.read_bytes())
     codec = "utf-16-le" if order == "<" else "utf-16-be"
     variables: dict[str, Any] = {}
     for kind, inner, element in _elements(data[_HEAD:], order):

@@ -14,11 +14,12 @@ from floquid._checks import describe, input_error
 from floquid.core import Record
 from floquid.io import GUARD, DamagedError, Source, as_path, atomic_path, readable_file
 from floquid.readers._csv import load_csv, load_xlsx, save_csv
-from floquid.readers._openfast import load_out, load_outb
-from floquid.readers._packages import load_parquet, load_tdms, load_wav, save_parquet
+from floquid.readers._parquet import load_parquet, save_parquet
+from floquid.readers.recorders import load_comtrade, load_mdf, load_tdms, load_wav
+from floquid.readers.simulators import load_out, load_outb, load_sel
 from floquid.readers.uff import load_uff, save_uff
-from floquid.readers.variables import load_hdf5, load_mat, load_npz, save_hdf5, save_mat, save_npz
-from floquid.tables import Table, check_table, record_of, without_counters
+from floquid.readers.variables import load_hdf5, load_mat, load_npy, load_npz, save_hdf5, save_mat, save_npz
+from floquid.tables import Table, check_table, record_of, with_names, without_counters
 
 
 class Load(Protocol):
@@ -75,6 +76,12 @@ FORMATS: tuple[Format, ...] = (
     Format(name="TDMS file", suffix=".tdms", load=load_tdms, needs="tdms", guarded=True),
     Format(name="Parquet file", suffix=".parquet", load=load_parquet, save=save_parquet, needs="parquet", guarded=True),
     Format(name="WAV file", suffix=".wav", load=load_wav),
+    Format(name="NumPy array", suffix=".npy", load=load_npy),
+    Format(name="COMTRADE file", suffix=".cfg", load=load_comtrade, needs="comtrade", guarded=True),
+    Format(name="COMTRADE file", suffix=".cff", load=load_comtrade, needs="comtrade", guarded=True),
+    Format(name="MDF file", suffix=".mf4", load=load_mdf, needs="mdf", guarded=True),
+    Format(name="MDF file", suffix=".mdf", load=load_mdf, needs="mdf", guarded=True),
+    Format(name="output of HAWC2", suffix=".sel", load=load_sel),
 )
 
 SUFFIXES = ", ".join(kind.suffix for kind in FORMATS)
@@ -100,6 +107,7 @@ def read(
     period: float | None = None,
     rate: float | None = None,
     channels: Sequence[str] | None = None,
+    names: Sequence[str] | None = None,
     origin: float = 0.0,
     header: bool = True,
 ) -> Record:
@@ -109,13 +117,16 @@ def read(
     [s], `channels`, and optionally `units`, `quantities`, `start` [s], `period` [s], `origin` [s], `orbit` (channels,
     phases). Text tables (`.csv`, `.txt`, `.dat`, `.asc`, `.tsv`, `.lvm`, and `.xlsx` with python-calamine): a header
     row, a time column in a unit or of dates, then channels, units in brackets or in a row below; an empty cell or `nan`
-    is a missing sample. `.mat` (MATLAB v5 to v7.3), `.h5` and `.hdf5`: the names of `.npz`. A file of these four
+    is a missing sample. `.mat` (MATLAB v4 to v7.3), `.h5` and `.hdf5`: the names of `.npz`. A file of these four
     without `values` is read by the paths of its variables in `channels`: `run/acc/x` is a vector of samples, `data[2]`
     row 2 of a matrix (channels, samples), counted from 0. `data.T[2]` is column 2 of one (samples, channels), and
-    `data` or `data.T` all of them. A vector `time` or `t` [s] beside them gives the rate, or a number `sample_rate`
-    [Hz]. `.uff` and `.unv`: the time responses of a universal file. `.out` and `.outb`: output of OpenFAST. `.tdms`
-    (needs npTDMS): channels of numbers, by their names, or as `group/channel`. `.parquet` (needs pyarrow): columns
-    headed as in `.csv`, or dates for the times. `.wav`: whole numbers over full scale, others as they are.
+    `data` or `data.T` all of them. `Y[1]/Data` is in element 1 of a struct array, and `Y` all its elements. A vector
+    `time` or `t` [s] beside them gives the rate, or a number called `sample_rate`, `fs`, `dt` or the like. `.npy`: one
+    array, `data`. `.uff` and `.unv`: the time responses of a universal file. `.out` and `.outb`: output of OpenFAST.
+    `.tdms` (needs npTDMS): channels of numbers, by their names, or as `group/channel`. `.parquet` (needs pyarrow):
+    columns headed as in `.csv`, or dates for the times. `.wav`: whole numbers over full scale, others as they are.
+    `.cfg` with `.dat`, or `.cff` (needs comtrade), `.mf4` and `.mdf` (needs asammdf): channels with one rate. `.sel`
+    with `.dat`: output of HAWC2.
 
     A time column is repaired, not trusted: the rate is fitted to the whole column, and is a nominal value where the
     evidence is clear. Gaps of whole steps become missing samples, and `provenance` says so.
@@ -135,6 +146,9 @@ def read(
         starts at zero, or at the file's `start`.
     channels
         The names of the channels to read, in that order, or the paths of their variables; None reads all.
+    names
+        Names to give the channels, in that order; fewer leave the others as they are. One may be the path of a variable
+        of texts, such as `labels`, one for each row of the matrix that is read. None leaves all.
     origin
         The time of phase zero [s].
     header
@@ -142,6 +156,7 @@ def read(
         it increases.
     """
     source, kind, table = load_table(path, of="read", channels=channels, ignore_time=rate is not None, header=header)
+    table = table if names is None else with_names(table, names, source)
     n_channels, n_samples = table.values.shape
     step = f"Read {n_channels} channels of {n_samples} samples from a {kind.name} ({kind.suffix})."
     record = record_of(table, source, rate=rate, period=period, origin=origin, step=step)

@@ -252,7 +252,7 @@ def _candidates(rate: float) -> Iterator[tuple[float, float]]:
         yield _rounded(rate, unit), 10.0**unit / rate
         if digits <= 4:
             unit = step_decade + 1 - digits
-            yield rate_of_step(_rounded(1.0 / rate, unit)), 10.0**unit * rate
+            yield _reciprocal(_rounded(1.0 / rate, unit)), 10.0**unit * rate
 
 
 def _rounded(value: float, unit: int) -> float:
@@ -261,7 +261,16 @@ def _rounded(value: float, unit: int) -> float:
 
 
 def rate_of_step(step: float) -> float:
-    """One over `step` [s], and 6250 where that is 6249.999999999999."""
+    """One over `step` [s], and 6250 where that is 6249.999999999999; a step in single precision as it was meant."""
+    with np.errstate(over="ignore", under="ignore"):
+        single = np.float32(step)
+    if float(single) == step:
+        text = Printed(text=str(single), value=step, quantum=float(np.spacing(single)), digits=8)
+        return nominal_rate_of_step(text) or _reciprocal(step)
+    return _reciprocal(step)
+
+
+def _reciprocal(step: float) -> float:
     rate = 1.0 / step
     whole = float(f"{rate:.12g}")
     return whole if abs(whole - rate) <= 4.0 * _EPS * rate else rate

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -210,6 +210,8 @@ class Table(Brief):
         One period of the periodic orbit that the response was about (channels, phases).
     notes
         Sentences on what else there is.
+    labels
+        Names that texts in the file may give the channels, by what those texts are called.
     """
 
     values: Floats
@@ -224,6 +226,7 @@ class Table(Brief):
     origin: float | None = None
     orbit: Floats | None = None
     notes: tuple[str, ...] = ()
+    labels: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
 
 def check_table(table: Table, source: Source) -> None:

@@ -324,8 +324,8 @@ BAD = {
     "eight terabytes, unwritten": ({"values": unwritten}, "parts of `values`", "never written"),
     "eight terabytes of chunks, unwritten": ({"values": unwritten_chunks}, "parts of `values`", "never written"),
     "an acquisition that stopped": ({"values": half_written}, "read as zeros", "NaN in the rest"),
-    "numbers that stand for others": (
-        {"values": attached(np.ones((2, 40), "i2"), scale_factor=0.5)}, "real numbers in `values`", "`scale_factor`",
+    "counts with a gain of their own": (
+        {"values": attached(np.ones((2, 40), "i2"), gain=0.5)}, "the quantities", "`values`", "`values/gain`", "offset",
     ),
     "a rate in kilohertz": ({"sample_rate": attached(0.0125, units="kHz")}, "`sample_rate` in Hz", "'kHz'", "`rate=`"),
     "a period in milliseconds": ({"period": attached(80.0, unit="ms")}, "`period` in s", "'ms'", "Save it in s"),
@@ -342,6 +342,71 @@ BAD = {
 @pytest.mark.parametrize(("content", "words"), [(v[0], v[1:]) for v in BAD.values()], ids=BAD)
 def test_bad_datasets(tmp_path, content, words):
     refused(saved(tmp_path, **content), *words)
+
+
+def test_numbers_that_netcdf_packs_are_the_quantities(tmp_path):
+    raw = np.array([[0, 1, 2, -9], [7, -9, 3, 4]], "i2")
+    said = {"scale_factor": 0.5, "add_offset": 10.0, "_FillValue": np.int16(-9)}
+    found = read(saved(tmp_path, values=attached(raw, **said)))
+    np.testing.assert_array_equal(found.values, np.where(raw == -9, np.nan, 0.5 * raw + 10.0))
+    found = read(saved(tmp_path, values=attached(raw.astype("f4"), missing_value=np.float32(-9))))
+    np.testing.assert_array_equal(found.values, np.where(raw == -9, np.nan, raw))
+
+
+@pytest.mark.parametrize(
+    ("where", "name", "value"), [("x", "Fs", 12.5), ("run", "dt", 0.08), ("", "sample_rate", 12.5)]
+)
+def test_an_attribute_states_the_rate(tmp_path, where, name, value):
+    path = lab(tmp_path, run__x=VALUES[0])
+    with h5py.File(path, "r+") as file:
+        (file["run/x"] if where == "x" else file[where or "/"]).attrs[name] = value
+    assert read(path, channels=["run/x"]).sample_rate == 12.5
+
+
+def gtsdf(folder, *blocks, names=("x", "y"), units=("m", "rad"), **attributes):
+    """A file of blocks (samples (samples, channels), content), as DTU's Wind Energy Toolbox writes them."""
+    path = folder / "run.hdf5"
+    with h5py.File(path, "w") as file:
+        file.attrs.update({"type": "General time series data format", "no_blocks": len(blocks), **attributes})
+        for key, texts in (("attribute_names", names), ("attribute_units", units)):
+            if texts is not None:
+                file[key] = np.array([text.encode() for text in texts])
+        for number, (data, content, attributes) in enumerate(blocks):
+            block = file.create_group(f"block{number:04d}")
+            block["data"] = data
+            block.attrs.update(attributes)
+            for key, value in content.items():
+                block[key] = value
+    return path
+
+
+def test_counts_of_hawc2_are_quantities(tmp_path):
+    raw = np.array([[0, 65535], [65534, 2], [10, 3]], "u2")
+    content = {"gains": [0.5, 2.0], "offsets": [-1.0, 100.0]}
+    path = gtsdf(tmp_path, (raw, content, {"time_step": np.float32(0.02), "time_start": 30.0}))
+    found = read(path)
+    np.testing.assert_array_equal(found.values, [[-1.0, 32766.0, 4.0], [np.nan, 104.0, 106.0]])
+    assert [(c.name, c.unit) for c in found.channels] == [("x", "m"), ("y", "rad")]
+    assert (found.sample_rate, found.start) == (50.0, 30.0)
+    np.testing.assert_array_equal(read(path, channels=["y"]).values, found.values[1:])
+    np.testing.assert_array_equal(read(path, channels=["block0000/data.T[1]"]).values, found.values[1:])
+    np.testing.assert_array_equal(read(path, channels=["block0000/data.T"], rate=50.0).values, found.values)
+    with pytest.raises(InputError, match=r"has 'block0000/data.T\[2\]'.\n  The channels are: x, y"):
+        read(path, channels=["block0000/data.T[2]"])
+
+
+def test_blocks_of_hawc2_follow_one_another(tmp_path):
+    part = np.arange(8.0).reshape(4, 2)
+    steps = {"time_step": 0.25}
+    blocks = ((part, {}, {**steps, "time_start": 0.0}), (-part, {}, {**steps, "time_start": 1.0}))
+    found = read(gtsdf(tmp_path, *blocks, names=("Shaft", "Shaft"), units=None))
+    np.testing.assert_array_equal(found.values, np.concatenate([part, -part]).T)
+    assert [c.name for c in found.channels] == ["Shaft", "Shaft_2"]
+    assert found.sample_rate == 4.0
+    timed = read(gtsdf(tmp_path, (part, {"time": [0, 1, 2, 3]}, {"time_step": 0.5, "time_start": 2.0}), names=None))
+    assert (timed.sample_rate, timed.start, timed.channels[1].name) == (2.0, 2.0, "ch2")
+    refused(gtsdf(tmp_path), "hold samples", "no `block0000/data`")
+    refused(gtsdf(tmp_path, (part, {}, {})), "neither a rate", "`rate=`")
 
 
 def test_links_beside_what_is_read_do_no_harm(tmp_path):

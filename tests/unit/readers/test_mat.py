@@ -222,7 +222,8 @@ def test_times_beside_the_channels(tmp_path):
     assert record.sample_rate == 12.5
     assert "Times from `run/time`, beside the channels." in record.provenance.steps
     assert "The times in the file were ignored." in read(path, channels=["run.acc.x"], rate=2.0).provenance.steps
-    refused(path, "neither a rate nor a column of times", "`rate=`", channels=["data[0]"])
+    bare = v5(tmp_path, data=VALUES)
+    refused(bare, "neither a rate nor a column of times", "`rate=`", channels=["data[0]"])
     stated = v5(tmp_path, acc={"x": VALUES[0]}, sample_rate=7.0)
     assert read(stated, channels=["acc/x"]).sample_rate == 7.0
     torque = v5(tmp_path, x=VALUES[0], t=TIME, T=VALUES[1])
@@ -235,6 +236,41 @@ def test_times_beside_the_channels(tmp_path):
     others = v5(tmp_path, a={"x": VALUES[0], "t": TIME}, b={"x": VALUES[1], "t": 2 * TIME})
     refused(others, "one vector of times", "`b/t`", channels=["a/x", "b/x"])
     assert read(others, channels=["a/x", "b/x"], rate=1.0).n_channels == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("fs", 12.5), ("Fs", [[12.5]]), ("dt", 0.08), ("SampleRate", 12.5), ("Time_Sample_Rate", 12.5)]
+)
+def test_a_number_beside_the_channels_states_their_rate(tmp_path, name, value):
+    record = read(v5(tmp_path, x=VALUES[0], y=VALUES[1], **{name: value}), channels=["x", "y"])
+    assert record.sample_rate == 12.5
+    assert f"Sampling rate 12.5 Hz: by `{name}` in the file." in record.provenance.steps
+    assert read(v5(tmp_path, run={"x": VALUES[0]}, **{name: value}), channels=["run/x"]).sample_rate == 12.5
+    ours = {"values": VALUES, "channels": np.array(["x", "y"], object), name: value}
+    assert read(v5(tmp_path, **ours)).sample_rate == 12.5
+    assert read(v5(tmp_path, **ours), rate=3.0).sample_rate == 3.0
+
+
+def test_numbers_that_state_several_rates_or_none(tmp_path):
+    several = v5(tmp_path, x=VALUES[0], fs=12.5, dt=0.01)
+    refused(several, "state one rate", "12.5 Hz in `fs` and 100 Hz in `dt`", "`rate=`", channels=["x"])
+    assert read(several, channels=["x"], rate=12.5).sample_rate == 12.5
+    apart = v5(tmp_path, x=VALUES[0], t=TIME, fs=13.0)
+    refused(apart, "the rate that its times have", "states 13 Hz", "make 12.5 Hz", channels=["x"])
+    refused(v5(tmp_path, x=VALUES[0], fs=-1.0), "neither a rate", channels=["x"])
+    refused(v5(tmp_path, x=VALUES[0], fs=VALUES[1]), "neither a rate", channels=["x"])
+
+
+@pytest.mark.parametrize("name", ["gain", "Gains", "scale", "slopes", "offset", "x_scaling", "Sensitivity"])
+def test_counts_beside_a_scale_are_refused(tmp_path, name):
+    counts = np.arange(80, dtype=np.int16).reshape(2, 40)
+    path = v5(tmp_path, counts=counts, fs=12.5, **{name: [0.5, 2.0]})
+    refused(path, "quantities that were measured", f"counts in `counts`, and beside them `{name}`", channels=["counts"])
+    ours = v5(tmp_path, values=counts, channels=np.array(["x", "y"], object), fs=12.5, **{name: [0.5, 2.0]})
+    refused(ours, "quantities that were measured", "`values`", "counts * gain + offset")
+    for harmless in ({"counts": 0.5 * counts}, {name: [0.0, 0.0] if name == "offset" else [1.0, 1.0]}, {name: "volts"}):
+        plain = v5(tmp_path, **({"counts": counts, "fs": 12.5, name: [0.5, 2.0]} | harmless))
+        assert read(plain, channels=["counts"]).n_channels == 2
 
 
 def test_without_paths_the_variables_are_listed(tmp_path):
@@ -423,7 +459,8 @@ FILES = {
     "an archive": (npz_bytes(), "seems to be a ZIP archive", "Name it by its format"),
     "the head alone, cut": (b"MATLAB 5.0 MAT-file", "cut short", "Copy it again"),
     "version 7.3, cut": (b"MATLAB 7.3 MAT-file".ljust(124) + b"\0\2IM" + bytes(300), "cut short", "Copy it again"),
-    "version 4": (struct.pack("<5i", 0, 2, 40, 0, 2) + b"x\0" + VALUES.tobytes(), "version 4", "'-v7'"),
+    "version 4, cut": (struct.pack("<5i", 0, 2, 40, 0, 2) + b"x\0" + VALUES.tobytes()[:-3], "cut short", "Copy it"),
+    "version 4, no shape": (struct.pack("<5i", 0, -2, 40, 0, 2) + b"x\0" + VALUES.tobytes(), "is not one", "'-v7'"),
     "anything": (bytes(range(128, 256)) * 3, "is not one", "Copy it again"),
     "no variables": (b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\1IM", "no `values`", "nothing", "In MATLAB"),
 }
@@ -481,6 +518,104 @@ def test_a_cell_of_labels_beside_the_data_names_its_channels(tmp_path):
 def test_labels_that_may_be_of_something_else_name_nothing(tmp_path, texts):
     path = v5(tmp_path, data=VALUES, **texts)
     assert [c.name for c in read(path, channels=["data"], rate=8.0).channels] == ["data[0]", "data[1]"]
+
+
+def elements(**fields):
+    """A struct array, of an element for each entry of the lists of its fields."""
+    made = np.empty((1, len(next(iter(fields.values())))), dtype=[(name, object) for name in fields])
+    for name, entries in fields.items():
+        for at, entry in enumerate(entries):
+            made[name][0, at] = entry
+    return made
+
+
+def in_version_5(folder):
+    """Signals of a test bench: those on the ordinate with names and units, and the times on the abscissa."""
+    y = elements(Name=["accX", "tach"], Data=[VALUES[0], VALUES[1][:, None]], Unit=["m/s^2", "V"])
+    return v5(folder, run={"X": {"Name": "Time", "Data": TIME}, "Y": y})
+
+
+def in_version_73(folder):
+    with V73(folder) as file:
+        file.text("run/X/Name", "Time")
+        file.numbers("run/X/Data", TIME)
+        for name, entries in {"Name": ["accX", "tach"], "Unit": ["m/s^2", "V"], "Data": VALUES}.items():
+            made = []
+            for entry in entries:
+                file.count += 1
+                put = file.text if isinstance(entry, str) else file.numbers
+                made.append(put(f"#refs#/{file.count}", entry).ref)
+            file.file.create_dataset(f"run/Y/{name}", data=np.array(made, dtype=h5py.ref_dtype).reshape(2, 1))
+        for path in ("run", "run/X", "run/Y"):
+            file.mark(file.file[path], "struct")
+    return file.path
+
+
+@pytest.mark.parametrize("save", [in_version_5, in_version_73])
+@pytest.mark.parametrize(
+    ("channels", "names"),
+    [
+        (["run/Y"], ["accX", "tach"]),
+        (["accX", "tach"], ["accX", "tach"]),
+        (["run/Y[0]/Data", "run/Y[1]/Data"], ["run/Y[0]/Data", "run/Y[1]/Data"]),
+        (["run.Y(1).Data", "run/Y(2)/Data"], ["run.Y(1).Data", "run/Y(2)/Data"]),
+    ],
+)
+def test_elements_of_a_struct_array(tmp_path, save, channels, names):
+    found = read(save(tmp_path), channels=channels)
+    np.testing.assert_array_equal(found.values, VALUES)
+    assert [channel.name for channel in found.channels] == names
+    assert [channel.unit for channel in found.channels] == ["m/s^2", "V"]
+    assert found.sample_rate == 12.5
+    refused(save(tmp_path), "run/Y[1]/Data: ", "Name them by `channels=`, as in run/Y;")
+
+
+def test_what_simulink_logs(tmp_path):
+    log = {"time": TIME[:, None], "signals": elements(values=[VALUES[0][:, None], VALUES.T], label=["q", "two"])}
+    path = v5(tmp_path, out=log, single={"time": TIME, "signals": {"values": VALUES[1], "label": "p"}})
+    found = read(path, channels=["out/signals(1)/values", "out.signals(2).values.T", "single/signals(1)/values"])
+    np.testing.assert_array_equal(found.values, VALUES[[0, 0, 1, 1]])
+    assert found.sample_rate == 12.5
+    assert [c.name for c in read(path, channels=["q", "p"]).channels] == ["q", "p"]
+
+
+def test_names_are_given_or_of_a_variable_that_is_said(tmp_path):
+    path = v5(tmp_path, data=VALUES.T, labels=cell("hip", "acc"), units=cell("m", "V"), fs=12.5, x=VALUES[0])
+
+    def names(*given, channels=("data.T",)):
+        return [c.name for c in read(path, channels=channels, names=given).channels]
+
+    assert names("labels") == ["hip", "acc"]
+    assert names("units") == ["m", "V"]
+    assert names("left", "right") == ["left", "right"]
+    assert names("left") == ["left", "acc"]  # the others stay as they are
+    assert names("labels", channels=["data.T[1]", "x"]) == ["acc", "x"]
+    assert read(path, channels=["data.T"], names=["labels"]).channels[1].quantity == "acceleration"
+    many = {"channels": ["data.T"], "names": list("abc")}
+    refused(path, "as many as the channels", "3 for 2 channels", "labels, units", **many)
+    refused(path, "name each channel once", "'acc' twice", channels=["data.T"], names=["acc"])
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_version_4(tmp_path, order):
+    path = tmp_path / "run.mat"
+    scipy.io.savemat(path, {"data": VALUES, "t": TIME, "labels": ["x", "tip"], "fs": 12.5}, format="4")
+    if order == ">":
+        kind, names = 1000, {"data": VALUES.T, "t": TIME[:, None], "labels": None}
+        path.write_bytes(
+            b"".join(
+                struct.pack(">5i", kind, *array.shape[::-1], 0, len(name) + 1) + name.encode() + b"\0"
+                + array.astype(">f8").tobytes()
+                for name, array in names.items() if array is not None
+            )
+        )  # fmt: skip
+    found = read(path, channels=["data"])
+    np.testing.assert_array_equal(found.values, VALUES)
+    assert found.sample_rate == 12.5
+    assert [c.name for c in found.channels] == (["x", "tip"] if order == "<" else ["data[0]", "data[1]"])
+    ours = {"values": VALUES, "channels": ["x", "tip"], "sample_rate": 12.5}
+    scipy.io.savemat(path, ours, format="4")
+    assert [c.name for c in read(path).channels] == ["x", "tip"]
 
 
 # Version 7.3: HDF5, arrays turned round, text as codes, cells as references.

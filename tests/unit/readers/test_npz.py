@@ -1,5 +1,6 @@
 """NumPy archives as others save them, the example records beside the project, and the candidates for the clock."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ from floquid.core import Channel, Record
 from floquid.errors import InputError
 from floquid.readers import describe_file, read, write
 
+VALUES = np.random.default_rng(5).standard_normal((2, 40))
 DATA = Path(__file__).parents[4] / "shared" / "data"
 
 
@@ -128,3 +130,58 @@ def test_candidates_for_the_clock(tmp_path):
     assert why["shaft"] == "it runs round and jumps back by a turn of 360 deg, 43 times"
     assert why["back"] == "it runs round and jumps back by a turn of 6.28319 rad, 11 times"
     assert why["Rotor_Azimuth"] == "its quantity is angle; its name has the word 'Azimuth'"
+
+
+@pytest.mark.parametrize(
+    ("data", "channels", "names"),
+    [
+        (VALUES, None, ["data[0]", "data[1]"]),
+        (VALUES[0], None, ["data"]),
+        (VALUES.T, ["data.T"], ["data.T[0]", "data.T[1]"]),
+        (np.asfortranarray(VALUES), ["data[1]", "data[0]"], ["data[1]", "data[0]"]),
+    ],
+)
+def test_one_array(tmp_path, data, channels, names):
+    path = tmp_path / "run.npy"
+    np.save(path, data)
+    found = read(path, channels=channels, rate=12.5)
+    assert [channel.name for channel in found.channels] == names
+    rows = [1, 0] if names == ["data[1]", "data[0]"] else list(range(len(names)))
+    np.testing.assert_array_equal(found.values, VALUES[rows])
+
+
+def test_an_array_of_records(tmp_path):
+    path, n = tmp_path / "run.npy", VALUES.shape[1]
+    table = np.zeros(n, dtype=[("time", float), ("x", "f4"), ("note", "U3"), ("y", "i2")])
+    table["time"], table["x"], table["y"] = np.arange(n) / 12.5, np.arange(n), -np.arange(n)
+    np.save(path, table)
+    found = read(path)
+    assert ([channel.name for channel in found.channels], found.sample_rate) == (["x", "y"], 12.5)
+    np.testing.assert_array_equal(found.values, [np.arange(n), -np.arange(n)])
+
+
+@pytest.mark.parametrize(
+    ("save", "words"),
+    [
+        (lambda path: np.save(path, VALUES.T), r"data: \d+ x 2.*data\.T\[0\],data\.T\[1\]"),
+        (lambda path: np.save(path, VALUES), "neither a rate nor a column of times"),
+        (lambda path: np.save(path, 1j * VALUES), "complex numbers"),
+        (lambda path: np.save(path, np.array([{}, {}]), allow_pickle=True), "Object arrays cannot be loaded"),
+        (lambda path: path.write_bytes(b"PK\3\4" + bytes(50)), "seems to be a ZIP archive"),
+    ],
+)
+def test_arrays_that_are_refused(tmp_path, save, words):
+    path = tmp_path / "run.npy"
+    save(path)
+    with pytest.raises(InputError, match=re.compile(words, re.DOTALL)) as caught:
+        read(path)
+    assert str(path) in str(caught.value)
+    assert "\n  " in str(caught.value)
+
+
+def test_an_array_cut_short(tmp_path):
+    path = tmp_path / "run.npy"
+    np.save(path, VALUES)
+    path.write_bytes(path.read_bytes()[:-3])
+    with pytest.raises(InputError, match="damaged or cut short"):
+        read(path, rate=1.0)

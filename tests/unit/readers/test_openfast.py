@@ -84,6 +84,39 @@ def test_packed_times_give_the_rate_behind_them(tmp_path):
     assert any("16 bits" in step for step in found.provenance.steps)
 
 
+def test_what_a_longer_run_left_behind_the_samples_is_said(tmp_path):
+    path = tmp_path / "run.outb"
+    path.write_bytes(outb() + bytes(118))
+    found = read(path)
+    np.testing.assert_array_equal(found.values, np.arange(12.0).reshape(6, 2).T)
+    assert "The file has 118 bytes behind its 6 samples, which are not used." in found.provenance.steps
+
+
+@pytest.mark.parametrize(("step", "rate"), [(0.02, 50.0), (0.0125, 80.0), (0.005, 200.0), (1 / 3, 3.0), (0.75, 4 / 3)])
+def test_a_step_in_single_precision_means_a_round_one(step, rate, tmp_path):
+    path = tmp_path / "run.outb"
+    path.write_bytes(outb(second=float(np.float32(step))))
+    assert read(path).sample_rate == rate
+
+
+@pytest.mark.parametrize(("second", "names"), [(np.arange(6.0), ["x"]), (-np.arange(6.0), ["x", "x_2"])])
+def test_a_name_that_comes_again_is_numbered_or_read_once(second, names, tmp_path):
+    path = tmp_path / "run.outb"
+    values = np.array([np.arange(6.0), second])
+    path.write_bytes(outb(names=["Time", "x", "x"], body=values.T.astype("<f8").tobytes()))
+    found = read(path)
+    assert [channel.name for channel in found.channels] == names
+    np.testing.assert_array_equal(found.values, values[: len(names)])
+    assert any("'x' is there again" in step for step in found.provenance.steps)
+    np.testing.assert_array_equal(read(path, channels=["x_2"]).values, values[1:])
+    path = tmp_path / "run.out"
+    table = np.column_stack([0.1 * np.arange(6), values.T])
+    path.write_text("Time x x\n(s) (m) (deg)\n" + "\n".join(" ".join(map(str, row)) for row in table.tolist()))
+    found = read(path)
+    assert [channel.name for channel in found.channels] == names
+    np.testing.assert_array_equal(found.values, values[: len(names)])
+
+
 def text(rows, units="(s) (deg) (m/sec^2) (kN-m) (INVALID)", above="\nPredictions were made\n\n\nA turbine\n\n"):
     head = f"{above}Time  Azimuth  YawBrTAxp  RootMyc1  Wave1Elev\n{units}\n"
     return head + "".join("\t".join(row) + "\n" for row in rows)
@@ -140,7 +173,6 @@ BAD = {
     "stars": (text([*rows(4), ["30.05", "1", "2", "****", "3"]]), "'****' in line 13, column 'RootMyc1'", "OutFmt"),
     "a cell as it is": (text([*rows(4), ["30.05", "1", "2", "1.0D+x", "3"]]), "'1.0D+x'", "run OpenFAST again"),
     "infinite": (text([*rows(4), ["30.05", "1", "2", "-Inf", "3"]]), "finite samples", "channel 'RootMyc1', sample 4"),
-    "a name twice": (text(rows()).replace("RootMyc1", "Azimuth"), "each channel once", "'Azimuth' twice", "Rename"),
     "a time that falls": (text([*rows(4), *rows(2)]), "goes back in `Time`", "sample 5", "Sort"),
 }  # fmt: skip
 

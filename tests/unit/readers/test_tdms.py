@@ -95,6 +95,24 @@ def test_text_and_dates_are_no_signals(tmp_path):
     assert "Channel 'g/when' is not of numbers, and is not used." in found.provenance.steps
 
 
+@pytest.mark.parametrize("name", ["Timestamp", "when"])
+def test_time_stamps_of_labview_are_the_times(name, tmp_path):
+    stamps = np.datetime64("2026-03-01T12:00:00", "us") + (20000 * np.arange(60)).astype("m8[us]")
+    path = saved(tmp_path, ("g", name, stamps, {}), ("g", "x", X, {}))
+    found = read(path)
+    assert ([c.name for c in found.channels], found.sample_rate, found.start) == (["x"], 50.0, 0.0)
+    assert any("dates: they count from the first, 2026-03-01T12:00:00" in step for step in found.provenance.steps)
+    assert read(path, rate=7.0).sample_rate == 7.0
+
+
+def test_dates_in_words_are_the_times(tmp_path):
+    stamps = [str(np.datetime64("2026-03-01T12:00:00", "ms") + np.timedelta64(20 * k, "ms")) for k in range(60)]
+    assert read(saved(tmp_path, ("g", "Time", stamps, {}), ("g", "x", X, {}))).sample_rate == 50.0
+    path = saved(tmp_path, ("g", "Time", ["noon"] * 60, {}), ("g", "x", X, {}))
+    assert_refused(path, ["times as numbers, as time stamps", "'noon' first in 'g/Time'", "`rate=`"])
+    assert read(path, rate=7.0).n_samples == 60
+
+
 SCALED = {
     "NI_Number_Of_Scales": 1,
     "NI_Scaling_Status": "unscaled",

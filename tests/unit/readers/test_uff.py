@@ -362,6 +362,8 @@ def test_names_are_as_long_as_it_takes(tmp_path):
     assert [c.name for c in read(path).channels] == ["BLADE 12:+X", "HUB 12:+X"]
     path = saved(tmp_path, function(ids=["left"] * 5), function(ids=["right"] * 5))
     assert [c.name for c in read(path).channels] == ["left", "right"]
+    path = saved(tmp_path, function(ids=["left"] * 5), function(node=2, ids=["right"] * 5))
+    assert [c.name for c in read(path, channels=["right", "12:+X"]).channels] == ["2:+X", "12:+X"]
 
 
 def test_without_any_name_they_are_counted(tmp_path):

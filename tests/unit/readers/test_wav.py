@@ -79,3 +79,24 @@ def test_what_fills_the_last_sector_up_is_passed_over(tmp_path):
     with path.open("ab") as stream:
         stream.write(bytes(512))
     assert read(path).n_samples == 6
+
+
+@pytest.mark.parametrize("off", [-12, -30, 12, 10**6])
+def test_a_wrong_size_of_the_whole_does_no_harm(off, tmp_path):
+    path, body = tmp_path / "run.wav", bytearray(wav(fmt(), DATA))
+    body[4:8] = struct.pack("<I", len(body) - 8 + off)
+    path.write_bytes(body)
+    np.testing.assert_array_equal(read(path).values, np.arange(12).reshape(6, 2).T / 2.0**15)
+
+
+@pytest.mark.parametrize("size", [0, 0xFFFFFFFF, 0xFFFFFFFF - 36, 0x7FFFFFFF, 0x7FFFF000])
+@pytest.mark.parametrize("rest", [0, 3])
+def test_a_stream_goes_to_the_end_of_the_file(size, rest, tmp_path):
+    path, body = tmp_path / "run.wav", bytearray(wav(fmt(), DATA))
+    body[4:8] = struct.pack("<I", size)
+    at = body.index(b"data") + 4
+    body[at : at + 4] = struct.pack("<I", size)
+    path.write_bytes(body + bytes(rest))
+    found = read(path)
+    np.testing.assert_array_equal(found.values, np.arange(12).reshape(6, 2).T / 2.0**15)
+    assert "The file does not state its length: its samples go to its end." in found.provenance.steps

@@ -85,7 +85,8 @@ def load_uff(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
     functions = _functions(source, datasets, system)
     if channels is not None:
         named = [function.channel for function in functions]
-        functions = [functions[row] for row in channels_named(named, channels, argument="channels", of=source.of)]
+        asked = _by_lines(functions, channels)
+        functions = [functions[row] for row in channels_named(named, asked, argument="channels", of=source.of)]
     names = [function.channel.name for function in functions]
     for function in functions:
         check_size(source, function.dataset, function.header, function.channel.name)
@@ -107,6 +108,14 @@ def load_uff(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
         origin=lines.origin if lines else None,
         notes=_notes(axis, datasets, functions, system),
     )
+
+
+def _by_lines(functions: Sequence[_Function], channels: Sequence[str]) -> list[str]:
+    """The names of `channels`, some of them by ID line 1 of a function, as other programs show it."""
+    names = {function.channel.name for function in functions}
+    lines = [function.header.ids[0] for function in functions]
+    called = {line: f.channel.name for line, f in zip(lines, functions, strict=True) if lines.count(line) == 1}
+    return [name if name in names else called.get(name, name) for name in channels]
 
 
 def _unit_system(data: bytes, datasets: Sequence[Dataset]) -> int | None:

@@ -5,7 +5,8 @@ What is refused is told in the file's dialect.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import prod
 from typing import Any, Literal, Protocol
@@ -17,7 +18,7 @@ from floquid._arrays import Floats
 from floquid._checks import describe, printable
 from floquid.core import channels_named
 from floquid.io import Source
-from floquid.tables import SECONDS, Table, TimeColumn, make_channels
+from floquid.tables import SECONDS, Table, TimeColumn, make_channels, rate_stated, says_rate
 
 Kind = Literal[
     "numbers",
@@ -30,7 +31,6 @@ Kind = Literal[
     "a struct array",
     "a link",
     "data of another file",
-    "scaled numbers",
     "records",
     "dates",
     "time spans",
@@ -43,27 +43,34 @@ REMEDIES: dict[Kind, str] = {
     "a MATLAB object": "MATLAB alone reads its objects (string, table, timetable, datetime). Convert it there first, "
     "as in `channels = cellstr(channels)` or `values = table2array(values).'`, and save it again.",
     "a cell array": "Save the numbers as one matrix, and names as a cell array of text: {'x', 'y'}.",
-    "a struct array": "Save each of its elements as a struct, or as a variable, of its own.",
+    "a struct array": "Name the numbers in its elements, as in `Y[0]/Data`, or save them as variables of their own.",
     "a link": "Links are not followed: name the path that it points to, or read the file that holds it.",
     "data of another file": "Data in other files are not read: save one file that holds them.",
     "dates": "Save numbers, times in seconds, as np.asarray(x, dtype=float) makes them.",
     "time spans": "Save numbers, times in seconds, as np.asarray(x, dtype=float) makes them.",
     "Python objects": "They are never unpickled: save them as np.asarray(x, dtype=float) or dtype=str makes them.",
-    "scaled numbers": "They stand for others, by `scale_factor` and `add_offset`: save the values themselves.",
 }
 
+SCALE = re.compile("gain|scal|slope|offset|intercept|sensitiv|calib", re.IGNORECASE)
+"""Names of numbers that make counts a quantity, in a way that they do not say."""
+
+_OFFSET = re.compile("offset|intercept", re.IGNORECASE)
 _MOST_LISTED = 40
 TIME_NAMES = ("time", "Time", "TIME", "t")  # t is as often a torque or a temperature
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variable:
-    """One variable: its path with slashes, its shape as its own program says it, what it holds, its unit (or none)."""
+    """One variable: its path with slashes, its shape as its own program says it, what it holds, its unit (or none).
+
+    `is_counted` is true of whole numbers: a scale may make them a quantity.
+    """
 
     path: str
     shape: tuple[int, ...]
     kind: Kind
     unit: str = ""
+    is_counted: bool = False
 
     @property
     def name(self) -> str:
@@ -152,6 +159,22 @@ def numbers(source: Source, file: VariableFile, path: str) -> NDArray[Any]:
     return file.numbers(path)
 
 
+def samples(source: Source, file: VariableFile, path: str) -> NDArray[Any]:
+    """The array of the variable at `path`, refused where it has counts and a scale stands beside them."""
+    variable = file.variables[path]
+    require_numbers(source, variable)
+    for one in file.variables.values() if variable.is_counted else ():
+        beside = SCALE.search(one.name) and one.levels[0] in (f"{path}/", variable.levels[0]) and one.path != path
+        if beside and one.kind == "numbers" and one.size in (1, *variable.shape):
+            scale = file.numbers(one.path)
+            if (scale != (0 if _OFFSET.search(one.name) else 1)).any():
+                must = "hold the quantities that were measured"
+                got = f"has counts in `{printable(path)}`, and beside them `{printable(one.path)}`"
+                remedy = "Save the quantities themselves, as in counts * gain + offset; or rename it if it is no scale."
+                raise source.error(must, got, remedy)
+    return file.numbers(path)
+
+
 def require_numbers(source: Source, variable: Variable) -> None:
     """Refuse what is not real numbers, with what to do about it."""
     if variable.kind != "numbers":
@@ -170,16 +193,36 @@ def listing(file: VariableFile) -> str:
 
 def example(file: VariableFile) -> str:
     """Paths such as the user may mean by `channels`: the largest variable, and the next ones of its shape."""
-    candidates = [
-        one for one in file.variables.values() if (one.is_vector or one.is_matrix) and one.name not in TIME_NAMES
-    ]
+    candidates = [one for one in file.variables.values() if (one.is_vector or one.is_matrix) and not is_time(file, one)]
     if not candidates:
         return ""
     first = max(candidates, key=lambda one: one.size)
+    array = re.match(r"(.+?)\[\d+\]/", first.path)
+    if array is not None and first.is_vector and said_beside(file, first)[0]:
+        return printable(array[1])
     if first.is_vector:
         return ",".join(printable(one.path) for one in candidates if one.shape == first.shape and one.is_vector)[:200]
     turned = ".T" if first.shape[0] > first.shape[1] else ""
     return ",".join(f"{printable(first.path)}{turned}[{row}]" for row in range(2))
+
+
+def said_beside(file: VariableFile, variable: Variable) -> tuple[str, str]:
+    """The name and the unit of a vector in a struct of its own, by the texts beside it; empty where there are none."""
+    beside = [one for one in file.variables.values() if one.levels[0] == variable.levels[0] and one is not variable]
+    if not variable.levels[0] or any(one.kind == "numbers" and one.size > 1 for one in beside):
+        return "", ""
+    texts = {one.name.lower(): one.path for one in beside if one.kind in ("text", "a cell array")}
+    found = []
+    for words in (("name", "label", "channel", "title", "signal"), ("unit", "units")):
+        path = next((texts[word] for word in words if word in texts), None)
+        rows = (file.texts(path) or []) if path is not None else []
+        found.append(rows[0].strip() if len(rows) == 1 else "")
+    return found[0], found[1]
+
+
+def is_time(file: VariableFile, variable: Variable) -> bool:
+    """True for a vector that is called a time, by its own name or by the text beside it."""
+    return variable.is_vector and (variable.name in TIME_NAMES or said_beside(file, variable)[0] in TIME_NAMES)
 
 
 _WORDS = ("units", "quantities", "locations", "directions")
@@ -204,7 +247,9 @@ def table_by_name(source: Source, file: VariableFile, *, channels: Sequence[str]
         chosen = channels_named(named, channels, argument="channels", of=source.of)
         values, named = values[chosen], tuple(named[row] for row in chosen)
         orbit = None if orbit is None else orbit[chosen]
-    others = [path for path in held if path not in KEYS]
+    stated = None if "sample_rate" in held or "time" in held else stated_rate(source, file, held["values"])
+    rate, note = (scalar(source, file, "sample_rate"), None) if stated is None else (stated.rate, stated.note)
+    others = [path for path in held if path not in KEYS and (stated is None or path != stated.path)]
     notes = tuple(f"The file also holds `{printable(path)}`, which is not used." for path in others[:20])
     if len(others) > 20:
         notes += (f"It holds {len(others) - 20} more that are not used.",)
@@ -219,7 +264,8 @@ def table_by_name(source: Source, file: VariableFile, *, channels: Sequence[str]
         time=time,
         orbit=orbit,
         notes=notes,
-        sample_rate=scalar(source, file, "sample_rate"),
+        sample_rate=rate,
+        rate_note=note,
         start=scalar(source, file, "start"),
         period=scalar(source, file, "period"),
         origin=scalar(source, file, "origin"),
@@ -264,6 +310,43 @@ def scalar(source: Source, file: VariableFile, path: str) -> float | None:
     return number
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StatedRate:
+    """A sampling rate [Hz], the path of the number that states it, and a sentence on that if its name is not ours."""
+
+    rate: float
+    path: str
+    note: str | None
+
+
+def stated_rate(source: Source, file: VariableFile, variable: Variable) -> StatedRate | None:
+    """The rate that a number beside a variable states, on the variable itself or at its level or the nearest above."""
+    for level in (f"{variable.path}/", *variable.levels):
+        path = f"{level}sample_rate"
+        rate = scalar(source, file, path)
+        if rate is not None:
+            return StatedRate(rate=rate, path=path, note=None)
+        found = list(_rates(file, level))
+        if found:
+            apart = next((one for one in found if abs(one.rate / found[0].rate - 1.0) > 1e-6), None)
+            if apart is not None:
+                got = " and ".join(f"{one.rate:.12g} Hz in `{printable(one.path)}`" for one in (found[0], apart))
+                raise source.error("state one rate", f"states {got}", "Pass `rate=` [Hz] to say which is right.")
+            return found[0]
+    return None
+
+
+def _rates(file: VariableFile, level: str) -> Iterator[StatedRate]:
+    """The rates that single numbers at a level state by their names, such as `fs` or `dt`."""
+    for one in file.variables.values():
+        if one.kind == "numbers" and one.size == 1 and one.levels[0] == level and says_rate(one.name):
+            number = float(file.numbers(one.path).reshape(()).real)
+            rate = rate_stated(one.name, number, one.unit) if 0.0 < number < np.inf else None
+            if rate is not None and 0.0 < rate < np.inf:
+                note = f"Sampling rate {rate:.12g} Hz: by `{printable(one.path)}` in the file."
+                yield StatedRate(rate=rate, path=one.path, note=note)
+
+
 def _orbit(source: Source, array: Floats, n_channels: int) -> Floats:
     if array.ndim != 2 or array.shape[0] != n_channels or not array.shape[1] or not np.isfinite(array).all():
         must = f"have `orbit` of shape (channels, phases) with {n_channels} channels, all finite"
@@ -285,7 +368,7 @@ def _values(source: Source, file: VariableFile, n_channels: int) -> Floats:
         must = f"have `values` of shape (channels, samples) with {n_channels} channels, as in `channels`"
         raise source.error(must, f"has shape {shape} there", remedy)
     with np.errstate(over="ignore"):  # a long double too large becomes infinite, and is refused as such
-        return file.numbers("values").astype(np.float64, order="C")
+        return samples(source, file, "values").astype(np.float64, order="C")
 
 
 _NOT_HELD = ("a MATLAB object", "a link", "data of another file", "Python objects")

@@ -4,6 +4,9 @@
 `data[2]` is row 2 of a matrix (channels, samples), counted from 0, and `data.T[2]` is its column 2, for a matrix
 (samples, channels). `data` and `data.T` are all rows, or all columns. A row is never taken for a column by guess. Where
 texts stand beside a matrix, as many as it has channels, they are the names of these, and name them.
+
+`Y[1]/Data` is the field Data in element 1 of a struct array, counted from 0; `Y(2)/Data` is the same as MATLAB counts.
+`Y` are the vectors in all its elements, each called by the text beside it, such as Y[1]/Name.
 """
 
 from __future__ import annotations
@@ -23,11 +26,13 @@ from floquid.readers.variables._by_name import (
     Variable,
     VariableFile,
     example,
+    is_time,
     listing,
-    numbers,
     printable,
     require_numbers,
-    scalar,
+    said_beside,
+    samples,
+    stated_rate,
     table_by_name,
     time_column,
 )
@@ -35,6 +40,9 @@ from floquid.tables import Table, TimeColumn, make_channel
 
 _LABELS = re.compile("label|channel|name|sensor", re.IGNORECASE)
 """Name of a variable that holds the names of channels, where several might."""
+
+_COUNTED = re.compile(r"\((\d{1,9})\)(?=[/.])")
+"""An element of a struct array as MATLAB counts them."""
 
 _PATH = re.compile(r"(?P<path>.+?)(?P<turned>\.T)?(?:\[(?P<row>\d{1,9})\])?")
 
@@ -45,8 +53,8 @@ class _Row:
 
     name: str
     variable: Variable
-    turned: bool
-    row: int | None
+    turned: bool = False
+    row: int | None = None
 
 
 def table_of_variables(
@@ -72,7 +80,7 @@ def _table_by_path(source: Source, file: VariableFile, *, channels: Sequence[str
     rows = [row for word in channels for row in _rows(source, file, beside, _parse(source, file, word))]
     _check_rows(source, rows)
     values = _values(source, file, rows)
-    rate = _rate(source, file, rows, ignore_time=ignore_time)
+    rate, note = _rate(source, file, rows, ignore_time=ignore_time)
     near = {one.path: one for row in rows for one in _nearest(beside, row.variable)}
     named = {row.variable.path: row.name for row in rows}
     times = [one for one in near.values() if one.size == values.shape[1] and one.path not in named]
@@ -86,11 +94,18 @@ def _table_by_path(source: Source, file: VariableFile, *, channels: Sequence[str
         notes += ("The times in the file were ignored.",)
     if any(row.row is not None for row in rows):
         notes += ("Rows and columns of a matrix are counted from 0.",)
+    if any("]/" in row.name for row in rows):
+        notes += ("Elements of a struct array in brackets are counted from 0: Y[0] is MATLAB's Y(1).",)
     return Table(
         values=values,
-        channels=tuple(make_channel(source, name=row.name, unit=row.variable.unit or "-") for row in rows),
+        channels=tuple(
+            make_channel(source, name=row.name, unit=row.variable.unit or said_beside(file, row.variable)[1] or "-")
+            for row in rows
+        ),
         time=time,
         sample_rate=rate,
+        rate_note=note,
+        labels=_label_lists(file, rows),
         notes=notes,
     )
 
@@ -104,8 +119,7 @@ def _parse(source: Source, file: VariableFile, word: object) -> _Row:
         turned = match["turned"] or ""
         unbracketed = f"{match['path']}{turned}"
         for path, is_turned, its_row in ((text, False, None), (unbracketed, False, row), (match["path"], True, row)):
-            path = path.strip("/")
-            variable = file.variables.get(path) or file.variables.get(path.replace(".", "/"))
+            variable = _variable_at(file, path.strip("/"))
             if variable is not None and (turned or not is_turned):
                 text = text if its_row is None else f"{text[: text.rindex('[')]}[{its_row}]"
                 return _Row(name=text, variable=variable, turned=is_turned, row=its_row)
@@ -115,12 +129,39 @@ def _parse(source: Source, file: VariableFile, word: object) -> _Row:
         for turned in (False, True)
         if one.is_matrix and text in (labels := _labels(file, one, turned=turned))
     ]
+    vectors = (one for one in file.variables.values() if one.is_vector and text)
+    own += [_Row(name=text, variable=one) for one in vectors if said_beside(file, one)[0] == text]
     if len(own) == 1:
         return own[0]
     must = "name variables of the file by their paths (it has no `values` and `channels` of ours)"
     got = f"has {word!r}, which is not in {source.path}. It holds:\n{listing(file) or '    nothing'}"
     remedy = "A vector is named by its path, as in run/acc/x; row 2 of a matrix is data[2], and its column 2 data.T[2]."
     raise input_error("channels", source.of, must, got, remedy)
+
+
+def _variable_at(file: VariableFile, path: str) -> Variable | None:
+    """The variable at a path, with dots or with MATLAB's numbers of elements, too; the only element needs none."""
+    zeroed = _COUNTED.sub(lambda match: f"[{int(match[1]) - 1}]", path)
+    for known in (path, path.replace(".", "/"), zeroed, zeroed.replace(".", "/")):
+        for shorter in (known, known.replace("[0]/", "/")):
+            if shorter in file.variables:
+                return file.variables[shorter]
+        if any(one.startswith(f"{known}[0]/") for one in file.variables):
+            return Variable(path=known, shape=(), kind="a struct array")  # which has no dataset of its own in HDF5
+    return None
+
+
+def _label_lists(file: VariableFile, rows: Sequence[_Row]) -> dict[str, list[str]]:
+    """Names for the rows by every text variable that has one for each row of the matrices they are of, by its path."""
+    counts = {row.variable.shape[:: -1 if row.turned else 1][0] for row in rows if row.row is not None}
+    found: dict[str, list[str]] = {}
+    for one in file.variables.values() if len(counts) < 2 else ():
+        texts = file.texts(one.path) if one.kind in ("a cell array", "text") else None
+        if texts and len(texts) in (counts or {len(rows)}):
+            places = range(len(rows)) if not counts else [row.row for row in rows]
+            pairs = zip(places, rows, strict=True)
+            found[one.path] = [row.name if place is None else texts[place].strip() for place, row in pairs]
+    return found
 
 
 def _labels(file: VariableFile, matrix: Variable, *, turned: bool) -> list[str]:
@@ -137,8 +178,17 @@ def _labels(file: VariableFile, matrix: Variable, *, turned: bool) -> list[str]:
 
 
 def _rows(source: Source, file: VariableFile, beside: Mapping[str, list[Variable]], choice: _Row) -> Iterator[_Row]:
-    """The channels that one word names: a vector, a row of a matrix, or all its rows."""
+    """The channels that one word names: a vector, one or all rows of a matrix, or the vectors of a struct array."""
     variable = choice.variable
+    if variable.kind == "a struct array" and choice.row is None:
+        inside = re.compile(rf"{re.escape(variable.path)}\[\d+\]/[^/]+")
+        vectors = [one for one in file.variables.values() if one.is_vector and inside.fullmatch(one.path)]
+        labels = [said_beside(file, one)[0] or one.path for one in vectors]
+        chosen = [(label, one) for label, one in zip(labels, vectors, strict=True) if label not in TIME_NAMES]
+        if chosen:
+            for label, one in chosen:
+                yield _Row(name=one.path if labels.count(label) > 1 else label, variable=one)
+            return
     require_numbers(source, variable)
     if variable.is_vector and choice.row is None:
         yield replace(choice, turned=False, row=None)
@@ -217,7 +267,7 @@ def _values(source: Source, file: VariableFile, rows: Sequence[_Row]) -> Floats:
         places.setdefault(row.variable.path, []).append(place)
     with np.errstate(over="ignore"):  # a long double too large becomes infinite, and is refused as such
         for path, wanted in places.items():
-            array = numbers(source, file, path)
+            array = samples(source, file, path)
             if not values.size:  # not before: that there is so much of it has now been checked
                 values = np.empty((len(rows), _length(rows[0])))
             for place in wanted:
@@ -231,8 +281,8 @@ def _times(file: VariableFile) -> dict[str, list[Variable]]:
     """The vectors of times in the file, by the level that they are at."""
     found: dict[str, list[Variable]] = {}
     for one in file.variables.values():
-        if one.is_vector and one.name in TIME_NAMES:
-            found.setdefault(one.levels[0], []).append(one)
+        if is_time(file, one):  # one in a struct of its own is a time of the level above
+            found.setdefault(one.levels[one.name not in TIME_NAMES], []).append(one)
     return found
 
 
@@ -263,17 +313,19 @@ def _time(source: Source, file: VariableFile, times: Sequence[Variable]) -> Time
     return columns[0] if times[0].unit not in ("", "-") else replace(columns[0], scale=None)
 
 
-def _rate(source: Source, file: VariableFile, rows: Sequence[_Row], *, ignore_time: bool) -> float | None:
-    """A number called `sample_rate`, at the level of the channels or above."""
+def _rate(
+    source: Source, file: VariableFile, rows: Sequence[_Row], *, ignore_time: bool
+) -> tuple[float | None, str | None]:
+    """The rate that numbers beside the channels state, and a sentence on it."""
+    if ignore_time:
+        return None, None
     found = {}
-    for row in rows:
-        for level in row.variable.levels:
-            path = f"{level}sample_rate"
-            if path in file.variables:
-                found[path] = scalar(source, file, path)
-                break
-    if len(set(found.values())) > 1 and not ignore_time:
-        stated = " and ".join(f"{rate:.12g} Hz in `{printable(path)}`" for path, rate in list(found.items())[:2])
+    for variable in {row.variable.path: row.variable for row in rows}.values():
+        stated = stated_rate(source, file, variable)
+        if stated is not None:
+            found.setdefault(stated.rate, stated)
+    if len(found) > 1:
+        stated = " and ".join(f"{one.rate:.12g} Hz in `{printable(one.path)}`" for one in list(found.values())[:2])
         must = "state one rate for the channels named"
         raise source.error(must, f"states {stated}", "Choose channels of one measurement, or pass `rate=` [Hz].")
-    return next(iter(found.values()), None)
+    return next(((one.rate, one.note) for one in found.values()), (None, None))

@@ -30,21 +30,33 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid.core import Channel
 from floquid.io import Source
-from floquid.tables import Table, TimeColumn, make_channels, number_in, rate_of_step, rows_of
+from floquid.tables import Table, TimeColumn, make_channels, number_in, numbered, rate_of_step, rows_of
 
 _UNITS = {"": "-", "-": "-", "°": "deg"}
 
 
-def channels_of(
-    source: Source, labels: Sequence[str], units: Sequence[str]
-) -> tuple[tuple[Channel, ...], tuple[str, ...]]:
-    """The channels of columns with these `labels` and `units`, and notes."""
+def channels_of(source: Source, labels: Sequence[str], units: Sequence[str]) -> tuple[Channel, ...]:
+    """The channels of columns with these `labels` and `units`; a label that comes again has its number."""
     bare = [re.sub(r"\bsec\b", "s", unit.strip().strip("()[]").strip()) for unit in units]  # «(m/sec^2)» as m/s^2
-    plain = [_UNITS.get(unit, unit) for unit in bare]
-    channels = make_channels(source, labels, plain)
-    invalid = [label for label, unit in zip(labels, plain, strict=True) if unit == "INVALID"]
+    return make_channels(source, numbered(labels), [_UNITS.get(unit, unit) for unit in bare])
+
+
+def _channel_notes(
+    labels: Sequence[str], named: Sequence[Channel], rows: Sequence[int], values: Floats, channels: Sequence[str] | None
+) -> tuple[list[int], tuple[str, ...]]:
+    """Places among the `rows` that stay, and notes: of all channels those of equal label and samples are one."""
+    invalid = [channel.name for channel in named if channel.unit == "INVALID"]
     notes = (f"OpenFAST marks as invalid, and fills with zeros: {', '.join(invalid[:20])}.",) if invalid else ()
-    return channels, notes
+    stay: list[int] = []
+    for place, row in enumerate(rows):
+        again = [k for k in stay if labels[rows[k]] == labels[row]] if channels is None else []
+        if any(np.array_equal(values[k], values[place], equal_nan=True) for k in again):
+            notes += (f"{labels[row]!r} is there again with the same samples: read once.",)
+            continue
+        if again:
+            notes += (f"{labels[row]!r} is there again with other samples: read as {named[row].name!r}.",)
+        stay.append(place)
+    return stay, notes
 
 
 _MOST_WORDS = 60  # lines above the names, at most
@@ -65,15 +77,16 @@ class _Head:
 def load_out(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
     """The table in a text output file of OpenFAST."""
     head = _head(source)
-    named, notes = channels_of(source, head.names[1:], head.units[1:])
+    named = channels_of(source, head.names[1:], head.units[1:])
     rows = rows_of(source, named, channels)
     values, times = _numbers(source, head, rows)
+    stay, notes = _channel_notes(head.names[1:], named, rows, values, channels)
     if ignore_time:
         notes += ("The times in the file were ignored.",)
     return Table(
-        values=values,
+        values=values if len(stay) == len(rows) else values[stay],
         time=None if ignore_time else TimeColumn(values=times, scale=1.0, label=head.names[0]),
-        channels=tuple(named[row] for row in rows),
+        channels=tuple(named[rows[place]] for place in stay),
         notes=notes,
     )
 
@@ -153,7 +166,10 @@ _AGAIN = "Run OpenFAST again, or copy the file again."
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _BinaryHead:
-    """All before the samples at `start`; `first`, `second`: first time and step [s], or scale and offset of times."""
+    """All before the samples at `start`; `first`, `second`: first time and step [s], or scale and offset of times.
+
+    `n_left_over` bytes are behind the samples: a shorter run does not cut the file of a longer one.
+    """
 
     kind: int
     n_samples: int
@@ -164,27 +180,32 @@ class _BinaryHead:
     names: tuple[str, ...]
     units: tuple[str, ...]
     start: int
+    n_left_over: int
 
 
 def load_outb(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
     """The table in a binary output file of OpenFAST."""
     with source.path.open("rb") as stream:
         head = _binary_head(source, stream)
-        named, notes = channels_of(source, head.names[1:], head.units[1:])
+        named = channels_of(source, head.names[1:], head.units[1:])
         rows = rows_of(source, named, channels)
         time = None
         if head.kind == _WITH_TIME:
             time = _times(source, stream, head)
         values = _values(source, stream, head, rows)
     rate, start = (None, None) if head.kind == _WITH_TIME or ignore_time else _even(source, head)
-    packed = () if head.kind == _UNPACKED else ("The samples are packed into 16 bits: about 5 digits of each range.",)
+    stay, notes = _channel_notes(head.names[1:], named, rows, values, channels)
+    if head.kind != _UNPACKED:
+        notes += ("The samples are packed into 16 bits: about 5 digits of each range.",)
+    if head.n_left_over:
+        notes += (f"The file has {head.n_left_over} bytes behind its {head.n_samples} samples, which are not used.",)
     return Table(
-        values=values,
+        values=values if len(stay) == len(rows) else values[stay],
         time=None if ignore_time else time,
         sample_rate=rate,
         start=start,
-        notes=(*notes, *packed),
-        channels=tuple(named[row] for row in rows),
+        notes=notes,
+        channels=tuple(named[rows[place]] for place in stay),
     )
 
 
@@ -215,9 +236,10 @@ def _binary_head(source: Source, stream: BinaryIO) -> _BinaryHead:
     first, second = numbers("<dd")
     scaling = np.frombuffer(stream.read(packing), "<f4").astype(np.float64)
     length = int(numbers("<i")[0])
-    if stream.tell() + length + texts + body != size or length < 0:
+    n_left_over = size - (stream.tell() + length + texts + body)
+    if n_left_over < 0 or length < 0:
         got = f"declares {n_channels} channels of {n_samples} samples and a description of {length} letters"
-        raise source.error("hold what it declares, and no more", f"{got}, in {size} bytes", _AGAIN)
+        raise source.error("hold what it declares", f"{got}, in {size} bytes", _AGAIN)
     stream.seek(length, 1)
     words = _words(source, stream.read(texts), letters)
     return _BinaryHead(
@@ -230,6 +252,7 @@ def _binary_head(source: Source, stream: BinaryIO) -> _BinaryHead:
         names=words[: n_channels + 1],
         units=words[n_channels + 1 :],
         start=stream.tell(),
+        n_left_over=n_left_over,
     )
 
 
