@@ -27,7 +27,8 @@ from floquid.cli._errors import (
 from floquid.cli._floquet import floquet
 from floquid.cli._floquet_output import print_stability
 from floquid.cli._identify import identify, report
-from floquid.cli._records import convert, info
+from floquid.cli._info import info
+from floquid.cli._records import convert
 from floquid.cli._scan import print_orders, scan
 from floquid.cli._terminal import plain, print_found, terminal
 from floquid.cli._transfer import multisine, transfer
