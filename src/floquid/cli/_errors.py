@@ -53,7 +53,7 @@ _OPTIONS = {
     "describe_file": {"path": "`FILE`", **_alike("rate", "channels", "header")},
     "write": {"path": "`--out`", "record": "The record"},
     "save": {"path": "`--out`"},
-    "export_modes": {"path": "`OUT`"},
+    "export_modes": {"path": "`OUT`", "coordinates": "`--coordinates`", "lines": "`--coordinates`"},
     "export_transfer": {"path": "`--out`", "found": "The transfer functions"},
     "load": {"path": "`RESULT`"},
     "report": {"analysis": "`RESULT`", "path": "`--out`", "brief": "`--brief`"},

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -12,14 +13,26 @@ from floquid._arrays import Floats
 from floquid._checks import counted, input_error
 from floquid.cli._folder import identified_in
 from floquid.cli._info import TELLS, options
-from floquid.cli._options import Choices, Frequency, Header, NewRecordFile, Rate, RecordFile, period_of, split
+from floquid.cli._options import (
+    Choices,
+    Damping,
+    Frequency,
+    Header,
+    NewRecordFile,
+    Rate,
+    RecordFile,
+    SettingsFile,
+    period_of,
+    split,
+)
 from floquid.cli._terminal import progress, terminal
 from floquid.core import Record
 from floquid.errors import InputError
 from floquid.exports import MODE_FORMATS, export_modes
-from floquid.io import GUARD, attribute
+from floquid.io import GUARD, attribute, readable_file
 from floquid.preparation import propose
 from floquid.readers import read, read_and_describe, write
+from floquid.views import DampingUnit
 
 OF = "floquid convert"
 
@@ -85,11 +98,13 @@ def convert(
     frequency: Frequency = None,
     origin: float = 0.0,
     header: Header = True,
+    coordinates: SettingsFile = None,
+    damping_unit: Damping = "percent",
 ) -> None:
     """Write a record in another format, and say what that format could not hold; or the modes of a result.
 
     Of a result.h5, or of the folder that it is in, the modes are written for other programs: OUT ends in .uff, .unv,
-    .mat, .csv or .json then, and there are no options.
+    .mat, .csv, .json, .tex or .md then, and options of records do not go with it.
 
     Parameters
     ----------
@@ -103,12 +118,19 @@ def convert(
         The period of the system [s], to be kept with the record.
     origin
         The time of phase zero [s].
+    coordinates
+        Of modes in a universal file: a text table of the nodes, `name,x,y,z` a row, by which a viewer draws the shapes.
+        A line is drawn from row to row; an empty row begins another.
     """
     _refuse_same(file, out)
     if file.is_dir() or _is_result(file):
-        options = {"channels": channels, "rate": rate, "period": period, "frequency": frequency}
-        _convert_modes(file, out, options | {"origin": origin or None, "no-header": None if header else True})
+        options: dict[str, object] = {"channels": channels, "rate": rate, "period": period, "frequency": frequency}
+        options |= {"origin": origin or None, "no-header": None if header else True}
+        _convert_modes(file, out, options, coordinates, damping_unit)
         return
+    if coordinates is not None:
+        remedy = "Give the folder that `floquid identify --out` wrote."
+        raise input_error("--coordinates", OF, "come with a result", f"{file} is a record", remedy)
     with progress(3) as report:
         report(f"reading {file.name}")
         named = None if channels is None else split(channels)
@@ -179,7 +201,9 @@ def _same(one: Floats | None, other: Floats | None) -> bool:
     return np.array_equal(one, other, equal_nan=True)
 
 
-def _convert_modes(result: Path, out: Path, options: Mapping[str, object]) -> None:
+def _convert_modes(
+    result: Path, out: Path, options: Mapping[str, object], coordinates: Path | None, unit: DampingUnit
+) -> None:
     """Write the modes of a result, a file or the folder that it is in; `options` are those of records."""
     given = [name for name, value in options.items() if value is not None]
     if given:
@@ -188,11 +212,35 @@ def _convert_modes(result: Path, out: Path, options: Mapping[str, object]) -> No
     if out.suffix.lower() not in MODE_FORMATS:
         remedy = f"Use one of {', '.join(MODE_FORMATS)}."
         raise input_error("OUT", OF, "have a suffix that modes can be written to", f"is {out}", remedy)
+    places, lines = (None, None) if coordinates is None else _nodes(coordinates)
     with progress(2) as report:
         report("reading the result")
         analysis = identified_in(result, OF)
         report(f"writing {out.name}")
-        export_modes(analysis, out)
+        export_modes(analysis, out, coordinates=places, lines=lines, damping_unit=unit)
     model = analysis.model
     modes, harmonics = counted(len(model.upper_modes), "mode"), counted(len(model.harmonics), "harmonic")
     terminal().print(f"Written to {out}: {modes}, of {harmonics}.", soft_wrap=True)
+
+
+def _nodes(file: Path) -> tuple[dict[str, tuple[float, ...]], list[list[str]]]:
+    """The coordinates of nodes by their names, and the lines between them, in a text table."""
+    readable_file(file, of=OF, argument="--coordinates")
+    places: dict[str, tuple[float, ...]] = {}
+    lines: list[list[str]] = [[]]
+    with file.open(encoding="utf-8-sig", newline="") as stream:
+        for number, row in enumerate(csv.reader(stream), start=1):
+            if not any(cell.strip() for cell in row):
+                lines.append([])
+                continue
+            name, *where = (cell.strip() for cell in row)
+            try:
+                x, y, z = map(float, where)
+            except ValueError:
+                if number == 1:  # a header
+                    continue
+                must, got = "have rows of a name and three numbers", f"{file} has {','.join(row)!r} in line {number}"
+                raise input_error("--coordinates", OF, must, got, "Write a row as hub,0,0,1.5.") from None
+            places[name] = (x, y, z)
+            lines[-1].append(name)
+    return places, [line for line in lines if line]

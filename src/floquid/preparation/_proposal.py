@@ -27,8 +27,11 @@ Use: TypeAlias = Literal["clock", "hits", "input", "excitation", "none"]
 
 MOTIONS = ("displacement", "velocity", "acceleration", "strain")
 
-DRIVE = re.compile(r"[mkuµ]?[VA]|[mkM]?N[ .·*-]?m")
-"""Units of voltages, currents and torques, which drive a system more often than they are its response."""
+_ELECTRIC, _TORQUE = re.compile(r"[mkuµ]?[VA]"), re.compile(r"[mkM]?N[ .·*-]?m")
+"""Units of what drives a system more often than it is its response: of a torque only where the name says so."""
+
+_MOTOR = re.compile(r"(?<![a-z])(motor|drive|servo|actuator|generator|gen)(?![a-z])", re.I)
+"""Words in the names of torques that drive: others are bending moments."""
 
 _DRIVING = re.compile(
     r"(?<![a-z])(inputs?|shaker|excit(?:ation|er)|command|inject(?:ed|ion)|disturbance)(?![a-z])", re.I
@@ -257,12 +260,20 @@ def _inputs(record: Record, taken: set[str]) -> list[Candidate]:
             found.append(Candidate(name=channel.name, use="input", why="its quantity is force", settings=given))
         elif named := _DRIVING.search(channel.name.replace("_", " ")):
             found.append(Candidate(name=channel.name, use="input", why=f"its name has the word {named[0]!r}"))
-        elif moving and channel.quantity == "other" and DRIVE.fullmatch(channel.unit):
+        elif moving and _drives(channel):
             found.append(Candidate(name=channel.name, use="input", why=f"its unit is {channel.unit}, beside motions"))
         elif channel.quantity == "other" and channel.name in flat and len(flat) < record.n_channels:
             words, given = "its spectrum is flat, as that of injected noise", {"inputs": (channel.name,)}
             found.append(Candidate(name=channel.name, use="input", why=words, settings=given))
     return found
+
+
+def _drives(channel: Channel) -> bool:
+    """True for a voltage, a current or the torque of a motor, beside motions."""
+    if channel.quantity != "other":
+        return False
+    turning = _TORQUE.fullmatch(channel.unit) and _MOTOR.search(channel.name.replace("_", " "))
+    return bool(turning or _ELECTRIC.fullmatch(channel.unit))
 
 
 def _responses(
@@ -271,7 +282,7 @@ def _responses(
     """The channels to name: voltages and torques beside motions, impacts that are no force, a speed are left out."""
     free = [c for c in record.channels if c.name not in taken and c.quantity not in NO_RESPONSE]
     moving = any(c.quantity in MOTIONS for c in free)
-    kept = [c for c in free if c.quantity in MOTIONS or not (moving and DRIVE.fullmatch(c.unit))]
+    kept = [c for c in free if c.quantity in MOTIONS or not (moving and _drives(c))]
     aside = [*hits, *([clock[0].name] if clock and "period" in clock[0].settings else [])]
     unread = [c for c in record.channels if c.name in aside and c.quantity not in NO_RESPONSE]
     return {} if len(kept) == len(free) and not unread else {"channels": tuple(c.name for c in kept)}

@@ -15,8 +15,12 @@ from floquid.views._expansion import Expansion, ShapeCurves, closed_period, expa
 from floquid.views._families import Family, families, unfolded
 from floquid.views._harmonic_spectra import SpectraOfModes, spectra_of_modes
 from floquid.views._mode_table import (
+    DAMPING_WORDS,
     MODE_NOTES,
+    DampingUnit,
     ModeTable,
+    check_damping_unit,
+    decrement,
     mode_notes,
     mode_numbers,
     mode_table,
@@ -39,9 +43,11 @@ from floquid.views._synchronisation import Synchronisation, synchronisation
 from floquid.views._synthesis import Synthesis, lifted_points, raw_noise, synthesis
 
 __all__ = [
+    "DAMPING_WORDS",
     "INTERVAL",
     "MODE_NOTES",
     "SHORT",
+    "DampingUnit",
     "Expansion",
     "Family",
     "ModeTable",
@@ -52,7 +58,9 @@ __all__ = [
     "Synchronisation",
     "Synthesis",
     "check_analysis",
+    "check_damping_unit",
     "closed_period",
+    "decrement",
     "done_words",
     "element_unit",
     "ellipse",
