@@ -28,10 +28,11 @@ from floquid.cli._floquet import floquet
 from floquid.cli._floquet_output import print_stability
 from floquid.cli._identify import identify, report
 from floquid.cli._info import info
+from floquid.cli._multisine import multisine
 from floquid.cli._records import convert
 from floquid.cli._scan import print_orders, scan
 from floquid.cli._terminal import plain, print_found, terminal
-from floquid.cli._transfer import multisine, transfer
+from floquid.cli._transfer import transfer
 from floquid.floquet import FloquetModes, stability
 from floquid.order import OrderScan
 from floquid.pipeline import Analysis, Bootstrap

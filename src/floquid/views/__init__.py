@@ -37,10 +37,12 @@ from floquid.views._outcome import (
     period_words,
     whitening_words,
 )
+from floquid.views._sidebands import impedance
 from floquid.views._spectra import Spectrum, envelope, lifted_spectrum, record_spectrum
 from floquid.views._speed import SpeedUnit, speed_texts, speed_unit, speed_words
 from floquid.views._synchronisation import Synchronisation, synchronisation
 from floquid.views._synthesis import Synthesis, lifted_points, raw_noise, synthesis
+from floquid.views._three_phase import to_alpha_beta, to_dq, to_sequence
 
 __all__ = [
     "DAMPING_WORDS",
@@ -71,6 +73,7 @@ __all__ = [
     "for_command",
     "grows",
     "identified_residue",
+    "impedance",
     "in_short",
     "in_unit",
     "input_unit",
@@ -96,6 +99,9 @@ __all__ = [
     "speed_words",
     "synchronisation",
     "synthesis",
+    "to_alpha_beta",
+    "to_dq",
+    "to_sequence",
     "unfolded",
     "whitening_words",
     "with_error",
