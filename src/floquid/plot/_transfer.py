@@ -37,6 +37,7 @@ HARMONIC_COLORS = (BLACK, BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY)
 HARMONIC_DASHES = ("-", "--", ":", "-.")
 LINES = 150  # frequencies up to which a deviation is a bar
 MOST_PATHS = 8  # rows that a page holds
+HEADROOM = 1.25  # the top of an axis of magnitudes over the largest
 
 
 def transfer(
@@ -199,7 +200,8 @@ def _draw_path(upper: Axes, beside: Axes, found: TransferFunctions, row: int, co
         elif found.std is not None:
             upper.fill_between(hertz, low[place, there], high[place, there], color=color, alpha=0.2, linewidth=0.0)
     upper.set_yscale("log")
-    upper.set_ylim(bottom=floor)
+    # A curve that hardly changes has no room above it otherwise: limits in logarithms are shares of the range.
+    upper.set_ylim(floor, max(upper.get_ylim()[1], HEADROOM * float(np.nanmax(sizes, initial=floor))))
     upper.set_title(f"{plain(found.inputs[column].name)} to {plain(found.outputs[row].name)}", loc="left")
     upper.set_ylabel(in_unit("$|G_m|$", plain(found.unit(row, column))))
     beside.set(ylabel=r"arg $G_m$ [deg]", ylim=(-190.0, 190.0), yticks=(-180, -90, 0, 90, 180))
