@@ -86,6 +86,17 @@ def test_many_even_blows_are_no_clock_either(tmp_path):
     assert next_of(saved(tmp_path / "run.npz", rows)).endswith("--channels x,y --find-hits --tach ch4")
 
 
+def test_blows_that_come_too_close_are_inputs(tmp_path):
+    """Of a clock of 8 Hz four periods are half a second: nothing between blows that are closer is a free response."""
+    force, (x, y) = struck(np.arange(0.3, 12.0, 0.3))
+    rows = {Channel(name="F", unit="N"): force, Channel(name="x", unit="m"): x, Channel(name="y", unit="m"): y}
+    rows[Channel(name="tach", unit="V")] = pulses()
+    path = saved(tmp_path / "run.npz", rows)
+    text = " ".join(typed(["info", str(path)]).split())
+    assert "Input candidate: F: it rises 39 times in 12 s and rests between, too often for free responses" in text
+    assert text.endswith("--inputs F --tach tach")
+
+
 def test_what_is_proposed_can_be_typed(hammer):
     words = shlex.split(next_of(hammer).removeprefix("Next: floquid "))
     found = json.loads(typed([*words, "--format", "json", "--no-validate"]))

@@ -17,7 +17,7 @@ from floquid.errors import FloquidError
 from floquid.preparation._clocks import clocked
 from floquid.preparation._forces import goes_on, is_random, is_white
 from floquid.preparation._mended import NO_RESPONSE
-from floquid.preparation._refuse import refuse_period, refuse_short
+from floquid.preparation._refuse import refuse_few, refuse_period, refuse_short
 from floquid.preparation._settings import Settings
 from floquid.readers import ClockCandidate
 from floquid.sync import Impact, ShaftAngle, find_impacts, rejoin, resample, shaft_angle, speed_verdict
@@ -108,7 +108,9 @@ def propose(record: Record, clocks: Sequence[ClockCandidate] = ()) -> Proposal:
     judged.sort(key=lambda one: (one[1].use != "clock", one[0].kind == "speed"))
     found = [own for _, own, _ in judged]
     first = next(((own, shaft) for _, own, shaft in judged if own.use == "clock"), None)
-    inputs = _inputs(record, {*names, *(own.name for own in clocks)})
+    blows = hits if _too_close(record, names, first) else []
+    hits, names = ([], []) if blows else (hits, names)
+    inputs = [*map(_as_input, blows), *_inputs(record, {*names, *(c.name for c in clocks), *(c.name for c in blows)})]
     lasts = not hits and _lasts(record, first)
     if lasts:  # then whatever may have been measured of the excitation is an input
         inputs = [replace(own, settings={"inputs": (own.name,)}) for own in inputs]
@@ -169,7 +171,7 @@ def _evenly(shaft: ShaftAngle) -> str:
     gaps = np.diff(shaft.times[shaft.kept])
     gaps = gaps / np.maximum(np.rint(gaps / np.median(gaps)), 1.0)
     uneven = f"{100.0 * gaps.std() / gaps.mean():.1g} %"
-    return f"it rises once a revolution, {shaft.n_pulses} times, every {gaps.mean():.4g} s, evenly to {uneven}"
+    return f"it rises once a revolution, {len(shaft.times)} times, every {gaps.mean():.4g} s, evenly to {uneven}"
 
 
 def _speed(record: Record, own: ClockCandidate) -> Candidate:
@@ -240,6 +242,29 @@ def _hit(record: Record, channel: Channel, blows: Sequence[Impact]) -> Candidate
     if channel.quantity != "force":
         why += ", and the response begins anew at them"
     return Candidate(name=channel.name, use="hits", why=why, settings={"find_hits": True}, impacts=len(blows))
+
+
+def _too_close(record: Record, names: Sequence[str], clock: tuple[Candidate, ShaftAngle | None] | None) -> bool:
+    """True where most free responses between impacts hold fewer periods than `identify` needs, or hold others' impacts."""
+    shaft = None if clock is None else clock[1]
+    period = shaft.period if shaft is not None else record.period
+    each = sorted((find_impacts(record, force=name) for name in names), key=len)
+    if not all(_answered(record, blows, each[-1]) for blows in each[:-1]):
+        return True
+    starts = [blow.start for blow in each[-1]] if each else []
+    if period is None or len(starts) < 2:
+        return False
+    try:
+        refuse_few(float(np.median(np.diff(starts))) / period)
+    except FloquidError:
+        return True
+    return False
+
+
+def _as_input(own: Candidate) -> Candidate:
+    """Impacts that were measured and come too close for free responses between them, as an input."""
+    why = f"it {own.why.removesuffix(': hits')}, too often for free responses between"
+    return replace(own, use="input", why=why, settings={"inputs": (own.name,)}, impacts=0)
 
 
 def _inputs(record: Record, taken: set[str]) -> list[Candidate]:
