@@ -120,7 +120,7 @@ class Driving:
         )
 
     def alone(self, values: NDArray[np.float64], sigma: NDArray[np.float64], **more: object) -> Case:
-        """The case of outputs alone: modes must be found that are above the noise, apart, and excited for long enough."""
+        """The case of outputs alone: modes must be found that are above the noise, apart, and excited long enough."""
         modes = self.system.modes()
         exponents = modes.listed(modes.exponents)
         coordinates, _ = self._coordinates(modes, self.white(self.system.size))

@@ -80,12 +80,18 @@ class Told:
 
     __slots__ = ()
 
-    def summary(self, *, speed_unit: Literal["hz", "rpm"] = "hz") -> str:
+    def summary(
+        self,
+        *,
+        speed_unit: Literal["hz", "rpm"] = "hz",
+        damping_unit: Literal["percent", "decrement"] = "percent",
+    ) -> str:
         """The result as text: the tables and the verdict that the command line prints.
 
-        The speed of a shaft is in `speed_unit`; frequencies of vibration are in Hz. Raises InputError where it is none.
+        The speed of a shaft is in `speed_unit`; frequencies of vibration are in Hz. Damping is the ratio ζ in percent,
+        or the logarithmic decrement δ. Raises InputError where a unit is none.
         """
-        return late("cli", "text_of")(self, speed_unit=speed_unit)
+        return late("cli", "text_of")(self, speed_unit=speed_unit, damping_unit=damping_unit)
 
     def _repr_html_(self) -> str:
         """Text of the object as HTML, for a notebook."""

@@ -10,8 +10,10 @@ from tests.driven import lag, mathieu, record_of
 from tests.unit.transfer.test_chirps import QUARTERS, chirped, records_of
 from tests.unit.transfer.test_fit import of_equations
 from tests.unit.transfer.test_polynomials import looped
+from tests.unit.views.test_three_phase import PERIOD as GRID
+from tests.unit.views.test_three_phase import exactly, response
 
-from floquid import Channel, Record, load, read
+from floquid import Channel, Record, identify, load, read, save
 from floquid.cli import run
 from floquid.exports import export_transfer
 from floquid.readers import write
@@ -226,3 +228,75 @@ def test_lines_of_a_file_are_fitted(tmp_path, capsys):
     ):
         assert run(words) == 2
         assert said in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def converter(tmp_path_factory):
+    """The folder of an identification of a converter on the grid: two currents by two voltages, injected."""
+    generator = np.random.default_rng(0)
+    injected = generator.standard_normal((2, 40 * 40))
+    values = response(injected, 40) + 1e-5 * generator.standard_normal((3, 40 * 40))
+    units = {"i_a": "A", "i_b": "A", "v_dc": "V", "u_a": "V", "u_b": "V"}
+    channels = [Channel(name=name, unit=unit) for name, unit in units.items()]
+    record = Record(values=np.concatenate([values, injected]), sample_rate=40 / GRID, channels=channels)
+    folder = tmp_path_factory.mktemp("converter")
+    save(identify(record, period=GRID, inputs=["u_a", "u_b"], validate=False), folder / "result.h5")
+    return folder
+
+
+PHASES = ["--phases", "i_a,i_b", "--phases", "u_a,u_b"]
+
+
+def entries(words, capsys):
+    assert run([*words, "--at", "20,200", "--format", "json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    return [own["name"] for own in found["outputs"]], np.array(found["values"]) @ [1, 1j]
+
+
+def test_a_saved_result_in_dq_and_its_impedance(converter, capsys):
+    command = ["transfer", str(converter), "--harmonics", "0", "--frame", "dq", *PHASES]
+    names, values = entries(command, capsys)
+    assert names == ["i_d", "i_q", "v_dc"]
+    admittance = np.moveaxis(values[0, :2], 2, 0)
+    np.testing.assert_allclose(admittance, exactly(np.array([20.0, 200.0])), atol=2e-3 * np.abs(admittance).max())
+    names, values = entries([*command, "--impedance"], capsys)
+    assert names == ["u_d", "u_q"]
+    np.testing.assert_allclose(np.moveaxis(values[0], 2, 0), np.linalg.inv(admittance), rtol=1e-9)
+
+
+def test_an_impedance_takes_sidebands_in_and_then_the_frame(converter, capsys):
+    command = ["transfer", str(converter), "--harmonics", "0", "--impedance", *PHASES]
+    names, _ = entries([*command, "--frame", "sequence"], capsys)
+    assert names == ["u_positive", "u_negative"]
+    # In αβ a positive sequence at Ω + ω is what turns at Ω in dq.
+    assert run([*command, "--frame", "sequence", "--at", "70", "--format", "json"]) == 0
+    positive = (np.array(json.loads(capsys.readouterr().out)["values"]) @ [1, 1j])[0, 0, 0, 0]
+    Z = np.linalg.inv(exactly(np.array([20.0])))[0]
+    both = np.array([[1.0, 1j], [1.0, -1j]])
+    assert positive == pytest.approx((both @ Z @ np.linalg.inv(both))[0, 0], rel=5e-3)
+
+
+@pytest.mark.slow
+def test_every_path_is_drawn_with_logarithmic_axes_or_in_the_complex_plane(converter, capsys):
+    for more in (["--frequency-axis", "log"], ["--plot", "nyquist"]):
+        picture = converter / f"{more[1]}.svg"
+        assert run(["transfer", str(converter), "--at", "20:400:9", *more, "--out", str(picture)]) == 0
+        text = picture.read_text("utf-8")
+        assert all(f"u_{column} to {row}" in text for column in "ab" for row in ("i_a", "i_b", "v_dc"))
+    capsys.readouterr()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--frame", "dq"], "`--phases` must name the channels for --frame dq"),
+        (["--frame", "dq", "--phases", "i_a,nobody"], "`--phases` must name channels"),
+        (["--frame", "dq", "--phases", "i_a,u_b"], "`--phases` must be all outputs or all inputs"),
+        (["--frame", "alpha-beta", "--phases", "i_a,i_b"], "`--phases` must each name three phases"),
+        (["--impedance", "--phases", "i_a,i_b"], "`--phases` must come twice with --impedance"),
+        (["--impedance"], "be as many as the voltages"),
+    ],
+)
+def test_frames_that_cannot_be(converter, words, message, capsys):
+    assert run(["transfer", str(converter), *words]) == 2
+    assert message in " ".join(capsys.readouterr().err.split())

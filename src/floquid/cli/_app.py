@@ -27,14 +27,16 @@ from floquid.cli._errors import (
 from floquid.cli._floquet import floquet
 from floquid.cli._floquet_output import print_stability
 from floquid.cli._identify import identify, report
-from floquid.cli._records import convert, info
+from floquid.cli._info import info
+from floquid.cli._multisine import multisine
+from floquid.cli._records import convert
 from floquid.cli._scan import print_orders, scan
 from floquid.cli._terminal import plain, print_found, terminal
-from floquid.cli._transfer import multisine, transfer
+from floquid.cli._transfer import transfer
 from floquid.floquet import FloquetModes, stability
 from floquid.order import OrderScan
 from floquid.pipeline import Analysis, Bootstrap
-from floquid.views import SpeedUnit
+from floquid.views import DampingUnit, SpeedUnit, check_damping_unit
 from floquid.views import speed_unit as unit_of_speed
 
 WIDTH = 100  # characters of a line of `summary()`
@@ -92,17 +94,23 @@ def _end(message: str, code: int) -> int:
     return code
 
 
-def text_of(result: Analysis | Bootstrap | OrderScan | FloquetModes, *, speed_unit: SpeedUnit = "hz") -> str:
+def text_of(
+    result: Analysis | Bootstrap | OrderScan | FloquetModes,
+    *,
+    speed_unit: SpeedUnit = "hz",
+    damping_unit: DampingUnit = "percent",
+) -> str:
     """The tables and the verdict of a `result` that the command line prints, without colours, with Python's names.
 
-    The speed of a shaft is in `speed_unit`. Raises InputError where that is none.
+    The speed of a shaft is in `speed_unit`, damping in `damping_unit`. Raises InputError where one is none.
     """
     unit_of_speed(speed_unit, "summary")
+    check_damping_unit(damping_unit, "summary")
     file = StringIO()
     console = plain(file, WIDTH)
     match result:
         case Analysis():
-            print_found(console, result, speed_unit=speed_unit)
+            print_found(console, result, speed_unit=speed_unit, damping_unit=damping_unit)
         case Bootstrap():
             print_drawn(console, result)
         case OrderScan():

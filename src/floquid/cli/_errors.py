@@ -53,8 +53,20 @@ _OPTIONS = {
     "describe_file": {"path": "`FILE`", **_alike("rate", "channels", "header")},
     "write": {"path": "`--out`", "record": "The record"},
     "save": {"path": "`--out`"},
-    "export_modes": {"path": "`OUT`"},
+    "export_modes": {"path": "`OUT`", "coordinates": "`--coordinates`", "lines": "`--coordinates`"},
     "export_transfer": {"path": "`--out`", "found": "The transfer functions"},
+    **{
+        name: {
+            "groups": "`--phases`",
+            "currents": "`--phases`",
+            "voltages": "`--phases`",
+            "harmonics": "`--harmonics`",
+            "subject": "The transfer functions",
+            "period": "The period",
+        }
+        for name in ("to_dq", "to_alpha_beta", "to_sequence", "impedance")
+    },
+    "transfer": {"found": "The transfer functions"},
     "load": {"path": "`RESULT`"},
     "report": {"analysis": "`RESULT`", "path": "`--out`", "brief": "`--brief`"},
     **{f"Analysis.{name}": {"self": "The result"} for name in ("transfer", "lifted")},

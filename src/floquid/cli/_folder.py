@@ -32,7 +32,7 @@ from floquid.pipeline import Analysis
 from floquid.plot import FIGURES as DRAWN
 from floquid.readers import write
 from floquid.store import ENDINGS, is_result, load, save
-from floquid.views import SHORT, SpeedUnit
+from floquid.views import SHORT, DampingUnit, SpeedUnit
 
 FIGURES = tuple(f"{name}.png" for name in DRAWN)  # the figures that there may be
 RESULT = "result.h5"  # the file of an identification: figures beside it are of it
@@ -282,6 +282,7 @@ def draw_result(
     *,
     truth: tuple[np.ndarray, np.ndarray] | None = None,
     speed_unit: SpeedUnit = "hz",
+    damping_unit: DampingUnit = "percent",
 ) -> None:
     """Draw the figures and the page of a result that `write_result` marked into its folder, `path`.
 
@@ -296,7 +297,14 @@ def draw_result(
         (place / "figures").mkdir()
         save_figures(analysis, place / "figures", truth=truth, speed_unit=speed_unit)
         known = truth if analysis.state is not None else None
-        write_report(analysis, place / "report.html", truth=known, speed_unit=speed_unit, progress=report)
+        write_report(
+            analysis,
+            place / "report.html",
+            truth=known,
+            speed_unit=speed_unit,
+            damping_unit=damping_unit,
+            progress=report,
+        )
         folder.publish(beside=mark)
 
 

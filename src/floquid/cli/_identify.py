@@ -11,6 +11,7 @@ from floquid._checks import input_error
 from floquid.cli._errors import CriteriaNotMetError
 from floquid.cli._folder import NAMES, draw_result, maybe_folder, result_file, write_result
 from floquid.cli._options import (
+    Damping,
     Flag,
     Format,
     ModelOptions,
@@ -46,6 +47,7 @@ def identify(
     settings: SettingsFile = None,
     verbose: Verbose = False,
     speed_unit: ShaftSpeed = "hz",
+    damping_unit: Damping = "percent",
 ) -> None:
     """Identify the Floquet exponents, the periodic mode shapes and A(t) from measured responses.
 
@@ -85,13 +87,13 @@ def identify(
         sys.stdout.write(json_text(summary(analysis)))
         sys.stdout.flush()
     else:
-        print_analysis(analysis, verbose=verbose, speed_unit=speed_unit)
+        print_analysis(analysis, verbose=verbose, speed_unit=speed_unit, damping_unit=damping_unit)
         if not verbose:
             hint = "`floquid identify --verbose` explains the columns and gives all reasons in full."
             terminal().print(hint, style="dim")
     if out is not None:
         with progress(3) as report:
-            draw_result(out, analysis, mark, report, speed_unit=speed_unit)
+            draw_result(out, analysis, mark, report, speed_unit=speed_unit, damping_unit=damping_unit)
     if format == "text":
         print_folder(out)
     if analysis.failed:
@@ -108,6 +110,7 @@ def report(
     title: str | None = None,
     brief: Annotated[bool, Flag] = False,
     speed_unit: ShaftSpeed = "hz",
+    damping_unit: Damping = "percent",
 ) -> None:
     """Write the report of a saved result: one HTML page that opens in any browser, without a network.
 
@@ -126,5 +129,13 @@ def report(
     page = file.parent / ("brief.html" if brief else "report.html") if out is None else out
     with progress(3) as stage:
         stage("reading the result")
-        write_report(load(file), page, title=title, brief=brief, speed_unit=speed_unit, progress=stage)
+        write_report(
+            load(file),
+            page,
+            title=title,
+            brief=brief,
+            speed_unit=speed_unit,
+            damping_unit=damping_unit,
+            progress=stage,
+        )
     terminal().print(f"Written: {page}", soft_wrap=True)

@@ -17,7 +17,7 @@ from floquid.io import readable_file
 from floquid.pipeline import FORBIDDEN, WORDS, Excitation, IdentifierName, Settings
 from floquid.readers import SUFFIXES, WRITTEN
 from floquid.reconstruction import Form
-from floquid.views import SHORT, SpeedUnit
+from floquid.views import SHORT, DampingUnit, SpeedUnit
 
 
 def whole_number(_type: Any, tokens: Sequence[Token]) -> int:
@@ -57,6 +57,12 @@ OutputFolder = Annotated[Path | None, Parameter(converter=_path, group=OUTPUT)]
 SettingsFile = OutputFolder
 ShaftSpeed = Annotated[
     SpeedUnit, Parameter(group=OUTPUT, help="The unit of the speed of the shaft; frequencies of vibration stay in Hz.")
+]
+Damping = Annotated[
+    DampingUnit,
+    Parameter(
+        group=OUTPUT, help="Damping as the ratio ζ in percent, or as the logarithmic decrement δ = 2πζ/√(1 - ζ²)."
+    ),
 ]
 _SAVED = "A result.h5 that `floquid identify --out DIR` wrote, or the folder that it is in."
 Saved = Annotated[Path, Parameter(converter=_path, help=_SAVED)]

@@ -1,9 +1,8 @@
-"""Records as commands are given them; `floquid info`: what is in a file; `floquid convert`: to another format."""
+"""Records as commands are given them; `floquid convert`: to another format."""
 
 from __future__ import annotations
 
-import re
-import shlex
+import csv
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -13,36 +12,30 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid._checks import counted, input_error
 from floquid.cli._folder import identified_in
-from floquid.cli._options import Choices, Frequency, Header, Names, NewRecordFile, Rate, RecordFile, period_of, split
-from floquid.cli._terminal import new_table, progress, terminal
+from floquid.cli._info import TELLS, options
+from floquid.cli._options import (
+    Choices,
+    Damping,
+    Frequency,
+    Header,
+    Names,
+    NewRecordFile,
+    Rate,
+    RecordFile,
+    SettingsFile,
+    period_of,
+    split,
+)
+from floquid.cli._terminal import progress, terminal
 from floquid.core import Record
 from floquid.errors import InputError
 from floquid.exports import MODE_FORMATS, export_modes
-from floquid.io import GUARD, attribute
-from floquid.readers import ClockCandidate, FileSummary, describe_file, read, write
+from floquid.io import GUARD, attribute, readable_file
+from floquid.preparation import propose
+from floquid.readers import read, read_and_describe, write
+from floquid.views import DampingUnit
 
 OF = "floquid convert"
-
-_OPTIONS = {"pulses": "--tach", "azimuth": "--azimuth"}
-"""The option of `identify` that takes a clock, by its kind; a period needs none."""
-
-_MOTIONS = ("displacement", "velocity", "acceleration", "strain")
-
-_DRIVE = re.compile(r"[mkuµ]?[VA]|[mkM]?N[ .·*-]?m")
-"""Units of voltages, currents and torques, which drive a system more often than they are its response."""
-
-_DRIVING = re.compile(
-    r"(?<![a-z])(inputs?|shaker|excit(?:ation|er)|command|inject(?:ed|ion)|disturbance)(?![a-z])", re.I
-)
-"""Words in the names of channels that drive a system."""
-
-_TELLS = (
-    "A forced response does not tell the period. Use a tachometer (--tach), the shaft angle (--azimuth), or 60 over "
-    "the speed in rpm."
-)
-"""Sources of the period where the response is forced."""
-
-_BLOWS = 12.0  # the range of a force over its deviation from which on it is one of blows: of a random one it is 8 or 10
 
 
 def check_files(files: Sequence[Path], of: str) -> None:
@@ -79,7 +72,7 @@ def read_records(
             free = not chosen.inputs and chosen.excitation == "none"
             remedy = (
                 "Give the period [s] (--period 0.02), its frequency [Hz] (--frequency 50), or the channel of a "
-                f"tachometer (--tach tach). {'--estimate-period finds it from the response.' if free else _TELLS}"
+                f"tachometer (--tach tach). {'--estimate-period finds it from the response.' if free else TELLS}"
                 f"{_likely(file, choices.rate, choices.header)}"
             )
             raise input_error("--period", of, "be given", got, remedy)
@@ -92,131 +85,9 @@ def read_records(
 
 def _likely(file: Path, rate: float | None, header: bool) -> str:
     """The option for the clock that the file seems to hold, in a sentence; empty if there is none."""
-    option = _best_option(describe_file(file, rate=rate, header=header).clock_candidates)
-    return f"\n  This file seems to have one: {option}" if option else ""
-
-
-def info(file: RecordFile, /, *, channels: str | None = None, rate: Rate = None, header: Header = True) -> None:
-    """Show what is in a record file: channels, units, rate, candidates for the clock, and what to type next.
-
-    Parameters
-    ----------
-    file
-        The record.
-    channels
-        The channels to show, comma-separated; all when not given.
-    """
-    found = describe_file(file, rate=rate, channels=None if channels is None else split(channels), header=header)
-    _print_summary(found)
-    given = "" if channels is None else f" --channels {shlex.quote(channels)}"
-    given += "" if rate is None else f" --rate {rate:.17g}"
-    given += "" if header else " --no-header"
-    terminal().print(_next_command(found, given), soft_wrap=True)
-
-
-def _print_summary(found: FileSummary) -> None:
-    """Print what is in a file."""
-    console = terminal()
-    rate = "rate unknown" if found.sample_rate is None else f"{found.sample_rate:.10g} Hz"
-    length = "" if found.duration is None else f", {found.duration:.6g} s"
-    console.print(
-        f"{found.path}: {found.format}, {counted(len(found.channels), 'channel')}, "
-        f"{counted(found.n_samples, 'sample')}, {rate}{length}",
-        soft_wrap=True,
-    )
-    table = new_table(["channel", "quantity", "unit"], ["min", "max", "std", "missing"])
-    for c in found.channels:
-        numbers = [("-" if value is None else f"{value:.4g}") for value in (c.minimum, c.maximum, c.std)]
-        table.add_row(c.name, str(c.quantity), c.unit, *numbers, str(c.n_missing) if c.n_missing else "-")
-    console.print(table)
-    for note in found.notes:
-        console.print(f"Note: {note}")
-    for candidate in found.clock_candidates:
-        option = _option_of(candidate)
-        console.print(f"Possible clock: {candidate.name}, {candidate.why}.{f' Use {option}.' if option else ''}")
-    if not found.clock_candidates:
-        console.print("No candidate for a clock: give the period with --period or --frequency.", style="dim")
-    for c in found.channels:
-        if c.impacts:
-            unit = "" if c.unit == "-" else f" [{c.unit}]"
-            console.print(f"{c.name}{unit}: {counted(c.impacts, 'impact')}. Use --find-hits.")
-    if why := _driving(found):
-        words = "; ".join(f"{name}: {reason}" for name, reason in why.items())
-        option = f"--inputs {shlex.quote(','.join(why))}"
-        console.print(f"Input candidate{'s' * (len(why) > 1)}: {words} ({option})", soft_wrap=True)
-
-
-def _option_of(candidate: ClockCandidate) -> str:
-    """The option of `identify` that takes this clock, as it is typed."""
-    option = _OPTIONS.get(candidate.kind)
-    return f"{option} {shlex.quote(candidate.name)}" if option else ""
-
-
-def _best_option(candidates: tuple[ClockCandidate, ...]) -> str | None:
-    """The option for the likeliest clock, empty where the file states a period; None if there is no clock."""
-    usable = [candidate for candidate in candidates if candidate.kind != "speed"]
-    usable.sort(key=lambda c: (c.kind != "period", not c.is_sure, c.kind != "azimuth"))
-    return _option_of(usable[0]) if usable else None
-
-
-def _driving(found: FileSummary) -> dict[str, str]:
-    """Channels that seem to drive the system, and the reason for thinking so."""
-    moving = any(c.quantity in _MOTIONS for c in found.channels)
-    clocks = [candidate.name for candidate in found.clock_candidates]
-    reasons = {}
-    for c in found.channels:
-        if c.name in clocks or c.quantity in ("pulse", "angle") or c.minimum is None or c.is_constant or c.impacts:
-            continue
-        if c.quantity == "force":
-            reasons[c.name] = "its quantity is force"
-        elif named := _DRIVING.search(c.name.replace("_", " ")):
-            reasons[c.name] = f"its name has the word {named[0]!r}"
-        elif moving and c.quantity == "other" and _DRIVE.fullmatch(c.unit):
-            reasons[c.name] = f"its unit is {c.unit}, beside motions"
-    return reasons
-
-
-def _lasting(found: FileSummary) -> list[str]:
-    """Forces that act all along: `identify` refuses to take such a response for a free one."""
-    return [
-        c.name
-        for c in found.channels
-        if c.quantity == "force" and c.minimum is not None and c.maximum is not None
-        if c.std and c.maximum - c.minimum < _BLOWS * c.std
-    ]
-
-
-def _next_command(found: FileSummary, given: str) -> str:
-    """The command to type after this one; `given` are the options that were typed."""
-    path = shlex.quote(found.path)
-    if found.sample_rate is None:
-        return f"Next, with the sampling rate [Hz]: floquid info {path}{given} --rate HZ"
-    best = _best_option(found.clock_candidates)
-    if "--channels" not in given:
-        given += _responses(found, best or "")
-    if any(c.impacts for c in found.channels):
-        given += " --find-hits"
-    if lasting := _lasting(found):
-        given += f" --inputs {shlex.quote(','.join(lasting))}"
-    if best is None and lasting:
-        return f"Next, with the period of the system [s]: floquid identify {path}{given} --period S\n  {_TELLS}"
-    if best is None:
-        return (
-            f"Next: floquid identify {path}{given} --estimate-period\n"
-            "  This file does not state the period; --estimate-period finds it from a free response. If you know it, "
-            "give --period [s] or --frequency [Hz]. For random excitation that nobody measured give the period and "
-            "--excitation ambient."
-        )
-    return f"Next: floquid identify {path}{given}{f' {best}' if best else ''}"
-
-
-def _responses(found: FileSummary, clock: str) -> str:
-    """The option that leaves out voltages and torques beside motions; forces, pulses and angles are left out anyway."""
-    moving = [c.name for c in found.channels if c.quantity in _MOTIONS]
-    others = [c for c in found.channels if c.quantity == "other" and c.name not in shlex.split(clock)]
-    kept = [*moving, *(c.name for c in others if not _DRIVE.fullmatch(c.unit))]
-    all_kept = not moving or len(kept) == len(moving) + len(others)
-    return "" if all_kept else f" --channels {shlex.quote(','.join(kept))}"
+    found, record = read_and_describe(file, rate=rate, header=header)
+    clock = None if record is None else propose(record, found.clock_candidates).clock
+    return f"\n  This file seems to have one: {options(clock.settings)}" if clock and clock.settings else ""
 
 
 def convert(
@@ -231,11 +102,13 @@ def convert(
     frequency: Frequency = None,
     origin: float = 0.0,
     header: Header = True,
+    coordinates: SettingsFile = None,
+    damping_unit: Damping = "percent",
 ) -> None:
     """Write a record in another format, and say what that format could not hold; or the modes of a result.
 
     Of a result.h5, or of the folder that it is in, the modes are written for other programs: OUT ends in .uff, .unv,
-    .mat, .csv or .json then, and there are no options.
+    .mat, .csv, .json, .tex or .md then, and options of records do not go with it.
 
     Parameters
     ----------
@@ -249,12 +122,20 @@ def convert(
         The period of the system [s], to be kept with the record.
     origin
         The time of phase zero [s].
+    coordinates
+        Of modes in a universal file: a text table of the nodes, `name,x,y,z` a row, by which a viewer draws the shapes.
+        A line is drawn from row to row; an empty row begins another.
     """
     _refuse_same(file, out)
     if file.is_dir() or _is_result(file):
-        options = {"channels": channels, "names": names, "rate": rate, "period": period, "frequency": frequency}
-        _convert_modes(file, out, options | {"origin": origin or None, "no-header": None if header else True})
+        options: dict[str, object] = {"channels": channels, "names": names, "rate": rate}
+        options |= {"period": period, "frequency": frequency}
+        options |= {"origin": origin or None, "no-header": None if header else True}
+        _convert_modes(file, out, options, coordinates, damping_unit)
         return
+    if coordinates is not None:
+        remedy = "Give the folder that `floquid identify --out` wrote."
+        raise input_error("--coordinates", OF, "come with a result", f"{file} is a record", remedy)
     with progress(3) as report:
         report(f"reading {file.name}")
         chosen, called = (None if words is None else split(words) for words in (channels, names))
@@ -324,7 +205,9 @@ def _same(one: Floats | None, other: Floats | None) -> bool:
     return np.array_equal(one, other, equal_nan=True)
 
 
-def _convert_modes(result: Path, out: Path, options: Mapping[str, object]) -> None:
+def _convert_modes(
+    result: Path, out: Path, options: Mapping[str, object], coordinates: Path | None, unit: DampingUnit
+) -> None:
     """Write the modes of a result, a file or the folder that it is in; `options` are those of records."""
     given = [name for name, value in options.items() if value is not None]
     if given:
@@ -333,11 +216,35 @@ def _convert_modes(result: Path, out: Path, options: Mapping[str, object]) -> No
     if out.suffix.lower() not in MODE_FORMATS:
         remedy = f"Use one of {', '.join(MODE_FORMATS)}."
         raise input_error("OUT", OF, "have a suffix that modes can be written to", f"is {out}", remedy)
+    places, lines = (None, None) if coordinates is None else _nodes(coordinates)
     with progress(2) as report:
         report("reading the result")
         analysis = identified_in(result, OF)
         report(f"writing {out.name}")
-        export_modes(analysis, out)
+        export_modes(analysis, out, coordinates=places, lines=lines, damping_unit=unit)
     model = analysis.model
     modes, harmonics = counted(len(model.upper_modes), "mode"), counted(len(model.harmonics), "harmonic")
     terminal().print(f"Written to {out}: {modes}, of {harmonics}.", soft_wrap=True)
+
+
+def _nodes(file: Path) -> tuple[dict[str, tuple[float, ...]], list[list[str]]]:
+    """The coordinates of nodes by their names, and the lines between them, in a text table."""
+    readable_file(file, of=OF, argument="--coordinates")
+    places: dict[str, tuple[float, ...]] = {}
+    lines: list[list[str]] = [[]]
+    with file.open(encoding="utf-8-sig", newline="") as stream:
+        for number, row in enumerate(csv.reader(stream), start=1):
+            if not any(cell.strip() for cell in row):
+                lines.append([])
+                continue
+            name, *where = (cell.strip() for cell in row)
+            try:
+                x, y, z = map(float, where)
+            except ValueError:
+                if number == 1:  # a header
+                    continue
+                must, got = "have rows of a name and three numbers", f"{file} has {','.join(row)!r} in line {number}"
+                raise input_error("--coordinates", OF, must, got, "Write a row as hub,0,0,1.5.") from None
+            places[name] = (x, y, z)
+            lines[-1].append(name)
+    return places, [line for line in lines if line]

@@ -24,6 +24,8 @@ from floquid.findings import Severity
 from floquid.pipeline import Analysis
 from floquid.reconstruction import Refinement
 from floquid.views import (
+    DAMPING_WORDS,
+    DampingUnit,
     SpeedUnit,
     done_words,
     for_command,
@@ -39,7 +41,7 @@ from floquid.views import (
 
 LEGEND = (
     "λ: Floquet exponent, known up to multiples of iω; the branch shown is that of its strongest line. f = |λ|/2π and "
-    "ζ = -Re λ/|λ| go with that line. |μ| = e^(Re λ T), the decay in one period, and folded, |Im λ| modulo ω over ω, "
+    "{damping} go with that line. |μ| = e^(Re λ T), the decay in one period, and folded, |Im λ| modulo ω over ω, "
     "do not"
 )
 DEVIATIONS = "in brackets: one standard deviation, in the last digits"
@@ -103,10 +105,16 @@ def print_files(folder: Path | None, names: Sequence[str], kept: str) -> None:
         terminal().print(f"Written to {folder}/: {', '.join(names)}", soft_wrap=True)
 
 
-def print_analysis(analysis: Analysis, *, verbose: bool = False, speed_unit: SpeedUnit = "hz") -> None:
+def print_analysis(
+    analysis: Analysis,
+    *,
+    verbose: bool = False,
+    speed_unit: SpeedUnit = "hz",
+    damping_unit: DampingUnit = "percent",
+) -> None:
     """Print the result, with `verbose` all of the reasons too, and A(t)."""
     console = terminal()
-    print_found(console, analysis, verbose=verbose, speed_unit=speed_unit)
+    print_found(console, analysis, verbose=verbose, speed_unit=speed_unit, damping_unit=damping_unit)
     if verbose:
         _print_reasons(console, analysis)
     if analysis.state is not None:
@@ -119,13 +127,20 @@ def print_warnings(console: Console, warnings: Iterable[object]) -> None:
         console.print(f"Warning: {warning}", style="yellow")
 
 
-def print_found(console: Console, analysis: Analysis, *, verbose: bool = False, speed_unit: SpeedUnit = "hz") -> None:
+def print_found(
+    console: Console,
+    analysis: Analysis,
+    *,
+    verbose: bool = False,
+    speed_unit: SpeedUnit = "hz",
+    damping_unit: DampingUnit = "percent",
+) -> None:
     """Print the record, the modes, a line for each other finding, and the reasons and warnings with their remedies."""
     _print_record(console, analysis, speed_unit, verbose=verbose)
     modes = "Modes of a model that fails" if analysis.failed else "Modes"
     print_title(console, f"{modes}: order {analysis.model.order}, conjugates counted one by one")
-    print_modes(console, analysis)
-    _print_legend(console, analysis, verbose=verbose)
+    print_modes(console, analysis, damping_unit)
+    _print_legend(console, analysis, damping_unit, verbose=verbose)
     lines = Table(box=None, show_header=False, padding=(0, 1, 0, 0), pad_edge=False)
     lines.add_column(no_wrap=True)
     lines.add_column()
@@ -145,7 +160,7 @@ def print_found(console: Console, analysis: Analysis, *, verbose: bool = False, 
         console.print(f"… and {len(sentences) - MOST_SENTENCES} more.", style="dim")
 
 
-def _print_legend(console: Console, analysis: Analysis, *, verbose: bool) -> None:
+def _print_legend(console: Console, analysis: Analysis, unit: DampingUnit, *, verbose: bool) -> None:
     """Print a legend of the table of modes: with `verbose` all columns, else what a table cannot say itself."""
     meanings = note_meanings(mode_table(analysis))
     without = FAILS if analysis.failed else NO_DEVIATIONS
@@ -154,7 +169,7 @@ def _print_legend(console: Console, analysis: Analysis, *, verbose: bool) -> Non
     if verbose:
         kept = ", as asked for" if analysis.settings.harmonics is not None else " that rise above the noise"
         kept += ", the residues held to them" if analysis.constrained else ""
-        parts += [LEGEND, f"m: harmonics of the shape{kept}"]
+        parts += [LEGEND.format(damping=DAMPING_WORDS[unit]), f"m: harmonics of the shape{kept}"]
     console.print("; ".join([*parts, *meanings]) + ".", style="dim")
 
 
@@ -228,18 +243,18 @@ def _noise_table(analysis: Analysis) -> Table:
     return table
 
 
-def print_modes(console: Console, analysis: Analysis) -> None:
-    """The table of modes, with the deviations of f and ζ where it is not too wide for them."""
-    table = modes_table(analysis, derived=True)
+def print_modes(console: Console, analysis: Analysis, unit: DampingUnit = "percent") -> None:
+    """The table of modes, damping in a `unit`, with deviations of f and damping where it is not too wide for them."""
+    table = modes_table(analysis, unit, derived=True)
     table.padding, table.pad_edge = (0, 1, 0, 0), False
     if _width(console, table) > console.width:
-        table = modes_table(analysis)
+        table = modes_table(analysis, unit)
     print_whole(console, table)
 
 
-def modes_table(analysis: Analysis, *, derived: bool = False) -> Table:
+def modes_table(analysis: Analysis, unit: DampingUnit = "percent", *, derived: bool = False) -> Table:
     """The table of modes, if wanted with the deviations of what is derived from exponents."""
-    modes = mode_table(analysis, derived=derived)
+    modes = mode_table(analysis, derived=derived, damping_unit=unit)
     shown = [not column.on_page for column in modes.columns]
     columns = list(compress(modes.columns, shown))
     numbers, words = ([own.heading for own in columns if own.is_text == text] for text in (False, True))

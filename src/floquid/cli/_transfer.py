@@ -1,4 +1,4 @@
-"""`floquid transfer`: harmonic transfer functions; `floquid multisine`: the inputs to measure them with."""
+"""`floquid transfer`: harmonic transfer functions, in other coordinates too."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from floquid._checks import input_error
+from floquid._checks import counted, input_error
 from floquid._json import for_json
 from floquid.cli._folder import identified_in, is_saved, refuse_beside_result
 from floquid.cli._options import (
     Choices,
+    Flag,
     Format,
-    Frequency,
-    NewRecordFile,
     OptionalWhole,
     RecordFiles,
     RecordOptions,
@@ -29,32 +28,32 @@ from floquid.cli._options import (
     Whole,
     choices_of,
     given,
-    period_of,
     split,
 )
 from floquid.cli._records import check_files, read_records
 from floquid.cli._terminal import json_text, print_title, print_warnings, progress, terminal
-from floquid.core import Channel, Record, channels_named
+from floquid.core import Record, channels_named
 from floquid.errors import IdentificationError, InputError
 from floquid.exports import export_transfer, fit_entries, import_transfer, measured_entries, transfer_entries
 from floquid.findings import Finding, Severity, as_mapping, texts
 from floquid.inputs import TransferFunctions
 from floquid.pipeline import Analysis, measure_transfer
 from floquid.pipeline import identify as identify_records
-from floquid.readers import write
 from floquid.reporting import ENDINGS
 from floquid.reporting import report as write_report
 from floquid.store import load, save
-from floquid.transfer import CURVATURE, MeasuredTransfer, Multisine, TransferFit, fit_transfer
-from floquid.transfer import multisine as designed
-from floquid.views import with_error
+from floquid.transfer import CURVATURE, MeasuredTransfer, TransferFit, fit_transfer
+from floquid.views import impedance as inverse_of
+from floquid.views import to_alpha_beta, to_dq, to_sequence, with_error
 
 OF = "floquid transfer"
-DESIGN = "floquid multisine"
 STAGES = 6
 SHOWN = 12  # frequencies that are printed
 
 Method: TypeAlias = Literal["model", "repeats", "polynomials", "chirps", "fit"]
+Frame: TypeAlias = Literal["dq", "alpha-beta", "sequence"]
+Picture: TypeAlias = Literal["bode", "nyquist"]
+FrequencyAxis: TypeAlias = Literal["linear", "log"]
 
 _AT = "Frequencies [Hz]: one, several with commas, or first:last:number. By default all that the method has."
 _HARMONICS = "Harmonics m, with commas: the response at the input's frequency plus m times the fundamental."
@@ -70,13 +69,18 @@ _LINES = (
     "--out writes them."
 )
 _REPEAT = "Periods of the system in a repeat of the inputs, by default found from them."
+_FRAME = "Coordinates of three-phase quantities: turning once a period, at rest, or symmetrical components."
+_PHASES = (
+    "The channels of a three-phase quantity with commas, a, b, c or alpha, beta: once for the outputs and once for the "
+    "inputs, as --phases i_a,i_b,i_c --phases u_a,u_b,u_c."
+)
+_IMPEDANCE = "The inverse: from the outputs to the inputs, as impedances of admittances. In dq that of m = 0."
 _CURVATURE = "The weight of the curvature, with --method chirps: more of it averages more noise, and flattens more."
 _DROP = "First repeats of each record that are left out, until the transient has died."
 _REFERENCE = (
     "Reference signals without the noise, one for each input, with commas: for a closed loop or noisy inputs, with "
     "polynomials or fit."
 )
-_BAND = "The lowest and the highest line [Hz], with a comma; by default up to a fifth of the rate."
 
 
 def transfer(
@@ -90,6 +94,11 @@ def transfer(
     drop: Annotated[Whole, Parameter(help=_DROP)] = 1,
     reference: Annotated[str, Parameter(help=_REFERENCE)] = "",
     curvature: Annotated[float, Parameter(help=_CURVATURE)] = CURVATURE,
+    frame: Annotated[Frame | None, Parameter(help=_FRAME)] = None,
+    phases: Annotated[tuple[str, ...], Parameter(help=_PHASES)] = (),
+    impedance: Annotated[bool, Flag, Parameter(help=_IMPEDANCE)] = False,
+    plot: Annotated[Picture, Parameter(help="The picture: magnitude and phase, or the complex plane.")] = "bode",
+    frequency_axis: Annotated[FrequencyAxis, Parameter(help="The axis of frequencies in the picture.")] = "linear",
     out: Annotated[
         Path | None,
         Parameter(
@@ -155,8 +164,10 @@ def transfer(
             if method == "fit":
                 result = fit = fit_transfer(measured, hold=chosen.hold, report=report)
                 found, findings, more = fit.transfer(hertz, turns), (*findings, *fit.findings), more | fit_entries(fit)
+        asked = (frame, [list(split(own)) for own in phases], impedance)
+        found = _changed(result, found, (hertz, turns), asked, chosen.period)
         if out is not None:
-            _write(found, result, out)
+            _write(found, result, out, plot, frequency_axis)
     if format == "json":
         sys.stdout.write(json_text(transfer_entries(found) | {"method": method} | more | _told(findings)))
     else:
@@ -164,6 +175,48 @@ def transfer(
     failed = texts(findings, Severity.FAILURE)
     if failed:
         raise IdentificationError(failed[0])
+
+
+def _changed(
+    result: Any,
+    found: TransferFunctions,
+    at: tuple[list[float] | None, list[int]],
+    asked: tuple[Frame | None, list[list[str]], bool],
+    period: float | None,
+) -> TransferFunctions:
+    """Transfer functions in a frame, or inverted, of an analysis at any sideband and else of lines."""
+    frame, groups, inverted = asked
+    if frame is not None and not groups:
+        remedy = "As --phases i_a,i_b,i_c --phases u_a,u_b,u_c."
+        raise input_error("--phases", OF, f"name the channels for --frame {frame}", "is not given", remedy)
+    if inverted and groups and len(groups) != 2:
+        must, got = "come twice with --impedance: outputs, inputs", f"comes {counted(len(groups), 'time')}"
+        raise input_error("--phases", OF, must, got, "As --phases i_a,i_b --phases u_a,u_b.")
+    subject: Any = result if isinstance(result, Analysis) else found
+    how: dict[str, Any] = {"frequencies_hz": at[0]} if isinstance(result, Analysis) else {"period": period}
+    if isinstance(result, (TransferFit, MeasuredTransfer)):
+        how["period"] = (result.model if isinstance(result, TransferFit) else result).period
+    if frame == "dq":
+        turned = to_dq(subject, *groups, **how, harmonics=0 if inverted else at[1])
+        assert isinstance(turned, TransferFunctions)
+        return _inverse(turned, (found, turned), groups, {}) if inverted else turned
+    if inverted:
+        found = _inverse(subject, (found, found), groups, how | {"harmonics": at[1]})
+    return found if frame is None else {"alpha-beta": to_alpha_beta, "sequence": to_sequence}[frame](found, *groups)
+
+
+def _inverse(
+    subject: Any, both: tuple[TransferFunctions, TransferFunctions], groups: list[list[str]], how: dict[str, Any]
+) -> TransferFunctions:
+    """The inverse between two groups of channels, or all; their names are those of `both`, before and now."""
+    named, now = ((own.outputs, own.inputs) for own in both)
+    chosen = [[channel.name for channel in side] for side in now]
+    if groups:
+        rows = [
+            channels_named(side, group, argument="--phases", of=OF) for side, group in zip(named, groups, strict=True)
+        ]
+        chosen = [[names[row] for row in own] for names, own in zip(chosen, rows, strict=True)]
+    return inverse_of(subject, chosen[0], chosen[1], **how)
 
 
 def _told(findings: Sequence[Finding]) -> dict[str, Any]:
@@ -281,7 +334,13 @@ def _measured_in(file: Path) -> MeasuredTransfer | TransferFunctions:
     return found
 
 
-def _write(found: TransferFunctions, result: Analysis | MeasuredTransfer | TransferFit, out: Path) -> None:
+def _write(
+    found: TransferFunctions,
+    result: Analysis | MeasuredTransfer | TransferFit,
+    out: Path,
+    picture: Picture,
+    axis: FrequencyAxis,
+) -> None:
     """Write transfer functions as a table, as a picture, or with all that they come of."""
     if out.suffix.lower() == ".h5":
         save(result, out)
@@ -292,10 +351,13 @@ def _write(found: TransferFunctions, result: Analysis | MeasuredTransfer | Trans
     if out.suffix.lower() in (".csv", ".mat") or re.fullmatch(r"\.s\d+p", out.suffix.lower()):
         export_transfer(found, out)
         return
-    from floquid.plot import save_figure
-    from floquid.plot import transfer as drawn
+    from floquid.plot import nyquist, save_figure
+    from floquid.plot import transfer as bode
 
-    save_figure(drawn(found), out)
+    if picture == "nyquist":
+        save_figure(nyquist(found, all_paths=True), out)
+    else:
+        save_figure(bode(found, frequency_axis=axis, all_paths=True), out)
 
 
 def _whole(text: str) -> list[int]:
@@ -318,79 +380,3 @@ def _frequencies(text: str) -> list[float] | None:
     except ValueError:
         must = "be frequencies with commas, or first:last:number"
         raise input_error("--at", OF, must, f"is {text!r}", "As 0.1:2:200.") from None
-
-
-def multisine(
-    *,
-    period: float | None = None,
-    frequency: Frequency = None,
-    rate: Annotated[float | None, Parameter(help="The sampling rate [Hz].")] = None,
-    turns: Whole = 128,
-    band: Annotated[str, Parameter(help=_BAND)] = "",
-    inputs: str = "u",
-    unit: str = "-",
-    rms: float = 1.0,
-    repeats: OptionalWhole = 5,
-    seed: Whole = 0,
-    out: NewRecordFile = Path("multisine.csv"),
-) -> None:
-    """Write inputs for measuring harmonic transfer functions: random lines whose sidebands do not meet.
-
-    Parameters
-    ----------
-    period
-        The period of the system [s].
-    turns
-        Periods of the system in a repeat: half as many lines at most.
-    inputs
-        The names of the channels, with commas.
-    unit
-        Their unit, as N or V, by which a file of the answer tells them from responses.
-    rms
-        That of each input, in its unit.
-    repeats
-        How often it is repeated: the first for the transient, four and more for a variance.
-    seed
-        The seed of lines and phases.
-    out
-        The file; its suffix chooses the format.
-    """
-    own = period_of(period, frequency, DESIGN)
-    if own is None or rate is None:
-        name = "--period" if own is None else "--rate"
-        raise input_error(name, DESIGN, "be given", "is not", "As --period 0.5 --rate 40.")
-    names = split(inputs)
-    if not names:
-        raise input_error("--inputs", DESIGN, "name a channel", "names none", "As --inputs F1,F2.")
-    asked = _band(band)
-    design = designed(own, rate, turns=turns, band=asked, inputs=len(names), rms=rms, seed=seed)
-    channels = names if unit == "-" else [Channel(name=name, unit=unit) for name in names]
-    write(design.record(5 if repeats is None else repeats, channels), out)
-    _print_design(terminal(), design, names)
-    if asked is not None and asked[1] > 0.5 * rate:
-        terminal().print(f"There are no lines beyond half the rate, {0.5 * rate:.5g} Hz: the band ends there.")
-    terminal().print(f"Written to {out}.", soft_wrap=True)
-
-
-def _print_design(console: Console, design: Multisine, names: tuple[str, ...]) -> None:
-    """Print the lines of each input and what a repeat is."""
-    for name, hertz in zip(names, design.frequencies_hz, strict=True):
-        console.print(f"{name}: {len(hertz)} lines from {hertz[0]:.5g} to {hertz[-1]:.5g} Hz.")
-    samples = design.values.shape[1]
-    console.print(
-        f"A repeat is {design.turns} periods, {samples} samples, {samples / design.sample_rate:.6g} s; "
-        f"peak over rms {design.peak:.3g}. Play it without a gap, its begin at phase zero or at any other, and measure "
-        f"at {design.sample_rate:.8g} Hz what is played and what answers."
-    )
-
-
-def _band(text: str) -> tuple[float, float] | None:
-    """Two frequencies with a comma; None where none are named."""
-    if not text.strip():
-        return None
-    try:
-        low, high = (float(word) for word in split(text))
-    except ValueError:
-        must = "be two frequencies with a comma"
-        raise input_error("--band", DESIGN, must, f"is {text!r}", "As --band 0.1,2.") from None
-    return low, high

@@ -28,6 +28,7 @@ PLAIN = str.maketrans({"µ": "u", "μ": "u", "ε": "e", "°": "deg", "²": "^2",
 """Units in ASCII: GNU Octave reads texts of other letters byte by byte, and cuts them."""
 
 _TEXT = 116  # bytes at the head of the file that are free text
+_NAME = 56  # letters of a name that MATLAB keeps, less those of a number behind it
 
 
 def mat_file(content: Mapping[str, Any], what: str) -> bytes:
@@ -36,11 +37,32 @@ def mat_file(content: Mapping[str, Any], what: str) -> bytes:
 
     stream = BytesIO()
     empty = np.zeros((0, 0))
-    savemat(stream, {name: empty if value is None else value for name, value in content.items()}, oned_as="column")
-    whole = bytearray(stream.getbuffer())
+    whole = {name: empty if value is None else value for name, value in content.items()}
+    savemat(stream, whole, oned_as="column", long_field_names=True)
+    file = bytearray(stream.getbuffer())
     written = f"MATLAB 5.0 MAT-file, {what}, by floquid {__version__}"
-    whole[:_TEXT] = written.encode().ljust(_TEXT)
-    return bytes(whole)
+    file[:_TEXT] = written.encode().ljust(_TEXT)
+    return bytes(file)
+
+
+def mat_structs(rows: Sequence[Mapping[str, Any]]) -> Any:
+    """A struct array of MATLAB, an element for each of some rows of one set of fields."""
+    names = list(rows[0]) if rows else ["none"]
+    array = np.empty((1, len(rows)), dtype=[(name, object) for name in names])
+    for place, row in enumerate(rows):
+        for name in names:
+            array[0, place][name] = row[name]
+    return array
+
+
+def mat_names(words: Sequence[str]) -> list[str]:
+    """Names of fields in MATLAB for some words, no two alike."""
+    found: list[str] = []
+    for word in words:
+        plain = re.sub(r"\W+", "_", word.translate(PLAIN), flags=re.ASCII).strip("_")[:_NAME]
+        name = plain if re.match("[A-Za-z]", plain) else f"x{plain}"
+        found.append(name if name not in found else f"{name}_{len(found) + 1}")
+    return found
 
 
 def mat_cells(words: Any) -> Any:
@@ -68,10 +90,12 @@ class Dof:
     sign: int
 
 
-def uff_bytes(model: PeriodicModel, coordinates: Mapping[str, ArrayLike]) -> bytes:
-    """The file: a shape for each mode, harmonic, hit, and kind of channels."""
+def uff_bytes(
+    model: PeriodicModel, coordinates: Mapping[str, ArrayLike], joined: Sequence[Sequence[str]] = ()
+) -> bytes:
+    """The file: a shape for each mode, harmonic, hit, and kind of channels; the nodes and lines between them first."""
     places = degrees_of_freedom(model.channels)
-    lines = [*_header(), *_nodes(model.channels, places, coordinates)]
+    lines = [*_header(), *_nodes(model.channels, places, coordinates), *_traces(model.channels, places, joined)]
     number = 0
     for mode in model.upper_modes:
         for index in np.flatnonzero((model.coefficients[mode] != 0).any(axis=(0, 1))):
@@ -162,6 +186,25 @@ def _nodes(channels: Sequence[Channel], places: Sequence[Dof], coordinates: Mapp
             at[place.node] = tuple(frozen_array(coordinates[name], "coordinates", of, axes=(3,)).tolist())
     rows = [f"{node:10d}{0:10d}{0:10d}{1:10d}{_reals(where)[0]}" for node, where in sorted(at.items())]
     return [_END, f"{15:6d}", *rows, _END]
+
+
+def _traces(channels: Sequence[Channel], places: Sequence[Dof], joined: Sequence[Sequence[str]]) -> Iterator[str]:
+    """Datasets 82: the lines that a viewer draws from node to node."""
+    names = [channel.location or channel.name for channel in channels]
+    nodes: dict[str, int] = {}
+    for name, place in zip(names, places, strict=True):
+        nodes.setdefault(name, place.node)  # two channels of one direction there have a node each
+    for number, line in enumerate(joined, start=1):
+        unknown = [name for name in line if name not in nodes]
+        if unknown:
+            listing = "There are: " + ", ".join(nodes) + "."
+            must = "be of locations of channels"
+            raise input_error("lines", "export_modes", must, f"has {unknown[0]!r}", listing)
+        if len(line) < 2:
+            continue
+        own = "".join(f"{nodes[name]:10d}" for name in line)
+        rows = [own[first : first + 80] for first in range(0, len(own), 80)]
+        yield from (_END, f"{82:6d}", f"{number:10d}{len(line):10d}{1:10d}", f"line {number}", *rows, _END)
 
 
 def _shape(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from io import StringIO
 from itertools import product
@@ -16,17 +16,18 @@ from numpy.typing import ArrayLike
 
 from floquid._checks import describe, input_error
 from floquid.core import PeriodicModel
-from floquid.exports._formats import PLAIN, mat_cells, mat_file, uff_bytes
+from floquid.exports._formats import PLAIN, mat_cells, mat_file, mat_names, mat_structs, uff_bytes
 from floquid.exports._summary import mode_entries, summary
+from floquid.exports._text_tables import TEXT_TABLES, text_table
 from floquid.io import as_path, atomic_path, load_package
 from floquid.pipeline import Analysis
 from floquid.reconstruction import StateModel
-from floquid.views import mode_numbers
+from floquid.views import DampingUnit, check_damping_unit, mode_numbers
 
 if TYPE_CHECKING:
     import pandas as pd
 
-MODE_FORMATS = (".uff", ".unv", ".mat", ".csv", ".json")
+MODE_FORMATS = (".uff", ".unv", ".mat", ".csv", ".json", *TEXT_TABLES)
 """The suffixes that `export_modes` knows."""
 
 
@@ -35,6 +36,8 @@ def export_modes(
     path: str | PathLike[str],
     *,
     coordinates: Mapping[str, ArrayLike] | None = None,
+    lines: Sequence[Sequence[str]] | None = None,
+    damping_unit: DampingUnit = "percent",
 ) -> None:
     r"""Write the modes of a result to a file of another program, in the format of its suffix.
 
@@ -43,19 +46,25 @@ def export_modes(
     - `.uff`, `.unv`: universal file with datasets 151 (header), 15 (nodes) and 55 (data at nodes, complex eigenvalues
       of first order). Each coefficient B of a mode and a harmonic m is a shape of its own, of eigenvalue λ + imω. A
       program for time-invariant modes can animate it. Of conjugates there is the one above the real axis. Numbers have
-      six digits; the ID lines have λ, its deviation and the period in full.
+      six digits; the ID lines have λ, its deviation and the period in full. With `coordinates` there is a dataset 82,
+      the lines that a viewer draws between nodes.
     - `.mat`: MATLAB version 5: `exponents`, `coefficients` (modes, channels, hits, harmonics), `harmonics`, `period`,
       ..., of measured inputs `input_coefficients` (modes, inputs, harmonics), `input_harmonics`, `direct` (channels,
       inputs, harmonics), `direct_harmonics`, ..., and of A(t), where there is one, `A` and `Phi` (states, states,
-      times), `times` and `states`, with measured inputs also `B` (states, inputs, times), `C` and `D`.
+      times), `times` and `states`, with measured inputs also `B` (states, inputs, times), `C` and `D`. The struct array
+      `modes` has an element a conjugate pair or real mode: `modes(1).frequency_hz`, `.damping_ratio`, and the shape by
+      the names of channels, `modes(1).shape.tip_x` (hits, harmonics).
     - `.csv`: a row for each coefficient: its mode, channel, hit and harmonic, with deviations. The units are in the
       heading, or in a column.
+    - `.tex`, `.md`: the table of modes as the terminal prints it, for LaTeX and Markdown; the damping in
+      `damping_unit`, "percent" or the logarithmic "decrement".
     - `.json`: of an analysis the content of `summary.json`, of a model its modes alone.
 
     `result` is what `identify` found, or its `model`; the file `path` may
     exist, and is replaced at the end, in one step. `coordinates` say where the nodes of a universal file are: x, y, z
-    by the location of channels, or by their names where they have none; others are at the origin. Raises InputError
-    where an argument is something else, the suffix is unknown, or the file cannot be written there.
+    by the location of channels, or by their names where they have none; others are at the origin. `lines` are lists of
+    such names, each drawn from one to the next; by default one line through all that have coordinates, in their order.
+    Raises InputError where an argument is something else, the suffix is unknown, or the file cannot be written there.
     """
     of = "export_modes"
     if not isinstance(result, (Analysis, PeriodicModel)):
@@ -70,8 +79,14 @@ def export_modes(
     if coordinates is not None and suffix not in (".uff", ".unv"):
         got = f"{file} has no place for them"
         raise input_error("coordinates", of, "come with a universal file (.uff, .unv)", got, "Leave them out.")
+    if lines is not None and coordinates is None:
+        remedy = "Pass where the nodes are, too."
+        raise input_error("lines", of, "come with coordinates", "is given without them", remedy)
+    check_damping_unit(damping_unit, of)
     if suffix in (".uff", ".unv"):
-        content = uff_bytes(model, coordinates or {})
+        content = uff_bytes(model, coordinates or {}, [list(coordinates or {})] if lines is None else lines)
+    elif suffix in TEXT_TABLES:
+        content = text_table(result, suffix, damping_unit).encode()
     elif suffix == ".mat":
         content = mat_bytes(model, None if analysis is None else analysis.state)
     elif suffix == ".csv":
@@ -209,4 +224,25 @@ def mat_bytes(model: PeriodicModel, state: StateModel | None) -> bytes:
                 "C": np.moveaxis(state.outputs, 0, 2),
                 "D": np.moveaxis(state.direct, 0, 2),
             }
-    return mat_file(content, "modes")
+    return mat_file(content | {"modes": _mode_structs(model)}, "modes")
+
+
+def _mode_structs(model: PeriodicModel) -> Any:
+    """The modes as a struct array of MATLAB, the shape of each by the names of channels."""
+    names = mat_names([channel.name for channel in model.channels])
+    found = []
+    for mode in model.upper_modes:
+        own = {
+            "frequency_hz": (model.frequencies_hz, model.frequency_std_hz),
+            "damping_ratio": (model.damping_ratios, model.damping_ratio_std),
+            "exponent": (model.exponents, model.exponent_std),
+            "multiplier": (model.multipliers, model.multiplier_std),
+        }
+        numbers = {
+            name + end: np.zeros((0, 0)) if part is None else part[mode]
+            for name, both in own.items()
+            for end, part in zip(("", "_std"), both, strict=True)
+        }
+        shape = {name: model.coefficients[mode, row] for row, name in enumerate(names)}
+        found.append(numbers | {"is_real": bool(model.real[mode]), "shape": shape})
+    return mat_structs(found)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from floquid._checks import describe, input_error
 from floquid._json import for_json
 from floquid.core import Channel
-from floquid.exports._formats import PLAIN, mat_cells, mat_file
+from floquid.exports._formats import PLAIN, mat_cells, mat_file, mat_structs
 from floquid.inputs import TransferFunctions
 from floquid.io import GUARD, DamagedError, as_path, atomic_path, readable_file
 from floquid.transfer import MeasuredTransfer, TransferFit
@@ -29,7 +29,8 @@ def export_transfer(found: TransferFunctions, path: str | PathLike[str]) -> None
     - `.csv`: a row a frequency; of each function the real and the imaginary part, with deviations, in columns that name
       harmonic, path and unit; the first names the sampling interval where G is of samples.
     - `.mat`: MATLAB version 5: `values` and `std` (harmonics, outputs, inputs, frequencies), `frequencies_hz`,
-      `harmonics`, `outputs`, `inputs` and their units, `step` where it is that of samples.
+      `harmonics`, `outputs`, `inputs` and their units, `step` where it is that of samples. The struct array `paths` has
+      an element a path: `paths(1).input`, `.output`, `.unit`, `.values` and `.std` (harmonics, frequencies).
     - `.sNp`: Touchstone version 1 of one harmonic of as many outputs as inputs, N: port k has input k and output k.
       Voltages in and currents out are admittances (Y), all else is written as impedances (Z), in the units that the
       comments name. Programs for circuits read it, scikit-rf among them. It has no deviations.
@@ -70,6 +71,19 @@ def _mat(found: TransferFunctions) -> bytes:
     for name, channels in (("output", found.outputs), ("input", found.inputs)):
         content[f"{name}s"] = mat_cells([channel.name for channel in channels])
         content[f"{name}_units"] = mat_cells([channel.unit.translate(PLAIN) for channel in channels])
+    content["paths"] = mat_structs(
+        [
+            {
+                "input": source.name,
+                "output": output.name,
+                "unit": found.unit(row, column).translate(PLAIN),
+                "values": found.values[:, row, column],
+                "std": np.zeros((0, 0)) if found.std is None else found.std[:, row, column],
+            }
+            for row, output in enumerate(found.outputs)
+            for column, source in enumerate(found.inputs)
+        ]
+    )
     return mat_file(content, "transfer functions")
 
 

@@ -112,7 +112,7 @@ class Analysis(Told, Drawn, Brief):
             found |= dict.fromkeys(whole, (self, {}))
             found["indicators"] = (lambda: indicators(own.lifted.responses, own.modal), {})
         if self.inputs:
-            found["transfer"] = (self.transfer, {})
+            found |= dict.fromkeys(["transfer", "nyquist"], (self.transfer, {}))
         if self.ambient:
             found["harmonic_spectra"] = (self, {})
         if self.state is not None:

@@ -18,14 +18,15 @@ from floquid.plot._stability_map import stability_map
 from floquid.plot._style import style as style
 from floquid.plot._synchronisation import speed, synchronisation
 from floquid.plot._system_elements import system_elements
-from floquid.plot._transfer import transfer
+from floquid.plot._transfer import nyquist, transfer
 
 if TYPE_CHECKING:
     # For annotations elsewhere: no other room imports matplotlib.
     from matplotlib.figure import Figure as Figure
 
 __all__ = [
-    "FIGURES", "coefficients", "composite", "exponents", "harmonic_spectra", "indicators", "periodic_shapes",
+    "FIGURES", "coefficients", "composite", "exponents", "harmonic_spectra", "indicators", "nyquist",
+    "periodic_shapes",
     "residues", "save_figure", "save_figures", "spectra", "speed", "stabilisation", "stability_map",
     "synchronisation", "synthesis", "system_elements", "time_record", "transfer",
 ]  # fmt: skip

@@ -2,7 +2,7 @@
 
 The clock is put on, samples that are none are mended, channels that are no responses are left out, and what cannot end
 well is refused before any long work. Of free responses hits are cut out; where the excitation goes on outputs and
-inputs are parted (`parted`), with what repeats beside them.
+inputs are parted (`parted`), with what repeats beside them. `propose` has the settings to try first with a record.
 """
 
 from floquid.preparation._before import begun as begun
@@ -20,6 +20,8 @@ from floquid.preparation._mended import MOST_ABSENT as MOST_ABSENT
 from floquid.preparation._prepare import Prepared, prepare
 from floquid.preparation._prepare import blas_threads as blas_threads
 from floquid.preparation._prepare import uneven_speed as uneven_speed
+from floquid.preparation._proposal import Candidate, Proposal, propose
+from floquid.preparation._proposal import Use as Use
 from floquid.preparation._refuse import NO_NEWS as NO_NEWS
 from floquid.preparation._refuse import name_of as name_of
 from floquid.preparation._refuse import own_names as own_names
@@ -32,4 +34,4 @@ from floquid.preparation._settings import Settings
 from floquid.preparation._settings import settings_of as settings_of
 from floquid.preparation._settings import takes_settings as takes_settings
 
-__all__ = ["Prepared", "Settings", "prepare"]
+__all__ = ["Candidate", "Prepared", "Proposal", "Settings", "prepare", "propose"]

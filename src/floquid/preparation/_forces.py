@@ -41,7 +41,7 @@ def refuse_driven(records: Sequence[Record], settings: Settings) -> None:
     for number, record in enumerate(records, start=1):
         where = f" of record {number}" if len(records) > 1 else ""
         for channel, values in zip(record.channels, record.values, strict=True):
-            if channel.name not in forces or not _goes_on(values):
+            if channel.name not in forces or not goes_on(values):
                 continue
             if settings.inputs:
                 raise IdentificationError(
@@ -76,7 +76,7 @@ def refuse_random(records: Sequence[Record], forces: Sequence[str]) -> None:
     """
     for number, record in enumerate(records, start=1):
         where = f" of record {number}" if len(records) > 1 else ""
-        if record.period is not None and _is_random(record, record.period):
+        if record.period is not None and is_random(record, record.period):
             measured = f"Name what was measured of it as inputs (`inputs={','.join(forces)}`). " if forces else ""
             raise IdentificationError(
                 f"The response{where} does not decay, and is random: it is driven all along, by wind, by a process or "
@@ -85,26 +85,38 @@ def refuse_random(records: Sequence[Record], forces: Sequence[str]) -> None:
             )
 
 
-def _goes_on(values: NDArray[np.float64]) -> bool:
+def goes_on(values: NDArray[np.float64]) -> bool:
     """True for a force (samples,) that is no series of blows."""
     about = values - np.nanmedian(values)
     size = float(np.sqrt(np.nanmean(about**2)))
     return size > 0.0 and float(np.nanmax(np.abs(about))) < PEAKED * size
 
 
-def _is_random(record: Record, period: float) -> bool:
-    """True where the response of every channel lasts, in broad peaks."""
+def is_white(values: NDArray[np.float64]) -> bool:
+    """True where the energy of a channel (samples,) is spread over its spectrum as that of noise."""
+    filled = np.nan_to_num(values - np.nanmean(values))
+    power = np.abs(np.fft.rfft(filled * np.hanning(len(filled)))) ** 2
+    return _spread(power) >= WHITE * len(power)
+
+
+def _spread(power: NDArray[np.float64]) -> float:
+    """Lines of a spectrum (lines,) over which its energy is spread."""
+    return float(power.sum()) ** 2 / max(float(np.sum(power**2)), np.finfo(float).tiny)
+
+
+def is_random(record: Record, period: float | None) -> bool:
+    """True where the response of every channel lasts, in broad peaks; harmonics of a known period are left out."""
     values = record.values[[channel.quantity not in NO_RESPONSE for channel in record.channels]]
     values = np.nan_to_num(values - np.nanmean(values, axis=1, keepdims=True))
     values = values / np.maximum(np.sqrt(np.mean(values**2, axis=1, keepdims=True)), np.finfo(float).tiny)
     lines = np.fft.rfft(values * np.hanning(values.shape[1]), axis=1)
-    turn = record.n_samples / (period * record.sample_rate)
-    turns = np.arange(lines.shape[1]) / turn
-    beside = np.abs(turns - np.rint(turns)) * turn <= BESIDE
+    beside = np.zeros(lines.shape[1], bool)
+    if period is not None:
+        turn = record.n_samples / (period * record.sample_rate)
+        turns = np.arange(lines.shape[1]) / turn
+        beside = np.abs(turns - np.rint(turns)) * turn <= BESIDE
     power = np.sum(np.abs(lines) ** 2, axis=0) * ~beside
-    total = float(power.sum())
-    spread = total**2 / max(float(np.sum(power**2)), np.finfo(float).tiny)
-    if not BROAD < spread < WHITE * len(power) or total == 0.0:
+    if not BROAD < _spread(power) < WHITE * len(power):
         return False
     kept = np.fft.irfft(np.fft.rfft(values, axis=1) * ~beside, values.shape[1], axis=1)
     thirds = [float(np.mean(part**2)) for part in np.array_split(kept, 3, axis=1)]

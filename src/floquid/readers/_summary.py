@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from os import PathLike
 from typing import Literal, TypeAlias
@@ -12,10 +13,10 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid._checks import positive
-from floquid.core import Channel, Quantity
+from floquid.core import Channel, Quantity, Record
 from floquid.errors import InputError
 from floquid.readers._read import load_table
-from floquid.tables import TimeAxis, settle_axis
+from floquid.tables import TimeAxis, record_of, settle_axis
 
 ClockKind: TypeAlias = Literal["period", "pulses", "azimuth", "speed"]
 """Kinds of candidates for the clock: `identify` takes all but a speed, which is only a hint."""
@@ -27,7 +28,6 @@ _CLOCK_NAME = re.compile(
 )  # a word in the name of a channel that may be a clock
 
 _TURNS = {"deg": 360.0, "rad": 6.283185307179586}  # a revolution in the units of an angle
-QUIET = 0.1  # of its largest value: a force of blows stays below that nine tenths of the time
 _SPEEDS = ("rpm", "RPM", "Hz", "rad/s", "deg/s")
 
 
@@ -43,8 +43,6 @@ class ChannelSummary:
         Extremes and standard deviation of the samples that are there [unit]; None if all are missing.
     n_missing
         How many are missing.
-    impacts
-        Blows in a force that is near zero between them; 0 in any other channel.
     """
 
     name: str
@@ -54,7 +52,6 @@ class ChannelSummary:
     maximum: float | None
     std: float | None
     n_missing: int
-    impacts: int = 0
 
     @property
     def is_constant(self) -> bool:
@@ -106,6 +103,8 @@ class FileSummary:
         What may tie time to phase, with the reason for thinking so.
     notes
         How the rate was found, and what deserves attention.
+    time_axis
+        How the times were understood: the first of the notes.
     """
 
     path: str
@@ -118,6 +117,7 @@ class FileSummary:
     period: float | None
     clock_candidates: tuple[ClockCandidate, ...]
     notes: tuple[str, ...]
+    time_axis: tuple[str, ...] = ()
 
 
 def describe_file(
@@ -134,6 +134,17 @@ def describe_file(
     argument is not possible. `path` is the file, `rate` the sampling rate [Hz], overriding what the file says, and
     `channels` those to describe, in that order; None describes all. `header` is False for a text table without names.
     """
+    return read_and_describe(path, rate=rate, channels=channels, header=header)[0]
+
+
+def read_and_describe(
+    path: str | PathLike[str],
+    *,
+    rate: float | None = None,
+    channels: Sequence[str] | None = None,
+    header: bool = True,
+) -> tuple[FileSummary, Record | None]:
+    """The summary of a file as `describe_file` has it, and its record where it can be read as one."""
     if rate is not None:
         rate = positive(rate, "rate", "describe_file", unit="Hz", remedy="Pass the number of samples a second.")
     source, kind, table = load_table(
@@ -145,6 +156,7 @@ def describe_file(
         notes = axis.notes if axis else ("No sampling rate in the file: pass `rate=` [Hz] to read it.",)
     except InputError as error:
         axis, notes = None, (" ".join(str(error).split()),)
+    time_axis = notes
     values = table.values if axis is None else axis.place(table.values)
     found = tuple(_summary(channel, row) for channel, row in zip(table.channels, values, strict=True))
     for channel in found:
@@ -154,7 +166,11 @@ def describe_file(
             notes += (f"Channel {channel.name!r} is constant ({channel.minimum:g} {channel.unit}): nothing moves it.",)
     if values.shape[1] < 2:
         notes += ("One sample is too few to be read as a record.",)
-    return FileSummary(
+    record = None
+    if axis is not None and values.shape[1] > 1:
+        with suppress(InputError):  # what else is wrong with the file is said when it is read
+            record = record_of(table, source, rate=rate, period=None, origin=0.0)
+    summary = FileSummary(
         path=str(source.path),
         format=f"{kind.name} ({kind.suffix})",
         channels=found,
@@ -165,7 +181,9 @@ def describe_file(
         period=table.period,
         clock_candidates=_candidates(table.period, table.channels, values, axis),
         notes=(*notes, *table.notes),
+        time_axis=time_axis,
     )
+    return summary, record
 
 
 def _summary(channel: Channel, row: Floats) -> ChannelSummary:
@@ -178,18 +196,7 @@ def _summary(channel: Channel, row: Floats) -> ChannelSummary:
         maximum=float(there.max()) if there.size else None,
         std=_std(there) if there.size else None,
         n_missing=len(row) - len(there),
-        impacts=_impacts(there) if channel.quantity == "force" else 0,
     )
-
-
-def _impacts(force: Floats) -> int:
-    """Blows in the samples of a force: runs above half of its largest value, where it is near zero otherwise."""
-    size = np.abs(force - np.median(force)) if force.size else force
-    most = float(size.max(initial=0.0))
-    if not 0.0 < most < np.inf or np.percentile(size, 90) > QUIET * most:
-        return 0
-    high = size > 0.5 * most
-    return int(np.count_nonzero(high[1:] & ~high[:-1])) + int(high[0])
 
 
 def _std(there: Floats) -> float:
@@ -215,6 +222,8 @@ def _candidates(
         name = _CLOCK_NAME.search(channel.name.replace("_", " "))
         if name:
             reasons.append(f"its name has the word {name[0]!r}")
+        if channel.unit.lower() == "rpm":
+            reasons.append(f"its unit is {channel.unit}")
         wraps = _wraps(channel, row)
         signal = wraps or ("" if channel.quantity == "force" else _pulses(row, axis))
         if signal:

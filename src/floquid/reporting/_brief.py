@@ -22,7 +22,7 @@ DPI = 200  # sharp on paper
 def brief_page(case: Case, *, title: str | None, unit: SpeedUnit) -> str:
     """The page as text: nothing in it moves, and nothing is loaded."""
     analysis: Analysis = case.analysis
-    found = modes_of(analysis)
+    found = modes_of(analysis, case.damping)
     table = found["table"]
     sentences = [*analysis.reasons, *speed_texts(analysis.findings, unit, Severity.WARNING)]
     reasons, shown = len(analysis.reasons), sentences[:MOST_SENTENCES]

@@ -9,7 +9,7 @@ import numpy as np
 
 from floquid.order import OrderScan
 from floquid.pipeline import Analysis
-from floquid.views import shortened
+from floquid.views import DampingUnit, shortened
 
 MOST_CHANNELS = 8  # channels that one figure can tell apart; the result file holds all
 LONGEST = 28  # characters of a name in a legend
@@ -26,6 +26,7 @@ class Case:
     modes: tuple[int, ...]  # one mode of each pair
     channels: tuple[int, ...]  # the strongest channels, in their own order
     hits: tuple[int, ...]  # the hit in which each of `modes` is strongest
+    damping: DampingUnit = "percent"  # the unit of damping
 
     @property
     def turn(self) -> float:
@@ -46,8 +47,10 @@ class Case:
         return [self.analysis.model.channels[row].unit for row in self.channels]
 
 
-def case_of(analysis: Analysis, scan: OrderScan | None = None, why: str = "") -> Case:
-    """Choose what is shown."""
+def case_of(
+    analysis: Analysis, scan: OrderScan | None = None, why: str = "", *, damping: DampingUnit = "percent"
+) -> Case:
+    """Choose what is shown, damping in a unit."""
     model = analysis.model
     modes = tuple(model.upper_modes)
     energy = np.abs(model.coefficients) ** 2 / analysis.noise[:, :, None] ** 2
@@ -62,4 +65,5 @@ def case_of(analysis: Analysis, scan: OrderScan | None = None, why: str = "") ->
         modes=modes,
         channels=tuple(sorted(int(row) for row in strongest)),
         hits=tuple(int(np.argmax(energy[mode].sum(axis=0))) for mode in modes),
+        damping=damping,
     )

@@ -16,7 +16,7 @@ from floquid.reporting._driven_figures import matrix_rows, measured_figures, pat
 from floquid.reporting._modes_figures import mode_figures, mode_source
 from floquid.reporting._page import rendered
 from floquid.transfer import TransferFit
-from floquid.views import mode_table, note_meanings
+from floquid.views import DAMPING_WORDS, DampingUnit, mode_table, note_meanings
 
 POINTS = 600  # frequencies of a curve, beside those measured
 
@@ -30,8 +30,8 @@ class _Settings:
     harmonics: None = None  # of the shapes: found, not given
 
 
-def lines_page(fit: TransferFit, *, title: str | None) -> str:
-    """The whole page as text."""
+def lines_page(fit: TransferFit, *, title: str | None, damping: DampingUnit) -> str:
+    """The whole page as text, damping in a unit."""
     lines, model = fit.measured, fit.model
     sampled = lines.step is not None
     at = fit.transfer(sampled=sampled)
@@ -43,9 +43,9 @@ def lines_page(fit: TransferFit, *, title: str | None) -> str:
         model=model, noise=noise, records=(), settings=_Settings(model.period, fit.hold), findings=fit.findings,
         decay=None, whitening=None, lengths=None,
     )  # fmt: skip
-    case, paths = case_of(shown), paths_of(at, noise, np.ones(len(lines.inputs)))
+    case, paths = case_of(shown, damping=damping), paths_of(at, noise, np.ones(len(lines.inputs)))
     measured = measured_figures(lines, at, drawn, paths, each=True)
-    table, ratio = mode_table(shown), fit.chi_square / max(fit.degrees, 1)
+    table, ratio = mode_table(shown, damping_unit=damping), fit.chi_square / max(fit.degrees, 1)
     worst = max((finding.severity for finding in fit.findings), key=list(Severity).index, default=Severity.NOTE)
     mark, sentence = {
         Severity.NOTE: ("passed", "The modes explain the lines."),
@@ -63,6 +63,7 @@ def lines_page(fit: TransferFit, *, title: str | None) -> str:
         reasons=texts(fit.findings, Severity.FAILURE),
         warnings=texts(fit.findings, Severity.WARNING),
         table=table,
+        damping=DAMPING_WORDS[damping].replace("-", "−"),
         meanings=note_meanings(table),
         bands=True,
         summary=(

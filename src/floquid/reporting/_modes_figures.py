@@ -18,7 +18,7 @@ from floquid.reporting._chosen_figures import (
     shape_source,
 )
 from floquid.reporting._look import BLACK, GREY, HEIGHT, SIZE, VERMILION, Figure, hover, legend_above, new_figure
-from floquid.views import exponent_ellipses, multiplier_ellipses
+from floquid.views import DampingUnit, decrement, exponent_ellipses, multiplier_ellipses
 
 LETTER, GAP, MARK, LINE = 0.026, 0.01, 0.045, 0.07
 """A letter, what is left between texts, or from a text to the next mark, and a line, as shares of axes on a phone."""
@@ -39,7 +39,10 @@ def mode_source(case: Case) -> ColumnDataSource:
         "decay": value.real,
         "frequency": np.abs(value.imag) * case.turn,
         "folded": np.abs(model.principal()[at].imag) * case.turn,
-        "damping": 100.0 * model.damping_ratios[at],
+        "damping": [
+            100.0 * ratio if case.damping == "percent" else decrement(ratio)[0]
+            for ratio in model.damping_ratios[at].tolist()
+        ],
         "real": model.multipliers[at].real,
         "imag": np.abs(model.multipliers[at].imag),
     }
@@ -79,8 +82,8 @@ def _ranges(numbers: list[int]) -> str:
     return ", ".join(f"{part[0]}–{part[-1]}" if len(part) > 2 else ", ".join(map(str, part)) for part in parts)
 
 
-def _modes(made: Figure, source: ColumnDataSource, x: str, y: str) -> None:
-    """The modes as numbered marks; the one chosen is filled."""
+def _modes(made: Figure, source: ColumnDataSource, x: str, y: str, damping: DampingUnit) -> None:
+    """The modes as numbered marks, damping in a unit; the one chosen is filled."""
     from bokeh.models import LabelSet, TapTool
 
     marks = made.scatter(
@@ -90,7 +93,7 @@ def _modes(made: Figure, source: ColumnDataSource, x: str, y: str) -> None:
     made.add_layout(LabelSet(x=x, y=y, text=f"label_{x}", source=source, x_offset=7, y_offset=4, text_font_size=SIZE))
     made.add_tools(TapTool(renderers=[marks]))
     tips = [("mode", "@number"), ("Im λ/2π", "@frequency{%.7g} Hz"), ("Re λ", "@decay{%.4g} 1/s")]
-    hover(made, [*tips, ("ζ", "@damping{%.4g} %")], [marks])
+    hover(made, [*tips, ("ζ", "@damping{%.4g} %") if damping == "percent" else ("δ", "@damping{%.4g}")], [marks])
 
 
 def _ellipses(made: Figure, curves: Complexes | None, turn: float = 1.0) -> None:
@@ -116,7 +119,7 @@ def exponents_figure(case: Case, source: ColumnDataSource) -> Figure:
     made = new_figure("Re λ [1/s]", "Im λ/2π [Hz]", name="exponents")
     made.x_range.range_padding = made.y_range.range_padding = 0.15
     _ellipses(made, _upper(exponent_ellipses(case.analysis.model), case), case.turn)
-    _modes(made, source, "decay", "frequency")
+    _modes(made, source, "decay", "frequency", case.damping)
     made.ray(x=0, y=0, angle=np.pi / 2, length=0, line_color=GREY, line_dash="dashed")
     made.ray(x=0, y=0, angle=-np.pi / 2, length=0, line_color=GREY, line_dash="dashed")
     legend_above(made)
@@ -136,7 +139,7 @@ def multipliers_figure(case: Case, source: ColumnDataSource) -> Figure:
     angle = np.linspace(0.0, np.pi, 181)
     made.line(np.cos(angle), np.sin(angle), line_color=GREY, line_dash="dashed", legend_label="unit circle: no decay")
     _ellipses(made, _upper(multiplier_ellipses(model), case))
-    _modes(made, source, "real", "imag")
+    _modes(made, source, "real", "imag", case.damping)
     legend_above(made)
     return made
 

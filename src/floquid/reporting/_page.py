@@ -40,7 +40,16 @@ from floquid.reporting._record_figures import (
 )
 from floquid.reporting._stabilisation_figures import indicator_figures, stabilisation_figures
 from floquid.reporting._system_figures import Truth, system_figures
-from floquid.views import SpeedUnit, for_command, mode_table, note_meanings, spectra_of_modes, speed_texts
+from floquid.views import (
+    DAMPING_WORDS,
+    DampingUnit,
+    SpeedUnit,
+    for_command,
+    mode_table,
+    note_meanings,
+    spectra_of_modes,
+    speed_texts,
+)
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -69,7 +78,7 @@ def page(case: Case, *, title: str | None, truth: Truth | None, unit: SpeedUnit 
     titles, noise = words.noise_table(analysis)
     content = (
         verdict_of(analysis)
-        | modes_of(analysis)
+        | modes_of(analysis, case.damping)
         | {
             "summary": words.summary_line(case, unit),
             "checks": words.checks(analysis),
@@ -211,10 +220,11 @@ def verdict_of(analysis: Analysis) -> dict[str, Any]:
     return {"mark": mark, "sentence": sentence, "under": under, "reasons": analysis.reasons}
 
 
-def modes_of(analysis: Analysis) -> dict[str, Any]:
-    """The table of modes as the templates have it."""
-    table, bands = mode_table(analysis), analysis.model.exponent_std is not None
-    return {"table": table, "meanings": note_meanings(table), "bands": bands, "fails": analysis.failed}
+def modes_of(analysis: Analysis, unit: DampingUnit = "percent") -> dict[str, Any]:
+    """The table of modes as the templates have it, damping in a `unit`."""
+    table, bands = mode_table(analysis, damping_unit=unit), analysis.model.exponent_std is not None
+    damping, meanings = words.minus(DAMPING_WORDS[unit]), note_meanings(table)
+    return {"table": table, "damping": damping, "meanings": meanings, "bands": bands, "fails": analysis.failed}
 
 
 def _with_code(text: str) -> Any:

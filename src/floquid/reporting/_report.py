@@ -6,6 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
 from numpy.typing import ArrayLike
 
@@ -20,7 +21,7 @@ from floquid.reporting._lines_page import lines_page
 from floquid.reporting._page import page
 from floquid.reporting._system_figures import Truth
 from floquid.transfer import MeasuredTransfer, TransferFit
-from floquid.views import SpeedUnit
+from floquid.views import DampingUnit, SpeedUnit, check_damping_unit
 from floquid.views import speed_unit as unit_of_speed
 
 ENDINGS = (".html", ".htm")
@@ -34,6 +35,7 @@ def report(
     truth: tuple[ArrayLike, ArrayLike] | None = None,
     brief: bool = False,
     speed_unit: SpeedUnit = "hz",
+    damping_unit: DampingUnit = "percent",
     progress: Callable[[str], None] = lambda _: None,
 ) -> Path:
     """Write the report of an analysis: one HTML page that opens in any browser, without a network.
@@ -60,6 +62,8 @@ def report(
         the settings.
     speed_unit
         The unit of the speed of the shaft, "hz" or "rpm"; frequencies of vibration are in Hz.
+    damping_unit
+        The damping: the ratio ζ in "percent", or the logarithmic "decrement" δ.
     progress
         Called with what is about to be done, in words.
     """
@@ -67,10 +71,11 @@ def report(
     match analysis:
         case Analysis():
             known = _truth(analysis, truth, of)
-            write = partial(_text, analysis, brief=brief, truth=known, unit=speed_unit, progress=progress)
+            units: dict[str, Any] = {"unit": speed_unit, "damping": damping_unit}
+            write = partial(_text, analysis, brief=brief, truth=known, **units, progress=progress)
         case TransferFit():
             _refuse_of_lines(truth, of, brief=brief)
-            write = partial(lines_page, analysis)
+            write = partial(lines_page, analysis, damping=damping_unit)
         case MeasuredTransfer():
             remedy = "Fit modes to them: `floquid transfer --lines`."
             raise input_error("analysis", of, "hold modes", "holds transfer functions as measured", remedy)
@@ -81,6 +86,7 @@ def report(
     if place.suffix.lower() not in ENDINGS:
         raise input_error("path", of, "end in .html", f"is {place}", "The report is a web page.")
     unit_of_speed(speed_unit, of)
+    check_damping_unit(damping_unit, of)
     if title is not None and not isinstance(title, str):
         raise input_error("title", of, "be a text", f"is a {type(title).__name__}")
     with atomic_path(place, of=of) as temporary:  # refused before the page is drawn
@@ -115,12 +121,13 @@ def _text(
     brief: bool,
     truth: Truth | None,
     unit: SpeedUnit,
+    damping: DampingUnit,
     progress: Callable[[str], None],
 ) -> str:
     """The page of an analysis as text."""
     scanned = (None, "") if brief else _scan(analysis, progress)
     progress("drawing the report")
-    case = case_of(analysis, *scanned)
+    case = case_of(analysis, *scanned, damping=damping)
     return brief_page(case, title=title, unit=unit) if brief else page(case, title=title, truth=truth, unit=unit)
 
 

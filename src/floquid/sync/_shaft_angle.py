@@ -27,7 +27,7 @@ ALIKE = 0.4  # correlation of neighbours in what is left over that is told of
 APART = 2.0  # revolutions between knots at least: less, and uneven lines would be taken for a change of speed
 
 
-def verdict(wander: float, run: float, mean_speed: float) -> tuple[bool, Finding]:
+def speed_verdict(wander: float, run: float, mean_speed: float) -> tuple[bool, Finding]:
     """True where the speed is steady enough, with the finding: from its relative wander and change over the record."""
     hz, percent = mean_speed / (2.0 * np.pi), 100.0 * wander
     if abs(run) > USABLE:
@@ -283,7 +283,7 @@ def shaft_angle(record: Record) -> ShaftAngle:
         got = f"its speed goes from {speeds.min() / TURN:.3g} to {speeds.max() / TURN:.3g} Hz"
         raise input_error("record", OF, must, got, "Cut the record to a part in which the shaft turns.")
     wander = float(np.sqrt(np.mean((speeds / mean - 1.0) ** 2))) if spline.degree > 1 else 0.0
-    steady, why = verdict(wander, float(speeds[-1] - speeds[0]) / mean, mean)
+    steady, why = speed_verdict(wander, float(speeds[-1] - speeds[0]) / mean, mean)
     n_used = int(np.count_nonzero(fit.kept)) * seen.each
     rejected = seen.rejected + int(np.count_nonzero(~fit.kept)) * seen.each
     return ShaftAngle(

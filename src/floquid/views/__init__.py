@@ -15,8 +15,12 @@ from floquid.views._expansion import Expansion, ShapeCurves, closed_period, expa
 from floquid.views._families import Family, families, unfolded
 from floquid.views._harmonic_spectra import SpectraOfModes, spectra_of_modes
 from floquid.views._mode_table import (
+    DAMPING_WORDS,
     MODE_NOTES,
+    DampingUnit,
     ModeTable,
+    check_damping_unit,
+    decrement,
     mode_notes,
     mode_numbers,
     mode_table,
@@ -33,15 +37,19 @@ from floquid.views._outcome import (
     period_words,
     whitening_words,
 )
+from floquid.views._sidebands import impedance
 from floquid.views._spectra import Spectrum, envelope, lifted_spectrum, record_spectrum
 from floquid.views._speed import SpeedUnit, speed_texts, speed_unit, speed_words
 from floquid.views._synchronisation import Synchronisation, synchronisation
 from floquid.views._synthesis import Synthesis, lifted_points, raw_noise, synthesis
+from floquid.views._three_phase import to_alpha_beta, to_dq, to_sequence
 
 __all__ = [
+    "DAMPING_WORDS",
     "INTERVAL",
     "MODE_NOTES",
     "SHORT",
+    "DampingUnit",
     "Expansion",
     "Family",
     "ModeTable",
@@ -52,7 +60,9 @@ __all__ = [
     "Synchronisation",
     "Synthesis",
     "check_analysis",
+    "check_damping_unit",
     "closed_period",
+    "decrement",
     "done_words",
     "element_unit",
     "ellipse",
@@ -63,6 +73,7 @@ __all__ = [
     "for_command",
     "grows",
     "identified_residue",
+    "impedance",
     "in_short",
     "in_unit",
     "input_unit",
@@ -88,6 +99,9 @@ __all__ = [
     "speed_words",
     "synchronisation",
     "synthesis",
+    "to_alpha_beta",
+    "to_dq",
+    "to_sequence",
     "unfolded",
     "whitening_words",
     "with_error",

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import tau
+from typing import Literal, TypeAlias
 
 import numpy as np
 
 from floquid._arrays import Floats, Integers, Mask
+from floquid._checks import describe, input_error
 from floquid.core import PeriodicModel
 from floquid.periodic import CONFIDENT, participation
 from floquid.pipeline import Analysis
 from floquid.views._modes import grows
+
+DampingUnit: TypeAlias = Literal["percent", "decrement"]
+"""Units of damping: the damping ratio ζ in percent, or the logarithmic decrement δ = 2πζ/√(1 - ζ²)."""
 
 MODE_NOTES = {
     "weak": "weakly determined",
@@ -100,15 +106,16 @@ class ModeTable:
         return tuple(row[place] for place in places for row in self.rows)
 
 
-def mode_table(analysis: Analysis, *, derived: bool = True) -> ModeTable:
-    """The table of the modes of an analysis, in the order of the model.
+def mode_table(analysis: Analysis, *, derived: bool = True, damping_unit: DampingUnit = "percent") -> ModeTable:
+    """The table of the modes of an analysis, in the order of the model, damping in the unit that is chosen.
 
     `analysis` is what `identify` found. Where `derived` is true, f and ζ have their standard deviations; a narrow
-    table has no room for them.
+    table has no room for them. `damping_unit` is that of damping: "percent", or the logarithmic "decrement".
     """
     modes = analysis.model.upper_modes
-    cells = {column: [column.cell(analysis, mode, derived) for mode in modes] for column in COLUMNS}
-    used = [column for column in COLUMNS if any(cells[column])]
+    columns = [DECREMENT if own is PERCENT and damping_unit == "decrement" else own for own in COLUMNS]
+    cells = {column: [column.cell(analysis, mode, derived) for mode in modes] for column in columns}
+    used = [column for column in columns if any(cells[column])]
     return ModeTable(tuple(used), tuple(zip(*(cells[column] for column in used), strict=True)))
 
 
@@ -153,6 +160,27 @@ def _damping(analysis: Analysis, mode: int, derived: bool) -> str:
     return words if _determined(model, mode) else ""
 
 
+def _decrement(analysis: Analysis, mode: int, derived: bool) -> str:
+    model = analysis.model
+    if model.real[mode] or not _determined(model, mode):
+        return ""
+    value, slope = decrement(float(model.damping_ratios[mode]))
+    std = model.damping_ratio_std if derived else None
+    return f"{value:.3g}" if std is None else with_error(value, slope * std[mode])
+
+
+def decrement(ratio: float) -> tuple[float, float]:
+    """The logarithmic decrement of a damping ratio, and its derivative by that; infinite where nothing swings."""
+    rest = 1.0 - ratio**2
+    return (tau * ratio / rest**0.5, tau / rest**1.5) if rest > 0.0 else (np.inf, np.inf)
+
+
+def check_damping_unit(unit: object, of: str) -> None:
+    """Refuse in the name of the callable `of` a `unit` of damping that is none."""
+    if unit not in ("percent", "decrement"):
+        raise input_error("damping_unit", of, 'be "percent" or "decrement"', f"is {describe(unit)}")
+
+
 def _harmonics(analysis: Analysis, mode: int, _: bool) -> str:
     """The first and the last harmonic that it has."""
     kept, _shares = participation(analysis.model, mode, 1.0 / analysis.noise)
@@ -170,15 +198,24 @@ def _length(analysis: Analysis, mode: int, _: bool) -> str:
     return f"{float(f'{periods:.3g}'):.0f}" if periods < MANY else f"more than {MANY:.0f}"
 
 
+DAMPING_WORDS: dict[DampingUnit, str] = {"percent": "ζ = -Re λ/|λ|", "decrement": "δ = -2π Re λ/|Im λ|"}
+"""Formulas of the legend."""
+
+PERCENT = ModeColumn(
+    "ζ [%]",
+    _damping,
+    lambda model: {"damping ratio [-]": model.damping_ratios, "damping ratio std [-]": model.damping_ratio_std},
+)
+"""The damping ratio; DECREMENT stands in its place where that is asked for."""
+
+DECREMENT = ModeColumn("δ", _decrement)
+
 COLUMNS = (
     ModeColumn(
         "f [Hz]", _hertz,
         lambda model: {"frequency [Hz]": model.frequencies_hz, "frequency std [Hz]": model.frequency_std_hz},
     ),
-    ModeColumn(
-        "ζ [%]", _damping,
-        lambda model: {"damping ratio [-]": model.damping_ratios, "damping ratio std [-]": model.damping_ratio_std},
-    ),
+    PERCENT,
     ModeColumn(
         "Re λ [1/s]", _decay,
         lambda model: {

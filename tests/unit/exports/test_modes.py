@@ -17,6 +17,7 @@ from floquid.exports import MODE_FORMATS, export_modes, modes_frame, summary
 from floquid.exports._formats import degrees_of_freedom
 from floquid.pipeline import identify
 from floquid.systems import JeffcottRotor
+from floquid.views import decrement, mode_table, with_error
 
 CHANNELS = (
     Channel(name="a", unit="mm", location="blade 3", direction="-Y"),
@@ -172,7 +173,37 @@ def test_coordinates_of_nodes(tmp_path):
     assert where[4.0] == (0.0, 0.0, 0.0)
 
 
+def test_lines_between_nodes_are_drawn_where_there_are_coordinates(tmp_path):
+    where = {"blade 3": [1.0, 0.0, 0.0], "d": (0.0, 0.0, 0.0), "=HYPERLINK(1)": (0.0, 1.0, 0.0)}
+    model = make_model(SHOWN)
+    sets = pyuff.UFF(str(written(model, tmp_path / "modes.uff", coordinates=where))).read_sets()
+    (lines,) = [own for own in sets if own["type"] == 82]
+    assert lines["nodes"].tolist() == [3, 1, 4]
+    chosen = [["d", "blade 3"], ["d", "=HYPERLINK(1)"]]
+    sets = pyuff.UFF(str(written(model, tmp_path / "two.uff", coordinates=where, lines=chosen))).read_sets()
+    assert [own["nodes"].tolist() for own in sets if own["type"] == 82] == [[1, 3], [1, 4]]
+    with pytest.raises(InputError, match="`lines` of `export_modes` must be of locations of channels, but has 'hub'"):
+        export_modes(model, tmp_path / "bad.uff", coordinates=where, lines=[["d", "hub"]])
+    with pytest.raises(InputError, match="`lines` of `export_modes` must come with coordinates"):
+        export_modes(model, tmp_path / "bad.uff", lines=chosen)
+
+
 # MATLAB
+
+
+def test_modes_are_a_struct_array_with_the_names_of_channels(tmp_path):
+    names = ("tip x", "tip-x", "2nd", "ΔT [K]", "a" * 70)
+    model = make_model([Channel(name=name) for name in names])
+    found = loadmat(written(model, tmp_path / "modes.mat"), simplify_cells=True)["modes"]
+    assert len(found) == len(model.upper_modes)
+    for own, mode in zip(found, model.upper_modes, strict=True):
+        assert own["frequency_hz"] == model.frequencies_hz[mode]
+        assert own["damping_ratio_std"] == model.damping_ratio_std[mode]
+        assert own["exponent"] == model.exponents[mode]
+        assert bool(own["is_real"]) == bool(model.real[mode])
+        assert list(own["shape"]) == ["tip_x", "tip_x_2", "x2nd", "T_K", "a" * 56]
+        for row, values in enumerate(own["shape"].values()):
+            np.testing.assert_array_equal(values, model.coefficients[mode, row])
 
 
 def test_a_matlab_file_has_every_number_to_its_last_bit(analysis, tmp_path):
@@ -228,6 +259,42 @@ def test_octave_reads_the_same_numbers(analysis, tmp_path):
 
 
 # Tables
+
+
+def test_a_table_for_latex_and_markdown_has_what_the_terminal_prints(analysis, tmp_path):
+    shown = mode_table(analysis)
+    latex = written(analysis, tmp_path / "modes.tex").read_text("utf-8").splitlines()
+    body = latex[latex.index(r"\midrule") + 1 : latex.index(r"\bottomrule")]
+    assert latex[latex.index(r"\toprule") + 1].startswith(r"mode & f [Hz] & $\zeta$ [\%] & Re $\lambda$ [1/s]")
+    assert len(body) == len(shown.rows)
+    assert body[0].startswith(f"$1$ & ${shown.rows[0][0]}$ & ${shown.rows[0][1]}$ & ${shown.rows[0][2]}$ & $\\pm ")
+    markdown = written(analysis, tmp_path / "modes.md").read_text("utf-8").splitlines()
+    assert markdown[0].startswith(r"| mode | f [Hz] | ζ [%] | Re λ [1/s] | Im λ [rad/s] | \|μ\| |")
+    assert markdown[2] == "| 1 | " + " | ".join(shown.rows[0]) + " |"
+
+
+def test_damping_is_the_logarithmic_decrement_where_asked_for(analysis, tmp_path):
+    model, mode = analysis.model, analysis.model.upper_modes[0]
+    value, slope = decrement(model.damping_ratios[mode])
+    assert value == pytest.approx(-2 * np.pi * model.exponents[mode].real / abs(model.exponents[mode].imag), rel=1e-12)
+    assert (decrement(0.1 + 1e-7)[0] - decrement(0.1 - 1e-7)[0]) / 2e-7 == pytest.approx(decrement(0.1)[1], rel=1e-6)
+    table = mode_table(analysis, damping_unit="decrement")
+    assert table["δ"][0] == with_error(value, slope * model.damping_ratio_std[mode])
+    assert table["ζ [%]"] == ()
+    text = written(analysis, tmp_path / "modes.tex", damping_unit="decrement").read_text("utf-8")
+    assert r"$\delta$" in text
+    assert "δ" in analysis.summary(damping_unit="decrement")
+    for call in (
+        lambda: export_modes(analysis, tmp_path / "x.md", damping_unit="%"),
+        lambda: analysis.summary(damping_unit=1),
+    ):
+        with pytest.raises(InputError, match='must be "percent" or "decrement"'):
+            call()
+
+
+def test_a_model_alone_has_a_table_too(tmp_path):
+    text = written(make_model(), tmp_path / "modes.md").read_text("utf-8")
+    assert len(text.splitlines()) == 2 + 3 + 2
 
 
 def table(path):

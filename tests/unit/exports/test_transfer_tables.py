@@ -132,3 +132,15 @@ def test_what_is_missing_is_no_number_at_all():
     values[..., 0], std[..., 0] = 1.0 + 2.0j, 0.1 + 0.1j
     found = replace(functions(1, 1), frequencies_hz=[1.0, 2.0], values=values, std=std)
     assert transfer_rows(found).splitlines()[1:] == ["1,1,2,0.1,0.1", "2,nan,nan,nan,nan"]
+
+
+def test_mat_has_a_struct_for_each_path(tmp_path):
+    found = functions(2, 3, (-1, 0), ("µm", "N"))
+    export_transfer(found, tmp_path / "g.mat")
+    paths = loadmat(tmp_path / "g.mat", simplify_cells=True)["paths"]
+    assert [(own["input"], own["output"]) for own in paths] == [(f"u{j}", f"i{k}") for k in range(2) for j in range(3)]
+    assert {own["unit"] for own in paths} == {"um/N"}
+    np.testing.assert_array_equal(paths[4]["values"], found.values[:, 1, 1])
+    np.testing.assert_array_equal(paths[4]["std"], found.std[:, 1, 1])
+    export_transfer(replace(found, std=None), tmp_path / "g.mat")
+    assert loadmat(tmp_path / "g.mat", simplify_cells=True)["paths"][0]["std"].size == 0

@@ -1,6 +1,7 @@
 """Figures in axes of the caller: the curves of a figure of its own, and nothing beside the axes that were given."""
 
 import inspect
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -46,6 +47,7 @@ def draws():
         "stability_map": lambda **how: plot.stability_map(growth, **how),
         "speed": lambda **how: plot.speed(shaft, **how),
         "transfer": lambda **how: plot.transfer(lines, **how),
+        "nyquist": lambda **how: plot.nyquist(lines, **how),
     }
 
 
@@ -85,3 +87,36 @@ def test_bode_plots_have_magnitude_and_phase_of_every_path(draws):
     hertz, degrees = its_phase.lines[0].get_data()
     np.testing.assert_allclose(degrees, np.degrees(np.angle(1.0 / (4.0 - hertz**2 + 0.1j * hertz))), atol=1e-9)
     assert len(draws["transfer"](output=1).axes) == 2
+
+
+def test_bode_plots_with_logarithmic_frequencies_and_however_many_paths(draws):
+    figure = draws["transfer"](frequency_axis="log")
+    assert {axes.get_xscale() for axes in figure.axes} == {"log"}
+    hertz = np.linspace(-1.0, 3.0, 9)
+    many = TransferFunctions(
+        frequencies_hz=hertz, harmonics=[0], values=np.ones((1, 3, 4, 9), complex), std=None,
+        outputs=[Channel(name=f"y{k}") for k in range(3)], inputs=[Channel(name=f"u{k}") for k in range(4)],
+    )  # fmt: skip
+    assert len(plot.transfer(many).axes) == 2 * 8
+    whole = plot.transfer(many, all_paths=True, frequency_axis="log")
+    assert len(whole.axes) == 2 * 12
+    assert {axes.get_ylabel() for axes in whole.axes[1::2]} == {"arg $G_m$ [deg]"}
+    assert min(line.get_xdata().min() for axes in whole.axes for line in axes.lines) == 0.5
+    with pytest.raises(InputError, match='`frequency_axis` of `transfer` must be "linear" or "log"'):
+        plot.transfer(many, frequency_axis="db")
+    with pytest.raises(InputError, match="have frequencies above zero"):
+        plot.transfer(replace(many, frequencies_hz=hertz - 4.0), frequency_axis="log")
+
+
+def test_nyquist_plots_are_curves_in_the_plane_with_a_cross_for_loops(draws):
+    one, other = draws["nyquist"]().axes
+    assert [axes.get_title(loc="left") for axes in (one, other)] == ["F to x", "F to y"]
+    hertz = np.linspace(0.1, 10.0, 200)
+    curve = 1.0 / (4.0 - hertz**2 + 0.1j * hertz)
+    x, y = one.lines[0].get_data()
+    np.testing.assert_allclose(np.asarray(x) + 1j * np.asarray(y), curve, atol=1e-12)
+    assert one.get_aspect() == 1.0
+    crosses = [line for line in one.lines if line.get_marker() == "+"]
+    assert [line.get_xydata().tolist() for line in crosses] == [[[-1.0, 0.0]]]
+    assert one.get_xlabel() == "Re $G_m$ [no unit]"
+    assert len(draws["nyquist"](output=1).axes) == 1

@@ -327,3 +327,15 @@ def test_the_noise_of_the_page_is_that_of_the_record():
     for (_, _, (cell,)), own in zip(noise_table(found)[1], noise.std(axis=1), strict=True):
         assert float(cell.split()[0]) == pytest.approx(own, rel=0.1)
     assert any("coloured along the record" in step for step in steps(found))
+
+
+@pytest.mark.parametrize("brief", [False, True])
+def test_damping_is_the_decrement_where_asked_for(analysis, brief, tmp_path):
+    text = fq.report(analysis, tmp_path / "page.html", brief=brief, damping_unit="decrement").read_text("utf-8")
+    assert '<th scope="col">δ</th>' in text
+    assert "ζ [%]" not in text
+    assert "δ = −2π Re λ/|Im λ| go with that line" in text
+    if not brief:
+        assert '"@damping{%.4g}"' in text
+    with pytest.raises(InputError, match='`damping_unit` of `report` must be "percent" or "decrement"'):
+        fq.report(analysis, tmp_path / "page.html", damping_unit="%")

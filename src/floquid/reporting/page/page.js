@@ -11,6 +11,7 @@
 
   const buttons = [...document.querySelectorAll(".chooser button")];
   const rows = [...document.querySelectorAll(".modes tbody tr")];
+  const headings = [...document.querySelectorAll(".modes thead th")];
   const selects = [...document.querySelectorAll(".response select")];
   const model = (name) => Bokeh.documents.map((one) => one.get_model_by_name(name)).find((one) => one != null);
 
@@ -23,8 +24,11 @@
     });
     rows.forEach((one, k) => one.classList.toggle("chosen", k === row));
     const cells = rows[row].cells;
-    document.getElementById("told").textContent =
-      `Mode ${cells[0].textContent}: f = ${cells[1].textContent} Hz, ζ = ${cells[2].textContent} %.`;
+    const said = [1, 2].map((k) => {
+      const [symbol, unit] = headings[k].textContent.replace("]", "").split(" [");
+      return `${symbol} = ${cells[k].textContent}${unit ? " " + unit : ""}`;
+    });
+    document.getElementById("told").textContent = `Mode ${cells[0].textContent}: ${said.join(", ")}.`;
     const hit = document.getElementById("hit");
     if (hit) hit.textContent = String(HITS[row]);
   };
