@@ -9,6 +9,8 @@ import numpy as np
 from floquid._arrays import Floats, Indices
 from floquid._checks import input_error
 from floquid.core import Record, channels_named
+from floquid.errors import InputError
+from floquid.sync._count_pulses import DOUBT, SPAN
 
 OF = "pulse_times"
 
@@ -19,7 +21,10 @@ ENDS = (2, 1, 4)
 """Samples of base and of top that the sum over an edge takes in beyond the rise: filters ring, and noise adds up."""
 
 NEAR = 16  # most samples beside an edge from which the levels there are taken: bases drift, and teeth differ in height
-CLEAR = 15.0  # least height of pulses, in standard deviations of the base: the threshold is then six above it
+CLEAR, CLEAR_AND_EVEN = 15.0, 6.0
+"""Least height of pulses over the deviation of the base: the threshold is then six above it. Some that come evenly, as
+excursions of noise do not, may be lower."""
+
 MOSTLY = 0.6  # fraction of the time beyond which a high level is the base: pulses of half the time go up
 
 
@@ -40,7 +45,7 @@ def pulse_times(record: Record, channel: str) -> Floats:
 
     Where the clock of the `record` is a `TachometerSignal` of this `channel`, the evenness is judged from one
     revolution to the next. Raises InputError where there is no such channel, it holds fewer than two pulses, or they do
-    not stand out of its noise.
+    not stand out of its noise: by 15 deviations, or by 6 where 22 and more come evenly.
     """
     (row,) = channels_named(record.channels, [channel], argument="channel", of=OF)
     values = record.values[row]
@@ -49,6 +54,8 @@ def pulse_times(record: Record, channel: str) -> Floats:
     begins, ends = _excursions(heights)
     lines = record.clock.pulses_per_revolution if record.clock is not None and record.clock.channel == channel else 1
     positions = _positions(heights, begins, ends, levels, lines)
+    if levels.noise * CLEAR > 1.0 and not _come_evenly(positions, lines):
+        raise _no_pulses(channel, 1.0 / levels.noise)
     if len(positions) < 2:
         got = f"channel {channel!r} holds {len(positions) or 'no'} whole pulse" + ("s" if not len(positions) else "")
         remedy = "Choose the tachometer's channel, use a longer record, or give the period."
@@ -164,6 +171,13 @@ def _unevenness(positions: Floats, lines: int) -> float:
     return float(np.median(np.abs(bends))) if len(bends) else 0.0
 
 
+def _come_evenly(positions: Floats, lines: int) -> bool:
+    """True of pulses that are as many as chance does not make even, and whose gaps hardly change."""
+    if len(positions) < max(2 * SPAN, 2 * lines + 1):
+        return False
+    return _unevenness(positions, lines) < DOUBT * lines * float(np.median(np.diff(positions)))
+
+
 @dataclass(frozen=True, slots=True)
 class Levels:
     """The base, the height of pulses above it, their polarity, and the noise of the base in heights."""
@@ -187,22 +201,27 @@ def find_levels(values: Floats, channel: str) -> Levels:
     group = below if polarity > 0 else above
     base = low if polarity > 0 else high
     noise = _deviation(group, base)
-    if high - low < CLEAR * noise or high == low:
+    if high - low < CLEAR_AND_EVEN * noise or high == low:
         # Pulses are so rare that they do not show in the middle 99 %.
         base = float(np.median(finite))
         noise = _deviation(finite, base)
         polarity = max((1, -1), key=lambda sign: _typical_height(sign * (values - base), noise))
     height = _typical_height(polarity * (values - base), noise)
-    if height < CLEAR * noise or height <= 0.0:
-        raise input_error(
-            "channel",
-            OF,
-            "hold pulses that stand out of a base",
-            f"what goes highest in channel {channel!r} is {height / noise if noise else 0.0:.3g} standard deviations "
-            f"away from its base, and {CLEAR:g} are needed",
-            "Choose the tachometer's channel. An angle is an AzimuthSignal; pulses in much noise need a filter first.",
-        )
+    if height < CLEAR_AND_EVEN * noise or height <= 0.0:
+        raise _no_pulses(channel, height / noise if noise else 0.0)
     return Levels(base=base, height=height, polarity=polarity, noise=noise / height)
+
+
+def _no_pulses(channel: str, height: float) -> InputError:
+    """The refusal of a channel that goes up by this height, over the deviation of its base, at most."""
+    return input_error(
+        "channel",
+        OF,
+        "hold pulses that stand out of a base",
+        f"what goes highest in channel {channel!r} is {height:.3g} standard deviations away from its base, and "
+        f"{CLEAR:g} are needed, or {CLEAR_AND_EVEN:g} of {2 * SPAN} pulses that come evenly",
+        "Choose the tachometer's channel. An angle is an AzimuthSignal; pulses in much noise need a filter first.",
+    )
 
 
 def _two_levels(values: Floats) -> tuple[float, float, float]:
@@ -227,7 +246,7 @@ def _deviation(values: Floats, level: float) -> float:
 def _typical_height(above: Floats, noise: float) -> float:
     """Height of pulses, a few higher spikes and many lower ones left aside: of the highest, then the typical top."""
     largest = float(np.nanmax(above))
-    high = np.nan_to_num(above, nan=-np.inf) > max(8.0 * noise, 0.05 * largest, 0.0)
+    high = np.nan_to_num(above, nan=-np.inf) > max(CLEAR_AND_EVEN * noise, 0.05 * largest, 0.0)
     turns = np.flatnonzero(np.diff(high.astype(np.int8), prepend=0, append=0))
     if len(turns) == 0:
         return 0.0

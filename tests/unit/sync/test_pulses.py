@@ -199,3 +199,32 @@ def test_the_rotors_pulses_are_timed_to_a_hundredth_of_a_sample():
     left = times - np.polyval(np.polyfit(numbers, times, 1), numbers)
     assert len(times) == 75
     assert np.std(left) < 0.008
+
+
+def noisy(height, starts, *, width=3, seed=0):
+    """White noise of unit deviation with pulses of so many deviations that start at given samples."""
+    values = np.random.default_rng(seed).standard_normal(20_000)
+    for begin in starts:
+        values[begin : begin + width] += height
+    return values
+
+
+@pytest.mark.parametrize("height", [8.0, 9.7, 12.0])
+@pytest.mark.parametrize("width", [2, 12])
+def test_low_pulses_that_come_evenly_are_pulses(height, width):
+    """Of 390 one in a hundred may be of noise: what the angle makes of those is a matter of its faults."""
+    starts = np.arange(100, 19_900, 50.7).astype(int)
+    record = Record(values=noisy(height, starts, width=width)[None], sample_rate=1.0, channels=["tach"])
+    times = pulse_times(record, "tach")
+    false = np.abs(np.subtract.outer(times, starts)).min(axis=1) > 0.5 * width + 3.0
+    assert len(times) - false.sum() > 0.98 * len(starts)
+    assert false.sum() <= 0.01 * len(starts)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_low_pulses_at_random_are_none_nor_are_few(seed):
+    generator = np.random.default_rng(seed)
+    random = np.sort(generator.choice(np.arange(100, 19_900, 10), 300, replace=False))
+    assert "or 6 of 22 pulses that come evenly" in refused(noisy(10.0, random, seed=seed))
+    assert "or 6 of 22 pulses that come evenly" in refused(noisy(10.0, range(500, 20_000, 1500), seed=seed))
+    assert "and 15 are needed" in refused(generator.standard_t(6, 20_000))
