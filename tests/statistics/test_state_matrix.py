@@ -216,7 +216,9 @@ def draws(experiment: Experiment, seeds: range, near: int) -> Draws:
             # The branch may be another: whole multiples of the fundamental, and harmonics moved by as many.
             off = model.exponents - truth.exponents[r]
             turns = np.rint(off.imag / model.fundamental)
-            k = int(np.argmin(np.abs(off - 1j * turns * model.fundamental)))
+            # A mode near half the fundamental is nearly its own conjugate, of which the wider fit holds one.
+            entry = int(np.argmin(np.abs(off - 1j * turns * model.fundamental)[own]))
+            k = int(own[entry])
             turn = int(turns[k])
             error = off[k] - 1j * turn * model.fundamental
             std = model.exponent_std[k]
@@ -224,7 +226,6 @@ def draws(experiment: Experiment, seeds: range, near: int) -> Draws:
             found["pull"] += [error.real / std.real, error.imag / std.imag]
             error, std = error + refined.exponents[k] - model.exponents[k], refined.exponent_std[k]
             found["refined"] += [error.real / std.real, error.imag / std.imag]
-            entry = int(np.flatnonzero(own == k)[0])
             for m in range(-near, near + 1):
                 term = wide.term(entry, m - turn)
                 at = int(np.flatnonzero(truth.harmonics == m)[0])
@@ -433,8 +434,9 @@ def test_a_wrong_structure_is_refused():
     """Stiffness that swings is not constant, and one that is not diagonal is not diagonal."""
     experiment = strong()
     model = identify(experiment.record(1), validate=False).model
+    words = r"contradicts the data(: an equation of motion|\. It differs from the free model)"
     for stiffness in (Block(symmetry="symmetric"), Block(harmonics=1, symmetry="diagonal")):
-        with pytest.raises(IdentificationError, match=r"contradicts the data: (an equation of motion|what is left)"):
+        with pytest.raises(IdentificationError, match=words):
             refine(
                 model, experiment.motion.names, SecondOrder(stiffness=stiffness, damping=Block(symmetry="symmetric"))
             )

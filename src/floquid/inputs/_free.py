@@ -115,9 +115,11 @@ def response_of(samples: Samples, own: Phases) -> tuple[NDArray[np.float64], NDA
 
 def likelihood(samples: Samples, left: NDArray[np.float64]) -> float:
     """Twice the logarithm of the likelihood of a residual (channels, samples) at its own noise, up to a constant."""
-    if not np.isfinite(left).all():
+    with np.errstate(over="ignore", invalid="ignore"):  # of what grows beyond all bounds, which is as unlikely
+        squares = np.sum(left**2, axis=1)
+    if not np.isfinite(squares).all():
         return -np.inf
-    return -float(samples.count * np.sum(np.log(np.sum(left**2, axis=1) / samples.count + 1e-300)))
+    return -float(samples.count * np.sum(np.log(squares / samples.count + 1e-300)))
 
 
 def normal_equations(

@@ -59,6 +59,11 @@ class Scores:
         """The gains by groups of columns, each linear in every channel (columns, samples) (groups,)."""
         if not groups:
             return np.zeros(0)
+        # Columns of a trial that grows beyond all bounds gain nothing.
+        with np.errstate(over="ignore", invalid="ignore"):
+            return np.array(self._gains(groups))
+
+    def _gains(self, groups: Sequence[NDArray[np.float64]]) -> list[float]:
         extra = np.concatenate(groups).astype(self.precision)
         beyond = (
             extra - ((extra @ self.columns.T).astype(float) @ self.now.inverse).astype(self.precision) @ self.columns
@@ -76,7 +81,7 @@ class Scores:
                 both = np.concatenate([part[:, rows] for part in mixed], axis=1)
                 left -= both.T @ both
             found.append(score_gain(pull[rows].T.ravel(), left, self.least, before=np.tile(size[rows], channels)))
-        return np.array(found)
+        return found
 
     def by_inputs(
         self, asked: Sequence[tuple[int, float]], inputs: NDArray[np.float64] | None = None
