@@ -35,3 +35,18 @@ def test_the_settings_keep_that_there_is_no_header():
     typed("identify bare.txt --settings out/settings.toml --no-validate --out again")
     Path("out/settings.toml").write_text("header = 3\n")
     typed("identify bare.txt --settings out/settings.toml", 2, "must be true or false, but is 3")
+
+
+@pytest.mark.usefixtures("here")
+def test_channels_of_two_rates_are_told_and_one_is_proposed():
+    """At 50 and 20 Hz, on the union of their times."""
+    lines = ["time [s],x [m],y [m]"]
+    for ticks in range(600):  # of 10 ms
+        x, y = (f"{np.cos(0.01 * ticks + every):.6f}" if ticks % every == 0 else "" for every in (2, 5))
+        lines += [f"{0.01 * ticks:.2f},{x},{y}"] if x or y else []
+    Path("union.csv").write_text("\n".join(lines) + "\n")
+    text = typed("info union.csv")
+    assert "Note: `FILE` must have its channels sampled together" in text
+    assert "x at 50 Hz; y at 20 Hz" in text
+    assert "Next: floquid info union.csv --channels x\n" in text
+    assert "50 Hz" in typed("info union.csv --channels x")

@@ -216,9 +216,7 @@ def draws(experiment: Experiment, seeds: range, near: int) -> Draws:
             # The branch may be another: whole multiples of the fundamental, and harmonics moved by as many.
             off = model.exponents - truth.exponents[r]
             turns = np.rint(off.imag / model.fundamental)
-            # A mode near half the fundamental is nearly its own conjugate, of which the wider fit holds one.
-            entry = int(np.argmin(np.abs(off - 1j * turns * model.fundamental)[own]))
-            k = int(own[entry])
+            k = int(np.argmin(np.abs(off - 1j * turns * model.fundamental)))
             turn = int(turns[k])
             error = off[k] - 1j * turn * model.fundamental
             std = model.exponent_std[k]
@@ -226,6 +224,7 @@ def draws(experiment: Experiment, seeds: range, near: int) -> Draws:
             found["pull"] += [error.real / std.real, error.imag / std.imag]
             error, std = error + refined.exponents[k] - model.exponents[k], refined.exponent_std[k]
             found["refined"] += [error.real / std.real, error.imag / std.imag]
+            entry = int(np.flatnonzero(own == k)[0])
             for m in range(-near, near + 1):
                 term = wide.term(entry, m - turn)
                 at = int(np.flatnonzero(truth.harmonics == m)[0])

@@ -6,17 +6,19 @@ import shlex
 import sys
 from collections.abc import Mapping
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from floquid._checks import counted
+from floquid.cli._errors import in_options
 from floquid.cli._options import Format, Header, Rate, RecordFile, split
 from floquid.cli._terminal import json_text, new_table, terminal
 from floquid.core import Record
 from floquid.preparation import Candidate, Proposal, propose
 from floquid.readers import FileSummary, read_and_describe
-from floquid.views import SHORT, for_command
+from floquid.views import SHORT
 
 TELLS = (
     "A forced response does not tell the period. Use a tachometer (--tach), the shaft angle (--azimuth), or 60 over "
@@ -95,7 +97,7 @@ def _print_summary(found: FileSummary, proposal: Proposal) -> None:
         table.add_row(c.name, str(c.quantity), c.unit, *numbers, str(c.n_missing) if c.n_missing else "-")
     console.print(table)
     for note in found.notes:
-        console.print(f"Note: {note}")
+        console.print(f"Note: {in_options(note)}")
     clocks = proposal.of_use("clock")
     for own in (*clocks, *proposal.of_use("none"), *_unread(found, proposal)):
         use = f" Use {options(own.settings)}." if own.settings and own.use == "clock" else ""
@@ -127,6 +129,9 @@ def _next(found: FileSummary, record: Record | None, proposal: Proposal, given: 
     """The command to type after this one with the options `given`, words before it, and hints below it."""
     path = shlex.quote(found.path)
     if record is None and found.sample_rate is None:
+        if "--" not in given and (alone := _alone(found)):
+            command = f"floquid info {path} --channels {shlex.quote(alone)}"
+            return {"words": "Next", "command": command, "hints": [], "complete": True}
         words = "Next, with the sampling rate [Hz]"
         return {"words": words, "command": f"floquid info {path}{given} --rate HZ", "hints": [], "complete": False}
     settings = {
@@ -194,6 +199,15 @@ def _grid(record: Record, settings: Mapping[str, Any]) -> float | None:
     return next((own for own in MAINS if abs(own - strongest) * record.duration <= 1.0), None)
 
 
+def _alone(found: FileSummary) -> str | None:
+    """The first channel of a file whose channels are not sampled together, if it is read alone."""
+    if len(found.channels) < 2:
+        return None
+    name = found.channels[0].name
+    summary, _ = read_and_describe(Path(found.path), channels=[name])
+    return None if summary.sample_rate is None else name
+
+
 def _content(found: FileSummary, proposal: Proposal, following: Mapping[str, Any]) -> dict[str, Any]:
     """The content of `--format json`."""
     summary = {name: value for name, value in asdict(found).items() if name != "clock_candidates"}
@@ -203,7 +217,7 @@ def _content(found: FileSummary, proposal: Proposal, following: Mapping[str, Any
         "path": summary.pop("path"),
         "file_format": summary.pop("format"),
         **summary,
-        **{name: list(map(for_command, getattr(found, name))) for name in ("notes", "time_axis")},
+        **{name: list(map(in_options, getattr(found, name))) for name in ("notes", "time_axis")},
         "candidates": [asdict(own) | {"options": options(own.settings)} for own in candidates],
         "next": {name: following[name] for name in ("command", "complete", "hints")},
         "settings": proposal.settings,
