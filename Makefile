@@ -54,7 +54,7 @@ paper: $(INSTALLED) ## the paper's figures and numbers beside ours (into build/p
 order: $(INSTALLED) ## how often the order is right, over random systems (into build/order/; ten minutes on two cores)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.order --jobs 2 --out build/order
 
-adversary: $(INSTALLED) ## 750 records that try to make the chain wrong (into build/adversary.json; ten minutes on two cores)
+adversary: $(INSTALLED) ## 980 records that try to make it wrong (into build/adversary.json; forty minutes on two cores)
 	mkdir -p build
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.adversary --jobs 2 --out build/adversary.json
 

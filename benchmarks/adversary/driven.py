@@ -123,7 +123,7 @@ class Driving:
         """The case of outputs alone: modes must be found that are above the noise, apart, and excited long enough."""
         modes = self.system.modes()
         exponents = modes.listed(modes.exponents)
-        coordinates, _ = self._coordinates(modes, self.white(self.system.size))
+        coordinates, _ = self.coordinates(modes, self.white(self.system.size))
         turned = np.exp(1j * np.multiply.outer(modes.harmonics, self.times))
         seen = 2.0 * (np.einsum("rch,hn->rcn", modes.coefficients, turned) * coordinates[:, None]).real
         strong = modes.listed((seen.std(axis=2) > sigma).any(axis=1).astype(complex)).real > 0.0
@@ -143,7 +143,7 @@ class Driving:
 
     def bound(self, modes: Modes, inputs: NDArray[np.float64], sigma: NDArray[np.float64]) -> NDArray[np.complex128]:
         """The Cramér-Rao bound of the exponents (modes,), input vectors known and shapes unknown."""
-        coordinates, slopes = self._coordinates(modes, inputs)
+        coordinates, slopes = self.coordinates(modes, inputs)
         shapes = np.exp(1j * np.multiply.outer(modes.harmonics, self.times))
         columns = [
             one * shapes[m]
@@ -157,7 +157,7 @@ class Driving:
             total = total + outside @ outside.T / deviation**2
         return deviations(total, modes.real)
 
-    def _coordinates(
+    def coordinates(
         self, modes: Modes, inputs: NDArray[np.float64]
     ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
         """Each mode's coordinate and its derivative with respect to λ (modes, samples).

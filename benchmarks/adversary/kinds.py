@@ -25,7 +25,7 @@ class Kind:
     make
         The case of a generator of random numbers.
     runs
-        How many of the 750.
+        How many of the 980.
     measured
         True with a measured clock or a rate out of step.
     benign

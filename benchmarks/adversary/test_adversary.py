@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from benchmarks.adversary.__main__ import main, table
+from benchmarks.adversary.driven import setting
 from benchmarks.adversary.kinds import KINDS
 from benchmarks.adversary.run import judged
 from benchmarks.adversary.systems import Clock, drawn
@@ -34,9 +35,22 @@ def test_the_modes_are_those_of_the_motion_and_the_motion_that_of_the_equations(
     assert_allclose(system.seen(whole, times), free, atol=1e-6 * np.abs(free).max())
 
 
-def test_there_are_750():
-    assert sum(kind.runs for kind in KINDS.values()) == 750
-    assert sum(kind.runs for kind in KINDS.values() if kind.measured) == 150
+def test_there_are_980():
+    runs = {name: kind.runs for name, kind in KINDS.items()}
+    inputs = sum(own for name, own in runs.items() if name.startswith("inputs"))
+    alone = sum(own for name, own in runs.items() if name.startswith("alone"))
+    assert (inputs, alone, sum(runs.values())) == (150, 80, 980)
+
+
+def test_coordinates_of_modes_are_those_of_the_response():
+    """Of a driven system, with the shapes of its free motion."""
+    own = setting(np.random.default_rng(3))
+    inputs = own.white(own.directions.shape[2])
+    modes = own.system.modes()
+    coordinates, _ = own.coordinates(modes, inputs)
+    turned = np.exp(1j * np.multiply.outer(modes.harmonics, own.times))
+    seen = 2.0 * np.einsum("rn,rcm,mn->cn", coordinates, modes.coefficients, turned).real
+    assert_allclose(seen, own.response(inputs), atol=1e-9 * np.abs(seen).max())
 
 
 @pytest.mark.parametrize("kind", KINDS)
