@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
@@ -24,7 +24,7 @@ from floquid.inputs._solver import (
     state_slopes,
 )
 from floquid.inputs._transfer import Grid, TransferFunctions, transfer_of
-from floquid.inputs.search import Scores, read_near_axis, through, unmeasured
+from floquid.inputs.search import Scores, driving, read_near_axis, through, unmeasured
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,24 +54,27 @@ class Uncertainty(Rebuilt):
 
         with G the slopes of the parameters beside the columns (White 1982).
         """
-        beside = [self._beside(channel) for channel in range(len(self.samples.values))] if self._through else []
-        rows = np.stack(beside, axis=1) if beside else np.zeros((0, 0, 0))
-        driven = [self.of_white @ root(rows) for root in self._through]
-        return sum((one @ one.T for one in driven), self.of_white)
+        drives = [0.0] * len(self._driven)
+        for channel in range(len(self.samples.values)) if self._driven else ():
+            beside = self._beside(channel)
+            for place, (number, _) in enumerate(self._driven):
+                drives[place] = drives[place] + driving(self._scores, number, channel, beside)
+        roots = [self.of_white @ self._root(*own, by) for own, by in zip(self._driven, drives, strict=True)]
+        return sum((one @ one.T for one in roots), self.of_white)
 
     @cached_property
-    def _through(self) -> list[Callable[[NDArray], NDArray[np.float64]]]:
-        """Roots of the covariance of products of rows with noise that drives each mode, of modes that have some."""
-        scores = Scores(self.samples, self.at)
+    def _scores(self) -> Scores:
+        return Scores(self.samples, self.at)
 
-        def root(number: int, variance: float) -> Callable[[NDArray], NDArray[np.float64]]:
-            def of(rows: NDArray) -> NDArray[np.float64]:
-                by = through(scores, number, rows)
-                return np.asarray(np.sqrt(variance) * np.concatenate([by.real, by.imag], axis=-1), np.float64)
+    @cached_property
+    def _driven(self) -> list[tuple[int, float]]:
+        """The modes that noise drives, and its variance."""
+        return [(number, own) for number, own in enumerate(unmeasured(self._scores).tolist()) if own > 0.0]
 
-            return of
-
-        return [root(number, own) for number, own in enumerate(unmeasured(scores).tolist()) if own > 0.0]
+    def _root(self, number: int, variance: float, drives: NDArray) -> NDArray[np.float64]:
+        """A root of the covariance of products with noise that drives a mode."""
+        by = through(self._scores, number, drives)
+        return np.asarray(np.sqrt(variance) * np.concatenate([by.real, by.imag], axis=-1), np.float64)
 
     def _beside(self, channel: int) -> NDArray[np.float64]:
         """Slopes of a channel by the free parameters over its noise, less what the columns take of them."""
@@ -182,22 +185,21 @@ class Uncertainty(Rebuilt):
     def errors(self) -> Errors:
         """Errors of the free parameters, and of the columns of each output."""
         spread, outputs = self.at.inverse[None], len(self.at.noise)
-        if self._through:
+        if self._driven:
             spread = np.array([self._of_columns(channel) for channel in range(outputs)])
         return Errors(
             parameters=self.parameters,
             slopes=self.slopes,
             spread=spread,
-            blocks=np.arange(outputs) if self._through else np.zeros(outputs, np.int64),
+            blocks=np.arange(outputs) if self._driven else np.zeros(outputs, np.int64),
             scales=self.at.noise,
         )
 
     def _of_columns(self, channel: int) -> NDArray[np.float64]:
         """Covariance of the coefficients of an output over its noise, beside that of the parameters."""
-        rows = np.zeros((len(self.at.columns), len(self.at.noise), self.samples.n_samples))
-        rows[:, channel] = self.at.columns
-        driven = [self.at.inverse @ root(rows) for root in self._through]
-        return sum((one @ one.T for one in driven), self.at.inverse)
+        each = [(own, driving(self._scores, own[0], channel, self.at.columns)) for own in self._driven]
+        roots = [self.at.inverse @ self._root(*own, by) for own, by in each]
+        return sum((one @ one.T for one in roots), self.at.inverse)
 
     @property
     def shapes(self) -> list[NDArray[np.complex128]]:

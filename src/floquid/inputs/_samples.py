@@ -184,7 +184,7 @@ def samples_of(
     for turn in turns:
         angle = turn * fundamental * times
         known.append(np.array([np.cos(angle), np.sin(angle)]))
-    for own, (first, last) in zip(tones, pairwise(begins), strict=False):
+    for own, (first, last) in zip(tones or [()] * len(values), pairwise(begins), strict=True):
         for hertz in own:
             angle, both = 2.0 * np.pi * hertz * step * np.arange(last - first), np.zeros((2, begins[-1]))
             both[:, first:last] = np.cos(angle), np.sin(angle)

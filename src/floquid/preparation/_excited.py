@@ -17,7 +17,7 @@ from floquid.fit import HALF_DIGITS, RARE
 from floquid.inputs import Hold, samples_of
 from floquid.preparation._before import faults_of
 from floquid.preparation._clocks import check_states, clocks_of, refuse_no_clock, shafts_of
-from floquid.preparation._lines import STEADY_LINES, Lines
+from floquid.preparation._lines import Lines
 from floquid.preparation._mended import MOST_ABSENT, NO_RESPONSE
 from floquid.preparation._refuse import LEAST, NAMED, refuse_period
 from floquid.preparation._settings import Settings
@@ -115,9 +115,8 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
     given = shafts[0].periods_per_revolution if shafts else settings.periods_per_revolution
     filled = [over_gaps(own, ~there) for own, there in zip(values, whole, strict=True)]
     turns, findings = _beside(Lines(filled, inputs, times, rate, period), given, settings)
-    whole_turns = np.arange(-STEADY_LINES, STEADY_LINES + 1) / (rate * period)
     tones = [
-        tones_of(own, drives, _repeated(angles, turns, period), whole_turns)
+        tones_of(own, drives, _repeated(angles, turns, period), 1.0 / (rate * period))
         for own, drives, angles in zip(filled, inputs, times, strict=True)
     ]
     hold: Hold = settings.hold

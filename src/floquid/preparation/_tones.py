@@ -8,6 +8,7 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid.preparation._lines import BESIDE, LOUD, STEADY_LINES
+from floquid.sync import STEADY
 
 FINER = 4
 """Frequencies looked at in each line: a tone between two of them still has a tenth of it in the lines beside."""
@@ -21,19 +22,20 @@ class Tone:
     amplitudes: Floats
 
 
-def tones_of(values: Floats, inputs: Floats, known: Floats, turns: Floats) -> tuple[Tone, ...]:
+def tones_of(values: Floats, inputs: Floats, known: Floats, fundamental: float) -> tuple[Tone, ...]:
     """Tones in the outputs of a record (channels, samples) beside what is known of them (columns, samples).
 
     One stands as far above the lines beside it as `LOUD` says: a mode that is excited all along does only if it loses
     less than two nepers in the record, and then no record of outputs alone tells its decay. What an input has at the
-    same frequency is no tone, nor what it has `turns` away (harmonics,) [cycles a sample].
+    same frequency is no tone, nor what it has whole multiples of the `fundamental` [cycles a sample] away. Nor is what
+    is beside a harmonic of it: that may be a harmonic of the true period, and the one given be wrong.
     """
     taken: list[float] = []
     while True:
         columns = np.concatenate([_columns(taken, values.shape[1]), known])
         fitted = np.linalg.lstsq(columns.T, values.T, rcond=None)[0].T
         left = values - fitted @ columns
-        found = _loudest(left, inputs, turns) if len(taken) < STEADY_LINES else None
+        found = _loudest(left, inputs, fundamental) if len(taken) < STEADY_LINES else None
         if found is None:
             break
         taken.append(found)
@@ -46,7 +48,7 @@ def _columns(frequencies: list[float], count: int) -> Floats:
     return np.concatenate([np.cos(angles), np.sin(angles)])
 
 
-def _loudest(left: Floats, inputs: Floats, turns: Floats) -> float | None:
+def _loudest(left: Floats, inputs: Floats, fundamental: float) -> float | None:
     """The frequency of the tone that is furthest above what is beside it; None where none is [cycles a sample]."""
     count = left.shape[1]
     above, level = _above(left)
@@ -55,13 +57,17 @@ def _loudest(left: Floats, inputs: Floats, turns: Floats) -> float | None:
     ratios[:margin] = ratios[-margin:] = 0.0
     driven = _above(inputs - inputs.mean(axis=1, keepdims=True))[0].max(axis=0, initial=0.0) > LOUD
     for place in np.argsort(-ratios)[: max(int(np.sum(ratios > LOUD)), 0)]:
-        at = place + FINER * count * turns
+        frequency = place / (FINER * count)
+        harmonic = np.rint(frequency / fundamental)
+        if abs(frequency - harmonic * fundamental) < max(STEADY * fundamental, 2.0 / count):
+            continue
+        at = place + FINER * count * fundamental * np.arange(-STEADY_LINES, STEADY_LINES + 1)
         beside = np.abs(np.rint(at)).astype(np.int64) % (FINER * count)
         beside = np.minimum(beside, FINER * count - beside)
         if any(driven[max(own - FINER, 0) : own + FINER + 1].any() for own in beside):
             continue
         weights = 1.0 / np.maximum(level[:, place], np.finfo(float).tiny)
-        return _refined(left, weights, place / (FINER * count), 1.0 / (FINER * count))
+        return _refined(left, weights, frequency, 1.0 / (FINER * count))
     return None
 
 

@@ -10,6 +10,7 @@ from floquid.sync._resample import bandwidth, resample
 from floquid.sync._segment import LARGEST_DRIFT as LARGEST_DRIFT
 from floquid.sync._segment import refuse_unlike as refuse_unlike
 from floquid.sync._segment import rejoin, samples_per_period, segment
+from floquid.sync._shaft_angle import STEADY as STEADY
 from floquid.sync._shaft_angle import ShaftAngle, shaft_angle
 from floquid.sync._shaft_angle import speed_verdict as speed_verdict
 from floquid.sync._shaft_angle import tied as tied

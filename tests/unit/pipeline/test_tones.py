@@ -9,12 +9,12 @@ from tests.driven import mathieu, record_of
 from floquid import Record, identify
 from floquid.preparation._tones import tones_of
 
-TURNS = np.arange(-12, 13) / 20.0
+FUNDAMENTAL = 0.047
 
 
 def found(values, inputs=None):
     known = np.ones((1, values.shape[1]))
-    return tones_of(values, np.zeros((0, values.shape[1])) if inputs is None else inputs, known, TURNS)
+    return tones_of(values, np.zeros((0, values.shape[1])) if inputs is None else inputs, known, FUNDAMENTAL)
 
 
 @pytest.mark.parametrize("frequency", [0.0731, 0.25, 0.41007])
@@ -44,10 +44,18 @@ def test_noise_and_modes_that_are_driven_all_along_are_no_tones():
 def test_what_an_input_has_is_no_tone_nor_what_it_has_some_turns_away():
     count = 2000
     ticks, noise = np.arange(count), np.random.default_rng(1).standard_normal((3, count))
-    line, moved = (np.cos(2.0 * np.pi * own * ticks) for own in (0.083, 0.083 + 0.05))
+    line, moved = (np.cos(2.0 * np.pi * own * ticks) for own in (0.083, 0.083 + FUNDAMENTAL))
     values = np.array([line, moved]) + 0.05 * noise[:2]
     assert len(found(values)) == 2
     assert found(values, line[None] + 0.01 * noise[2:]) == ()
+
+
+@pytest.mark.parametrize("harmonic", [1, 2, 4])
+def test_a_line_beside_a_harmonic_is_none_since_the_period_may_be_wrong(harmonic):
+    """An orbit of the true period was taken off, and outputs alone passed with a period 0.2 % off."""
+    noise = np.random.default_rng(harmonic).standard_normal((1, 6000))
+    line = np.cos(2.0 * np.pi * 1.002 * harmonic * FUNDAMENTAL * np.arange(6000))
+    assert found(line + 0.1 * noise) == ()
 
 
 def test_a_hum_beside_inputs_is_taken_off_and_said():

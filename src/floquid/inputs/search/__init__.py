@@ -8,6 +8,7 @@ from floquid.inputs.search._scores import phase_step as phase_step
 from floquid.inputs.search._search import nearly_one as nearly_one
 from floquid.inputs.search._search import searched as searched
 from floquid.inputs.search._structure import Limits as Limits
+from floquid.inputs.search._unmeasured import driving as driving
 from floquid.inputs.search._unmeasured import through as through
 from floquid.inputs.search._unmeasured import unmeasured as unmeasured
 

@@ -39,13 +39,18 @@ def unmeasured(scores: Scores) -> NDArray[np.float64]:
     return np.asarray(np.maximum(solved[1:], 0.0), np.float64)
 
 
-def through(scores: Scores, number: int, rows: NDArray[np.float64]) -> NDArray:
+def driving(scores: Scores, number: int, channel: int, rows: NDArray[np.float64]) -> NDArray:
+    """Products of rows of a channel over its noise with the shape of a mode (…, samples), zero where not heard."""
+    heard, shape = scores.shapes_heard[number]
+    return shape[np.sum(heard[:channel])].conj() * rows if heard[channel] else 0.0 * rows
+
+
+def through(scores: Scores, number: int, drives: NDArray) -> NDArray:
     """Products of rows with what noise that drives a mode leaves, by that noise at each sample (…, samples).
 
-    Rows are (…, channels, samples), over the noise.
+    Rows go in by the sum over the channels of their `driving`.
     """
-    heard, shape = scores.shapes_heard[number]
-    return _back(scores.samples, scores.now.modes[number], np.sum(shape.conj() * rows[..., heard, :], axis=-2))
+    return _back(scores.samples, scores.now.modes[number], drives)
 
 
 def _back(samples: Samples, mode: InputMode, drives: NDArray) -> NDArray:
@@ -59,7 +64,9 @@ def _back(samples: Samples, mode: InputMode, drives: NDArray) -> NDArray:
 
 def _sizes(scores: Scores, left: NDArray) -> NDArray[np.float64]:
     """The square of what is left, and of that through each mode backwards (1 + modes,)."""
-    parts = [left, *(through(scores, number, left) for number in range(len(scores.now.modes)))]
+    parts = [left]
+    for number, (heard, shape) in enumerate(scores.shapes_heard):
+        parts.append(through(scores, number, np.sum(shape.conj() * left[heard], axis=0)))
     return np.array([np.sum(np.abs(part) ** 2, dtype=float) for part in parts])
 
 
