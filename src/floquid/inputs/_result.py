@@ -54,11 +54,13 @@ class Uncertainty(Rebuilt):
 
         with G the slopes of the parameters beside the columns (White 1982).
         """
-        drives = [0.0] * len(self._driven)
-        for channel in range(len(self.samples.values)) if self._driven else ():
+        if not self._driven:
+            return self.of_white
+        drives: list[NDArray] = []
+        for channel in range(len(self.samples.values)):
             beside = self._beside(channel)
-            for place, (number, _) in enumerate(self._driven):
-                drives[place] = drives[place] + driving(self._scores, number, channel, beside)
+            own = [driving(self._scores, number, channel, beside) for number, _ in self._driven]
+            drives = [one + more for one, more in zip(drives, own, strict=True)] if drives else own
         roots = [self.of_white @ self._root(*own, by) for own, by in zip(self._driven, drives, strict=True)]
         return sum((one @ one.T for one in roots), self.of_white)
 
