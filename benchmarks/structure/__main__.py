@@ -6,18 +6,20 @@ import argparse
 import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
+from typing import get_args
 
 import numpy as np
 from benchmarks.structure.run import BLOCKS, Block, Row, judged
+from benchmarks.structure.systems import Family
 from threadpoolctl import threadpool_limits
 
 HEADS = ("A(t)", "block", "records", "intervals that hold", "their mean a record", "worst", "deviation", "error")
 
 
-def one(seed: int) -> Row | None:
-    """One seed, on one thread."""
+def one(case: tuple[int, Family, str]) -> Row | None:
+    """One seed of a family and a kind of record, on one thread."""
     with threadpool_limits(limits=1):
-        return judged(seed)
+        return judged(*case)
 
 
 def lines(words: str, found: Sequence[dict[str, Block]]) -> list[list[str]]:
@@ -54,9 +56,14 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--runs", type=int, default=300)
     parser.add_argument("--first", type=int, default=0, help="the first seed")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
+    parser.add_argument("--family", choices=get_args(Family), default="springs", help="the equations of motion")
+    parser.add_argument("--kind", choices=("free", "inputs", "ambient"), default="free", help="the excitation")
     options = parser.parse_args(arguments)
+    seeds = range(options.first, options.first + options.runs)
     with ProcessPoolExecutor(options.jobs) as pool:
-        rows = [row for row in pool.map(one, range(options.first, options.first + options.runs)) if row is not None]
+        rows = [
+            row for row in pool.map(one, [(seed, options.family, options.kind) for seed in seeds]) if row is not None
+        ]
     sys.stdout.write(table(rows) + "\n")
     return 0
 

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
-from benchmarks.structure.systems import Mechanism, drawn
+from benchmarks.structure.systems import Family, Mechanism, drawn
 
 import floquid
 from floquid import PeriodicModel, StateModel
@@ -57,12 +57,18 @@ class Row:
         return "wider" if k >= true[0] and symmetric <= true[1] and d >= true[2] else "narrow"
 
 
-def judged(seed: int) -> Row | None:
+def judged(seed: int, family: Family = "springs", kind: str = "free") -> Row | None:
     """The row of one seed; None where the model has not the order of the truth."""
     generator = np.random.default_rng(seed)
-    mechanism = drawn(generator)
+    mechanism = drawn(generator, family)
+    record = mechanism.record(generator) if kind == "free" else mechanism.excited(kind, seed)
+    options = {
+        "free": {},
+        "inputs": {"inputs": [own.name for own in record.channels if own.quantity == "force"]},
+        "ambient": {"excitation": "ambient"},
+    }[kind]
     try:
-        model = floquid.identify(mechanism.record(generator), validate=False).model
+        model = floquid.identify(record, validate=False, **options).model
     except IdentificationError:
         return None
     return None if model.order != 2 * mechanism.size else compared(seed, mechanism, model)

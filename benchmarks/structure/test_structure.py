@@ -32,6 +32,28 @@ def test_a_record_is_the_motion_of_the_equations(quantity):
     assert_allclose(record.values, rows[quantity], atol=1e-7 * np.abs(rows[quantity]).max())
 
 
+def test_a_crank_and_an_orbit_of_a_cubic_spring_have_their_series():
+    """The crank's momentum and its spring: D J - J' is the same constant at all phases, and so is K J."""
+    crank, orbit = (drawn(np.random.default_rng(3), family) for family in ("crank", "duffing"))
+    assert crank.kept[0] > 10
+    assert (orbit.kept[0], orbit.kept[2]) == (6, 0) or orbit.kept[0] % 2 == 0
+    times = np.arange(48) / 48
+    a = crank.system(times)
+    inertia = 1.0 / -a[:, 1, 0]
+    slope = np.fft.irfft(2j * np.pi * np.arange(25) * np.fft.rfft(inertia), 48)
+    left = -a[:, 1, 1] * inertia - slope
+    assert_allclose(left, left.mean(), rtol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["inputs", "ambient"])
+def test_records_of_other_excitation_have_their_channels(kind):
+    mechanism = replace(drawn(np.random.default_rng(1)), periods=4)
+    record = mechanism.excited(kind, 0)
+    forces = [own.name for own in record.channels if own.quantity == "force"]
+    assert len(forces) == (mechanism.size if kind == "inputs" else 0)
+    assert len(record.channels) == mechanism.size + len(forces)
+
+
 def narrow() -> tuple[Mechanism, floquid.PeriodicModel]:
     generator = np.random.default_rng(SEED)
     mechanism = drawn(generator)

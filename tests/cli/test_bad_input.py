@@ -207,8 +207,6 @@ OPTIONS = [
     ("no input at all", nothing, f"{GOOD} --inputs ''", 2, r"`--inputs` must name a channel, but is ''"),
     ("unknown state", nothing, f"{GOOD} --states X,Q", 2, r"`--states` .*'Q'\.\n.*X, Y, X_tt, Y_tt"),
     ("state that is not among the channels", nothing, f"{GOOD} --channels X,Y --states X,X_tt", 2, r"'X_tt'"),
-    ("too few states", nothing, f"{GOOD} --states X", 2, r"name 2 channels: 4 modes .* names 1"),
-    ("too many states", nothing, f"{GOOD} --states X,Y,X_tt", 2, r"name 2 channels: 4 modes .* names 3"),
     ("order 0", nothing, f"{GOOD} --order 0", 2, r"`--order` must be an integer of at least 1"),
     ("order 2.5", nothing, f"{GOOD} --order 2.5", 2, r'--order: "2\.5" is not a whole number'),
     ("order of text", nothing, f"{GOOD} --order four", 2, r'--order: "four" is not a whole number'),

@@ -119,9 +119,19 @@ def test_delayed_states_say_what_they_are(rotor):
     assert max(len(line) for line in text.splitlines()) <= 80
 
 
-def test_a_structure_that_contradicts_the_record_ends_with_1(rotor):
-    words = "The structure contradicts the data"
-    assert typed(f"{IDENTIFY} --states X,Y --structure 'stiffness 0'", code=1, message=words) == ""
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ("--states X,Y --structure 'stiffness 0'", "The structure contradicts the data"),
+        ("--states X", "name 2 channels: 4 modes"),
+        ("--states X,Y,X_tt", "as many states, half of them velocities, but names 3"),
+    ],
+)
+def test_without_the_state_matrix_that_was_asked_for_there_are_the_modes_and_1(rotor, options, words):
+    """The message may be broken anywhere."""
+    printed = typed(f"{IDENTIFY} {options}", code=1, message="A(t) was not rebuilt")
+    assert "Modes: order 4" in printed
+    assert words in " ".join(printed.split())
 
 
 @pytest.mark.parametrize(

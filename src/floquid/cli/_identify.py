@@ -29,6 +29,7 @@ from floquid.cli._records import check_files, read_records
 from floquid.cli._terminal import json_text, print_analysis, print_folder, progress, terminal
 from floquid.errors import IdentificationError
 from floquid.exports import summary
+from floquid.findings import texts
 from floquid.pipeline import identify as identify_records
 from floquid.reporting import report as write_report
 from floquid.store import load
@@ -60,7 +61,7 @@ def identify(
     enforce
         End with exit code 3 and the reasons where the model does not pass its checks; the result is written all the
         same. A model that fails, since it leaves many times the noise, or since what was found makes it wrong, ends
-        with exit code 1 in any case.
+        with exit code 1 in any case, and so does one without the A(t) that was asked for.
     out
         A folder for result.h5, summary.json and settings.toml, which are written before anything is printed; then for
         figures/ and report.html, a page for the browser.
@@ -98,6 +99,8 @@ def identify(
         print_folder(out)
     if analysis.failed:
         raise IdentificationError(analysis.warnings[0])
+    if analysis.settings.states and analysis.state is None:
+        raise IdentificationError(*texts([own for own in analysis.findings if own.code == "states_unfit"]))
     if enforce and not analysis.passed:
         unmet = () if analysis.validation is None else analysis.validation.unmet
         raise CriteriaNotMetError("\n  ".join(["The model does not pass its checks.", *(analysis.reasons or unmet)]))

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
 from floquid.inputs import parts_of, slopes_along_square
+from floquid.search import longer
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -113,7 +114,11 @@ class Mode(Rebuilt):
 
     def padded(self, by: float, highest: float) -> Mode:
         """With some harmonics more at each end of its bands."""
-        return self.widened(*(_longer(band, by, highest, self.real) for band in (self.turns, self.reach)))
+        return self.widened(*(longer(band, by, highest, self.real) for band in (self.turns, self.reach)))
+
+    def seen_wider(self, by: float, highest: float) -> Mode:
+        """With some harmonics more at each end of what the outputs see."""
+        return self.widened(longer(self.turns, by, highest, self.real), self.reach)
 
     def turned(self, by: float, omega: float, step: float) -> Mode:
         """Move the mode to another branch: λ + i·by·ω."""
@@ -162,10 +167,3 @@ def _placed(old: NDArray[np.float64], values: NDArray, new: NDArray[np.float64])
     kept = np.isin(old, new)
     found[:, np.searchsorted(new, old[kept])] = values[:, kept]
     return found
-
-
-def _longer(band: NDArray[np.float64], by: float, highest: float, real: bool) -> NDArray[np.float64]:
-    more = np.arange(1.0, by + 1.0)
-    both = np.concatenate([[] if real else band[0] - more[::-1], band, band[-1] + more])
-    # On another branch a band may reach beyond the highest harmonic: it keeps what it has.
-    return both[(both >= min(band[0], -highest)) & (both <= max(band[-1], highest))]

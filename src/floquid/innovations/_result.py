@@ -32,6 +32,7 @@ from floquid.inputs import (
     selection_of,
     transfer_of,
 )
+from floquid.search import GAP
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +82,7 @@ class Fit(Rebuilt):
         modes, samples, direct = _input_modes(fit), fit.samples, fit.direct(len(inputs))
         return modelled(
             _estimates(fit, modes),
-            unselected=_estimates(fit, modes, held=False),
+            unselected=self.estimates_at(np.array([mode.exponent for mode in self.at.modes])),
             channels=channels,
             provenance=provenance,
             driven=driven_of(modes, inputs, direct, len(channels), samples.fundamental, samples.first_times),
@@ -89,14 +90,15 @@ class Fit(Rebuilt):
         )
 
     def estimates_at(self, exponents: NDArray[np.complex128]) -> Estimates:
-        """The estimates of a fit linearised anew at exponents (modes,) [1/s].
+        """The estimates of a fit with several harmonics more of each mode, linearised at exponents (modes,) [1/s].
 
         One step of Gauss and Newton from there, as `floquid.periodic.estimate_at` has it.
 
         Raises IdentificationError where the predictor diverges there.
         """
-        pairs = zip(self.at.modes, exponents.tolist(), strict=True)
+        pairs, highest = zip(self.at.modes, exponents.tolist(), strict=True), self.samples.highest
         modes = [replace(mode, exponent=complex(value.real) if mode.real else value) for mode, value in pairs]
+        modes = [mode.seen_wider(GAP, highest) for mode in modes]
         at = predicted(self.samples, modes, self.at.columns, self.at.initial, self.at.whitening)
         if at is None:
             raise IdentificationError("The predictor diverges where the record was linearised anew.")

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from floquid._checks import Rebuilt
 from floquid.inputs._block import by_root, parts_of, slopes_along_square
 from floquid.inputs._samples import Hold, Samples
+from floquid.search import longer
 
 LINEAR = np.array([(n + 1.0) / factorial(n + 2) for n in reversed(range(14))])
 """The series of a linear input, the highest power first: to double precision below ½, where differences cancel."""
@@ -159,6 +160,10 @@ class InputMode(Rebuilt):
         gains = np.zeros((len(self.gains), len(wanted)), complex)
         gains[:, np.isin(wanted, self.reach)] = self.gains[:, np.isin(self.reach, wanted)]
         return replace(self, reach=wanted, gains=gains)
+
+    def padded(self, band: str, by: float, highest: float) -> InputMode:
+        """With some harmonics more at each end of a band."""
+        return self.with_band(band, longer(getattr(self, band), by, highest, self.real))
 
     def scaled(self) -> InputMode:
         """With the part of b and z that is largest made 1."""

@@ -25,6 +25,7 @@ from floquid.inputs._solver import (
 )
 from floquid.inputs._transfer import Grid, TransferFunctions, transfer_of
 from floquid.inputs.search import Scores, driving, read_near_axis, through, unmeasured
+from floquid.search import GAP
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,6 +119,7 @@ class Uncertainty(Rebuilt):
         direct = self.direct(len(inputs))
         return modelled(
             self.estimates,
+            unselected=self.estimates_at(np.array([mode.exponent for mode in at.modes])),
             channels=channels,
             provenance=provenance,
             driven=driven_of(modes, inputs, direct, len(channels), samples.fundamental, samples.first_times),
@@ -125,12 +127,13 @@ class Uncertainty(Rebuilt):
         )
 
     def estimates_at(self, exponents: NDArray[np.complex128]) -> Estimates:
-        """The estimates of a fit, linearised anew at exponents (modes,) [1/s].
+        """The estimates of a fit with several harmonics more of each mode, linearised at exponents (modes,) [1/s].
 
         One step of Gauss and Newton from there, as `floquid.periodic.estimate_at` has it.
         """
-        pairs = zip(self.at.modes, exponents.tolist(), strict=True)
+        pairs, highest = zip(self.at.modes, exponents.tolist(), strict=True), self.samples.highest
         modes = [replace(mode, exponent=complex(value.real) if mode.real else value) for mode, value in pairs]
+        modes = [mode.padded("turns", GAP, highest) for mode in modes]
         here = Uncertainty(self.samples, linearise(self.samples, modes, self.at.direct))
         step = here.of_white @ normal_equations(here.samples, here.at)[1]
         return here.estimates.moved(selection_of(here.at.modes) @ step)

@@ -114,6 +114,11 @@ class Samples(Rebuilt):
         return gains if self.count == self.n_samples else gains * self.there.reshape(-1, *[1] * (gains.ndim - 1))
 
     @property
+    def highest(self) -> int:
+        """The highest harmonic that samples tell from all lower ones."""
+        return int(np.ceil(np.pi / (self.fundamental * self.step))) - 1
+
+    @property
     def input_size(self) -> NDArray[np.float64]:
         """The rms of each input (inputs,)."""
         return np.sqrt(np.mean(self.inputs**2, axis=1))

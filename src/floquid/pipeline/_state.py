@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import Estimates, PeriodicModel
-from floquid.errors import IdentificationError
-from floquid.preparation import Settings, states_of
+from floquid.errors import FloquidError, IdentificationError
+from floquid.findings import warning
+from floquid.pipeline._analysis import Analysis
+from floquid.preparation import Settings, own_names, states_of
 from floquid.reconstruction import Refinement, StateModel, reconstruct, refine, structure_of
 
 Again = Callable[[NDArray[np.complex128]], Estimates]
@@ -61,3 +64,22 @@ def state_of(
         **({} if refuse is None else {"refuse": refuse}),
     )
     return found.state, found
+
+
+def with_state(analysis: Analysis, again: Again, report: Callable[[str], None]) -> Analysis:
+    """The result with A(t) in the states of its settings; a finding says why where there is none."""
+    settings = analysis.settings
+    if not settings.states:
+        return analysis
+    if analysis.failed and settings.structure:
+        why = "A structure is fitted by the deviations of the model, and one that fails has none to quote."
+        return replace(analysis, findings=(*analysis.findings, warning("states_unfit", reason=why)))
+    try:
+        with own_names("identify"):
+            state, refinement = state_of(analysis.model, settings, again, report)
+    except FloquidError as error:  # how many states the modes need was not known before the search
+        missing = warning("states_unfit", reason=str(error).splitlines()[0])
+        return replace(analysis, findings=(*analysis.findings, missing))
+    if analysis.failed and state is not None:  # what the model leaves is no noise
+        state = state.without_deviations()
+    return replace(analysis, state=state, refinement=refinement)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from floquid._arrays import Floats, Integers, Mask
 from floquid.core import Estimates, PeriodicModel
 from floquid.errors import IdentificationError
 from floquid.fit import chi2_limit, scaled_inverse, unit_scale
+from floquid.reconstruction._hidden import hidden_share
 from floquid.reconstruction._modal_matrix import Jacobian, Shapes, Terms, at_once, by_system, modal_at
+from floquid.reconstruction._structure import HIDDEN
 
 FALSE_ALARM = 1e-3
 """The probability at which noise may pass for a harmonic, over all that are tried: one that is false is multiplied by
@@ -17,7 +21,6 @@ the square of its frequency in A(t), and one that is missing leaves out its own 
 GAP = 3  # harmonics of no significance that a band may go on over, to one that the model keeps
 INSTANTS = 16  # instants of the period at which the error is looked at
 MOST = 8  # choices that are compared
-UNSEEN = 2.0  # standard deviations that a harmonic which is left out may be larger than it was seen
 
 
 def chosen(model: PeriodicModel, shapes: Shapes, terms: Terms) -> Mask:
@@ -62,21 +65,27 @@ def scores(estimates: Estimates, rows: Mask) -> Floats:
     together: of a pair near an axis, and of two exponents that are nearly one, the difference of two large coefficients
     alone is known. Where hits share their shapes, a hit tells no more than the one that tells most.
     """
+    groups = _together(estimates)
+    told, responses = _squares(estimates, rows, groups)
+    level = FALSE_ALARM / (2 * max(len(estimates.exponents), 1))
+    limits = {size: chi2_limit(responses * size, level) for size in {len(group) for group in groups}}
+    return np.array([square / limits[len(group)] for square, group in zip(told, groups, strict=True)])
+
+
+def _squares(estimates: Estimates, rows: Mask, groups: Sequence[Integers]) -> tuple[Floats, int]:
+    """Squares of groups of terms over their deviations in some of the channels (groups,), and numbers of one term."""
     own, hits = np.flatnonzero(rows), estimates.blocks.shape[1]
-    groups, squares = _together(estimates), np.zeros((len(estimates.modes), hits))
+    squares = np.zeros((len(groups), hits))
     for channel in own:
         for hit in range(hits):
             value, whole = estimates.coefficients[:, channel, hit], estimates.row_covariance(int(channel), hit)
             both = np.concatenate([value.real, value.imag])
-            for term, group in enumerate(groups):
+            for number, group in enumerate(groups):
                 part = np.concatenate([group, group + len(value)])
                 part = part[np.diag(whole)[part] > 0.0]
-                squares[term, hit] += both[part] @ scaled_inverse(whole[np.ix_(part, part)]) @ both[part]
-    level = FALSE_ALARM / (2 * max(len(estimates.exponents), 1))
+                squares[number, hit] += both[part] @ scaled_inverse(whole[np.ix_(part, part)]) @ both[part]
     told = squares.max(axis=1, initial=0.0) if estimates.shared else squares.sum(axis=1)
-    responses = 2 * len(own) * (1 if estimates.shared else hits)
-    limits = {size: chi2_limit(responses * size, level) for size in {len(group) for group in groups}}
-    return np.array([square / limits[len(group)] for square, group in zip(told, groups, strict=True)])
+    return told, 2 * len(own) * (1 if estimates.shared else hits)
 
 
 def _together(estimates: Estimates) -> list[Integers]:
@@ -156,37 +165,26 @@ def _risk(shapes: Shapes, terms: Terms, candidate: Mask, largest: tuple, band: M
 
 
 def sizes_left_out(estimates: Estimates, kept: Mask, rows: Mask) -> Floats:
-    r"""The size that the first harmonic left out on each side of a band may have (terms, channels, hits).
+    r"""The size that the first harmonics left out on each side of a band may have (terms, channels, hits).
 
-    .. math:: b = \min\Big(|B_L| \frac{\lVert B_L \rVert}{\lVert B_{L'} \rVert},\ |\hat B| + 2\sigma\Big)
+    .. math:: b^2 = E(1 - B)\, \sigma^2 + E(1 - B)^2\, |\hat B|^2
 
-    with L the outermost harmonic kept and L' the one before it, and norms over the noise: the series goes on falling as
-    it does, but no higher than what was seen there allows. Where one harmonic alone is kept, what was seen there
-    decides. `kept` are the terms that are kept (terms,), `rows` the channels of the states (channels,).
+    by what was seen there, as `hidden_share` has it, in all channels of the states together. `kept` are the terms that
+    are kept (terms,), `rows` the channels of the states (channels,).
     """
-    values = np.abs(estimates.coefficients)
-    std = estimates.std()
-    seen = values + UNSEEN * np.abs(std) / np.sqrt(2.0)
-    # Over the noise: a noisy channel of little weight would make the series fall slowly.
-    noise = np.sqrt(np.mean(np.abs(std) ** 2, axis=0))
-    norm = np.sqrt(np.sum((values[:, rows] / noise[rows]) ** 2, axis=(1, 2)))
-    sizes = np.zeros(values.shape)
+    beyond = []
     for mode in range(len(estimates.exponents)):
         own = np.flatnonzero(estimates.modes == mode)
-        own = own[np.argsort(estimates.harmonics[own])]
-        inside = np.flatnonzero(kept[own])
-        if not len(inside):
-            continue
-        strongest = inside[np.argmax(norm[own[inside]])]
-        for last, step in ((inside[0], -1), (inside[-1], 1)):
-            following = last + step
-            if not 0 <= following < len(own):
-                continue
-            limit = seen[own[following]]
-            if last != strongest:
-                falls = norm[own[last]] / norm[own[last - step]]
-                limit = np.minimum(limit, values[own[last]] * min(falls, 1.0))
-            sizes[own[following]] = limit
+        inside = estimates.harmonics[own[kept[own]]]
+        if len(inside):
+            off = np.maximum(inside.min() - estimates.harmonics[own], estimates.harmonics[own] - inside.max())
+            beyond += own[(off > 0) & (off <= HIDDEN)].tolist()
+    sizes, std = np.zeros(estimates.coefficients.shape), estimates.std()
+    squares, numbers = _squares(estimates, rows, [np.array([term]) for term in beyond])
+    for term, square in zip(beyond, squares.tolist(), strict=True):
+        share, share_of_square = hidden_share(square, numbers)
+        seen, noise = np.abs(estimates.coefficients[term]), np.abs(std[term])
+        sizes[term] = np.sqrt(share * noise**2 + share_of_square * seen**2)
     return sizes
 
 

@@ -4,13 +4,9 @@ Wider structures are seen to first order about the fit: what the choice could hi
 structure, δ its best step from the fit, C and C₀ their covariance in the wider and in the chosen structure, and χ² the
 gain of that step with n numbers more,
 
-.. math:: E\,(\theta - \theta_0)(\theta - \theta_0)^T = C_0 + E(1 - B)\,(C - C_0) + E(1 - B)^2\, \delta \delta^T, \qquad
-      p(B) \propto B^{(n-1)/2} e^{-B \chi^2 / 2}, \; 0 < B < 1
+.. math:: E\,(\theta - \theta_0)(\theta - \theta_0)^T = C_0 + E(1 - B)\,(C - C_0) + E(1 - B)^2\, \delta \delta^T
 
-B is the share of noise in δ: what is left out is taken to be normal about zero, with a covariance 1/B - 1 times that of
-its estimate, and B to have the density 1/(2√B) before (Strawderman 1971, "Proper Bayes minimax estimators of the
-multivariate normal mean", a = 1/2; decision 0028 has what other choices came to). So little counts where δ is as small
-as noise makes it, and all where it is much larger.
+with the share of noise B of `hidden_share`.
 """
 
 from __future__ import annotations
@@ -24,6 +20,7 @@ from numpy.typing import NDArray
 from floquid.core import Estimates
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, warning
+from floquid.reconstruction._hidden import hidden_share
 from floquid.reconstruction._invariance import Point, Problem, at, covariance_of
 from floquid.reconstruction._modal_matrix import condition_of
 from floquid.reconstruction._structure import Basis
@@ -96,9 +93,6 @@ def _transition(estimates: Estimates, basis: Basis, point: Point, times: Array) 
     return phi.real, slopes.real, condition_of(modal)
 
 
-SHARES = np.linspace(0.0, 1.0, 2001)[1:]  # values of B that are summed over
-
-
 @dataclass(frozen=True, slots=True)
 class Hidden:
     """Addition of a wider structure to the second moments about the fit of the chosen one."""
@@ -134,19 +128,12 @@ def hidden_in(problem: Problem, name: str, chosen: Point, basis: Basis) -> tuple
     scale = np.linalg.norm(point.slopes, axis=0)
     step = np.linalg.lstsq(point.slopes / scale, point.rest, rcond=None)[0] / scale
     gain = float(np.sum((point.slopes @ step) ** 2))
-    weights = _weights(gain, more)
+    share, share_of_square = hidden_share(gain, more)
     beyond = covariance - embedded @ covariance_of(chosen) @ embedded.T
-    moment = weights @ (1.0 - SHARES) * beyond + weights @ (1.0 - SHARES) ** 2 * np.outer(step, step)
+    moment = share * beyond + share_of_square * np.outer(step, step)
     seen = np.linalg.lstsq(own, every, rcond=None)[0]
     count = len(parameters)
     nearest = np.zeros((len(chosen.parameters), count))
     nearest[:n, : n + more], nearest[n:, n + more :] = seen, np.eye(count - n - more)
     finding = note("structure_tested", name=name, gain=gain, more=more, p_value=float(chdtrc(more, gain)))
     return Hidden(wide, point, moment, nearest @ moment[:count, :count] @ nearest.T), finding
-
-
-def _weights(gain: float, more: int) -> Array:
-    """The probability of each share of noise, after a gain by `more` numbers."""
-    logs = 0.5 * (more - 1.0) * np.log(SHARES) - 0.5 * gain * SHARES
-    weights = np.exp(logs - logs.max())
-    return weights / weights.sum()

@@ -193,8 +193,8 @@ def reconstruct(
 
     (Allen 2009, eqs. 13-21; the factor s belongs to the velocity half alone, and the Vandermonde matrix of eqs. 16-19
     cancels: L(t0) = Ψ(t0)⁻¹ exactly.) Several hits give one shape a mode, up to a factor that cancels too. Standard
-    deviations are those of the estimates, to first order. They include the next harmonic on either side of each band,
-    if the series goes on falling as it does (`refine` has no such part).
+    deviations are those of the estimates, to first order. They include the next two harmonics on either side of each
+    band, by what the record says of these (decision 0028).
 
     With measured inputs, of a model that has them, also
 
@@ -242,20 +242,18 @@ def reconstruct(
     }
     std: dict[str, Floats] = {}
     if terms is not None:
-        own, rows = terms.estimates, (shapes.weights != 0).any(axis=(0, 1, 2))
-        sizes = sizes_left_out(own, kept, rows)
-        loose = None if coordinates.loose is None else at_terms(coordinates.loose, model, terms)
-        wider = terms.mask(kept | (sizes > 0).any(axis=(1, 2)), shapes)
+        own, loose = terms.estimates, None if coordinates.loose is None else at_terms(coordinates.loose, model, terms)
+        sizes, wider, beyond = _left_out(model, coordinates, terms, kept)
         slopes_of = {"system": by_system, "transition": by_transition}
         if "inputs" in values and own.gains is not None:
             slopes_of["inputs"] = by_inputs
         std = {f"{name}_std": np.zeros(values[name].shape) for name in slopes_of}
-        for t in at_once(shapes, instants, terms):
+        for t in at_once(wider, instants, beyond):
             for name, made in slopes_of.items():
                 slopes = made(shapes, modal, instants, t, terms)
                 if loose is not None:
                     slopes = slopes.loosened(values[name][t], loose)
-                hidden = spread_of(sizes, made(wider, modal, instants, t, terms), own)
+                hidden = spread_of(sizes, made(wider, modal, instants, t, beyond), beyond.estimates)
                 std[f"{name}_std"][t] = np.sqrt(slopes.variance(own) + hidden)
         if coordinates.form == "second-order":  # displacements change at their velocities
             std["system_std"][:, : len(coordinates.states) // 2] = 0.0
@@ -268,6 +266,19 @@ def reconstruct(
         **values,
         **std,
     )
+
+
+def _left_out(model: PeriodicModel, coordinates: Coordinates, terms: Terms, kept: Mask) -> tuple[Floats, Shapes, Terms]:
+    """Sizes that terms beyond those kept may have (terms, channels, hits), shapes with these, and their places.
+
+    Of all terms that the record says something of.
+    """
+    every = terms.estimates if model.unselected is None else model.unselected
+    beyond, shapes = terms_of(model, every), shapes_of(model, coordinates, every)
+    used = set(zip(terms.modes[kept].tolist(), terms.estimates.harmonics[kept].tolist(), strict=True))
+    own = np.array([pair in used for pair in zip(beyond.modes.tolist(), every.harmonics.tolist(), strict=True)])
+    sizes = sizes_left_out(every, own, (shapes.weights != 0).any(axis=(0, 1, 2)))
+    return sizes, beyond.mask(own | (sizes > 0).any(axis=(1, 2)), shapes), beyond
 
 
 def _input_output(model: PeriodicModel, shapes: Shapes, modal: Modal, times: Floats) -> dict[str, Floats]:

@@ -262,12 +262,13 @@ def _hidden(
     fit: _Fit, structure: AbstractStructure, point: Point, basis: Basis
 ) -> tuple[tuple[Hidden, ...], tuple[Finding, ...]]:
     """Addition of each next wider structure to the deviations, and its test."""
-    width = len(point.modes[0].coefficients) // 2
-    found = []
-    for name, other in structure.wider():
-        problem = fit.problem(other.basis(basis.known.shape[-1]), width)
-        if len(problem.basis.names) > len(basis.names):  # of one displacement no matrix is other than symmetric
-            found.append(hidden_in(problem, name, point, basis))
+    width, count = len(point.modes[0].coefficients) // 2, basis.known.shape[-1]
+    found: list[tuple[Hidden | None, Finding]] = []
+    for ways in structure.hiding():
+        # Of one displacement no matrix is other than symmetric: that is no wider.
+        wider = [(name, own) for name, other in ways if len((own := other.basis(count)).names) > len(basis.names)]
+        each = [hidden_in(fit.problem(own, width), name, point, basis) for name, own in wider]
+        found += [next((one for one in each if one[0] is not None), each[-1])] if each else []
     return tuple(own for own, _ in found if own is not None), tuple(finding for _, finding in found)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Literal, get_args
 
@@ -14,6 +14,8 @@ from floquid._checks import Rebuilt, counted, finite, input_error, integer
 from floquid._show import Brief
 
 Symmetry = Literal["none", "symmetric", "skew", "diagonal"]
+
+HIDDEN = 2  # harmonics of a block that a structure may hide: a series often has every second one alone
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,8 +143,32 @@ class AbstractStructure(ABC):
         """Each block with its name and the derivative of the states that it multiplies."""
 
     @abstractmethod
+    def less_symmetric(self) -> list[tuple[str, AbstractStructure]]:
+        """Structures that hold this one and have one symmetry less, with a word for each."""
+
     def wider(self) -> list[tuple[str, AbstractStructure]]:
-        """Structures that hold this one and a little more, with a word for each."""
+        """Structures that hold this one and a little more: harmonics of a block, or one symmetry less.
+
+        Two harmonics at once, too: an orbit of even harmonics has none in between.
+        """
+        blocks = [name for name, _, _ in self.blocks()]
+        return [self._longer([name], more) for more in (1, HIDDEN) for name in blocks] + self.less_symmetric()
+
+    def hiding(self) -> list[list[tuple[str, AbstractStructure]]]:
+        """Structures that hold this one and what it may hide: harmonics of every block, or one symmetry less.
+
+        Of all blocks at once: where the inertia varies, what stiffness and damping leave out goes together. Where a
+        record does not determine the first of several, the next one is meant.
+        """
+        every = [name for name, _, _ in self.blocks()]
+        return [[self._longer(every, more) for more in (HIDDEN, 1)], *([one] for one in self.less_symmetric())]
+
+    def _longer(self, names: Sequence[str], more: int) -> tuple[str, AbstractStructure]:
+        """Some blocks with more harmonics, and a word for that."""
+        blocks = {name: block for name, block, _ in self.blocks() if name in names}
+        longer = {name: replace(block, harmonics=block.harmonics + more) for name, block in blocks.items()}
+        words = [f"{name} with {counted(block.harmonics, 'harmonic')}" for name, block in longer.items()]
+        return " and ".join(words), replace(self, **longer)  # type: ignore[type-var]
 
     def words(self) -> str:
         """The structure in words."""
@@ -212,12 +238,10 @@ class SecondOrder(Brief, AbstractStructure):
             must, got = "be symmetric or diagonal beside a gyroscopic block", "is not: it could hold that block itself"
             raise input_error("damping", "SecondOrder", must, got, 'Pass Block(symmetry="symmetric").')
 
-    def wider(self) -> list[tuple[str, AbstractStructure]]:
-        """One more harmonic of a block, or one symmetry less."""
+    def less_symmetric(self) -> list[tuple[str, AbstractStructure]]:
+        """Symmetric blocks without that, diagonal ones symmetric."""
         found: list[tuple[str, AbstractStructure]] = []
         for name, block, _ in self.blocks():
-            more = replace(block, harmonics=block.harmonics + 1)
-            found.append((f"{name} with {counted(more.harmonics, 'harmonic')}", replace(self, **{name: more})))
             if block.symmetry in ("symmetric", "diagonal"):
                 free = replace(block, symmetry="none" if block.symmetry == "symmetric" else "symmetric")
                 both = self.gyroscopic is not None and name == "damping" and free.symmetry == "none"
@@ -258,10 +282,9 @@ class FirstOrder(Brief, AbstractStructure):
         """A alone."""
         return (("system", self.system, 0),)
 
-    def wider(self) -> list[tuple[str, AbstractStructure]]:
-        """One more harmonic."""
-        more = replace(self.system, harmonics=self.system.harmonics + 1)
-        return [(f"a state matrix with {counted(more.harmonics, 'harmonic')}", FirstOrder(system=more))]
+    def less_symmetric(self) -> list[tuple[str, AbstractStructure]]:
+        """None: its block has no symmetry to lose."""
+        return []
 
 
 OF = "structure_of"

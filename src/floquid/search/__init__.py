@@ -12,5 +12,6 @@ from floquid.search._descend import Point as Point
 from floquid.search._descend import Report as Report
 from floquid.search._descend import Stages as Stages
 from floquid.search._descend import descended as descended
+from floquid.search._descend import longer as longer
 
 __all__: list[str] = []

@@ -13,7 +13,7 @@ import floquid
 from floquid import Channel, Record, bootstrap, identify
 from floquid.errors import IdentificationError
 from floquid.findings import failure
-from floquid.pipeline.excited._identify import with_state
+from floquid.pipeline._state import with_state
 
 DRAWS = 60
 PHASES = 24
@@ -86,10 +86,11 @@ def test_a_structure_is_told_more_of_than_the_free_matrix():
 def test_a_model_that_fails_is_given_no_structure():
     right = found("inputs", FORM)
     failing = replace(right, findings=(failure("undetermined"),), state=None, refinement=None)
-    told = with_state(failing, lambda _: None)
+    again = failing.driven.estimates_at
+    told = with_state(failing, again, lambda _: None)
     assert (told.state, told.refinement) == (None, None)
     assert any("one that fails has none to quote" in words for words in told.warnings)
-    free = with_state(replace(failing, settings=replace(failing.settings, structure="")), lambda _: None)
+    free = with_state(replace(failing, settings=replace(failing.settings, structure="")), again, lambda _: None)
     assert free.state is not None
     assert free.state.system_std is None
 

@@ -321,7 +321,7 @@ def test_a_record_of_its_clock_alone_is_refused():
         ("tach", {"tach": "Q"}), ("tach", {"tach": "X"}), ("azimuth", {"azimuth": "Q"}), ("records", {"azimuth": "X"}),
         ("records", {"tach": "tach", "periods_per_revolution": 50}), ("forced", {"forced": "1,99"}),
         ("structure", {"states": TWO, "structure": "junk"}), ("structure", {"states": TWO, "structure": "damping foo"}),
-        ("periods_per_revolution", {"periods_per_revolution": 0.7}), ("states", {"states": ["X"]}),
+        ("periods_per_revolution", {"periods_per_revolution": 0.7}),
         ("harmonics", {"identifier": "era"}),
     ],
 )  # fmt: skip

@@ -17,6 +17,7 @@ from floquid.errors import IdentificationError, InputError
 from floquid.fit import chi2_limit
 from floquid.reconstruction import StateModel, reconstruct
 from floquid.reconstruction._bands import FALSE_ALARM, scores, sizes_left_out, spread_of
+from floquid.reconstruction._hidden import hidden_share
 from floquid.reconstruction._modal_matrix import by_system, modal_at, shapes_of, terms_of
 from floquid.reconstruction._reconstruct import coordinates_of
 from floquid.systems import JeffcottRotor
@@ -390,23 +391,21 @@ def test_a_harmonic_that_is_left_out_makes_the_deviation_larger(oracle):
 
 
 def test_sizes_of_what_is_left_out(wide):
-    """The first harmonic on either side: falling as the band does, and no larger than was seen."""
-    own = wide.estimates
-    kept, rows = np.abs(own.harmonics) <= 2, np.array([True, True])
-    sizes, std = sizes_left_out(own, kept, rows), own.std()
-    noise = np.sqrt(np.mean(np.abs(std) ** 2, axis=0))
-    for mode in (0, 1):
-        norm = {m: np.linalg.norm(own.coefficients[own.term(mode, m)] / noise) for m in range(-3, 4)}
-        for sign in (-1, 1):
-            last, following = own.term(mode, 2 * sign), own.term(mode, 3 * sign)
-            falling = np.abs(own.coefficients[last]) * min(norm[2 * sign] / norm[sign], 1.0)
-            seen = np.abs(own.coefficients[following]) + 2.0 * np.abs(std[following]) / np.sqrt(2.0)
-            assert_allclose(sizes[following], np.minimum(falling, seen), rtol=1e-10)
-    outside = np.abs(own.harmonics) != 3
+    """The first two harmonics on either side: by what was seen there, over the noise of both channels together."""
+    own, rows = wide.estimates, np.array([True, True])
+    sizes, std = sizes_left_out(own, np.abs(own.harmonics) <= 2, rows), own.std()
+    for term in np.flatnonzero(np.isin(np.abs(own.harmonics), [3, 4])):
+        square, part = 0.0, [term, term + len(own.modes)]
+        for channel in range(2):
+            value = own.coefficients[term, channel, 0]
+            spread = own.row_covariance(channel, 0)[np.ix_(part, part)]
+            square += np.array([value.real, value.imag]) @ np.linalg.solve(spread, [value.real, value.imag])
+        share, share_of_square = hidden_share(square, 4)
+        assert_allclose(
+            sizes[term] ** 2, share * np.abs(std[term]) ** 2 + share_of_square * np.abs(own.coefficients[term]) ** 2
+        )
+    outside = ~np.isin(np.abs(own.harmonics), [3, 4])
     assert_array_equal(sizes[outside], 0.0)
-    alone = sizes_left_out(own, own.harmonics == 0, rows)
-    assert_allclose(alone[own.term(0, 1)], np.abs(own.coefficients[own.term(0, 1)])
-                    + 2.0 * np.abs(std[own.term(0, 1)]) / np.sqrt(2.0))  # fmt: skip
     assert_array_equal(sizes_left_out(own, np.ones(len(own.modes), bool), rows), 0.0)
 
 

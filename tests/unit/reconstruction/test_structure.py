@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from floquid.errors import IdentificationError, InputError
 from floquid.reconstruction import Block, FirstOrder, SecondOrder, refine
-from floquid.reconstruction._inference import SHARES, _weights
+from floquid.reconstruction._hidden import hidden_share
 from floquid.reconstruction._invariance import _tried
 from floquid.reconstruction._refine import _Fit
 
@@ -176,9 +176,10 @@ def test_wider_structures_hold_the_one_they_widen(structure):
     parameters = np.random.default_rng(2).standard_normal(numbers(structure))
     known, slopes = structure.basis(N).in_time(turns)
     target = (known + np.tensordot(parameters, slopes, 1)).ravel()
-    wider = structure.wider()
-    assert len({words for words, _ in wider}) == len(wider)
-    for _, other in wider:
+    hiding = [one for ways in structure.hiding() for one in ways]
+    for ways in (structure.wider(), hiding):
+        assert len({words for words, _ in ways}) == len(ways)
+    for _, other in [*structure.wider(), *hiding]:
         assert numbers(other) > numbers(structure)
         known, slopes = other.basis(N).in_time(turns)
         flat = slopes.reshape(len(slopes), -1).T
@@ -242,7 +243,7 @@ def test_a_constant_system_is_found_to_be_one(oracle):
     found = refine(known.drawn(np.random.default_rng(0)), ["c0", "c1"], times=3)
     assert found.structure == SecondOrder(stiffness=Block(symmetry="symmetric"), damping=Block())
     assert found.reasons[0] == f"Structure found: {found.structure.words()}."
-    tested = ("stiffness with 1 harmonic", 6), ("stiffness that is not symmetric", 1), ("damping with 1 harmonic", 8)
+    tested = ("stiffness with 1 harmonic and damping with 1 harmonic", 14), ("stiffness that is not symmetric", 1)
     assert tuple((own.numbers["name"], own.numbers["more"]) for own in found.findings[1:]) == tested
     assert {own.code for own in found.findings[1:]} == {"structure_tested"}
     assert found.conditional_on == ()
@@ -318,7 +319,7 @@ def test_gains_and_an_estimated_period_have_their_place_in_what_is_hidden(oracle
 def test_deviations_are_those_of_the_wider_structure_where_it_is_far_from_none():
     """Weights of the shares of noise: none of a gain of nothing is far from B = 1, of a large one all is at zero."""
     for more in (1, 2, 12):
-        left = [float(_weights(gain, more) @ (1.0 - SHARES)) for gain in (0.0, 1.0 * more, 10.0 * more, 1e4 * more)]
+        left = [hidden_share(gain, more)[0] for gain in (0.0, 1.0 * more, 10.0 * more, 1e4 * more)]
         # The mean of 1 - B of the density B^((n - 1)/2) is 2/(n + 3).
         assert left[0] == pytest.approx(2.0 / (more + 3), abs=1e-3)
         assert left == sorted(left)
@@ -330,8 +331,8 @@ def test_what_a_record_does_not_tell_is_said_to_be_taken_for_granted(oracle):
     known = oracle.known(oracle.System.second_order([[[14.0]]], [[[0.3]]]), oracle.displacements(1), width=0)
     found = refine(known.drawn(np.random.default_rng(0)), ["c0"], times=3)
     assert found.structure == SecondOrder(stiffness=Block(symmetry="symmetric"), damping=Block())
-    assert found.conditional_on == ("no stiffness with 1 harmonic", "no damping with 1 harmonic")
-    words = "This record cannot tell stiffness with 1 harmonic from none: the deviations are conditional on"
+    assert found.conditional_on == ("no stiffness with 1 harmonic and damping with 1 harmonic",)
+    words = "This record cannot tell stiffness with 1 harmonic and damping with 1 harmonic from none: the deviations"
     assert words in found.reasons[1]
 
 

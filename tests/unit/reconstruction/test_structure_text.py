@@ -103,7 +103,7 @@ def test_what_no_structure_can_be_is_refused_as_by_the_structure_itself():
 
 def test_another_structure_has_no_text():
     class Other(AbstractStructure):
-        blocks = degree = sign = wider = None
+        blocks = degree = sign = less_symmetric = None
 
     for wrong in (Other(), "stiffness 1", None):
         with pytest.raises(InputError, match="Argument `structure` of `text_of` must be SecondOrder, FirstOrder"):

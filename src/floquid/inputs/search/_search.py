@@ -28,7 +28,7 @@ def searched(
     least = descended(replace(least, limits=loose), _last_stages, until, report)
     found = least.at
     modes = [centred(samples, mode, found, number) for number, mode in enumerate(found.modes)]
-    return solve(samples, [_padded(mode, limits) for mode in modes], found.direct), least.unfinished
+    return solve(samples, [_padded(mode, limits.highest) for mode in modes], found.direct), least.unfinished
 
 
 def _stages(point: Point) -> Iterator[Iterable[Move[Structure]]]:
@@ -59,10 +59,6 @@ def nearly_one(samples: Samples, now: Linearisation) -> bool:
     return not all(apart(each, found[:number], samples.fundamental) for number, each in enumerate(found))
 
 
-def _padded(mode: InputMode, limits: Limits) -> InputMode:
+def _padded(mode: InputMode, highest: float) -> InputMode:
     """A mode with one harmonic more at each end of its bands: what is left out has no deviation."""
-    for band in ("turns", "reach"):
-        own = getattr(mode, band)
-        ends = [own[-1] + 1.0] if mode.real else [own[0] - 1.0, own[-1] + 1.0]
-        mode = mode.with_band(band, sorted([*own.tolist(), *(end for end in ends if abs(end) <= limits.highest)]))
-    return mode
+    return mode.padded("turns", 1.0, highest).padded("reach", 1.0, highest)

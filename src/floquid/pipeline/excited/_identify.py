@@ -10,12 +10,12 @@ import numpy as np
 from floquid._checks import input_error
 from floquid.checks import Driven, Excited, Parted, findings_of, judged
 from floquid.core import PeriodicModel, Provenance
-from floquid.errors import FloquidError, IdentificationError
+from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, note, warning
 from floquid.inputs import Limits, Linearisation, Uncertainty, fitted_freely, read_near_axis, searched
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._analysis import Driven as Fitted
-from floquid.pipeline._state import state_of
+from floquid.pipeline._state import with_state
 from floquid.preparation import Prepared, Settings
 
 OF = "identify"
@@ -146,23 +146,6 @@ def finished(analysis: Analysis, subject: Excited, report: Callable[[str], None]
     found = (*analysis.findings, *found)
     if settings.trust_period:
         found = tuple(replace(own, severity=Severity.WARNING) if own.code in PERIOD else own for own in found)
-    return with_state(replace(analysis, validation=verdict, findings=found), report)
-
-
-def with_state(analysis: Analysis, report: Callable[[str], None]) -> Analysis:
-    """The result with A(t) in the states of its settings; a finding says why where there is none."""
-    settings = analysis.settings
-    if not settings.states:
-        return analysis
-    if analysis.failed and settings.structure:
-        why = "A structure is fitted by the deviations of the model, and one that fails has none to quote."
-        return replace(analysis, findings=(*analysis.findings, warning("states_unfit", reason=why)))
     assert analysis.driven is not None
-    try:
-        state, refinement = state_of(analysis.model, settings, analysis.driven.estimates_at, report)
-    except FloquidError as error:  # how many states the modes need was not known before the search
-        missing = warning("states_unfit", reason=str(error).splitlines()[0])
-        return replace(analysis, findings=(*analysis.findings, missing))
-    if analysis.failed and state is not None:  # what the model leaves is no noise
-        state = state.without_deviations()
-    return replace(analysis, state=state, refinement=refinement)
+    again = analysis.driven.estimates_at
+    return with_state(replace(analysis, validation=verdict, findings=found), again, report)

@@ -20,7 +20,7 @@ from floquid.order import Choice
 from floquid.periodic import Fit, combinations_of, estimate_at, periodicity
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._deviations import Decay, model_failure, widened, widening, with_misfit
-from floquid.pipeline._state import Again, state_of
+from floquid.pipeline._state import Again, with_state
 from floquid.pipeline.free._find_poles import ALL_PEAKED
 from floquid.pipeline.free._start import Lifting, Start, filled, out_of_step
 from floquid.preparation import Prepared, Settings, clocks_of, uneven_speed, without_clock
@@ -42,8 +42,6 @@ def completed(
     against the order given, and against the period.
     """
     fails = model_failure(fitted, settings)
-    if fails is not None and settings.states and settings.structure:
-        raise IdentificationError(f"{fails}\n  A state matrix with a structure cannot be fitted to it.")
     fitted, shafts = with_misfit(fitted), prepared.shafts
     whole = by_cycles(fitted, shafts, settings)
     if not whole:
@@ -69,19 +67,16 @@ def completed(
         choice = Choice(order=model.order, model=modal, findings=(*_peaked(choice), *fitted.findings))
     doubted = [] if choice is None or not choice.ambiguous else [choice]
     _refuse_peaks(model, choice, settings)
-    state, refinement = state_of(model, settings, again_of(fitted, lifted, shafts, settings), report)
     tested = None
     if model.unselected is not None:
         # Resampling moves lines by more than their deviations.
         tested = periodicity(model, lifted=lifted if whole else None)
-    return Analysis(
+    found = Analysis(
         settings=settings,
         records=prepared.records,
         model=model,
         decay=Decay(fit=fitted, cycles=cycles, lifted=lifted, modal=modal, choice=choice, periodicity=tested),
         shafts=shafts,
-        state=state,
-        refinement=refinement,
         findings=(
             *prepared.findings,
             *(() if start.floor is None else (note("believed_down_to", floor=start.floor),)),
@@ -102,6 +97,7 @@ def completed(
             ),
         ),
     )
+    return with_state(found, again_of(fitted, lifted, shafts, settings), report)
 
 
 def free_residues(prepared: Prepared, cutting: Lifting, start: Start, model: PeriodicModel) -> Fit:
