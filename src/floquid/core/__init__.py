@@ -16,10 +16,14 @@ from floquid.core._gaps import BRIDGED as BRIDGED
 from floquid.core._gaps import longest_run as longest_run
 from floquid.core._gaps import over_gaps as over_gaps
 from floquid.core._gaps import runs_of as runs_of
+from floquid.core._model_inputs import ModelInputs
 from floquid.core._modelled import Driven as Driven
 from floquid.core._modelled import modelled as modelled
-from floquid.core._periodic_model import ModelInputs, PeriodicModel
+from floquid.core._periodic_model import PeriodicModel
 from floquid.core._phase_clock import PhaseClock
+from floquid.core._point import as_point as as_point
+from floquid.core._point import common_point as common_point
+from floquid.core._point import point_of as point_of
 from floquid.core._provenance import Provenance
 from floquid.core._record import Record
 

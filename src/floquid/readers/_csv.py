@@ -4,7 +4,8 @@ A table cannot say everything that a record says: an exact rate, a period, a qua
 programs skip has it:
 
     {"sample_rate": 2533.333333333334, "start": -0.25, "period": 0.0157, "origin": 0.001,
-     "channels": [["tip x", "displacement", "m", "disc", "+x"], ...], "orbit": [[...], ...]}
+     "channels": [["tip x", "displacement", "m", "disc", "+x"], ...], "orbit": [[...], ...],
+     "point": {"speed_rpm": 742.0}}
 """
 
 from __future__ import annotations
@@ -12,15 +13,15 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid.core import Channel, Record
+from floquid.core import Channel, Record, as_point
 from floquid.errors import InputError
 from floquid.io import Source
 from floquid.readers._body import read_body
@@ -52,13 +53,15 @@ class Stated:
     origin: float | None = None
     channels: tuple[Channel, ...] = ()
     orbit: Floats | None = None
+    point: Mapping[str, float] = field(default_factory=dict)
 
     def of(self, channels: Sequence[Channel]) -> dict[str, Any]:
         """The fields of a table of `channels` that do not depend on the samples."""
         known = self.orbit is not None and all(channel in self.channels for channel in channels)
         rows = [self.channels.index(channel) for channel in channels] if known else []
         orbit = self.orbit[rows] if known and self.orbit is not None else None
-        return {"channels": tuple(channels), "period": self.period, "origin": self.origin, "orbit": orbit}
+        numbers = {"period": self.period, "origin": self.origin, "point": self.point}
+        return {"channels": tuple(channels), "orbit": orbit, **numbers}
 
 
 def stated_text(record: Record, *, ascii_only: bool = True) -> str:
@@ -67,6 +70,8 @@ def stated_text(record: Record, *, ascii_only: bool = True) -> str:
     said["channels"] = [[getattr(channel, word) for word in _WORDS] for channel in record.channels]
     if record.orbit is not None:
         said["orbit"] = record.orbit.tolist()
+    if record.point:
+        said["point"] = dict(record.point)
     return json.dumps(said, ensure_ascii=ascii_only)
 
 
@@ -80,9 +85,10 @@ def stated_in(source: Source, text: str | bytes | None, place: str, remedy: str)
         numbers = {key: float(said[key]) for key in keys}
         channels = tuple(Channel(**dict(zip(_WORDS, words, strict=True))) for words in said.get("channels", []))
         orbit = np.array(said["orbit"], np.float64) if "orbit" in said else None
+        point = dict(as_point(said.get("point"), "Record"))
         if not np.isfinite([*numbers.values()]).all() or (orbit is not None and len(orbit) != len(channels)):
             raise ValueError(text)
-        return Stated(**numbers, channels=channels, orbit=orbit)
+        return Stated(**numbers, channels=channels, orbit=orbit, point=point)
     except (ValueError, TypeError, AttributeError, OverflowError, RecursionError):
         raise source.error(f"have {place} as floquid wrote it", "has another", remedy) from None
 

@@ -151,7 +151,8 @@ def get_object(group: Any, kind: Any) -> Any:
 
 def get_numbers(group: Any) -> dict[str, float]:
     """Numbers by their names."""
-    return {str(name): get(group, name) for name in group}
+    # By no place: a quantity of the operating point may be called as a text or a flag elsewhere.
+    return {str(name): float(get(group, name, None)) for name in group}
 
 
 def get_findings(group: Any, name: str) -> tuple[Finding, ...]:

@@ -38,6 +38,7 @@ ABSENT = (
     "gains",
     "composites",
     "state",
+    "point",
 )  # groups that a file does not have for None
 FLAGS = ("constrained", "kept", "passed", "real", "shared", "speed_dependent", "steady")
 """HDF5 has no truth values: these are 0 and 1."""
@@ -63,6 +64,7 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "start": "; s",
         "channels": Channel,
         "provenance": Provenance,
+        "point": dict,
     },
     **{kind: {own.name: own.metadata.get("stored", "") for own in fields(kind)} for kind in CLOCKS},
     ModalModel: {
@@ -91,6 +93,7 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "channels": Channel,
         "provenance": Provenance,
         "inputs": ModelInputs,
+        "point": dict,
     },
     ModelInputs: {
         "channels": Channel,

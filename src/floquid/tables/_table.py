@@ -208,6 +208,8 @@ class Table(Brief):
         The time of the first sample, the period and the time of phase zero [s].
     orbit
         One period of the periodic orbit that the response was about (channels, phases).
+    point
+        The operating point: numbers by name.
     notes
         Sentences on what else there is.
     labels
@@ -225,6 +227,7 @@ class Table(Brief):
     period: float | None = None
     origin: float | None = None
     orbit: Floats | None = None
+    point: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     labels: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
@@ -272,6 +275,7 @@ def record_of(
             start=axis.start,
             orbit=table.orbit,
             provenance=Provenance(sources=(name,), steps=(step, *axis.notes, *table.notes)),
+            point=table.point,
         )
     except InputError as error:
         raise source.wrapped(error) from None
