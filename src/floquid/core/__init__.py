@@ -20,15 +20,17 @@ from floquid.core._model_inputs import ModelInputs
 from floquid.core._modelled import Driven as Driven
 from floquid.core._modelled import modelled as modelled
 from floquid.core._periodic_model import PeriodicModel
+from floquid.core._periodic_modes import Couple, PeriodicModes, couples_of
 from floquid.core._phase_clock import PhaseClock
 from floquid.core._point import as_point as as_point
 from floquid.core._point import common_point as common_point
 from floquid.core._point import point_of as point_of
 from floquid.core._provenance import Provenance
 from floquid.core._record import Record
+from floquid.core._shape import Shape
 
 __all__ = [
-    "AzimuthSignal", "Channel", "Clock", "ConstantPeriod", "Cycles", "Estimates", "ModelInputs", "PeriodicModel",
-    "PhaseClock", "Provenance", "PulseTimes", "Quantity", "Record", "TachometerSignal", "channels_named",
-    "readings",
+    "AzimuthSignal", "Channel", "Clock", "ConstantPeriod", "Couple", "Cycles", "Estimates", "ModelInputs",
+    "PeriodicModel", "PeriodicModes", "PhaseClock", "Provenance", "PulseTimes", "Quantity", "Record", "Shape",
+    "TachometerSignal", "channels_named", "couples_of", "readings",
 ]  # fmt: skip

@@ -14,9 +14,11 @@ from floquid._show import Drawings, Drawn
 from floquid.core._channel import Channel
 from floquid.core._estimates import Estimates
 from floquid.core._model_inputs import ModelInputs
+from floquid.core._periodic_modes import couples_of
 from floquid.core._point import as_point
 from floquid.core._provenance import Provenance
 from floquid.core._record import as_channels
+from floquid.core._shape import Shape, shape_of
 
 PRODUCT = 1e-9  # share of the first singular value below which the second is rounding: a shape times a state
 SAME = 1e-9  # share of the fundamental within which two exponents are one
@@ -274,6 +276,19 @@ class PeriodicModel(Drawn, Rebuilt):
         real, imag, both = np.diag(whole)[:n], np.diag(whole)[n:], np.diag(whole[:n, n:])
         variance = by_real**2 * real + by_imag**2 * imag + 2.0 * by_real * by_imag * both
         return np.sqrt(np.maximum(variance, 0.0))
+
+    @property
+    def couples(self) -> tuple[tuple[int, int], ...]:
+        """Modes that are two by two one pair locked to the period: real multipliers of one sign, alike in shape."""
+        return tuple(couple.modes for couple in couples_of(self))
+
+    def shape(self, mode: int, reference: str | None = None) -> Shape:
+        """The shape of a `mode`, counted from 0, one for all hits, with the covariance of its lines.
+
+        Its size is the root mean square over the hits. A complex factor is free: the largest line over the noise, or
+        the largest of a `reference` channel, is real and positive; of a real multiplier the sign alone is free.
+        """
+        return shape_of(self, mode, reference)
 
     def principal(self) -> Complexes:
         """The exponents moved by whole multiples of iω to the strip -ω/2 < Im λ ≤ ω/2 (modes,) [1/s] (eq. 4)."""

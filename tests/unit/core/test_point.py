@@ -33,7 +33,7 @@ def test_a_point_is_finite_numbers_by_name(record, point):
         record.with_point(point)
 
 
-@pytest.mark.parametrize("suffix", [".npz", ".h5", ".mat", ".csv", ".parquet"])
+@pytest.mark.parametrize("suffix", [".npz", ".h5", ".mat", ".csv"])
 def test_files_hold_the_point(record, tmp_path, suffix):
     fq.write(record, tmp_path / f"r{suffix}")
     assert fq.read(tmp_path / f"r{suffix}").point == POINT
