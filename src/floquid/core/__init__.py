@@ -7,6 +7,7 @@ from floquid.core._axis import read_blocks as read_blocks
 from floquid.core._axis import readings
 from floquid.core._axis import with_deviations as with_deviations
 from floquid.core._channel import Channel, Quantity, channels_named
+from floquid.core._channel import channel_of as channel_of
 from floquid.core._clock import CLOCKS as CLOCKS
 from floquid.core._clock import AzimuthSignal, Clock, ConstantPeriod, PulseTimes, TachometerSignal
 from floquid.core._cycles import Cycles

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid.core import Channel, Record, as_point
+from floquid.core import Channel, Record, as_point, channel_of
 from floquid.errors import InputError
 from floquid.io import Source
 from floquid.readers._body import read_body
@@ -40,7 +40,8 @@ from floquid.tables import (
     rows_of,
 )
 
-_WORDS = ("name", "quantity", "unit", "location", "direction")
+_WORDS = ("name", "quantity", "unit", "location", "direction", "place")
+_LEAST = 5  # words of a channel: earlier files have no place
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -67,7 +68,8 @@ class Stated:
 def stated_text(record: Record, *, ascii_only: bool = True) -> str:
     """The line of JSON for `record`."""
     said: dict[str, Any] = {**numbers_of(record)}
-    said["channels"] = [[getattr(channel, word) for word in _WORDS] for channel in record.channels]
+    words = _WORDS if any(channel.place for channel in record.channels) else _WORDS[:_LEAST]
+    said["channels"] = [[getattr(channel, word) for word in words] for channel in record.channels]
     if record.orbit is not None:
         said["orbit"] = record.orbit.tolist()
     if record.point:
@@ -83,7 +85,7 @@ def stated_in(source: Source, text: str | bytes | None, place: str, remedy: str)
         said = json.loads(text)
         keys = [key for key in ("sample_rate", "start", "period", "origin") if said.get(key) is not None]
         numbers = {key: float(said[key]) for key in keys}
-        channels = tuple(Channel(**dict(zip(_WORDS, words, strict=True))) for words in said.get("channels", []))
+        channels = tuple(_channel_stated(words) for words in said.get("channels", []))
         orbit = np.array(said["orbit"], np.float64) if "orbit" in said else None
         point = dict(as_point(said.get("point"), "Record"))
         if not np.isfinite([*numbers.values()]).all() or (orbit is not None and len(orbit) != len(channels)):
@@ -91,6 +93,11 @@ def stated_in(source: Source, text: str | bytes | None, place: str, remedy: str)
         return Stated(**numbers, channels=channels, orbit=orbit, point=point)
     except (ValueError, TypeError, AttributeError, OverflowError, RecursionError):
         raise source.error(f"have {place} as floquid wrote it", "has another", remedy) from None
+
+
+def _channel_stated(words: Sequence[str]) -> Channel:
+    """The channel by its words in our own line; ValueError where they are too few or too many."""
+    return channel_of(dict(zip(_WORDS[: max(len(words), _LEAST)], words, strict=True)))
 
 
 def stated_line(source: Source, lines: Sequence[str]) -> Stated:

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 OWN = "floquid"  # the entry of `attrs` that holds what a table cannot say. It is plain JSON, as Parquet keeps it.
 
-_WORDS = ("quantity", "unit", "location", "direction")
+_WORDS = ("quantity", "unit", "location", "direction", "place")
 
 
 def to_pandas(record: Record) -> pd.DataFrame:

@@ -186,7 +186,7 @@ def write(record: Record, path: str | PathLike[str]) -> None:
     if record.n_samples < 2:
         raise input_error("record", "write", "hold at least two samples", f"holds {record.n_samples}")
     for channel in record.channels:
-        for text in (channel.name, channel.unit, channel.location, channel.direction):
+        for text in (channel.name, channel.unit, channel.location, channel.direction, channel.place):
             if any(unicodedata.category(letter) in ("Cc", "Cs") for letter in text):
                 must = "have channels described in plain words"
                 raise input_error("record", "write", must, f"has {text!r}", "Rename that channel.")

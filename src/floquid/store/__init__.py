@@ -41,7 +41,8 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
                                     covariance, exponents, exponent_std (modes,), chi_square, degrees, p_value,
                                     findings; state/ where it is not that of the file; absent where no structure was
                                     asked for
-    .../channels/                   name, quantity, unit, location, direction, each (channels,)
+    .../channels/                   name, quantity, unit, location, direction, place (frame, group, member, axis, angle:
+                                    absent of files before there was one), each (channels,)
     .../provenance/                 sources, steps
 
 Of free responses there is beside these::

@@ -46,7 +46,7 @@ FLAGS = ("constrained", "kept", "passed", "real", "shared", "speed_dependent", "
 TEXTS = (
     "name", "quantity", "unit", "location", "direction", "sources", "steps", "names", "states", "channel", "channels",
     "outcome", "coordinates", "jitter_unit", "at_least", "kind", "structure", "findings", "warnings", "method",
-    "hold",
+    "hold", "place",
 )  # fmt: skip
 """Names of datasets of text."""
 
@@ -56,7 +56,7 @@ SHAPE, DIRECT = "outputs, harmonics; that of the output", "outputs, inputs; that
 """Places of the amplitudes of a mode that was fitted to lines, and of the direct term at one harmonic."""
 
 LAYOUT: dict[type, dict[str, str | type]] = {
-    Channel: dict.fromkeys(("name", "quantity", "unit", "location", "direction"), "channels"),
+    Channel: dict.fromkeys(("name", "quantity", "unit", "location", "direction", "place"), "channels"),
     Provenance: {"sources": "sources", "steps": "steps"},
     Record: {
         "values": f"channels, samples; {_UNIT}",

@@ -117,3 +117,16 @@ def test_a_kind_of_the_future_is_refused(driven, tmp_path):
         file.attrs["kind"] = "telepathic"
     with pytest.raises(InputError, match="telepathic"):
         load(tmp_path / "r.h5")
+
+
+def test_files_from_before_there_were_points_and_places_are_read(driven, tmp_path):
+    save(driven[0], tmp_path / "result.h5")
+    with h5py.File(tmp_path / "result.h5", "a") as file:
+        names = []
+        file.visit(names.append)
+        for name in sorted(names, reverse=True):
+            if name.split("/")[-1] in ("point", "place"):
+                del file[name]
+    back = load(tmp_path / "result.h5")
+    assert back.point == back.records[0].point == {}
+    assert back.model.channels == driven[0].model.channels

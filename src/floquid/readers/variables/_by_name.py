@@ -225,7 +225,7 @@ def is_time(file: VariableFile, variable: Variable) -> bool:
     return variable.is_vector and (variable.name in TIME_NAMES or said_beside(file, variable)[0] in TIME_NAMES)
 
 
-_WORDS = ("units", "quantities", "locations", "directions")
+_WORDS = ("units", "quantities", "locations", "directions", "places")
 KEYS = ("values", "sample_rate", "time", "channels", *_WORDS, "start", "period", "origin", "orbit")
 """The names that are ours."""
 
@@ -244,9 +244,8 @@ def table_by_name(
     values = _values(source, file, len(names))
     words = {key: _texts(source, file, key, len(names)) if key in held else None for key in _WORDS}
     units = words["units"] or ([held["values"].unit] * len(names) if held["values"].unit else None)
-    named = make_channels(
-        source, names, units, quantity=words["quantities"], location=words["locations"], direction=words["directions"]
-    )
+    places = {key: words[f"{key}s"] for key in ("location", "direction", "place")}
+    named = make_channels(source, names, units, quantity=words["quantities"], **places)
     orbit = None
     if "orbit" in held:
         orbit = _orbit(source, numbers(source, file, "orbit"), len(names))
