@@ -84,6 +84,14 @@ Transfer functions measured line by line have the `kind` "measured", and modes f
     /fit/modes/mode1, ...           as of measured inputs, with shape (outputs, harmonics)
     /fit/direct0, direct1, ...      the direct term at each harmonic (outputs, inputs)
 
+A survey has the `kind` "survey"::
+
+    /over, /notes, /warnings, /unlinked     the quantity, sentences, and modes on no track (point and mode)
+    /points/point1, ...             values/, files, passed, weak (modes,), reason; model/ of one hit, where there is one
+    /tracks/track1, ...             name, and over its places: points, modes (the second -1 of no couple), exponents,
+                                    exponent_std, shifts, mirrored, weak, confidence, mac, cost, runner_up
+    /edges/edge1, ...               value, std, interval, between, kind, tracks, direction
+
 Files of earlier versions of the layout, which no release of floquid wrote, are refused.
 """
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ EQUAL = 1e-9  # share of the range within which two points are one
 
 
 def point_of(result: Any) -> Point:
-    """A result as a point of a survey; one that is a point already stays."""
+    """A `result` as a point of a survey; one that is a point already stays."""
     if isinstance(result, Point):
         return result
     if not isinstance(result, (Analysis, PeriodicModel, FloquetModes)):
@@ -36,7 +35,7 @@ def point_of(result: Any) -> Point:
         std = model.exponent_std
         weak[:] = True if std is None else np.maximum(std.real, std.imag) > CONFIDENT * model.fundamental
     return Point(
-        values=getattr(result, "point", None) or {},
+        values={} if isinstance(result, FloquetModes) else result.point,
         files=() if analysis is None else analysis.provenance.sources,
         model=model,
         passed=analysis is None or analysis.passed,
@@ -81,15 +80,28 @@ def _check_periods(points: Sequence[Point], names: Any) -> None:
 def one_hit(modes: PeriodicModel | FloquetModes) -> PeriodicModel:
     """Modes with one shape each, as a model of one hit."""
     if isinstance(modes, FloquetModes):
-        names = [f"x{k + 1}" for k in range(modes.coefficients.shape[1])]
         return PeriodicModel(
             exponents=modes.exponents,
             coefficients=modes.coefficients[:, :, None],
             harmonics=modes.harmonics,
             period=modes.period,
-            channels=names,
+            channels=[f"x{k + 1}" for k in range(modes.coefficients.shape[1])],
         )
-    return replace(modes, estimates=None, unselected=None, inputs=None)
+    shapes = [modes.shape(mode) for mode in range(modes.order)]
+    std = [shape.std for shape in shapes if shape.std is not None]
+    if modes.n_hits == 1 and len(std) < modes.order and modes.coefficient_std is not None:
+        std = list(modes.coefficient_std[:, :, 0])  # a model that has lost its joint covariance
+    return PeriodicModel(
+        exponents=modes.exponents,
+        coefficients=np.reshape([shape.values for shape in shapes], (-1, len(modes.channels), 1, len(modes.harmonics))),
+        harmonics=modes.harmonics,
+        period=modes.period,
+        channels=modes.channels,
+        covariance=modes.covariance,
+        coefficient_std=np.array(std)[:, :, None] if len(std) == modes.order and std else None,
+        provenance=modes.provenance,
+        point=modes.point,
+    )
 
 
 def objects_of(points: Sequence[Point]) -> list[list[Seen]]:
@@ -132,7 +144,7 @@ def _objects(point: Point, common: Sequence[str], weights: Floats, reach: int) -
     deviations = np.zeros_like(shapes) if model.coefficient_std is None else widened(model.coefficient_std)
     count = model.order
     covariance = np.zeros((2 * count, 2 * count)) if model.covariance is None else model.covariance
-    couples = couples_of(model)
+    couples = model.couples
     inside = {mode for couple in couples for mode in couple}
     groups = [*couples, *((mode,) for mode in model.upper_modes if mode not in inside)]
     found = []
@@ -153,15 +165,3 @@ def _objects(point: Point, common: Sequence[str], weights: Floats, reach: int) -
             )
         )
     return found
-
-
-def couples_of(model: PeriodicModel) -> list[tuple[int, ...]]:
-    """Real multipliers of one sign, two by two."""
-    real = np.flatnonzero(model.real)
-    sides = np.rint(2.0 * model.exponents[real].imag / model.fundamental).astype(int) % 2
-    return [
-        (int(own[k]), int(own[k + 1]))
-        for side in (0, 1)
-        for own in (real[sides == side],)
-        for k in range(0, len(own) - 1, 2)
-    ]

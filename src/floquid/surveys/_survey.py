@@ -17,10 +17,11 @@ from floquid.surveys._edges import Crossing, crossings
 from floquid.surveys._meetings import meetings
 from floquid.surveys._points import OF, check_points, objects_of, point_of
 from floquid.surveys._tracking import Path, tracked
-from floquid.surveys._types import Edge, Link, Point, Survey, Track
+from floquid.surveys._types import Edge, Point, Survey, Track
 
 FEWEST = 3  # points for tracks
 DOUBTFUL = 0.8  # confidence below which a link is told
+MOST = 4  # links that are named in a warning
 GRID = 41  # points of a known system, by default
 
 
@@ -129,17 +130,11 @@ def _surveyed(given: Sequence[Point], over: str, gap: int, confidence: float) ->
     followed = [{there[at]: held.own for at, held in zip(path.places, path.objects, strict=True)} for path in paths]
     notes, doubts = meetings(followed, values, over)
     edges = tuple(_edge(crossing, values, confidence) for crossing in crossings(followed, values))
-    links = tuple(_links(paths, there))
-    doubtful = [link for link in links if link.confidence < DOUBTFUL]
-    if doubtful:
-        where = ", ".join(f"{tracks[link.track].name} to {values[link.between[1]]:g}" for link in doubtful[:4])
-        more = f" and {len(doubtful) - 4} more" if len(doubtful) > 4 else ""
-        warnings.append(f"{len(doubtful)} of {len(links)} links have a confidence below {DOUBTFUL}: {where}{more}.")
+    warnings += _doubts(tracks, values)
     return Survey(
         over=over,
         points=points,
         tracks=tracks,
-        links=links,
         edges=edges,
         unlinked=tuple((there[path.places[0]], mode) for path in alone for mode in path.objects[0].own.modes),
         notes=tuple(notes),
@@ -155,15 +150,6 @@ def _reason(point: Point, over: str) -> str:
 def _height(path: Path) -> float:
     """The middle frequency of a path, by which tracks are numbered."""
     return float(np.median([abs(held.own.exponent.imag) for held in path.objects]))
-
-
-def _links(paths: Sequence[Path], there: Sequence[int]) -> Iterable[Link]:
-    for number, path in enumerate(paths):
-        for first, last, step in zip(path.places[:-1], path.places[1:], path.steps, strict=True):
-            yield Link(
-                track=number, between=(there[first], there[last]), cost=step.cost, runner_up=step.runner_up,
-                mac=step.mac, confidence=step.confidence,
-            )  # fmt: skip
 
 
 def _track(path: Path, number: int, there: Sequence[int]) -> Track:
@@ -185,9 +171,24 @@ def _track(path: Path, number: int, there: Sequence[int]) -> Track:
         shifts=np.array([held.shift for held in path.objects]),
         mirrored=np.array([held.mirrored for held in path.objects]),
         weak=np.array([held.own.weak for held in path.objects]),
-        confidence=np.array([np.nan, *(step.confidence for step in path.steps)]),
-        mac=np.array([np.nan, *(step.mac for step in path.steps)]),
+        **{
+            name: np.array([np.nan, *(getattr(step, name) for step in path.steps)])
+            for name in ("confidence", "mac", "cost", "runner_up")
+        },
     )
+
+
+def _doubts(tracks: Sequence[Track], values: Floats) -> list[str]:
+    """A sentence on the links of low confidence, if there are any."""
+    doubtful = [
+        f"{track.name} to {value:g}"
+        for track in tracks
+        for value, sure in zip(values[track.points], track.confidence, strict=True)
+        if sure < DOUBTFUL
+    ]
+    count = sum(len(track.points) - 1 for track in tracks)
+    where = ", ".join(doubtful[:MOST]) + (f" and {len(doubtful) - MOST} more" if len(doubtful) > MOST else "")
+    return [f"{len(doubtful)} of {count} links have a confidence below {DOUBTFUL}: {where}."] if doubtful else []
 
 
 def _edge(crossing: Crossing, values: Floats, confidence: float) -> Edge:

@@ -69,8 +69,9 @@ class Track(Sealed):
         (places,).
     weak
         True where no edge rests on it (places,).
-    confidence, mac
-        Of the link that leads to each place, and the likeness of its shapes; NaN for the first (places,).
+    confidence, mac, cost, runner_up
+        Of the link that leads to each place, the likeness of its shapes, its cost and that of the best other choice;
+        NaN for the first (places,).
     """
 
     name: str
@@ -83,6 +84,8 @@ class Track(Sealed):
     weak: Mask
     confidence: Floats
     mac: Floats
+    cost: Floats
+    runner_up: Floats
 
     @property
     def locked(self) -> Mask:
@@ -108,6 +111,12 @@ class Track(Sealed):
     def decay_std(self) -> Floats:
         """Deviations of the decay [1/s], of a couple the larger of both (places,)."""
         return np.fmax(self.exponent_std[:, 0].real, self.exponent_std[:, 1].real)
+
+    @property
+    def damping_ratio(self) -> Floats:
+        """-Re λ/|λ| on the branch of the track; NaN of a couple, which has no frequency of its own (places,)."""
+        lam = np.where(self.locked, np.nan, self.exponents[:, 0])
+        return -lam.real / np.abs(lam)
 
     @property
     def growth(self) -> Floats:
@@ -179,8 +188,6 @@ class Survey(Told, Drawn, Rebuilt):
         All points, ascending.
     tracks
         Modes followed through them, by frequency.
-    links
-        The steps of all tracks.
     edges
         Where they turn unstable and stable again, ascending.
     unlinked
@@ -194,7 +201,6 @@ class Survey(Told, Drawn, Rebuilt):
     over: str
     points: tuple[Point, ...]
     tracks: tuple[Track, ...]
-    links: tuple[Link, ...]
     edges: tuple[Edge, ...]
     unlinked: tuple[tuple[int, int], ...]
     notes: tuple[str, ...] = ()
@@ -202,6 +208,19 @@ class Survey(Told, Drawn, Rebuilt):
 
     def _figures(self) -> Drawings:
         return dict.fromkeys(("campbell", "damping", "multipliers"), (self, {}))
+
+    @property
+    def links(self) -> tuple[Link, ...]:
+        """The steps of all tracks."""
+        return tuple(
+            Link(track=number, between=(int(first), int(last)), cost=cost, runner_up=other, mac=mac, confidence=sure)
+            for number, track in enumerate(self.tracks)
+            for first, last, cost, other, mac, sure in zip(
+                track.points[:-1], track.points[1:],
+                *(own[1:].tolist() for own in (track.cost, track.runner_up, track.mac, track.confidence)),
+                strict=True,
+            )
+        )  # fmt: skip
 
     @property
     def values(self) -> Floats:
