@@ -25,15 +25,15 @@ if TYPE_CHECKING:
     from floquid.reconstruction import Refinement, StateModel, reconstruct, refine
     from floquid.reporting import report
     from floquid.store import load, save
+    from floquid.surveys import Survey, survey
     from floquid.transfer import fit_transfer, multisine
 
 __all__ = [
-    "Analysis", "AzimuthSignal", "Bootstrap", "Channel", "ConstantPeriod",
-    "FloquidError", "IdentificationError", "InputError", "PeriodicModel", "PulseTimes", "Record", "Refinement",
-    "Settings", "StateModel", "TachometerSignal", "bootstrap", "export_modes", "fit_transfer", "floquet", "from_pandas",
-    "from_sep005", "from_xarray", "identify", "load", "measure_transfer",
-    "multisine", "read", "reconstruct", "refine", "report", "save", "systems", "to_pandas", "to_sep005", "to_xarray",
-    "write",
+    "Analysis", "AzimuthSignal", "Bootstrap", "Channel", "ConstantPeriod", "FloquidError", "IdentificationError",
+    "InputError", "PeriodicModel", "PulseTimes", "Record", "Refinement", "Settings", "StateModel", "Survey",
+    "TachometerSignal", "bootstrap", "export_modes", "fit_transfer", "floquet", "from_pandas", "from_sep005",
+    "from_xarray", "identify", "load", "measure_transfer", "multisine", "read", "reconstruct", "refine", "report",
+    "save", "survey", "systems", "to_pandas", "to_sep005", "to_xarray", "write",
 ]  # fmt: skip
 
 _ROOMS = {
@@ -46,6 +46,7 @@ _ROOMS = {
     "reconstruction": "Refinement StateModel reconstruct refine",
     "reporting": "report",
     "store": "load save",
+    "surveys": "Survey survey",
     "transfer": "fit_transfer multisine",
 }
 _ROOM_OF = {name: room for room, names in _ROOMS.items() for name in names.split()}

@@ -96,6 +96,11 @@ def _print_summary(found: FileSummary, proposal: Proposal) -> None:
         numbers = [("-" if value is None else f"{value:.4g}") for value in (c.minimum, c.maximum, c.std)]
         table.add_row(c.name, str(c.quantity), c.unit, *numbers, str(c.n_missing) if c.n_missing else "-")
     console.print(table)
+    if found.point:
+        words = ", ".join(f"{name} = {value:.6g}" for name, value in found.point.items())
+        console.print(f"Operating point: {words}.", soft_wrap=True)
+    if places := [f"{c.name} ({c.place.replace('=', ' ').replace(';', ',')})" for c in found.channels if c.place]:
+        console.print(f"Places of channels: {'; '.join(places)}.", soft_wrap=True)
     for note in found.notes:
         console.print(f"Note: {in_options(note)}")
     clocks = proposal.of_use("clock")

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, make_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
 
+import numpy as np
 from cyclopts import Group, Parameter, Token
 
 from floquid._checks import finite, input_error, positive
+from floquid.core import as_point
 from floquid.errors import InputError
 from floquid.inputs import Hold
 from floquid.io import readable_file
@@ -81,6 +83,24 @@ _NAMES = "Names for the channels, comma-separated, or the path of a variable tha
 Names = Annotated[str | None, Parameter(help=_NAMES)]
 
 
+_POINT = "A quantity of the operating point as NAME=NUMBER, e.g. speed_rpm=742; may be given several times."
+Point = Annotated[list[str] | None, Parameter(help=_POINT, negative=())]
+
+
+def point_given(words: Sequence[str], of: str) -> dict[str, float]:
+    """The operating point by words such as `speed_rpm=742` that the command `of` was given."""
+    found: dict[str, float] = {}
+    for word in words:
+        name, equals, number = (part.strip() for part in word.partition("="))
+        try:
+            found[name] = float(number) if equals else np.nan
+            as_point({name: found[name]}, of)
+        except (ValueError, InputError):
+            example = "For example: --point speed_rpm=742"
+            raise input_error("--point", of, "be NAME=NUMBER", f"is {word!r}", example) from None
+    return found
+
+
 def split(text: str) -> tuple[str, ...]:
     """A comma-separated list."""
     return tuple(word.strip() for word in text.split(",") if word.strip())
@@ -122,6 +142,7 @@ READING = {  # what is said of records beside the settings
     "rate": (float, "The sampling rate [Hz], overriding what the files say."),
     "names": (str, _NAMES),
     "header": (bool, _HEADER),
+    "point": (list[str], _POINT),
 }
 
 RECORD = "Record"
@@ -143,7 +164,7 @@ def _option(name: str, kind: Any, words: str, default: Any, group: Group, shown:
     more: dict[str, Any] = {"help": words, "group": group, "show": shown}
     if kind is int:
         more["converter"] = whole_number
-    if kind is bool and default is False:
+    if (kind is bool and default is False) or kind == list[str]:
         more["negative"] = ()
     elif kind is not bool and default not in (None, (), "", 0.0):
         more["help"] = f"{words} [default: {default:g}]" if kind in (int, float) else f"{words} [default: {default}]"
@@ -186,6 +207,8 @@ def given(options: object, of: str) -> dict[str, Any]:
     said = {long.get(f.name, f.name): getattr(options, f.name) for f in fields(options)}  # type: ignore[arg-type]
     if "frequency" in said:
         said["period"] = period_of(said["period"], said.pop("frequency"), of)
+    if said.get("point") is not None:
+        said["point"] = point_given(said["point"], of)
     for name in ("channels", "names", "inputs", "states"):
         if said.get(name) is not None:
             said[name] = split(text := said[name])
@@ -204,7 +227,7 @@ else:
     ModelOptions = _options("ModelOptions", ("Model", MODEL), ("State matrix A(t)", SYSTEM), ("Checks", CHECKS))
 
 
-_HOW = ("rate", "names", "origin", "header", "identifier")  # the choices that are not settings as they stand
+_HOW = ("rate", "names", "origin", "header", "identifier", "point")  # the choices that are not settings as they stand
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -218,6 +241,7 @@ class Choices:
     origin: float = 0.0  # the time of phase zero [s]
     header: bool = True  # a text table has a line of names
     identifier: IdentifierName | None = None  # the algorithm that finds the poles; None for the usual one
+    point: Mapping[str, float] = field(default_factory=dict)  # the operating point beside what the files say of it
 
     def resolved(self) -> Settings:
         """The settings with the algorithm that was named."""
@@ -241,6 +265,7 @@ class Choices:
             "origin": self.origin or None,
             "header": None if self.header else False,
             "identifier": self.identifier,
+            "point": dict(self.point) or None,
         }
         lists = {name: list(value) if isinstance(value, tuple) else value for name, value in content.items()}
         return tomli_w.dumps({name: value for name, value in lists.items() if value is not None})
@@ -275,6 +300,8 @@ def choices_of(file: Path | None) -> Choices:
             if not isinstance(header, bool):
                 raise input_error("header", "Settings", "be true or false", f"is {header!r}")
             reading["header"] = header
+        if "point" in content:
+            reading["point"] = as_point(content.pop("point"), "Settings")
         identifier = content.pop("identifier", None)
         Settings(identifier=identifier)  # refuses what is no such word
         return Choices(settings=Settings(**content), identifier=identifier, **reading)

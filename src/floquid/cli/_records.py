@@ -20,10 +20,12 @@ from floquid.cli._options import (
     Header,
     Names,
     NewRecordFile,
+    Point,
     Rate,
     RecordFile,
     SettingsFile,
     period_of,
+    point_given,
     split,
 )
 from floquid.cli._terminal import progress, terminal
@@ -76,7 +78,7 @@ def read_records(
                 f"{_likely(file, choices.rate, choices.header)}"
             )
             raise input_error("--period", of, "be given", got, remedy)
-        records.append(record)
+        records.append(record.with_point(choices.point))
     if chosen.channels:  # a path may stand for all rows of a matrix: from here on each has its name
         own = tuple(c.name for c in records[0].channels if c.name not in beside)
         choices = choices.with_given(channels=own, asked=chosen.channels if choices.names else None)
@@ -102,6 +104,7 @@ def convert(
     frequency: Frequency = None,
     origin: float = 0.0,
     header: Header = True,
+    point: Point = None,
     coordinates: SettingsFile = None,
     damping_unit: Damping = "percent",
 ) -> None:
@@ -130,7 +133,7 @@ def convert(
     if file.is_dir() or _is_result(file):
         options: dict[str, object] = {"channels": channels, "names": names, "rate": rate}
         options |= {"period": period, "frequency": frequency}
-        options |= {"origin": origin or None, "no-header": None if header else True}
+        options |= {"origin": origin or None, "no-header": None if header else True, "point": point}
         _convert_modes(file, out, options, coordinates, damping_unit)
         return
     if coordinates is not None:
@@ -141,6 +144,7 @@ def convert(
         chosen, called = (None if words is None else split(words) for words in (channels, names))
         period = period_of(period, frequency, OF)
         record = read(file, rate=rate, period=period, channels=chosen, names=called, origin=origin, header=header)
+        record = record.with_point(point_given(point or (), OF))
         report(f"writing {out.name}")
         _write(record, out)
         report("reading it back")
@@ -195,6 +199,7 @@ def differences(record: Record, found: Record) -> list[str]:
         "the words on the channels (names, units, places)": record.channels == found.channels,
         "the clock": record.clock == found.clock,
         "the orbit": _same(record.orbit, found.orbit),
+        "the operating point": record.point == found.point,
     }
     return [words for words, kept in pairs.items() if not kept]
 

@@ -7,6 +7,7 @@ from floquid.core._axis import read_blocks as read_blocks
 from floquid.core._axis import readings
 from floquid.core._axis import with_deviations as with_deviations
 from floquid.core._channel import Channel, Quantity, channels_named
+from floquid.core._channel import channel_of as channel_of
 from floquid.core._clock import CLOCKS as CLOCKS
 from floquid.core._clock import AzimuthSignal, Clock, ConstantPeriod, PulseTimes, TachometerSignal
 from floquid.core._cycles import Cycles
@@ -16,15 +17,21 @@ from floquid.core._gaps import BRIDGED as BRIDGED
 from floquid.core._gaps import longest_run as longest_run
 from floquid.core._gaps import over_gaps as over_gaps
 from floquid.core._gaps import runs_of as runs_of
+from floquid.core._model_inputs import ModelInputs
 from floquid.core._modelled import Driven as Driven
 from floquid.core._modelled import modelled as modelled
-from floquid.core._periodic_model import ModelInputs, PeriodicModel
+from floquid.core._periodic_model import PeriodicModel
+from floquid.core._periodic_modes import Couple, PeriodicModes, couples_of
 from floquid.core._phase_clock import PhaseClock
+from floquid.core._point import as_point as as_point
+from floquid.core._point import common_point as common_point
+from floquid.core._point import point_of as point_of
 from floquid.core._provenance import Provenance
 from floquid.core._record import Record
+from floquid.core._shape import Shape
 
 __all__ = [
-    "AzimuthSignal", "Channel", "Clock", "ConstantPeriod", "Cycles", "Estimates", "ModelInputs", "PeriodicModel",
-    "PhaseClock", "Provenance", "PulseTimes", "Quantity", "Record", "TachometerSignal", "channels_named",
-    "readings",
+    "AzimuthSignal", "Channel", "Clock", "ConstantPeriod", "Couple", "Cycles", "Estimates", "ModelInputs",
+    "PeriodicModel", "PeriodicModes", "PhaseClock", "Provenance", "PulseTimes", "Quantity", "Record", "Shape",
+    "TachometerSignal", "channels_named", "couples_of", "readings",
 ]  # fmt: skip

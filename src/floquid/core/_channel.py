@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
-from floquid._checks import answers_slips, input_error
+from floquid._checks import answers_slips, finite, input_error, integer
 from floquid._show import Brief
+from floquid.core._places import PLACE, Axis, Frame, axis_by_words, place_by_name, place_of, place_text
 
 Quantity = Literal["displacement", "velocity", "acceleration", "strain", "force", "angle", "pulse", "other"]
 
@@ -53,6 +54,17 @@ class Channel(Brief):
         `quantity` nor a name that says it, what is measured is "other".
     location, direction
         Free words for people.
+    frame
+        The frame in which it measures: "fixed", "rotating" with the shaft, or None where that is not known. If neither
+        `frame`, `group` nor `member` is given they are taken from names such as flap1, blade 2 edge or RootMyb3.
+    group, member
+        The channels that measure the same on each blade have one group, "flap" say, and the numbers 1, 2, 3 of the
+        blades; "" and None where it belongs to none.
+    axis
+        The axis of the frame along which it measures, "x", "y" or "z". If not given it is that of the `direction`, or
+        the last of several words in the name.
+    angle
+        The angle of the member on the shaft [rad], in the sense of rotation; None where members are evenly spaced.
     """
 
     name: str
@@ -60,6 +72,11 @@ class Channel(Brief):
     unit: str = "-"
     location: str = ""
     direction: str = ""
+    frame: Frame | None = None
+    group: str = ""
+    member: int | None = None
+    axis: Axis | None = None
+    angle: float | None = None
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.strip():
@@ -81,11 +98,43 @@ class Channel(Brief):
             must = f"be a unit of {self.quantity}"
             got = f"is {unit!r}, a unit of {' or '.join(possible)} (channel {self.name!r})"
             raise input_error("unit", "Channel", must, got, f'Correct the unit, or pass quantity="{possible[0]}".')
+        self._check_place()
+
+    def _check_place(self) -> None:
+        """Take the place from the name where it is not given, and refuse one that is impossible."""
+        put = object.__setattr__
+        if self.frame is None and self.group == "" and self.member is None:
+            for key, value in place_by_name(self.name).items():
+                if getattr(self, key) in (None, ""):
+                    put(self, key, value)
+        if self.axis is None:
+            put(self, "axis", axis_by_words(self.name, self.direction))
+        for key, words in (("frame", get_args(Frame)), ("axis", get_args(Axis))):
+            if getattr(self, key) not in (None, *words):
+                raise input_error(key, "Channel", f"be {', '.join(words)} or None", f"is {getattr(self, key)!r}")
+        if not isinstance(self.group, str) or not (self.group.isprintable() and ";" not in self.group):
+            raise input_error("group", "Channel", "be a word", f"is {self.group!r}")
+        if self.member is not None:
+            put(self, "member", integer(self.member, "member", "Channel", at_least=1))
+        if self.angle is not None:
+            put(self, "angle", finite(self.angle, "angle", "Channel", unit="rad"))
+
+    @property
+    def place(self) -> str:
+        """Frame, group, member, axis and angle in one text, as files hold it; empty where none is known."""
+        return place_text({key: getattr(self, key) for key in PLACE})
 
     @property
     def label(self) -> str:
         """The name with its unit, as an axis shows it."""
         return f"{self.name} [{self.unit}]"
+
+
+def channel_of(words: Mapping[str, Any]) -> Channel:
+    """The channel by its words as files hold them, its `place` in one text; ValueError where that is none."""
+    given = {key: value for key, value in words.items() if value is not None}
+    place = place_of(str(given.pop("place", "")))
+    return Channel(**given, **place)
 
 
 def _by_name(name: str, possible: Sequence[str]) -> str | None:

@@ -11,7 +11,8 @@ from floquid._arrays import Complexes, Integers, Mask
 from floquid.core._axis import with_deviations
 from floquid.core._channel import Channel
 from floquid.core._estimates import Estimates
-from floquid.core._periodic_model import ModelInputs, PeriodicModel
+from floquid.core._model_inputs import ModelInputs
+from floquid.core._periodic_model import PeriodicModel
 from floquid.core._provenance import Provenance
 from floquid.errors import IdentificationError
 

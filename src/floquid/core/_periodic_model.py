@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,54 +13,12 @@ from floquid._checks import Rebuilt, frozen_array, input_error, positive
 from floquid._show import Drawings, Drawn
 from floquid.core._channel import Channel
 from floquid.core._estimates import Estimates
+from floquid.core._model_inputs import ModelInputs
+from floquid.core._periodic_modes import couples_of
+from floquid.core._point import as_point
 from floquid.core._provenance import Provenance
 from floquid.core._record import as_channels
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ModelInputs(Rebuilt):
-    r"""Inputs of a periodic model: how they drive its modes, and what they do to the outputs at once.
-
-    .. math:: \dot z_r = \lambda_r z_r + \sum_{i,l} b_{r,i,l}\, e^{i l \omega t} u_i, \qquad
-              y_c = \sum_r \sum_m c_{r,c,m}\, e^{i m \omega t} z_r + \sum_{i,n} D_{c,i,n}\, e^{i n \omega t} u_i
-
-    The scale of each z is free: of b and z at the first samples the part that is largest is 1. Raises InputError where
-    a shape is not possible.
-
-    Parameters
-    ----------
-    channels
-        One `Channel` an input.
-    coefficients
-        b (modes, inputs, harmonics) [1/s over the units of the inputs].
-    harmonics
-        The integers l, ascending (harmonics,).
-    coefficient_std
-        The deviations of b, that of the real part as the real part (modes, inputs, harmonics); None if not estimated.
-    direct, direct_harmonics
-        D (outputs, inputs, direct harmonics) [units of the outputs over those of the inputs], and the integers n,
-        ascending (direct harmonics,); empty without a direct term.
-    initial
-        z at the first sample of each record (modes, records).
-    """
-
-    channels: tuple[Channel, ...]
-    coefficients: Complexes
-    harmonics: Integers
-    coefficient_std: Complexes | None = None
-    direct: Complexes
-    direct_harmonics: Integers
-    initial: Complexes
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "channels", as_channels(self.channels, "ModelInputs"))
-        self._freeze(dtype=np.int64, harmonics=("harmonics",), direct_harmonics=("direct harmonics",))
-        number = len(self.channels)
-        self._freeze(dtype=np.complex128, coefficients=("modes", number, len(self.harmonics)))
-        self._freeze(dtype=np.complex128, coefficient_std=self.coefficients.shape)
-        self._freeze(dtype=np.complex128, direct=("outputs", number, len(self.direct_harmonics)))
-        self._freeze(dtype=np.complex128, initial=(len(self.coefficients), "records"))
-
+from floquid.core._shape import Shape, shape_of
 
 PRODUCT = 1e-9  # share of the first singular value below which the second is rounding: a shape times a state
 SAME = 1e-9  # share of the fundamental within which two exponents are one
@@ -105,6 +63,8 @@ class PeriodicModel(Drawn, Rebuilt):
     inputs
         How measured inputs drive the modes and the outputs; None of a model of free responses. With inputs, the
         coefficients are those of a unit state of each mode, as one hit.
+    point
+        The operating point of the records, finite numbers by name; empty for None.
     """
 
     exponents: Complexes
@@ -118,6 +78,7 @@ class PeriodicModel(Drawn, Rebuilt):
     unselected: Estimates | None = None
     provenance: Provenance = field(default_factory=Provenance)
     inputs: ModelInputs | None = None
+    point: Mapping[str, float] = field(default_factory=dict)
 
     def __init__(
         self,
@@ -133,6 +94,7 @@ class PeriodicModel(Drawn, Rebuilt):
         unselected: Estimates | None = None,
         provenance: Provenance | None = None,
         inputs: ModelInputs | None = None,
+        point: Mapping[str, float] | None = None,
     ) -> None:
         of = "PeriodicModel"
         named = as_channels(channels, of)
@@ -165,6 +127,7 @@ class PeriodicModel(Drawn, Rebuilt):
             got = f"has {len(inputs.coefficients)} modes and {len(inputs.direct)} outputs"
             raise input_error("inputs", of, f"have the {len(lam)} modes and {len(named)} channels of the model", got)
         put(self, "inputs", inputs)
+        put(self, "point", as_point(point, of))
 
     def _check_estimates(self, estimates: Estimates) -> None:
         """Refuse estimates of another model."""
@@ -313,6 +276,19 @@ class PeriodicModel(Drawn, Rebuilt):
         real, imag, both = np.diag(whole)[:n], np.diag(whole)[n:], np.diag(whole[:n, n:])
         variance = by_real**2 * real + by_imag**2 * imag + 2.0 * by_real * by_imag * both
         return np.sqrt(np.maximum(variance, 0.0))
+
+    @property
+    def couples(self) -> tuple[tuple[int, int], ...]:
+        """Modes that are two by two one pair locked to the period: real multipliers of one sign, alike in shape."""
+        return tuple(couple.modes for couple in couples_of(self))
+
+    def shape(self, mode: int, reference: str | None = None) -> Shape:
+        """The shape of a `mode`, counted from 0, one for all hits, with the covariance of its lines.
+
+        Its size is the root mean square over the hits. A complex factor is free: the largest line over the noise, or
+        the largest of a `reference` channel, is real and positive; of a real multiplier the sign alone is free.
+        """
+        return shape_of(self, mode, reference)
 
     def principal(self) -> Complexes:
         """The exponents moved by whole multiples of iω to the strip -ω/2 < Im λ ≤ ω/2 (modes,) [1/s] (eq. 4)."""

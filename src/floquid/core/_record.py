@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from floquid._arrays import Floats
 from floquid._checks import Rebuilt, answers_slips, finite, frozen_array, input_error, positive
 from floquid.core._channel import Channel, channels_named
 from floquid.core._clock import CLOCKS, Clock
+from floquid.core._point import as_point
 from floquid.core._provenance import Provenance
 
 _SLIPS = {
@@ -49,6 +50,8 @@ class Record(Rebuilt):
         there is none or it is not known. It is part of `values` until `identify` subtracts it.
     provenance
         Where the record comes from.
+    point
+        The operating point at which it was measured, finite numbers by name: `{"speed_rpm": 742.0}`. Empty for None.
     """
 
     values: Floats
@@ -58,6 +61,7 @@ class Record(Rebuilt):
     start: float = 0.0
     orbit: Floats | None = None
     provenance: Provenance = field(default_factory=Provenance)
+    point: Mapping[str, float] = field(default_factory=dict)
 
     def __init__(
         self,
@@ -69,6 +73,7 @@ class Record(Rebuilt):
         start: float = 0.0,
         orbit: ArrayLike | None = None,
         provenance: Provenance | None = None,
+        point: Mapping[str, float] | None = None,
     ) -> None:
         named = as_channels(channels, "Record")
         flat = isinstance(values, np.ndarray) and values.ndim == 1
@@ -107,6 +112,7 @@ class Record(Rebuilt):
                 raise input_error("orbit", "Record", "have at least one phase", "has none", "Pass None for no orbit.")
         put(self, "orbit", orbit)
         put(self, "provenance", provenance if provenance is not None else Provenance())
+        put(self, "point", as_point(point, "Record"))
 
     def __repr__(self) -> str:
         names = ", ".join([channel.name[:20] for channel in self.channels[:4]] + ["…"] * (self.n_channels > 4))
@@ -162,6 +168,10 @@ class Record(Rebuilt):
     def with_clock(self, clock: Clock) -> Record:
         """Record tied to `clock`."""
         return replace(self, clock=clock)
+
+    def with_point(self, point: Mapping[str, float]) -> Record:
+        """Record whose operating point has these numbers, `point`, beside those that it had."""
+        return replace(self, point={**self.point, **as_point(point, "Record.with_point")})
 
 
 def as_channels(channels: Sequence[Channel | str], of: str) -> tuple[Channel, ...]:

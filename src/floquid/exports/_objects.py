@@ -289,7 +289,7 @@ def to_xarray(thing: Record | PeriodicModel) -> xr.Dataset:
     part and that of the imaginary part as the imaginary part. Modes and hits count from 1, units are in the attributes,
     the period [s] is an attribute. The joint covariance is not in it: it is kept by `floquid.save`.
 
-    Along `channel` there are the names, and `unit`, `quantity`, `location` and `direction`.
+    Along `channel` there are the names, and `unit`, `quantity`, `location`, `direction` and `place`.
 
     Complex numbers stay complex. The `thing` is the record or the model. Raises InputError where xarray is not
     installed, or it is another thing.
@@ -314,6 +314,6 @@ def to_xarray(thing: Record | PeriodicModel) -> xr.Dataset:
         "hit": np.arange(1, model.n_hits + 1),
         "harmonic": np.array(model.harmonics),
     }
-    for word in ("unit", "quantity", "location", "direction"):
+    for word in ("unit", "quantity", "location", "direction", "place"):
         coordinates[word] = ("channel", [str(getattr(channel, word)) for channel in model.channels])
     return xarray.Dataset(variables, coords=coordinates, attrs={"period": model.period, "period_units": "s"})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -280,6 +280,11 @@ class Analysis(Told, Drawn, Brief):
     def provenance(self) -> Provenance:
         """Sources and steps of the result."""
         return self.model.provenance
+
+    @property
+    def point(self) -> Mapping[str, float]:
+        """The operating point of the records, by name; `speed_rpm` is that of the clock where they state none."""
+        return self.model.point
 
     @property
     def modes(self) -> pd.DataFrame:

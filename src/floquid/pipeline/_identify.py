@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Unpack
 
-from floquid.core import Record
+from floquid.core import Record, common_point
 from floquid.errors import IdentificationError
 from floquid.findings import texts
 from floquid.pipeline._analysis import Analysis
@@ -83,4 +83,14 @@ def identify(
             found = CHAINS[prepared.settings.kind](prepared, report)
         except IdentificationError as error:
             raise IdentificationError("\n  ".join([str(error), *texts(prepared.faults)])) from None
-    return replace(found, findings=(*prepared.faults, *found.findings))
+    return replace(_at_point(found), findings=(*prepared.faults, *found.findings))
+
+
+def _at_point(found: Analysis) -> Analysis:
+    """The result with the operating point of its records, and the speed by the clock where they state none."""
+    speed = 60.0 / (found.model.period * found.settings.periods_per_revolution)
+    given = common_point(record.point for record in found.records)
+    model = replace(found.model, point={"speed_rpm": speed, **given})
+    if found.decay is None:
+        return replace(found, model=model)
+    return replace(found, model=model, decay=replace(found.decay, fit=replace(found.decay.fit, model=model)))

@@ -16,6 +16,7 @@ from floquid.plot._spectra import harmonic_spectra, spectra
 from floquid.plot._stabilisation import stabilisation
 from floquid.plot._stability_map import stability_map
 from floquid.plot._style import style as style
+from floquid.plot._survey import campbell, damping, multipliers
 from floquid.plot._synchronisation import speed, synchronisation
 from floquid.plot._system_elements import system_elements
 from floquid.plot._transfer import nyquist, transfer
@@ -25,8 +26,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Figure
 
 __all__ = [
-    "FIGURES", "coefficients", "composite", "exponents", "harmonic_spectra", "indicators", "nyquist",
-    "periodic_shapes",
+    "FIGURES", "campbell", "coefficients", "composite", "damping", "exponents", "harmonic_spectra", "indicators",
+    "multipliers", "nyquist", "periodic_shapes",
     "residues", "save_figure", "save_figures", "spectra", "speed", "stabilisation", "stability_map",
     "synchronisation", "synthesis", "system_elements", "time_record", "transfer",
 ]  # fmt: skip

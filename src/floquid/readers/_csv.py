@@ -4,7 +4,8 @@ A table cannot say everything that a record says: an exact rate, a period, a qua
 programs skip has it:
 
     {"sample_rate": 2533.333333333334, "start": -0.25, "period": 0.0157, "origin": 0.001,
-     "channels": [["tip x", "displacement", "m", "disc", "+x"], ...], "orbit": [[...], ...]}
+     "channels": [["tip x", "displacement", "m", "disc", "+x"], ...], "orbit": [[...], ...],
+     "point": {"speed_rpm": 742.0}}
 """
 
 from __future__ import annotations
@@ -12,15 +13,15 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid.core import Channel, Record
+from floquid.core import Channel, Record, as_point, channel_of
 from floquid.errors import InputError
 from floquid.io import Source
 from floquid.readers._body import read_body
@@ -39,7 +40,8 @@ from floquid.tables import (
     rows_of,
 )
 
-_WORDS = ("name", "quantity", "unit", "location", "direction")
+_WORDS = ("name", "quantity", "unit", "location", "direction", "place")
+_LEAST = 5  # words of a channel: earlier files have no place
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -52,21 +54,26 @@ class Stated:
     origin: float | None = None
     channels: tuple[Channel, ...] = ()
     orbit: Floats | None = None
+    point: Mapping[str, float] = field(default_factory=dict)
 
     def of(self, channels: Sequence[Channel]) -> dict[str, Any]:
         """The fields of a table of `channels` that do not depend on the samples."""
         known = self.orbit is not None and all(channel in self.channels for channel in channels)
         rows = [self.channels.index(channel) for channel in channels] if known else []
         orbit = self.orbit[rows] if known and self.orbit is not None else None
-        return {"channels": tuple(channels), "period": self.period, "origin": self.origin, "orbit": orbit}
+        numbers = {"period": self.period, "origin": self.origin, "point": self.point}
+        return {"channels": tuple(channels), "orbit": orbit, **numbers}
 
 
 def stated_text(record: Record, *, ascii_only: bool = True) -> str:
     """The line of JSON for `record`."""
     said: dict[str, Any] = {**numbers_of(record)}
-    said["channels"] = [[getattr(channel, word) for word in _WORDS] for channel in record.channels]
+    words = _WORDS if any(channel.place for channel in record.channels) else _WORDS[:_LEAST]
+    said["channels"] = [[getattr(channel, word) for word in words] for channel in record.channels]
     if record.orbit is not None:
         said["orbit"] = record.orbit.tolist()
+    if record.point:
+        said["point"] = dict(record.point)
     return json.dumps(said, ensure_ascii=ascii_only)
 
 
@@ -78,13 +85,19 @@ def stated_in(source: Source, text: str | bytes | None, place: str, remedy: str)
         said = json.loads(text)
         keys = [key for key in ("sample_rate", "start", "period", "origin") if said.get(key) is not None]
         numbers = {key: float(said[key]) for key in keys}
-        channels = tuple(Channel(**dict(zip(_WORDS, words, strict=True))) for words in said.get("channels", []))
+        channels = tuple(_channel_stated(words) for words in said.get("channels", []))
         orbit = np.array(said["orbit"], np.float64) if "orbit" in said else None
+        point = dict(as_point(said.get("point"), "Record"))
         if not np.isfinite([*numbers.values()]).all() or (orbit is not None and len(orbit) != len(channels)):
             raise ValueError(text)
-        return Stated(**numbers, channels=channels, orbit=orbit)
+        return Stated(**numbers, channels=channels, orbit=orbit, point=point)
     except (ValueError, TypeError, AttributeError, OverflowError, RecursionError):
         raise source.error(f"have {place} as floquid wrote it", "has another", remedy) from None
+
+
+def _channel_stated(words: Sequence[str]) -> Channel:
+    """The channel by its words in our own line; ValueError where they are too few or too many."""
+    return channel_of(dict(zip(_WORDS[: max(len(words), _LEAST)], words, strict=True)))
 
 
 def stated_line(source: Source, lines: Sequence[str]) -> Stated:

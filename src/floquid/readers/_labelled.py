@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from floquid._arrays import Floats
 from floquid._checks import describe
-from floquid.core import Channel, Quantity, Record
+from floquid.core import Channel, Quantity, Record, point_of
 from floquid.io import Source, load_package
 from floquid.tables import (
     SECONDS,
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 OWN = "floquid"  # the entry of `attrs` that holds what a table cannot say. It is plain JSON, as Parquet keeps it.
 
-_WORDS = ("quantity", "unit", "location", "direction")
+_WORDS = ("quantity", "unit", "location", "direction", "place")
 
 
 def to_pandas(record: Record) -> pd.DataFrame:
@@ -52,6 +52,8 @@ def to_pandas(record: Record) -> pd.DataFrame:
     }
     if record.orbit is not None:
         said["orbit"] = {c.label: row.tolist() for c, row in zip(record.channels, record.orbit, strict=True)}
+    if record.point:
+        said["point"] = dict(record.point)
     frame = pandas.DataFrame(
         record.values.T,
         index=pandas.Index(record.times, name="time [s]"),
@@ -132,6 +134,7 @@ def from_pandas(
         period=stated_number(said, "period", source, above_zero=True),
         origin=stated_number(said, "origin", source, above_zero=False),
         orbit=orbit,
+        point=said.get("point", {}),
         notes=(*(() if times is None else times[1]), *lost),
     )
     return record_of(table, source, rate=rate, period=period, origin=origin)
@@ -140,7 +143,7 @@ def from_pandas(
 def _own(attrs: Mapping[Any, Any], source: Source) -> Mapping[str, Any]:
     """Attributes that `to_pandas` wrote; empty where it did not."""
     said = attrs.get(OWN, {})
-    tables = [said.get(key, {}) for key in ("channels", "orbit")] if isinstance(said, Mapping) else [None]
+    tables = [said.get(key, {}) for key in ("channels", "orbit", "point")] if isinstance(said, Mapping) else [None]
     if not all(isinstance(table, Mapping) for table in tables):
         must = f"have `attrs[{OWN!r}]` as `to_pandas` wrote it"
         raise source.error(must, "has another", "Delete it: the rest is enough.")
@@ -228,6 +231,7 @@ def record_to_xarray(record: Record) -> xr.Dataset:
         "channel": [channel.name for channel in record.channels],
         "time": ("time", record.times, {"units": "s", "long_name": "time"}),
     }
+    coordinates = {**record.point, **coordinates}
     for word in _WORDS:
         coordinates[word] = ("channel", [str(getattr(channel, word)) for channel in record.channels])
     variables: dict[str, Any] = {"response": (("channel", "time"), record.values.copy(), numbers)}
@@ -288,6 +292,7 @@ def from_xarray(
         period=stated_number(data.attrs, "period", source, above_zero=True),
         origin=stated_number(data.attrs, "origin", source, above_zero=False),
         orbit=None if orbit is None else _orbit_of_rows(orbit, channels, source),
+        point=point_of({str(k): float(v) for k, v in data.coords.items() if v.ndim == 0 and v.dtype.kind in "iuf"}),
         notes=() if times is None else times[1],
     )
     return record_of(table, source, rate=rate, period=period, origin=origin)

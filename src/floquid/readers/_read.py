@@ -115,18 +115,19 @@ def read(
 
     The format is chosen by the suffix. `.npz`: `values` (channels, samples), `sample_rate` [Hz] or `time` (samples,)
     [s], `channels`, and optionally `units`, `quantities`, `start` [s], `period` [s], `origin` [s], `orbit` (channels,
-    phases). Text tables (`.csv`, `.txt`, `.dat`, `.asc`, `.tsv`, `.lvm`, and `.xlsx` with python-calamine): a header
-    row, a time column in a unit or of dates, then channels, units in brackets or in a row below; an empty cell or `nan`
-    is a missing sample. `.mat` (MATLAB v4 to v7.3), `.h5` and `.hdf5`: the names of `.npz`. A file of these four
-    without `values` is read by the paths of its variables in `channels`: `run/acc/x` is a vector of samples, `data[2]`
-    row 2 of a matrix (channels, samples), counted from 0. `data.T[2]` is column 2 of one (samples, channels), and
-    `data` or `data.T` all of them. `Y[1]/Data` is in element 1 of a struct array, and `Y` all its elements. A vector
-    `time` or `t` [s] beside them gives the rate, or a number called `sample_rate`, `fs`, `dt` or the like. `.npy`: one
-    array, `data`. `.uff` and `.unv`: the time responses of a universal file. `.out` and `.outb`: output of OpenFAST.
-    `.tdms` (needs npTDMS): channels of numbers, by their names, or as `group/channel`. `.parquet` (needs pyarrow):
-    columns headed as in `.csv`, or dates for the times. `.wav`: whole numbers over full scale, others as they are.
-    `.cfg` with `.dat`, or `.cff` (needs comtrade), `.mf4` and `.mdf` (needs asammdf): channels with one rate. `.sel`
-    with `.dat`: output of HAWC2.
+    phases); a single number of another name is part of the operating point (`Record.point`). Text tables (`.csv`,
+    `.txt`, `.dat`, `.asc`, `.tsv`, `.lvm`, and `.xlsx` with python-calamine): a header row, a time column in a unit or
+    of dates, then channels, units in brackets or in a row below; an empty cell or `nan` is a missing sample. `.mat`
+    (MATLAB v4 to v7.3), `.h5` and `.hdf5`: the names of `.npz`. A file of these four without `values` is read by the
+    paths of its variables in `channels`: `run/acc/x` is a vector of samples, `data[2]` row 2 of a matrix (channels,
+    samples), counted from 0. `data.T[2]` is column 2 of one (samples, channels), and `data` or `data.T` all of them.
+    `Y[1]/Data` is in element 1 of a struct array, and `Y` all its elements. A vector `time` or `t` [s] beside them
+    gives the rate, or a number called `sample_rate`, `fs`, `dt` or the like. `.npy`: one array, `data`. `.uff` and
+    `.unv`: the time responses of a universal file. `.out` and `.outb`: output of OpenFAST. `.tdms` (needs npTDMS):
+    channels of numbers, by their names, or as `group/channel`. `.parquet` (needs pyarrow): columns headed as in
+    `.csv`, or dates for the times. `.wav`: whole numbers over full scale, others as they are. `.cfg` with `.dat`, or
+    `.cff` (needs comtrade), `.mf4` and `.mdf` (needs asammdf): channels with one rate. `.sel` with `.dat`: output of
+    HAWC2.
 
     A time column is repaired, not trusted: the rate is fitted to the whole column, and is a nominal value where the
     evidence is clear. Gaps of whole steps become missing samples, and `provenance` says so.
@@ -185,7 +186,7 @@ def write(record: Record, path: str | PathLike[str]) -> None:
     if record.n_samples < 2:
         raise input_error("record", "write", "hold at least two samples", f"holds {record.n_samples}")
     for channel in record.channels:
-        for text in (channel.name, channel.unit, channel.location, channel.direction):
+        for text in (channel.name, channel.unit, channel.location, channel.direction, channel.place):
             if any(unicodedata.category(letter) in ("Cc", "Cs") for letter in text):
                 must = "have channels described in plain words"
                 raise input_error("record", "write", must, f"has {text!r}", "Rename that channel.")

@@ -34,6 +34,7 @@ _CODES: dict[str, Quantity] = {
     "e": "strain",
     "s": "other",
 }
+_PLACES = ("location", "direction", "place")
 _NUMBERS = {"fs": True, "start": False, "period": True, "origin": False}
 """The keys of numbers, and whether they are above zero; the last three are ours."""
 
@@ -42,8 +43,8 @@ def to_sep005(record: Record) -> list[dict[str, Any]]:
     """The record as dictionaries by SEP005, one a channel.
 
     Each has `data`, `name`, `unit_str`, `fs` [Hz] and `quantity`. Keys of our own, which SEP005 allows, are `start` [s]
-    unless it is zero, `period` and `origin` [s] of a constant period, `location`, `direction` and `orbit`. Values are
-    copies.
+    unless it is zero, `period` and `origin` [s] of a constant period, `location`, `direction`, `place`, `orbit` and
+    `point`. Values are copies.
     """
     codes: dict[str, str] = {quantity: code for code, quantity in _CODES.items() if code != "s"}
     numbers: dict[str, Any] = {"fs": record.sample_rate}
@@ -55,7 +56,9 @@ def to_sep005(record: Record) -> list[dict[str, Any]]:
         quantity = str(channel.quantity)
         signal = {"data": record.values[row].copy(), "name": channel.name, "unit_str": channel.unit, **numbers}
         signal["quantity"] = codes.get(quantity, quantity)
-        signal |= {key: getattr(channel, key) for key in ("location", "direction") if getattr(channel, key)}
+        signal |= {key: getattr(channel, key) for key in _PLACES if getattr(channel, key)}
+        if record.point:
+            signal["point"] = dict(record.point)
         if record.orbit is not None:
             signal["orbit"] = record.orbit[row].copy()
         signals.append(signal)
@@ -96,6 +99,7 @@ def from_sep005(
     stamps = [signal.get("start_timestamp") for signal in listed]
     _check_alike(names, stamps, "`start_timestamp`", source)
     _check_alike(names, [None if t is None else t.tobytes() for t in times], "`time`", source)
+    _check_alike(names, [signal.get("point") for signal in listed], "`point`", source)
     orbit = _orbit(listed, source)
     channels = [_channel(signal, name, source) for signal, name in zip(listed, names, strict=True)]
     stated = numbers[0]
@@ -113,6 +117,7 @@ def from_sep005(
         period=stated["period"],
         origin=stated["origin"],
         orbit=orbit,
+        point=listed[0].get("point") or {},
         notes=() if stamps[0] is None else (f"The first sample was taken at {stamps[0]}.",),
     )
     return record_of(table, source, rate=rate, period=period, origin=origin)
@@ -165,6 +170,7 @@ def _channel(signal: Mapping[str, Any], name: str, source: Source) -> Channel:
         quantity=quantity if quantity in get_args(Quantity) else None,
         location=str(signal.get("location") or signal.get("group") or ""),
         direction=str(signal.get("direction") or ""),
+        place=str(signal.get("place") or ""),
     )
 
 

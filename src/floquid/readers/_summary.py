@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from os import PathLike
 from typing import Literal, TypeAlias
 
@@ -43,6 +43,8 @@ class ChannelSummary:
         Extremes and standard deviation of the samples that are there [unit]; None if all are missing.
     n_missing
         How many are missing.
+    place
+        Frame, group, member and axis as `Channel.place` has them, given or understood by the name.
     """
 
     name: str
@@ -52,6 +54,7 @@ class ChannelSummary:
     maximum: float | None
     std: float | None
     n_missing: int
+    place: str = ""
 
     @property
     def is_constant(self) -> bool:
@@ -105,6 +108,8 @@ class FileSummary:
         How the rate was found, and what deserves attention.
     time_axis
         How the times were understood: the first of the notes.
+    point
+        The operating point that the file states: numbers by name.
     """
 
     path: str
@@ -118,6 +123,7 @@ class FileSummary:
     clock_candidates: tuple[ClockCandidate, ...]
     notes: tuple[str, ...]
     time_axis: tuple[str, ...] = ()
+    point: Mapping[str, float] = field(default_factory=dict)
 
 
 def describe_file(
@@ -182,6 +188,7 @@ def read_and_describe(
         clock_candidates=_candidates(table.period, table.channels, values, axis),
         notes=(*notes, *table.notes),
         time_axis=time_axis,
+        point=table.point,
     )
     return summary, record
 
@@ -196,6 +203,7 @@ def _summary(channel: Channel, row: Floats) -> ChannelSummary:
         maximum=float(there.max()) if there.size else None,
         std=_std(there) if there.size else None,
         n_missing=len(row) - len(there),
+        place=channel.place,
     )
 
 

@@ -164,7 +164,7 @@ def rendered(case: Case, figures: dict[str, list[Figure]], title: str | None, **
 
     models = {f"{place}-{number}": made for place, group in figures.items() for number, made in enumerate(group)}
     drawn = {
-        place: [{"name": f"{place}-{number}", "words": _described(made)} for number, made in enumerate(group)]
+        place: [{"name": f"{place}-{number}", "words": described(made)} for number, made in enumerate(group)]
         for place, group in figures.items()
     }
     analysis = case.analysis
@@ -175,8 +175,8 @@ def rendered(case: Case, figures: dict[str, list[Figure]], title: str | None, **
         | {
             "title": title or title_of(case),
             "bokeh": "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw),
-            "embedded": _embedded(models),
-            "behaviour": _asset("page.js"),
+            "embedded": embedded(models),
+            "behaviour": asset("page.js"),
             "figures": dict.fromkeys(PLACES, ()) | drawn,
             "case": case,
             "told": analysis.model.unselected is not None,
@@ -193,7 +193,7 @@ def filled(template: str, **content: Any) -> str:
     """The text of a page by its `template`, with the style and the version that all pages have."""
     from floquid._version import __version__
 
-    return _environment().get_template(template).render(version=__version__, style=_asset("page.css"), **content)
+    return _environment().get_template(template).render(version=__version__, style=asset("page.css"), **content)
 
 
 def fragment(analysis: Analysis) -> str:
@@ -234,7 +234,7 @@ def _with_code(text: str) -> Any:
     return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(for_command(text)))))  # noqa: S704  # escaped
 
 
-def _described(made: Figure) -> str:
+def described(made: Figure) -> str:
     """Description of a figure, in words."""
     heading = f"{made.title.text}: " if made.title is not None and made.title.text else ""
     legend = [item.label.value for item in made.legend[0].items] if made.legend else []
@@ -255,7 +255,7 @@ def _short(source: str) -> str:
     return source[: source.index("(")][:1].upper() + source[1 : source.index("(")]
 
 
-def _embedded(figures: dict[str, Figure]) -> str:
+def embedded(figures: dict[str, Figure]) -> str:
     """Content that bokeh draws in the elements of these names, as JSON in which no text of a record can end the script.
 
     The models are numbered anew: bokeh numbers those of a whole process, and the same analysis gives the same page.
@@ -288,5 +288,6 @@ def _numbered(part: Any, numbers: dict[str, str]) -> Any:
     return part
 
 
-def _asset(name: str) -> str:
+def asset(name: str) -> str:
+    """A file of the page as text."""
     return (files("floquid.reporting") / "page" / name).read_text(encoding="utf-8")

@@ -19,7 +19,9 @@ from floquid.reporting._brief import brief_page
 from floquid.reporting._case import case_of
 from floquid.reporting._lines_page import lines_page
 from floquid.reporting._page import page
+from floquid.reporting._survey_page import survey_page
 from floquid.reporting._system_figures import Truth
+from floquid.surveys import Survey
 from floquid.transfer import MeasuredTransfer, TransferFit
 from floquid.views import DampingUnit, SpeedUnit, check_damping_unit
 from floquid.views import speed_unit as unit_of_speed
@@ -28,7 +30,7 @@ ENDINGS = (".html", ".htm")
 
 
 def report(
-    analysis: Analysis | TransferFit | MeasuredTransfer,
+    analysis: Analysis | TransferFit | MeasuredTransfer | Survey,
     path: str | PathLike[str],
     *,
     title: str | None = None,
@@ -50,7 +52,7 @@ def report(
     Parameters
     ----------
     analysis
-        What `identify` or `fit_transfer` found, or `load` read.
+        What `identify`, `fit_transfer` or `survey` found, or `load` read.
     path
         The file, ending in .html; it is replaced, whole or not at all.
     title
@@ -76,6 +78,9 @@ def report(
         case TransferFit():
             _refuse_of_lines(truth, of, brief=brief)
             write = partial(lines_page, analysis, damping=damping_unit)
+        case Survey():
+            _refuse_of_lines(truth, of, brief=brief)
+            write = partial(survey_page, analysis)
         case MeasuredTransfer():
             remedy = "Fit modes to them: `floquid transfer --lines`."
             raise input_error("analysis", of, "hold modes", "holds transfer functions as measured", remedy)
@@ -107,10 +112,10 @@ def _truth(analysis: Analysis, truth: tuple[ArrayLike, ArrayLike] | None, of: st
 def _refuse_of_lines(truth: tuple[ArrayLike, ArrayLike] | None, of: str, *, brief: bool) -> None:
     """Refuse what a page of modes fitted to transfer functions does not have."""
     if truth is not None:
-        must, got = "come with an A(t) to hold it against", "modes of transfer functions have none"
+        must, got = "come with an A(t) to hold it against", "modes of transfer functions and surveys have none"
         raise input_error("truth", of, must, got, "Leave it out.")
     if brief:
-        must, got = "be false of modes fitted to transfer functions", "is true"
+        must, got = "be false of modes fitted to transfer functions and of surveys", "is true"
         raise input_error("brief", of, must, got, "Their page is short: leave it out.")
 
 

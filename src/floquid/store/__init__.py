@@ -15,9 +15,10 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
     /records/hit1, hit2, .../       the records used, as they were measured: values (channels, samples), sample_rate,
                                     start, period and origin of the clock, or clock/ in place of a constant period
                                     (kind, channel or times, pulses and periods per revolution), orbit where there is
-                                    one, channels/, provenance/
+                                    one, channels/, provenance/, point/ (the operating point: speed_rpm, ...)
     /model/                         exponents (modes,), coefficients (modes, channels, hits, harmonics), harmonics,
-                                    period, covariance, coefficient_std, channels/, provenance/; inputs/ where some were
+                                    period, covariance, coefficient_std, channels/, provenance/, point/ (absent of files
+                                    before there was one); inputs/ where some were
                                     measured: channels/, coefficients (modes, inputs, harmonics), harmonics,
                                     coefficient_std, direct (channels, inputs, harmonics), direct_harmonics, initial
                                     (modes, records); estimates/ and
@@ -40,7 +41,8 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
                                     covariance, exponents, exponent_std (modes,), chi_square, degrees, p_value,
                                     findings; state/ where it is not that of the file; absent where no structure was
                                     asked for
-    .../channels/                   name, quantity, unit, location, direction, each (channels,)
+    .../channels/                   name, quantity, unit, location, direction, place (frame, group, member, axis, angle:
+                                    absent of files before there was one), each (channels,)
     .../provenance/                 sources, steps
 
 Of free responses there is beside these::
@@ -81,6 +83,14 @@ Transfer functions measured line by line have the `kind` "measured", and modes f
     /model/, /covariance, /hold, /begins, /chi_square, /degrees           of `TransferFit`, beside /measured/
     /fit/modes/mode1, ...           as of measured inputs, with shape (outputs, harmonics)
     /fit/direct0, direct1, ...      the direct term at each harmonic (outputs, inputs)
+
+A survey has the `kind` "survey"::
+
+    /over, /notes, /warnings, /unlinked     the quantity, sentences, and modes on no track (point and mode)
+    /points/point1, ...             values/, files, passed, weak (modes,), reason; model/ of one hit, where there is one
+    /tracks/track1, ...             name, and over its places: points, modes (the second -1 of no couple), exponents,
+                                    exponent_std, shifts, mirrored, weak, confidence, mac, cost, runner_up
+    /edges/edge1, ...               value, std, interval, between, kind, tracks, direction
 
 Files of earlier versions of the layout, which no release of floquid wrote, are refused.
 """

@@ -13,7 +13,7 @@ import numpy as np
 
 from floquid import lti
 from floquid._checks import input_error
-from floquid.core import Channel
+from floquid.core import Channel, channel_of
 from floquid.errors import InputError
 from floquid.findings import Finding, as_mapping, from_mapping
 from floquid.io import DamagedError
@@ -151,7 +151,8 @@ def get_object(group: Any, kind: Any) -> Any:
 
 def get_numbers(group: Any) -> dict[str, float]:
     """Numbers by their names."""
-    return {str(name): get(group, name) for name in group}
+    # By no place: a quantity of the operating point may be called as a text or a flag elsewhere.
+    return {str(name): float(get(group, name, None)) for name in group}
 
 
 def get_findings(group: Any, name: str) -> tuple[Finding, ...]:
@@ -160,8 +161,8 @@ def get_findings(group: Any, name: str) -> tuple[Finding, ...]:
 
 
 def _channels(group: Any) -> tuple[Channel, ...]:
-    columns = {word: get(group, word, "channels") for word in LAYOUT[Channel]}
-    return tuple(Channel(**dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True))
+    columns = {word: get(group, word, "channels") for word in LAYOUT[Channel] if word in group}
+    return tuple(channel_of(dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True))
 
 
 def get(group: Any, name: str, place: str | None = "") -> Any:

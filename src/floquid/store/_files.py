@@ -43,14 +43,16 @@ from floquid.store._datasets import (
     put_object,
     to_text,
 )
-from floquid.store._layout import DIRECT, FORMAT, LINES, SHAPE, VERSION
+from floquid.store._layout import DIRECT, FORMAT, LINES, SHAPE, SURVEY, VERSION
+from floquid.store._surveys import put_survey, read_survey
+from floquid.surveys import Survey
 from floquid.sync import ShaftAngle
 from floquid.transfer import MeasuredTransfer, Modal, TransferFit
 
 ENDINGS = (".h5", ".hdf5")
 """Endings of the names of result files."""
 
-Result: TypeAlias = Analysis | MeasuredTransfer | TransferFit
+Result: TypeAlias = Analysis | MeasuredTransfer | TransferFit | Survey
 
 
 def save(analysis: Result, path: str | PathLike[str]) -> None:
@@ -60,9 +62,9 @@ def save(analysis: Result, path: str | PathLike[str]) -> None:
     its own name when it is whole: whatever happens, `path` holds the old file or the new one. The same analysis gives
     the same bytes.
 
-    `analysis` is what `identify`, `measure_transfer` or `fit_transfer` found; the file `path`, by custom `result.h5`,
-    may exist. Raises InputError where `analysis` is something else, the
-    name ends otherwise, or the file cannot be written there.
+    `analysis` is what `identify`, `measure_transfer`, `fit_transfer` or `survey` found; the file `path`, by custom
+    `result.h5`, may exist. Raises InputError where `analysis` is something else, the name ends otherwise, or the file
+    cannot be written there.
     """
     if not isinstance(analysis, Result):
         must = "be an Analysis"
@@ -85,6 +87,10 @@ def _write(analysis: Result, stream: BytesIO) -> None:
         file.attrs["format"] = FORMAT
         file.attrs["version"] = VERSION
         file.attrs["floquid"] = __version__
+        if isinstance(analysis, Survey):
+            file.attrs["kind"] = SURVEY
+            put_survey(file, analysis)
+            return
         if isinstance(analysis, (MeasuredTransfer, TransferFit)):
             _put_lines(file, analysis)
             return
@@ -270,6 +276,8 @@ def _read_lines(file: Any, kind: str) -> MeasuredTransfer | TransferFit:
 
 def _read(file: Any) -> Result:
     kind = str(file.attrs.get("kind", ""))
+    if kind == SURVEY:
+        return read_survey(file)
     if kind:
         return _read_lines(file, kind)
     settings, found = _settings(file["settings"]), get_fields(file, Analysis)

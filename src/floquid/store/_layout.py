@@ -22,11 +22,15 @@ from floquid.order import Choice
 from floquid.periodic import Fit, ForcedResponse, PartialTests, Periodicity
 from floquid.pipeline import Analysis
 from floquid.reconstruction import Refinement, StateModel
+from floquid.surveys import Edge, Point, Survey, Track
 from floquid.sync import AngleSpline, ShaftAngle
 from floquid.transfer import MeasuredTransfer, TransferFit
 
 FORMAT = "floquid-result"
 VERSION = 4
+
+SURVEY = "survey"
+"""Attribute `kind` of the file of a survey."""
 
 LINES: dict[type, str] = {MeasuredTransfer: "measured", TransferFit: "fitted"}
 """Transfer functions measured line by line, and modes fitted to them, by the attribute `kind` of their files."""
@@ -38,14 +42,15 @@ ABSENT = (
     "gains",
     "composites",
     "state",
+    "point",
 )  # groups that a file does not have for None
-FLAGS = ("constrained", "kept", "passed", "real", "shared", "speed_dependent", "steady")
+FLAGS = ("constrained", "kept", "mirrored", "passed", "real", "shared", "speed_dependent", "steady", "weak")
 """HDF5 has no truth values: these are 0 and 1."""
 
 TEXTS = (
     "name", "quantity", "unit", "location", "direction", "sources", "steps", "names", "states", "channel", "channels",
     "outcome", "coordinates", "jitter_unit", "at_least", "kind", "structure", "findings", "warnings", "method",
-    "hold",
+    "hold", "place", "files", "reason", "over", "notes",
 )  # fmt: skip
 """Names of datasets of text."""
 
@@ -55,7 +60,7 @@ SHAPE, DIRECT = "outputs, harmonics; that of the output", "outputs, inputs; that
 """Places of the amplitudes of a mode that was fitted to lines, and of the direct term at one harmonic."""
 
 LAYOUT: dict[type, dict[str, str | type]] = {
-    Channel: dict.fromkeys(("name", "quantity", "unit", "location", "direction"), "channels"),
+    Channel: dict.fromkeys(("name", "quantity", "unit", "location", "direction", "place"), "channels"),
     Provenance: {"sources": "sources", "steps": "steps"},
     Record: {
         "values": f"channels, samples; {_UNIT}",
@@ -63,6 +68,7 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "start": "; s",
         "channels": Channel,
         "provenance": Provenance,
+        "point": dict,
     },
     **{kind: {own.name: own.metadata.get("stored", "") for own in fields(kind)} for kind in CLOCKS},
     ModalModel: {
@@ -91,6 +97,7 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "channels": Channel,
         "provenance": Provenance,
         "inputs": ModelInputs,
+        "point": dict,
     },
     ModelInputs: {
         "channels": Channel,
@@ -132,6 +139,20 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "chi_square": "",
         "degrees": "",
         "findings": "findings",
+    },
+    Survey: {"over": "", "notes": "sentences", "warnings": "sentences"},
+    Point: {"values": dict, "files": "files", "passed": "", "weak": "modes", "reason": ""},
+    Track: {
+        "name": "",
+        "points": "places",
+        "modes": "places, multipliers",
+        **dict.fromkeys(("exponents", "exponent_std"), "places, multipliers; 1/s"),
+        **dict.fromkeys(("shifts", "mirrored", "weak", "confidence", "mac", "cost", "runner_up"), "places"),
+    },
+    Edge: {
+        **dict.fromkeys(("value", "std", "kind", "direction"), ""),
+        **dict.fromkeys(("interval", "between"), "ends"),
+        "tracks": "tracks",
     },
     InputMode: {
         "exponent": "; 1/s",

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from floquid._arrays import Floats
 from floquid._checks import describe, finite, input_error, positive
 from floquid._show import Brief
-from floquid.core import Channel, ConstantPeriod, Provenance, Record, channels_named
+from floquid.core import Channel, ConstantPeriod, Provenance, Record, channel_of, channels_named
 from floquid.errors import InputError
 from floquid.io import Source
 from floquid.tables._rows import repair_rows
@@ -23,9 +23,12 @@ from floquid.tables._time_axis import TimeAxis, TimeColumn
 def make_channel(source: Source, **words: Any) -> Channel:
     """The channel of a `source` that the `words` describe, those that are None left to `Channel`."""
     try:
-        return Channel(**{key: value for key, value in words.items() if value is not None})
+        return channel_of(words)
     except InputError as error:
         raise source.wrapped(error) from None
+    except ValueError:
+        got = f"has {words.get('place')!r:.60}"
+        raise source.error("say places as floquid writes them", got, "Mend it, or leave it out.") from None
 
 
 def make_channels(
@@ -119,7 +122,7 @@ def stated_number(stated: Mapping[Any, Any], key: str, source: Source, *, above_
 def texts_of(record: Record) -> dict[str, list[str]]:
     """The words of the channels of `record`, one text a channel, by the names in our files."""
     channels = record.channels
-    places = {"locations": [c.location for c in channels], "directions": [c.direction for c in channels]}
+    places = {f"{key}s": [getattr(c, key) for c in channels] for key in ("location", "direction", "place")}
     return {
         "channels": [channel.name for channel in channels],
         "units": [channel.unit for channel in channels],
@@ -208,6 +211,8 @@ class Table(Brief):
         The time of the first sample, the period and the time of phase zero [s].
     orbit
         One period of the periodic orbit that the response was about (channels, phases).
+    point
+        The operating point: numbers by name.
     notes
         Sentences on what else there is.
     labels
@@ -225,6 +230,7 @@ class Table(Brief):
     period: float | None = None
     origin: float | None = None
     orbit: Floats | None = None
+    point: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     labels: Mapping[str, Sequence[str]] = field(default_factory=dict)
 
@@ -272,6 +278,7 @@ def record_of(
             start=axis.start,
             orbit=table.orbit,
             provenance=Provenance(sources=(name,), steps=(step, *axis.notes, *table.notes)),
+            point=table.point,
         )
     except InputError as error:
         raise source.wrapped(error) from None

@@ -37,6 +37,7 @@ from floquid.views._outcome import (
     period_words,
     whitening_words,
 )
+from floquid.views._over import over_label, over_unit
 from floquid.views._sidebands import impedance
 from floquid.views._spectra import Spectrum, envelope, lifted_spectrum, record_spectrum
 from floquid.views._speed import SpeedUnit, speed_texts, speed_unit, speed_words
@@ -86,6 +87,8 @@ __all__ = [
     "multiplier_ellipses",
     "note_meanings",
     "outcome_lines",
+    "over_label",
+    "over_unit",
     "passed_words",
     "period_words",
     "phase_degrees",

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from tests.locks import known
 
 from floquid import floquet, plot
 from floquid.core import Channel, PulseTimes, Record
@@ -13,6 +14,7 @@ from floquid.errors import InputError
 from floquid.inputs import TransferFunctions
 from floquid.order import scan
 from floquid.pipeline import identify
+from floquid.surveys import Point, survey
 from floquid.sync import shaft_angle
 from floquid.systems import JeffcottRotor
 
@@ -40,7 +42,11 @@ def draws():
     shaft = shaft_angle(pulses)
     modes = floquet.modes(lambda t: mathieu(t, 1.7), np.pi)
     growth = floquet.stability_map(mathieu, np.pi, {"a": np.linspace(0.5, 2.0, 9)})
-    made = {name: getattr(found.plot, name) for name in dir(found.plot)}
+    points = [
+        Point(values={"speed_rpm": 9.5 * w}, model=known(w, std=0.01, shape_std=0.01)) for w in (18.0, 18.5, 19.5)
+    ]
+    followed = survey(points)
+    made = {name: getattr(one.plot, name) for one in (found, followed) for name in dir(one.plot)}
     return made | {
         "exponents": lambda **how: plot.exponents(modes, **how),
         "stabilisation": lambda **how: plot.stabilisation(poles, **how),

@@ -18,7 +18,8 @@ PHASES = 20
 
 def record(values, inputs, period, first):
     channels = [first, *(f"y{k}" for k in range(1, len(values))), *(f"u{k}" for k in range(len(inputs)))]
-    return Record(values=np.vstack([values, inputs]), sample_rate=PHASES / period, channels=channels, start=0.3)
+    whole = np.vstack([values, inputs])
+    return Record(values=whole, sample_rate=PHASES / period, channels=channels, start=0.3, point={"unit": 7.0})
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +59,7 @@ def again(analysis, folder):
 def test_every_field_of_a_driven_analysis_comes_back(driven, tmp_path):
     for found in driven:
         back = again(found, tmp_path)
+        assert back.point == found.point == {"unit": 7.0, "speed_rpm": 60.0 / found.model.period}
         assert list(differences(found, back)) == []
         assert np.array_equal(found.transfer([0.1, 0.2]).std, back.transfer([0.1, 0.2]).std)
     assert driven[0].fit.at.direct != ()
@@ -115,3 +117,16 @@ def test_a_kind_of_the_future_is_refused(driven, tmp_path):
         file.attrs["kind"] = "telepathic"
     with pytest.raises(InputError, match="telepathic"):
         load(tmp_path / "r.h5")
+
+
+def test_files_from_before_there_were_points_and_places_are_read(driven, tmp_path):
+    save(driven[0], tmp_path / "result.h5")
+    with h5py.File(tmp_path / "result.h5", "a") as file:
+        names = []
+        file.visit(names.append)
+        for name in sorted(names, reverse=True):
+            if name.split("/")[-1] in ("point", "place"):
+                del file[name]
+    back = load(tmp_path / "result.h5")
+    assert back.point == back.records[0].point == {}
+    assert back.model.channels == driven[0].model.channels

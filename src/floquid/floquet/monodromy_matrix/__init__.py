@@ -1,7 +1,8 @@
 """Exponents, modes and stability by integration over a period: factors of the monodromy matrix."""
 
 from floquid.floquet.monodromy_matrix._collocation import MOST, Evaluate, divided, factorise, gauss, inverse, stages
-from floquid.floquet.monodromy_matrix._modes import FloquetLyapunov, FloquetModes, ModesOutcome, floquet_lyapunov, modes
+from floquid.floquet.monodromy_matrix._lyapunov import FloquetLyapunov, floquet_lyapunov
+from floquid.floquet.monodromy_matrix._modes import FloquetModes, ModesOutcome, modes
 from floquid.floquet.monodromy_matrix._periodic_schur import multipliers_of, product_logarithms, product_shapes
 from floquid.floquet.monodromy_matrix._stability import (
     Stability,

@@ -1,9 +1,11 @@
-"""Floquet modes of a known A(t): exponents, periodic shapes, participation; and the Floquet-Lyapunov transform."""
+"""Floquet modes of a known A(t): exponents, periodic shapes and participation, in states or in outputs."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from typing import overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,9 +13,11 @@ from numpy.typing import ArrayLike
 from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import Rebuilt, input_error, integer
 from floquid._show import Drawings, Drawn, Told
-from floquid.floquet.matrices import Prepared, StateMatrix, balanced_units
+from floquid.core import Channel, PeriodicModel
+from floquid.floquet.matrices import AbstractPeriodicMatrix, Prepared, StateMatrix, balanced_units
 from floquid.floquet.monodromy_matrix import _periodic_schur
 from floquid.floquet.monodromy_matrix._collocation import Factors
+from floquid.floquet.monodromy_matrix._outputs import seen
 from floquid.floquet.monodromy_matrix._transition import (
     TOLERANCE,
     balanced,
@@ -148,6 +152,7 @@ class FloquetModes(Told, Drawn, Rebuilt):
         return np.einsum("rnt,rt->nt", self.shapes(t), grown).real
 
 
+@overload
 def modes(
     system: StateMatrix,
     period: float | None = None,
@@ -155,13 +160,40 @@ def modes(
     breaks: ArrayLike = (),
     n_phases: int | None = None,
     tolerance: float = TOLERANCE,
-) -> FloquetModes:
+    outputs: None = None,
+) -> FloquetModes: ...
+@overload
+def modes(
+    system: StateMatrix,
+    period: float | None = None,
+    *,
+    breaks: ArrayLike = (),
+    n_phases: int | None = None,
+    tolerance: float = TOLERANCE,
+    outputs: AbstractPeriodicMatrix | ArrayLike,
+    channels: Sequence[Channel | str] | None = None,
+    point: Mapping[str, float] | None = None,
+) -> PeriodicModel: ...
+def modes(
+    system: StateMatrix,
+    period: float | None = None,
+    *,
+    breaks: ArrayLike = (),
+    n_phases: int | None = None,
+    tolerance: float = TOLERANCE,
+    outputs: AbstractPeriodicMatrix | ArrayLike | None = None,
+    channels: Sequence[Channel | str] | None = None,
+    point: Mapping[str, float] | None = None,
+) -> FloquetModes | PeriodicModel:
     """The Floquet modes of A(t): exponents and periodic shapes, by factors that are never multiplied out.
 
     Allen 2009, eqs. (3), (4), (6). The shape of a small multiplier is carried through each factor in the direction in
     which errors decay. `system`, `period`, `breaks` and `tolerance` are as in `transition`, errors as in `exponents`;
     `n_phases` are equal steps of the period at which shapes are found, 8 at least: by default 32 or 64, or as many more
     as their harmonics need, 512 at most.
+
+    With `outputs`, C of y = C(t) x, constant or periodic, it is the `PeriodicModel` of the shapes in y, as one of a
+    record: its `channels` are y1, y2, ... by default, its operating `point` has none.
     """
     of = "floquet.modes"
     prepared = checked(system, period, breaks, tolerance, of)
@@ -180,7 +212,10 @@ def modes(
             break
         count *= 2
     refuse_lost(carried.logarithms, found, prepared, of)
-    return _assembled(carried, lines, prepared, found, tolerance)
+    made = _assembled(carried, lines, prepared, found, tolerance)
+    if outputs is None:
+        return made
+    return seen(made.exponents, made.coefficients, made.harmonics, made.period, outputs, channels, point, of)
 
 
 def _assembled(
@@ -268,122 +303,3 @@ def _defective(logs: Complexes, condition: Floats, error: Floats) -> tuple[tuple
         if len(group) > 1:
             groups.append(tuple(sorted(group)))
     return tuple(sorted(groups))
-
-
-_NEGATIVE = 1e-4  # rad: a multiplier that near to the negative axis has a real transform of twice the period
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FloquetLyapunov(Rebuilt):
-    r"""A change of states that makes x' = A(t) x constant.
-
-    .. math:: x = P(t)\, z, \qquad \dot z = R\, z, \qquad \Phi(t, 0) = P(t)\, e^{Rt}\, P(0)^{-1}
-
-    Parameters
-    ----------
-    times
-        Equal steps of the period of P (phases,) [s].
-    transform
-        P at these times, real (phases, n, n).
-    constant
-        R, real and block diagonal, one block for multipliers of like size (n, n) [1/s].
-    period
-        The period of P [s]: that of A, or twice it where a real multiplier is negative.
-    """
-
-    times: Floats
-    transform: Floats
-    constant: Floats
-    period: float
-
-
-def floquet_lyapunov(
-    system: StateMatrix,
-    period: float | None = None,
-    *,
-    breaks: ArrayLike = (),
-    n_phases: int = 64,
-    tolerance: float = TOLERANCE,
-) -> FloquetLyapunov:
-    r"""The real Floquet-Lyapunov transform of A(t), also of a defective one.
-
-    .. math:: R = \frac{\ln \Phi(T, 0)}{T}, \qquad P(t) = \Phi(t, 0)\, e^{-Rt}
-
-    block by block of the periodic Schur form, so that multipliers of very different sizes are kept.
-
-    Floquet 1883; Lyapunov 1892; real with a period of 2T where a real multiplier is negative: Montagnier, Paige and
-    Spiteri 2003, "Real Floquet factors of linear time-periodic systems". `system`, `period`, `breaks` and `tolerance`
-    are as in `transition`, errors as in `exponents`; `n_phases` is the number of steps in the period of A, at least 1.
-    """
-    of = "floquet.floquet_lyapunov"
-    prepared = checked(system, period, breaks, tolerance, of)
-    steps = integer(n_phases, "n_phases", of, at_least=1)
-    length = prepared.matrix.period
-    found = factors(prepared, length * np.arange(steps + 1) / steps, tolerance, of)
-    form = _periodic_schur.schur(balanced(found, prepared))
-    logs = _periodic_schur.logarithms(form)
-    refuse_lost(logs, found, prepared, of)
-    # A double multiplier of -1 comes out as a pair as far apart as the root of rounding.
-    doubled = bool((np.abs(np.abs(logs.imag) - np.pi) < _NEGATIVE).any())
-    turns = 2 if doubled else 1
-    widths = np.tile(found.right - found.left, turns)
-    parts = [_block(form, block, widths, turns, length) for block in form.blocks()]
-    n = len(prepared.scale)
-    constant = np.zeros((n, n))
-    for block, (rate, _) in zip(form.blocks(), parts, strict=True):
-        constant[block, block] = rate
-    nodes = np.searchsorted(np.tile(found.owner, turns) + np.repeat(np.arange(turns), len(found.owner)) * steps,
-                            np.arange(turns * steps))  # fmt: skip
-    transform = np.concatenate([basis for _, basis in parts], axis=2)[nodes]
-    out = np.ascontiguousarray(transform * prepared.scale[:, None])
-    times = length * np.arange(turns * steps) / steps
-    for array in (out, constant, times):
-        array.flags.writeable = False
-    return FloquetLyapunov(times=times, transform=out, constant=constant, period=turns * length)
-
-
-def _block(
-    form: _periodic_schur.PeriodicSchur, block: slice, widths: Floats, turns: int, period: float
-) -> tuple[Floats, Floats]:
-    r"""R of one diagonal block (m, m), and the columns of P at the nodes of `turns` periods (nodes, n, m).
-
-    The own part is :math:`W_{2,k+1} = T_{22,k} W_{2,k} e^{-R h_k}`; the part in the columns before it is carried
-    backwards, in which direction its errors decay, over as many periods as it takes to forget where it began.
-    """
-    from scipy.linalg import expm, logm
-
-    count = len(form.bases)
-    inner = form.triangles[:, block, block]
-    product, taken = _periodic_schur.scaled_product(inner)
-    size = product.shape[0]
-    whole = np.linalg.matrix_power(product, turns)
-    found = np.asarray(logm(whole), dtype=np.complex128)
-    if np.abs(found.imag).max() > 1e-9 * max(1.0, np.abs(found.real).max()):
-        must = "have a real logarithm of its transition over two periods"
-        got = "multipliers at ±i stand beside negative ones"
-        remedy = "Use `floquet.modes`, whose shapes are complex."
-        raise input_error("system", "floquet.floquet_lyapunov", must, got, remedy)
-    rate = found.real / (turns * period) + taken / period * np.eye(size)
-    backs = np.stack([expm(-rate * width) for width in widths[:count]])
-    ahead = np.stack([expm(rate * width) for width in widths[:count]])
-    total = turns * count
-    second = np.empty((total + 1, size, size))
-    second[0] = np.eye(size)
-    for k in range(total):
-        second[k + 1] = inner[k % count] @ second[k] @ backs[k % count]
-    first = np.zeros((total + 1, block.start, size))
-    if block.start:
-        before = slice(0, block.start)
-        inverses = np.linalg.inv(form.triangles[:, before, before])
-        for _ in range(_periodic_schur.PASSES):
-            last = first[0].copy()
-            first[total] = last
-            for k in range(total - 1, -1, -1):
-                at = k % count
-                forcing = form.triangles[at, before, block] @ second[k]
-                first[k] = inverses[at] @ (first[k + 1] @ ahead[at] - forcing)
-            if np.abs(first[0] - last).max() <= 1e-15 * max(1.0, np.abs(last).max()):
-                break
-    inside = np.concatenate([first, second], axis=1)[:-1]
-    bases = np.concatenate([form.bases] * turns)[:, :, : block.stop]
-    return rate, bases @ inside

@@ -24,7 +24,7 @@ from typing import get_args
 import numpy as np
 
 from floquid._checks import counted
-from floquid.core import Channel, ConstantPeriod, Quantity, Record
+from floquid.core import Channel, ConstantPeriod, Quantity, Record, channel_of
 from floquid.errors import InputError
 from floquid.io import Source
 from floquid.readers.uff._datasets import DIRECTIONS, FunctionHeader, Point
@@ -65,7 +65,7 @@ def id_lines(record: Record, channel: Channel) -> tuple[str, ...]:
     line = " ".join(channel.name.split())[:_COLUMNS].strip()
     words = {} if line == channel.name != "NONE" else {"name": channel.name}
     words |= {"quantity": str(channel.quantity), "unit": channel.unit}
-    words |= {key: getattr(channel, key) for key in ("location", "direction") if getattr(channel, key)}
+    words |= {key: getattr(channel, key) for key in ("location", "direction", "place") if getattr(channel, key)}
     return (
         line,
         f"floquid rate={record.sample_rate!r} Hz start={record.start!r} s",
@@ -118,7 +118,7 @@ def _words(header: FunctionHeader) -> tuple[dict[str, str], str]:
         words = json.loads(line.removeprefix("floquid "))
         if not all(isinstance(word, str) for word in words.values()) or words["quantity"] not in get_args(Quantity):
             raise ValueError(line)
-        Channel(**({"name": name} | words))
+        channel_of({"name": name} | words)
     except (ValueError, TypeError, KeyError, RecursionError):  # an `InputError` of `Channel` is a ValueError
         return {}, f"ID line 5 of {name!r} is not as floquid wrote it, and is passed over."
     axis = (header.ordinate.kind, header.ordinate.unit or "NONE")
@@ -177,7 +177,7 @@ def make_channel(
     """The channel of a function, and notes on what was made of its header."""
     notes = (own.doubt,) if own and own.doubt else ()
     if own and own.words:
-        return Channel(**(own.words | {"name": name})), notes  # type: ignore[arg-type]  # checked where it was read
+        return channel_of(own.words | {"name": name}), notes
     quantity = _QUANTITIES.get(header.ordinate.kind)
     unit = header.ordinate.unit.strip("[]() ")
     unit = _SPELLINGS.get(unit, unit) or _unit_of(quantity, header.response, unit_system)

@@ -225,21 +225,27 @@ def is_time(file: VariableFile, variable: Variable) -> bool:
     return variable.is_vector and (variable.name in TIME_NAMES or said_beside(file, variable)[0] in TIME_NAMES)
 
 
-_WORDS = ("units", "quantities", "locations", "directions")
+_WORDS = ("units", "quantities", "locations", "directions", "places")
 KEYS = ("values", "sample_rate", "time", "channels", *_WORDS, "start", "period", "origin", "orbit")
 """The names that are ours."""
 
 
-def table_by_name(source: Source, file: VariableFile, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
-    """The table in a file that holds `values` and `channels`."""
+def table_by_name(
+    source: Source,
+    file: VariableFile,
+    *,
+    channels: Sequence[str] | None,
+    ignore_time: bool,
+    point: Mapping[str, float],
+) -> Table:
+    """The table in a file that holds `values` and `channels`, at the operating `point` that it states."""
     held = file.variables
     names = _texts(source, file, "channels")
     values = _values(source, file, len(names))
     words = {key: _texts(source, file, key, len(names)) if key in held else None for key in _WORDS}
     units = words["units"] or ([held["values"].unit] * len(names) if held["values"].unit else None)
-    named = make_channels(
-        source, names, units, quantity=words["quantities"], location=words["locations"], direction=words["directions"]
-    )
+    places = {key: words[f"{key}s"] for key in ("location", "direction", "place")}
+    named = make_channels(source, names, units, quantity=words["quantities"], **places)
     orbit = None
     if "orbit" in held:
         orbit = _orbit(source, numbers(source, file, "orbit"), len(names))
@@ -249,7 +255,7 @@ def table_by_name(source: Source, file: VariableFile, *, channels: Sequence[str]
         orbit = None if orbit is None else orbit[chosen]
     stated = None if "sample_rate" in held or "time" in held else stated_rate(source, file, held["values"])
     rate, note = (scalar(source, file, "sample_rate"), None) if stated is None else (stated.rate, stated.note)
-    others = [path for path in held if path not in KEYS and (stated is None or path != stated.path)]
+    others = [path for path in held if path not in (*KEYS, *point) and (stated is None or path != stated.path)]
     notes = tuple(f"The file also holds `{printable(path)}`, which is not used." for path in others[:20])
     if len(others) > 20:
         notes += (f"It holds {len(others) - 20} more that are not used.",)
@@ -269,6 +275,7 @@ def table_by_name(source: Source, file: VariableFile, *, channels: Sequence[str]
         start=scalar(source, file, "start"),
         period=scalar(source, file, "period"),
         origin=scalar(source, file, "origin"),
+        point=point,
     )
 
 

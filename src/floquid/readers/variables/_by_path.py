@@ -36,6 +36,7 @@ from floquid.readers.variables._by_name import (
     table_by_name,
     time_column,
 )
+from floquid.readers.variables._point import point_beside
 from floquid.tables import Table, TimeColumn, make_channel
 
 _LABELS = re.compile("label|channel|name|sensor", re.IGNORECASE)
@@ -61,8 +62,10 @@ def table_of_variables(
     source: Source, file: VariableFile, *, channels: Sequence[str] | None, ignore_time: bool
 ) -> Table:
     """The table in a file of variables: by our names if it has them, else by the paths in `channels`."""
-    by = table_by_name if {"values", "channels"} <= file.variables.keys() else _table_by_path
-    return by(source, file, channels=channels, ignore_time=ignore_time)
+    if {"values", "channels"} <= file.variables.keys():
+        point = point_beside(file, file.variables["values"])
+        return table_by_name(source, file, channels=channels, ignore_time=ignore_time, point=point)
+    return _table_by_path(source, file, channels=channels, ignore_time=ignore_time)
 
 
 def _table_by_path(source: Source, file: VariableFile, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
@@ -106,6 +109,7 @@ def _table_by_path(source: Source, file: VariableFile, *, channels: Sequence[str
         sample_rate=rate,
         rate_note=note,
         labels=_label_lists(file, rows),
+        point=point_beside(file, rows[0].variable),
         notes=notes,
     )
 

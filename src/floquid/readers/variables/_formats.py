@@ -67,7 +67,8 @@ def _array(archive: Any, key: str) -> NDArray[Any]:
 
 def save_npz(record: Record, path: Path) -> None:
     """Write `record` with every key that `load_npz` reads."""
-    content: dict[str, Any] = {"values": record.values, **numbers_of(record), **orbit_of(record), **texts_of(record)}
+    content: dict[str, Any] = {**record.point, "values": record.values, **numbers_of(record), **orbit_of(record)}
+    content |= texts_of(record)
     with path.open("wb") as stream:  # savez would add a suffix of its own to a name
         np.savez(stream, **content)
 
@@ -151,6 +152,7 @@ def save_mat(record: Record, path: Path) -> None:
         got = f"has {record.values.nbytes / (1 << 30):.3g} GiB"
         raise input_error("record", "write", must, got, "Write it as .h5, which MATLAB reads, too (h5read).")
     content: dict[str, Any] = {
+        **record.point,
         "values": record.values,
         **numbers_of(record),
         **orbit_of(record),

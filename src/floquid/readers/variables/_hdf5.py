@@ -262,7 +262,7 @@ def save_hdf5(record: Record, path: Path) -> None:
             coded = [text.encode() for text in texts]
             dtype = h5py.string_dtype("utf-8", max(1, *map(len, coded)))
             file.create_dataset(key, data=np.array(coded, dtype=dtype), chunks=(len(coded),), fletcher32=True)
-        for key, number in numbers_of(record).items():
+        for key, number in {**record.point, **numbers_of(record)}.items():
             properties = low.h5p.create(low.h5p.DATASET_CREATE)
             properties.set_layout(low.h5d.COMPACT)  # within the head, whose checksum guards it
             properties.set_obj_track_times(False)  # the same record makes the same file

@@ -1,0 +1,216 @@
+"""The periodic shape of a mode, one for all hits, with the covariance of its lines kept in factors."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from floquid._arrays import Complexes, Floats, Indices, Integers, Mask
+from floquid._checks import Rebuilt, index
+from floquid.core._channel import Channel, channels_named
+from floquid.core._estimates import Estimates
+from floquid.core._record import as_channels
+from floquid.fit import covariance_root
+
+if TYPE_CHECKING:
+    from floquid.core._periodic_model import PeriodicModel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Shape(Rebuilt):
+    r"""The lines of the periodic shape of one mode, and their joint errors.
+
+    .. math:: p(t) = \sum_m B_m\, e^{i m \omega t}, \qquad \delta B_{c,m} = \sum_k S_{c,m,k}\, \epsilon_k + e_{c,m}
+
+    with ε independent errors of variance one that all channels have in common, and e those of each channel alone. A
+    complex factor of a shape is free: errors are those at a factor that is held.
+
+    Raises InputError where a size is not possible.
+
+    Parameters
+    ----------
+    values
+        B (channels, harmonics) [units of the channels].
+    harmonics
+        The integers m, ascending (harmonics,).
+    channels
+        One `Channel` a row.
+    slopes
+        S (channels, harmonics, common errors); None if not estimated.
+    spread
+        Covariance of e of each channel, real parts, then imaginary parts (channels, 2 harmonics, 2 harmonics); None
+        with the slopes.
+    """
+
+    values: Complexes
+    harmonics: Integers
+    channels: tuple[Channel, ...]
+    slopes: Complexes | None = field(default=None, repr=False)
+    spread: Floats | None = field(default=None, repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "channels", as_channels(self.channels, "Shape"))
+        self._freeze(dtype=np.int64, harmonics=("harmonics",))
+        rows, lines = len(self.channels), len(self.harmonics)
+        self._freeze(dtype=np.complex128, values=(rows, lines), slopes=(rows, lines, "common errors"))
+        self._freeze(spread=(rows, 2 * lines, 2 * lines))
+
+    def variance(self, by_values: Complexes) -> Floats | None:
+        r"""The variance of real quantities f, to first order (quantities,); None if not estimated.
+
+        .. math:: \delta f = \Re \sum_{c,m} \frac{\partial f}{\partial B_{c,m}}\, \delta B_{c,m}
+
+        `by_values` are these slopes (quantities, channels, harmonics).
+        """
+        if self.slopes is None or self.spread is None:
+            return None
+        common = np.tensordot(by_values, self.slopes, axes=2).real
+        own = np.concatenate([by_values.real, -by_values.imag], axis=2)
+        return np.sum(common**2, axis=1) + np.einsum("qci,cij,qcj->q", own, self.spread, own)
+
+    @property
+    def std(self) -> Complexes | None:
+        """Deviations of the lines (channels, harmonics): real part of the real, imaginary of the imaginary part."""
+        if self.slopes is None or self.spread is None:
+            return None
+        own, lines = np.diagonal(self.spread, axis1=1, axis2=2), len(self.harmonics)
+        parts = [
+            np.sqrt(np.maximum(np.sum(slopes**2, axis=2) + variance, 0.0))
+            for slopes, variance in ((self.slopes.real, own[:, :lines]), (self.slopes.imag, own[:, lines:]))
+        ]
+        return np.asarray(parts[0] + 1j * parts[1], np.complex128)
+
+    def drawn(self, count: int, generator: np.random.Generator) -> Complexes:
+        """Draws of the lines, `count` of them, with errors from a `generator` (count, channels, harmonics)."""
+        values = np.repeat(self.values[None], count, axis=0)
+        if self.slopes is None or self.spread is None:
+            return values
+        values += np.moveaxis(self.slopes @ generator.standard_normal((self.slopes.shape[2], count)), 2, 0)
+        for row, spread in enumerate(self.spread):
+            root = covariance_root(spread)
+            both = (root @ generator.standard_normal((root.shape[1], count))).T
+            values[:, row] += both[:, : len(self.harmonics)] + 1j * both[:, len(self.harmonics) :]
+        return values
+
+
+def shape_of(model: PeriodicModel, mode: int, reference: str | None) -> Shape:
+    """The shape of a `mode` of a `model`, its largest line, or the largest of a `reference` channel, real and positive.
+
+    Its hits are lines times a state each. The singular value decomposition finds both, lines weighted by the noise of
+    their channel and hits by theirs: a weight of each pair of them would spoil the product. The size is the root mean
+    square over the hits. Of a real multiplier the factor is real, so that lines stay mirror images.
+    """
+    of = "PeriodicModel.shape"
+    mode = index(mode, "mode", of, model.order)
+    rows = np.arange(len(model.channels))
+    if reference is not None:
+        rows = np.array(channels_named(model.channels, [reference], argument="reference", of=of))
+    lines = model.coefficients[mode]
+    by_channel, by_hit = _weights(model, mode)
+    states = _states(lines, by_channel, by_hit, real=bool(model.real[mode]))
+    values = np.einsum("chm,h->cm", lines, states)
+    size = np.abs(values[rows]) * by_channel[rows, None]
+    largest = values[rows].flat[int(size.argmax())] if size.any() else 1.0 + 0.0j
+    turn = np.conj(largest) / abs(largest)
+    if model.real[mode]:  # the line that turns with half a turn alone is real as it is
+        turn = 1.0 if (largest.real if abs(largest.real) >= abs(largest.imag) else largest.imag) >= 0.0 else -1.0
+    slopes, spread = _errors(model, mode, states * turn)
+    return Shape(values=values * turn, harmonics=model.harmonics, channels=model.channels, slopes=slopes, spread=spread)
+
+
+def _weights(model: PeriodicModel, mode: int) -> tuple[Floats, Floats]:
+    """One over the noise of each channel, and over that of each hit, in the lines of a mode: (channels,), (hits,).
+
+    Noise is taken for that of a channel times that of a hit, by the mean of logarithms. Without any a channel counts by
+    its size.
+    """
+    if model.coefficient_std is not None:
+        noise = np.sqrt(np.mean(np.abs(model.coefficient_std[mode]) ** 2, axis=2))
+        if (noise > 0.0).all():
+            logarithms = np.log(noise)
+            return np.exp(-logarithms.mean(axis=1)), np.exp(logarithms.mean() - logarithms.mean(axis=0))
+    size = np.sqrt(np.mean(np.abs(model.coefficients) ** 2, axis=(0, 2, 3)))
+    return np.divide(1.0, size, out=np.ones_like(size), where=size > 0.0), np.ones(model.n_hits)
+
+
+def _states(lines: Complexes, by_channel: Floats, by_hit: Floats, *, real: bool) -> Complexes:
+    """Factors of the hits whose sum of `lines` (channels, hits, harmonics) is the shape (hits,)."""
+    weighted = np.moveaxis(lines * by_channel[:, None, None] * by_hit[:, None], 1, 2).reshape(-1, lines.shape[1])
+    if real:
+        weighted = np.concatenate([weighted.real, weighted.imag])
+    if not weighted.any():
+        return np.full(lines.shape[1], 1.0 / lines.shape[1], complex)
+    along = np.linalg.svd(weighted, full_matrices=False)[2][0].conj()
+    mean_square = np.mean(np.abs(along / by_hit) ** 2)
+    return np.asarray(along * by_hit * np.sqrt(mean_square), np.complex128)
+
+
+@dataclass(frozen=True, slots=True)
+class _Terms:
+    """Terms of the estimates that make the lines of a mode."""
+
+    terms: Indices  # of the estimates, each may be there twice
+    places: Indices  # of the harmonics of the model
+    mirrored: Mask  # the line is the conjugate of the term
+
+
+def _terms(model: PeriodicModel, mode: int) -> _Terms:
+    """Terms of the estimates of a `model` that are the lines of a `mode`: of a real multiplier also mirror images."""
+    estimates = model.estimates
+    assert estimates is not None
+    of = model.modes_of(estimates)
+    entries = np.flatnonzero(of == mode)
+    conjugate = len(entries) == 0
+    if conjugate:
+        partner = int(np.abs(model.exponents - model.exponents[mode].conj()).argmin())
+        entries = np.flatnonzero(of == partner)
+    terms = np.flatnonzero(model.kept_terms(estimates) & np.isin(estimates.modes, entries[:1]))
+    harmonics, mirrored = estimates.harmonics[terms], np.full(len(terms), conjugate)
+    if conjugate:
+        harmonics = -harmonics
+    elif model.real[mode]:
+        both = terms[estimates.turning[terms]]
+        harmonics = np.concatenate(
+            [harmonics, -estimates.harmonics[both] - estimates.half_turns[estimates.modes[both]]]
+        )
+        terms, mirrored = np.concatenate([terms, both]), np.append(mirrored, np.ones(len(both), bool))
+    there = np.isin(harmonics, model.harmonics)
+    return _Terms(terms[there], np.searchsorted(model.harmonics, harmonics[there]), mirrored[there])
+
+
+def _errors(model: PeriodicModel, mode: int, states: Complexes) -> tuple[Complexes | None, Floats | None]:
+    """Slopes of a shape by common errors, and the covariance of each channel alone, at `states` of the hits held."""
+    estimates = model.estimates
+    if estimates is None:
+        return None, None
+    own = _terms(model, mode)
+    channels, lines = len(model.channels), len(model.harmonics)
+    by_terms = np.einsum("kchp,pd->kchd", estimates.slopes[own.terms], covariance_root(estimates.covariance))
+    by_terms[own.mirrored] = by_terms[own.mirrored].conj()
+    slopes = np.zeros((channels, lines, by_terms.shape[3]), complex)
+    slopes[:, own.places] = np.einsum("kchd,h->ckd", by_terms, states)
+    spread = np.zeros((channels, 2 * lines, 2 * lines))
+    for channel in range(channels):
+        parts = [
+            (_to_lines(estimates, own, channel, hit, state, lines), estimates.spread[estimates.blocks[channel, hit]])
+            for hit, state in enumerate(states)
+        ]
+        if estimates.shared:  # the errors of a channel are one in all hits
+            parts = [(sum((to for to, _ in parts), np.zeros_like(parts[0][0])), parts[0][1])]
+        spread[channel] = sum((to @ covariance @ to.T for to, covariance in parts), np.zeros((2 * lines, 2 * lines)))
+    return slopes, spread
+
+
+def _to_lines(estimates: Estimates, own: _Terms, channel: int, hit: int, state: complex, lines: int) -> Floats:
+    """Derivatives of the lines of a channel by the errors of one row (2 lines, 2 terms): real parts, then imaginary."""
+    to = np.zeros((2 * lines, 2 * len(estimates.modes)))
+    scale = estimates.scales[own.terms, channel, hit]
+    sign = np.where(own.mirrored, -1.0, 1.0)
+    for unit, offset in ((1.0, 0), (1j, len(estimates.modes))):
+        moved = scale * unit
+        moved = state * (moved.real + 1j * sign * moved.imag)
+        to[own.places, offset + own.terms] += moved.real
+        to[lines + own.places, offset + own.terms] += moved.imag
+    return to

@@ -1,0 +1,249 @@
+"""Modes over an operating point: frequencies with order lines, decay or damping, and the multipliers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from floquid._arrays import Floats, Mask
+from floquid._checks import index, input_error
+from floquid.plot._style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, Into, drawing, grid_of
+from floquid.surveys import Survey, Track
+from floquid.views import over_label
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Damping = Literal["decay", "ratio", "decrement"]
+
+COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, BLACK)
+DASHES = ("-", "-.", ":")  # of the tracks behind the first seven
+LEVEL = 1.96  # deviations of a bar of 95 %
+DOUBTFUL = 0.8  # confidence below which a link is dashed
+FAN = 4  # harmonics of a fan on either side
+
+
+def campbell(found: Survey, *, orders: tuple[int, ...] = (1, 2, 3), fan: int | None = None, ax: Into = None) -> Figure:
+    """Frequencies over the operating point, a line a mode, with bars of 95 % where they can be seen.
+
+    Weak modes are open marks, locked ones squares, and doubtful links dashed. Spans in which a mode is unstable are
+    shaded, the intervals of their edges darker. Dotted are whole orders of the speed, where the points have a
+    `speed_rpm`, and dashed half the fundamental, at which a mode locks with itself.
+
+    Parameters
+    ----------
+    found
+        What `survey` found.
+    orders
+        The orders of the speed that are drawn.
+    fan
+        The number of a track whose lines λ + imω are drawn too, wide where much of the shape is; None for none.
+    ax
+        The axes to draw into.
+
+    Raises
+    ------
+    InputError
+        `found` is no survey, `fan` no track, or the axes do not fit.
+    """
+    of = "campbell"
+    _check(found, of)
+    chosen = None if fan is None else found.tracks[index(fan, "fan", of, len(found.tracks))]
+    with drawing(4.2, ax, of) as (figure, (axes,)):
+        _spans(axes, found)
+        top = 0.0
+        for number, track in enumerate(found.tracks):
+            hertz = np.abs(track.frequency) / (2.0 * np.pi)
+            top = max(top, float(hertz.max(initial=0.0)))
+            _line(axes, found, number, hertz, track.frequency_std / (2.0 * np.pi))
+        _unlinked(axes, found)
+        _references(axes, found, orders, 1.15 * top)
+        if chosen is not None:
+            _fan(axes, found, chosen)
+        _label(axes, found)
+        axes.set(ylabel="frequency [Hz]", ylim=(0.0, 1.15 * top or 1.0))
+    return figure
+
+
+def damping(found: Survey, *, unit: Damping = "decay", ax: Into = None) -> Figure:
+    """Decay or damping over the operating point, a line a mode, with bars of 95 %; what is unstable is shaded.
+
+    A couple of real multipliers has two decays, joined by a bar, and neither a damping ratio nor a decrement: it has no
+    frequency of its own.
+
+    `found` is what `survey` found. `unit` is "decay" for Re λ [1/s], "ratio" for ζ in percent, or "decrement" for
+    δ = -2π Re λ/|Im λ|; `ax` the axes to draw into. Raises InputError where one is something else.
+    """
+    of = "damping"
+    _check(found, of)
+    if unit not in (names := {"decay": "Re λ [1/s]", "ratio": "damping ratio ζ [%]", "decrement": "decrement δ"}):
+        raise input_error("unit", of, f"be one of {', '.join(names)}", f"is {unit!r}")
+    with drawing(4.2, ax, of) as (figure, (axes,)):
+        _spans(axes, found)
+        for number, track in enumerate(found.tracks):
+            x = found.values[track.points]
+            values, std = _damping(track, unit)
+            _line(axes, found, number, values, std)
+            if unit == "decay":
+                for place in np.flatnonzero(track.locked):
+                    ends = track.exponents[place].real
+                    axes.plot(x[[place, place]], ends, "s-", color=_colour(number), markersize=3.5, linewidth=1.6)
+        axes.axhline(0.0, color=BLACK, linewidth=0.9)
+        low, high = axes.get_ylim()
+        unstable = (0.0, max(high, 0.0)) if unit == "decay" else (min(low, 0.0), 0.0)
+        axes.axhspan(*unstable, facecolor=VERMILION, alpha=0.08, zorder=0)
+        _label(axes, found)
+        axes.set(ylabel=names[unit], ylim=(low, high))
+    return figure
+
+
+def multipliers(found: Survey, *, ax: Into = None) -> Figure:
+    """The size of multipliers over the operating point, and their ways in the plane beside the unit circle.
+
+    A mode that leaves the circle is unstable; arrows point to higher operating points. `found` is what `survey` found,
+    and `ax` two axes to draw into. Raises InputError where one is something else.
+    """
+    of = "multipliers"
+    _check(found, of)
+    with drawing(3.9, ax, of, panels=grid_of(1, 2)) as (figure, (left, right)):
+        _spans(left, found)
+        angle = np.linspace(0.0, 2.0 * np.pi, 361)
+        right.plot(np.cos(angle), np.sin(angle), color=GREY, linewidth=0.9)
+        for number, track in enumerate(found.tracks):
+            periods = np.array([_period(found, point) for point in track.points.tolist()])
+            sizes = np.exp(track.growth * periods)
+            _line(left, found, number, sizes, sizes * periods * track.decay_std)
+            values = np.exp(track.exponents * periods[:, None])
+            way = np.where(track.locked, np.nan, values[:, 0])
+            right.plot(way.real, way.imag, color=_colour(number), linewidth=0.9)
+            for pair in values[track.locked]:
+                right.plot(pair.real, pair.imag, "s", color=_colour(number), markersize=3.0)
+            if len(way) > 1 and np.isfinite(way[-2:]).all():
+                ends = [(value.real, value.imag) for value in way[[-1, -2]]]
+                right.annotate("", *ends, arrowprops={"arrowstyle": "->", "color": _colour(number)})
+        left.axhline(1.0, color=BLACK, linewidth=0.9)
+        _label(left, found)
+        left.set_ylabel("|μ|")
+        right.set(xlabel="Re μ", ylabel="Im μ", aspect="equal")
+    return figure
+
+
+def _check(found: Survey, of: str) -> None:
+    if not isinstance(found, Survey):
+        raise input_error("found", of, "be a Survey", f"is {found!r:.60}", "Pass floquid.survey(...).")
+
+
+def _colour(number: int) -> str:
+    return COLOURS[number % len(COLOURS)]
+
+
+def _damping(track: Track, unit: Damping) -> tuple[Floats, Floats]:
+    """Values and deviations of a track in a unit."""
+    if unit == "decay":
+        return track.decay, track.decay_std
+    size = np.where(track.locked, np.nan, np.abs(track.frequency))
+    if unit == "ratio":
+        return 100.0 * track.damping_ratio, 100.0 * track.decay_std / size
+    return -2.0 * np.pi * track.decay / size, 2.0 * np.pi * track.decay_std / size
+
+
+def _runs(doubtful: Mask) -> Iterator[tuple[slice, bool]]:
+    """Stretches of links that are alike, and whether they are doubtful."""
+    first = 0
+    for k in range(1, len(doubtful) + 1):
+        if k == len(doubtful) or doubtful[k] != doubtful[first]:
+            yield slice(first, k + 1), bool(doubtful[first])
+            first = k
+
+
+def _line(axes: Axes, found: Survey, number: int, values: Floats, std: Floats) -> None:
+    """One track: its line, dashed where a link is doubtful, and its marks with bars."""
+    track, colour = found.tracks[number], _colour(number)
+    x, dash = found.values[track.points], DASHES[number // len(COLOURS) % len(DASHES)]
+    for run, doubtful in _runs(track.confidence[1:] < DOUBTFUL):
+        axes.plot(x[run], values[run], color=colour, linestyle="--" if doubtful else dash, linewidth=1.1)
+    form: dict[str, Any] = {"color": colour, "linestyle": "none", "capsize": 0.0, "elinewidth": 0.9}
+    for kind, marker, label in ((~track.locked, "o", track.name), (track.locked, "s", None)):
+        for weak, face in ((False, colour), (True, "white")):
+            at = kind & (track.weak == weak)
+            more = {"marker": marker, "markersize": 4.0, "markerfacecolor": face, "label": label if not weak else None}
+            if at.any():
+                axes.errorbar(x[at], values[at], LEVEL * std[at], **form, **more)
+
+
+def _unlinked(axes: Axes, found: Survey) -> None:
+    """Modes on no track, as crosses."""
+    models = [(point, found.points[point].model, mode) for point, mode in found.unlinked]
+    x = [found.values[point] for point, model, _ in models if model is not None]
+    hertz = [abs(model.exponents[mode].imag) / (2.0 * np.pi) for _, model, mode in models if model is not None]
+    if x:
+        axes.plot(x, hertz, "x", color=GREY, markersize=5.0, label="on no track")
+
+
+def _period(found: Survey, point: int) -> float:
+    model = found.points[point].model
+    assert model is not None
+    return model.period
+
+
+def _spans(axes: Axes, found: Survey) -> None:
+    """Shade where a mode is unstable, the intervals of the edges darker."""
+    x = found.values
+    for track in found.tracks:
+        places, unstable = x[track.points], track.growth > 0.0
+        turns = np.flatnonzero(np.diff(np.concatenate([[False], unstable, [False]]).astype(int)))
+        ends = [_end(found, track, k, places) for k in turns.tolist()]
+        for low, high in zip(ends[::2], ends[1::2], strict=True):
+            axes.axvspan(low, high, facecolor=VERMILION, alpha=0.12, edgecolor="none", zorder=0)
+    for edge in found.edges:
+        axes.axvspan(*edge.interval, facecolor=VERMILION, alpha=0.3, edgecolor="none", zorder=0)
+
+
+def _end(found: Survey, track: Track, place: int, x: Floats) -> float:
+    """The end of an unstable span before a place of a track: that of its edge, else the nearest point."""
+    if 0 < place < len(x):
+        between = (int(track.points[place - 1]), int(track.points[place]))
+        known = [edge.value for edge in found.edges if edge.between == between and edge.value is not None]
+        return known[0] if known else float(x[place - 1 : place + 1].mean())
+    return float(x[min(place, len(x) - 1)])
+
+
+def _references(axes: Axes, found: Survey, orders: tuple[int, ...], top: float) -> None:
+    """Orders of the speed, dotted, and half the fundamental, dashed."""
+    x = found.values
+    hertz = np.array([point.values.get("speed_rpm", np.nan) for point in found.points]) / 60.0
+    if np.isfinite(hertz).all():
+        for order in orders:
+            axes.plot(x, order * hertz, ":", color=GREY, linewidth=0.9)
+            if order * hertz[-1] < top:
+                axes.annotate(f"{order}×", (x[-1], order * hertz[-1]), (3, 0), textcoords="offset points", color=GREY)
+    known = [k for k, point in enumerate(found.points) if point.model is not None]
+    axes.plot(x[known], [0.5 / _period(found, k) for k in known], "--", color=GREY, linewidth=0.9, label="half of 1/T")
+
+
+def _fan(axes: Axes, found: Survey, track: Track) -> None:
+    """Lines of one track at whole harmonics, as wide as their share of the shape."""
+    shares = np.zeros((len(track.points), 2 * FAN + 1))
+    lines = np.zeros_like(shares)
+    for place, point in enumerate(track.points.tolist()):
+        model = found.points[point].model
+        assert model is not None
+        energy = np.sum(np.abs(model.coefficients[track.modes[place, 0]]) ** 2, axis=(0, 1))
+        side = -1 if track.mirrored[place] else 1
+        for k, m in enumerate(range(-FAN, FAN + 1)):
+            lines[place, k] = abs(track.frequency[place] + m * model.fundamental) / (2.0 * np.pi)
+            shares[place, k] = energy[model.harmonics == side * (m + track.shifts[place])].sum() / energy.sum()
+    for k in range(2 * FAN + 1):
+        if k != FAN:
+            width = 0.3 + 3.0 * shares[:, k].mean()
+            axes.plot(found.values[track.points], lines[:, k], color=GREY, linewidth=width, zorder=1)
+
+
+def _label(axes: Axes, found: Survey) -> None:
+    """Label the operating point, and show all of the survey."""
+    x = found.values
+    margin = 0.02 * (float(np.ptp(x)) or 1.0)
+    axes.set(xlabel=over_label(found.over), xlim=(x.min() - margin, x.max() + margin))

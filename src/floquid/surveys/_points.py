@@ -1,0 +1,167 @@
+"""Results of any kind as points of a survey, and their modes as objects to follow."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from floquid._arrays import Complexes, Floats
+from floquid._checks import input_error
+from floquid.core import PeriodicModel
+from floquid.floquet import FloquetModes
+from floquid.periodic import CONFIDENT
+from floquid.pipeline import Analysis
+from floquid.surveys._objects import SHIFTS, Seen, moved
+from floquid.surveys._types import Point
+
+OF = "survey"
+APART = 0.02  # share by which periods may differ from one part of a revolution: a speed is often said in whole numbers
+EQUAL = 1e-9  # share of the range within which two points are one
+
+
+def point_of(result: Any) -> Point:
+    """A `result` as a point of a survey; one that is a point already stays."""
+    if isinstance(result, Point):
+        return result
+    if not isinstance(result, (Analysis, PeriodicModel, FloquetModes)):
+        must, got = "hold results of `identify`, files of such, or modes of known systems", f"holds {result!r:.60}"
+        raise input_error("results", OF, must, got, "Pass what `identify` or `load` gives.")
+    analysis = result if isinstance(result, Analysis) else None
+    model = one_hit(result.model if isinstance(result, Analysis) else result)
+    weak = np.zeros(model.order, bool)
+    if analysis is not None:
+        std = model.exponent_std
+        weak[:] = True if std is None else np.maximum(std.real, std.imag) > CONFIDENT * model.fundamental
+    return Point(
+        values={} if isinstance(result, FloquetModes) else result.point,
+        files=() if analysis is None else analysis.provenance.sources,
+        model=model,
+        passed=analysis is None or analysis.passed,
+        weak=weak,
+        reason=analysis.reasons[0] if analysis is not None and analysis.failed else None,
+    )
+
+
+def check_points(points: Sequence[Point], over: str) -> tuple[Point, ...]:
+    """The points, ascending; refused where their values are missing or equal, or their periods do not fit."""
+
+    def names(of: Sequence[Point]) -> str:
+        return "; ".join(", ".join(point.files) or f"result {points.index(point) + 1}" for point in of)
+
+    missing = [point for point in points if over not in point.values]
+    if missing:
+        remedy = f'Give it to the record, `Record(point={{"{over}": 742.0}})`, or by `--point {over}=742`.'
+        raise input_error("results", OF, f"have a value of {over} each", f"{names(missing)} has none", remedy)
+    ordered = tuple(sorted(points, key=lambda point: point.values[over]))
+    values = np.array([point.values[over] for point in ordered])
+    for first in np.flatnonzero(np.diff(values) <= EQUAL * max(np.ptp(values), 1e-300)) if len(values) > 1 else ():
+        got = f"{names(ordered[first : first + 2])} are both at {values[first]:g}"
+        remedy = "Identify them together: records of one point are hits."
+        raise input_error("results", OF, f"be at different values of {over}", got, remedy)
+    _check_periods(ordered, names)
+    return ordered
+
+
+def _check_periods(points: Sequence[Point], names: Any) -> None:
+    """Refuse periods that are not the same part of a revolution: exponents are known modulo iω."""
+    known = [point for point in points if point.model is not None and point.values.get("speed_rpm", 0.0) > 0.0]
+    turns = np.array([point.model.period * point.values["speed_rpm"] / 60.0 for point in known if point.model])
+    if not len(turns):
+        return
+    off = np.flatnonzero(np.abs(turns / np.median(turns) - 1.0) > APART)
+    if len(off):
+        got = f"{names([known[off[0]]])} has one of {turns[off[0]]:.4g} revolutions, and most {np.median(turns):.4g}"
+        remedy = "Identify all records with the period of the same part of a revolution: exponents are known modulo iω."
+        raise input_error("results", OF, "have periods of one part of a revolution", got, remedy)
+
+
+def one_hit(modes: PeriodicModel | FloquetModes) -> PeriodicModel:
+    """Modes with one shape each, as a model of one hit."""
+    if isinstance(modes, FloquetModes):
+        return PeriodicModel(
+            exponents=modes.exponents,
+            coefficients=modes.coefficients[:, :, None],
+            harmonics=modes.harmonics,
+            period=modes.period,
+            channels=[f"x{k + 1}" for k in range(modes.coefficients.shape[1])],
+        )
+    shapes = [modes.shape(mode) for mode in range(modes.order)]
+    std = [shape.std for shape in shapes if shape.std is not None]
+    if modes.n_hits == 1 and len(std) < modes.order and modes.coefficient_std is not None:
+        std = list(modes.coefficient_std[:, :, 0])  # a model that has lost its joint covariance
+    return PeriodicModel(
+        exponents=modes.exponents,
+        coefficients=np.reshape([shape.values for shape in shapes], (-1, len(modes.channels), 1, len(modes.harmonics))),
+        harmonics=modes.harmonics,
+        period=modes.period,
+        channels=modes.channels,
+        covariance=modes.covariance,
+        coefficient_std=np.array(std)[:, :, None] if len(std) == modes.order and std else None,
+        provenance=modes.provenance,
+        point=modes.point,
+    )
+
+
+def objects_of(points: Sequence[Point]) -> list[list[Seen]]:
+    """The objects of each point, shapes in the channels that all points have, over the noise of each."""
+    models = [point.model for point in points if point.model is not None]
+    names = [[channel.name for channel in model.channels] for model in models]
+    common = [name for name in names[0] if all(name in own for own in names)] if names else []
+    if names and len(common) < min(2, max(map(len, names))):
+        got = f"share {common[0] if common else 'none'}"
+        remedy = "Record the same channels at every point, or name them alike: `--channels`, `--names`."
+        raise input_error("results", OF, "have two channels in common at least", got, remedy)
+    reach = max((int(np.abs(model.harmonics).max()) for model in models), default=0) + SHIFTS
+    weights = _weights(models, common)
+    return [[] if point.model is None else _objects(point, common, weights, reach) for point in points]
+
+
+def _weights(models: Sequence[PeriodicModel], common: Sequence[str]) -> Floats:
+    """One over the noise of each channel, pooled over points and modes; over its size where none was estimated."""
+    noisy = [model for model in models if model.coefficient_std is not None]
+    squares = np.zeros(len(common))
+    for model in noisy or models:
+        values = model.coefficient_std if noisy and model.coefficient_std is not None else model.coefficients
+        rows = [[channel.name for channel in model.channels].index(name) for name in common]
+        squares += np.mean(np.abs(values[:, rows]) ** 2, axis=(0, 2, 3))
+    return 1.0 / np.sqrt(np.maximum(squares, 1e-300))
+
+
+def _objects(point: Point, common: Sequence[str], weights: Floats, reach: int) -> list[Seen]:
+    """The objects of one point."""
+    model, weak = point.model, point.weak
+    assert model is not None
+    rows = [[channel.name for channel in model.channels].index(name) for name in common]
+
+    def widened(values: Complexes) -> Complexes:
+        out = np.zeros((model.order, len(rows), 2 * reach + 1), complex)
+        out[:, :, model.harmonics + reach] = values[:, rows, 0] * weights[:, None]
+        return out
+
+    shapes = widened(model.coefficients)
+    deviations = np.zeros_like(shapes) if model.coefficient_std is None else widened(model.coefficient_std)
+    count = model.order
+    covariance = np.zeros((2 * count, 2 * count)) if model.covariance is None else model.covariance
+    couples = model.couples
+    inside = {mode for couple in couples for mode in couple}
+    groups = [*couples, *((mode,) for mode in model.upper_modes if mode not in inside)]
+    found = []
+    for modes in groups:
+        kept = np.array(modes)
+        parts = np.concatenate([kept, kept + count])
+        lam = model.exponents[kept]
+        turns = np.rint((lam[0].imag - lam.imag) / model.fundamental).astype(int)  # both of a couple on one branch
+        found.append(
+            Seen(
+                modes=modes,
+                exponents=lam + 1j * model.fundamental * turns,
+                covariance=covariance[np.ix_(parts, parts)],
+                shapes=np.array([moved(shapes[k], turn) for k, turn in zip(modes, turns, strict=True)]),
+                deviations=np.array([moved(deviations[k], turn) for k, turn in zip(modes, turns, strict=True)]),
+                fundamental=model.fundamental,
+                weak=weak is not None and bool(weak[kept].any()),
+            )
+        )
+    return found

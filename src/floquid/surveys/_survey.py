@@ -1,0 +1,206 @@
+"""Modes over an operating point: from results, or from known systems, to tracks, links and edges."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from floquid._arrays import Floats
+from floquid._checks import input_error, integer, positive
+from floquid._show import late
+from floquid.floquet import FloquetModes, modes
+from floquid.surveys._edges import Crossing, crossings
+from floquid.surveys._meetings import meetings
+from floquid.surveys._points import OF, check_points, objects_of, point_of
+from floquid.surveys._tracking import Path, tracked
+from floquid.surveys._types import Edge, Point, Survey, Track
+
+FEWEST = 3  # points for tracks
+DOUBTFUL = 0.8  # confidence below which a link is told
+MOST = 4  # links that are named in a warning
+GRID = 41  # points of a known system, by default
+
+
+def survey(
+    results: Iterable[Any] | Callable[[float], Any],
+    *,
+    over: str = "speed_rpm",
+    between: tuple[float, float] | None = None,
+    points: int = GRID,
+    edge_tolerance: float = 1e-9,
+    gap: int = 2,
+    confidence: float = 0.95,
+) -> Survey:
+    r"""Follow modes over an operating point, and find where they turn unstable.
+
+    Modes are followed by their shapes, whose likeness does not depend on the branch that is reported:
+
+    .. math:: \max_{s, k} |\langle A_m, B^{(k)}_{m+s} \rangle|^2 / (\|A\|^2 \|B\|^2)
+
+    over shifts by whole fundamentals and the mirror image, channels over their noise; two real multipliers of a lock
+    are one object. Edges come from μ = (λ_a + λ_b)/2 and q = ((λ_a - λ_b)/2)² of what meets, which are smooth where
+    exponents have a kink: Re(μ ± √q) = 0 of a Wiener process integrated twice through the nearest points.
+
+    Raises InputError where a result has no value of `over` or two have the same, their periods are not one part of a
+    revolution, or they share less than two channels.
+
+    Parameters
+    ----------
+    results
+        What `identify` found at each point, files of such, modes of known systems, or points; or a function of the
+        operating point that gives a known system: a matrix A(t) with its period, A and the period, or its modes.
+    over
+        The quantity of the operating point, such as "speed_rpm".
+    between
+        The range, of a function.
+    points
+        How many points a function is evaluated at before its edges are halved.
+    edge_tolerance
+        The largest error of an edge of a known system, as a share of the range.
+    gap
+        Points that a mode may be missing at.
+    confidence
+        The probability that an interval holds the edge.
+    """
+    missed = integer(gap, "gap", OF, at_least=0)
+    if not 0.0 < positive(confidence, "confidence", OF) < 1.0:
+        raise input_error("confidence", OF, "lie between 0 and 1", f"is {confidence:g}")
+    if callable(results):
+        if between is None or not between[0] < between[1]:
+            got = f"is {between!r}"
+            raise input_error("between", OF, "hold the two ends of the range", got, "Such as between=(0.4, 1.2).")
+        grid = np.linspace(*between, integer(points, "points", OF, at_least=FEWEST))
+        known = [_known(results, over, value) for value in grid.tolist()]
+        found = _surveyed(known, over, missed, confidence)
+        step = positive(edge_tolerance, "edge_tolerance", OF) * (between[1] - between[0])
+        edges = tuple(_halved(edge, found, results, step) for edge in found.edges)
+        return replace(found, edges=edges)
+    given = [late("store", "load")(one) if isinstance(one, (str, PathLike)) else one for one in results]
+    return _surveyed([point_of(one) for one in given], over, missed, confidence)
+
+
+def _modes(system: Callable[[float], Any], value: float) -> FloquetModes:
+    """The modes of a known system at a value."""
+    made = system(value)
+    if isinstance(made, FloquetModes):
+        return made
+    return modes(*made) if isinstance(made, tuple) else modes(made)
+
+
+def _known(system: Callable[[float], Any], over: str, value: float) -> Point:
+    found = point_of(_modes(system, value))
+    return Point(values={over: value}, model=found.model, passed=True, weak=found.weak)
+
+
+def _halved(edge: Edge, found: Survey, system: Callable[[float], Any], tolerance: float) -> Edge:
+    """An edge of a known system, its bracket halved to a tolerance."""
+    low, high = (found.points[k].values[found.over] for k in edge.between)
+    rising = edge.direction == "onset"
+    if ((_modes(system, low).growth > 0.0), (_modes(system, high).growth > 0.0)) != (not rising, rising):
+        return edge  # another mode is unstable there
+    while high - low > tolerance and low < (middle := 0.5 * (low + high)) < high:
+        if (_modes(system, middle).growth > 0.0) == rising:
+            high = middle
+        else:
+            low = middle
+    return replace(edge, value=0.5 * (low + high), std=0.0, interval=(low, high))
+
+
+def _surveyed(given: Sequence[Point], over: str, gap: int, confidence: float) -> Survey:
+    """The survey of points."""
+    points = check_points(given, over)
+    if not points:
+        raise input_error("results", OF, "hold a result", "none was given", "Pass what `identify` gave at each point.")
+    values = np.array([point.values[over] for point in points])
+    objects = objects_of(points)
+    there = [k for k, point in enumerate(points) if point.model is not None]
+    warnings = [_reason(point, over) for point in points if point.reason is not None]
+    paths: list[Path] = []
+    if len(there) < FEWEST:
+        warnings.append(f"{len(there)} points with a result: {FEWEST} at least are needed to follow modes.")
+    else:
+        paths = tracked([objects[k] for k in there], values[there], gap)
+    alone = [path for path in paths if len(path.places) == 1]
+    paths = sorted((path for path in paths if len(path.places) > 1), key=_height)
+    tracks = tuple(_track(path, number, there) for number, path in enumerate(paths))
+    followed = [{there[at]: held.own for at, held in zip(path.places, path.objects, strict=True)} for path in paths]
+    notes, doubts = meetings(followed, values, over)
+    edges = tuple(_edge(crossing, values, confidence) for crossing in crossings(followed, values))
+    warnings += _doubts(tracks, values)
+    return Survey(
+        over=over,
+        points=points,
+        tracks=tracks,
+        edges=edges,
+        unlinked=tuple((there[path.places[0]], mode) for path in alone for mode in path.objects[0].own.modes),
+        notes=tuple(notes),
+        warnings=(*warnings, *doubts),
+    )
+
+
+def _reason(point: Point, over: str) -> str:
+    state = "no result" if point.model is None else "the model fails"
+    return f"{over} = {point.values[over]:g}: {state}. {point.reason}"
+
+
+def _height(path: Path) -> float:
+    """The middle frequency of a path, by which tracks are numbered."""
+    return float(np.median([abs(held.own.exponent.imag) for held in path.objects]))
+
+
+def _track(path: Path, number: int, there: Sequence[int]) -> Track:
+    """A path as a track."""
+    count = len(path.places)
+    exponents, std = np.full((2, count, 2), complex(np.nan, np.nan))
+    modes = np.full((count, 2), -1)
+    for place, held in enumerate(path.objects):
+        own, size = held.own, len(held.own.modes)
+        modes[place, :size], exponents[place, :size] = own.modes, own.exponents
+        spread = np.sqrt(np.maximum(np.diag(own.covariance), 0.0))
+        std[place, :size] = spread[:size] + 1j * spread[size:]
+    return Track(
+        name=f"mode {number + 1}",
+        points=np.array([there[at] for at in path.places]),
+        modes=modes,
+        exponents=exponents,
+        exponent_std=std,
+        shifts=np.array([held.shift for held in path.objects]),
+        mirrored=np.array([held.mirrored for held in path.objects]),
+        weak=np.array([held.own.weak for held in path.objects]),
+        **{
+            name: np.array([np.nan, *(getattr(step, name) for step in path.steps)])
+            for name in ("confidence", "mac", "cost", "runner_up")
+        },
+    )
+
+
+def _doubts(tracks: Sequence[Track], values: Floats) -> list[str]:
+    """A sentence on the links of low confidence, if there are any."""
+    doubtful = [
+        f"{track.name} to {value:g}"
+        for track in tracks
+        for value, sure in zip(values[track.points], track.confidence, strict=True)
+        if sure < DOUBTFUL
+    ]
+    count = sum(len(track.points) - 1 for track in tracks)
+    where = ", ".join(doubtful[:MOST]) + (f" and {len(doubtful) - MOST} more" if len(doubtful) > MOST else "")
+    return [f"{len(doubtful)} of {count} links have a confidence below {DOUBTFUL}: {where}."] if doubtful else []
+
+
+def _edge(crossing: Crossing, values: Floats, confidence: float) -> Edge:
+    """A crossing with its interval, which the misfit of the process widens."""
+    bracket = (float(values[crossing.between[0]]), float(values[crossing.between[1]]))
+    value, std, interval = None, None, bracket
+    if len(crossing.draws):
+        ends = [0.5 - 0.5 * confidence, 0.1587, 0.5, 0.8413, 0.5 + 0.5 * confidence]
+        low, inner, value, outer, high = np.quantile(crossing.draws, ends).tolist()
+        std = crossing.widening * 0.5 * (outer - inner)
+        interval = (value + crossing.widening * (low - value), value + crossing.widening * (high - value))
+    return Edge(
+        value=value, std=std, interval=interval, between=crossing.between, kind=crossing.kind, tracks=crossing.tracks,
+        direction="onset" if crossing.onset else "end",
+    )  # fmt: skip

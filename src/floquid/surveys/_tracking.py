@@ -1,0 +1,167 @@
+"""Modes followed from point to point: branches, the assignment of objects to tracks, and how sure each link is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import TypeAlias
+
+import numpy as np
+
+from floquid._arrays import Complexes, Floats, Indices
+from floquid.surveys._objects import BRANCHES, Seen, moved, similarities, similarity
+
+ALIKE = 0.8  # share of the best similarity above which a branch may be chosen for its frequency
+NEAR = 0.05  # of ω: a step of the exponent that costs as much as shapes at right angles
+LEFT_OUT = 0.1  # cost of each point between
+DEAREST = 0.9  # cost above which there is no link
+MEMORY = 6  # objects of a path that a new one is compared with: two modes that lock with each other share their shapes
+DRAWS = 200  # of exponents and shapes from their covariances
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """A link as it is made: the cost, that of the best other choice, the similarity and the confidence."""
+
+    cost: float
+    runner_up: float
+    mac: float
+    confidence: float
+
+
+Drawn: TypeAlias = tuple[Complexes, Complexes]
+"""Exponents (draws, modes) and shapes (draws, modes, channels, harmonics)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """An object of a path and draws of it, on the path's branch, and the branch itself."""
+
+    own: Seen
+    drawn: Drawn
+    shift: int = 0
+    mirrored: bool = False
+
+
+@dataclass(slots=True)
+class Path:
+    """Objects of one track by point, and the link that led to each but the first."""
+
+    places: list[int]
+    objects: list[Held]
+    steps: list[Step] = field(default_factory=list)
+
+    def predicted(self, x: Floats, point: int) -> complex:
+        """λ at a point: the last one, and half of the last step's slope in its imaginary part."""
+        last = self.objects[-1].own.exponent
+        if len(self.places) < 2:
+            return last
+        before = self.objects[-2].own.exponent
+        slope = (last.imag - before.imag) / (x[self.places[-1]] - x[self.places[-2]])
+        return last + 0.5j * slope * (x[point] - x[self.places[-1]])
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """The branch of an object that continues a path, and how well it does."""
+
+    shift: int
+    conjugated: bool
+    mac: float
+    step: float  # |Δλ|² over the square of its limit
+    like: int  # the object of the path that it is most like, from the end
+
+
+def tracked(points: Sequence[Sequence[Seen]], x: Floats, gap: int, seed: int = 0) -> list[Path]:
+    """Tracks through the objects of points, which ascend in `x` (points,); a path of one object is none yet."""
+    generator = np.random.default_rng(seed)
+    paths: list[Path] = []
+    for point, objects in enumerate(points):
+        drawn = [thing.drawn(DRAWS, generator) for thing in objects]
+        active = [path for path in paths if point - path.places[-1] <= 1 + gap]
+        matches = [[_match(path, new, x, point) for new in objects] for path in active]
+        waits = np.array([point - path.places[-1] - 1 for path in active], float)
+        costs = np.array([[1.0 - match.mac + min(1.0, match.step) for match in row] for row in matches])
+        costs = costs.reshape(len(active), len(objects)) + LEFT_OUT * waits[:, None]
+        chosen = assigned(costs)
+        stays = _stays(active, objects, drawn, matches, waits, chosen, x, point)
+        for row, column in enumerate(chosen):
+            if column < 0:
+                continue
+            match = matches[row][column]
+            others = np.concatenate([np.delete(costs[row], column), np.delete(costs[:, column], row), [2.0]])
+            cost, runner_up = float(costs[row, column]), float(others.min())
+            excess = max(0.0, cost / max(runner_up - cost, 1e-9) - 1.0)
+            active[row].places.append(point)
+            on = objects[column].on(match.shift, match.conjugated)
+            active[row].objects.append(
+                Held(on, _on(drawn[column], objects[column], match), match.shift, match.conjugated)
+            )
+            active[row].steps.append(Step(cost, runner_up, match.mac, float(stays[row] * np.exp(-excess))))
+        taken = set(chosen.tolist())
+        paths += [Path([point], [Held(new, drawn[k])]) for k, new in enumerate(objects) if k not in taken]
+    return paths
+
+
+def _match(path: Path, new: Seen, x: Floats, point: int) -> Match:
+    """The branch of `new` that continues a path: of those that are alike, the one nearest to the prediction."""
+    remembered = np.array([similarities(known.own, new) for known in path.objects[-MEMORY:]])
+    found = remembered.max(axis=0)
+    wanted = path.predicted(x, point)
+    lam = new.exponent
+    shifts, mirrored = np.array(BRANCHES).T
+    frequencies = np.where(mirrored, -lam.imag, lam.imag) + shifts * new.fundamental
+    off = np.where(found >= ALIKE * found.max(), np.abs(frequencies - wanted.imag), np.inf)
+    best = int(off.argmin())
+    away = complex(lam.real, frequencies[best]) - wanted
+    like = int(remembered[:, best].argmax()) - len(remembered)
+    return Match(*BRANCHES[best], float(found[best]), abs(away) ** 2 / (NEAR * new.fundamental) ** 2, like)
+
+
+def assigned(costs: Floats) -> Indices:
+    """The object that continues each path (paths,), -1 where none is near enough."""
+    from scipy.optimize import linear_sum_assignment
+
+    count, objects = costs.shape
+    alone = np.where(np.eye(count, dtype=bool), DEAREST, 1e6)
+    _, columns = linear_sum_assignment(np.hstack([costs, alone]))
+    return np.where(columns < objects, columns, -1)
+
+
+def _stays(
+    active: Sequence[Path],
+    objects: Sequence[Seen],
+    drawn: Sequence[Drawn],
+    matches: Sequence[Sequence[Match]],
+    waits: Floats,
+    chosen: Indices,
+    x: Floats,
+    point: int,
+) -> Floats:
+    """Share of draws from the covariances in which each path keeps its object (paths,)."""
+    if not len(active) or not len(objects):
+        return np.ones(len(active))
+    costs = np.empty((DRAWS, len(active), len(objects)))
+    for row, path in enumerate(active):
+        last = path.objects[-1]
+        step = path.predicted(x, point) - last.own.exponent
+        for column, (match, thing) in enumerate(zip(matches[row], objects, strict=True)):
+            lam, shapes = _on(drawn[column], thing, match)
+            mac = similarity(_flat(path.objects[match.like].drawn[1]), _flat(shapes))
+            away = np.abs(lam.mean(axis=1) - last.drawn[0].mean(axis=1) - step) ** 2
+            limit = (NEAR * thing.fundamental) ** 2
+            costs[:, row, column] = 1.0 - mac + np.minimum(1.0, away / limit) + LEFT_OUT * waits[row]
+    return np.mean([assigned(own) == chosen for own in costs], axis=0)
+
+
+def _on(drawn: Drawn, thing: Seen, match: Match) -> Drawn:
+    """Draws of an object on the branch of a match."""
+    lam, shapes = drawn
+    if match.conjugated:
+        lam, shapes = lam.conj(), shapes.conj()[..., ::-1]
+    return lam + 1j * match.shift * thing.fundamental, moved(shapes, match.shift)
+
+
+def _flat(shapes: Complexes) -> Complexes:
+    """Shapes with channels and harmonics in one row (draws, modes, numbers)."""
+    return shapes.reshape(*shapes.shape[:2], -1)

@@ -1,0 +1,228 @@
+"""Results of a survey: points, tracks through them, links between neighbours, edges of instability."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+
+from floquid._arrays import Complexes, Floats, Integers, Mask
+from floquid._checks import Rebuilt, Sealed
+from floquid._show import Drawings, Drawn, Told
+from floquid.core import PeriodicModel
+from floquid.surveys._edges import Kind
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Point(Rebuilt):
+    """One operating point of a survey: its values, and the model identified there or the reason why there is none.
+
+    Parameters
+    ----------
+    values
+        The operating point by quantity, such as `speed_rpm`.
+    files
+        Where it comes from.
+    model
+        Modes as one hit, exponents and shapes with their deviations; None without a result.
+    passed
+        True where the result passed its checks, and of a known system.
+    weak
+        Modes that no edge rests on (modes,): weakly determined, or of a result that fails.
+    reason
+        Why there is no result, or why it fails; None where all is well.
+    """
+
+    values: Mapping[str, float]
+    files: tuple[str, ...] = ()
+    model: PeriodicModel | None = None
+    passed: bool = False
+    weak: Mask | None = None
+    reason: str | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "values", MappingProxyType(dict(self.values)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Track(Sealed):
+    """One mode followed through the points of a survey.
+
+    Arrays go over the points where it was found. Of a couple of real multipliers, into which a mode turns in a lock,
+    there are two exponents.
+
+    Parameters
+    ----------
+    name
+        The name of the mode.
+    points
+        Numbers of the points, ascending (places,).
+    modes
+        The mode of the point's model, and the second of a couple, else -1 (places, 2).
+    exponents, exponent_std
+        λ on the branch of the track [1/s], and deviations, of the real part as the real part; the second NaN where
+        it is no couple (places, 2).
+    shifts, mirrored
+        The branch: λ is that of the model moved by this many fundamentals, of the mirror image where `mirrored`
+        (places,).
+    weak
+        True where no edge rests on it (places,).
+    confidence, mac, cost, runner_up
+        Of the link that leads to each place, the likeness of its shapes, its cost and that of the best other choice;
+        NaN for the first (places,).
+    """
+
+    name: str
+    points: Integers
+    modes: Integers
+    exponents: Complexes
+    exponent_std: Complexes
+    shifts: Integers
+    mirrored: Mask
+    weak: Mask
+    confidence: Floats
+    mac: Floats
+    cost: Floats
+    runner_up: Floats
+
+    @property
+    def locked(self) -> Mask:
+        """True where the mode is a couple of real multipliers (places,)."""
+        return self.modes[:, 1] >= 0
+
+    @property
+    def frequency(self) -> Floats:
+        """Im λ on the branch of the track [rad/s], continuous over the points (places,)."""
+        return self.exponents[:, 0].imag
+
+    @property
+    def frequency_std(self) -> Floats:
+        """Deviations of the frequency [rad/s] (places,)."""
+        return self.exponent_std[:, 0].imag
+
+    @property
+    def decay(self) -> Floats:
+        """Re λ [1/s], of a couple the mean of both (places,)."""
+        return np.where(self.locked, self.exponents.real.mean(axis=1), self.exponents[:, 0].real)
+
+    @property
+    def decay_std(self) -> Floats:
+        """Deviations of the decay [1/s], of a couple the larger of both (places,)."""
+        return np.fmax(self.exponent_std[:, 0].real, self.exponent_std[:, 1].real)
+
+    @property
+    def damping_ratio(self) -> Floats:
+        """-Re λ/|λ| on the branch of the track; NaN of a couple, which has no frequency of its own (places,)."""
+        lam = np.where(self.locked, np.nan, self.exponents[:, 0])
+        return -lam.real / np.abs(lam)
+
+    @property
+    def growth(self) -> Floats:
+        """Re λ [1/s], of a couple the larger of both (places,)."""
+        return np.fmax(self.exponents[:, 0].real, self.exponents[:, 1].real)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Link:
+    """A step of a track from one point to the next.
+
+    Parameters
+    ----------
+    track, between
+        The number of the track, and those of the points.
+    cost, runner_up
+        The cost of the step, and that of the best other choice.
+    mac
+        The likeness of the shapes.
+    confidence
+        The share of draws from the covariances that keep the link, less where another choice is nearly as cheap.
+    """
+
+    track: int
+    between: tuple[int, int]
+    cost: float
+    runner_up: float
+    mac: float
+    confidence: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Edge:
+    """An edge of instability: a mode turns unstable or stable again between two points.
+
+    Parameters
+    ----------
+    value, std, interval
+        The operating point, its deviation, and what holds it with the survey's confidence: values are None where the
+        bracket alone is known, and the interval is the bracket then.
+    between
+        Numbers of the points on both sides.
+    kind
+        "lock" of a mode with itself (half or whole order), "sum" of two modes with each other, or "single".
+    tracks
+        Numbers of the tracks.
+    direction
+        "onset" where the mode turns unstable as the operating point rises, "end" where it turns stable.
+    """
+
+    value: float | None
+    std: float | None
+    interval: tuple[float, float]
+    between: tuple[int, int]
+    kind: Kind
+    tracks: tuple[int, ...]
+    direction: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Survey(Told, Drawn, Rebuilt):
+    """Modes over an operating point.
+
+    Parameters
+    ----------
+    over
+        The quantity, such as `speed_rpm`.
+    points
+        All points, ascending.
+    tracks
+        Modes followed through them, by frequency.
+    edges
+        Where they turn unstable and stable again, ascending.
+    unlinked
+        A point and a mode that is on no track.
+    notes
+        Where tracks cross or veer, in words.
+    warnings
+        Points without a result, doubtful links, and what else a reader must know.
+    """
+
+    over: str
+    points: tuple[Point, ...]
+    tracks: tuple[Track, ...]
+    edges: tuple[Edge, ...]
+    unlinked: tuple[tuple[int, int], ...]
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    def _figures(self) -> Drawings:
+        return dict.fromkeys(("campbell", "damping", "multipliers"), (self, {}))
+
+    @property
+    def links(self) -> tuple[Link, ...]:
+        """The steps of all tracks."""
+        return tuple(
+            Link(track=number, between=(int(first), int(last)), cost=cost, runner_up=other, mac=mac, confidence=sure)
+            for number, track in enumerate(self.tracks)
+            for first, last, cost, other, mac, sure in zip(
+                track.points[:-1], track.points[1:],
+                *(own[1:].tolist() for own in (track.cost, track.runner_up, track.mac, track.confidence)),
+                strict=True,
+            )
+        )  # fmt: skip
+
+    @property
+    def values(self) -> Floats:
+        """The operating point of each point (points,)."""
+        return np.array([point.values[self.over] for point in self.points])

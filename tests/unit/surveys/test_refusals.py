@@ -1,0 +1,70 @@
+"""Results that are no survey: refused with the names of the files, or told."""
+
+import pytest
+from tests.locks import known
+
+from floquid.errors import InputError
+from floquid.surveys import Point, survey
+
+
+@pytest.fixture
+def points():
+    return [
+        Point(values={"speed_rpm": speed, "speed": speed}, files=(f"{speed:g}.npz",), model=known(speed * 3.0))
+        for speed in (6.0, 6.2, 6.4)
+    ]
+
+
+def changed(point, **options):
+    return Point(**{"values": point.values, "files": point.files, "model": point.model} | options)
+
+
+def test_points_without_a_value(points):
+    with pytest.raises(InputError, match=r"6\.2\.npz has none\.\n.*--point speed_rpm=742"):
+        survey([points[0], changed(points[1], values={}), points[2]])
+
+
+def test_points_that_are_equal(points):
+    twice = changed(points[1], values=points[0].values)
+    with pytest.raises(InputError, match=r"6\.npz; 6\.2\.npz are both at 6\."):
+        survey([points[0], twice, points[2]])
+
+
+def test_periods_of_other_parts_of_a_revolution(points):
+    points = [changed(p, model=known(p.values["speed"] * 0.10471975511965977)) for p in points]
+    survey(points)
+    half = changed(points[1], model=known(points[1].values["speed"] * 0.20943951023931953))
+    with pytest.raises(InputError, match=r"6\.2\.npz has one of 0\.5 revolutions, and most 1\."):
+        survey([points[0], half, points[2]])
+
+
+def test_channels_that_differ(points):
+    rest = points[:2]
+    survey([*rest, changed(points[2], model=known(19.2, channels=("b", "d")))], over="speed")
+    with pytest.raises(InputError, match="share b"):
+        survey([*rest, changed(points[2], model=known(19.2, channels=("b",)))], over="speed")
+
+
+def test_two_points_give_a_table(points):
+    found = survey(points[:2], over="speed")
+    assert not found.tracks
+    assert "3 at least are needed" in found.warnings[-1]
+    assert len(found.points) == 2
+
+
+def test_a_point_without_a_result_costs_one_point(points):
+    points = [changed(p, values={"speed": v}, model=known(v)) for p, v in zip(points, (18.0, 18.4, 19.2), strict=True)]
+    lost = Point(values={"speed": 18.8}, files=("lost.npz",), reason="It holds no response.")
+    found = survey([*points, lost], over="speed")
+    assert [point.model is None for point in found.points] == [False, False, True, False]
+    assert all(track.points.tolist() == [0, 1, 3] for track in found.tracks[:3])
+    assert found.warnings[0] == "speed = 18.8: no result. It holds no response."
+
+
+def test_what_is_no_result(points):
+    with pytest.raises(InputError, match="but holds"):
+        survey([points[0], ("x",)], over="speed")
+    with pytest.raises(InputError, match="none was given"):
+        survey([])
+    with pytest.raises(InputError, match="two ends of the range"):
+        survey(lambda value: value)

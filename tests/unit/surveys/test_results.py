@@ -1,0 +1,99 @@
+"""Surveys kept in files, as tables, as figures and as a page."""
+
+import json
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+from tests.locks import known
+
+import floquid as fq
+from floquid.errors import InputError
+from floquid.exports import columns_text, edge_columns, survey_columns, survey_summary
+from floquid.surveys import Point
+
+SPEEDS = np.arange(18.0, 22.1, 0.5)
+
+
+@pytest.fixture(scope="module")
+def found():
+    points = [
+        Point(
+            values={"speed_rpm": 30.0 / np.pi * speed, "temperature": 21.0 + k},
+            files=(f"r{k}.npz",),
+            model=known(speed, std=0.002, shape_std=0.01, seed=k, without=(0,) if k == 1 else ()),
+            passed=True,
+        )
+        for k, speed in enumerate(SPEEDS)
+    ]
+    return fq.survey([*points, Point(values={"speed_rpm": 300.0}, files=("bad.npz",), reason="It is too short.")])
+
+
+def test_every_field_comes_back(found, tmp_path):
+    fq.save(found, tmp_path / "survey.h5")
+    back = fq.load(tmp_path / "survey.h5")
+    assert (back.over, back.edges, back.unlinked) == (found.over, found.edges, found.unlinked)
+    assert (back.notes, back.warnings) == (found.notes, found.warnings)
+    for one, other in zip(found.tracks, back.tracks, strict=True):
+        for name in one.__dataclass_fields__:
+            np.testing.assert_equal(getattr(one, name), getattr(other, name))
+    for one, other in zip(found.points, back.points, strict=True):
+        assert (one.values, one.files, one.passed, one.reason) == (
+            other.values,
+            other.files,
+            other.passed,
+            other.reason,
+        )
+        assert (one.model is None) == (other.model is None)
+    np.testing.assert_equal(back.points[2].model.covariance, found.points[2].model.covariance)
+
+
+def test_a_survey_of_its_own_points_is_the_same(found):
+    assert fq.survey(found.points).edges == found.edges
+
+
+def test_rows_and_summary(found):
+    columns = survey_columns(found)
+    assert {len(column) for column in columns.values()} == {sum(t.modes[t.modes >= 0].size for t in found.tracks) + 1}
+    locked = [k for k, value in enumerate(columns["locked"]) if value]
+    assert len(locked) == 2 * found.tracks[1].locked.sum() > 0
+    assert {columns["damping_ratio"][k] for k in locked} == {None}
+    assert columns["reason"][-1] == "It is too short."
+    assert columns["temperature"][0] == 21.0
+    text = columns_text(columns)
+    assert text.count("\n") == len(columns["point"]) + 1
+    assert "nan" not in text
+    assert edge_columns(found)["kind"] == ["lock", "lock"]
+    summary = survey_summary(found)
+    assert json.loads(json.dumps(summary, allow_nan=False)) == summary
+    assert summary["format"] == "floquid-survey/1"
+    assert [track["name"] for track in summary["tracks"]] == ["mode 1", "mode 2", "mode 3", "mode 4"]
+    assert summary["points"][-1]["order"] is None
+
+
+@pytest.mark.parametrize(
+    ("name", "options"),
+    [("campbell", {"fan": 1}), ("damping", {"unit": "ratio"}), ("damping", {"unit": "decay"}), ("multipliers", {})],
+)
+def test_figures(found, name, options):
+    drawn = getattr(found.plot, name)(**options)
+    assert isinstance(drawn, Figure)
+    assert len(drawn.legends[0].get_texts()) >= 4
+
+
+def test_what_no_figure_is_of(found):
+    with pytest.raises(InputError, match="be a Survey"):
+        fq.plot.campbell("survey")
+    with pytest.raises(InputError, match="decay, ratio, decrement"):
+        found.plot.damping(unit="percent")
+    with pytest.raises(InputError, match="fan"):
+        found.plot.campbell(fan=7)
+    with pytest.raises(InputError, match="modes of transfer functions and surveys have none"):
+        fq.report(found, "r.html", truth=([0.0], [[[1.0]]]))
+
+
+@pytest.mark.pages
+def test_page(found, tmp_path):
+    text = fq.report(found, tmp_path / "survey.html").read_text(encoding="utf-8")
+    assert "mode 2, locked with itself" in text
+    assert "It is too short." in text
