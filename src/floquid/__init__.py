@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from floquid.readers import from_pandas, from_sep005, from_xarray, read, to_pandas, to_sep005, write
     from floquid.reconstruction import Refinement, StateModel, reconstruct, refine
     from floquid.reporting import report
+    from floquid.shapes import read_shapes
     from floquid.store import load, save
     from floquid.surveys import Survey, survey
     from floquid.transfer import fit_transfer, multisine
@@ -32,8 +33,8 @@ __all__ = [
     "Analysis", "AzimuthSignal", "Bootstrap", "Channel", "ConstantPeriod", "FloquidError", "IdentificationError",
     "InputError", "PeriodicModel", "PulseTimes", "Record", "Refinement", "Settings", "StateModel", "Survey",
     "TachometerSignal", "bootstrap", "export_modes", "fit_transfer", "floquet", "from_pandas", "from_sep005",
-    "from_xarray", "identify", "load", "measure_transfer", "multisine", "read", "reconstruct", "refine", "report",
-    "save", "survey", "systems", "to_pandas", "to_sep005", "to_xarray", "write",
+    "from_xarray", "identify", "load", "measure_transfer", "multisine", "read", "read_shapes", "reconstruct", "refine",
+    "report", "save", "survey", "systems", "to_pandas", "to_sep005", "to_xarray", "write",
 ]  # fmt: skip
 
 _ROOMS = {
@@ -45,6 +46,7 @@ _ROOMS = {
     "readers": "from_pandas from_sep005 from_xarray read to_pandas to_sep005 write",
     "reconstruction": "Refinement StateModel reconstruct refine",
     "reporting": "report",
+    "shapes": "read_shapes",
     "store": "load save",
     "surveys": "Survey survey",
     "transfer": "fit_transfer multisine",

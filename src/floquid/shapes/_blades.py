@@ -1,0 +1,267 @@
+"""Patterns of modes over the blades of a rotor: multi-blade coordinates of the lines of a shape, of any blade count."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal, TypeAlias
+
+import numpy as np
+
+from floquid._arrays import Complexes, Floats, Integers, Mask
+from floquid._checks import Rebuilt
+from floquid.core import Shape
+from floquid.shapes._arguments import Family
+from floquid.shapes._shares import Ratio
+
+Words: TypeAlias = Literal["en", "openfast", "hawc"]
+
+WORDS: dict[Words, tuple[str, str, str]] = {
+    "en": ("collective", "backward", "forward"),
+    "openfast": ("collective", "regressive", "progressive"),
+    "hawc": ("SYM", "BW", "FW"),
+}
+"""Words for patterns that do not turn, that turn against the rotor and with it, by the program that uses them."""
+
+CLEAR, SECOND = 0.6, 0.5
+"""Least share of the whole that gives a mode its name, and the most that the second may have of the first."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PatternShare:
+    """The share of one pattern in the motion of a mode.
+
+    Parameters
+    ----------
+    family
+        The group of blades, or the channel in the fixed frame.
+    wave
+        The space harmonic n, above zero against the rotation and below zero with it; None of a fixed channel.
+    word
+        The direction in words; empty for a fixed channel.
+    share, std
+        Its share of the energy, and its deviation; None if not estimated.
+    """
+
+    family: str
+    wave: int | None
+    word: str
+    share: float
+    std: float | None
+
+    @property
+    def name(self) -> str:
+        """Family and direction."""
+        return f"{self.family} {self.word}".strip()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BladePattern(Rebuilt):
+    r"""The pattern of a mode over the blades.
+
+    .. math:: \beta_{n,m} = \frac{1}{N} \sum_{j=1}^{N} B_{j,m}\, e^{-2\pi i n (j-1)/N}
+
+    the space harmonic n at the harmonic m of the rotor, a line at Im λ + (m - n)ω in the fixed frame.
+
+    Parameters
+    ----------
+    branch
+        The harmonic k = m - n of the fixed frame that has the most energy.
+    frequency
+        The frequency there, above zero [rad/s]; of a reactionless pattern that of its strongest line on the blades.
+    shares
+        Shares of patterns on that branch, the largest first: of all motion where `is_compared`, else of each family.
+    leak, leak_std
+        The share of motion off that branch, zero of an isotropic rotor, and its deviation; what noise adds on average
+        is taken off.
+    is_compared
+        True where families are of one unit, or were scaled: shares are then of all motion.
+    waves, tables
+        n (waves,) and β (waves, harmonics) by family; both fixed channels and blades.
+    """
+
+    branch: int
+    frequency: float
+    shares: tuple[PatternShare, ...]
+    leak: float
+    leak_std: float | None
+    is_compared: bool
+    waves: Mapping[str, Integers] = field(repr=False)
+    tables: Mapping[str, Complexes] = field(repr=False)
+
+    @property
+    def is_mixed(self) -> bool:
+        """True where no pattern has most of the motion: the name is of several."""
+        shares = [pattern.share for pattern in self.shares]
+        return shares[0] < CLEAR or (len(shares) > 1 and shares[1] > SECOND * shares[0])
+
+    @property
+    def words(self) -> str:
+        """The name without an ordinal: one pattern, or those that are mixed with their shares; of each family alone."""
+        if self.is_compared:
+            return _words(self.shares)
+        families = dict.fromkeys(pattern.family for pattern in self.shares)
+        parts = [[pattern for pattern in self.shares if pattern.family == family] for family in families]
+        return "; ".join(_words(part) for part in parts)
+
+
+def _words(shares: Sequence[PatternShare]) -> str:
+    first = shares[0]
+    if first.share >= CLEAR and not (len(shares) > 1 and shares[1].share > SECOND * first.share):
+        return first.name
+    named = [pattern for pattern in shares[:3] if pattern.share > 0.5 * SECOND * first.share]
+    return "mixed: " + ", ".join(f"{pattern.name} {pattern.share:.2f}" for pattern in named)
+
+
+@dataclass(frozen=True, slots=True)
+class _Lines:
+    """One family seen in a mode: β with the weight of its energy, which lines count, and the branch of each."""
+
+    family: Family
+    beta: Complexes  # (waves, harmonics)
+    weight: float
+    counted: Mask
+    branch: Integers  # k = m - n (waves, harmonics)
+
+    @property
+    def energy(self) -> Floats:
+        """Energy of each line that counts (waves, harmonics)."""
+        return np.where(self.counted, self.weight * np.abs(self.beta) ** 2, 0.0)
+
+    def slopes(self, kept: Mask, like: Complexes) -> Complexes:
+        """Slopes of the energy of `kept` lines by the lines of all channels, zero in the shape of `like`."""
+        by = np.zeros_like(like)
+        count = len(self.family.rows)
+        turned = np.exp(-2j * np.pi * np.outer(np.arange(count), self.family.waves) / count)
+        by[self.family.rows] = 2.0 * self.weight / count * turned @ (self.beta.conj() * (self.counted & kept))
+        return by
+
+
+def pattern_of(
+    shape: Shape,
+    exponent: complex,
+    fundamental: float,
+    families: Sequence[Family],
+    *,
+    is_real: bool,
+    is_compared: bool,
+    words: Words,
+) -> BladePattern:
+    """The pattern of a `shape` over `families`, lines at Im λ + kω by its `exponent` and the rotor's `fundamental`.
+
+    Of a real multiplier lines of negative frequency, mirror images, do not count (`is_real`).
+    """
+    parts = [_lines(shape, exponent, fundamental, family, is_real, is_compared) for family in families]
+    branches = np.unique(np.concatenate([part.branch.ravel() for part in parts]))
+    sums = [sum(float(part.energy[part.branch == k].sum()) for part in parts) for k in branches]
+    branch = int(branches[int(np.argmax(sums))])
+    turned = exponent.imag + branch * fundamental < 0.0
+    whole = _whole(shape, parts)
+    shares: list[PatternShare] = []
+    for part in parts:
+        shares += _shares(shape, part, branch, whole if is_compared else _whole(shape, [part]), turned, words)
+    shares.sort(key=lambda pattern: -pattern.share)
+    leak, leak_std = _leak(shape, parts, branch, whole)
+    return BladePattern(
+        branch=branch,
+        frequency=_frequency(shares[0], parts, branch, exponent.imag, fundamental, shape),
+        shares=tuple(shares),
+        leak=leak,
+        leak_std=leak_std,
+        is_compared=is_compared,
+        waves={part.family.name: part.family.waves for part in parts},
+        tables={part.family.name: part.beta for part in parts},
+    )
+
+
+def _lines(
+    shape: Shape, exponent: complex, fundamental: float, family: Family, is_real: bool, is_compared: bool
+) -> _Lines:
+    """The lines of one family; where families are not compared, in units of its noise, or of its own size."""
+    count, values = len(family.rows), shape.values[family.rows]
+    beta = np.exp(-2j * np.pi * np.outer(family.waves, np.arange(count)) / count) @ values / count
+    branch = shape.harmonics - family.waves[:, None]
+    counted = np.ones(beta.shape, bool)
+    if is_real:
+        counted = exponent.imag + branch * fundamental > -1e-6 * fundamental
+    scale = family.scale
+    if not is_compared:
+        size = np.sqrt(np.mean(np.abs(values if shape.std is None else shape.std[family.rows]) ** 2))
+        scale = 1.0 / size if size > 0.0 else 1.0
+    return _Lines(family, np.asarray(beta, np.complex128), count * scale**2, counted, branch)
+
+
+@dataclass(frozen=True, slots=True)
+class _Whole:
+    """Energy of all lines, its slopes by them (channels, harmonics), and what errors add to it on average."""
+
+    energy: float
+    slopes: Complexes
+    noise: float
+
+
+def _whole(shape: Shape, parts: Sequence[_Lines]) -> _Whole:
+    """The energy of all lines of some families."""
+    slopes, noise, std = np.zeros_like(shape.values), 0.0, shape.std
+    for part in parts:
+        slopes += part.slopes(part.counted, shape.values)
+        if std is not None:
+            squares = float(np.sum(np.abs(std[part.family.rows]) ** 2))
+            noise += part.weight / len(part.family.rows) * squares * float(part.counted.mean())
+    return _Whole(sum(float(part.energy.sum()) for part in parts), slopes, noise)
+
+
+def _shares(
+    shape: Shape, part: _Lines, branch: int, whole: _Whole, turned: bool, words: Words
+) -> Iterator[PatternShare]:
+    """The share of each space harmonic of one family on a branch; `turned` where its frequency is below zero."""
+    for row, wave in enumerate(part.family.waves.tolist()):
+        kept = (part.branch == branch) & (np.arange(len(part.beta)) == row)[:, None]
+        slopes = part.slopes(kept, shape.values)
+        ratio = Ratio.of(shape, float(part.energy[kept].sum()), whole.energy, slopes, whole.slopes, whole.noise)
+        wave = -wave if turned else wave
+        yield PatternShare(
+            family=part.family.name,
+            wave=None if part.family.is_fixed else wave,
+            word="" if part.family.is_fixed else _word(wave, len(part.beta), words),
+            share=ratio.value,
+            std=ratio.std,
+        )
+
+
+def _leak(shape: Shape, parts: Sequence[_Lines], branch: int, whole: _Whole) -> tuple[float, float | None]:
+    """The share of energy off the branch, and its deviation; noise is taken off by the lines that each part has."""
+    within, slopes, lines, own = 0.0, np.zeros_like(shape.values), 0, 0
+    for part in parts:
+        kept = part.branch == branch
+        seen = part.counted & (part.beta != 0)
+        within += float(part.energy[kept].sum())
+        slopes += part.slopes(kept, shape.values)
+        lines, own = lines + int(seen.sum()), own + int((seen & kept).sum())
+    ratio = Ratio.of(shape, within, whole.energy, slopes, whole.slopes, whole.noise)
+    if not whole.energy > whole.noise:
+        return max(0.0, 1.0 - ratio.value), ratio.std
+    return max(0.0, 1.0 - (within - whole.noise * own / max(lines, 1)) / (whole.energy - whole.noise)), ratio.std
+
+
+def _frequency(
+    first: PatternShare, parts: Sequence[_Lines], branch: int, rate: float, fundamental: float, shape: Shape
+) -> float:
+    """The frequency of a mode in the fixed frame; of a reactionless pattern that of its strongest line on blades."""
+    part = next(part for part in parts if part.family.name == first.family)
+    count = len(part.beta)
+    if first.wave is not None and count % 2 == 0 and abs(first.wave) == count // 2:
+        line = int(part.energy[-1].argmax())
+        return abs(rate + int(shape.harmonics[line]) * fundamental)
+    return abs(rate + branch * fundamental)
+
+
+def _word(wave: int, count: int, words: Words) -> str:
+    """The direction of a space harmonic of `count` blades, in words."""
+    collective, backward, forward = WORDS[words]
+    if wave == 0:
+        return collective
+    if count % 2 == 0 and abs(wave) == count // 2:
+        return "differential" if count == 2 else "reactionless"
+    side = backward if wave > 0 else forward
+    return side if abs(wave) == 1 else f"{side} {abs(wave)}"

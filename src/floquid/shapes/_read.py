@@ -1,0 +1,271 @@
+"""Readings of the shapes of modes: whirl, patterns over blades and participation, of one result or known system."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from floquid._arrays import Floats, Integers
+from floquid._checks import Rebuilt, describe, input_error, positive
+from floquid.core import PeriodicModes, Shape, channels_named, couples_of
+from floquid.pipeline import Analysis
+from floquid.shapes._arguments import OF, Blades, Family, Pair, Pairs, families_of, pairs_of
+from floquid.shapes._blades import WORDS, BladePattern, Words, pattern_of
+from floquid.shapes._shares import Ratio
+from floquid.shapes._whirl import Whirl, whirl_of
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Participation(Rebuilt):
+    """Shares of the lines of a mode in one channel, after Peters and Lieb.
+
+    Parameters
+    ----------
+    channel
+        The name of the channel.
+    harmonics
+        The integers m (harmonics,).
+    shares, std
+        The share of the line at Im λ + mω in the energy of the channel, and its deviation (harmonics,); None if not
+        estimated.
+    """
+
+    channel: str
+    harmonics: Integers
+    shares: Floats
+    std: Floats | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ModeReading(Rebuilt):
+    """The reading of the shape of one mode.
+
+    Parameters
+    ----------
+    mode
+        Its number in the model, counted from 0.
+    exponent
+        λ as the model has it [1/s].
+    frequency
+        Its frequency [rad/s], above zero: on the branch of the blades where there are some, else of the exponent.
+    whirl, blades, participation
+        What was asked for; None for the others.
+    name
+        The name with its ordinal, as `1st flap backward`; of a mode of several patterns these with their shares. None
+        without blades, and of a result that fails.
+    couple
+        The other mode of a pair that is locked to the period; None of a mode that is none.
+    """
+
+    mode: int
+    exponent: complex
+    frequency: float
+    whirl: Whirl | None = None
+    blades: BladePattern | None = None
+    participation: Participation | None = None
+    name: str | None = None
+    couple: int | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ShapeReadings(Rebuilt):
+    """Readings of the shapes of all modes of a result, one of each conjugate pair.
+
+    Parameters
+    ----------
+    modes
+        One reading a mode, by its frequency.
+    period
+        The period [s].
+    point
+        The operating point.
+    warnings
+        What a reader must know, a sentence each.
+    """
+
+    modes: tuple[ModeReading, ...]
+    period: float
+    point: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    warnings: tuple[str, ...] = ()
+
+
+def read_shapes(
+    result: Analysis | PeriodicModes,
+    *,
+    pairs: Pairs = (),
+    blades: Blades = (),
+    fixed: Sequence[str] = (),
+    scales: Mapping[str, float] = MappingProxyType({}),
+    participation: str | None = None,
+    periods_per_revolution: float | None = None,
+    words: Words = "en",
+) -> ShapeReadings:
+    r"""Whirl of modes, their patterns over the blades of a rotor with names, and shares of their lines.
+
+    Nothing is transformed: exponents and shapes stay as they were identified. Deviations are those of the joint
+    covariance, to first order; shares count all lines of a shape as they are, not over their noise.
+
+    Parameters
+    ----------
+    result
+        What `identify` gave, a `PeriodicModel`, or modes of a known A(t): `floquet.modes(..., outputs=C)`.
+    pairs
+        Pairs of channels at right angles in a plane of the fixed frame, "x:y" each: from x to y the shaft turns.
+    blades
+        Groups of channels, one a blade: {"flap": ["b1", "b2", "b3"]}, or "flap=b1,b2,b3" each. Each blade is ahead of
+        the one before, in the sense of rotation. By default those that the channels state; none where there are pairs.
+    fixed
+        Channels in the fixed frame that count beside the blades, the motion of a tower say.
+    scales
+        What makes groups and fixed channels lengths (or angles) that can be compared: {"tower": 1 / 60}. Without it,
+        and with units that differ, names are given within each group alone.
+    participation
+        A channel whose lines are shared out.
+    periods_per_revolution
+        Periods in a revolution of the rotor; those of the settings of an analysis, else 1.
+    words
+        Words for directions: "en" (forward, backward), "openfast" (progressive, regressive) or "hawc" (FW, BW).
+
+    Returns
+    -------
+    ShapeReadings
+        One reading of each mode.
+
+    Raises
+    ------
+    InputError
+        A channel is unknown, or units of a pair or a group differ; a group has one blade; the period is not one
+        revolution and blades are to be read.
+    """
+    modes = result.model if isinstance(result, Analysis) else result
+    if not isinstance(modes, PeriodicModes):
+        must = "be an Analysis or modes in channels"
+        remedy = "Pass what `identify` gave, or `floquet.modes(..., outputs=C)`."
+        raise input_error("result", OF, must, f"is {describe(result)}", remedy)
+    if words not in WORDS:
+        raise input_error("words", OF, f"be one of {', '.join(WORDS)}", f"is {describe(words)}")
+    pairs_read = pairs_of(pairs, modes.channels)
+    families = () if pairs_read and not blades and not fixed else families_of(blades, fixed, scales, modes.channels)
+    if not (pairs_read or families or participation):
+        remedy = 'Pass pairs=["x:y"], blades={"flap": ["b1", "b2", "b3"]}, or the name of a channel as participation.'
+        raise input_error("pairs", OF, "be given, or `blades`, or `participation`", "none is", remedy)
+    if families:
+        _refuse_period(result, periods_per_revolution)
+    row = None
+    if participation is not None:
+        row = channels_named(modes.channels, [participation], argument="participation", of=OF)[0]
+    failed = isinstance(result, Analysis) and result.failed
+    compared = len({modes.channels[own].unit for one in families for own in one.rows}) < 2 or bool(scales)
+    readings = _readings(modes, pairs_read, families, row, compared=compared, words=words)
+    couples = couples_of(modes)
+    partners = {a: b for couple in couples for a, b in (couple.modes, couple.modes[::-1])}
+    readings = [replace(one, couple=partners.get(one.mode)) for one in readings]
+    warnings = [
+        f"Modes {couple.modes[0] + 1} and {couple.modes[1] + 1} may be one pair locked to the period, "
+        "but a third real multiplier is nearly as much like one of them."
+        for couple in couples
+        if not couple.is_sure
+    ]
+    if families and not compared:
+        warnings.append(
+            "Groups differ in unit: names hold within each group. Give scales that make them lengths to compare them."
+        )
+    if failed:
+        warnings.append("The model fails: its modes are given no names.")
+    return ShapeReadings(
+        modes=tuple(readings if failed else _named(readings)),
+        period=modes.period,
+        point=modes.point,
+        warnings=tuple(warnings),
+    )
+
+
+def _refuse_period(result: Any, given: float | None) -> None:
+    """Refuse to read blades where ω is not the speed of the rotor."""
+    stated = result.settings.periods_per_revolution if isinstance(result, Analysis) else 1.0
+    periods = stated if given is None else positive(given, "periods_per_revolution", OF)
+    if periods != 1.0:
+        must = "be 1 where blades are read: ω must be the speed of the rotor"
+        remedy = "Identify with the period of one revolution, and `periods_per_revolution=1`."
+        raise input_error("periods_per_revolution", OF, must, f"is {periods:g}", remedy)
+
+
+def _readings(
+    modes: PeriodicModes,
+    pairs: Sequence[Pair],
+    families: Sequence[Family],
+    row: int | None,
+    *,
+    compared: bool,
+    words: Words,
+) -> list[ModeReading]:
+    """The reading of one of each conjugate pair, and of each real multiplier, without names, by frequency."""
+    fundamental = 2.0 * np.pi / modes.period
+    turns = 2.0 * modes.exponents.imag / fundamental
+    near = np.abs(np.subtract.outer(modes.exponents, modes.exponents.conj())) < 1e-9 * fundamental
+    alone = np.diag(near) | ~near.any(axis=1)
+    found = []
+    for mode in np.flatnonzero(alone | (modes.exponents.imag > 0.0)).tolist():
+        exponent, shape = complex(modes.exponents[mode]), modes.shape(mode)
+        is_real = bool(alone[mode] and abs(turns[mode] - np.rint(turns[mode])) < 1e-6)
+        pattern = None
+        if families:
+            pattern = pattern_of(
+                shape, exponent, fundamental, families, is_real=is_real, is_compared=compared, words=words
+            )
+        found.append(
+            ModeReading(
+                mode=mode,
+                exponent=exponent,
+                frequency=abs(exponent.imag) if pattern is None else pattern.frequency,
+                whirl=whirl_of(shape, exponent, fundamental, pairs) if pairs else None,
+                blades=pattern,
+                participation=None if row is None else _participation(shape, row),
+            )
+        )
+    return sorted(found, key=lambda one: one.frequency)
+
+
+def _participation(shape: Shape, row: int) -> Participation:
+    """The shares of the lines of one row of a shape."""
+    lines = np.abs(shape.values[row]) ** 2
+    by_whole = np.zeros_like(shape.values)
+    by_whole[row] = 2.0 * shape.values[row].conj()
+    noise = np.zeros(len(lines)) if shape.std is None else np.abs(shape.std[row]) ** 2
+    ratios = []
+    for line, part in enumerate(lines.tolist()):
+        by_part = np.zeros_like(by_whole)
+        by_part[row, line] = by_whole[row, line]
+        ratios.append(Ratio.of(shape, part, float(lines.sum()), by_part, by_whole, float(noise[line])))
+    stds = [ratio.std for ratio in ratios]
+    return Participation(
+        channel=shape.channels[row].name,
+        harmonics=shape.harmonics,
+        shares=np.array([ratio.value for ratio in ratios]),
+        std=None if None in stds else np.array(stds, float),
+    )
+
+
+def _named(readings: Sequence[ModeReading]) -> list[ModeReading]:
+    """Readings with names: family, direction, and an ordinal by frequency among those of both."""
+    counts: Counter[str] = Counter()
+    found = []
+    for one in readings:
+        name = None if one.blades is None else one.blades.words
+        if one.blades is not None and one.blades.is_compared and not one.blades.is_mixed:
+            first = one.blades.shares[0].name
+            counts[first] += 1
+            name = f"{ordinal(counts[first])} {first}"
+        found.append(replace(one, name=name))
+    return found
+
+
+def ordinal(number: int) -> str:
+    """1st, 2nd, 3rd, 4th."""
+    ending = {1: "st", 2: "nd", 3: "rd"}.get(number % 10, "th")
+    return f"{number}{'th' if 10 <= number % 100 <= 20 else ending}"
