@@ -31,6 +31,7 @@ from floquid.cli._info import info
 from floquid.cli._multisine import multisine
 from floquid.cli._records import convert
 from floquid.cli._scan import print_orders, scan
+from floquid.cli._shapes import shapes
 from floquid.cli._terminal import plain, print_found, terminal
 from floquid.cli._transfer import transfer
 from floquid.floquet import FloquetModes, stability
@@ -58,6 +59,7 @@ app.command(transfer, usage="Usage: floquid transfer FILES... --inputs NAMES [OP
 app.command(multisine, usage="Usage: floquid multisine --period T --rate HZ [OPTIONS]")
 app.command(scan, usage="Usage: floquid scan FILES... [OPTIONS]")
 app.command(report, usage="Usage: floquid report RESULT [OPTIONS]")
+app.command(shapes, usage="Usage: floquid shapes RESULT [OPTIONS]")
 app.command(bootstrap, usage="Usage: floquid bootstrap RESULT [OPTIONS]")
 app.command(floquet, usage="Usage: floquid floquet FILES... [OPTIONS]")
 app.command(simulate, usage="Usage: floquid simulate [SYSTEM] [OPTIONS]")

@@ -99,7 +99,8 @@ def _print_summary(found: FileSummary, proposal: Proposal) -> None:
     if found.point:
         words = ", ".join(f"{name} = {value:.6g}" for name, value in found.point.items())
         console.print(f"Operating point: {words}.", soft_wrap=True)
-    if places := [f"{c.name} ({c.place.replace('=', ' ').replace(';', ',')})" for c in found.channels if c.place]:
+    understood = [c for c in found.channels if "=" in c.place.partition("axis")[0]]  # an axis alone is the name's
+    if places := [f"{c.name} ({c.place.replace('=', ' ').replace(';', ',')})" for c in understood]:
         console.print(f"Places of channels: {'; '.join(places)}.", soft_wrap=True)
     for note in found.notes:
         console.print(f"Note: {in_options(note)}")

@@ -40,7 +40,8 @@ def place_by_name(name: str) -> dict[str, Any]:
         return {"frame": "rotating", "group": match["group"].lower(), "member": int(match["member"])}
     if match := _ENDING.fullmatch(words):
         return {"frame": "rotating", "group": words[:-1].strip().lower(), "member": int(match["member"])}
-    return {}
+    match = re.search(r"\b(fixed|rotating) frame\b", words, re.IGNORECASE)
+    return {"frame": match[1].lower()} if match else {}
 
 
 def axis_by_words(name: str, direction: str) -> str | None:

@@ -219,7 +219,7 @@ def _shares(
         kept = (part.branch == branch) & (np.arange(len(part.beta)) == row)[:, None]
         slopes = part.slopes(kept, shape.values)
         ratio = Ratio.of(shape, float(part.energy[kept].sum()), whole.energy, slopes, whole.slopes, whole.noise)
-        wave = -wave if turned else wave
+        wave = -wave if turned and 2 * wave != len(part.beta) else wave
         yield PatternShare(
             family=part.family.name,
             wave=None if part.family.is_fixed else wave,

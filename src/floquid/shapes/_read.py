@@ -13,6 +13,7 @@ import numpy as np
 from floquid._arrays import Floats, Integers
 from floquid._checks import Rebuilt, describe, input_error, positive
 from floquid.core import PeriodicModes, Shape, channels_named, couples_of
+from floquid.periodic import CONFIDENT
 from floquid.pipeline import Analysis
 from floquid.shapes._arguments import OF, Blades, Family, Pair, Pairs, families_of, pairs_of
 from floquid.shapes._blades import WORDS, BladePattern, Words, pattern_of
@@ -47,8 +48,8 @@ class ModeReading(Rebuilt):
 
     Parameters
     ----------
-    mode
-        Its number in the model, counted from 0.
+    mode, number
+        Its place in the model, counted from 0, and its number in tables, where each pair is one row, from 1.
     exponent
         λ as the model has it [1/s].
     frequency
@@ -57,12 +58,15 @@ class ModeReading(Rebuilt):
         What was asked for; None for the others.
     name
         The name with its ordinal, as `1st flap backward`; of a mode of several patterns these with their shares. None
-        without blades, and of a result that fails.
+        without blades, of a weak mode, and of a result that fails.
     couple
         The other mode of a pair that is locked to the period; None of a mode that is none.
+    is_weak
+        True where the deviation of the exponent leaves the mode in doubt, as `weak` in the table of modes.
     """
 
     mode: int
+    number: int
     exponent: complex
     frequency: float
     whirl: Whirl | None = None
@@ -70,6 +74,7 @@ class ModeReading(Rebuilt):
     participation: Participation | None = None
     name: str | None = None
     couple: int | None = None
+    is_weak: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -80,8 +85,8 @@ class ShapeReadings(Rebuilt):
     ----------
     modes
         One reading a mode, by its frequency.
-    period
-        The period [s].
+    period, harmonics
+        The period [s], and the integers m of all shapes (harmonics,).
     point
         The operating point.
     warnings
@@ -90,6 +95,7 @@ class ShapeReadings(Rebuilt):
 
     modes: tuple[ModeReading, ...]
     period: float
+    harmonics: Integers
     point: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     warnings: tuple[str, ...] = ()
 
@@ -152,8 +158,8 @@ def read_shapes(
     pairs_read = pairs_of(pairs, modes.channels)
     families = () if pairs_read and not blades and not fixed else families_of(blades, fixed, scales, modes.channels)
     if not (pairs_read or families or participation):
-        remedy = 'Pass pairs=["x:y"], blades={"flap": ["b1", "b2", "b3"]}, or the name of a channel as participation.'
-        raise input_error("pairs", OF, "be given, or `blades`, or `participation`", "none is", remedy)
+        remedy = "Name channels: x:y for whirl, flap=b1,b2,b3 for patterns over blades, or one for its participation."
+        raise input_error("pairs", OF, "be given, or blades, or a participation", "none is", remedy)
     if families:
         _refuse_period(result, periods_per_revolution)
     row = None
@@ -162,12 +168,12 @@ def read_shapes(
     failed = isinstance(result, Analysis) and result.failed
     compared = len({modes.channels[own].unit for one in families for own in one.rows}) < 2 or bool(scales)
     readings = _readings(modes, pairs_read, families, row, compared=compared, words=words)
-    couples = couples_of(modes)
+    couples, numbers = couples_of(modes), {one.mode: one.number for one in readings}
     partners = {a: b for couple in couples for a, b in (couple.modes, couple.modes[::-1])}
     readings = [replace(one, couple=partners.get(one.mode)) for one in readings]
     warnings = [
-        f"Modes {couple.modes[0] + 1} and {couple.modes[1] + 1} may be one pair locked to the period, "
-        "but a third real multiplier is nearly as much like one of them."
+        f"Modes {numbers[couple.modes[0]]} and {numbers[couple.modes[1]]} may be one pair locked to the period, but a "
+        "third real multiplier is nearly as much like one of them."
         for couple in couples
         if not couple.is_sure
     ]
@@ -180,6 +186,7 @@ def read_shapes(
     return ShapeReadings(
         modes=tuple(readings if failed else _named(readings)),
         period=modes.period,
+        harmonics=modes.harmonics,
         point=modes.point,
         warnings=tuple(warnings),
     )
@@ -210,7 +217,9 @@ def _readings(
     near = np.abs(np.subtract.outer(modes.exponents, modes.exponents.conj())) < 1e-9 * fundamental
     alone = np.diag(near) | ~near.any(axis=1)
     found = []
-    for mode in np.flatnonzero(alone | (modes.exponents.imag > 0.0)).tolist():
+    limit = CONFIDENT * fundamental
+    spread = None if modes.covariance is None else np.sqrt(np.diag(modes.covariance)).reshape(2, -1).max(axis=0)
+    for number, mode in enumerate(np.flatnonzero(alone | (modes.exponents.imag > 0.0)).tolist(), start=1):
         exponent, shape = complex(modes.exponents[mode]), modes.shape(mode)
         is_real = bool(alone[mode] and abs(turns[mode] - np.rint(turns[mode])) < 1e-6)
         pattern = None
@@ -221,7 +230,9 @@ def _readings(
         found.append(
             ModeReading(
                 mode=mode,
+                number=number,
                 exponent=exponent,
+                is_weak=bool(spread is not None and spread[mode] > limit),
                 frequency=abs(exponent.imag) if pattern is None else pattern.frequency,
                 whirl=whirl_of(shape, exponent, fundamental, pairs) if pairs else None,
                 blades=pattern,
@@ -256,8 +267,8 @@ def _named(readings: Sequence[ModeReading]) -> list[ModeReading]:
     counts: Counter[str] = Counter()
     found = []
     for one in readings:
-        name = None if one.blades is None else one.blades.words
-        if one.blades is not None and one.blades.is_compared and not one.blades.is_mixed:
+        name = None if one.blades is None or one.is_weak else one.blades.words
+        if name is not None and one.blades is not None and one.blades.is_compared and not one.blades.is_mixed:
             first = one.blades.shares[0].name
             counts[first] += 1
             name = f"{ordinal(counts[first])} {first}"

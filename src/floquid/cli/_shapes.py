@@ -1,0 +1,198 @@
+"""`floquid shapes`: whirl, names of patterns over blades, and shares of lines, of the modes of a saved result."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Sequence
+from fractions import Fraction
+from math import pi
+from typing import Annotated, Any
+
+import numpy as np
+from cyclopts import Parameter
+
+from floquid._checks import input_error
+from floquid.cli._folder import identified_in
+from floquid.cli._options import OUTPUT, Format, Saved, split
+from floquid.cli._terminal import json_text, new_table, print_title, print_whole, terminal
+from floquid.errors import InputError
+from floquid.shapes import BladePattern, ModeReading, Participation, ShapeReadings, Whirl, Words, read_shapes
+from floquid.views import with_error
+
+OF = "floquid shapes"
+
+Listed = Annotated[list[str] | None, Parameter(negative=())]
+
+
+def shapes(
+    result: Saved,
+    /,
+    *,
+    pairs: str | None = None,
+    blades: Listed = None,
+    fixed: str | None = None,
+    scale: Listed = None,
+    participation: str | None = None,
+    words: Annotated[Words, Parameter(group=OUTPUT)] = "en",
+    format: Format = "text",  # noqa: A002
+) -> None:
+    """Read the shapes of a saved result: whirl of modes, their names by patterns over blades, shares of their lines.
+
+    Parameters
+    ----------
+    result
+        The saved result.
+    pairs
+        Pairs of channels at right angles in a plane, x:y,x2:y2; from x to y is the sense of rotation.
+    blades
+        A group of channels, one a blade, flap=b1,b2,b3; may be given several times. Each blade is ahead of the one
+        before, in the sense of rotation. Without it, and without pairs, groups are those that names tell.
+    fixed
+        Channels in the fixed frame that count beside the blades, comma-separated.
+    scale
+        What makes a group or a fixed channel a length that can be compared with the others, fa=1/60; may be given
+        several times.
+    participation
+        A channel whose lines are shared out.
+    words
+        Words for directions: en has forward and backward, openfast progressive and regressive, hawc FW and BW.
+    format
+        text prints a table; json prints all, the table of each pattern too.
+    """
+    analysis = identified_in(result, OF)
+    try:
+        found = read_shapes(
+            analysis,
+            pairs=(pairs,) if pairs else (),
+            blades=tuple(blades or ()),
+            fixed=split(fixed or ""),
+            scales=_scales(scale or ()),
+            participation=participation,
+            words=words,
+        )
+    except InputError as error:
+        message = str(error).replace("`scales`", "`scale`")
+        raise InputError(re.sub(r"Argument `(\w+)` of `read_shapes`", r"`--\1`", message)) from None
+    if format == "json":
+        sys.stdout.write(json_text(content(found)))
+        return
+    _print(found)
+
+
+def _scales(words: Sequence[str]) -> dict[str, float]:
+    """Scales by names, numbers or fractions."""
+    found = {}
+    for word in words:
+        name, _, number = word.partition("=")
+        try:
+            found[name.strip()] = float(Fraction(number.strip()))
+        except (ValueError, ZeroDivisionError):
+            remedy = "For example: --scale fa=1/60"
+            raise input_error("--scale", OF, "be NAME=NUMBER", f"is {word!r}", remedy) from None
+    return found
+
+
+def _print(found: ShapeReadings) -> None:
+    """Print the table of readings."""
+    console = terminal()
+    first = found.modes[0] if found.modes else None
+    whirls = first is not None and first.whirl is not None
+    patterns = first is not None and first.blades is not None
+    words = (["whirl"] if whirls else []) + (["name", "largest shares"] if patterns else [])
+    numbers = ["f [Hz]", *(["index"] if whirls else []), *(["leak"] if patterns else [])]
+    table = new_table([""], numbers, words)
+    for one in found.modes:
+        cells, texts = [f"{one.frequency / (2.0 * pi):.5g}"], []
+        if one.whirl is not None:
+            cells.append(with_error(one.whirl.index, one.whirl.std or 0.0))
+            axis = "" if one.whirl.axis is None else f" at {one.whirl.axis * 180.0 / pi:.0f}°"
+            texts.append(one.whirl.word + axis)
+        if one.blades is not None:
+            cells.append(f"{one.blades.leak:.3f}")
+            texts += [_name(one), _largest(one.blades)]
+        table.add_row(str(one.number), *cells, *texts)
+    print_whole(console, table)
+    if patterns:
+        meaning = "leak: the share of motion off one line in the fixed frame; 0 where all blades are equal."
+        console.print(meaning, style="dim")
+    for one in found.modes:
+        if one.participation is not None:
+            _print_participation(one, one.participation, 2.0 * pi / found.period)
+    for sentence in found.warnings:
+        console.print(sentence, style="yellow")
+
+
+def _name(one: ModeReading) -> str:
+    """The name of a mode, and a word on why there is none."""
+    locked = "" if one.couple is None else " (locked)"
+    return ("weak" if one.is_weak and one.name is None else one.name or "-") + locked
+
+
+def _largest(pattern: BladePattern) -> str:
+    return ", ".join(f"{share.name} {share.share:.2f}" for share in pattern.shares[:2])
+
+
+def _print_participation(one: ModeReading, shared: Participation, fundamental: float) -> None:
+    """Print the shares of the lines of a mode above a hundredth."""
+    console = terminal()
+    print_title(console, f"Mode {one.number}, lines of {shared.channel}")
+    table = new_table(["m"], ["f [Hz]", "share"])
+    for line, share in enumerate(shared.shares.tolist()):
+        if share > 0.01:
+            std = 0.0 if shared.std is None else float(shared.std[line])
+            frequency = abs(one.exponent.imag + shared.harmonics[line] * fundamental) / (2.0 * pi)
+            table.add_row(f"{shared.harmonics[line]:+d}", f"{frequency:.5g}", with_error(share, std))
+    console.print(table)
+
+
+def content(found: ShapeReadings) -> dict[str, Any]:
+    """The content of `--format json`."""
+    return {
+        "format": "floquid-shapes/1",
+        "period": found.period,
+        "harmonics": found.harmonics,
+        "point": dict(found.point),
+        "modes": [
+            {
+                "mode": one.number,
+                "exponent": np.complex128(one.exponent),
+                "frequency_rad_s": one.frequency,
+                "name": one.name,
+                "weak": one.is_weak,
+                "locked": one.couple is not None,
+                "whirl": None if one.whirl is None else _whirl(one.whirl),
+                "blades": None if one.blades is None else _blades(one.blades),
+                "participation": None if one.participation is None else _participation(one.participation),
+            }
+            for one in found.modes
+        ],
+        "warnings": list(found.warnings),
+    }
+
+
+def _whirl(whirl: Whirl) -> dict[str, Any]:
+    return {
+        "index": whirl.index,
+        "std": whirl.std,
+        "strongest": whirl.strongest,
+        "by_pair": whirl.by_pair,
+        "word": whirl.word,
+        "axis_rad": whirl.axis,
+    }
+
+
+def _blades(pattern: BladePattern) -> dict[str, Any]:
+    keys = ("family", "wave", "word", "share", "std")
+    return {
+        "branch": pattern.branch,
+        "leak": pattern.leak,
+        "leak_std": pattern.leak_std,
+        "compared": pattern.is_compared,
+        "shares": [{key: getattr(share, key) for key in keys} for share in pattern.shares],
+        "tables": {name: {"waves": pattern.waves[name], "values": values} for name, values in pattern.tables.items()},
+    }
+
+
+def _participation(shared: Participation) -> dict[str, Any]:
+    return {"channel": shared.channel, "shares": shared.shares, "std": shared.std}
