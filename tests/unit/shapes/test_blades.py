@@ -44,27 +44,25 @@ def turning(psi):
     )
 
 
-def rotor(soft=0.0):
-    """x' = A(t) x with the blades in the rotor's frame; the flap of the first lacks a share `soft` of its stiffness."""
-    stiffness, damping = coleman()
+def rotor(stiffness, damping, groups=(0, 3), soft=0.0):
+    """x' = A(t) x with the blades in the rotor's frame, of a system in a0, ac, as of `groups` that begin there.
+
+    The flap of the first blade lacks `soft` of its stiffness [1/s²].
+    """
     n = len(stiffness)
     constant = np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness, -damping]])
 
     def matrix(t):
-        change, slope = np.eye(n), np.zeros((n, n))
-        for first in (0, 3):
+        change, slope, second = np.eye(n), np.zeros((n, n)), np.zeros((n, n))
+        for first in groups:
             block = slice(first, first + 3)
             change[block, block], slope[block, block] = turning(OMEGA * t)
+            second[block, first + 1 : first + 3] = -(OMEGA**2) * change[block, first + 1 : first + 3]
         slope = OMEGA * slope
-        second = np.zeros((n, n))
-        for first in (1, 4):
-            for k in (first, first + 1):
-                second[:, k] = -(OMEGA**2) * change[:, k]
-        second[6:] = 0.0
         whole = np.block([[change, np.zeros((n, n))], [slope, change]])
         rate = np.block([[slope, np.zeros((n, n))], [second, slope]])
         found = (whole @ constant + rate) @ np.linalg.inv(whole)
-        found[n, 0] += soft * 2.9**2
+        found[n, 0] += soft
         return found
 
     return matrix
@@ -72,12 +70,12 @@ def rotor(soft=0.0):
 
 def modelled(matrix, channels=CHANNELS):
     known = FunctionMatrix(function=matrix, period=2.0 * np.pi / OMEGA)
-    return floquet.modes(known, outputs=np.eye(20)[:10], channels=channels)
+    return floquet.modes(known, outputs=np.eye(2 * len(channels))[: len(channels)], channels=channels)
 
 
 @pytest.fixture(scope="module")
 def isotropic():
-    return modelled(rotor())
+    return modelled(rotor(*coleman()))
 
 
 def shares_by_coleman():
@@ -140,7 +138,7 @@ def test_angles_put_blades_in_order(isotropic):
 
 
 def test_a_soft_blade_leaks():
-    readings = read_shapes(modelled(rotor(soft=0.1)), fixed=FIXED).modes
+    readings = read_shapes(modelled(rotor(*coleman(), soft=0.1 * 2.9**2)), fixed=FIXED).modes
     assert max(one.blades.leak for one in readings) > 0.05
     assert any(one.name.startswith("mixed: ") for one in readings)
 
