@@ -1,12 +1,14 @@
 """`floquid shapes`: the table, all of it for a program, and what cannot be read, in the words of the command."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import floquid as fq
 from floquid.cli import run
+from floquid.findings import Severity, note
 
 
 @pytest.fixture(scope="module")
@@ -31,6 +33,22 @@ def test_the_table_and_all_of_it(result, capsys):
     assert abs(one["whirl"]["index"]) < 0.2
     assert one["whirl"]["std"] > 0.0
     assert np.shape(one["blades"]["tables"]["flap"]["values"]) == (2, len(found["harmonics"]), 2)
+
+
+def test_results_whose_modes_have_no_names(result):
+    """One that fails, and one whose period is half a revolution, which is refused."""
+    found = fq.load(result)
+    blades = {"flap": ["X", "Y"]}
+    assert fq.read_shapes(found, blades=blades).modes[0].name
+    failed = fq.read_shapes(
+        replace(found, findings=(replace(note("speed_constant", hz=2.5), severity=Severity.FAILURE),)), blades=blades
+    )
+    assert [one.name for one in failed.modes] == [None, None]
+    assert "fails" in failed.warnings[0]
+    half = replace(found, settings=replace(found.settings, periods_per_revolution=2.0))
+    with pytest.raises(fq.InputError, match="periods_per_revolution"):
+        fq.read_shapes(half, blades=blades)
+    assert fq.read_shapes(half, pairs=["X:Y"]).modes[0].name is None
 
 
 @pytest.mark.parametrize(

@@ -78,6 +78,8 @@ class BladePattern(Rebuilt):
         True where families are of one unit, or were scaled: shares are then of all motion.
     waves, tables
         n (waves,) and β (waves, harmonics) by family; both fixed channels and blades.
+    harmonics
+        The integers m (harmonics,).
     """
 
     branch: int
@@ -88,6 +90,26 @@ class BladePattern(Rebuilt):
     is_compared: bool
     waves: Mapping[str, Integers] = field(repr=False)
     tables: Mapping[str, Complexes] = field(repr=False)
+    harmonics: Integers = field(repr=False)
+
+    def coordinates(self, family: str) -> dict[str, complex]:
+        r"""The multi-blade coordinates of a `family` in the line of the branch: mean, cos 1, sin 1, …, alternating.
+
+        .. math:: a_c = \beta_n + \beta_{-n}, \qquad a_s = i (\beta_n - \beta_{-n})
+        """
+        waves = self.waves[family].tolist()
+        lines = {
+            wave: complex(self.tables[family][row, self.harmonics - wave == self.branch].sum())
+            for row, wave in enumerate(waves)
+        }
+        found = {"mean": lines[0]}
+        for wave in (wave for wave in waves if wave > 0):
+            if -wave in lines:
+                found[f"cos {wave}"] = lines[wave] + lines[-wave]
+                found[f"sin {wave}"] = 1j * (lines[wave] - lines[-wave])
+            else:
+                found["alternating"] = lines[wave]
+        return found
 
     @property
     def is_mixed(self) -> bool:
@@ -171,6 +193,7 @@ def pattern_of(
         is_compared=is_compared,
         waves={part.family.name: part.family.waves for part in parts},
         tables={part.family.name: part.beta for part in parts},
+        harmonics=shape.harmonics,
     )
 
 

@@ -115,6 +115,16 @@ def test_an_isotropic_rotor_is_as_coleman_has_it(isotropic):
     assert readings[names.index("1st flap backward")].frequency == pytest.approx(2.9 - OMEGA, abs=0.1)
 
 
+def test_coordinates_of_the_rotor_are_those_of_the_constant_system(isotropic):
+    stiffness, damping = coleman()
+    values, vectors = np.linalg.eig(np.block([[np.zeros((10, 10)), np.eye(10)], [-stiffness, -damping]]))
+    for one in read_shapes(isotropic, fixed=FIXED).modes:
+        own = vectors[:, np.abs(values.imag - one.frequency).argmin()]
+        whole = np.array([part for group in ("flap", "edge") for part in one.blades.coordinates(group).values()])
+        whole = whole if one.exponent.imag + one.blades.branch * OMEGA > 0 else whole.conj()
+        assert abs(np.vdot(whole, own[:6])) == pytest.approx(np.linalg.norm(whole) * np.linalg.norm(own[:6]), rel=1e-9)
+
+
 def test_blades_in_reverse_order_turn_the_other_way(isotropic):
     ahead = {one.mode: one for one in read_shapes(isotropic).modes}
     back = {"flap": ["flap3", "flap2", "flap1"], "edge": ["edge3", "edge2", "edge1"]}
