@@ -15,7 +15,7 @@ import pytest
 from tests.driven import ambient_of, mathieu, record_of
 
 import floquid
-from floquid import _arrays, floquet, identify, systems
+from floquid import _arrays, floquet, identify, read_shapes, survey, systems
 from floquid._checks import Rebuilt
 from floquid.core import AzimuthSignal, Channel, ConstantPeriod, PulseTimes, Record, TachometerSignal
 from floquid.lti import MaximumLikelihood
@@ -98,6 +98,10 @@ def with_inputs():
     return identify(driven, period=np.pi, inputs=["F"])
 
 
+def at_load(found, load):
+    return replace(found, model=replace(found.model, point={"load": load}))
+
+
 @functools.cache
 def others():
     found = analysis("lifted")
@@ -111,6 +115,8 @@ def others():
         "bootstrap": bootstrap(replace(found, state=None), draws=20, workers=1),
         "synchronisation": synchronisation(found),
         "families": tuple(families(found)),
+        "readings": read_shapes(found, pairs=["X:Y"], blades={"flap": ["X", "Y"]}, participation="X"),
+        "survey": survey([at_load(found, load) for load in (1.0, 2.0, 3.0)], over="load"),
         "driven": with_inputs(),
         "ambient": identify(
             Record(values=ambient_of(mathieu(), 50, 12, 0.02, 0), sample_rate=12.0 / np.pi, channels=["y"]),

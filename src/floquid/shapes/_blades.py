@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -91,6 +92,13 @@ class BladePattern(Rebuilt):
     waves: Mapping[str, Integers] = field(repr=False)
     tables: Mapping[str, Complexes] = field(repr=False)
     harmonics: Integers = field(repr=False)
+
+    def __post_init__(self) -> None:
+        for name in ("waves", "tables"):
+            arrays = dict(getattr(self, name))
+            for array in arrays.values():
+                array.flags.writeable = False
+            object.__setattr__(self, name, MappingProxyType(arrays))
 
     def coordinates(self, family: str) -> dict[str, complex]:
         r"""The multi-blade coordinates of a `family` in the line of the branch: mean, cos 1, sin 1, …, alternating.

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from floquid._arrays import Floats, Integers
-from floquid._checks import Rebuilt, describe, input_error, positive
-from floquid.core import PeriodicModes, Shape, channels_named, couples_of
+from floquid._checks import Rebuilt, Sealed, describe, input_error, positive
+from floquid.core import PeriodicModes, Shape, as_point, channels_named, couples_of
 from floquid.periodic import CONFIDENT
 from floquid.pipeline import Analysis
 from floquid.shapes._arguments import OF, Blades, Family, Pair, Pairs, families_of, pairs_of
@@ -22,7 +22,7 @@ from floquid.shapes._whirl import Whirl, whirl_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Participation(Rebuilt):
+class Participation(Sealed):
     """Shares of the lines of a mode in one channel, after Peters and Lieb.
 
     Parameters
@@ -96,8 +96,11 @@ class ShapeReadings(Rebuilt):
     modes: tuple[ModeReading, ...]
     period: float
     harmonics: Integers
-    point: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    point: Mapping[str, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "point", as_point(self.point, "ShapeReadings"))
 
 
 def read_shapes(

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid._arrays import Complexes, Floats
-from floquid._checks import Rebuilt
+from floquid._checks import Sealed
 from floquid.core import Shape
 from floquid.shapes._arguments import Pair
 from floquid.shapes._shares import Ratio
@@ -18,7 +18,7 @@ CLEAR = 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Whirl(Rebuilt):
+class Whirl(Sealed):
     r"""The whirl of a mode in pairs of channels x and y, from x to y being the sense of rotation.
 
     .. math:: f_m = \tfrac14 |B_x + i B_y|^2, \quad b_m = \tfrac14 |B_x - i B_y|^2, \quad

@@ -16,7 +16,7 @@ from floquid.surveys._edges import Kind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Point(Rebuilt):
+class Point(Sealed):
     """One operating point of a survey: its values, and the model identified there or the reason why there is none.
 
     Parameters
@@ -43,6 +43,7 @@ class Point(Rebuilt):
     reason: str | None = None
 
     def __post_init__(self) -> None:
+        Sealed.__post_init__(self)
         object.__setattr__(self, "values", MappingProxyType(dict(self.values)))
 
 
