@@ -46,7 +46,7 @@ def save_figures(analysis, folder, **_):
         (folder / f"{name}.png").write_text(f"{name} {analysis.model.coefficients}")
 
 def report(analysis, path, **_):
-    pathlib.Path(path).write_text(f"report {analysis.model.coefficients}")
+    pathlib.Path(path).write_text(f"report {analysis.model.coefficients if hasattr(analysis, 'model') else analysis}")
 
 floquid.plot.save_figures, floquid.reporting.report = save_figures, report
 """

@@ -32,11 +32,13 @@ from floquid.cli._multisine import multisine
 from floquid.cli._records import convert
 from floquid.cli._scan import print_orders, scan
 from floquid.cli._shapes import shapes
+from floquid.cli._survey import print_survey, survey
 from floquid.cli._terminal import plain, print_found, terminal
 from floquid.cli._transfer import transfer
 from floquid.floquet import FloquetModes, stability
 from floquid.order import OrderScan
 from floquid.pipeline import Analysis, Bootstrap
+from floquid.surveys import Survey
 from floquid.views import DampingUnit, SpeedUnit, check_damping_unit
 from floquid.views import speed_unit as unit_of_speed
 
@@ -55,6 +57,7 @@ app.command(demo, usage="Usage: floquid demo [SYSTEM] [OPTIONS]")
 app.command(info, usage="Usage: floquid info FILE [OPTIONS]")
 app.command(convert, usage="Usage: floquid convert FILE OUT [OPTIONS]")
 app.command(identify, usage="Usage: floquid identify FILES... [OPTIONS]")
+app.command(survey, usage="Usage: floquid survey FILES... [OPTIONS]")
 app.command(transfer, usage="Usage: floquid transfer FILES... --inputs NAMES [OPTIONS]")
 app.command(multisine, usage="Usage: floquid multisine --period T --rate HZ [OPTIONS]")
 app.command(scan, usage="Usage: floquid scan FILES... [OPTIONS]")
@@ -97,7 +100,7 @@ def _end(message: str, code: int) -> int:
 
 
 def text_of(
-    result: Analysis | Bootstrap | OrderScan | FloquetModes,
+    result: Analysis | Bootstrap | OrderScan | FloquetModes | Survey,
     *,
     speed_unit: SpeedUnit = "hz",
     damping_unit: DampingUnit = "percent",
@@ -119,4 +122,6 @@ def text_of(
             print_orders(console, result)
         case FloquetModes():
             print_stability(console, result, stability(result))
+        case Survey():
+            print_survey(console, result)
     return "\n".join(line.rstrip() for line in file.getvalue().strip("\n").splitlines())

@@ -70,6 +70,7 @@ _OPTIONS = {
     "load": {"path": "`RESULT`"},
     "report": {"analysis": "`RESULT`", "path": "`--out`", "brief": "`--brief`"},
     **{f"Analysis.{name}": {"self": "The result"} for name in ("transfer", "lifted")},
+    "survey": {"results": "`FILES`", **_alike("gap", "confidence")},
     "bootstrap": {"analysis": "`RESULT`", **_alike("draws", "seed", "workers", "whole")},
     "save_figures": {"folder": "`--out`"},
     "JeffcottRotor.simulate": {

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebpts1, chebvander
 
 from floquid._arrays import Floats
-from floquid.surveys._objects import Seen
+from floquid.surveys._objects import REAL, Seen
 from floquid.surveys._wiener import smooth
 
 Kind = Literal["lock", "sum", "single"]
@@ -78,7 +78,8 @@ def _unstable(tracks: Sequence[Followed], of: tuple[int, ...], point: int) -> bo
 def _kind(tracks: Sequence[Followed], number: int, first: int, last: int) -> tuple[Kind, int]:
     """The kind of an edge between two points, and the track that a track locks with; itself where none."""
     track = tracks[number]
-    if len(track[first].modes) + len(track[last].modes) > 2:
+    ends = track[first], track[last]
+    if any(len(own.modes) > 1 for own in ends) or ends[0].real != ends[1].real:
         return "lock", number
     point = first if track[first].growth > 0.0 else last
     lam, best = track[point].exponent, (np.inf, number)
@@ -182,7 +183,7 @@ def _window(
         for point in places[::step]:
             if (point - between[step > 0]) * step < 0 or track[point].weak:
                 continue
-            pair = _pair(tracks, number, partner, kind, point, half)
+            pair = _pair(tracks, number, partner, kind, point, half, x)
             if pair is None or (point not in between and _meets(tracks, number, partner, kind, point, pair)):
                 break
             pairs[point] = pair
@@ -192,25 +193,23 @@ def _window(
 
 
 def _half_turns(track: Followed, between: tuple[int, int]) -> int:
-    """2 Im λ/ω of the couple in a bracket, on the branch of the track."""
-    locked = next(track[point] for point in between if len(track[point].modes) > 1)
+    """2 Im λ/ω of the real multipliers in a bracket, on the branch of the track."""
+    locked = next(track[point] for point in between if track[point].real)
     return int(np.rint(2.0 * locked.exponent.imag / locked.fundamental))
 
 
-def _pair(tracks: Sequence[Followed], number: int, partner: int, kind: Kind, point: int, half: int) -> _Pair | None:
+def _pair(
+    tracks: Sequence[Followed], number: int, partner: int, kind: Kind, point: int, half: int, x: Floats
+) -> _Pair | None:
     """The two exponents at a point; None where they are of another kind there."""
     own = tracks[number][point]
+    if kind == "lock":
+        return _locked(tracks[number], point, half, x)
     lam, covariance = own.exponents, own.covariance
     if kind == "single":
         one = np.zeros((4, 4))
         one[:2, :2] = covariance[0, 0]
         return None if len(lam) > 1 else _Pair(lam[0], lam[0], one)
-    if kind == "lock":
-        lam = lam - 0.5j * half * own.fundamental
-        if len(lam) > 1:
-            return _Pair(lam[0], lam[1], covariance) if np.abs(lam.imag).max() < 1e-6 * own.fundamental else None
-        both = np.array([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
-        return _Pair(lam[0], lam[0].conjugate(), both @ covariance @ both.T)
     beside = tracks[partner][point]
     if len(lam) + len(beside.modes) > 2 or beside.weak:
         return None
@@ -220,10 +219,37 @@ def _pair(tracks: Sequence[Followed], number: int, partner: int, kind: Kind, poi
     return _Pair(lam[0], other, joint)
 
 
+def _locked(track: Followed, point: int, half: int, x: Floats) -> _Pair | None:
+    """A couple, or a pair and its mirror image about half turns of the period; None where it is real elsewhere."""
+    own = track[point]
+    lam = own.exponents - 0.5j * half * own.fundamental
+    if own.real and np.abs(lam.imag).max() > REAL * own.fundamental:
+        return None
+    if len(lam) > 1:
+        return _Pair(lam[0], lam[1], own.covariance)
+    if own.real:
+        return _completed(track, point, x)
+    both = np.array([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
+    return _Pair(lam[0], lam[0].conjugate(), both @ own.covariance @ both.T)
+
+
+def _completed(track: Followed, point: int, x: Floats) -> _Pair | None:
+    """A real multiplier whose partner is below the noise: the mean of both, smooth in x, is that of other points."""
+    others = [other for other in sorted(track) if not track[other].real or len(track[other].modes) > 1]
+    if len(others) < 2:
+        return None
+    means = np.array([track[other].exponent.real for other in others])
+    known, variance = float(track[point].exponent.real), float(track[point].covariance[0, 0])
+    spread = np.zeros((4, 4))
+    spread[:2, :2] = variance * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    spread[1, 1] += 4.0 * float(np.var(means))
+    return _Pair(known, 2.0 * float(np.interp(x[point], x[others], means)) - known, spread)
+
+
 def _meets(tracks: Sequence[Followed], number: int, partner: int, kind: Kind, point: int, pair: _Pair) -> bool:
     """True where another track, or its own mirror image, is nearer to the mode than what it meets in the edge."""
     own = tracks[number][point]
-    if len(own.modes) > 1 or kind != "lock":
+    if own.real or kind != "lock":
         return False
     lam = own.exponent
     turn = own.fundamental

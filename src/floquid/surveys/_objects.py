@@ -8,6 +8,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats
 
+REAL = 1e-6  # of half a fundamental: frequencies that are whole multiples of it
 SHIFTS = 6  # harmonics by which a branch may differ from the one before, on either side
 
 
@@ -45,6 +46,12 @@ class Seen:
     def exponent(self) -> complex:
         """The mean of its exponents [1/s]."""
         return complex(self.exponents.mean())
+
+    @property
+    def real(self) -> bool:
+        """True of real multipliers: 2 Im λ is a whole number of fundamentals."""
+        turns = 2.0 * self.exponents.imag / self.fundamental
+        return bool((np.abs(turns - np.rint(turns)) < REAL).all())
 
     @property
     def growth(self) -> float:

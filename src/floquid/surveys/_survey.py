@@ -144,7 +144,8 @@ def _surveyed(given: Sequence[Point], over: str, gap: int, confidence: float) ->
 
 def _reason(point: Point, over: str) -> str:
     state = "no result" if point.model is None else "the model fails"
-    return f"{over} = {point.values[over]:g}: {state}. {point.reason}"
+    first = (point.reason or "").partition(". ")[0].rstrip(".")
+    return f"{over} = {point.values[over]:g}: {state}. {first}."
 
 
 def _height(path: Path) -> float:

@@ -1,0 +1,196 @@
+"""`floquid survey`: modes over a speed, from records or from results at several of them."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Annotated, Literal
+
+from cyclopts import Parameter
+from rich.console import Console
+
+from floquid._bar import bar
+from floquid._checks import counted, input_error
+from floquid.cli._folder import RESULT, ResultFolder, maybe_folder, result_folder
+from floquid.cli._options import (
+    OUTPUT,
+    Format,
+    ModelOptions,
+    OptionalWhole,
+    OutputFolder,
+    Place,
+    RecordOptions,
+    SettingsFile,
+    SurveyFiles,
+    Whole,
+    choices_of,
+    given,
+)
+from floquid.cli._survey_points import OF, jobs_of, points_of
+from floquid.cli._terminal import json_text, new_table, print_files, print_title, print_warnings, print_whole, terminal
+from floquid.exports import columns_text, edge_columns, survey_columns, survey_summary
+from floquid.store import save
+from floquid.surveys import Survey, edge_words, point_rows, track_rows
+from floquid.surveys import survey as survey_points
+from floquid.views import over_label, over_unit
+
+DATA = ("survey.h5", "survey.json", "survey.csv", "edges.csv", "survey.parquet")
+DRAWN = ("report.html", "figures/campbell.png", "figures/damping.png", "figures/multipliers.png")
+MOST = 6  # notes that are printed
+
+
+def survey(
+    *files: SurveyFiles,
+    over: str = "speed_rpm",
+    table: Place | None = None,
+    record: RecordOptions | None = None,
+    model: ModelOptions | None = None,
+    gap: Whole = 2,
+    confidence: float = 0.95,
+    workers: OptionalWhole = None,
+    damping: Annotated[Literal["decay", "ratio", "decrement"], Parameter(group=OUTPUT)] = "decay",
+    out: OutputFolder = None,
+    format: Format = "text",  # noqa: A002
+    settings: SettingsFile = None,
+) -> None:
+    """Follow modes over a speed, or another operating point, and find where they turn unstable.
+
+    Records are identified first. Those of one operating point are hits. One that fails is a point without a result.
+
+    Parameters
+    ----------
+    over
+        The quantity of the operating point: speed_rpm, temperature, wind_m_s, ... It comes from --table, from single
+        numbers in the files, from --point, or, of speed_rpm, from the period.
+    table
+        A text table of the points: a column `file`, then a column a quantity; `period` is that of a record [s].
+    record, model
+        The fields of `Settings`, for records.
+    gap
+        How many points a mode may be missing at.
+    confidence
+        The probability that the interval of an edge holds it.
+    workers
+        How many processes identify records; one for each processor when not given.
+    damping
+        What the figure of damping shows: Re λ, the ratio ζ, or the logarithmic decrement δ.
+    out
+        A folder for survey.h5, survey.json, survey.csv and edges.csv, and survey.parquet where pyarrow is installed;
+        then for figures/ and report.html, a page for the browser.
+    format
+        text prints tables; json prints survey.json alone.
+    settings
+        A settings.toml written by `floquid identify`; options given here come first.
+    """
+    if not files and table is None:
+        example = "For example: floquid survey *.npz --over speed_rpm --out survey"
+        raise input_error("FILES", OF, "name records or results", "none was given", example)
+    if out is not None and (out / RESULT).exists():
+        must = "be a folder without a result of `floquid identify`, whose report.html would be replaced"
+        raise input_error("--out", OF, must, f"{out} holds {RESULT}", "Choose another folder.")
+    choices = choices_of(settings).with_given(**given(record, OF), **given(model, OF))
+    with maybe_folder(out, (*DATA, *DRAWN)) as folder:
+        with bar(True) as report:
+            found = _surveyed(points_of(jobs_of(files, choices, over, table), workers, report), over, gap, confidence)
+        text = json_text(survey_summary(found))
+        if folder is not None:
+            _write(folder, found, text)
+    if format == "json":
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    else:
+        print_survey(terminal(), found)
+    if out is not None:
+        with bar(True) as report:
+            _draw(out, found, damping, report)
+    if format == "text":
+        print_files(out, (*DRAWN[:1], *DATA[:4], "figures/"), "to keep the survey, the figures and a page")
+
+
+def _surveyed(points: list, over: str, gap: int, confidence: float) -> Survey:
+    """The survey; a file without a result that says no operating point is told, and has no place in it."""
+    lost = [point for point in points if point.model is None and over not in point.values]
+    if len(lost) == len(points):
+        must, got = "hold a record or a result", f"{', '.join(lost[0].files)} does not: {lost[0].reason}"
+        raise input_error("FILES", OF, must, got)
+    found = survey_points([point for point in points if point not in lost], over=over, gap=gap, confidence=confidence)
+    words = [f"{', '.join(point.files)} is left out: {point.reason}" for point in lost]
+    return replace(found, warnings=(*words, *found.warnings))
+
+
+def _write(folder: ResultFolder, found: Survey, text: str) -> None:
+    """Write what programs read."""
+    save(found, folder.unfinished / DATA[0])
+    folder.write(DATA[1], text)
+    columns = survey_columns(found)
+    folder.write(DATA[2], columns_text(columns))
+    folder.write(DATA[3], columns_text(edge_columns(found)))
+    if find_spec("pyarrow"):
+        import pyarrow as pa
+        from pyarrow.parquet import write_table
+
+        write_table(pa.table(columns), folder.unfinished / DATA[4])
+    folder.publish()
+
+
+def _draw(out: Path, found: Survey, damping: str, report: Callable[[str], None]) -> None:
+    """Draw the figures and the page into the folder."""
+    from floquid.plot import save_figure
+    from floquid.reporting import report as write_report
+
+    with result_folder(out, (*DATA, *DRAWN)) as folder:
+        report("drawing the figures")
+        (folder.unfinished / "figures").mkdir()
+        options = {"damping": {"unit": damping}}
+        for name in DRAWN[1:]:
+            function = Path(name).stem
+            figure = getattr(found.plot, function)(**options.get(function, {}))
+            save_figure(figure, folder.unfinished / name)
+        report("drawing the report")
+        write_report(found, folder.unfinished / DRAWN[0])
+        folder.publish()
+
+
+def print_survey(console: Console, found: Survey) -> None:
+    """Print the modes, the edges, and what a reader must know."""
+    words, unit = over_unit(found.over)
+    values, lost = found.values, sum(point.model is None for point in found.points)
+    missing = f"; {lost} without a result" if lost else ""
+    console.print(
+        f"{counted(len(values), 'point')}, {words} {values[0]:g} to {values[-1]:g} {unit}".rstrip() + f"{missing}."
+    )
+    if not found.tracks:
+        print_title(console, "Modes at each point")
+        table = new_table([over_label(found.over)], ["f [Hz]", "Re λ [1/s]"])
+        for row in point_rows(found):
+            table.add_row(*row)
+        print_whole(console, table)
+    else:
+        print_title(console, f"Modes over {words}")
+        table = new_table([""], ["points", "f [Hz], first … last", "Re λ [1/s], least … most"], ["locked", "unstable"])
+        for row in track_rows(found):
+            table.add_row(*row)
+        print_whole(console, table)
+        brackets = "In brackets: one standard deviation, in the last digits."
+        marks = "Locked, unstable: points at which two real multipliers stand for a pair, and at which Re λ is above 0."
+        console.print(f"{brackets} {marks}", style="dim")
+        _print_edges(console, found)
+    for note in found.notes[:MOST]:
+        console.print(f"{note[0].upper()}{note[1:]}")
+    if len(found.notes) > MOST:
+        console.print(f"… and {len(found.notes) - MOST} more.", style="dim")
+    print_warnings(console, found.warnings)
+
+
+def _print_edges(console: Console, found: Survey) -> None:
+    if not found.edges:
+        console.print("No mode turns unstable or stable between two points.")
+        return
+    print_title(console, "Edges of instability")
+    table = new_table([], [over_label(found.over), "95 % interval"], ["", "of"])
+    for edge in found.edges:
+        table.add_row(*edge_words(found, edge))
+    print_whole(console, table)

@@ -1,0 +1,117 @@
+"""`floquid survey`: records at several speeds become points, tracks and edges; one bad record costs one point."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.cli.test_commands import strict_json, typed
+
+import floquid as fq
+from floquid import plot
+from floquid.cli._options import Choices
+from floquid.cli._survey_points import jobs_of
+from floquid.core import ConstantPeriod
+from floquid.systems import JeffcottRotor
+
+SPEEDS = (0.70, 0.71, 0.73, 0.77)
+QUICK = "--over speed --channels X,Y --order 4 --no-validate --workers 1"
+
+
+@pytest.fixture(scope="module")
+def records():
+    each = [JeffcottRotor(speed=v).simulate(n_periods=40, samples_per_period=8, noise=0.01, seed=1) for v in SPEEDS]
+    return [record.with_point({"speed": speed}) for record, speed in zip(each, SPEEDS, strict=True)]
+
+
+@pytest.fixture
+def runs(records, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "100")
+    for name in ("campbell", "damping", "multipliers"):  # drawn elsewhere
+        monkeypatch.setattr(plot, name, lambda found, **_: found)
+    monkeypatch.setattr(plot, "save_figure", lambda _, path: path.write_text("drawn"))
+    (tmp_path / "runs").mkdir()
+    for k, record in enumerate(records):
+        fq.write(record, tmp_path / "runs" / f"run{k}.npz")
+    return tmp_path
+
+
+def test_records_become_a_survey(runs):
+    (runs / "runs" / "bad.csv").write_text("time,X\n0,hello\n")
+    fq.write(
+        fq.Record(values=np.ones((2, 9)), sample_rate=1.0, channels=["X", "Y"], point={"speed": 0.8}), "runs/z.npz"
+    )
+    text = typed(f"survey runs {QUICK} --out out")
+    assert "5 points, speed 0.7 to 0.8; 1 without a result." in text
+    assert text.count("4 of 5") == 2
+    assert "Edges of instability" in text
+    assert "runs/bad.csv is left out:" in text
+    assert "speed = 0.8: no result." in text
+    found = {path.name for path in (runs / "out").rglob("*") if path.is_file()}
+    assert found >= {
+        "survey.h5",
+        "survey.json",
+        "survey.csv",
+        "edges.csv",
+        "report.html",
+        "campbell.png",
+        "damping.png",
+    }
+    content = strict_json((runs / "out" / "survey.json").read_text())
+    assert [point["speed"] for point in content["points"]] == [*SPEEDS, 0.8]
+    assert [edge["kind"] for edge in content["edges"]] == ["lock", "lock"]
+    back = fq.load("out/survey.h5")
+    assert back.summary() == "\n".join(line.rstrip() for line in back.summary().splitlines())
+    assert json.loads(typed(f"survey runs/run0.npz runs/run1.npz {QUICK} --format json"))["tracks"] == []
+
+
+def jobs(files, table=None, over="speed", **settings):
+    choices = Choices().with_given(**settings) if settings else Choices()
+    return jobs_of(files, choices, over, table)
+
+
+def test_records_of_one_point_are_hits(runs, records):
+    fq.write(records[1], runs / "again.npz")
+    found = jobs([runs / "runs", runs / "again.npz"])
+    assert [len(job.files) for job in found] == [1, 2, 1, 1]
+    assert found[1].values["speed"] == SPEEDS[1]
+
+
+def test_a_table_says_what_files_do_not(runs, records):
+    bare = replace(records[0], clock=None, point={})
+    fq.write(bare, runs / "bare.npz")
+    table = runs / "points.csv"
+    table.write_text("file,speed_rpm,temperature,period\nbare.npz,742,21.5,\nruns/run1.npz,,22.5,0.25\n")
+    first, second = jobs([], table, over="speed_rpm")
+    assert first.values == {"speed_rpm": 742.0, "temperature": 21.5}
+    assert first.choices.settings.period == pytest.approx(60.0 / 742.0)
+    assert second.choices.settings.period == 0.25
+    assert second.values == {"speed_rpm": 240.0, "speed": SPEEDS[1], "temperature": 22.5}
+    twice = jobs([runs / "bare.npz"], table, over="speed_rpm", periods_per_revolution=2)
+    assert twice[0].choices.settings.period == pytest.approx(30.0 / 742.0)
+
+
+def test_the_speed_is_that_of_the_clock(runs, records):
+    fq.write(replace(records[0], point={}, clock=ConstantPeriod(period=0.02)), runs / "clocked.npz")
+    assert jobs([runs / "clocked.npz"])[0].values == {"speed_rpm": pytest.approx(3000.0)}
+
+
+@pytest.mark.parametrize(
+    ("command", "message"),
+    [
+        ("survey", "`FILES` must name records or results"),
+        ("survey runs --table runs/run0.npz", "`--table` must have a column `file`"),
+        ("survey empty", "`FILES` must hold records"),
+        ("survey runs/run0.npz --over torque --order 4 --no-validate --workers 1", "a value of torque each"),
+    ],
+)
+def test_what_is_refused(runs, command, message):
+    (runs / "empty").mkdir()
+    typed(command, code=2, message=message)
+
+
+@pytest.mark.slow
+def test_processes_give_the_same(runs):
+    options = QUICK.replace("--workers 1", "--workers 2")
+    assert typed(f"survey runs {options} --format json") == typed(f"survey runs {QUICK} --format json")
