@@ -30,9 +30,11 @@ def meeting(first, second, coupling, speed):
 
 
 def modes(speed):
-    """Exponents, one of each pair, lines by harmonic, and which are real multipliers."""
+    """Exponents, one of each pair, lines by harmonic, and which are real multipliers: the one that grows first."""
     lam, (up, down) = meeting(10.0, 10.0, HALF, speed)
     if abs(lam[0].imag - lam[1].imag) < 1e-9:
+        first = np.argsort(-lam.real)
+        lam, up, down = lam[first], up[first], down[first]
         turned = np.exp(-0.5j * np.angle(up * down))  # so that the shapes are real
         found = [
             (one, {0: u * shape(1), -1: (u * shape(1)).conj()}, True) for one, u in zip(lam, up * turned, strict=True)

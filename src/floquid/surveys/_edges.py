@@ -225,25 +225,33 @@ def _locked(track: Followed, point: int, half: int, x: Floats) -> _Pair | None:
     lam = own.exponents - 0.5j * half * own.fundamental
     if own.real and np.abs(lam.imag).max() > REAL * own.fundamental:
         return None
-    if len(lam) > 1:
-        return _Pair(lam[0], lam[1], own.covariance)
     if own.real:
-        return _completed(track, point, x)
+        return _couple(track, point, x)
     both = np.array([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0], [0.0, -1.0]])
     return _Pair(lam[0], lam[0].conjugate(), both @ own.covariance @ both.T)
 
 
-def _completed(track: Followed, point: int, x: Floats) -> _Pair | None:
-    """A real multiplier whose partner is below the noise: the mean of both, smooth in x, is that of other points."""
-    others = [other for other in sorted(track) if not track[other].real or len(track[other].modes) > 1]
-    if len(others) < 2:
+def _couple(track: Followed, point: int, x: Floats) -> _Pair | None:
+    """Two real multipliers, the partner of the one that grows from the mean of both where it is below the noise.
+
+    That mean is smooth over x: of the pairs of the track it is the real part. The more certain of both is taken.
+    """
+    own = track[point]
+    best = int(own.exponents.real.argmax())
+    known, variance = float(own.exponents[best].real), float(own.covariance[best, best])
+    pairs = [other for other in sorted(track) if not track[other].real]
+    means = np.array([track[other].exponent.real for other in pairs])
+    doubt = (
+        4.0 * float(np.var(means) + np.mean([track[other].covariance[0, 0] for other in pairs])) if pairs else np.inf
+    )
+    if len(own.modes) > 1 and own.covariance[1 - best, 1 - best] <= doubt:
+        return _Pair(own.exponents[0], own.exponents[1], own.covariance)
+    if len(pairs) < 2:
         return None
-    means = np.array([track[other].exponent.real for other in others])
-    known, variance = float(track[point].exponent.real), float(track[point].covariance[0, 0])
     spread = np.zeros((4, 4))
     spread[:2, :2] = variance * np.array([[1.0, -1.0], [-1.0, 1.0]])
-    spread[1, 1] += 4.0 * float(np.var(means))
-    return _Pair(known, 2.0 * float(np.interp(x[point], x[others], means)) - known, spread)
+    spread[1, 1] += doubt
+    return _Pair(known, 2.0 * float(np.interp(x[point], x[pairs], means)) - known, spread)
 
 
 def _meets(tracks: Sequence[Followed], number: int, partner: int, kind: Kind, point: int, pair: _Pair) -> bool:

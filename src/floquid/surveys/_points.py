@@ -144,7 +144,7 @@ def _objects(point: Point, common: Sequence[str], weights: Floats, reach: int) -
     deviations = np.zeros_like(shapes) if model.coefficient_std is None else widened(model.coefficient_std)
     count = model.order
     covariance = np.zeros((2 * count, 2 * count)) if model.covariance is None else model.covariance
-    couples = model.couples
+    couples = _couples(model)
     inside = {mode for couple in couples for mode in couple}
     groups = [*couples, *((mode,) for mode in model.upper_modes if mode not in inside)]
     found = []
@@ -165,3 +165,12 @@ def _objects(point: Point, common: Sequence[str], weights: Floats, reach: int) -
             )
         )
     return found
+
+
+def _couples(model: PeriodicModel) -> list[tuple[int, int]]:
+    """The couples of a model, and two negative multipliers that are left over: of a real system none is alone."""
+    couples = list(model.couples)
+    inside = {mode for couple in couples for mode in couple}
+    turns = np.rint(2.0 * model.exponents.imag / model.fundamental).astype(int)
+    left = [int(mode) for mode in np.flatnonzero(model.real & (turns % 2 == 1)) if mode not in inside]
+    return [*couples, (left[0], left[1])] if len(left) == 2 else couples

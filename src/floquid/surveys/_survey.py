@@ -12,6 +12,7 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid._checks import input_error, integer, positive
 from floquid._show import late
+from floquid.core import PeriodicModel
 from floquid.floquet import FloquetModes, modes
 from floquid.surveys._edges import Crossing, crossings
 from floquid.surveys._meetings import meetings
@@ -83,10 +84,10 @@ def survey(
     return _surveyed([point_of(one) for one in given], over, missed, confidence)
 
 
-def _modes(system: Callable[[float], Any], value: float) -> FloquetModes:
+def _modes(system: Callable[[float], Any], value: float) -> FloquetModes | PeriodicModel:
     """The modes of a known system at a value."""
     made = system(value)
-    if isinstance(made, FloquetModes):
+    if isinstance(made, (FloquetModes, PeriodicModel)):
         return made
     return modes(*made) if isinstance(made, tuple) else modes(made)
 
@@ -100,10 +101,14 @@ def _halved(edge: Edge, found: Survey, system: Callable[[float], Any], tolerance
     """An edge of a known system, its bracket halved to a tolerance."""
     low, high = (found.points[k].values[found.over] for k in edge.between)
     rising = edge.direction == "onset"
-    if ((_modes(system, low).growth > 0.0), (_modes(system, high).growth > 0.0)) != (not rising, rising):
+
+    def unstable(value: float) -> bool:
+        return bool(_modes(system, value).exponents.real.max() > 0.0)
+
+    if (unstable(low), unstable(high)) != (not rising, rising):
         return edge  # another mode is unstable there
     while high - low > tolerance and low < (middle := 0.5 * (low + high)) < high:
-        if (_modes(system, middle).growth > 0.0) == rising:
+        if unstable(middle) == rising:
             high = middle
         else:
             low = middle

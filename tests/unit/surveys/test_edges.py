@@ -1,5 +1,7 @@
 """Edges of instability between points: against the truth, and where there is none to tell."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.locks import LOCKED, TOGETHER, known
@@ -32,6 +34,27 @@ def test_edges_of_locks():
 def test_without_noise_edges_are_exact():
     edges = survey(points(std=0.0, shape_std=0.0), over="speed").edges
     assert [edge.value for edge in edges] == pytest.approx(EDGES, abs=2e-5)
+
+
+@pytest.mark.parametrize("partner", ["below the noise", "uncertain"])
+def test_partners_below_the_noise_do_not_matter(partner):
+    """What decays faster in a lock is soon below the noise: its mean with the other one is that of the pair."""
+    given = points(last=22.0)
+    for k, point in enumerate(given):
+        if not LOCKED[0] < point.values["speed"] < LOCKED[1]:
+            continue
+        model = known(point.values["speed"], std=0.002, shape_std=0.01, seed=k)
+        if partner == "uncertain":
+            off, covariance = np.zeros(model.order), np.array(model.covariance)
+            off[1], covariance[1, 1] = 0.2 * (-1) ** k, 0.2**2
+            model = replace(model, exponents=model.exponents + off, covariance=covariance)
+        else:
+            model = known(point.values["speed"], std=0.002, shape_std=0.01, seed=k, without=(1,))
+        given[k] = Point(values=point.values, model=model)
+    edges = survey(given, over="speed").edges
+    assert [edge.kind for edge in edges] == ["lock", "lock"]
+    for edge, truth in zip(edges, LOCKED, strict=True):
+        assert abs(edge.value - truth) < 4.0 * edge.std < 0.1
 
 
 def test_weak_modes_hold_no_edge():
