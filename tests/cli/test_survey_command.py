@@ -94,7 +94,7 @@ def test_a_table_says_what_files_do_not(runs, records):
 
 def test_the_speed_is_that_of_the_clock(runs, records):
     fq.write(replace(records[0], point={}, clock=ConstantPeriod(period=0.02)), runs / "clocked.npz")
-    assert jobs([runs / "clocked.npz"])[0].values == {"speed_rpm": pytest.approx(3000.0)}
+    assert jobs([runs / "clocked.npz"], over="speed_rpm")[0].values == {"speed_rpm": pytest.approx(3000.0)}
 
 
 @pytest.mark.parametrize(

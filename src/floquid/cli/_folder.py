@@ -32,6 +32,7 @@ from floquid.pipeline import Analysis
 from floquid.plot import FIGURES as DRAWN
 from floquid.readers import write
 from floquid.store import ENDINGS, is_result, load, save
+from floquid.surveys import Survey
 from floquid.views import SHORT, DampingUnit, SpeedUnit
 
 FIGURES = tuple(f"{name}.png" for name in DRAWN)  # the figures that there may be
@@ -104,7 +105,10 @@ def identified_in(path: Path, of: str) -> Analysis:
     found = load(result_file(path))
     if not isinstance(found, Analysis):
         remedy = "`floquid transfer --lines` reads it."
-        raise input_error("RESULT", of, "be what `floquid identify` wrote", "holds transfer functions", remedy)
+        if isinstance(found, Survey):
+            remedy = "`floquid report` writes its page."
+        holds = "holds a survey" if isinstance(found, Survey) else "holds transfer functions"
+        raise input_error("RESULT", of, "be what `floquid identify` wrote", holds, remedy)
     return found
 
 

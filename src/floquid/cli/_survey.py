@@ -31,6 +31,7 @@ from floquid.cli._options import (
 )
 from floquid.cli._survey_points import OF, jobs_of, points_of
 from floquid.cli._terminal import json_text, new_table, print_files, print_title, print_warnings, print_whole, terminal
+from floquid.errors import IdentificationError
 from floquid.exports import columns_text, edge_columns, survey_columns, survey_summary
 from floquid.store import save
 from floquid.surveys import Survey, edge_words, point_rows, track_rows
@@ -108,13 +109,16 @@ def survey(
             _draw(out, found, damping, report)
     if format == "text":
         print_files(out, (*DRAWN[:1], *DATA[:4], "figures/"), "to keep the survey, the figures and a page")
+    if all(point.model is None for point in found.points):
+        raise IdentificationError(f"No point has a result. The first: {found.points[0].reason}")
 
 
 def _surveyed(points: list, over: str, gap: int, confidence: float) -> Survey:
     """The survey; a file without a result that says no operating point is told, and has no place in it."""
     lost = [point for point in points if point.model is None and over not in point.values]
     if len(lost) == len(points):
-        must, got = "hold a record or a result", f"{', '.join(lost[0].files)} does not: {lost[0].reason}"
+        got = f"{', '.join(lost[0].files)} does not: {(lost[0].reason or '').rstrip('.')}"
+        must = "hold a record or a result"
         raise input_error("FILES", OF, must, got)
     found = survey_points([point for point in points if point not in lost], over=over, gap=gap, confidence=confidence)
     words = [f"{', '.join(point.files)} is left out: {point.reason}" for point in lost]
@@ -159,16 +163,15 @@ def print_survey(console: Console, found: Survey) -> None:
     words, unit = over_unit(found.over)
     values, lost = found.values, sum(point.model is None for point in found.points)
     missing = f"; {lost} without a result" if lost else ""
-    console.print(
-        f"{counted(len(values), 'point')}, {words} {values[0]:g} to {values[-1]:g} {unit}".rstrip() + f"{missing}."
-    )
-    if not found.tracks:
+    ends = " to ".join(dict.fromkeys(f"{value:g}" for value in values[[0, -1]]))
+    console.print(f"{counted(len(values), 'point')}, {words} {ends} {unit}".rstrip() + f"{missing}.")
+    if not found.tracks and lost < len(values):
         print_title(console, "Modes at each point")
         table = new_table([over_label(found.over)], ["f [Hz]", "Re λ [1/s]"])
         for row in point_rows(found):
             table.add_row(*row)
         print_whole(console, table)
-    else:
+    elif found.tracks:
         print_title(console, f"Modes over {words}")
         table = new_table([""], ["points", "f [Hz], first … last", "Re λ [1/s], least … most"], ["locked", "unstable"])
         for row in track_rows(found):

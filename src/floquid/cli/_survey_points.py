@@ -53,6 +53,11 @@ def jobs_of(files: Sequence[Path], choices: Choices, over: str, table: Path | No
             jobs[same[0]] = replace(jobs[same[0]], files=(*jobs[same[0]].files, *job.files))
         else:
             jobs.append(job)
+    missing = [str(job.files[0]) for job in jobs if not job.saved and job.reason is None and over not in job.values]
+    if missing and over != "speed_rpm":  # which may be found with the angle of the shaft
+        got = f"{', '.join(missing[:3])}{' …' if len(missing) > 3 else ''} has none"
+        remedy = f"Add --table points.csv with a column `{over}`, or keep it with the record (`--point {over}=…`)."
+        raise input_error("FILES", OF, f"have a value of {over} each", got, remedy)
     return jobs
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid._checks import input_error, integer, positive
+from floquid._checks import counted, input_error, integer, positive
 from floquid._show import late
 from floquid.core import PeriodicModel
 from floquid.floquet import FloquetModes, modes
@@ -126,7 +126,7 @@ def _surveyed(given: Sequence[Point], over: str, gap: int, confidence: float) ->
     warnings = [_reason(point, over) for point in points if point.reason is not None]
     paths: list[Path] = []
     if len(there) < FEWEST:
-        warnings.append(f"{len(there)} points with a result: {FEWEST} at least are needed to follow modes.")
+        warnings.append(f"{counted(len(there), 'point')} with a result: {FEWEST} at least are needed to follow modes.")
     else:
         paths = tracked([objects[k] for k in there], values[there], gap)
     alone = [path for path in paths if len(path.places) == 1]
