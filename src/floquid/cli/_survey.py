@@ -47,6 +47,7 @@ def survey(
     *files: SurveyFiles,
     over: str = "speed_rpm",
     table: Place | None = None,
+    pairs: str | None = None,
     record: RecordOptions | None = None,
     model: ModelOptions | None = None,
     gap: Whole = 2,
@@ -68,6 +69,9 @@ def survey(
         numbers in the files, from --point, or, of speed_rpm, from the period.
     table
         A text table of the points: a column `file`, then a column a quantity; `period` is that of a record [s].
+    pairs
+        Pairs of channels at right angles, by which modes have a whirl: x:y, or x:y,x2:y2. From x to y the shaft
+        turns.
     record, model
         The fields of `Settings`, for records.
     gap
@@ -95,7 +99,8 @@ def survey(
     choices = choices_of(settings).with_given(**given(record, OF), **given(model, OF))
     with maybe_folder(out, (*DATA, *DRAWN)) as folder:
         with bar(True) as report:
-            found = _surveyed(points_of(jobs_of(files, choices, over, table), workers, report), over, gap, confidence)
+            jobs = jobs_of(files, choices, over, table, (pairs,) if pairs else ())
+            found = _surveyed(points_of(jobs, workers, report), over, gap, confidence)
         text = json_text(survey_summary(found))
         if folder is not None:
             _write(folder, found, text)

@@ -29,9 +29,10 @@ FAN = 4  # harmonics of a fan on either side
 def campbell(found: Survey, *, orders: tuple[int, ...] = (1, 2, 3), fan: int | None = None, ax: Into = None) -> Figure:
     """Frequencies over the operating point, a line a mode, with bars of 95 % where they can be seen.
 
-    Weak modes are open marks, locked ones squares, and doubtful links dashed. Spans in which a mode is unstable are
-    shaded, the intervals of their edges darker. Dotted are whole orders of the speed, where the points have a
-    `speed_rpm`, and dashed half the fundamental, at which a mode locks with itself.
+    Triangles point up where a mode whirls forward, and down where backward. Weak modes are open marks, locked ones
+    squares, and doubtful links dashed. Spans in which a mode is unstable are shaded, the intervals of their edges
+    darker. Dotted are whole orders of the speed, where the points have a `speed_rpm`, and dashed half the fundamental,
+    at which a mode locks with itself.
 
     Parameters
     ----------
@@ -164,14 +165,16 @@ def _line(axes: Axes, found: Survey, number: int, values: Floats, std: Floats) -
     track, colour = found.tracks[number], _colour(number)
     x, dash = found.values[track.points], DASHES[number // len(COLOURS) % len(DASHES)]
     for run, doubtful in _runs(track.confidence[1:] < DOUBTFUL):
-        axes.plot(x[run], values[run], color=colour, linestyle="--" if doubtful else dash, linewidth=1.1)
+        label = track.name if run.start == 0 else None
+        axes.plot(x[run], values[run], color=colour, linestyle="--" if doubtful else dash, linewidth=1.1, label=label)
     form: dict[str, Any] = {"color": colour, "linestyle": "none", "capsize": 0.0, "elinewidth": 0.9}
-    for kind, marker, label in ((~track.locked, "o", track.name), (track.locked, "s", None)):
+    kinds = [(~track.locked & (track.sense == side), marker) for side, marker in ((0, "o"), (1, "^"), (-1, "v"))]
+    for kind, marker in (*kinds, (track.locked, "s")):
         for weak, face in ((False, colour), (True, "white")):
             at = kind & (track.weak == weak)
-            more = {"marker": marker, "markersize": 4.0, "markerfacecolor": face, "label": label if not weak else None}
             if at.any():
-                axes.errorbar(x[at], values[at], LEVEL * std[at], **form, **more)
+                look = {"marker": marker, "markersize": 4.0, "markerfacecolor": face}
+                axes.errorbar(x[at], values[at], LEVEL * std[at], **form, **look)
 
 
 def _unlinked(axes: Axes, found: Survey) -> None:

@@ -141,13 +141,14 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "findings": "findings",
     },
     Survey: {"over": "", "notes": "sentences", "warnings": "sentences"},
-    Point: {"values": dict, "files": "files", "passed": "", "weak": "modes", "reason": ""},
+    Point: {"values": dict, "files": "files", "passed": "", "weak": "modes", "reason": "", "whirl": "modes, two"},
     Track: {
         "name": "",
         "points": "places",
         "modes": "places, multipliers",
         **dict.fromkeys(("exponents", "exponent_std"), "places, multipliers; 1/s"),
         **dict.fromkeys(("shifts", "mirrored", "weak", "confidence", "mac", "cost", "runner_up"), "places"),
+        **dict.fromkeys(("whirl", "whirl_std"), "places"),
     },
     Edge: {
         **dict.fromkeys(("value", "std", "kind", "direction"), ""),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from floquid.core import PeriodicModel
 from floquid.floquet import FloquetModes
 from floquid.periodic import CONFIDENT
 from floquid.pipeline import Analysis
+from floquid.shapes import Pairs, read_shapes
 from floquid.surveys._objects import SHIFTS, Seen, moved
 from floquid.surveys._types import Point
 
@@ -21,10 +23,11 @@ APART = 0.02  # share by which periods may differ from one part of a revolution:
 EQUAL = 1e-9  # share of the range within which two points are one
 
 
-def point_of(result: Any) -> Point:
-    """A `result` as a point of a survey; one that is a point already stays."""
+def point_of(result: Any, pairs: Pairs = ()) -> Point:
+    """A `result` as a point of a survey, with the whirl of its modes in `pairs` of channels; a point stays one."""
     if isinstance(result, Point):
-        return result
+        again = bool(pairs) and result.model is not None and result.whirl is None
+        return replace(result, whirl=_whirl(result.model, pairs)) if again else result
     if not isinstance(result, (Analysis, PeriodicModel, FloquetModes)):
         must, got = "hold results of `identify`, files of such, or modes of known systems", f"holds {result!r:.60}"
         raise input_error("results", OF, must, got, "Pass what `identify` or `load` gives.")
@@ -41,7 +44,18 @@ def point_of(result: Any) -> Point:
         passed=analysis is None or analysis.passed,
         weak=weak,
         reason=analysis.reasons[0] if analysis is not None and analysis.failed else None,
+        whirl=_whirl(model if isinstance(result, FloquetModes) else result, pairs) if pairs else None,
     )
+
+
+def _whirl(result: Any, pairs: Pairs) -> Floats:
+    """Index of whirl and its deviation of each mode (modes, 2); NaN of the conjugates, which are not read."""
+    out = np.full(((result.model if isinstance(result, Analysis) else result).order, 2), np.nan)
+    for reading in read_shapes(result, pairs=pairs).modes:
+        whirl = reading.whirl
+        assert whirl is not None
+        out[reading.mode] = whirl.index, np.nan if whirl.std is None else whirl.std
+    return out
 
 
 def check_points(points: Sequence[Point], over: str) -> tuple[Point, ...]:

@@ -14,6 +14,7 @@ from floquid._checks import counted, input_error, integer, positive
 from floquid._show import late
 from floquid.core import PeriodicModel
 from floquid.floquet import FloquetModes, modes
+from floquid.shapes import Pairs
 from floquid.surveys._edges import Crossing, crossings
 from floquid.surveys._meetings import meetings
 from floquid.surveys._points import OF, check_points, objects_of, point_of
@@ -30,6 +31,7 @@ def survey(
     results: Iterable[Any] | Callable[[float], Any],
     *,
     over: str = "speed_rpm",
+    pairs: Pairs = (),
     between: tuple[float, float] | None = None,
     points: int = GRID,
     edge_tolerance: float = 1e-9,
@@ -56,6 +58,8 @@ def survey(
         operating point that gives a known system: a matrix A(t) with its period, A and the period, or its modes.
     over
         The quantity of the operating point, such as "speed_rpm".
+    pairs
+        Pairs of channels "x:y" at right angles, from x to y being the sense of rotation: modes have a whirl then.
     between
         The range, of a function.
     points
@@ -75,13 +79,13 @@ def survey(
             got = f"is {between!r}"
             raise input_error("between", OF, "hold the two ends of the range", got, "Such as between=(0.4, 1.2).")
         grid = np.linspace(*between, integer(points, "points", OF, at_least=FEWEST))
-        known = [_known(results, over, value) for value in grid.tolist()]
+        known = [_known(results, over, value, pairs) for value in grid.tolist()]
         found = _surveyed(known, over, missed, confidence)
         step = positive(edge_tolerance, "edge_tolerance", OF) * (between[1] - between[0])
         edges = tuple(_halved(edge, found, results, step) for edge in found.edges)
         return replace(found, edges=edges)
     given = [late("store", "load")(one) if isinstance(one, (str, PathLike)) else one for one in results]
-    return _surveyed([point_of(one) for one in given], over, missed, confidence)
+    return _surveyed([point_of(one, pairs) for one in given], over, missed, confidence)
 
 
 def _modes(system: Callable[[float], Any], value: float) -> FloquetModes | PeriodicModel:
@@ -92,9 +96,9 @@ def _modes(system: Callable[[float], Any], value: float) -> FloquetModes | Perio
     return modes(*made) if isinstance(made, tuple) else modes(made)
 
 
-def _known(system: Callable[[float], Any], over: str, value: float) -> Point:
-    found = point_of(_modes(system, value))
-    return Point(values={over: value}, model=found.model, passed=True, weak=found.weak)
+def _known(system: Callable[[float], Any], over: str, value: float, pairs: Pairs) -> Point:
+    found = point_of(_modes(system, value), pairs)
+    return Point(values={over: value}, model=found.model, passed=True, weak=found.weak, whirl=found.whirl)
 
 
 def _halved(edge: Edge, found: Survey, system: Callable[[float], Any], tolerance: float) -> Edge:
@@ -131,7 +135,7 @@ def _surveyed(given: Sequence[Point], over: str, gap: int, confidence: float) ->
         paths = tracked([objects[k] for k in there], values[there], gap)
     alone = [path for path in paths if len(path.places) == 1]
     paths = sorted((path for path in paths if len(path.places) > 1), key=_height)
-    tracks = tuple(_track(path, number, there) for number, path in enumerate(paths))
+    tracks = tuple(_track(path, number, there, points) for number, path in enumerate(paths))
     followed = [{there[at]: held.own for at, held in zip(path.places, path.objects, strict=True)} for path in paths]
     notes, doubts = meetings(followed, values, over)
     edges = tuple(_edge(crossing, values, confidence) for crossing in crossings(followed, values))
@@ -158,7 +162,7 @@ def _height(path: Path) -> float:
     return float(np.median([abs(held.own.exponent.imag) for held in path.objects]))
 
 
-def _track(path: Path, number: int, there: Sequence[int]) -> Track:
+def _track(path: Path, number: int, there: Sequence[int], points: Sequence[Point]) -> Track:
     """A path as a track."""
     count = len(path.places)
     exponents, std = np.full((2, count, 2), complex(np.nan, np.nan))
@@ -168,12 +172,17 @@ def _track(path: Path, number: int, there: Sequence[int]) -> Track:
         modes[place, :size], exponents[place, :size] = own.modes, own.exponents
         spread = np.sqrt(np.maximum(np.diag(own.covariance), 0.0))
         std[place, :size] = spread[:size] + 1j * spread[size:]
+    read = [points[there[at]].whirl for at in path.places]
+    missing = np.full(2, np.nan)
+    whirl = np.array([missing if own is None else own[mode] for own, mode in zip(read, modes[:, 0], strict=True)])
     return Track(
         name=f"mode {number + 1}",
         points=np.array([there[at] for at in path.places]),
         modes=modes,
         exponents=exponents,
         exponent_std=std,
+        whirl=whirl[:, 0],
+        whirl_std=whirl[:, 1],
         shifts=np.array([held.shift for held in path.objects]),
         mirrored=np.array([held.mirrored for held in path.objects]),
         weak=np.array([held.own.weak for held in path.objects]),

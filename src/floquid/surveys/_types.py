@@ -12,6 +12,7 @@ from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Rebuilt, Sealed
 from floquid._show import Drawings, Drawn, Told
 from floquid.core import PeriodicModel
+from floquid.shapes import CLEAR
 from floquid.surveys._edges import Kind
 
 
@@ -33,6 +34,9 @@ class Point(Sealed):
         Modes that no edge rests on (modes,): weakly determined, or of a result that fails.
     reason
         Why there is no result, or why it fails; None where all is well.
+    whirl
+        Index of whirl of each mode, from -1 (backward) to 1 (forward), and its deviation (modes, 2); NaN where not
+        estimated, None where no pairs of channels were given.
     """
 
     values: Mapping[str, float]
@@ -41,6 +45,7 @@ class Point(Sealed):
     passed: bool = False
     weak: Mask | None = None
     reason: str | None = None
+    whirl: Floats | None = None
 
     def __post_init__(self) -> None:
         Sealed.__post_init__(self)
@@ -73,6 +78,8 @@ class Track(Sealed):
     confidence, mac, cost, runner_up
         Of the link that leads to each place, the likeness of its shapes, its cost and that of the best other choice;
         NaN for the first (places,).
+    whirl, whirl_std
+        Index of whirl, from -1 (backward) to 1 (forward), and its deviation; NaN where it was not read (places,).
     """
 
     name: str
@@ -87,6 +94,14 @@ class Track(Sealed):
     mac: Floats
     cost: Floats
     runner_up: Floats
+    whirl: Floats
+    whirl_std: Floats
+
+    @property
+    def sense(self) -> Integers:
+        """1 where the mode whirls forward, -1 backward, by two deviations; else 0 (places,)."""
+        sure = np.abs(self.whirl) - 2.0 * np.nan_to_num(self.whirl_std) > CLEAR
+        return np.where(sure, np.sign(np.nan_to_num(self.whirl)), 0.0).astype(np.int64)
 
     @property
     def locked(self) -> Mask:

@@ -30,6 +30,7 @@ def found():
 
 
 def test_every_field_comes_back(found, tmp_path):
+    found = fq.survey(found.points, pairs=["a:b"])
     fq.save(found, tmp_path / "survey.h5")
     back = fq.load(tmp_path / "survey.h5")
     assert (back.over, back.edges, back.unlinked) == (found.over, found.edges, found.unlinked)
@@ -50,6 +51,22 @@ def test_every_field_comes_back(found, tmp_path):
 
 def test_a_survey_of_its_own_points_is_the_same(found):
     assert fq.survey(found.points).edges == found.edges
+
+
+def test_whirl_is_read_at_each_point(found):
+    """Channels a and b have shapes of random phases: what they whirl like is that of the shape of the mode."""
+    again = fq.survey(found.points, pairs=["a:b"])
+    for track in again.tracks:
+        for whirl, point, (mode, _) in zip(track.whirl, track.points, track.modes, strict=True):
+            x, y = again.points[point].model.shape(mode).values[:2]
+            lam = again.points[point].model
+            signs = np.sign(lam.exponents[mode].imag + lam.fundamental * lam.harmonics)
+            turning, energy = -np.sum(signs * (x.conj() * y).imag), 0.5 * np.sum(np.abs(x) ** 2 + np.abs(y) ** 2)
+            assert whirl == pytest.approx(turning / energy)
+        assert set(track.sense) <= {-1, 0, 1}
+    assert any((track.sense != 0).any() for track in again.tracks)
+    assert again.plot.campbell()
+    assert not any((track.sense != 0).any() for track in found.tracks)
 
 
 def test_rows_and_summary(found):
