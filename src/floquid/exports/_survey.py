@@ -91,6 +91,7 @@ def _track(track: Track) -> dict[str, Any]:
         "decay": track.decay,
         "decay_std": track.decay_std,
         "growth": track.growth,
+        "growth_std": track.growth_std,
         "damping_ratio": track.damping_ratio,
         "whirl": track.whirl,
         "whirl_std": track.whirl_std,

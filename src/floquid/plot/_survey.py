@@ -116,7 +116,7 @@ def multipliers(found: Survey, *, ax: Into = None) -> Figure:
         for number, track in enumerate(found.tracks):
             periods = np.array([_period(found, point) for point in track.points.tolist()])
             sizes = np.exp(track.growth * periods)
-            _line(left, found, number, sizes, sizes * periods * track.decay_std)
+            _line(left, found, number, sizes, sizes * periods * track.growth_std)
             values = np.exp(track.exponents * periods[:, None])
             way = np.where(track.locked, np.nan, values[:, 0])
             right.plot(way.real, way.imag, color=_colour(number), linewidth=0.9)

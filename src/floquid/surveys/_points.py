@@ -167,6 +167,7 @@ def _objects(point: Point, common: Sequence[str], weights: Floats, reach: int) -
         parts = np.concatenate([kept, kept + count])
         lam = model.exponents[kept]
         turns = np.rint((lam[0].imag - lam.imag) / model.fundamental).astype(int)  # both of a couple on one branch
+        grows = int(kept[lam.real.argmax()])  # what decays faster in a lock may be below the noise
         found.append(
             Seen(
                 modes=modes,
@@ -175,7 +176,7 @@ def _objects(point: Point, common: Sequence[str], weights: Floats, reach: int) -
                 shapes=np.array([moved(shapes[k], turn) for k, turn in zip(modes, turns, strict=True)]),
                 deviations=np.array([moved(deviations[k], turn) for k, turn in zip(modes, turns, strict=True)]),
                 fundamental=model.fundamental,
-                weak=weak is not None and bool(weak[kept].any()),
+                weak=weak is not None and bool(weak[grows]),
             )
         )
     return found

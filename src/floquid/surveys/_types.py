@@ -139,6 +139,12 @@ class Track(Sealed):
         """Re λ [1/s], of a couple the larger of both (places,)."""
         return np.fmax(self.exponents[:, 0].real, self.exponents[:, 1].real)
 
+    @property
+    def growth_std(self) -> Floats:
+        """Deviations of the growth [1/s], of a couple that of the larger (places,)."""
+        second = self.exponents[:, 1].real > self.exponents[:, 0].real
+        return np.where(second, self.exponent_std[:, 1].real, self.exponent_std[:, 0].real)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Link:

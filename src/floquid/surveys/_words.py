@@ -18,13 +18,14 @@ def track_rows(found: Survey) -> list[tuple[str, ...]]:
     for track in found.tracks:
         hertz, std = np.abs(track.frequency) / (2.0 * np.pi), track.frequency_std / (2.0 * np.pi)
         values, ends = found.values[track.points], [0, -1]
-        decays = [(track.decay, int(track.decay.argmin())), (track.growth, int(track.growth.argmax()))]
+        low, high = int(track.decay.argmin()), int(track.growth.argmax())
+        decays = [(track.decay[low], track.decay_std[low]), (track.growth[high], track.growth_std[high])]
         rows.append(
             (
                 track.name,
                 f"{len(track.points)} of {len(found.points)}",
                 " … ".join(with_error(float(hertz[k]), float(std[k])) for k in ends),
-                " … ".join(with_error(float(of[k]), float(track.decay_std[k])) for of, k in decays),
+                " … ".join(with_error(float(value), float(spread)) for value, spread in decays),
                 _spans(values, track.locked),
                 _spans(values, track.growth > 0.0),
             )
@@ -38,8 +39,8 @@ def edge_words(found: Survey, edge: Edge) -> tuple[str, str, str, str]:
     kind = KINDS[edge.kind].format(" and ".join(found.tracks[track].name for track in edge.tracks))
     if edge.value is None or edge.std is None:
         return "not determined", f"between points at {low:g} and {high:g}", edge.direction, kind
-    value = with_error(edge.value, edge.std)
-    digits = max(0, 1 - int(np.floor(np.log10(edge.std)))) if edge.std > 0.0 else 9
+    digits = max(0, 1 - int(np.floor(np.log10(max(edge.std, 0.5 * (high - low), 1e-12)))))
+    value = with_error(edge.value, edge.std) if edge.std > 0.0 else f"{edge.value:.{digits}f}"
     return value, f"{low:.{digits}f} to {high:.{digits}f}", edge.direction, kind
 
 
