@@ -121,6 +121,15 @@ def _halved(edge: Edge, found: Survey, system: Callable[[float], Any], tolerance
 
 def _surveyed(given: Sequence[Point], over: str, gap: int, confidence: float) -> Survey:
     """The survey of points."""
+    from threadpoolctl import threadpool_limits
+
+    # The matrices are many and small: threads inside BLAS would wait for each other.
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _followed(given, over, gap, confidence)
+
+
+def _followed(given: Sequence[Point], over: str, gap: int, confidence: float) -> Survey:
+    """The survey of points, by one thread."""
     points = check_points(given, over)
     if not points:
         raise input_error("results", OF, "hold a result", "none was given", "Pass what `identify` gave at each point.")
