@@ -12,7 +12,7 @@ from floquid.errors import IdentificationError, InputError
 from floquid.pipeline import Settings
 from floquid.views import SHORT, for_command
 
-DONE, FAILED, BAD_INPUT, NOT_MET, INTERRUPTED = 0, 1, 2, 3, 130
+FAILED, BAD_INPUT, NOT_MET, INTERRUPTED = 1, 2, 3, 130
 
 
 class CriteriaNotMetError(Exception):
@@ -83,6 +83,12 @@ _OPTIONS = {
 
 def explained(error: BaseException) -> tuple[str, int]:
     """The message, and the exit code."""
+    if isinstance(error, CycloptsError):
+        return explained_usage(error), BAD_INPUT
+    if isinstance(error, KeyboardInterrupt):
+        return "Interrupted before the end. A result is only ever written whole.", INTERRUPTED
+    if isinstance(error, CriteriaNotMetError):
+        return str(error), NOT_MET
     if isinstance(error, InputError):
         return in_options(str(error)), BAD_INPUT
     if isinstance(error, IdentificationError):
