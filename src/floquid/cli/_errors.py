@@ -83,14 +83,12 @@ _OPTIONS = {
 
 def explained(error: BaseException) -> tuple[str, int]:
     """The message, and the exit code."""
-    if isinstance(error, CycloptsError):
-        return explained_usage(error), BAD_INPUT
+    if isinstance(error, (CycloptsError, InputError)):
+        return explained_usage(error) if isinstance(error, CycloptsError) else in_options(str(error)), BAD_INPUT
     if isinstance(error, KeyboardInterrupt):
         return "Interrupted before the end. A result is only ever written whole.", INTERRUPTED
     if isinstance(error, CriteriaNotMetError):
         return str(error), NOT_MET
-    if isinstance(error, InputError):
-        return in_options(str(error)), BAD_INPUT
     if isinstance(error, IdentificationError):
         return for_command(str(error)), FAILED
     if isinstance(error, MemoryError):

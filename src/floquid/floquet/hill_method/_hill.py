@@ -276,7 +276,8 @@ def hill(
         settle to rounding alone, as multiple ones do, are none: `outcome` says so and `change` by how much.
     known
         Modes by another route, as `floquet.modes` gives them. Hill's exponents are found beside them by inverse
-        iteration, in a small part of the time. The truncated problem is solved where that does not settle them.
+        iteration, in a small part of the time. The truncated problem is solved where that does not settle them, where
+        A(t) jumps, and where `n_harmonics` is given.
     """
     of = "floquet.hill"
     accuracy = checked_tolerance(tolerance, of, largest=1e-2)
@@ -293,8 +294,8 @@ def hill(
     seen = matrix if smooth is None else smooth.matrix
     scale = binary_units(np.abs(fourier(seen, 16)).sum(axis=2))
     lines = reach(seen, accuracy, scale)
-    if known is not None and (found := _beside(seen, scale, lines, known, accuracy)) is not None:
-        return found
+    if known is not None and wanted is None and (near := beside(seen, scale, lines, known, accuracy)) is not None:
+        return assemble(near.modes, near.problem, near.change, scale, matrix.period, HillOutcome.CONVERGED, None)
     truncations = _growing(n_states, lines)
     if wanted is not None:  # held against a smaller one
         truncations = [wanted - max(1, wanted // 3, lines.strong if 2 * lines.strong <= wanted else 0), wanted]
@@ -311,24 +312,6 @@ def hill(
         )
         raise input_error("system", of, must, got, "Raise `tolerance`, or pass `raises=False` and look at `change`.")
     return found
-
-
-def _beside(
-    matrix: AbstractPeriodicMatrix, scale: Floats, lines: Reach, known: KnownModes, tolerance: float
-) -> HillModes | None:
-    """The modes beside known ones; None where those are too far from Hill's to settle, or their sum is not the trace."""
-    fundamental, n_harmonics = 2.0 * np.pi / matrix.period, int(np.abs(known.harmonics).max())
-    coefficients = fourier(matrix, 2 * n_harmonics) * (scale / scale[:, None])[:, :, None]
-    problem = Problem(coefficients, fundamental)
-    found = beside(matrix, problem, scale, lines, known)
-    if found is None:
-        return None
-    modes, change = found
-    allowed = tolerance * np.maximum(np.abs(modes.exponents), fundamental)
-    missed = abs(float(modes.exponents.real.sum()) - problem.growth)
-    if (change > allowed).any() or missed > allowed.sum() or (modes.split(problem) > allowed).any():
-        return None
-    return assemble(modes, problem, change, scale, matrix.period, HillOutcome.CONVERGED, None)
 
 
 _REMEDY = "Name the instants at which a callable jumps in `breaks`, or use `floquet.exponents`, which integrates."
