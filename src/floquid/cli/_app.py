@@ -12,53 +12,68 @@ from cyclopts import App
 
 from floquid._version import __version__
 
-# The place of each command, the words after it, and the first line of its help: `--help` imports none to list them all.
+# The module of each command, the words after it, and the first line of its help: `--help` imports none to list them.
 COMMANDS = {
     "demo": ("_demo", "[SYSTEM]", "Simulate the experiment of Allen's paper, identify it, and compare with the truth."),
     "info": (
-        *("_info", "FILE"),
-        "Show what is in a record file: channels, units, rate, candidates for clock, hits and inputs, what to type "
-        "next.",
+        "_info",
+        "FILE",
+        (
+            "Show what is in a record file: channels, units, rate, candidates for clock, hits and inputs, what to type "
+            "next."
+        ),
     ),
     "convert": (
-        *("_records", "FILE OUT"),
+        "_records",
+        "FILE OUT",
         "Write a record in another format, and say what that format could not hold; or the modes of a result.",
     ),
     "identify": (
-        *("_identify", "FILES..."),
+        "_identify",
+        "FILES...",
         "Identify the Floquet exponents, the periodic mode shapes and A(t) from measured responses.",
     ),
     "survey": (
-        *("_survey", "FILES..."),
+        "_survey",
+        "FILES...",
         "Follow modes over a speed, or another operating point, and find where they turn unstable.",
     ),
     "transfer": (
-        *("_transfer", "FILES... --inputs NAMES"),
+        "_transfer",
+        "FILES... --inputs NAMES",
         "Harmonic transfer functions from measured inputs to the other channels, with their deviations.",
     ),
     "multisine": (
-        *("_multisine", "--period T --rate HZ"),
+        "_multisine",
+        "--period T --rate HZ",
         "Write inputs for measuring harmonic transfer functions: random lines whose sidebands do not meet.",
     ),
     "scan": (
-        *("_scan", "FILES..."),
+        "_scan",
+        "FILES...",
         "Show how many modes there are: identify at many orders, see which poles stay, and look at mode indicators.",
     ),
     "report": (
-        *("_identify", "RESULT"),
+        "_identify",
+        "RESULT",
         "Write the report of a saved result: one HTML page that opens in any browser, without a network.",
     ),
     "shapes": (
-        *("_shapes", "RESULT"),
-        "Read the shapes of a saved result: whirl of modes, their names by patterns over blades, shares of their "
-        "lines.",
+        "_shapes",
+        "RESULT",
+        (
+            "Read the shapes of a saved result: whirl of modes, their names by patterns over blades, shares of their "
+            "lines."
+        ),
     ),
     "bootstrap": (
-        *("_bootstrap", "RESULT"),
+        "_bootstrap",
+        "RESULT",
         "Check the standard deviations of a result: draw records from its model, fit each anew, and see the spread.",
     ),
     "floquet": (
-        *("_floquet", "FILES..."),
+        "_floquet",
+        "FILES...",
         "Floquet exponents, periodic mode shapes and stability of a system whose A(t) is known.",
     ),
     "simulate": ("_demo", "[SYSTEM]", "Write the free response of an example system to a file."),
@@ -95,7 +110,7 @@ def run(arguments: Sequence[str]) -> int:
         # Whoever read the output has had enough. What is left in the buffer goes nowhere, in silence.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
-    except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001  # the last place where a mistake of ours can be worded
+    except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001  # the last place to word a mistake of ours
         from floquid.cli._errors import explained
         from floquid.cli._terminal import terminal
 

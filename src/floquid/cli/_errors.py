@@ -83,31 +83,36 @@ _OPTIONS = {
 
 def explained(error: BaseException) -> tuple[str, int]:
     """The message, and the exit code."""
-    if isinstance(error, (CycloptsError, InputError)):
-        return explained_usage(error) if isinstance(error, CycloptsError) else in_options(str(error)), BAD_INPUT
-    if isinstance(error, KeyboardInterrupt):
-        return "Interrupted before the end. A result is only ever written whole.", INTERRUPTED
-    if isinstance(error, CriteriaNotMetError):
-        return str(error), NOT_MET
-    if isinstance(error, IdentificationError):
-        return for_command(str(error)), FAILED
-    if isinstance(error, MemoryError):
-        words = "This needs more memory than there is: use a shorter record or fewer channels (`identify --channels`)."
-        return words, FAILED
-    if isinstance(error, OSError):
-        where = f"{error.filename}: " if error.filename else ""
-        return f"{where}{error.strerror or error}.", BAD_INPUT
-    if isinstance(error, (FloatingPointError, np.linalg.LinAlgError)):
-        words = (
-            f"The numbers of this record cannot be worked with ({error}): are there wrong samples, or channels that "
-            "say nothing? `floquid info FILE` shows their range; choose others with `--channels`."
-        )
-        return words, FAILED
-    words = (
-        f"Unexpected {type(error).__name__}: {error}\n"
-        "  This is a mistake in floquid. Run the command again with --debug and report what it prints."
-    )
-    return words, FAILED
+    code = FAILED
+    match error:
+        case CycloptsError():
+            words, code = explained_usage(error), BAD_INPUT
+        case InputError():
+            words, code = in_options(str(error)), BAD_INPUT
+        case CriteriaNotMetError():
+            words, code = str(error), NOT_MET
+        case KeyboardInterrupt():
+            words, code = "Interrupted before the end. A result is only ever written whole.", INTERRUPTED
+        case IdentificationError():
+            words = for_command(str(error))
+        case MemoryError():
+            words = (
+                "This needs more memory than there is: use a shorter record or fewer channels (`identify --channels`)."
+            )
+        case OSError():
+            where = f"{error.filename}: " if error.filename else ""
+            words, code = f"{where}{error.strerror or error}.", BAD_INPUT
+        case FloatingPointError() | np.linalg.LinAlgError():
+            words = (
+                f"The numbers of this record cannot be worked with ({error}): are there wrong samples, or channels "
+                "that say nothing? `floquid info FILE` shows their range; choose others with `--channels`."
+            )
+        case _:
+            words = (
+                f"Unexpected {type(error).__name__}: {error}\n"
+                "  This is a mistake in floquid. Run the command again with --debug and report what it prints."
+            )
+    return words, code
 
 
 def in_options(message: str) -> str:
