@@ -38,6 +38,11 @@ COMMANDS = {
         "FILES...",
         "Follow modes over a speed, or another operating point, and find where they turn unstable.",
     ),
+    "fleet": (
+        "_fleet",
+        "FILES...",
+        "Identify many records, each for itself, into one Parquet table with a row a mode.",
+    ),
     "transfer": (
         "_transfer",
         "FILES... --inputs NAMES",

@@ -70,6 +70,7 @@ _OPTIONS = {
     "load": {"path": "`RESULT`"},
     "report": {"analysis": "`RESULT`", "path": "`--out`", "brief": "`--brief`"},
     **{f"Analysis.{name}": {"self": "The result"} for name in ("transfer", "lifted")},
+    "fleet": {"sources": "`FILES`", **_alike("out", "keep", "workers")},
     "survey": {"results": "`FILES`", **_alike("gap", "confidence")},
     "bootstrap": {"analysis": "`RESULT`", **_alike("draws", "seed", "workers", "whole")},
     "save_figures": {"folder": "`--out`"},
@@ -113,6 +114,11 @@ def explained(error: BaseException) -> tuple[str, int]:
                 "  This is a mistake in floquid. Run the command again with --debug and report what it prints."
             )
     return words, code
+
+
+def in_a_line(error: BaseException) -> str:
+    """The message in one line."""
+    return " ".join(explained(error)[0].split())
 
 
 def in_options(message: str) -> str:

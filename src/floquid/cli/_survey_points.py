@@ -10,12 +10,13 @@ from pathlib import Path
 from time import monotonic
 
 from floquid._checks import input_error
-from floquid.cli._errors import explained
+from floquid.cli._errors import in_a_line
 from floquid.cli._folder import RESULT, identified_in, is_saved
 from floquid.cli._options import Choices
 from floquid.cli._records import check_files, read_records
 from floquid.core import as_point
 from floquid.errors import InputError
+from floquid.fleets import Died, outcomes, time_left
 from floquid.io import readable_file
 from floquid.pipeline import identify
 from floquid.readers import FORMATS, read
@@ -23,7 +24,6 @@ from floquid.shapes import Pairs
 from floquid.surveys import Point, point_of
 
 OF = "floquid survey"
-DIED = "The process that identified it ended at once: is there memory enough? Try --workers 1."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -116,7 +116,7 @@ def _job(file: Path, choices: Choices, row: Mapping[str, float]) -> Job:
     try:
         record = read(file, rate=choices.rate, header=choices.header)
     except (InputError, OSError) as error:
-        return Job(files=(file,), choices=chosen, values=chosen.point, reason=_in_a_line(error))
+        return Job(files=(file,), choices=chosen, values=chosen.point, reason=in_a_line(error))
     known = {**record.point, **chosen.point}
     setting = chosen.settings
     clock = setting.period or record.period
@@ -129,51 +129,19 @@ def _job(file: Path, choices: Choices, row: Mapping[str, float]) -> Job:
     return Job(files=(file,), choices=chosen, values=known)
 
 
-def _in_a_line(error: BaseException) -> str:
-    return " ".join(explained(error)[0].split())
-
-
 def points_of(jobs: Sequence[Job], workers: int | None, report: Callable[[str], None]) -> list[Point]:
     """A point a job, in their order; one that fails has its reason."""
     open_ = [k for k, job in enumerate(jobs) if job.reason is None]
     found = {k: job.lost(job.reason) for k, job in enumerate(jobs) if job.reason is not None}
     count = min(len(open_), os.cpu_count() or 1) if workers is None else workers
+    count = min(count, len(open_))
     begin = monotonic()
-    for done, (k, point) in enumerate(_made([(k, jobs[k]) for k in open_], count), start=1):
-        found[k] = point
-        left = (monotonic() - begin) / done * (len(open_) - done)
-        rest = f", about {left:.0f} s left" if left >= 1.0 else ""
+    for done, (number, point) in enumerate(outcomes(made, [jobs[k] for k in open_], workers=count), start=1):
+        k = open_[number]
+        found[k] = jobs[k].lost(point.reason) if isinstance(point, Died) else point
+        rest = time_left(done, len(open_), monotonic() - begin)
         report(f"identified {done} of {len(open_)} points{rest}: {jobs[k].files[0].name}")
     return [found[k] for k in range(len(jobs))]
-
-
-def _made(jobs: Sequence[tuple[int, Job]], workers: int) -> Iterator[tuple[int, Point]]:
-    """The points as they are ready, with the numbers of their jobs."""
-    if workers <= 1 or len(jobs) < 2:
-        yield from ((k, made(job)) for k, job in jobs)
-        return
-    import multiprocessing
-    from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, as_completed
-
-    # A fresh interpreter: a fork of a process with threads may hang.
-    pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_begin)
-    try:
-        sent = {pool.submit(made, job): (k, job) for k, job in jobs}
-        for future in as_completed(sent):
-            k, job = sent[future]
-            try:
-                yield k, future.result()
-            except BrokenExecutor:
-                yield k, job.lost(DIED)
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _begin() -> None:
-    import signal
-
-    # Ctrl-C reaches every process of a terminal; the first of them ends the others.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def made(job: Job) -> Point:
@@ -189,5 +157,5 @@ def made(job: Job) -> Point:
                 analysis = identify(records, choices.resolved())
             found = point_of(analysis, job.pairs)
     except Exception as error:  # noqa: BLE001  # one bad point costs one point
-        return job.lost(_in_a_line(error))
+        return job.lost(in_a_line(error))
     return replace(found, values={**found.values, **job.values}, files=tuple(map(str, job.files)))

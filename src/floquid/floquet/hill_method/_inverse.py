@@ -51,8 +51,8 @@ def beside(
 
     One step of inverse iteration at λ_r from its unit vector gives λ_r + E_rr, the mean over the period. Every E_rk
     takes part in the next step by its product with E_kr over the distance of λ_k, which is the change that is known.
-    All must be within the tolerance, and the sum of the exponents the mean trace. Nothing is integrated: known exponents
-    that are wrong show in E_rr, and shapes that are wrong in all of E.
+    All must be within the tolerance, and the sum of the exponents the mean trace. Nothing is integrated: known
+    exponents that are wrong show in E_rr, and shapes that are wrong in all of E.
     """
     n, reach, fundamental = matrix.shape[0], int(np.abs(known.harmonics).max()), 2.0 * np.pi / matrix.period
     if np.size(matrix.breaks) or not lines.ends or known.coefficients.shape[:2] != (n, n):
