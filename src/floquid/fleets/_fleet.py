@@ -8,7 +8,7 @@ import warnings
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, fields, is_dataclass
-from glob import glob, has_magic
+from glob import has_magic
 from os import PathLike
 from pathlib import Path
 from time import monotonic, perf_counter
@@ -263,9 +263,8 @@ def _matched(source: Place) -> list[Path]:
             and not any(part.startswith(".") for part in file.relative_to(path).parts)
         ]
     else:
-        found = (
-            [path] if path.exists() or not has_magic(str(path)) else sorted(map(Path, glob(str(path), recursive=True)))
-        )
+        pattern = has_magic(str(path)) and not path.exists()
+        found = sorted(Path(path.anchor).glob(str(path.relative_to(path.anchor)))) if pattern else [path]
         found = [file for file in found if not file.is_dir()]
     if not found:
         got = f"{source} holds no record" if path.is_dir() else f"{source} matches no file"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError, Executor, Future
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -46,8 +46,8 @@ def outcomes(
 ) -> Iterator[tuple[int, Result | Died]]:
     """The number of each job, and what a function makes of it, as they are ready.
 
-    When a process dies, jobs that it may have had are done once more, each alone in a new process: one of which
-    that dies too is `Died`. Another's `executor` is no process of ours: what it raises instead of a result is `Died`.
+    When a process dies, each job that it may have had is done alone in a new process: what ends that one, and a second,
+    is `Died`. Another's `executor` is no process of ours: what it raises instead of a result is `Died`.
 
     Raises IdentificationError where that executor ends.
 
@@ -95,14 +95,13 @@ def _in_processes(
 
 
 def _alone(function: Callable[[Job], Result], job: Job) -> Result | Died:
-    """The result of a job in a process of its own."""
+    """The result of a job in a process of its own; in a second one, where the first dies of it."""
     from concurrent.futures import BrokenExecutor
 
-    try:
-        with _pool(1) as pool:
+    for _ in range(2):
+        with suppress(BrokenExecutor), _pool(1) as pool:
             return pool.submit(function, job).result()
-    except BrokenExecutor:
-        return Died(DIED)
+    return Died(DIED)
 
 
 def _by(

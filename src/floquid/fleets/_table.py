@@ -10,7 +10,7 @@ from __future__ import annotations
 import secrets
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
@@ -147,8 +147,10 @@ def opened(path: Path, of: str) -> Iterator[Table]:
                 table.finish()
             finally:
                 table.flush()
-                if table.parts.is_dir() and not any(table.parts.iterdir()):
-                    table.parts.rmdir()
+                with suppress(OSError):
+                    table.parts.rmdir()  # which only takes what is empty
+                with suppress(OSError):
+                    Path(lock.lock_file).unlink()
     except Timeout:
         got = f"another run is writing {path}"
         raise input_error(
