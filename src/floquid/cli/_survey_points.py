@@ -16,7 +16,7 @@ from floquid.cli._options import Choices
 from floquid.cli._records import check_files, read_records
 from floquid.core import as_point
 from floquid.errors import InputError
-from floquid.fleets import Died, outcomes, time_left
+from floquid.fleets import Died, Kept, kept_results, outcomes, time_left
 from floquid.io import readable_file
 from floquid.pipeline import identify
 from floquid.readers import FORMATS, read
@@ -45,9 +45,17 @@ class Job:
 def jobs_of(files: Sequence[Path], choices: Choices, over: str, table: Path | None, pairs: Pairs = ()) -> list[Job]:
     """The points that files are, by their values: those of the table first, then of the files, then of the clock."""
     rows = {} if table is None else _rows(table)
-    given = [one for file in files for one in _expanded(file, table)] or list(rows)
+    tables = {file: kept for file in files if (kept := kept_results(file)) is not None}
+    given = [one for file in files if file not in tables for one in _expanded(file, table)]
+    given += [one for file, kept in tables.items() for one in _results(file, kept)]
+    given = given or list(rows)
     check_files(given, OF)
-    jobs: list[Job] = []
+    jobs = [
+        Job(files=(Path(own.file),), choices=choices, values=own.point, reason=own.reason)
+        for kept in tables.values()
+        for own in kept
+        if own.reason is not None
+    ]
     for file in given:
         job = _job(file, choices, rows.get(file.resolve(), rows.get(Path(file.name), {})))
         same = [k for k, one in enumerate(jobs) if _is_one(one, job, over)]
@@ -85,6 +93,16 @@ def _expanded(path: Path, table: Path | None) -> Iterator[Path]:
         must, got = "hold records, or results of `floquid identify`", f"{path} holds none"
         raise input_error("FILES", OF, must, got, "Name the files.")
     yield from found
+
+
+def _results(table: Path, kept: Sequence[Kept]) -> list[Path]:
+    """The results that `floquid fleet` kept beside its table."""
+    found = [Path(own.result) for own in kept if own.result is not None]
+    if not found:
+        got = f"{table} has exponents alone, without the shapes by which modes are followed"
+        remedy = "Run `floquid fleet` again with --keep DIR: results are kept there, and named in the table."
+        raise input_error("FILES", OF, "hold records or results", got, remedy)
+    return found
 
 
 def _rows(table: Path) -> dict[Path, dict[str, float]]:

@@ -190,9 +190,12 @@ def scheduled(address: str, *, of: str = "scheduled", argument: str = "address")
     import logging
 
     distributed = load_package("distributed", of, extra="fleet")
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # one message says it
+    for name in [own for own in logging.root.manager.loggerDict if own.partition(".")[0] in ("distributed", "tornado")]:
+        logging.getLogger(name).setLevel(logging.CRITICAL + 1)  # one message of ours says it
+    place = address if "://" in address else f"tcp://{address}"
     try:
-        client = distributed.Client(address, timeout=ANSWERS, set_as_default=False)
+        distributed.comm.get_address_host_port(place, strict=True)  # or the client would try for half a minute
+        client = distributed.Client(place, timeout=ANSWERS, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         words = str(error).split("\n", maxsplit=1)[0].rstrip(".") or type(error).__name__
         must, got = "be the address of a dask scheduler that answers", f"is {address!r}: {words}"
