@@ -55,7 +55,7 @@ class Job:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fleet(Brief):
-    """What became of the records of a run of `fleet`, earlier runs included.
+    """Counts of the records of a run of `fleet`, earlier runs included, and reasons for those without a result.
 
     Parameters
     ----------

@@ -135,7 +135,7 @@ def _done(
     sent: dict[Future[Any], tuple[int, Any]],
     most: int,
 ) -> Iterator[Future[Any]]:
-    """Futures as they end, at most so many being under way; who asks for the next has taken it out of `sent`."""
+    """Futures as they end, `most` of them under way; who asks for the next has taken the last out of `sent`."""
     from concurrent.futures import FIRST_COMPLETED, wait
     from itertools import islice
 
@@ -205,7 +205,7 @@ def scheduled(address: str, *, of: str = "scheduled", argument: str = "address")
 
 
 def time_left(done: int, total: int, seconds: float) -> str:
-    """Words on the time left, of work of which `done` parts of a `total` took `seconds`; empty below a second."""
+    """Words on the time left where `done` parts of a `total` took `seconds`; empty below a second."""
     left = seconds / max(done, 1) * (total - done)
     for size, name in ((3600.0, "h"), (60.0, "min")):
         if left >= 2.0 * size:
