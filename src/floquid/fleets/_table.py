@@ -146,11 +146,12 @@ def opened(path: Path, of: str) -> Iterator[Table]:
                 yield table
                 table.finish()
             finally:
-                table.flush()
-                with suppress(OSError):
-                    table.parts.rmdir()  # which only takes what is empty
-                with suppress(OSError):
-                    Path(lock.lock_file).unlink()
+                try:
+                    table.flush()
+                finally:
+                    with suppress(OSError):  # of a folder only where it is empty
+                        Path(lock.lock_file).unlink()
+                        table.parts.rmdir()
     except Timeout:
         got = f"another run is writing {path}"
         raise input_error(
