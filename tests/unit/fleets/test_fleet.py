@@ -143,10 +143,12 @@ def test_a_part_that_was_not_written_whole_is_no_part(lake):
 
 def test_a_record_whose_process_died_is_done_again(lake, identified):
     file = lake / "lake/machine1/run.npz"
+    fq.fleet(file, **QUICK)
     with opened(lake / "modes.parquet", "fleet") as table:
-        state = file.stat()
-        cells = {"file": str(file), "size": state.st_size, "modified": state.st_mtime_ns, "settings": "x"}
+        size, modified, settings = table.done[str(file)].key
+        cells = {"file": str(file), "size": size, "modified": modified, "settings": settings}
         table.add(str(file), [{**cells, "passed": False, "reason": DIED}])
+    assert [row["reason"] for row in rows()] == [DIED]
     assert fq.fleet(file, **QUICK).n_modes == 2
     assert len(rows()) == 2
 
