@@ -135,6 +135,8 @@ def fleet(
         Fields of `Settings`, which come before those of `settings`.
     """
     chosen, how = settings_of(settings, options, OF), reading or Reading()
+    if executor is not None and workers is not None:
+        raise input_error("workers", OF, "not be given beside an executor", f"is {workers}", "It has its own workers.")
     if workers is not None:
         integer(workers, "workers", OF, at_least=1)
     path = as_path(out, of=OF, argument="out")
@@ -255,17 +257,15 @@ def _matched(source: Place) -> list[Path]:
     path = as_path(source, of=OF, argument="sources").absolute()
     if path.is_dir():
         suffixes = {kind.suffix for kind in FORMATS}
-        found = [
-            file
-            for file in sorted(path.rglob("*"))
-            if file.suffix.lower() in suffixes
-            and file.is_file()
-            and not any(part.startswith(".") for part in file.relative_to(path).parts)
-        ]
+        found = [file for file in sorted(path.rglob("*")) if file.suffix.lower() in suffixes]
+    elif has_magic(str(path)) and not path.exists():
+        found = sorted(Path(path.anchor).glob(str(path.relative_to(path.anchor))))
     else:
-        pattern = has_magic(str(path)) and not path.exists()
-        found = sorted(Path(path.anchor).glob(str(path.relative_to(path.anchor)))) if pattern else [path]
-        found = [file for file in found if not file.is_dir()]
+        return [path]  # one that is not there is a row with its reason
+    # As in a shell, what is hidden is not meant: the parts of a table, for one.
+    found = [
+        file for file in found if file.is_file() and not any(part[0] == "." for part in {*file.parts} - {*path.parts})
+    ]
     if not found:
         got = f"{source} holds no record" if path.is_dir() else f"{source} matches no file"
         raise input_error("sources", OF, "be files, or match some", got, "Check the name and the folder.")

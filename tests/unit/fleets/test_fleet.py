@@ -82,7 +82,7 @@ def test_a_row_a_mode_and_one_for_a_record_without_a_result(lake, records):
 def test_workers_give_what_a_serial_run_gives(lake):
     fq.fleet("lake", out="serial.parquet", **QUICK)
     with ThreadPoolExecutor(3) as executor:
-        fq.fleet("lake", executor=executor, out="others.parquet", **QUICK)
+        fq.fleet("lake", executor=executor, out="others.parquet", **QUICK | {"workers": None})
     assert numbers("serial.parquet") == numbers("others.parquet")
 
 
@@ -196,6 +196,20 @@ def test_what_is_refused(lake, records, sources, options, message):
         fq.fleet(sources, **QUICK | options)
     assert message in str(raised.value)
     assert not list(lake.glob("*.parts"))
+
+
+def test_workers_beside_an_executor(lake):
+    with ThreadPoolExecutor(1) as executor, pytest.raises(fq.InputError, match="not be given beside an executor"):
+        fq.fleet("lake", executor=executor, **QUICK)
+
+
+def test_what_is_hidden_and_the_table_itself_are_no_records(lake, records):
+    fq.write(records[0], lake / "lake" / "machine0" / "run.parquet")
+    for source in ("lake", "lake/*/*.parquet"):
+        (lake / "lake" / ".hidden").mkdir(exist_ok=True)
+        fq.write(records[0], lake / "lake" / ".hidden" / "run.parquet")
+        files = [fq.fleet(source, out="lake/machine0/modes.parquet", **QUICK).n_records for _ in range(2)]
+        assert files == [5, 5] if source == "lake" else [1, 1]
 
 
 def test_two_runs_into_one_table(lake):
