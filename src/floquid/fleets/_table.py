@@ -23,6 +23,8 @@ from floquid.io import atomic_path, load_package
 MARK = {b"floquid": b"fleet/1"}
 FIRST, SHARE = 1.0, 0.01  # a part is written after a second, and then whenever a hundredth of the time has gone by
 
+GROUP = 50_000  # rows of the table that are one group, of some megabytes: small groups are larger than their rows
+
 
 @dataclass(frozen=True, slots=True)
 class Done:
@@ -94,10 +96,17 @@ class Table:
         }
         points = sorted({name for source in sources for name in _names(source)} - COLUMNS.keys())
         with _written(self.path, points, self.of) as write:
+            waiting, count = [], 0
             for k, source in enumerate(sources):
                 for batch in _read(source, None):
                     own = _arrow().array([owner[file] == k for file in batch["file"].to_pylist()], "bool")
-                    write(_widened(_arrow().Table.from_batches([batch]).filter(own), points))
+                    waiting.append(_widened(_arrow().Table.from_batches([batch]).filter(own), points))
+                    count += len(waiting[-1])
+                    if count >= GROUP:
+                        write(_arrow().concat_tables(waiting))
+                        waiting, count = [], 0
+            if waiting:
+                write(_arrow().concat_tables(waiting))
         shutil.rmtree(self.parts)
 
     def _sources(self) -> list[Path]:
