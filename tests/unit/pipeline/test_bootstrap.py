@@ -234,7 +234,7 @@ def test_a_t_with_a_structure_has_deviations_that_hold(name):
 
 @pytest.mark.slow
 def test_the_free_a_t_is_the_same_to_first_order_but_for_the_harmonics_left_out():
-    """Its deviations are an upper bound: what noise alone does is a quarter of them here, and they are said to be one."""
+    """Its deviations are an upper bound: noise alone does a quarter of them here, and they are said to be one."""
     checked = found()
     assert checked.system.bound
     assert checked.transition.bound
