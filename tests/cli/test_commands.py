@@ -113,9 +113,9 @@ def test_json_is_the_summary_alone(here, quick_pictures):
     assert text == (here / "new" / "summary.json").read_text()
     summary = strict_json(text)
     assert list(summary) == [
-        "format", "excitation", "period", "period_std", "point", "misfit", "failed", "order", "order_choice", "n_cycles",
-        "n_phases", "outputs", "noise", "noise_whitening", "modes", "inputs", "lengths", "periodicity", "forced",
-        "interference", "synchronisation", "system", "validation", "warnings", "findings",
+        "format", "excitation", "period", "period_std", "point", "misfit", "failed", "order", "order_choice",
+        "n_cycles", "n_phases", "outputs", "noise", "noise_whitening", "modes", "inputs", "lengths", "periodicity",
+        "forced", "interference", "synchronisation", "system", "validation", "warnings", "findings",
     ]  # fmt: skip
     assert summary["format"] == "floquid-summary/2"
     assert summary["period"] == pytest.approx(2.0 * np.pi, rel=1e-15)
