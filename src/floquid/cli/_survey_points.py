@@ -20,8 +20,8 @@ from floquid.fleets import Died, Kept, kept_results, outcomes, time_left
 from floquid.io import readable_file
 from floquid.pipeline import identify
 from floquid.readers import FORMATS, read
-from floquid.shapes import Pairs
-from floquid.surveys import Point, point_of
+from floquid.shapes import ShapeOptions
+from floquid.surveys import NOT_READ, Point, point_of
 
 OF = "floquid survey"
 
@@ -34,7 +34,7 @@ class Job:
     choices: Choices
     values: Mapping[str, float] = field(default_factory=dict)
     saved: bool = False
-    pairs: Pairs = ()
+    shapes: ShapeOptions = NOT_READ
     reason: str | None = None  # why nothing can be made of it
 
     def lost(self, reason: str) -> Point:
@@ -42,7 +42,9 @@ class Job:
         return Point(values=self.values, files=tuple(map(str, self.files)), reason=reason)
 
 
-def jobs_of(files: Sequence[Path], choices: Choices, over: str, table: Path | None, pairs: Pairs = ()) -> list[Job]:
+def jobs_of(
+    files: Sequence[Path], choices: Choices, over: str, table: Path | None, shapes: ShapeOptions = NOT_READ
+) -> list[Job]:
     """The points that files are, by their values: those of the table first, then of the files, then of the clock."""
     rows = {} if table is None else _rows(table)
     tables = {file: kept for file in files if (kept := kept_results(file)) is not None}
@@ -68,7 +70,7 @@ def jobs_of(files: Sequence[Path], choices: Choices, over: str, table: Path | No
         got = f"{', '.join(missing[:3])}{' …' if len(missing) > 3 else ''} has none"
         remedy = f"Add --table points.csv with a column `{over}`, or keep it with the record (`--point {over}=…`)."
         raise input_error("FILES", OF, f"have a value of {over} each", got, remedy)
-    return [replace(job, pairs=pairs) for job in jobs]
+    return [replace(job, shapes=shapes) for job in jobs]
 
 
 def _is_one(first: Job, second: Job, over: str) -> bool:
@@ -173,7 +175,7 @@ def made(job: Job) -> Point:
             else:
                 records, choices = read_records(job.files, job.choices, OF, lambda _: None)
                 analysis = identify(records, choices.resolved())
-            found = point_of(analysis, job.pairs)
+            found = point_of(analysis, job.shapes)
     except Exception as error:  # noqa: BLE001  # one bad point costs one point
         return job.lost(in_a_line(error))
     return replace(found, values={**found.values, **job.values}, files=tuple(map(str, job.files)))
