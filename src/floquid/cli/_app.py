@@ -13,6 +13,7 @@ from io import StringIO
 from cyclopts import App, CycloptsError
 
 from floquid.cli._bootstrap import bootstrap, print_drawn
+from floquid.cli._compare import compare, print_comparison, print_updated
 from floquid.cli._demo import demo, simulate
 from floquid.cli._errors import (
     BAD_INPUT,
@@ -35,6 +36,7 @@ from floquid.cli._shapes import shapes
 from floquid.cli._survey import print_survey, survey
 from floquid.cli._terminal import plain, print_found, terminal
 from floquid.cli._transfer import transfer
+from floquid.comparison import Comparison, Updated
 from floquid.floquet import FloquetModes, stability
 from floquid.order import OrderScan
 from floquid.pipeline import Analysis, Bootstrap
@@ -58,6 +60,7 @@ app.command(info, usage="Usage: floquid info FILE [OPTIONS]")
 app.command(convert, usage="Usage: floquid convert FILE OUT [OPTIONS]")
 app.command(identify, usage="Usage: floquid identify FILES... [OPTIONS]")
 app.command(survey, usage="Usage: floquid survey FILES... [OPTIONS]")
+app.command(compare, usage="Usage: floquid compare A B [OPTIONS]")
 app.command(transfer, usage="Usage: floquid transfer FILES... --inputs NAMES [OPTIONS]")
 app.command(multisine, usage="Usage: floquid multisine --period T --rate HZ [OPTIONS]")
 app.command(scan, usage="Usage: floquid scan FILES... [OPTIONS]")
@@ -100,7 +103,7 @@ def _end(message: str, code: int) -> int:
 
 
 def text_of(
-    result: Analysis | Bootstrap | OrderScan | FloquetModes | Survey,
+    result: Analysis | Bootstrap | OrderScan | FloquetModes | Survey | Comparison | Updated,
     *,
     speed_unit: SpeedUnit = "hz",
     damping_unit: DampingUnit = "percent",
@@ -124,4 +127,8 @@ def text_of(
             print_stability(console, result, stability(result))
         case Survey():
             print_survey(console, result)
+        case Comparison():
+            print_comparison(console, result)
+        case Updated():
+            print_updated(console, result)
     return "\n".join(line.rstrip() for line in file.getvalue().strip("\n").splitlines())

@@ -67,7 +67,7 @@ def shapes(
             pairs=(pairs,) if pairs else (),
             blades=tuple(blades or ()),
             fixed=split(fixed or ""),
-            scales=_scales(scale or ()),
+            scales=scales_of(scale or (), OF),
             participation=participation,
             words=words,
         )
@@ -80,8 +80,8 @@ def shapes(
     _print(found)
 
 
-def _scales(words: Sequence[str]) -> dict[str, float]:
-    """Scales by names, numbers or fractions."""
+def scales_of(words: Sequence[str], of: str) -> dict[str, float]:
+    """Scales by names, numbers or fractions, of the command `of`."""
     found = {}
     for word in words:
         name, _, number = word.partition("=")
@@ -89,7 +89,7 @@ def _scales(words: Sequence[str]) -> dict[str, float]:
             found[name.strip()] = float(Fraction(number.strip()))
         except (ValueError, ZeroDivisionError):
             remedy = "For example: --scale fa=1/60"
-            raise input_error("--scale", OF, "be NAME=NUMBER", f"is {word!r}", remedy) from None
+            raise input_error("--scale", of, "be NAME=NUMBER", f"is {word!r}", remedy) from None
     return found
 
 

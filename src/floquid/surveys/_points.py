@@ -15,6 +15,7 @@ from floquid.floquet import FloquetModes
 from floquid.periodic import CONFIDENT
 from floquid.pipeline import Analysis
 from floquid.shapes import Pairs, read_shapes
+from floquid.surveys._known import KNOWN, known_modes
 from floquid.surveys._objects import SHIFTS, Seen, moved
 from floquid.surveys._types import Point
 
@@ -28,6 +29,8 @@ def point_of(result: Any, pairs: Pairs = ()) -> Point:
     if isinstance(result, Point):
         again = bool(pairs) and result.model is not None and result.whirl is None
         return replace(result, whirl=_whirl(result.model, pairs)) if again else result
+    if isinstance(result, KNOWN):
+        result = known_modes(result)
     if not isinstance(result, (Analysis, PeriodicModel, FloquetModes)):
         must, got = "hold results of `identify`, files of such, or modes of known systems", f"holds {result!r:.60}"
         raise input_error("results", OF, must, got, "Pass what `identify` or `load` gives.")
