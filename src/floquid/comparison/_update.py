@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from floquid._arrays import Complexes, Floats, Integers
+from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import counted, describe, input_error
 from floquid.comparison._compare import joint_parts, set_against
 from floquid.comparison._pairs import Match, chi_square, in_model, parts_of
@@ -221,7 +221,7 @@ def _exponent_slopes(problem: _Problem, point: Point, model: PeriodicModel, thet
 
 
 def _partners(model: PeriodicModel, modes: Integers) -> Integers:
-    """The mode that each may meet: of a pair its conjugate, of a couple the other one; itself of a single multiplier."""
+    """The mode that each may meet: the conjugate of a pair, the other of a couple; of a single multiplier itself."""
     of = {mode: other for a, b in model.couples for mode, other in ((a, b), (b, a))}
     mirror = np.abs(np.subtract.outer(model.exponents, model.exponents.conj())).argmin(axis=1)
     return np.array([of.get(mode, mode) if model.real[mode] else mirror[mode] for mode in modes.tolist()], int)
@@ -257,7 +257,7 @@ def _fitted(problem: _Problem) -> Updated:
         _descend(problem, search, width, 2)
         width /= 10.0
     search.is_converged = _descend(problem, search, 0.0, MOST)
-    return _told(problem, search, fundamental)
+    return _told(problem, search)
 
 
 def _descend(problem: _Problem, search: _Search, width: float, most: int) -> bool:
@@ -265,7 +265,7 @@ def _descend(problem: _Problem, search: _Search, width: float, most: int) -> boo
     for _ in range(most):
         data = [_data(problem, point, search.theta) for point in problem.points]
         values, vectors, gradient = _normal(problem, search.theta, data, width)
-        known = values > 1.0 if width == 0.0 else values > -1.0
+        known = _moved(problem, values, vectors) | (width > 0.0)
         along = vectors[:, known].T @ gradient
         step = vectors[:, known] @ (along / (values[known] + (width > 0.0)))
         size = np.array([max(abs(value), limit) for value, limit in zip(search.theta, problem.limits, strict=True)])
@@ -273,7 +273,7 @@ def _descend(problem: _Problem, search: _Search, width: float, most: int) -> boo
         bounds = np.array([one.bounds for one in problem.start.values()]).T
         search.theta = np.clip(search.theta + cap * step * problem.limits, *bounds)
         search.steps += 1
-        if cap == 1.0 and float(np.sum(along**2 / np.maximum(values[known], 1.0))) < SMALL**2:
+        if cap == 1.0 and float(np.sum(along**2 / values[known])) < SMALL**2:
             return True
     return False
 
@@ -281,24 +281,31 @@ def _descend(problem: _Problem, search: _Search, width: float, most: int) -> boo
 def _normal(problem: _Problem, theta: Floats, data: Sequence[_Data], width: float) -> tuple[Floats, Floats, Floats]:
     """Eigenvalues and vectors of the information in units of the limits, and the gradient in them."""
     limits = problem.limits
-    information, gradient = np.zeros((len(theta), len(theta))), np.zeros(len(theta))
+    information, gradient = np.diag(_known_before(problem)), np.zeros(len(theta))
     for own in data:
-        if not len(own.values):
-            continue
-        slopes = own.slopes * limits
-        weights = scaled_inverse(own.covariance + np.diag(width**2 * own.widened + width**4))
-        information += slopes.T @ weights @ slopes
-        gradient += slopes.T @ weights @ own.values
-    for place, one in enumerate(problem.start.values()):
-        if one.prior_std is not None:
-            weight = (limits[place] / one.prior_std) ** 2
-            information[place, place] += weight
-            gradient[place] += weight * (one.value - theta[place]) / limits[place]
+        if len(own.values):
+            slopes = own.slopes * limits
+            weights = scaled_inverse(own.covariance + np.diag(width**2 * own.widened + width**4))
+            information += slopes.T @ weights @ slopes
+            gradient += slopes.T @ weights @ own.values
+    start = np.array([one.value for one in problem.start.values()])
+    gradient += _known_before(problem) * (start - theta) / limits
     values, vectors = np.linalg.eigh(information)
-    return np.maximum(values, 0.0), vectors, gradient
+    return np.maximum(values, np.finfo(float).tiny), vectors, gradient
 
 
-def _told(problem: _Problem, search: _Search, fundamental: float) -> Updated:
+def _known_before(problem: _Problem) -> Floats:
+    """The information of the priors in units of the limits (parameters,)."""
+    stds = np.array([np.inf if one.prior_std is None else one.prior_std for one in problem.start.values()])
+    return (problem.limits / stds) ** 2
+
+
+def _moved(problem: _Problem, values: Floats, vectors: Floats) -> Mask:
+    """Mask of the directions along which parameters move: those that are determined, or that priors hold."""
+    return (values > 1.0) | (_known_before(problem) @ vectors**2 > 0.5 * values)
+
+
+def _told(problem: _Problem, search: _Search) -> Updated:
     """The result at the end of a search."""
     from scipy.stats import chi2 as law
 
@@ -310,19 +317,18 @@ def _told(problem: _Problem, search: _Search, fundamental: float) -> Updated:
         )
     values, vectors, _ = _normal(problem, search.theta, data, 0.0)
     known, names, limits = values > 1.0, list(problem.start), problem.limits
-    share = np.sum(vectors**2 / np.maximum(values, 1e-300), axis=1)
-    determined = share <= 1.0
-    root = limits[:, None] * vectors[:, known] / np.sqrt(values[known])
+    moved = _moved(problem, values, vectors)
+    determined = np.sum(vectors**2 / values, axis=1) <= 1.0
+    root = limits[:, None] * vectors / np.sqrt(values)
     covariance = np.where(np.outer(determined, determined), root @ root.T, np.nan)
     joint = [chi_square(own.values, own.covariance) for own in data if len(own.values)]
-    priors = [one.prior_std is not None for one in problem.start.values()]
     pulls = [
         ((theta - one.value) / one.prior_std) ** 2
         for theta, one in zip(search.theta.tolist(), problem.start.values(), strict=True)
         if one.prior_std is not None
     ]
     chi2 = float(sum(value for value, _ in joint) + sum(pulls))
-    dof = sum(count for _, count in joint) + sum(priors) - int(known.sum())
+    dof = sum(count for _, count in joint) + len(pulls) - int(moved.sum())
     p = float(law.sf(chi2, dof)) if dof > 0 else None
     used = dict(zip(names, search.theta.tolist(), strict=True))
     return Updated(
@@ -349,7 +355,7 @@ def _direction(names: Sequence[str], vector: Floats, value: float) -> Direction:
     """A direction that is not determined, its largest weight positive."""
     vector = vector * np.sign(vector[np.abs(vector).argmax()])
     kept = np.abs(vector) >= SEEN * np.abs(vector).max()
-    std = 1.0 / np.sqrt(value) if value > ROUNDING else np.inf
+    std = float(1.0 / np.sqrt(value)) if value > ROUNDING else np.inf
     return Direction(weights={name: float(w) for name, w, ok in zip(names, vector, kept, strict=True) if ok}, std=std)
 
 
