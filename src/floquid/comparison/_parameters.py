@@ -56,7 +56,7 @@ class Parameter(Brief):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Direction(Brief):
+class Direction(Rebuilt):
     """A combination of parameters that the results do not determine.
 
     Parameters

@@ -24,7 +24,6 @@ from floquid.surveys import KNOWN, Point, Survey, known_exponents, known_modes, 
 
 OF = "update"
 WIDEST = 0.03  # of ω: what is added to the deviations at first, or the first step would fail from a few percent off
-SETTLED = 0.1  # share of the least deviation below which it is nothing
 LONGEST = 0.1  # of a value: the longest step of a parameter
 MOST = 12  # steps of one width, at most
 SMALL = 0.02  # deviations: a step below it is the last
@@ -216,7 +215,7 @@ def _exponent_slopes(problem: _Problem, point: Point, model: PeriodicModel, thet
             means.append(0.5 * (near[modes] + near[partners] + turns))
             squares.append(0.25 * (near[modes] - near[partners] - turns) ** 2)
         mean, square = ((ends[0] - ends[1]) / (2.0 * step) for ends in (means, squares))
-        out[modes, column] = mean + np.where(alone, 0.0, 2.0 * square / apart)
+        out[modes, column] = mean + np.where(alone, 0.0, square / apart)
     return np.concatenate([out.real, out.imag])
 
 
@@ -253,7 +252,7 @@ def _fitted(problem: _Problem) -> Updated:
     least = min(float(std[std > 0.0].min(initial=np.inf)) for std in stds)
     search = _Search(np.array([one.value for one in problem.start.values()]))
     width = WIDEST * fundamental
-    while width > SETTLED * least:
+    while width > least:
         _descend(problem, search, width, 2)
         width /= 10.0
     search.is_converged = _descend(problem, search, 0.0, MOST)

@@ -1,0 +1,143 @@
+"""Parameters of a model fitted to exponents: back from a few percent off, with intervals, and what data cannot tell."""
+
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+import floquid as fq
+from floquid import Parameter
+from floquid.core import PeriodicModel
+from floquid.errors import IdentificationError, InputError
+from floquid.surveys import known_modes
+from floquid.systems import JeffcottRotor
+
+TRUE = {"rotor_x": 1.0, "rotor_y": 1.5, "support_x": 1.0, "support_y": 2.0, "damping": 0.02}
+SPEEDS = (0.45, 0.55, 0.72)
+FIXED = {"support_x": 1.0}
+"""Of a shaft and supports in series a compliance of both directions may be moved from one to the other: it is held."""
+
+
+def model(values):
+    return JeffcottRotor(**{**FIXED, **{n: values[n] for n in TRUE if n in values}}, speed=np.pi / values["period"])
+
+
+def measured(speed, std=1e-5, seed=0, truth=TRUE):
+    """The modes of the rotor with errors of a known law."""
+    found, generator = known_modes(JeffcottRotor(**truth, speed=speed)), np.random.default_rng([seed, int(1e3 * speed)])
+    upper = np.flatnonzero(found.exponents.imag > 0.0)
+    locked = found.real[upper]
+    off = std * (generator.standard_normal(len(upper)) + 1j * ~locked * generator.standard_normal(len(upper)))
+    lam = np.concatenate([found.exponents[upper] + off, (found.exponents[upper] + off)[~locked].conj()])
+    shapes = found.coefficients[upper]
+    variance = std**2 * np.concatenate([np.ones(len(lam)), ~locked, ~locked[~locked]])
+    return PeriodicModel(
+        exponents=lam, coefficients=np.concatenate([shapes, shapes[~locked].conj()[..., ::-1]]),
+        harmonics=found.harmonics, period=found.period, channels=found.channels, covariance=np.diag(variance),
+    )  # fmt: skip
+
+
+def start(generator, without=FIXED, off=0.03):
+    return {n: v * (1.0 + off * generator.choice([-1.0, 1.0])) for n, v in TRUE.items() if n not in without}
+
+
+@pytest.fixture(scope="module")
+def draws():
+    """Fits to several draws, from 3 % off: the second of the speeds is in a lock."""
+    generator = np.random.default_rng(5)
+    return [fq.update(model, [measured(v, seed=k) for v in SPEEDS], start(generator)) for k in range(6)]
+
+
+def test_intervals_and_chi_square_hold(draws):
+    off = np.array([[(found.values[n] - TRUE[n]) / found.std[n] for n in found.values] for found in draws])
+    assert all(found.is_converged and not found.unidentifiable and not found.warnings for found in draws)
+    assert {found.dof for found in draws} == {4 * len(SPEEDS) - len(TRUE) + len(FIXED)}
+    assert 0.5 < np.sqrt(np.mean(off**2)) < 1.5
+    total = sum(found.chi2 for found in draws)
+    assert 0.001 < chi2.sf(total, sum(found.dof for found in draws)) < 0.999
+    assert max(found.std["support_y"] for found in draws) < 0.01
+
+
+def test_a_direction_that_exponents_do_not_depend_on_is_named():
+    found = fq.update(model, [measured(v) for v in SPEEDS], start(np.random.default_rng(0), without=()))
+    (direction,) = found.unidentifiable
+    weights = {n: TRUE[n] * sign for n, sign in (("rotor_x", -1), ("rotor_y", -1), ("support_x", 1), ("support_y", 1))}
+    both = np.array([[direction.weights[n], w] for n, w in weights.items()])
+    assert abs(np.corrcoef(both.T)[0, 1]) > 0.999
+    assert [n for n, value in found.values.items() if np.isnan(value)] == list(weights)
+    assert abs(found.values["damping"] - 0.02) < 4.0 * found.std["damping"] < 1e-3
+    assert "not determined" in found.summary()
+    assert found.p > 1e-3
+
+
+def test_a_prior_holds_such_a_direction_and_is_in_the_deviations():
+    """Of what the data cannot tell the deviation is that of the prior, carried to the others along the direction."""
+    given = start(np.random.default_rng(0)) | {"support_x": Parameter(value=1.01, prior_std=0.01)}
+    found = fq.update(model, [measured(v) for v in SPEEDS], given)
+    assert np.isnan(found.values["support_x"])
+    assert found.std["support_y"] == pytest.approx(2.0**2 * 0.01, rel=0.2)
+    for name in ("rotor_x", "rotor_y", "support_y"):
+        assert abs(found.values[name] - TRUE[name]) < 4.0 * found.std[name]
+    assert found.dof == fq.update(model, [measured(v) for v in SPEEDS], start(np.random.default_rng(0))).dof
+
+
+def test_a_wrong_model_is_told_and_deviations_stay():
+    right, wrong = (
+        fq.update(model, [measured(v, truth=TRUE | {"damping_form": form}) for v in SPEEDS], start(np.random.default_rng(1)))
+        for form in ("identity", "support")
+    )
+    assert wrong.p < 1e-6
+    assert "the model misses by" in wrong.summary()
+    assert wrong.std["damping"] == pytest.approx(right.std["damping"], rel=0.5)
+
+
+def test_outputs_for_a_model_without():
+    def matrix(values):
+        rotor = model(values)
+        return rotor.system, rotor.period
+
+    def vectorised(values):
+        system, period = matrix(values)
+        return fq.floquet.FunctionMatrix(function=system, period=period, vectorised=True)
+
+    points, begin = [measured(v) for v in SPEEDS[:2]], start(np.random.default_rng(2), off=0.01)
+    plain = fq.update(vectorised, points, begin)
+    seen = fq.update(vectorised, points, begin, np.eye(2, 4), channels=["X", "Y"])
+    assert plain.values == pytest.approx(dict(seen.values), rel=1e-6)
+    with pytest.raises(InputError, match="name the 2 rows of `outputs`, but are not given, and a result has 4 channels"):
+        fq.update(vectorised, points, begin, np.eye(2, 4))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((3, [measured(0.5)], {"damping": 0.02}), "`model` of `update` must be a function of the parameters"),
+        ((model, [measured(0.5)], {}), "`parameters` of `update` must be parameters by name"),
+        ((model, [measured(0.5)], {"period": 1.0}), "have names that no operating point has, but has period"),
+        ((model, [known_modes(JeffcottRotor())], TRUE), "hold results with deviations that do not fail, but holds none"),
+        ((model, [], TRUE), "hold results with deviations"),
+        ((lambda _: 3, [measured(0.5)], TRUE), "be a known system, but is 3"),
+        ((lambda _: JeffcottRotor(speed=0.7), [measured(0.5)], TRUE), "have the period of a"),
+    ],
+)  # fmt: skip
+def test_what_is_refused(arguments, message):
+    with pytest.raises(InputError, match=message):
+        fq.update(*arguments)
+
+
+def test_parameters_that_are_refused():
+    with pytest.raises(InputError, match="have a size, or a prior_std, but is 0"):
+        Parameter(value=0.0)
+    with pytest.raises(InputError, match="lie within its bounds, 2 to 3, but is 1"):
+        Parameter(value=1.0, bounds=(2.0, 3.0))
+    assert Parameter(value=0.0, prior_std=2.0).limit == 1.0
+
+
+def test_a_model_like_none_of_the_results_is_an_error():
+    """Modes far from those measured, with other shapes."""
+
+    def other(values):
+        system = np.array([[0.0, 1.0], [-(3.3**2), -values["c"]]])
+        return fq.floquet.modes(lambda t: system, values["period"], outputs=np.eye(2), channels=["Y", "Z"])
+
+    with pytest.raises(IdentificationError, match="No mode of the model is like one of the results"):
+        fq.update(other, measured(0.5), {"c": 4.0})
