@@ -1,8 +1,10 @@
 """Parameters of a model fitted to exponents: back from a few percent off, with intervals, and what data cannot tell."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from scipy.stats import chi2
+from scipy.stats import kstest
 
 import floquid as fq
 from floquid import Parameter
@@ -41,24 +43,64 @@ def start(generator, without=FIXED, off=0.03):
 
 
 @pytest.fixture(scope="module")
-def draws():
-    """Fits to several draws, from 3 % off: the second of the speeds is in a lock."""
+def fitted():
+    """A fit from 3 % off; the last speed is in a lock of two modes."""
+    return fq.update(model, [measured(v) for v in SPEEDS], start(np.random.default_rng(5)))
+
+
+def test_three_percent_off_is_near_enough(fitted):
+    assert fitted.is_converged
+    assert not fitted.unidentifiable
+    assert not fitted.warnings
+    assert fitted.dof == 4 * len(SPEEDS) - len(fitted.values)
+    assert 1e-3 < fitted.p < 1.0 - 1e-3
+    for name, value in fitted.values.items():
+        assert abs(value - TRUE[name]) < 4.0 * fitted.std[name] < 0.02 * TRUE[name]
+    assert f"χ² = {fitted.chi2:.4g} of {fitted.dof}" in fitted.summary()
+
+
+def mathieu(values):
+    """x'' + c x' + (a + q cos ωt) x = 0."""
+    a, q, c = (values[name] for name in "aqc")
+    lines = np.zeros((2, 2, 3), complex)
+    lines[:, :, 1], lines[1, 0, ::2] = [[0.0, 1.0], [-a, -c]], -0.5 * q
+    return fq.floquet.HarmonicMatrix(coefficients=lines, harmonics=[-1, 0, 1], period=values["period"])
+
+
+def test_the_covariance_is_that_of_the_errors():
+    """Fits to exponents moved by one deviation each make the covariance; at the second period both are real."""
+    begin, std, points = {"a": 1.0, "q": 0.4, "c": 0.1}, 1e-4, []
+    for period in (5.0, np.pi):
+        modes = known_modes(mathieu({**begin, "period": period}), outputs=np.eye(2))
+        variance = std**2 * np.concatenate([np.ones(2), ~modes.real])
+        points.append(replace(modes, covariance=np.diag(variance)))
+    assert [bool(one.couples) for one in points] == [False, True]
+    found = fq.update(mathieu, points, begin, np.eye(2))
+    total = 0.0
+    for number, point in enumerate(points):
+        for off in [[std, 0.0], [0.0, std]] if point.couples else [[std, std], [1j * std, -1j * std]]:
+            moved = [
+                replace(one, exponents=one.exponents + off) if k == number else one for k, one in enumerate(points)
+            ]
+            step = fq.update(mathieu, moved, begin, np.eye(2))
+            change = np.array([step.values[name] - begin[name] for name in begin])
+            total = total + np.outer(change, change)
+    scale = np.array(list(found.std.values()))
+    assert np.allclose(total / np.outer(scale, scale), found.correlation, atol=0.02)
+
+
+@pytest.mark.slow
+def test_intervals_and_chi_square_hold():
     generator = np.random.default_rng(5)
-    return [fq.update(model, [measured(v, seed=k) for v in SPEEDS], start(generator)) for k in range(6)]
-
-
-def test_intervals_and_chi_square_hold(draws):
-    off = np.array([[(found.values[n] - TRUE[n]) / found.std[n] for n in found.values] for found in draws])
-    assert all(found.is_converged and not found.unidentifiable and not found.warnings for found in draws)
-    assert {found.dof for found in draws} == {4 * len(SPEEDS) - len(TRUE) + len(FIXED)}
-    assert 0.5 < np.sqrt(np.mean(off**2)) < 1.5
-    total = sum(found.chi2 for found in draws)
-    assert 0.001 < chi2.sf(total, sum(found.dof for found in draws)) < 0.999
-    assert max(found.std["support_y"] for found in draws) < 0.01
+    found = [fq.update(model, [measured(v, seed=k) for v in SPEEDS], start(generator)) for k in range(60)]
+    off = np.array([[(one.values[n] - TRUE[n]) / one.std[n] for n in one.values] for one in found])
+    assert all(one.is_converged for one in found)
+    assert np.all(np.abs(np.mean(np.abs(off) < 1.96, axis=0) - 0.95) < 0.07)
+    assert kstest([one.p for one in found], "uniform").pvalue > 0.01
 
 
 def test_a_direction_that_exponents_do_not_depend_on_is_named():
-    found = fq.update(model, [measured(v) for v in SPEEDS], start(np.random.default_rng(0), without=()))
+    found = fq.update(model, [measured(v) for v in SPEEDS[:2]], start(np.random.default_rng(0), without=(), off=0.002))
     (direction,) = found.unidentifiable
     weights = {n: TRUE[n] * sign for n, sign in (("rotor_x", -1), ("rotor_y", -1), ("support_x", 1), ("support_y", 1))}
     both = np.array([[direction.weights[n], w] for n, w in weights.items()])
@@ -71,23 +113,21 @@ def test_a_direction_that_exponents_do_not_depend_on_is_named():
 
 def test_a_prior_holds_such_a_direction_and_is_in_the_deviations():
     """Of what the data cannot tell the deviation is that of the prior, carried to the others along the direction."""
-    given = start(np.random.default_rng(0)) | {"support_x": Parameter(value=1.01, prior_std=0.01)}
-    found = fq.update(model, [measured(v) for v in SPEEDS], given)
+    given = start(np.random.default_rng(0), off=0.002) | {"support_x": Parameter(value=1.01, prior_std=0.01)}
+    found = fq.update(model, [measured(v) for v in SPEEDS[:2]], given)
     assert np.isnan(found.values["support_x"])
     assert found.std["support_y"] == pytest.approx(2.0**2 * 0.01, rel=0.2)
     for name in ("rotor_x", "rotor_y", "support_y"):
         assert abs(found.values[name] - TRUE[name]) < 4.0 * found.std[name]
-    assert found.dof == fq.update(model, [measured(v) for v in SPEEDS], start(np.random.default_rng(0))).dof
+    assert found.dof == 4 * 2 + 1 - len(TRUE)
 
 
-def test_a_wrong_model_is_told_and_deviations_stay():
-    right, wrong = (
-        fq.update(model, [measured(v, truth=TRUE | {"damping_form": form}) for v in SPEEDS], start(np.random.default_rng(1)))
-        for form in ("identity", "support")
-    )
+def test_a_wrong_model_is_told_and_deviations_stay(fitted):
+    points = [measured(v, truth=TRUE | {"damping_form": "support"}) for v in SPEEDS]
+    wrong = fq.update(model, points, dict(fitted.values))
     assert wrong.p < 1e-6
     assert "the model misses by" in wrong.summary()
-    assert wrong.std["damping"] == pytest.approx(right.std["damping"], rel=0.5)
+    assert wrong.std["damping"] == pytest.approx(fitted.std["damping"], rel=0.5)
 
 
 def test_outputs_for_a_model_without():
@@ -99,11 +139,13 @@ def test_outputs_for_a_model_without():
         system, period = matrix(values)
         return fq.floquet.FunctionMatrix(function=system, period=period, vectorised=True)
 
-    points, begin = [measured(v) for v in SPEEDS[:2]], start(np.random.default_rng(2), off=0.01)
+    points, begin = [measured(v) for v in SPEEDS[:2]], start(np.random.default_rng(2), off=0.001)
     plain = fq.update(vectorised, points, begin)
     seen = fq.update(vectorised, points, begin, np.eye(2, 4), channels=["X", "Y"])
     assert plain.values == pytest.approx(dict(seen.values), rel=1e-6)
-    with pytest.raises(InputError, match="name the 2 rows of `outputs`, but are not given, and a result has 4 channels"):
+    with pytest.raises(
+        InputError, match="name the 2 rows of `outputs`, but are not given, and a result has 4 channels"
+    ):
         fq.update(vectorised, points, begin, np.eye(2, 4))
 
 
@@ -113,7 +155,7 @@ def test_outputs_for_a_model_without():
         ((3, [measured(0.5)], {"damping": 0.02}), "`model` of `update` must be a function of the parameters"),
         ((model, [measured(0.5)], {}), "`parameters` of `update` must be parameters by name"),
         ((model, [measured(0.5)], {"period": 1.0}), "have names that no operating point has, but has period"),
-        ((model, [known_modes(JeffcottRotor())], TRUE), "hold results with deviations that do not fail, but holds none"),
+        ((model, [known_modes(JeffcottRotor())], TRUE), "hold results with deviations that do not fail, but holds"),
         ((model, [], TRUE), "hold results with deviations"),
         ((lambda _: 3, [measured(0.5)], TRUE), "be a known system, but is 3"),
         ((lambda _: JeffcottRotor(speed=0.7), [measured(0.5)], TRUE), "have the period of a"),

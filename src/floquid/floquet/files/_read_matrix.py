@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Floats
-from floquid._checks import describe, input_error, positive
-from floquid._show import Brief
+from floquid._checks import Rebuilt, describe, input_error, positive
 from floquid.errors import InputError
 from floquid.floquet.files._array_files import OF, Contents, contents, printable
 from floquid.floquet.files._linearisation import OpenFastLinearisation
@@ -40,7 +39,7 @@ _LAYOUT = (
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class MatrixFile(Brief):
+class MatrixFile(Rebuilt):
     """A(t) as a file has it.
 
     Made by `read_matrix`.
