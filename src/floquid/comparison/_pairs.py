@@ -134,7 +134,6 @@ def _about(thing: Seen, half_turns: int) -> tuple[Floats, Floats, float]:
     """
     if len(thing.modes) > 1:
         (a, b), turned = thing.exponents.tolist(), np.eye(4)
-        turned[2:] = 0.0  # imaginary parts of real multipliers are no data
     else:
         a = complex(thing.exponents[0])
         b = a.conjugate() + 1j * half_turns * thing.fundamental

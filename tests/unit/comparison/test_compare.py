@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from scipy.stats import kstest
-from tests.locks import known
+from tests.locks import HALF, known
 
 import floquid as fq
 from floquid import floquet
@@ -75,11 +75,15 @@ def test_chi_square_is_that_of_the_deviations(speed):
 
 def test_a_pair_beside_two_real_multipliers_has_no_kink():
     """Either side of the edge of a lock: the mean and the squared half-difference, near on both sides."""
-    edge = 20.0 - 2.0 * 0.45
+    edge = 20.0 - 2.0 * HALF
     inside, outside = known(edge + 1e-4, seed=1, **NOISE), known(edge - 1e-4, **NOISE)
     assert inside.couples
     (mixed,) = [pair for pair in fq.compare(inside, outside).pairs if np.isnan(pair.difference.imag)]
     assert mixed.z < 4.0
+    near = [fq.compare(known(edge + 1e-7, seed=k, **NOISE), known(edge - 1e-7)) for k in range(10)]
+    mixtures = [pair.z for found in near for pair in found.pairs if np.isnan(pair.difference.imag)]
+    assert len(mixtures) == 10
+    assert max(mixtures) < 5.0
     far = fq.compare(known(edge + 0.3, seed=1, **NOISE), outside)
     assert max(pair.z for pair in far.pairs) > 10.0
     (back,) = [pair for pair in fq.compare(outside, inside).pairs if np.isnan(pair.difference.imag)]
@@ -95,6 +99,11 @@ def test_modes_that_one_side_alone_has(speed):
     assert not found.missing_in_a
     assert fq.compare(less, whole).missing_in_a == (lost,)
     assert "Missing in b: mode 4 of a, f = " in found.summary()
+
+
+def test_modes_that_are_not_alike_are_no_pair():
+    found = fq.compare(known(OUTSIDE, without=(3,), **NOISE), known(OUTSIDE, without=(2,)))
+    assert (len(found.pairs), found.missing_in_a, found.missing_in_b) == (3 - 1, ((0, 2),), ((0, 2),))
 
 
 def test_one_of_two_real_multipliers_below_the_noise():

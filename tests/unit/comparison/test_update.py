@@ -122,6 +122,23 @@ def test_a_prior_holds_such_a_direction_and_is_in_the_deviations():
     assert found.dof == 4 * 2 + 1 - len(TRUE)
 
 
+def test_a_prior_counts_by_its_deviation():
+    """Of one number that both tell, the weighted mean."""
+
+    def damped(values):
+        return mathieu({"a": 1.0, "q": 0.4} | values)
+
+    modes = known_modes(damped({"c": 0.1, "period": 5.0}), outputs=np.eye(2))
+    point = replace(modes, covariance=1e-4**2 * np.eye(4))
+    alone = fq.update(damped, point, {"c": 0.1})
+    prior = 4.0 * alone.std["c"]
+    both = fq.update(damped, point, {"c": Parameter(value=0.1 + prior, prior_std=prior)})
+    assert both.values["c"] - 0.1 == pytest.approx(prior / 17.0, rel=0.05)
+    assert both.std["c"] == pytest.approx(prior / np.sqrt(17.0), rel=0.01)
+    assert both.dof == 2
+    assert both.chi2 == pytest.approx(16.0 / 17.0, rel=0.05)
+
+
 def test_a_wrong_model_is_told_and_deviations_stay(fitted):
     points = [measured(v, truth=TRUE | {"damping_form": "support"}) for v in SPEEDS]
     wrong = fq.update(model, points, dict(fitted.values))
