@@ -68,7 +68,7 @@ def compare(a: Any, b: Any, *, scale: Mapping[str, float] | None = None) -> Comp
 
 @dataclass(slots=True)
 class _Work:
-    """What is gathered point by point."""
+    """Pairs, missing modes and χ², gathered point by point."""
 
     points: list[ComparedPoint] = field(default_factory=list)
     pairs: list[Pair] = field(default_factory=list)

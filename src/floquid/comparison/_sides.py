@@ -101,7 +101,8 @@ def _example(word: str, argument: str, of: str) -> Side:
         raise input_error(argument, of, must, f"is {word!r}", example)
     try:
         numbers = {key.strip(): float(value) for key, _, value in (one.partition("=") for one in settings)}
-        rotor = SYSTEMS[name](**numbers)
+        made: Callable[..., JeffcottRotor] = SYSTEMS[name]
+        rotor = made(**numbers)
     except (ValueError, TypeError):
         known = ", ".join(key for key, value in vars_of(JeffcottRotor()).items() if isinstance(value, float))
         must = f"set numbers of {name} ({known})"

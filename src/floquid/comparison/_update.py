@@ -126,7 +126,7 @@ class _Problem:
         return np.array([one.limit for one in self.start.values()])
 
     def arguments(self, point: Point, theta: Floats) -> dict[str, float]:
-        """What the model is called with."""
+        """The dictionary that the model is called with."""
         assert point.model is not None
         return {**point.values, "period": point.model.period, **dict(zip(self.start, theta.tolist(), strict=True))}
 
@@ -247,11 +247,11 @@ class _Search:
 
 def _fitted(problem: _Problem) -> Updated:
     """The parameters at the end of the search, with what is known of them."""
-    fundamental = max(point.model.fundamental for point in problem.points if point.model is not None)
-    stds = [np.sqrt(np.diag(point.model.covariance)) for point in problem.points if point.model is not None]
+    known = [point.model for point in problem.points if point.model is not None]
+    stds = [np.sqrt(np.diag(model.covariance)) for model in known if model.covariance is not None]
     least = min(float(std[std > 0.0].min(initial=np.inf)) for std in stds)
     search = _Search(np.array([one.value for one in problem.start.values()]))
-    width = WIDEST * fundamental
+    width = WIDEST * max(model.fundamental for model in known)
     while width > least:
         _descend(problem, search, width, 2)
         width /= 10.0
@@ -359,7 +359,7 @@ def _direction(names: Sequence[str], vector: Floats, value: float) -> Direction:
 
 
 def _warnings(problem: _Problem, search: _Search, data: Sequence[_Data]) -> list[str]:
-    """What a reader must know of a search."""
+    """Sentences on a search that a reader must know."""
     words = []
     if not search.is_converged:
         words.append(f"The search did not settle in {search.steps} steps: begin elsewhere, or fit fewer parameters.")

@@ -11,7 +11,10 @@ from floquid.comparison import Comparison
 
 
 def comparison_summary(found: Comparison) -> dict[str, Any]:
-    """The content of `comparison.json`; modes are counted from 0, and of several points `missing` has [point, mode]."""
+    """The content of `comparison.json` of a comparison `found`, modes counted from 0.
+
+    Of several points missing modes are [point, mode].
+    """
     several = found.over is not None
     pairs = [
         {

@@ -24,7 +24,7 @@ _B: dict[str, Any] = {"linestyle": "none", "marker": "x", "color": VERMILION, "m
 
 
 def comparison(found: Comparison, *, point: int | None = None, ax: Into = None) -> Figure:
-    """Both sets of exponents in the strip, the similarity of shapes, and each pair close up with regions of 95 %.
+    """Exponents of both sides in the strip, the similarity of shapes, and each pair close up with regions of 95 %.
 
     In the strip exponents stand at |Im λ| modulo ω, from zero to ω/2. Close up they stand on the branch of the first
     side, off its value; a region is drawn of a side that has deviations. `found` is what `compare` gave. `point` is the
