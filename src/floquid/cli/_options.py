@@ -48,7 +48,10 @@ Place = Annotated[Path, Parameter(converter=_path)]
 RecordFile = Annotated[Path, Parameter(converter=_path, help=f"The record: {SUFFIXES}.")]
 _FILES = f"Records of one system, {SUFFIXES}: several files are several hits, or runs."
 RecordFiles = Annotated[Path, Parameter(converter=_path, help=_FILES)]
-_OF_SURVEYS = f"Records ({SUFFIXES}), results of `floquid identify`, or folders of such, at several operating points."
+_OF_SURVEYS = (
+    f"Records ({SUFFIXES}), results of `floquid identify`, folders of .lin files of one operating point, or folders of "
+    "such, at several operating points."
+)
 SurveyFiles = Annotated[Path, Parameter(converter=_path, help=_OF_SURVEYS)]
 NewRecordFile = Annotated[
     Path, Parameter(converter=_path, help=f"The file to write; its suffix chooses the format: {WRITTEN}.")

@@ -16,11 +16,12 @@ from floquid.cli._options import Choices
 from floquid.cli._records import check_files, read_records
 from floquid.core import as_point
 from floquid.errors import InputError
+from floquid.floquet import read_matrix
 from floquid.io import readable_file
 from floquid.pipeline import identify
 from floquid.readers import FORMATS, read
 from floquid.shapes import Pairs
-from floquid.surveys import Point, point_of
+from floquid.surveys import Point, is_linearised, point_of
 
 OF = "floquid survey"
 DIED = "The process that identified it ended at once: is there memory enough? Try --workers 1."
@@ -28,12 +29,13 @@ DIED = "The process that identified it ended at once: is there memory enough? Tr
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """One point to be made: a saved result, or the records of one operating point, which are hits."""
+    """One point to be made: a saved result, a folder of linearisations, or records of one point, which are hits."""
 
     files: tuple[Path, ...]
     choices: Choices
     values: Mapping[str, float] = field(default_factory=dict)
     saved: bool = False
+    known: bool = False
     pairs: Pairs = ()
     reason: str | None = None  # why nothing can be made of it
 
@@ -55,7 +57,11 @@ def jobs_of(files: Sequence[Path], choices: Choices, over: str, table: Path | No
             jobs[same[0]] = replace(jobs[same[0]], files=(*jobs[same[0]].files, *job.files))
         else:
             jobs.append(job)
-    missing = [str(job.files[0]) for job in jobs if not job.saved and job.reason is None and over not in job.values]
+    missing = [
+        str(job.files[0])
+        for job in jobs
+        if not (job.saved or job.known) and job.reason is None and over not in job.values
+    ]
     if missing and over != "speed_rpm":  # which may be found with the angle of the shaft
         got = f"{', '.join(missing[:3])}{' …' if len(missing) > 3 else ''} has none"
         remedy = f"Add --table points.csv with a column `{over}`, or keep it with the record (`--point {over}=…`)."
@@ -65,24 +71,26 @@ def jobs_of(files: Sequence[Path], choices: Choices, over: str, table: Path | No
 
 def _is_one(first: Job, second: Job, over: str) -> bool:
     """True for records of one operating point: they are hits."""
-    alone = first.saved or second.saved or first.reason or second.reason
+    alone = any(one.saved or one.known or one.reason for one in (first, second))
     return not alone and over in first.values and first.values.get(over) == second.values.get(over)
 
 
 def _expanded(path: Path, table: Path | None) -> Iterator[Path]:
-    """The file itself; of a folder its result, or else the results and records in it."""
-    if not path.is_dir() or (path / RESULT).is_file():
+    """The file itself; of a folder its result or linearisation, or else the results, records and such in it."""
+    if not path.is_dir() or (path / RESULT).is_file() or is_linearised(path):
         yield path
         return
     suffixes = {kind.suffix for kind in FORMATS}
     found = [
         one
         for one in sorted(path.iterdir())
-        if (one.is_dir() and (one / RESULT).is_file()) or (one.is_file() and one.suffix.lower() in suffixes)
+        if (one.is_dir() and (one / RESULT).is_file())
+        or is_linearised(one)
+        or (one.is_file() and one.suffix.lower() in suffixes)
     ]
     found = [one for one in found if table is None or one.resolve() != table.resolve()]
     if not found:
-        must, got = "hold records, or results of `floquid identify`", f"{path} holds none"
+        must, got = "hold records, results of `floquid identify`, or .lin files", f"{path} holds none"
         raise input_error("FILES", OF, must, got, "Name the files.")
     yield from found
 
@@ -112,6 +120,8 @@ def _job(file: Path, choices: Choices, row: Mapping[str, float]) -> Job:
     values = {name: value for name, value in row.items() if name != "period"}
     if is_saved([file]):
         return Job(files=(file,), choices=choices, values={**choices.point, **values}, saved=True)
+    if is_linearised(file):
+        return Job(files=(file,), choices=choices, values={**choices.point, **values}, known=True)
     chosen = choices.with_given(period=row.get("period"), point={**choices.point, **values} or None)
     try:
         record = read(file, rate=choices.rate, header=choices.header)
@@ -182,6 +192,9 @@ def made(job: Job) -> Point:
 
     try:
         with warnings.catch_warnings(record=True):
+            if job.known:
+                found = point_of(read_matrix(job.files[0]), job.pairs)
+                return replace(found, values={**found.values, **job.values}, files=(str(job.files[0]),))
             if job.saved:
                 analysis = identified_in(job.files[0], OF)
             else:

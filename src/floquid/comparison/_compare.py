@@ -32,7 +32,7 @@ def compare(a: Any, b: Any, *, scale: Mapping[str, float] | None = None) -> Comp
     pair beside two real multipliers, into which a lock turns it, the mean and the squared half-difference are compared,
     which have no kink there. Where two channels at least are not common to both, exponents alone make the pairs.
 
-    Points of surveys are paired by their values. An example system without a speed turns with the period of the other
+    Points of surveys are paired with the nearest one, within 2 %. An example system without a speed turns with the period of the other
     side. Deviations of both sides must be independent: of results of one record they are not.
 
     Parameters
@@ -77,6 +77,7 @@ class _Work:
     dof: int = 0
     shapeless: int = 0  # points where modes are paired without shapes
     periods: float = 0.0  # the largest relative difference
+    values: float = 0.0  # the same of the operating point
 
 
 def set_against(
@@ -139,6 +140,9 @@ def _point(work: _Work, number: int, one: Point, other: Point, scale: Mapping[st
         work.chi2, work.dof = work.chi2 + chi2, work.dof + dof
     work.shapeless += bool(np.isnan(macs).any())
     work.periods = max(work.periods, abs(one.model.period / other.model.period - 1.0))
+    if over is not None:
+        values = one.values[over], other.values[over]
+        work.values = max(work.values, abs(values[0] - values[1]) / max(*np.abs(values), 1e-300))
     work.points.append(
         ComparedPoint(
             value=None if over is None else one.values[over],
@@ -183,6 +187,8 @@ def _joined(work: _Work, sides: tuple[Side, Side], held: Sequence[tuple[Point, P
         warnings.append(f"{uncounted} of {len(work.pairs)} pairs are weak, or of a model that fails: not in χ².")
     if work.shapeless:
         warnings.append("Fewer than two channels are common to both: modes are paired by exponents alone, modulo iω.")
+    if work.values > STEADY:
+        warnings.append(f"Points are paired whose {over} differs by up to {100.0 * work.values:.2g} %.")
     if work.periods > STEADY:
         warnings.append(f"The periods differ by {100.0 * work.periods:.2g} %: so do the lines λ + imω of each mode.")
     independent = not sides[0].rows & sides[1].rows

@@ -18,15 +18,14 @@ from floquid.core import PeriodicModel
 from floquid.errors import InputError
 from floquid.floquet import read_matrix
 from floquid.pipeline import Analysis
-from floquid.surveys import KNOWN, Point, Survey, known_modes, point_of
+from floquid.surveys import KNOWN, Point, Survey, is_linearised, known_modes, point_of
 from floquid.systems import SYSTEMS, JeffcottRotor
 
 SAVED = ("result.h5", "survey.h5")
 """Files that `floquid identify` and `floquid survey` write into their folders."""
 
 SYSTEM = "systems:"
-SAME_POINT = 1e-6  # share by which values of an operating point may differ: what text files round off
-APART = 0.02  # share by which periods may differ: beyond it exponents are known modulo another iω
+APART = 0.02  # share by which periods and operating points may differ: beyond it λ is known modulo another iω
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,9 +128,7 @@ def _saved(path: Path, argument: str, of: str) -> Side:
         inside = next((path / name for name in SAVED if (path / name).is_file()), None)
         if inside is not None:
             return replace(_saved(inside, argument, of), label=label)
-        folders = (
-            [path] if _has_lin(path) else [one for one in sorted(path.iterdir()) if one.is_dir() and _has_lin(one)]
-        )
+        folders = [path] if is_linearised(path) else [one for one in sorted(path.iterdir()) if is_linearised(one)]
         if not folders:
             must = "hold a result, a survey or .lin files"
             remedy = "Name the folder that `floquid identify --out` or `floquid survey --out` wrote."
@@ -148,10 +145,6 @@ def _saved(path: Path, argument: str, of: str) -> Side:
         remedy = f"Name {path.parent / SAVED[0]}: deviations are kept there."
         raise input_error(argument, of, "be the result itself", f"{path} is its summary", remedy)
     return Side(label=label, points=(replace(point_of(_matrix(path, argument, of)), files=(label,)),))
-
-
-def _has_lin(folder: Path) -> bool:
-    return any(file.suffix.lower() == ".lin" for file in folder.iterdir())
 
 
 def _matrix(path: Path, argument: str, of: str) -> Any:
@@ -184,7 +177,7 @@ def matched(a: Side, b: Side, of: str) -> tuple[list[tuple[Point, Point]], str |
     for side, argument in ((a, "a"), (b, "b")):
         if any(over not in point.values for point in side.points):
             raise input_error(argument, of, f"have a value of {over}", f"{side.label} has none")
-    found = [(one, two) for one in a.points for two in b.points if _equal(one.values[over], two.values[over])]
+    found = _neighbours(a.points, b.points, over)
     if not found:
         values = [", ".join(f"{point.values[over]:g}" for point in side.points[:6]) for side in (a, b)]
         got = f"{a.label} is at {values[0]}, and {b.label} at {values[1]}"
@@ -192,8 +185,13 @@ def matched(a: Side, b: Side, of: str) -> tuple[list[tuple[Point, Point]], str |
     return found, over
 
 
-def _equal(one: float, other: float) -> bool:
-    return abs(one - other) <= SAME_POINT * max(abs(one), abs(other))
+def _neighbours(first: Sequence[Point], second: Sequence[Point], over: str) -> list[tuple[Point, Point]]:
+    """Points that are the nearest to each other, and near enough."""
+    x, y = (np.array([point.values[over] for point in points]) for points in (first, second))
+    off = np.abs(np.subtract.outer(x, y))
+    near = off <= APART * np.maximum.outer(np.abs(x), np.abs(y))
+    near &= (off == off.min(axis=1, keepdims=True)) & (off == off.min(axis=0, keepdims=True))
+    return [(first[i], second[j]) for i, j in np.argwhere(near).tolist()]
 
 
 def _made(system: Callable[[Point, str | None], Any], point: Point, over: str | None) -> Point:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
@@ -110,6 +111,11 @@ def _matrix(system: Any) -> tuple[Any, float | None]:
             return inner, period
     remedy = "Pass A(t) with its period, as `(A, period)`, or `floquet.modes(A, period, outputs=C)`."
     raise input_error("system", "floquid", "be a known system", f"is {describe(system)}", remedy)
+
+
+def is_linearised(folder: Path) -> bool:
+    """True of a `folder` with linearisations of OpenFAST, `.lin` files: of one operating point each."""
+    return folder.is_dir() and any(file.suffix.lower() == ".lin" for file in folder.iterdir())
 
 
 def turbine_point(turbine: OpenFastLinearisation) -> dict[str, float]:

@@ -151,8 +151,11 @@ def test_surveys_are_paired_by_the_operating_point():
     assert [point.value for point in fq.compare(survey, half).points] == speeds[::2].tolist()
     one = Point(values={"speed": 17.5}, model=known(17.5))
     assert [point.value for point in fq.compare(survey, one).points] == [17.5]
+    near = fq.compare(survey, Point(values={"speed": 17.6}, model=known(17.6)))
+    assert [point.value for point in near.points] == [17.5]
+    assert near.warnings[0] == "Points are paired whose speed differs by up to 0.57 %."
     with pytest.raises(InputError, match=r"have a value of speed that a has, but .* is at 17, 17.25"):
-        fq.compare(survey, Point(values={"speed": 17.6}, model=known(17.6)))
+        fq.compare(survey, Point(values={"speed": 18.5}, model=known(18.5)))
 
 
 def test_scales_take_channels_to_one_unit():
