@@ -35,15 +35,15 @@ def compare(
     out: OutputFolder = None,
     format: Format = "text",  # noqa: A002
 ) -> None:
-    """Compare two sets of modes: results, surveys, models of a known A(t), linearisations, example systems.
-
-    Each of both is a result of floquid identify or floquid survey (the file or its folder), a file with A(t) and C(t),
-    a folder of .lin files of one or of several speeds, or systems:jeffcott with numbers, systems:jeffcott,support_y=2.1
+    """Compare two sets of modes, mode by mode: differences with deviations, what is missing, and χ² of all.
 
     Parameters
     ----------
-    a, b
-        What is compared. Differences are a less b.
+    a
+        A result of floquid identify or floquid survey, the file or its folder; a file with A(t), and C(t); a folder of
+        .lin files, or of such folders; or an example system with numbers, systems:jeffcott,support_y=2.1
+    b
+        What it is held against, one of the same; differences are a less b.
     scale
         What takes a channel of b to the unit of a, name=1000; may be given several times.
     out

@@ -32,8 +32,8 @@ def compare(a: Any, b: Any, *, scale: Mapping[str, float] | None = None) -> Comp
     pair beside two real multipliers, into which a lock turns it, the mean and the squared half-difference are compared,
     which have no kink there. Where two channels at least are not common to both, exponents alone make the pairs.
 
-    Points of surveys are paired with the nearest one, within 2 %. An example system without a speed turns with the period of the other
-    side. Deviations of both sides must be independent: of results of one record they are not.
+    Points of surveys are paired with the nearest one, within 2 %. An example system without a speed turns with the
+    period of the other side. Deviations of both sides must be independent: of results of one record they are not.
 
     Parameters
     ----------
