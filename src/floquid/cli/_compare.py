@@ -10,7 +10,7 @@ import numpy as np
 from rich.console import Console
 
 from floquid._checks import counted, input_error
-from floquid.cli._folder import RESULT, maybe_folder, settle
+from floquid.cli._folder import RESULT, maybe_folder, result_folder, settle
 from floquid.cli._options import Format, OutputFolder
 from floquid.cli._shapes import Listed, scales_of
 from floquid.cli._terminal import json_text, new_table, print_files, print_warnings, print_whole, terminal
@@ -64,18 +64,28 @@ def compare(
     text = json_text(comparison_summary(found))
     with maybe_folder(out, FILES) as folder:
         if folder is not None:
-            from floquid.plot import comparison, save_figure
-
             folder.write(FILES[0], text)
             folder.write(FILES[1], columns_text(comparison_columns(found)))
-            (folder.unfinished / "figures").mkdir()
-            save_figure(comparison(found), folder.unfinished / FILES[2])
             folder.publish()
     if format == "json":
         sys.stdout.write(text)
-        return
-    print_comparison(terminal(), found)
-    print_files(out, FILES, "to keep the table and a figure")
+        sys.stdout.flush()
+    else:
+        print_comparison(terminal(), found)
+    if out is not None:
+        _draw(out, found)
+    if format == "text":
+        print_files(out, FILES, "to keep the table and a figure")
+
+
+def _draw(out: Path, found: Comparison) -> None:
+    """Draw the figure into the folder."""
+    from floquid.plot import comparison, save_figure
+
+    with result_folder(out, FILES) as folder:
+        (folder.unfinished / "figures").mkdir()
+        save_figure(comparison(found), folder.unfinished / FILES[2])
+        folder.publish()
 
 
 def _as_typed(message: str) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
@@ -32,7 +32,7 @@ class Parameter(Brief):
         The least and the largest value.
     """
 
-    value: float
+    value: float = field(kw_only=False)
     prior_std: float | None = None
     bounds: tuple[float, float] = (-np.inf, np.inf)
 

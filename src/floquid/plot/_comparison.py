@@ -54,6 +54,8 @@ def comparison(found: Comparison, *, point: int | None = None, ax: Into = None) 
         strip.axvline(0.0, color=BLACK, linewidth=0.9)
         strip.axhline(0.5 * here.model_a.fundamental, color=ORANGE, linestyle="--", linewidth=0.9, label="ω/2")
         strip.set(xlabel="Re λ [1/s]", ylabel="|Im λ| modulo ω [rad/s]", ylim=(0.0, 0.55 * here.model_a.fundamental))
+        if found.over is not None:
+            strip.set_title(f"{found.over} = {here.value:g}")
         _draw_macs(macs, here)
         for place, (pair, axes) in enumerate(zip(pairs, close, strict=True)):
             _draw_close(axes, here, pair)
