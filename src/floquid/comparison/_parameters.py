@@ -106,7 +106,7 @@ class Updated(Told, Rebuilt):
     used
         Values of all parameters at the end, those that are not determined too, by name.
     misfits
-        The point, the mode of the result, and the difference over its deviation, of each pair.
+        The point and its mode, counted from 0, its frequency [Hz], and the difference over its deviation, of each pair.
     warnings
         What a reader must know, a sentence each.
     """
@@ -121,7 +121,7 @@ class Updated(Told, Rebuilt):
     steps: int
     is_converged: bool
     used: Mapping[str, float]
-    misfits: tuple[tuple[int, int, float], ...]
+    misfits: tuple[tuple[int, int, float, float], ...]
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

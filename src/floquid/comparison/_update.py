@@ -342,7 +342,7 @@ def _told(problem: _Problem, search: _Search) -> Updated:
         is_converged=search.is_converged,
         used=used,
         misfits=tuple(
-            (number, pair.first.modes[0], z)
+            (number, pair.first.modes[0], abs(pair.first.exponent) / (2.0 * np.pi), z)
             for number, own in enumerate(data)
             for pair, z in zip(own.pairs, own.each, strict=True)
         ),

@@ -89,9 +89,9 @@ def update_words(found: Updated) -> list[str]:
     if found.p >= RARE:
         words.append(f"{figures}: the model fits.")
         return words
-    point, mode, z = max(found.misfits, key=lambda misfit: misfit[2])
+    point, _, hertz, z = max(found.misfits, key=lambda misfit: misfit[3])
     words.append(
-        f"{figures}: the model misses by {z:.3g} deviations at most, in mode {mode} of point {point}. "
+        f"{figures}: the model misses by {z:.3g} deviations, most in the mode at {hertz:.4g} Hz of result {point + 1}. "
         "Deviations of the parameters are not widened by that."
     )
     return words

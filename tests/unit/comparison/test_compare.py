@@ -80,10 +80,9 @@ def test_a_pair_beside_two_real_multipliers_has_no_kink():
     assert inside.couples
     (mixed,) = [pair for pair in fq.compare(inside, outside).pairs if np.isnan(pair.difference.imag)]
     assert mixed.z < 4.0
-    near = [fq.compare(known(edge + 1e-7, seed=k, **NOISE), known(edge - 1e-7)) for k in range(10)]
-    mixtures = [pair.z for found in near for pair in found.pairs if np.isnan(pair.difference.imag)]
-    assert len(mixtures) == 10
-    assert max(mixtures) < 5.0
+    near = replace(known(edge + 1e-9), covariance=known(edge + 1e-9, **NOISE).covariance)
+    (least,) = [pair for pair in fq.compare(near, known(edge - 5e-6)).pairs if np.isnan(pair.difference.imag)]
+    assert least.z < 2.0  # both are alike within the deviations, though no slope of √q says so
     far = fq.compare(known(edge + 0.3, seed=1, **NOISE), outside)
     assert max(pair.z for pair in far.pairs) > 10.0
     (back,) = [pair for pair in fq.compare(outside, inside).pairs if np.isnan(pair.difference.imag)]
