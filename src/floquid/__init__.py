@@ -16,6 +16,7 @@ from floquid._version import __version__ as __version__
 
 if TYPE_CHECKING:
     from floquid import floquet, systems
+    from floquid.comparison import Comparison, Parameter, Updated, compare, update
     from floquid.core import AzimuthSignal, Channel, ConstantPeriod, PeriodicModel, PulseTimes, Record, TachometerSignal
     from floquid.errors import FloquidError, IdentificationError, InputError
     from floquid.exports import export_modes, to_xarray
@@ -31,15 +32,16 @@ if TYPE_CHECKING:
     from floquid.transfer import fit_transfer, multisine
 
 __all__ = [
-    "Analysis", "AzimuthSignal", "Bootstrap", "Channel", "ConstantPeriod", "Fleet", "FloquidError",
-    "IdentificationError", "InputError", "PeriodicModel", "PulseTimes", "Record", "Refinement", "Settings",
-    "StateModel", "Survey", "TachometerSignal", "bootstrap", "export_modes", "fit_transfer", "fleet", "floquet",
-    "from_pandas", "from_sep005", "from_xarray", "identify", "load", "measure_transfer", "multisine", "read",
-    "read_shapes", "reconstruct", "refine", "report", "save", "survey", "systems", "to_pandas", "to_sep005",
-    "to_xarray", "write",
+    "Analysis", "AzimuthSignal", "Bootstrap", "Channel", "Comparison", "ConstantPeriod", "Fleet", "FloquidError",
+    "IdentificationError", "InputError", "Parameter", "PeriodicModel", "PulseTimes", "Record", "Refinement", "Settings",
+    "StateModel", "Survey", "TachometerSignal", "Updated", "bootstrap", "compare", "export_modes", "fit_transfer",
+    "fleet", "floquet", "from_pandas", "from_sep005", "from_xarray", "identify", "load", "measure_transfer",
+    "multisine", "read", "read_shapes", "reconstruct", "refine", "report", "save", "survey", "systems", "to_pandas",
+    "to_sep005", "to_xarray", "update", "write",
 ]  # fmt: skip
 
 _ROOMS = {
+    "comparison": "Comparison Parameter Updated compare update",
     "core": "AzimuthSignal Channel ConstantPeriod PeriodicModel PulseTimes Record TachometerSignal",
     "errors": "FloquidError IdentificationError InputError",
     "exports": "export_modes to_xarray",

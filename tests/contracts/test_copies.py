@@ -17,6 +17,7 @@ from tests.driven import ambient_of, mathieu, record_of
 import floquid
 from floquid import _arrays, floquet, identify, read_shapes, survey, systems
 from floquid._checks import Rebuilt
+from floquid.comparison import Parameter, compare, update
 from floquid.core import AzimuthSignal, Channel, ConstantPeriod, PulseTimes, Record, TachometerSignal
 from floquid.lti import MaximumLikelihood
 from floquid.pipeline import Settings, bootstrap
@@ -102,6 +103,11 @@ def at_load(found, load):
     return replace(found, model=replace(found.model, point={"load": load}))
 
 
+def turning(values):
+    """A rotor whose exponents do not depend on a mass."""
+    return systems.JeffcottRotor(damping=values["damping"])
+
+
 @functools.cache
 def others():
     found = analysis("lifted")
@@ -117,6 +123,9 @@ def others():
         "families": tuple(families(found)),
         "readings": read_shapes(found, pairs=["X:Y"], blades={"flap": ["X", "Y"]}, participation="X"),
         "survey": survey([at_load(found, load) for load in (1.0, 2.0, 3.0)], over="load"),
+        "comparison": compare(found, systems.JeffcottRotor(damping=0.02)),
+        "parameter": Parameter(value=1.0, prior_std=0.1),
+        "update": update(turning, found, {"damping": 0.02, "mass": 1.0}),
         "driven": with_inputs(),
         "ambient": identify(
             Record(values=ambient_of(mathieu(), 50, 12, 0.02, 0), sample_rate=12.0 / np.pi, channels=["y"]),

@@ -38,6 +38,11 @@ COMMANDS = {
         "FILES...",
         "Follow modes over a speed, or another operating point, and find where they turn unstable.",
     ),
+    "compare": (
+        "_compare",
+        "A B",
+        "Compare two sets of modes, mode by mode: differences with deviations, what is missing, and χ² of all.",
+    ),
     "fleet": (
         "_fleet",
         "FILES...",

@@ -50,8 +50,8 @@ RecordFile = Annotated[Path, Parameter(converter=_path, help=f"The record: {SUFF
 _FILES = f"Records of one system, {SUFFIXES}: several files are several hits, or runs."
 RecordFiles = Annotated[Path, Parameter(converter=_path, help=_FILES)]
 _OF_SURVEYS = (
-    f"Records ({SUFFIXES}), results of `floquid identify`, folders of such, or the table of `floquid fleet --keep`, at "
-    "several operating points."
+    f"Records ({SUFFIXES}), results of `floquid identify`, the table of `floquid fleet --keep`, folders of .lin files "
+    "of one operating point, or folders of such, at several operating points."
 )
 SurveyFiles = Annotated[Path, Parameter(converter=_path, help=_OF_SURVEYS)]
 _OF_FLEETS = (

@@ -59,7 +59,7 @@ class ShapeChoices:
             pairs=(self.pairs,) if self.pairs else (),
             blades=tuple(self.blades or ()),
             fixed=split(self.fixed or ""),
-            scales=_scales(self.scale or (), of),
+            scales=scales_of(self.scale or (), of),
             words=self.words,
         )
 
@@ -98,8 +98,8 @@ def shapes(
     _print(found)
 
 
-def _scales(words: Sequence[str], of: str) -> dict[str, float]:
-    """Scales by names, numbers or fractions."""
+def scales_of(words: Sequence[str], of: str) -> dict[str, float]:
+    """Scales by names, numbers or fractions, of the command `of`."""
     found = {}
     for word in words:
         name, _, number = word.partition("=")

@@ -17,23 +17,25 @@ from floquid.cli._records import check_files, read_records
 from floquid.core import as_point
 from floquid.errors import InputError
 from floquid.fleets import Died, Kept, kept_results, outcomes, time_left
+from floquid.floquet import read_matrix
 from floquid.io import readable_file
 from floquid.pipeline import identify
 from floquid.readers import FORMATS, read
 from floquid.shapes import ShapeOptions
-from floquid.surveys import NOT_READ, Point, point_of
+from floquid.surveys import NOT_READ, Point, is_linearised, point_of
 
 OF = "floquid survey"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Job:
-    """One point to be made: a saved result, or the records of one operating point, which are hits."""
+    """One point to be made: a saved result, a folder of linearisations, or records of one point, which are hits."""
 
     files: tuple[Path, ...]
     choices: Choices
     values: Mapping[str, float] = field(default_factory=dict)
     saved: bool = False
+    known: bool = False
     shapes: ShapeOptions = NOT_READ
     reason: str | None = None  # why nothing can be made of it
 
@@ -65,7 +67,11 @@ def jobs_of(
             jobs[same[0]] = replace(jobs[same[0]], files=(*jobs[same[0]].files, *job.files))
         else:
             jobs.append(job)
-    missing = [str(job.files[0]) for job in jobs if not job.saved and job.reason is None and over not in job.values]
+    missing = [
+        str(job.files[0])
+        for job in jobs
+        if not (job.saved or job.known) and job.reason is None and over not in job.values
+    ]
     if missing and over != "speed_rpm":  # which may be found with the angle of the shaft
         got = f"{', '.join(missing[:3])}{' …' if len(missing) > 3 else ''} has none"
         remedy = f"Add --table points.csv with a column `{over}`, or keep it with the record (`--point {over}=…`)."
@@ -75,24 +81,26 @@ def jobs_of(
 
 def _is_one(first: Job, second: Job, over: str) -> bool:
     """True for records of one operating point: they are hits."""
-    alone = first.saved or second.saved or first.reason or second.reason
+    alone = any(one.saved or one.known or one.reason for one in (first, second))
     return not alone and over in first.values and first.values.get(over) == second.values.get(over)
 
 
 def _expanded(path: Path, table: Path | None) -> Iterator[Path]:
-    """The file itself; of a folder its result, or else the results and records in it."""
-    if not path.is_dir() or (path / RESULT).is_file():
+    """The file itself; of a folder its result or linearisation, or else the results, records and such in it."""
+    if not path.is_dir() or (path / RESULT).is_file() or is_linearised(path):
         yield path
         return
     suffixes = {kind.suffix for kind in FORMATS}
     found = [
         one
         for one in sorted(path.iterdir())
-        if (one.is_dir() and (one / RESULT).is_file()) or (one.is_file() and one.suffix.lower() in suffixes)
+        if (one.is_dir() and (one / RESULT).is_file())
+        or is_linearised(one)
+        or (one.is_file() and one.suffix.lower() in suffixes)
     ]
     found = [one for one in found if table is None or one.resolve() != table.resolve()]
     if not found:
-        must, got = "hold records, or results of `floquid identify`", f"{path} holds none"
+        must, got = "hold records, results of `floquid identify`, or .lin files", f"{path} holds none"
         raise input_error("FILES", OF, must, got, "Name the files.")
     yield from found
 
@@ -132,6 +140,8 @@ def _job(file: Path, choices: Choices, row: Mapping[str, float]) -> Job:
     values = {name: value for name, value in row.items() if name != "period"}
     if is_saved([file]):
         return Job(files=(file,), choices=choices, values={**choices.point, **values}, saved=True)
+    if is_linearised(file):
+        return Job(files=(file,), choices=choices, values={**choices.point, **values}, known=True)
     chosen = choices.with_given(period=row.get("period"), point={**choices.point, **values} or None)
     try:
         record = read(file, rate=choices.rate, header=choices.header)
@@ -170,6 +180,9 @@ def made(job: Job) -> Point:
 
     try:
         with warnings.catch_warnings(record=True):
+            if job.known:
+                found = point_of(read_matrix(job.files[0]), job.shapes)
+                return replace(found, values={**found.values, **job.values}, files=(str(job.files[0]),))
             if job.saved:
                 analysis = identified_in(job.files[0], OF)
             else:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from io import StringIO
 
 from floquid.cli._bootstrap import print_drawn
+from floquid.cli._compare import print_comparison, print_updated
 from floquid.cli._floquet_output import print_stability
 from floquid.cli._scan import print_orders
 from floquid.cli._survey import print_survey
 from floquid.cli._terminal import plain, print_found
+from floquid.comparison import Comparison, Updated
 from floquid.floquet import FloquetModes, stability
 from floquid.order import OrderScan
 from floquid.pipeline import Analysis, Bootstrap
@@ -20,7 +22,7 @@ WIDTH = 100  # characters of a line of `summary()`
 
 
 def text_of(
-    result: Analysis | Bootstrap | OrderScan | FloquetModes | Survey,
+    result: Analysis | Bootstrap | OrderScan | FloquetModes | Survey | Comparison | Updated,
     *,
     speed_unit: SpeedUnit = "hz",
     damping_unit: DampingUnit = "percent",
@@ -44,4 +46,8 @@ def text_of(
             print_stability(console, result, stability(result))
         case Survey():
             print_survey(console, result)
+        case Comparison():
+            print_comparison(console, result)
+        case Updated():
+            print_updated(console, result)
     return "\n".join(line.rstrip() for line in file.getvalue().strip("\n").splitlines())

@@ -1,5 +1,6 @@
 """Results for other programs: modes as CSV, MAT, JSON and universal files, `summary.json`, and xarray."""
 
+from floquid.exports._comparison import comparison_columns, comparison_summary
 from floquid.exports._modes import MODE_FORMATS, export_modes, modes_frame
 from floquid.exports._objects import from_periodic_system, to_periodic_system, to_xarray
 from floquid.exports._summary import summary
@@ -15,7 +16,8 @@ from floquid.exports._transfer_tables import (
 )
 
 __all__ = [
-    "MODE_FORMATS", "TRANSFER_FORMATS", "columns_text", "edge_columns", "export_modes", "export_transfer",
-    "fit_entries", "from_periodic_system", "import_transfer", "measured_entries", "modes_frame", "summary",
-    "survey_columns", "survey_summary", "to_periodic_system", "to_xarray", "transfer_entries", "transfer_rows",
+    "MODE_FORMATS", "TRANSFER_FORMATS", "columns_text", "comparison_columns", "comparison_summary", "edge_columns",
+    "export_modes", "export_transfer", "fit_entries", "from_periodic_system", "import_transfer", "measured_entries",
+    "modes_frame", "summary", "survey_columns", "survey_summary", "to_periodic_system", "to_xarray",
+    "transfer_entries", "transfer_rows",
 ]  # fmt: skip

@@ -5,6 +5,7 @@ matplotlib is loaded when the first figure is drawn, without pyplot and without 
 
 from typing import TYPE_CHECKING
 
+from floquid.plot._comparison import comparison
 from floquid.plot._exponents import exponents
 from floquid.plot._indicators import composite, indicators
 from floquid.plot._record import synthesis, time_record
@@ -26,8 +27,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Figure
 
 __all__ = [
-    "FIGURES", "campbell", "coefficients", "composite", "damping", "exponents", "harmonic_spectra", "indicators",
-    "multipliers", "nyquist", "periodic_shapes",
-    "residues", "save_figure", "save_figures", "spectra", "speed", "stabilisation", "stability_map",
-    "synchronisation", "synthesis", "system_elements", "time_record", "transfer",
+    "FIGURES", "campbell", "coefficients", "comparison", "composite", "damping", "exponents", "harmonic_spectra",
+    "indicators", "multipliers", "nyquist", "periodic_shapes", "residues", "save_figure", "save_figures", "spectra",
+    "speed", "stabilisation", "stability_map", "synchronisation", "synthesis", "system_elements", "time_record",
+    "transfer",
 ]  # fmt: skip

@@ -300,7 +300,7 @@ def _draw_plane(axes: Axes, model: PeriodicModel, upper: list[int], truth: Compl
     if truth is not None:
         axes.plot(truth.real, truth.imag, **_TRUE, label="truth")
     _limit_decay(axes, values, model.fundamental, share=0.18, ticks=4)
-    axes.xaxis.set_major_formatter(_tick)
+    axes.xaxis.set_major_formatter(short_tick)
     _number(axes, values[upper])
 
 
@@ -324,7 +324,7 @@ def _draw_close(
         reach = np.maximum(reach, 1.3 * np.abs([away.real, away.imag]))
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(2, symmetric=True))
-        axis.set_major_formatter(_tick)
+        axis.set_major_formatter(short_tick)
     axes.set(xlim=(-reach[0], reach[0]), ylim=(-reach[1], reach[1]))
     real, imag = with_error(value.real, std[mode].real), with_error(abs(value.imag), std[mode].imag)
     sign = "+" if value.imag >= 0.0 else "-"
@@ -332,7 +332,7 @@ def _draw_close(
     axes.tick_params(labelsize=7.5)
 
 
-def _tick(value: float, _: float) -> str:
+def short_tick(value: float, _: float) -> str:
     """A number at a tick, such as 2e−5."""
     if abs(value) < 1e-300:
         return "0"

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.polynomial.chebyshev import chebpts1, chebvander
 
 from floquid._arrays import Floats
-from floquid.surveys._objects import REAL, Seen
+from floquid.surveys._objects import REAL, Seen, invariants
 from floquid.surveys._wiener import smooth
 
 Kind = Literal["lock", "sum", "single"]
@@ -151,24 +151,13 @@ def _roots(places: Floats, growth: Floats) -> Floats:
 
 
 def _functions(pair: _Pair, kind: Kind) -> tuple[Floats, Floats]:
-    r"""Invariants of two exponents that meet, smooth where they do, and their covariance.
-
-    .. math:: \mu = (\lambda_a + \lambda_b)/2, \qquad q = ((\lambda_a - \lambda_b)/2)^2
-
-    The real part of μ, that of q and, of a sum resonance, the imaginary part of q.
-    """
-    mean, half = 0.5 * (pair.a + pair.b), 0.5 * (pair.a - pair.b)
-    by = np.array([[0.5, 0.5, 0.0, 0.0]])
-    if kind == "single":
-        return np.array([mean.real]), by @ pair.covariance @ by.T
-    ahead, across = np.array([[0.5, -0.5, 0.0, 0.0]]), np.array([[0.0, 0.0, 0.5, -0.5]])
-    u, v = half.real, half.imag
-    slopes = np.concatenate([by, 2.0 * (u * ahead - v * across), 2.0 * (v * ahead + u * across)])
-    spread = float((ahead @ pair.covariance @ ahead.T + across @ pair.covariance @ across.T)[0, 0])
-    square = half**2
-    used = 3 if kind == "sum" else 2
+    """Invariants of two exponents that meet and their covariance: of a lock μ and q, both real; of a sum, Im q too."""
+    values, slopes = invariants(pair.a, pair.b)
+    used = {"single": 1, "lock": 2, "sum": 3}[kind]
+    halves = np.array([[0.5, -0.5, 0.0, 0.0], [0.0, 0.0, 0.5, -0.5]])
+    spread = float(np.trace(halves @ pair.covariance @ halves.T))
     covariance = slopes @ pair.covariance @ slopes.T + np.diag([0.0, 2.0, 2.0]) * spread**2
-    return np.array([mean.real, square.real, square.imag])[:used], covariance[:used, :used]
+    return values[:used], covariance[:used, :used]
 
 
 def _window(

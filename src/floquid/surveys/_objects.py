@@ -10,6 +10,7 @@ from floquid._arrays import Complexes, Floats
 
 REAL = 1e-6  # of half a fundamental: frequencies that are whole multiples of it
 SHIFTS = 6  # harmonics by which a branch may differ from the one before, on either side
+ALIKE = 0.8  # share of the best similarity above which a branch may be chosen for its frequency
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,3 +130,31 @@ def similarities(known: Seen, new: Seen) -> Floats:
     stacked = np.moveaxis(np.lib.stride_tricks.sliding_window_view(padded, size, axis=-1), 3, 0)
     stacked = stacked.reshape(len(BRANCHES), len(new.exponents), -1)
     return similarity(known.shapes.reshape(1, len(known.exponents), -1), stacked)
+
+
+def branch_of(found: Floats, new: Seen, wanted: complex) -> tuple[int, complex]:
+    """The branch of `new` among those that are alike whose frequency is nearest to `wanted`, and how far off it is.
+
+    `found` are the similarities of the branches (branches,); the place of one among `BRANCHES` is given back.
+    """
+    lam = new.exponent
+    shifts, mirrored = np.array(BRANCHES).T
+    frequencies = np.where(mirrored, -lam.imag, lam.imag) + shifts * new.fundamental
+    off = np.where(found >= ALIKE * found.max(), np.abs(frequencies - wanted.imag), np.inf)
+    best = int(off.argmin())
+    return best, complex(lam.real, frequencies[best]) - wanted
+
+
+def invariants(a: complex, b: complex) -> tuple[Floats, Floats]:
+    r"""Invariants of two exponents that meet, smooth where they do, and their slopes.
+
+    .. math:: \mu = (\lambda_a + \lambda_b)/2, \qquad q = ((\lambda_a - \lambda_b)/2)^2
+
+    The real part of μ, that of q and the imaginary part of q (3,), by the real parts of both exponents, then the
+    imaginary parts (3, 4).
+    """
+    mean, half = 0.5 * (a + b), 0.5 * (a - b)
+    ahead, across = np.array([0.5, -0.5, 0.0, 0.0]), np.array([0.0, 0.0, 0.5, -0.5])
+    u, v, square = half.real, half.imag, half**2
+    slopes = np.array([[0.5, 0.5, 0.0, 0.0], 2.0 * (u * ahead - v * across), 2.0 * (v * ahead + u * across)])
+    return np.array([mean.real, square.real, square.imag]), slopes

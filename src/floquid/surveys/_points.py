@@ -15,6 +15,7 @@ from floquid.floquet import FloquetModes
 from floquid.periodic import CONFIDENT
 from floquid.pipeline import Analysis
 from floquid.shapes import ShapeOptions
+from floquid.surveys._known import KNOWN, known_modes
 from floquid.surveys._objects import SHIFTS, Seen, moved
 from floquid.surveys._types import Point
 
@@ -31,6 +32,8 @@ def point_of(result: Any, shapes: ShapeOptions = NOT_READ) -> Point:
     if isinstance(result, Point):
         again = bool(shapes) and result.model is not None and result.whirl is None and result.blades is None
         return replace(result, **_read(result.model, shapes)) if again else result
+    if isinstance(result, KNOWN):
+        result = known_modes(result)
     if not isinstance(result, (Analysis, PeriodicModel, FloquetModes)):
         must, got = "hold results of `identify`, files of such, or modes of known systems", f"holds {result!r:.60}"
         raise input_error("results", OF, must, got, "Pass what `identify` or `load` gives.")

@@ -13,10 +13,9 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid._checks import counted, input_error, integer, positive
 from floquid._show import late
-from floquid.core import PeriodicModel
-from floquid.floquet import FloquetModes, modes
 from floquid.shapes import Blades, Pairs, ShapeOptions, Words
 from floquid.surveys._edges import Crossing, crossings
+from floquid.surveys._known import known_modes
 from floquid.surveys._meetings import meetings
 from floquid.surveys._names import in_fixed_frame, named
 from floquid.surveys._points import OF, check_points, objects_of, point_of
@@ -60,8 +59,9 @@ def survey(
     Parameters
     ----------
     results
-        What `identify` found at each point, files of such, modes of known systems, or points; or a function of the
-        operating point that gives a known system: a matrix A(t) with its period, A and the period, or its modes.
+        What `identify` found at each point, files of such, known systems or their modes, or points; or a function of
+        the operating point that gives a known system. That is a matrix A(t) with its period, A and the period, a
+        turbine as `floquet.read_openfast` gives it, a system with outputs, or its modes.
     over
         The quantity of the operating point, such as "speed_rpm".
     pairs
@@ -98,16 +98,8 @@ def survey(
     return _surveyed([point_of(one, shapes) for one in given], over, missed, confidence)
 
 
-def _modes(system: Callable[[float], Any], value: float) -> FloquetModes | PeriodicModel:
-    """The modes of a known system at a value."""
-    made = system(value)
-    if isinstance(made, (FloquetModes, PeriodicModel)):
-        return made
-    return modes(*made) if isinstance(made, tuple) else modes(made)
-
-
 def _known(system: Callable[[float], Any], over: str, value: float, shapes: ShapeOptions) -> Point:
-    return replace(point_of(_modes(system, value), shapes), values={over: value}, files=())
+    return replace(point_of(known_modes(system(value)), shapes), values={over: value}, files=())
 
 
 def _halved(edge: Edge, found: Survey, system: Callable[[float], Any], tolerance: float) -> Edge:
@@ -116,7 +108,7 @@ def _halved(edge: Edge, found: Survey, system: Callable[[float], Any], tolerance
     rising = edge.direction == "onset"
 
     def unstable(value: float) -> bool:
-        return bool(_modes(system, value).exponents.real.max() > 0.0)
+        return bool(known_modes(system(value)).exponents.real.max() > 0.0)
 
     if (unstable(low), unstable(high)) != (not rising, rising):
         return edge  # another mode is unstable there

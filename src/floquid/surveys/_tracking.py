@@ -9,9 +9,8 @@ from typing import TypeAlias
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Indices
-from floquid.surveys._objects import BRANCHES, Seen, moved, similarities, similarity
+from floquid.surveys._objects import BRANCHES, Seen, branch_of, moved, similarities, similarity
 
-ALIKE = 0.8  # share of the best similarity above which a branch may be chosen for its frequency
 NEAR = 0.05  # of ω: a step of the exponent that costs as much as shapes at right angles
 LEFT_OUT = 0.1  # cost of each point between
 DEAREST = 0.9  # cost above which there is no link
@@ -107,23 +106,17 @@ def _match(path: Path, new: Seen, x: Floats, point: int) -> Match:
     """The branch of `new` that continues a path: of those that are alike, the one nearest to the prediction."""
     remembered = np.array([similarities(known.own, new) for known in path.objects[-MEMORY:]])
     found = remembered.max(axis=0)
-    wanted = path.predicted(x, point)
-    lam = new.exponent
-    shifts, mirrored = np.array(BRANCHES).T
-    frequencies = np.where(mirrored, -lam.imag, lam.imag) + shifts * new.fundamental
-    off = np.where(found >= ALIKE * found.max(), np.abs(frequencies - wanted.imag), np.inf)
-    best = int(off.argmin())
-    away = complex(lam.real, frequencies[best]) - wanted
+    best, away = branch_of(found, new, path.predicted(x, point))
     like = int(remembered[:, best].argmax()) - len(remembered)
     return Match(*BRANCHES[best], float(found[best]), abs(away) ** 2 / (NEAR * new.fundamental) ** 2, like)
 
 
-def assigned(costs: Floats) -> Indices:
-    """The object that continues each path (paths,), -1 where none is near enough."""
+def assigned(costs: Floats, dearest: float = DEAREST) -> Indices:
+    """The object that continues each path (paths,), -1 where none is near enough: `costs` are above the dearest."""
     from scipy.optimize import linear_sum_assignment
 
     count, objects = costs.shape
-    alone = np.where(np.eye(count, dtype=bool), DEAREST, 1e6)
+    alone = np.where(np.eye(count, dtype=bool), dearest, 1e6)
     _, columns = linear_sum_assignment(np.hstack([costs, alone]))
     return np.where(columns < objects, columns, -1)
 

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from tests.locks import known
 
 from floquid import floquet, plot
+from floquid.comparison import compare
 from floquid.core import Channel, PulseTimes, Record
 from floquid.errors import InputError
 from floquid.inputs import TransferFunctions
@@ -46,7 +47,8 @@ def draws():
         Point(values={"speed_rpm": 9.5 * w}, model=known(w, std=0.01, shape_std=0.01)) for w in (18.0, 18.5, 19.5)
     ]
     followed = survey(points)
-    made = {name: getattr(one.plot, name) for one in (found, followed) for name in dir(one.plot)}
+    held = compare(known(18.0, std=0.01, shape_std=0.01), known(18.0))
+    made = {name: getattr(one.plot, name) for one in (found, followed, held) for name in dir(one.plot)}
     return made | {
         "exponents": lambda **how: plot.exponents(modes, **how),
         "stabilisation": lambda **how: plot.stabilisation(poles, **how),

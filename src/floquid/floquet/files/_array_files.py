@@ -25,7 +25,7 @@ from floquid.io import (
 )
 
 OF = "floquet.read_matrix"
-NAMES = ("A", "coefficients", "harmonics", "period", "times", "edges", "states")
+NAMES = ("A", "coefficients", "harmonics", "period", "times", "edges", "states", "C", "outputs")
 
 _LISTED = 40
 

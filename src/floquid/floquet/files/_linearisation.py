@@ -92,6 +92,8 @@ class OpenFastLinearisation(Rebuilt):
         The states of the files that are not in the matrices.
     description
         The title of the model.
+    wind_speed
+        The mean wind speed of the files [m/s]; None where one does not state it.
     """
 
     azimuths: Floats
@@ -106,6 +108,7 @@ class OpenFastLinearisation(Rebuilt):
     operating_points: Floats
     set_aside: tuple[str, ...] = ()
     description: str = ""
+    wind_speed: float | None = None
 
     def __post_init__(self) -> None:
         azimuths = frozen_array(self.azimuths, "azimuths", _OF, axes=("azimuths",))

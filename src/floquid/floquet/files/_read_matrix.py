@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Floats
-from floquid._checks import describe, input_error, positive
-from floquid._show import Brief
+from floquid._checks import Rebuilt, describe, input_error, positive
 from floquid.errors import InputError
 from floquid.floquet.files._array_files import OF, Contents, contents, printable
 from floquid.floquet.files._linearisation import OpenFastLinearisation
@@ -40,7 +39,7 @@ _LAYOUT = (
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class MatrixFile(Brief):
+class MatrixFile(Rebuilt):
     """A(t) as a file has it.
 
     Made by `read_matrix`.
@@ -57,6 +56,9 @@ class MatrixFile(Brief):
         What may be wrong with it, in sentences.
     linearisation
         What `read_openfast` gave, of `.lin` files.
+    outputs, output_names
+        C(t), constant or of the period of A(t), and the names of its rows, y1, y2, ... where the file has none; None
+        and () of a file without it.
     """
 
     matrix: AbstractPeriodicMatrix
@@ -64,6 +66,8 @@ class MatrixFile(Brief):
     source: str
     warnings: tuple[str, ...] = ()
     linearisation: OpenFastLinearisation | None = None
+    outputs: AbstractPeriodicMatrix | Floats | None = None
+    output_names: tuple[str, ...] = ()
 
 
 def read_matrix(
@@ -83,7 +87,8 @@ def read_matrix(
     - `A` (n, n, pieces) and `edges` (pieces,) [s], where each piece begins in which A(t) is constant;
     - `coefficients` (n, n, harmonics), complex, or `A` if it is so, and `harmonics`, m with -m, of
       :math:`e^{2\pi i m t/T}`; a complex number in JSON is [re, im];
-    - beside them `states`, the names of the states;
+    - beside them `states`, the names of the states; `C` (outputs, n), or (outputs, n, as many as A), and `outputs`, the
+      names of its rows;
 
     `summary.json` and `result.h5` of `floquid identify` with an A(t); and `.lin` files of OpenFAST, or folders of them
     (see `read_openfast`): the harmonics that the azimuths determine are taken.
@@ -145,29 +150,53 @@ def _made(found: Contents, period: float | None, interpolation: Interpolation | 
             raise found.error(f"hold `{name}`" + (" beside a complex A" if name == "harmonics" else ""), got, _LAYOUT)
     values = _stack(found, key, complex_numbers=series)
     length = _period(found, period)
-    states = _states(found, values.shape[0])
+    states = _names(found, "states", values.shape[0], "x")
     pieces = "edges" in found.arrays
     if interpolation is not None and (series or pieces):
         what = "harmonics" if series else "constant pieces"
         raise input_error("interpolation", OF, f"be left out for {what}", f"is {interpolation!r}")
     try:
-        if series:
-            harmonics = _vector(found, "harmonics", values.shape[2])
-            matrix: AbstractPeriodicMatrix = HarmonicMatrix(coefficients=values, harmonics=harmonics, period=length)
-            words, warnings = f"harmonics up to {int(harmonics[-1])}", ()
-        elif pieces:
-            if "times" in found.arrays:
-                raise found.error("hold `times` or `edges`", "has both", "Times are of samples, edges of pieces.")
-            edges = _vector(found, "edges", values.shape[2])
-            matrix, warnings = PiecewiseMatrix(values=values, edges=edges, period=length), ()
-            words = f"{len(edges)} constant pieces"
-        else:
-            matrix, words, warnings = _samples(found, values, length, interpolation)
+        matrix, words, warnings = _periodic(found, values, length, interpolation)
+        outputs = _output_values(found, values.shape[1:], complex_numbers=series)
+        if outputs is not None and outputs.ndim == 3:
+            outputs = _periodic(found, outputs, length, interpolation)[0]
     except InputError as error:
         if OF in str(error):
             raise
         raise found.error("hold a periodic matrix", f"does not: {error}".removesuffix(".")) from None
-    return MatrixFile(matrix=matrix, states=states, source=words, warnings=warnings)
+    rows = () if outputs is None else _names(found, "outputs", outputs.shape[0], "y")
+    return MatrixFile(matrix=matrix, states=states, source=words, warnings=warnings, outputs=outputs, output_names=rows)
+
+
+def _periodic(
+    found: Contents, values: NDArray[Any], period: float, interpolation: Interpolation | None
+) -> tuple[AbstractPeriodicMatrix, str, tuple[str, ...]]:
+    """The periodic matrix of harmonics, pieces or samples, with words on it and warnings."""
+    if values.dtype.kind == "c":
+        harmonics = _vector(found, "harmonics", values.shape[2])
+        words = f"harmonics up to {int(harmonics[-1])}"
+        return HarmonicMatrix(coefficients=values, harmonics=harmonics, period=period), words, ()
+    if "edges" not in found.arrays:
+        return _samples(found, values, period, interpolation)
+    if "times" in found.arrays:
+        raise found.error("hold `times` or `edges`", "has both", "Times are of samples, edges of pieces.")
+    edges = _vector(found, "edges", values.shape[2])
+    return PiecewiseMatrix(values=values, edges=edges, period=period), f"{len(edges)} constant pieces", ()
+
+
+def _output_values(found: Contents, inner: tuple[int, int], *, complex_numbers: bool) -> NDArray[Any] | None:
+    """C of a file, constant (outputs, n) or (outputs, n, phases) with the phases of A; None of one without it."""
+    if "C" not in found.arrays:
+        return None
+    array = _numbers(found, "C")
+    if complex_numbers and array.ndim == 4 and array.shape[3] == 2:  # JSON
+        array = array[..., 0] + 1j * array[..., 1]
+    if array.shape[1:] not in ((inner[0],), inner) or not array.size or not np.isfinite(array).all():
+        shape = f"(outputs, {inner[0]}) or (outputs, {inner[0]}, {inner[1]})"
+        raise found.error(f"hold finite numbers of shape {shape} in `C`", f"has shape {array.shape} there", _LAYOUT)
+    if array.ndim == 2 and array.dtype.kind == "c":
+        raise found.error("hold real numbers in a constant `C`", "has complex ones there", _LAYOUT)
+    return array.astype(np.complex128 if complex_numbers and array.ndim == 3 else np.float64)
 
 
 _BETWEEN = {
@@ -302,15 +331,15 @@ def _period(found: Contents, given: float | None) -> float:
     return length
 
 
-def _states(found: Contents, count: int) -> tuple[str, ...]:
-    """The names of the states, of the file or x1, x2, ...."""
-    if "states" not in found.arrays:
-        return named(None, count, "x", "states", OF)
-    raw = np.asarray(found.arrays["states"], dtype=object).ravel().tolist()
+def _names(found: Contents, key: str, count: int, letter: str) -> tuple[str, ...]:
+    """The names of states or outputs, of the file or x1, x2, ... with their `letter`."""
+    if key not in found.arrays:
+        return named(None, count, letter, key, OF)
+    raw = np.asarray(found.arrays[key], dtype=object).ravel().tolist()
     texts = [_text(one) for one in raw]
     if len(texts) != count or not all(texts) or len(set(texts)) != count:
         got = f"has {len(texts)} there" if len(texts) != count else "has others, or one twice"
-        raise found.error(f"hold {count} distinct names in `states`", got, "Save one text for each state.")
+        raise found.error(f"hold {count} distinct names in `{key}`", got, f"Save one text for each of `{key}`.")
     return tuple(texts)
 
 

@@ -190,6 +190,7 @@ def _assembled(files: list[LinFile], azimuth: AzimuthRole) -> OpenFastLinearisat
     states, points, aside = files[0].states, np.stack([file.state_values for file in files], axis=-1), ()
     angles = np.array([_folded(file) for file in files])
     speed = float(np.mean([file.rotor_speed for file in files if file.rotor_speed is not None]))
+    winds = [file.wind_speed for file in files if file.wind_speed is not None]
     found = [index for index, name in enumerate(states.names) if _AZIMUTH.search(name)]
     if len(found) > 1:
         raise _refused(files[0], "has more than one azimuth of a generator", "Linearise one turbine at a time.")
@@ -218,6 +219,7 @@ def _assembled(files: list[LinFile], azimuth: AzimuthRole) -> OpenFastLinearisat
         operating_points=points,
         set_aside=aside,
         description=files[0].description,
+        wind_speed=float(np.mean(winds)) if len(winds) == len(files) else None,
     )
 
 

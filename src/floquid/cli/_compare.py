@@ -1,0 +1,137 @@
+"""`floquid compare`: two sets of modes against one another."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from cyclopts import Parameter
+from rich.console import Console
+
+from floquid._checks import counted, input_error
+from floquid.cli._folder import RESULT, maybe_folder, result_folder, settle
+from floquid.cli._options import Format, OutputFolder
+from floquid.cli._shapes import scales_of
+from floquid.cli._terminal import json_text, new_table, print_files, print_warnings, print_whole, terminal
+from floquid.comparison import Comparison, Updated, headings, missing_words, pair_row, update_words, verdict
+from floquid.comparison import compare as compare_sides
+from floquid.errors import InputError
+from floquid.exports import columns_text, comparison_columns, comparison_summary
+from floquid.views import with_error
+
+OF = "floquid compare"
+FILES = ("comparison.json", "comparison.csv", "figures/comparison.png")
+MOST = 40  # rows that are printed of a survey
+LEFT = 4  # headings at most before the numbers: the point and both modes
+
+
+def compare(
+    a: str,
+    b: str,
+    /,
+    *,
+    scale: Annotated[list[str] | None, Parameter(negative=())] = None,
+    out: OutputFolder = None,
+    format: Format = "text",  # noqa: A002
+) -> None:
+    """Compare two sets of modes, mode by mode: differences with deviations, what is missing, and χ² of all.
+
+    Parameters
+    ----------
+    a
+        A result of floquid identify or floquid survey, the file or its folder; a file with A(t), and C(t); a folder of
+        .lin files, or of such folders; or an example system with numbers, systems:jeffcott,support_y=2.1
+    b
+        What it is held against, one of the same; differences are a less b.
+    scale
+        What takes a channel of b to the unit of a, name=1000; may be given several times.
+    out
+        A folder for comparison.json, comparison.csv and figures/comparison.png.
+    format
+        text prints a table; json prints comparison.json alone.
+    """
+    if out is not None and (out / RESULT).exists():
+        must = "be a folder without a result of `floquid identify`"
+        raise input_error("--out", OF, must, f"{out} holds {RESULT}", "Choose another folder.")
+    for place in (Path(a), Path(b)):
+        if place.exists():
+            settle(place if place.is_dir() else place.parent)
+    try:
+        found = compare_sides(a, b, scale=scales_of(scale or (), OF))
+    except InputError as error:
+        raise InputError(_as_typed(str(error))) from None
+    text = json_text(comparison_summary(found))
+    with maybe_folder(out, FILES) as folder:
+        if folder is not None:
+            folder.write(FILES[0], text)
+            folder.write(FILES[1], columns_text(comparison_columns(found)))
+            folder.publish()
+    if format == "json":
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    else:
+        print_comparison(terminal(), found)
+    if out is not None:
+        _draw(out, found)
+    if format == "text":
+        print_files(out, FILES, "to keep the table and a figure")
+
+
+def _draw(out: Path, found: Comparison) -> None:
+    """Draw the figure into the folder."""
+    from floquid.plot import comparison, save_figure
+
+    with result_folder(out, FILES) as folder:
+        (folder.unfinished / "figures").mkdir()
+        save_figure(comparison(found), folder.unfinished / FILES[2])
+        folder.publish()
+
+
+def _as_typed(message: str) -> str:
+    """A message on an argument of `compare` in the words of the command."""
+    for argument, word in (("a", "A"), ("b", "B"), ("scale", "--scale")):
+        message = message.replace(f"Argument `{argument}` of `compare`", f"`{word}`")
+    return message
+
+
+def print_comparison(console: Console, found: Comparison) -> None:
+    """Print the pairs, what is missing, and how likely all differences are."""
+    console.print(f"a: {found.a}   b: {found.b}   differences: a less b", soft_wrap=True)
+    over = f"; {counted(len(found.points), 'point')}" if found.over else ""
+    console.print(f"{counted(len(found.pairs), 'pair')} of modes{over}")
+    names: Sequence[str] = headings(found)
+    left = 3 if found.over else 2
+    table = new_table([], names[:-1], names[-1:])
+    for column in table.columns[:left]:
+        column.justify = "left"
+    for pair in found.pairs[:MOST]:
+        table.add_row(*pair_row(found, pair))
+    print_whole(console, table)
+    if len(found.pairs) > MOST:
+        console.print(f"… and {len(found.pairs) - MOST} more: `--out DIR` keeps all.", style="dim")
+    deviations = "" if all(pair.std == 0 for pair in found.pairs) else "in brackets: one deviation of both together; "
+    console.print(f"{deviations}z: the difference of λ over its deviation; mac: similarity of the shapes.", style="dim")
+    for sentence in missing_words(found)[:MOST]:
+        console.print(sentence)
+    console.print(verdict(found))
+    print_warnings(console, found.warnings)
+
+
+def print_updated(console: Console, found: Updated) -> None:
+    """Print the parameters, what is not determined, and how well the model fits."""
+    table = new_table(["parameter"], ["start", "value", "change [%]"])
+    for name, value in found.values.items():
+        start, std = found.start[name], found.std[name]
+        if np.isnan(value):
+            table.add_row(name, f"{start:g}", "not determined", "")
+            continue
+        change = f"{100.0 * (value / start - 1.0):+.3g}" if start else ""
+        table.add_row(name, f"{start:g}", with_error(value, std), change)
+    print_whole(console, table)
+    console.print("in brackets: one standard deviation, in the last digits.", style="dim")
+    for sentence in update_words(found):
+        console.print(sentence)
+    print_warnings(console, found.warnings)
