@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from floquid.core import AzimuthSignal, Channel, ConstantPeriod, PeriodicModel, PulseTimes, Record, TachometerSignal
     from floquid.errors import FloquidError, IdentificationError, InputError
     from floquid.exports import export_modes, to_xarray
+    from floquid.monitoring import Monitor, monitor
     from floquid.pipeline import Analysis, Bootstrap, bootstrap, identify, measure_transfer
     from floquid.preparation import Settings
     from floquid.readers import from_pandas, from_sep005, from_xarray, read, to_pandas, to_sep005, write
@@ -31,9 +32,9 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Analysis", "AzimuthSignal", "Bootstrap", "Channel", "ConstantPeriod", "FloquidError", "IdentificationError",
-    "InputError", "PeriodicModel", "PulseTimes", "Record", "Refinement", "Settings", "StateModel", "Survey",
+    "InputError", "Monitor", "PeriodicModel", "PulseTimes", "Record", "Refinement", "Settings", "StateModel", "Survey",
     "TachometerSignal", "bootstrap", "export_modes", "fit_transfer", "floquet", "from_pandas", "from_sep005",
-    "from_xarray", "identify", "load", "measure_transfer", "multisine", "read", "read_shapes", "reconstruct", "refine",
+    "from_xarray", "identify", "load", "measure_transfer", "monitor", "multisine", "read", "read_shapes", "reconstruct", "refine",
     "report", "save", "survey", "systems", "to_pandas", "to_sep005", "to_xarray", "write",
 ]  # fmt: skip
 
@@ -41,6 +42,7 @@ _ROOMS = {
     "core": "AzimuthSignal Channel ConstantPeriod PeriodicModel PulseTimes Record TachometerSignal",
     "errors": "FloquidError IdentificationError InputError",
     "exports": "export_modes to_xarray",
+    "monitoring": "Monitor monitor",
     "pipeline": "Analysis Bootstrap bootstrap identify measure_transfer",
     "preparation": "Settings",
     "readers": "from_pandas from_sep005 from_xarray read to_pandas to_sep005 write",

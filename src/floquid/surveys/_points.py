@@ -14,7 +14,7 @@ from floquid.core import PeriodicModel
 from floquid.floquet import FloquetModes
 from floquid.periodic import CONFIDENT
 from floquid.pipeline import Analysis
-from floquid.shapes import Pairs, read_shapes
+from floquid.shapes import Pairs, read_shapes, sidebands_of
 from floquid.surveys._objects import SHIFTS, Seen, moved
 from floquid.surveys._types import Point
 
@@ -23,8 +23,11 @@ APART = 0.02  # share by which periods may differ from one part of a revolution:
 EQUAL = 1e-9  # share of the range within which two points are one
 
 
-def point_of(result: Any, pairs: Pairs = ()) -> Point:
-    """A `result` as a point of a survey, with the whirl of its modes in `pairs` of channels; a point stays one."""
+def point_of(result: Any, pairs: Pairs = (), *, sidebands: bool = False) -> Point:
+    """A `result` as a point of a survey; a point stays one.
+
+    With `pairs` of channels its modes have a whirl, and with `sidebands` these are read too.
+    """
     if isinstance(result, Point):
         again = bool(pairs) and result.model is not None and result.whirl is None
         return replace(result, whirl=_whirl(result.model, pairs)) if again else result
@@ -45,6 +48,7 @@ def point_of(result: Any, pairs: Pairs = ()) -> Point:
         weak=weak,
         reason=analysis.reasons[0] if analysis is not None and analysis.failed else None,
         whirl=_whirl(model if isinstance(result, FloquetModes) else result, pairs) if pairs else None,
+        sidebands=None if isinstance(result, FloquetModes) or not sidebands else sidebands_of(result),
     )
 
 
@@ -62,7 +66,7 @@ def check_points(points: Sequence[Point], over: str) -> tuple[Point, ...]:
     """The points, ascending; refused where their values are missing or equal, or their periods do not fit."""
 
     def names(of: Sequence[Point]) -> str:
-        return "; ".join(", ".join(point.files) or f"result {points.index(point) + 1}" for point in of)
+        return _names(points, of)
 
     missing = [point for point in points if over not in point.values]
     if missing:
@@ -74,11 +78,16 @@ def check_points(points: Sequence[Point], over: str) -> tuple[Point, ...]:
         got = f"{names(ordered[first : first + 2])} are both at {values[first]:g}"
         remedy = "Identify them together: records of one point are hits."
         raise input_error("results", OF, f"be at different values of {over}", got, remedy)
-    _check_periods(ordered, names)
+    check_periods(ordered)
     return ordered
 
 
-def _check_periods(points: Sequence[Point], names: Any) -> None:
+def _names(points: Sequence[Point], of: Sequence[Point]) -> str:
+    """The files of some points, or their numbers among all."""
+    return "; ".join(", ".join(point.files) or f"result {points.index(point) + 1}" for point in of)
+
+
+def check_periods(points: Sequence[Point]) -> None:
     """Refuse periods that are not the same part of a revolution: exponents are known modulo iω."""
     known = [point for point in points if point.model is not None and point.values.get("speed_rpm", 0.0) > 0.0]
     turns = np.array([point.model.period * point.values["speed_rpm"] / 60.0 for point in known if point.model])
@@ -86,7 +95,7 @@ def _check_periods(points: Sequence[Point], names: Any) -> None:
         return
     off = np.flatnonzero(np.abs(turns / np.median(turns) - 1.0) > APART)
     if len(off):
-        got = f"{names([known[off[0]]])} has one of {turns[off[0]]:.4g} revolutions, and most {np.median(turns):.4g}"
+        got = f"{_names(points, [known[off[0]]])} has one of {turns[off[0]]:.4g} revolutions, and most {np.median(turns):.4g}"
         remedy = "Identify all records with the period of the same part of a revolution: exponents are known modulo iω."
         raise input_error("results", OF, "have periods of one part of a revolution", got, remedy)
 

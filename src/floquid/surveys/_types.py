@@ -12,7 +12,7 @@ from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Rebuilt, Sealed
 from floquid._show import Drawings, Drawn, Told
 from floquid.core import PeriodicModel
-from floquid.shapes import CLEAR
+from floquid.shapes import CLEAR, Sidebands
 from floquid.surveys._edges import Kind
 
 
@@ -37,6 +37,8 @@ class Point(Sealed):
     whirl
         Index of whirl of each mode, from -1 (backward) to 1 (forward), and its deviation (modes, 2); NaN where not
         estimated, None where no pairs of channels were given.
+    sidebands
+        Lines beside the main line of each mode, where they were asked for; a file of a survey does not keep them.
     """
 
     values: Mapping[str, float]
@@ -46,6 +48,7 @@ class Point(Sealed):
     weak: Mask | None = None
     reason: str | None = None
     whirl: Floats | None = None
+    sidebands: Sidebands | None = None
 
     def __post_init__(self) -> None:
         Sealed.__post_init__(self)

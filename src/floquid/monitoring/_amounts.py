@@ -1,0 +1,112 @@
+"""How periodic each record is: amounts of sidebands on one reference shape, along a template, and their trend."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from floquid._arrays import Complexes, Floats, Indices, Integers, Mask
+from floquid.monitoring._types import Trend
+from floquid.shapes import PeriodicAmount, Sidebands
+from floquid.surveys import Matches, Point
+
+MISSING = 0.1  # share of the response whose sidebands may be missing in an amount: more would look like a change of it
+FEWEST = 3  # records of a trend
+
+
+@dataclass(frozen=True, slots=True)
+class Aligned:
+    """Sidebands of a record on the reference shapes, and the places of its modes among those of the reference."""
+
+    places: Integers
+    sidebands: Sidebands
+
+
+def aligned(points: Sequence[Point], matches: Matches, baseline: Mask) -> tuple[list[Aligned | None], Integers]:
+    """Sidebands of each point on the shapes of that point of the baseline that has most, and its modes (places,)."""
+    rows = [_rows(point, matches, k) for k, point in enumerate(points)]
+    first = max(np.flatnonzero(baseline), key=lambda k: len(rows[k]), default=None)
+    if first is None or not rows[first]:
+        return [None] * len(points), np.zeros(0, np.int64)
+    tracks = np.array(sorted(rows[first]))
+    own = points[first].sidebands
+    assert own is not None
+    reference = own.picked(np.array([rows[first][track] for track in tracks.tolist()]))
+    out: list[Aligned | None] = []
+    for point, row in zip(points, rows, strict=True):
+        places: Indices = np.flatnonzero([track in row for track in tracks.tolist()])
+        if point.sidebands is None or not len(places) or point.sidebands.channels != reference.channels:
+            out.append(None)
+            continue
+        chosen = np.array([row[track] for track in tracks[places].tolist()])
+        out.append(Aligned(places, point.sidebands.on(reference.picked(places), chosen)))
+    return out, tracks
+
+
+def _rows(point: Point, matches: Matches, number: int) -> dict[int, int]:
+    """The row of the sidebands of a point for each track whose branch is that of its model."""
+    if point.sidebands is None:
+        return {}
+    own = point.sidebands.modes.tolist()
+    return {
+        track: own.index(mode)
+        for track, mode in enumerate(matches.modes[number].tolist())
+        if mode in own and not matches.shifts[number, track] and not matches.mirrored[number, track]
+    }
+
+
+def amounts_without_model(records: Sequence[Aligned | None]) -> list[PeriodicAmount | None]:
+    """The amount of each record whose sidebands are those of nearly all of the response."""
+    return [
+        None if own is None or own.sidebands.shares.sum() < 1.0 - MISSING else own.sidebands.amount() for own in records
+    ]
+
+
+def amounts_along(
+    records: Sequence[Aligned | None], labelled: Aligned, baseline: Mask
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """The amount of the change from the baseline to a labelled record in each record, and its deviation (records,)."""
+    healthy = _mean([own for own, inside in zip(records, baseline, strict=True) if own is not None and inside])
+    out = np.full((2, len(records)), np.nan)
+    for row, own in enumerate(records):
+        if own is None:
+            continue
+        shared = [k for k in own.places.tolist() if k in healthy and k in labelled.places]
+        if shared:
+            here = own.sidebands.picked(np.searchsorted(own.places, shared))
+            there = labelled.sidebands.values[np.searchsorted(labelled.places, shared)]
+            origin = np.array([healthy[k] for k in shared])
+            out[:, row] = here.along(there - origin, origin)
+    return out[0], out[1]
+
+
+def _mean(records: Sequence[Aligned]) -> dict[int, Complexes]:
+    """The mean sidebands of each mode (channels, 2)."""
+    found: dict[int, list[Complexes]] = {}
+    for own in records:
+        for place, values in zip(own.places.tolist(), own.sidebands.values, strict=True):
+            found.setdefault(place, []).append(values)
+    return {place: np.mean(values, axis=0) for place, values in found.items()}
+
+
+def trend_of(x: Floats, values: Floats, std: Floats | None) -> Trend | None:
+    r"""The slope of values over x (records,) by weighted least squares, and its test.
+
+    Without deviations `std` the scatter about the line gives them; with them it widens them where it is larger.
+    """
+    from scipy.special import stdtr
+
+    there = np.isfinite(values) & np.isfinite(x)
+    if there.sum() < FEWEST or np.ptp(x[there]) <= 0.0:
+        return None
+    weights = np.ones(there.sum()) if std is None else std[there] ** -2.0
+    y, t = values[there], x[there] - np.average(x[there], weights=weights)
+    information = float(weights @ t**2)
+    slope = float(weights @ (t * y)) / information
+    rest = y - np.average(y, weights=weights) - slope * t
+    scale = float(weights @ rest**2) / (len(y) - 2)
+    deviation = float(np.sqrt((scale if std is None else max(scale, 1.0)) / information))
+    chance = 2.0 * float(stdtr(len(y) - 2, -abs(slope) / deviation)) if deviation > 0.0 else 1.0
+    return Trend(slope=slope, std=deviation, p_value=chance)
