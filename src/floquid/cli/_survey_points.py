@@ -22,7 +22,7 @@ from floquid.readers import FORMATS, read
 from floquid.shapes import Pairs
 from floquid.surveys import Point, point_of
 
-OF = "floquid survey"
+OF = "floquid survey"  # the command that names files, where no other does
 DIED = "The process that identified it ended at once: is there memory enough? Try --workers 1."
 
 
@@ -35,6 +35,7 @@ class Job:
     values: Mapping[str, float] = field(default_factory=dict)
     saved: bool = False
     pairs: Pairs = ()
+    sidebands: bool = False
     reason: str | None = None  # why nothing can be made of it
 
     def lost(self, reason: str) -> Point:
@@ -42,8 +43,13 @@ class Job:
         return Point(values=self.values, files=tuple(map(str, self.files)), reason=reason)
 
 
-def jobs_of(files: Sequence[Path], choices: Choices, over: str, table: Path | None, pairs: Pairs = ()) -> list[Job]:
-    """The points that files are, by their values: those of the table first, then of the files, then of the clock."""
+def jobs_of(
+    files: Sequence[Path], choices: Choices, over: str | None, table: Path | None, pairs: Pairs = ()
+) -> list[Job]:
+    """The points that files are, by their values: those of the table first, then of the files, then of the clock.
+
+    Without a quantity `over`, each file is a point of its own, and none needs a value.
+    """
     rows = {} if table is None else _rows(table)
     given = [one for file in files for one in _expanded(file, table)] or list(rows)
     check_files(given, OF)
@@ -56,17 +62,17 @@ def jobs_of(files: Sequence[Path], choices: Choices, over: str, table: Path | No
         else:
             jobs.append(job)
     missing = [str(job.files[0]) for job in jobs if not job.saved and job.reason is None and over not in job.values]
-    if missing and over != "speed_rpm":  # which may be found with the angle of the shaft
+    if over is not None and missing and over != "speed_rpm":  # which may be found with the angle of the shaft
         got = f"{', '.join(missing[:3])}{' …' if len(missing) > 3 else ''} has none"
         remedy = f"Add --table points.csv with a column `{over}`, or keep it with the record (`--point {over}=…`)."
         raise input_error("FILES", OF, f"have a value of {over} each", got, remedy)
     return [replace(job, pairs=pairs) for job in jobs]
 
 
-def _is_one(first: Job, second: Job, over: str) -> bool:
+def _is_one(first: Job, second: Job, over: str | None) -> bool:
     """True for records of one operating point: they are hits."""
     alone = first.saved or second.saved or first.reason or second.reason
-    return not alone and over in first.values and first.values.get(over) == second.values.get(over)
+    return over is not None and not alone and over in first.values and first.values.get(over) == second.values.get(over)
 
 
 def _expanded(path: Path, table: Path | None) -> Iterator[Path]:
@@ -187,7 +193,7 @@ def made(job: Job) -> Point:
             else:
                 records, choices = read_records(job.files, job.choices, OF, lambda _: None)
                 analysis = identify(records, choices.resolved())
-            found = point_of(analysis, job.pairs)
+            found = point_of(analysis, job.pairs, sidebands=job.sidebands)
     except Exception as error:  # noqa: BLE001  # one bad point costs one point
         return job.lost(_in_a_line(error))
     return replace(found, values={**found.values, **job.values}, files=tuple(map(str, job.files)))

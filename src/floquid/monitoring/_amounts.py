@@ -24,12 +24,12 @@ class Aligned:
     sidebands: Sidebands
 
 
-def aligned(points: Sequence[Point], matches: Matches, baseline: Mask) -> tuple[list[Aligned | None], Integers]:
-    """Sidebands of each point on the shapes of that point of the baseline that has most, and its modes (places,)."""
+def aligned(points: Sequence[Point], matches: Matches, baseline: Mask) -> list[Aligned | None]:
+    """Sidebands of each point on the shapes of that point of the baseline that has most."""
     rows = [_rows(point, matches, k) for k, point in enumerate(points)]
     first = max(np.flatnonzero(baseline), key=lambda k: len(rows[k]), default=None)
     if first is None or not rows[first]:
-        return [None] * len(points), np.zeros(0, np.int64)
+        return [None] * len(points)
     tracks = np.array(sorted(rows[first]))
     own = points[first].sidebands
     assert own is not None
@@ -42,7 +42,7 @@ def aligned(points: Sequence[Point], matches: Matches, baseline: Mask) -> tuple[
             continue
         chosen = np.array([row[track] for track in tracks[places].tolist()])
         out.append(Aligned(places, point.sidebands.on(reference.picked(places), chosen)))
-    return out, tracks
+    return out
 
 
 def _rows(point: Point, matches: Matches, number: int) -> dict[int, int]:

@@ -68,7 +68,7 @@ class Baseline:
         return (np.abs(self.scaled(covariates)) > 1.0 + LEVEL).any(axis=1)
 
     def leverage(self, covariates: Floats) -> Floats:
-        """d' (D'D)⁻¹ d of all columns that were asked for (records,): beyond one a record says more than the baseline."""
+        """The leverage d' (D'D)⁻¹ d of all columns asked for (records,): above one a record outweighs the baseline."""
         columns = columns_of(self.scaled(covariates), self.asked)
         return np.einsum("ij,jk,ik->i", columns, self.gram, columns)
 
@@ -189,6 +189,13 @@ def squared_limit(degrees: int, rank: int, behind: int, rate: float) -> float:
     return high
 
 
+def one_sided(base: Baseline, rate: float) -> float:
+    """The deviations that one direction exceeds at a rate: Student's where the scatter was estimated."""
+    from scipy.special import ndtri, stdtrit
+
+    return float(stdtrit(base.degrees, 1.0 - rate) if base.rank else ndtri(1.0 - rate))
+
+
 @dataclass(frozen=True, slots=True)
 class Chart:
     """Squared distances of records, of their moving averages, and of these along a direction (records,)."""
@@ -209,8 +216,8 @@ def chart(
     .. math:: T_i^2 = r_i^T (V_i + J_i C J_i^T)^{-1} r_i, \qquad e_i = (1 - a)\, e_{i-1} + a\, r_i
 
     with the covariance of e by all V and by the coefficients that all residuals have in common. `inside` the baseline,
-    from which these were estimated, their covariance is taken off. A missing feature leaves its average as it was. Along
-    a direction v it is the one-sided v' E⁻¹ e/(v' E⁻¹ v)^{1/2}.
+    from which these were estimated, their covariance is taken off. A missing feature leaves its average as it was.
+    Along a direction v it is the one-sided v' E⁻¹ e/(v' E⁻¹ v)^{1/2}.
     """
     sign = -1.0 if inside else 1.0
     count, features = residual.shape

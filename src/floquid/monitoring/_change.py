@@ -31,7 +31,7 @@ class Found:
 def change_of(values: Floats, spread: Floats, columns: Floats, later: Mask, rate: float) -> Found | None:
     r"""The change of features (records, features) that is most likely, among the records that are `later` (records,).
 
-    .. math:: x_i = B d_i + \phi_i \Delta + e_i, \qquad \phi_i = 1 \text{ or } i - k + 1 \text{ from record } k \text{ on}
+    .. math:: x_i = B d_i + \phi_i \Delta + e_i, \qquad \phi_i = 1 \text{ or } i - k + 1 \text{ where } i \ge k
 
     with B and Δ free: the gain in twice the log-likelihood at each k is the score's, Δ̂ = M⁻¹ b. None where noise gives
     the best of them at the `rate`. A ramp's Δ is told as it is at the last record.

@@ -34,9 +34,7 @@ class Regression:
 
 def terms_of(covariates: int, degree: int) -> tuple[Term, ...]:
     """All products of covariates up to a degree, the constant first."""
-    return tuple(
-        term for size in range(degree + 1) for term in combinations_with_replacement(range(covariates), size)
-    )
+    return tuple(term for size in range(degree + 1) for term in combinations_with_replacement(range(covariates), size))
 
 
 def columns_of(covariates: Floats, terms: tuple[Term, ...]) -> Floats:
@@ -73,7 +71,9 @@ def regress(values: Floats, covariance: Floats, columns: Floats) -> Regression:
     return Regression((inverse @ score).reshape(values.shape[1], -1), inverse)
 
 
-def selected(values: Floats, covariance: Floats, covariates: Floats, terms: tuple[Term, ...], level: float) -> list[int]:
+def selected(
+    values: Floats, covariance: Floats, covariates: Floats, terms: tuple[Term, ...], level: float
+) -> list[int]:
     """Places of the terms that tests ask for: the least significant is left out until all that may be are needed.
 
     A term stays as long as one of its products does, and the constant always.
@@ -102,7 +102,7 @@ def _divides(term: Term, other: Term) -> bool:
 
 
 def squared_distances(values: Floats, covariance: Floats) -> tuple[Floats, Integers]:
-    """r' V⁻¹ r of each record and its degrees of freedom (records,); features that are NaN do not count."""
+    """R' V⁻¹ r of each record and its degrees of freedom (records,); features that are NaN do not count."""
     weights = inverses(covariance, values)
     filled = np.nan_to_num(values)
     return np.einsum("ia,iab,ib->i", filled, weights, filled), np.isfinite(values).sum(axis=1)

@@ -27,8 +27,7 @@ def change_words(found: Monitor) -> tuple[str, ...]:
     kind = "at once" if change.kind == "step" else "more and more"
     span = f"record {low}" if low == high else f"records {low} to {high}"
     return (
-        f"It changes {kind} from record {change.index} ({found.files[change.index] or 'no file'}) on; "
-        f"95 % interval: {span}.",
+        f"It changes {kind} from record {change.index} ({_file(found, change.index)}) on; 95 % interval: {span}.",
         f"Carried by {', '.join(feature_change(part) for part in change.carried_by)}.",
     )
 
@@ -46,9 +45,13 @@ def sentences(found: Monitor) -> tuple[str, ...]:
         if first is None:
             out.append(f"No alarm in {counted(looked, 'later record')}.")
         else:
-            file = found.files[first] or "no file"
-            out.append(f"{counted(alarms, 'alarm')} in {counted(looked, 'later record')}, the first at record {first} ({file}).")
+            words = f"{counted(alarms, 'alarm')} in {counted(looked, 'later record')}"
+            out.append(f"{words}, the first at record {first} ({_file(found, first)}).")
     return (*out, *change_words(found), *_periodic(found))
+
+
+def _file(found: Monitor, record: int) -> str:
+    return found.files[record] or "no file"
 
 
 def _periodic(found: Monitor) -> tuple[str, ...]:
@@ -57,12 +60,13 @@ def _periodic(found: Monitor) -> tuple[str, ...]:
     if amounts is None or not np.isfinite(amounts.value).any():
         return ()
     last = int(np.flatnonzero(np.isfinite(amounts.value))[-1])
-    value, low, high = amounts.value[last], amounts.low[last], amounts.high[last]
+    value, low, high = (100.0 * own[last] for own in (amounts.value, amounts.low, amounts.high))
     if amounts.along:
-        words = f"Along the labelled record, record {last} has {value:.3g} ± {amounts.std[last]:.2g} of its change"
+        words = f"Along the labelled record, record {last} has {with_error(value, 100.0 * amounts.std[last])} % of its change"
     else:
         most = f", most in {amounts.carried_by[last]}" if low > 0.0 else ""
-        words = f"Sidebands in record {last}: {100.0 * value:.3g} % of the response (95 %: {100.0 * low:.3g} to {100.0 * high:.3g}){most}"
+        interval = f"95 %: {low:.3g} to {high:.3g}"
+        words = f"Sidebands in record {last}: {value:.3g} % of the response ({interval}){most}"
     trend, out = amounts.trend, [f"{words}."]
     if trend is not None:
         way = "They grow" if trend.slope > 0.0 else "They fall"
@@ -84,9 +88,8 @@ def record_rows(found: Monitor) -> list[tuple[str, ...]]:
             if np.isfinite(charts.directed).any():
                 cells.append(_of(charts.directed[k], charts.directed_limit[k]))
         if amounts is not None:
-            percent = 1.0 if amounts.along else 100.0
-            value = amounts.value[k] * percent
-            cells.append("" if not np.isfinite(value) else f"{value:.3g} ± {amounts.std[k] * percent:.2g}")
+            value, std = 100.0 * amounts.value[k], 100.0 * amounts.std[k]
+            cells.append(with_error(value, std) if np.isfinite(value) else "")
         words = ["baseline"] if found.baseline[k] else ["ALARM"] if found.alarm[k] else []
         if charts is not None and charts.extrapolated[k]:
             words.append(f"extrapolated, leverage {charts.leverage[k]:.2g}")

@@ -1,6 +1,7 @@
 """Readings of mode shapes: whirl of shafts, patterns over the blades of a rotor with names, shares of lines, sidebands.
 
-`sidebands_of` says how periodic a system is. `read_shapes` reads all modes of a result or of a known system; `whirl_of` and `pattern_of` one shape each.
+`sidebands_of` says how periodic a system is.
+`read_shapes` reads all modes of a result or of a known system; `whirl_of` and `pattern_of` one shape each.
 """
 
 from floquid.shapes._arguments import Family as Family

@@ -135,19 +135,20 @@ class Sidebands(Sealed):
         seen, expected = float(weights @ vector**2), float(weights @ np.diag(self.covariance))
         root = np.linalg.cholesky(self.covariance + np.diag(SURE * np.diag(self.covariance)))
         noise = np.random.default_rng(seed).standard_normal((DRAWS, len(vector))) @ root.T
+        enough = max(seen, expected)  # or a sum that noise makes small would leave an empty interval
         across = noise @ (weights * vector) / np.sqrt(max(seen, 1e-300))
-        inside = across**2 + seen - noise**2 @ weights
-        ends = np.sort(np.where(inside > 0.0, np.maximum(np.sqrt(np.maximum(inside, 0.0)) - across, 0.0), 0.0))
-        low, inner, outer, high = np.quantile(ends, [0.5 - 0.5 * confidence, 0.1587, 0.8413, 0.5 + 0.5 * confidence])
+        inside = across**2 + enough - noise**2 @ weights
+        ends = np.where(inside > 0.0, np.maximum(np.sqrt(np.maximum(inside, 0.0)) - across, 0.0), 0.0)
+        low, high = np.quantile(ends, [0.5 - 0.5 * confidence, 0.5 + 0.5 * confidence]).tolist()
         weighted = self.covariance * weights[:, None]
         energy = seen - expected
-        variance = 2.0 * np.sum(weighted * weighted.T) + 4.0 * max(energy, 0.0) * across.var()
+        error = float(np.sqrt(2.0 * np.sum(weighted * weighted.T) + 4.0 * max(energy, 0.0) * across.var()))
         parts = (self.weights * (vector**2 - np.diag(self.covariance))).reshape(2, *self.values.shape).sum(axis=(0, 2))
         mode, side = np.unravel_index(int(parts.argmax()), parts.shape)
         statistic = wald_rise(vector, self.covariance)
         return PeriodicAmount(
-            value=float(np.sqrt(max(energy, 0.0))), std=float(0.5 * (outer - inner)), interval=(float(low), float(high)),
-            energy=energy, energy_std=float(np.sqrt(variance)), p_value=float(chdtrc(len(vector), statistic)),
+            value=float(np.sqrt(max(energy, 0.0))), std=error / (2.0 * float(np.sqrt(max(energy, 0.5 * error)))),
+            interval=(low, high), energy=energy, energy_std=error, p_value=float(chdtrc(len(vector), statistic)),
             mode=int(self.modes[mode]), harmonic=SIDES[side],
         )  # fmt: skip
 

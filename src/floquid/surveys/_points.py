@@ -95,7 +95,8 @@ def check_periods(points: Sequence[Point]) -> None:
         return
     off = np.flatnonzero(np.abs(turns / np.median(turns) - 1.0) > APART)
     if len(off):
-        got = f"{_names(points, [known[off[0]]])} has one of {turns[off[0]]:.4g} revolutions, and most {np.median(turns):.4g}"
+        one = _names(points, [known[off[0]]])
+        got = f"{one} has one of {turns[off[0]]:.4g} revolutions, and most {np.median(turns):.4g}"
         remedy = "Identify all records with the period of the same part of a revolution: exponents are known modulo iω."
         raise input_error("results", OF, "have periods of one part of a revolution", got, remedy)
 

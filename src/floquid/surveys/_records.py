@@ -91,7 +91,7 @@ def match_records(points: Sequence[Point], baseline: Mask, near: Floats) -> Matc
 
 
 def matches_of(survey: Survey) -> Matches:
-    """The modes of the points of a `survey` by its tracks; those that are weak, or two real multipliers, are missing."""
+    """Modes of the points of a `survey` by its tracks; those that are weak, or two real multipliers, are missing."""
     shape = (len(survey.points), len(survey.tracks))
     exponents, modes = np.full(shape, complex(np.nan, np.nan)), np.full(shape, -1)
     shifts, mirrored = np.zeros(shape, np.int64), np.zeros(shape, bool)
