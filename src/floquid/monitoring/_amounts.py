@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Indices, Integers, Mask
+from floquid.fit import RARE
 from floquid.monitoring._types import Trend
 from floquid.shapes import PeriodicAmount, Sidebands
 from floquid.surveys import Matches, Point
@@ -64,21 +65,48 @@ def amounts_without_model(records: Sequence[Aligned | None]) -> list[PeriodicAmo
     ]
 
 
-def amounts_along(
-    records: Sequence[Aligned | None], labelled: Aligned, baseline: Mask
-) -> tuple[Floats, Floats]:  # fmt: skip
-    """The amount of the change from the baseline to a labelled record in each record, and its deviation (records,)."""
-    healthy = _mean([own for own, inside in zip(records, baseline, strict=True) if own is not None and inside])
+@dataclass(frozen=True, slots=True)
+class Template:
+    """The change of the sidebands that is looked for, by the place of the mode, and sidebands without it."""
+
+    changes: dict[int, Complexes]
+    origins: dict[int, Complexes]
+    measured: Sidebands | None  # whose noise is in the changes
+    places: Integers
+
+
+def template_of(records: Sequence[Aligned | None], labelled: Sequence[Aligned], baseline: Mask) -> Template | None:
+    """The change from a healthy to a damaged result, or from the baseline to one; None where it is below its noise."""
+    origins = _mean([own for own, inside in zip(records, baseline, strict=True) if own is not None and inside])
+    damaged = labelled[-1]
+    if len(labelled) > 1:
+        origin = dict(zip(labelled[0].places.tolist(), labelled[0].sidebands.values, strict=True))
+    else:
+        origin = origins
+    shared = [k for k in damaged.places.tolist() if k in origin and k in origins]
+    if not shared:
+        return None
+    own = damaged.sidebands.picked(np.searchsorted(damaged.places, shared))
+    changes = own.values - np.array([origin[k] for k in shared])
+    measured = own if own.covariance.any() else None
+    if measured is not None and measured.chance(changes) > RARE:
+        return None
+    return Template(dict(zip(shared, changes, strict=True)), origins, measured, np.array(shared))
+
+
+def amounts_along(records: Sequence[Aligned | None], template: Template) -> tuple[Floats, Floats]:
+    """The amount of a template in each record, and its deviation (records,)."""
     out = np.full((2, len(records)), np.nan)
     for row, own in enumerate(records):
-        if own is None:
+        shared = [] if own is None else [k for k in own.places.tolist() if k in template.changes]
+        if own is None or not shared:
             continue
-        shared = [k for k in own.places.tolist() if k in healthy and k in labelled.places]
-        if shared:
-            here = own.sidebands.picked(np.searchsorted(own.places, shared))
-            there = labelled.sidebands.values[np.searchsorted(labelled.places, shared)]
-            origin = np.array([healthy[k] for k in shared])
-            out[:, row] = here.along(there - origin, origin)
+        here = own.sidebands.picked(np.searchsorted(own.places, shared))
+        changes, origin = (np.array([of[k] for k in shared]) for of in (template.changes, template.origins))
+        spread = None
+        if template.measured is not None:
+            spread = template.measured.picked(np.searchsorted(template.places, shared)).covariance
+        out[:, row] = here.along(changes, origin, spread)
     return out[0], out[1]
 
 

@@ -43,8 +43,7 @@ def common(matches: Matches, healthy: Mask, warnings: list[str]) -> Matches:
 
 def features_of(work: Work) -> Features:
     """Parts of the exponents of the modes; those without deviations, as of real multipliers one, are none."""
-    every = work.points if work.labelled is None else (*work.points, work.labelled)
-    exponents, covariance = work.matches.exponents, work.matches.covariance(every)
+    exponents, covariance = work.matches.exponents, work.matches.covariance(work.every)
     count = exponents.shape[1]
     usable = np.flatnonzero(work.healthy & np.isfinite(exponents[: len(work.points)]).any(axis=1))
     names, units, parts = [], [], []
@@ -82,11 +81,15 @@ def direction_of(work: Work, features: Features, base: Baseline) -> Floats | Non
             must = f"hold the changes of the {len(features.names)} features ({', '.join(features.names)})"
             raise input_error("direction", OF, must, f"has the shape {work.along.shape}")
         return work.along
-    if work.labelled is None:
+    if not work.labelled:
         return None
+    rows = features.values[len(work.points) :]
+    damaged, which = rows[-1], work.labelled[-1]
+    if len(rows) > 1:
+        return np.nan_to_num(damaged - rows[0])
     varying = work.varying(work.healthy)
-    own = np.array([[work.labelled.values.get(name, np.nan) for name in work.names]])[:, varying]
-    if not np.isfinite(own).all() or not np.isfinite(features.values[-1]).any():
-        must, got = "have the covariates and modes of the baseline", f"{file_of(work.labelled)} has not"
+    own = np.array([[which.values.get(name, np.nan) for name in work.names]])[:, varying]
+    if not np.isfinite(own).all() or not np.isfinite(damaged).any():
+        must, got = "have the covariates and modes of the baseline", f"{file_of(which)} has not"
         raise input_error("direction", OF, must, got, "Identify it as the other records, with its operating point.")
-    return np.nan_to_num(features.values[-1] - base.regression.predicted(base.columns(own))[0])
+    return np.nan_to_num(damaged - base.regression.predicted(base.columns(own))[0])

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from floquid._arrays import Floats, Indices, Mask
 from floquid._checks import counted, input_error, integer, positive
 from floquid.fit import WITHIN
-from floquid.monitoring._amounts import Aligned, aligned, amounts_along, amounts_without_model, trend_of
+from floquid.monitoring._amounts import aligned, amounts_along, amounts_without_model, template_of, trend_of
 from floquid.monitoring._baseline import Baseline, Chart, chart, fit_baseline, one_sided
 from floquid.monitoring._change import change_of
 from floquid.monitoring._features import Features, common, direction_of, features_of, tell_missing
@@ -26,6 +26,7 @@ from floquid.monitoring._work import (
     covariates_of,
     errors_of,
     is_array,
+    labelled_of,
     mask_of,
     ordered,
     reordered,
@@ -82,8 +83,9 @@ def monitor(
     rate
         False alarms of each chart at each record.
     direction
-        A result of the machine with a damage to look for, or the change of the features by it (features,): one-sided
-        charts look along it. A result also is the template of a periodic amount.
+        The damage to look for, along which one-sided charts look: a result of a damaged machine, results or modes of
+        known systems (healthy, damaged), or an array of the changes of the features (features,). All but the array say
+        what it does to sidebands, too.
     over
         The quantity by which records are ordered and drawn, "days" say; None for their order as given.
     """
@@ -95,15 +97,15 @@ def monitor(
         raise input_error("results", OF, "hold a result", "none was given", "Pass what `identify` gave of each record.")
     points, order = ordered(given, over)
     healthy = mask_of(baseline, len(points))
-    labelled = None if direction is None or is_array(direction) else as_record(direction)
+    labelled = labelled_of(direction)
     names = covariates_of(points, healthy, covariates)
     if isinstance(results, Survey):
         matches = reordered(matches_of(results), order)
-        if labelled is not None:
+        if labelled:
             got = "is a result, and `results` is a survey"
             raise input_error("direction", OF, "be features here", got, "Pass the results themselves, not the survey.")
     else:
-        every = points if labelled is None else (*points, labelled)
+        every = (*points, *labelled)
         inside = np.arange(len(every)) < len(points)
         inside[: len(points)] = healthy
         matches = match_records(every, inside, standard(conditions_of(every, names), inside))
@@ -128,7 +130,7 @@ def _monitored(work: Work, over: str, warnings: list[str]) -> Monitor:
         charts, change, alarm = None, None, np.zeros(count, bool)
         if work.given:
             charts, change, alarm = _charted(work, reasons, warnings)
-        amounts = amounts_of(work)
+        amounts = amounts_of(work, warnings)
         if amounts is not None:
             with np.errstate(invalid="ignore"):
                 alarm |= ~work.healthy & (amounts.average > amounts.average_limit)
@@ -260,18 +262,18 @@ def _change(
     return Change(index=found.index, interval=found.interval, kind=found.kind, gain=found.gain, carried_by=parts)
 
 
-def amounts_of(work: Work) -> Amounts | None:
-    """How periodic each record is: along the labelled record, or without a model."""
-    every = work.points if work.labelled is None else (*work.points, work.labelled)
-    healthy = np.append(work.healthy, False) if work.labelled is not None else work.healthy
-    found = aligned(every, work.matches, healthy)
-    records = found[: len(work.points)]
+def amounts_of(work: Work, warnings: list[str]) -> Amounts | None:
+    """How periodic each record is: along what is looked for, or without a model."""
+    inside = np.arange(len(work.every)) < len(work.points)
+    inside[: len(work.points)] = work.healthy
+    found = aligned(work.every, work.matches, inside)
+    records, labelled = found[: len(work.points)], [own for own in found[len(work.points) :] if own is not None]
     if not any(own is not None for own in records):
         return None
-    if work.labelled is not None and work.given:
-        last = found[-1]
-        if last is not None:
-            return _along(work, records, last)
+    if work.labelled and work.given:
+        if len(labelled) == len(work.labelled) and (template := template_of(records, labelled, work.healthy)):
+            return _along(work, *amounts_along(records, template))
+        warnings.append("The sidebands of what is looked for do not rise above their noise: amounts are without it.")
     made = amounts_without_model(records)
     nothing = np.full(len(records), np.nan)
     rows = [[np.nan] * 4 if own is None else [own.value, own.std, *own.interval] for own in made]
@@ -287,9 +289,8 @@ def amounts_of(work: Work) -> Amounts | None:
     )  # fmt: skip
 
 
-def _along(work: Work, records: Sequence[Aligned | None], labelled: Aligned) -> Amounts:
-    """Amounts along a labelled record less what the baseline says of the covariates, with a one-sided chart."""
-    seen, deviation = amounts_along(records, labelled, work.healthy)
+def _along(work: Work, seen: Floats, deviation: Floats) -> Amounts:
+    """Amounts (records,) less what the baseline says of the covariates, with a one-sided chart."""
     known = np.isfinite(seen) & np.isfinite(work.conditions).all(axis=1)
     inside = work.healthy & known
     values, covariance = np.where(known, seen, np.nan)[:, None], np.nan_to_num(deviation**2)[:, None, None]
@@ -299,7 +300,7 @@ def _along(work: Work, records: Sequence[Aligned | None], labelled: Aligned) -> 
     columns = base.columns(conditions)
     spread = base.spread(covariance, conditions, errors)
     residual = values - base.regression.predicted(columns)
-    average = np.full(len(records), np.nan)
+    average = np.full(len(work.points), np.nan)
     later = np.flatnonzero(~work.healthy & known & ~elsewhere & (base.leverage(conditions) <= 1.0))
     one = chart(base, residual[later], spread[later], columns[later], inside=False, memory=MEMORY, direction=np.ones(1))
     average[later] = one.directed

@@ -62,7 +62,8 @@ def _periodic(found: Monitor) -> tuple[str, ...]:
     last = int(np.flatnonzero(np.isfinite(amounts.value))[-1])
     value, low, high = (100.0 * own[last] for own in (amounts.value, amounts.low, amounts.high))
     if amounts.along:
-        words = f"Along the labelled record, record {last} has {with_error(value, 100.0 * amounts.std[last])} % of its change"
+        share = with_error(value, 100.0 * amounts.std[last])
+        words = f"Sidebands in record {last} have {share} % of the change that is looked for"
     else:
         most = f", most in {amounts.carried_by[last]}" if low > 0.0 else ""
         interval = f"95 %: {low:.3g} to {high:.3g}"

@@ -27,7 +27,7 @@ class Work:
     """What is compared with what."""
 
     points: tuple[Point, ...]
-    labelled: Point | None
+    labelled: tuple[Point, ...]
     matches: Matches
     healthy: Mask
     names: tuple[str, ...]
@@ -37,6 +37,11 @@ class Work:
     given: bool
     along: Floats | None
     x: Floats
+
+    @property
+    def every(self) -> tuple[Point, ...]:
+        """The records, then those that say what is looked for."""
+        return (*self.points, *self.labelled)
 
     def varying(self, inside: Mask) -> Mask:
         """True of covariates that vary over records that are `inside` (covariates,)."""
@@ -49,8 +54,16 @@ def as_record(one: Any) -> Point:
     return point_of(loaded, sidebands=True)
 
 
+def labelled_of(direction: Any) -> tuple[Point, ...]:
+    """The results that say what is looked for: one of the damaged machine, or a healthy and a damaged one."""
+    if direction is None or is_array(direction):
+        return ()
+    return tuple(as_record(one) for one in (direction if isinstance(direction, tuple) else (direction,)))
+
+
 def is_array(direction: Any) -> bool:
-    return isinstance(direction, (np.ndarray, list, tuple))
+    """True where a direction is numbers."""
+    return isinstance(direction, (np.ndarray, list))
 
 
 def ordered(points: Sequence[Point], over: str | None) -> tuple[tuple[Point, ...], np.ndarray]:

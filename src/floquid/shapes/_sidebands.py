@@ -121,6 +121,13 @@ class Sidebands(Sealed):
             channels=self.channels,
         )  # fmt: skip
 
+    def chance(self, values: Complexes) -> float:
+        """The probability of `values` (modes, channels, 2) under noise alone, by χ² with the joint covariance."""
+        from scipy.special import chdtrc
+
+        vector = np.concatenate([values.real.ravel(), values.imag.ravel()])
+        return float(chdtrc(len(vector), wald_rise(vector, self.covariance)))
+
     def amount(self, *, confidence: float = 0.95, seed: int = 0) -> PeriodicAmount:
         r"""The amount of the sidebands, without a model.
 
@@ -129,8 +136,6 @@ class Sidebands(Sealed):
         K are weights, shares of modes over the energy of their main lines. The interval holds each a whose response
         a û + ε has a sum of squares like that seen, û the direction seen and ε noise drawn from Σ.
         """
-        from scipy.special import chdtrc
-
         vector, weights = self.vector, self.weights
         seen, expected = float(weights @ vector**2), float(weights @ np.diag(self.covariance))
         root = np.linalg.cholesky(self.covariance + np.diag(SURE * np.diag(self.covariance)))
@@ -145,21 +150,24 @@ class Sidebands(Sealed):
         error = float(np.sqrt(2.0 * np.sum(weighted * weighted.T) + 4.0 * max(energy, 0.0) * across.var()))
         parts = (self.weights * (vector**2 - np.diag(self.covariance))).reshape(2, *self.values.shape).sum(axis=(0, 2))
         mode, side = np.unravel_index(int(parts.argmax()), parts.shape)
-        statistic = wald_rise(vector, self.covariance)
         return PeriodicAmount(
             value=float(np.sqrt(max(energy, 0.0))), std=error / (2.0 * float(np.sqrt(max(energy, 0.5 * error)))),
-            interval=(low, high), energy=energy, energy_std=error, p_value=float(chdtrc(len(vector), statistic)),
+            interval=(low, high), energy=energy, energy_std=error, p_value=self.chance(self.values),
             mode=int(self.modes[mode]), harmonic=SIDES[side],
         )  # fmt: skip
 
-    def along(self, template: Complexes, origin: Complexes | None = None) -> tuple[float, float]:
+    def along(
+        self, template: Complexes, origin: Complexes | None = None, spread: Floats | None = None
+    ) -> tuple[float, float]:
         r"""The amount of a `template` t (modes, channels, 2) in the sidebands less an `origin`, and its deviation.
 
-        .. math:: \hat\delta = \frac{t^T \Sigma^{-1} s}{t^T \Sigma^{-1} t}, \qquad
-                  \mathrm{var}\,\hat\delta = \frac{1}{t^T \Sigma^{-1} t}
+        .. math:: \hat\delta = \frac{t^T \Sigma^{-1} s}{t^T \Sigma^{-1} t - \mathrm{tr}\, \Sigma^{-1} \Sigma_t},
+                  \qquad \mathrm{std}\,\hat\delta = \frac{(t^T \Sigma^{-1} t)^{1/2}}
+                  {t^T \Sigma^{-1} t - \mathrm{tr}\, \Sigma^{-1} \Sigma_t}
 
-        with the joint covariance: that of each sideband alone makes the deviation too small. Raises InputError where
-        the template has another shape.
+        with the joint covariance: that of each sideband alone makes the deviation too small. `spread` is the covariance
+        Σ_t of a template that was measured, which would make the amount too small. Both are NaN where the template is
+        below its noise. Raises InputError where the template has another shape.
         """
         if np.shape(template) != self.values.shape:
             got = f"has {np.shape(template)}"
@@ -168,16 +176,22 @@ class Sidebands(Sealed):
         direction = np.concatenate([np.real(template).ravel(), np.imag(template).ravel()])
         values = self.values if origin is None else self.values - origin
         vector = np.concatenate([values.real.ravel(), values.imag.ravel()])
-        information = float(direction @ inverse @ direction)
-        return float(direction @ inverse @ vector) / information, information**-0.5
+        whole = float(direction @ inverse @ direction)
+        information = whole if spread is None else whole - float(np.sum(inverse * spread))
+        if information <= 0.0:
+            return np.nan, np.nan
+        return float(direction @ inverse @ vector) / information, whole**0.5 / information
 
 
 def sidebands_of(result: Analysis | PeriodicModel) -> Sidebands | None:
-    """Sidebands of the modes of a `result` of `identify`; None where it has no estimates of them, or too many."""
+    """Sidebands of the modes of a `result`; None where it has no estimates of them, or too many for a covariance.
+
+    Those of a known system, which has no deviations, are exact.
+    """
     model = result.model if isinstance(result, Analysis) else result
     whole = model.unselected
     if whole is None:
-        return None
+        return _exact(model) if model.covariance is None else None
     terms, rows = _terms(whole)
     channels = len(model.channels)
     if not len(rows) or len(rows) * channels * len(SIDES) > LARGEST:
@@ -210,6 +224,25 @@ def sidebands_of(result: Analysis | PeriodicModel) -> Sidebands | None:
         noise=noise,
         channels=tuple(channel.name for channel in model.channels),
     )
+
+
+def _exact(model: PeriodicModel) -> Sidebands | None:
+    """Sidebands of a known system: one of each conjugate pair."""
+    places = [np.flatnonzero(model.harmonics == m) for m in (-1, 0, 1)]
+    modes = np.array([mode for mode in model.upper_modes if not model.real[mode]], np.int64)
+    if not all(map(len, places)) or not len(modes):
+        return None
+    lower, main, upper = (model.coefficients[modes][:, :, 0, place[0]] for place in places)
+    noise = np.ones(main.shape[1])
+    shapes = _shapes(main[:, :, None], np.ones((len(modes), 1)), noise)
+    strongest = np.abs(main).argmax(axis=1)
+    factors = main[np.arange(len(modes)), strongest][:, None]
+    sizes = np.sum(np.abs(main) ** 2, axis=1)
+    values = np.stack([lower / factors, upper / factors], axis=2)
+    return Sidebands(
+        modes=modes, shapes=shapes, values=values, covariance=np.zeros((2 * values.size, 2 * values.size)),
+        shares=sizes / sizes.sum(), noise=noise, channels=tuple(channel.name for channel in model.channels),
+    )  # fmt: skip
 
 
 def _terms(whole: Estimates) -> tuple[Integers, Integers]:
