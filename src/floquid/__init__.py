@@ -34,8 +34,8 @@ __all__ = [
     "Analysis", "AzimuthSignal", "Bootstrap", "Channel", "ConstantPeriod", "FloquidError", "IdentificationError",
     "InputError", "Monitor", "PeriodicModel", "PulseTimes", "Record", "Refinement", "Settings", "StateModel", "Survey",
     "TachometerSignal", "bootstrap", "export_modes", "fit_transfer", "floquet", "from_pandas", "from_sep005",
-    "from_xarray", "identify", "load", "measure_transfer", "monitor", "multisine", "read", "read_shapes", "reconstruct", "refine",
-    "report", "save", "survey", "systems", "to_pandas", "to_sep005", "to_xarray", "write",
+    "from_xarray", "identify", "load", "measure_transfer", "monitor", "multisine", "read", "read_shapes",
+    "reconstruct", "refine", "report", "save", "survey", "systems", "to_pandas", "to_sep005", "to_xarray", "write",
 ]  # fmt: skip
 
 _ROOMS = {

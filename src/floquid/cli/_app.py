@@ -28,6 +28,7 @@ from floquid.cli._floquet import floquet
 from floquid.cli._floquet_output import print_stability
 from floquid.cli._identify import identify, report
 from floquid.cli._info import info
+from floquid.cli._monitor import monitor, print_monitor
 from floquid.cli._multisine import multisine
 from floquid.cli._records import convert
 from floquid.cli._scan import print_orders, scan
@@ -36,6 +37,7 @@ from floquid.cli._survey import print_survey, survey
 from floquid.cli._terminal import plain, print_found, terminal
 from floquid.cli._transfer import transfer
 from floquid.floquet import FloquetModes, stability
+from floquid.monitoring import Monitor
 from floquid.order import OrderScan
 from floquid.pipeline import Analysis, Bootstrap
 from floquid.surveys import Survey
@@ -58,6 +60,7 @@ app.command(info, usage="Usage: floquid info FILE [OPTIONS]")
 app.command(convert, usage="Usage: floquid convert FILE OUT [OPTIONS]")
 app.command(identify, usage="Usage: floquid identify FILES... [OPTIONS]")
 app.command(survey, usage="Usage: floquid survey FILES... [OPTIONS]")
+app.command(monitor, usage="Usage: floquid monitor FILES... --baseline FIRST:END [OPTIONS]")
 app.command(transfer, usage="Usage: floquid transfer FILES... --inputs NAMES [OPTIONS]")
 app.command(multisine, usage="Usage: floquid multisine --period T --rate HZ [OPTIONS]")
 app.command(scan, usage="Usage: floquid scan FILES... [OPTIONS]")
@@ -100,7 +103,7 @@ def _end(message: str, code: int) -> int:
 
 
 def text_of(
-    result: Analysis | Bootstrap | OrderScan | FloquetModes | Survey,
+    result: Analysis | Bootstrap | OrderScan | FloquetModes | Survey | Monitor,
     *,
     speed_unit: SpeedUnit = "hz",
     damping_unit: DampingUnit = "percent",
@@ -124,4 +127,6 @@ def text_of(
             print_stability(console, result, stability(result))
         case Survey():
             print_survey(console, result)
+        case Monitor():
+            print_monitor(console, result)
     return "\n".join(line.rstrip() for line in file.getvalue().strip("\n").splitlines())

@@ -70,6 +70,12 @@ _OPTIONS = {
     "load": {"path": "`RESULT`"},
     "report": {"analysis": "`RESULT`", "path": "`--out`", "brief": "`--brief`"},
     **{f"Analysis.{name}": {"self": "The result"} for name in ("transfer", "lifted")},
+    "monitor": {
+        "results": "`FILES`",
+        "rate": "`--false-alarms`",
+        "direction": "`--like`",
+        **_alike("baseline", "covariates", "degree", "over"),
+    },
     "survey": {"results": "`FILES`", **_alike("gap", "confidence")},
     "bootstrap": {"analysis": "`RESULT`", **_alike("draws", "seed", "workers", "whole")},
     "save_figures": {"folder": "`--out`"},

@@ -49,6 +49,8 @@ RecordFile = Annotated[Path, Parameter(converter=_path, help=f"The record: {SUFF
 _FILES = f"Records of one system, {SUFFIXES}: several files are several hits, or runs."
 RecordFiles = Annotated[Path, Parameter(converter=_path, help=_FILES)]
 _OF_SURVEYS = f"Records ({SUFFIXES}), results of `floquid identify`, or folders of such, at several operating points."
+_OF_MONITORS = f"Results of `floquid identify`, records ({SUFFIXES}), or folders of such, one a record, in order."
+MonitorFiles = Annotated[Path, Parameter(converter=_path, help=_OF_MONITORS)]
 SurveyFiles = Annotated[Path, Parameter(converter=_path, help=_OF_SURVEYS)]
 NewRecordFile = Annotated[
     Path, Parameter(converter=_path, help=f"The file to write; its suffix chooses the format: {WRITTEN}.")

@@ -28,7 +28,7 @@ class Aligned:
 def aligned(points: Sequence[Point], matches: Matches, baseline: Mask) -> list[Aligned | None]:
     """Sidebands of each point on the shapes of that point of the baseline that has most."""
     rows = [_rows(point, matches, k) for k, point in enumerate(points)]
-    first = max(np.flatnonzero(baseline), key=lambda k: len(rows[k]), default=None)
+    first = max(np.flatnonzero(baseline).tolist(), key=lambda k: len(rows[k]), default=None)
     if first is None or not rows[first]:
         return [None] * len(points)
     tracks = np.array(sorted(rows[first]))

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from floquid._arrays import Floats, Mask
-from floquid.fit import chi2_limit
+from floquid.fit import ROUNDING, chi2_limit, scaled_inverse
 from floquid.monitoring._least_squares import (
     Regression,
     Term,
@@ -65,7 +65,8 @@ class Baseline:
 
     def extrapolated(self, covariates: Floats) -> Mask:
         """True outside the range of a covariate in the baseline (records,)."""
-        return (np.abs(self.scaled(covariates)) > 1.0 + LEVEL).any(axis=1)
+        outside: Mask = np.abs(self.scaled(covariates)) > 1.0 + ROUNDING
+        return np.asarray(outside.any(axis=1))
 
     def leverage(self, covariates: Floats) -> Floats:
         """The leverage d' (D'D)⁻¹ d of all columns asked for (records,): above one a record outweighs the baseline."""
@@ -107,7 +108,7 @@ def fit_baseline(values: Floats, covariance: Floats, covariates: Floats, std: Fl
         scatter=scatter,
         rank=rank,
         degrees=degrees,
-        gram=np.linalg.pinv(columns.T @ columns),
+        gram=scaled_inverse(columns.T @ columns),
     )
 
 

@@ -11,7 +11,7 @@ from floquid._arrays import Floats, Integers, Mask
 from floquid.fit import chi2_limit, scaled_inverse
 from floquid.monitoring._least_squares import inverses, regress
 
-ENDS = {"step": 7.35, "ramp": 3.84}
+ENDS: dict[Literal["step", "ramp"], float] = {"step": 7.35, "ramp": 3.84}
 """Twice the logarithm of the likelihood by which the 95 % interval falls below its largest: of a step that of a jump
 (Hansen 2000, p. 582), of a ramp that of a smooth parameter (χ² of one)."""
 
@@ -74,7 +74,7 @@ def change_of(values: Floats, spread: Floats, columns: Floats, later: Mask, rate
             inverse = scaled_inverse(own - cross @ regression.covariance @ cross.T)
             gains[row], sizes[row], covariances[row] = score @ inverse @ score, inverse @ score, inverse
         best[kind] = gains, sizes, covariances
-    kind: Literal["step", "ramp"] = "ramp" if best["ramp"][0].max() > best["step"][0].max() else "step"
+    kind = "ramp" if best["ramp"][0].max() > best["step"][0].max() else "step"
     gains, sizes, covariances = best[kind]
     if gains.max() < limit:
         return None

@@ -78,9 +78,20 @@ def _periodic(found: Monitor) -> tuple[str, ...]:
     return tuple(out)
 
 
+def record_heads(found: Monitor) -> list[str]:
+    """Names of the columns of `record_rows` of `found`."""
+    names = ["record", "file"]
+    if found.charts is not None:
+        names += ["T² of limit", "average of limit"]
+        names += ["directed of limit"] if np.isfinite(found.charts.directed).any() else []
+    if found.amounts is not None:
+        names.append("of the change [%]" if found.amounts.along else "sidebands [%]")
+    return [*names, ""]
+
+
 def record_rows(found: Monitor) -> list[tuple[str, ...]]:
     """Rows of all records of `found`: number, file, T², average, amount, and what is to be said of it."""
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for k, file in enumerate(found.files):
         charts, amounts = found.charts, found.amounts
         cells = [str(k), file]
