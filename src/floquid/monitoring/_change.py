@@ -81,7 +81,10 @@ def change_of(values: Floats, spread: Floats, columns: Floats, later: Mask, rate
     at = int(gains.argmax())
     inside = places[gains > gains[at] - ENDS[kind]]
     length = float(places[-1] - places[at] + 1) if kind == "ramp" else 1.0
+    # Before the first there may be records that are not used: it may have begun at the one after the last that is.
+    before = np.flatnonzero(used[: inside[0]])
+    begin = int(before[-1]) + 1 if len(before) else int(inside[0])
     return Found(
-        index=int(places[at]), interval=(int(inside[0]), int(inside[-1])), kind=kind, gain=float(gains[at]),
+        index=int(places[at]), interval=(begin, int(inside[-1])), kind=kind, gain=float(gains[at]),
         size=length * sizes[at], covariance=length**2 * covariances[at],
     )  # fmt: skip

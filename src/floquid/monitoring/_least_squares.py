@@ -8,7 +8,7 @@ from itertools import combinations_with_replacement
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid.fit import scaled_inverse, wald_rise
+from floquid.fit import HALF_DIGITS, scaled_inverse, wald_rise
 
 Term = tuple[int, ...]
 """The covariates whose product a column is: (0, 1) is the first times the second, () the constant."""
@@ -52,13 +52,18 @@ def slopes_of(covariates: Floats, terms: tuple[Term, ...]) -> Floats:
 
 
 def inverses(covariance: Floats, there: Complexes | Floats) -> Floats:
-    """Inverses of the covariances of features (records, features, features), zero where one is not `there`."""
+    """Inverses of the covariances of features (records, features, features), zero where one is not `there`.
+
+    Directions without variance are left out: a record that determines a coefficient alone has no residual.
+    """
     known = np.isfinite(there)
     both = known[:, :, None] & known[:, None, :]
     filled = np.where(both, covariance, 0.0) + np.where(known[:, None, :], 0.0, 1.0) * np.eye(there.shape[1])
-    scale = np.sqrt(np.diagonal(filled, axis1=1, axis2=2))
+    scale = np.sqrt(np.maximum(np.diagonal(filled, axis1=1, axis2=2), np.finfo(float).tiny))
     scales = scale[:, :, None] * scale[:, None, :]
-    return np.where(both, np.linalg.inv(filled / scales) / scales, 0.0)
+    sizes, axes = np.linalg.eigh(filled / scales)
+    weights = np.divide(1.0, sizes, out=np.zeros_like(sizes), where=sizes > HALF_DIGITS)
+    return np.where(both, (axes * weights[:, None, :]) @ axes.swapaxes(1, 2) / scales, 0.0)
 
 
 def regress(values: Floats, covariance: Floats, columns: Floats) -> Regression:

@@ -108,7 +108,7 @@ def monitor(
         every = (*points, *labelled)
         inside = np.arange(len(every)) < len(points)
         inside[: len(points)] = healthy
-        matches = match_records(every, inside, standard(conditions_of(every, names), inside))
+        matches = match_records(every, inside, standard(conditions_of(every, names), inside), OF)
     warnings: list[str] = []
     work = Work(
         points=points, labelled=labelled, matches=common(matches, healthy, warnings), healthy=healthy, names=names,

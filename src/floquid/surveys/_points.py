@@ -87,7 +87,7 @@ def _names(points: Sequence[Point], of: Sequence[Point]) -> str:
     return "; ".join(", ".join(point.files) or f"result {points.index(point) + 1}" for point in of)
 
 
-def check_periods(points: Sequence[Point]) -> None:
+def check_periods(points: Sequence[Point], of: str = OF) -> None:
     """Refuse periods that are not the same part of a revolution: exponents are known modulo iω."""
     known = [point for point in points if point.model is not None and point.values.get("speed_rpm", 0.0) > 0.0]
     turns = np.array([point.model.period * point.values["speed_rpm"] / 60.0 for point in known if point.model])
@@ -98,7 +98,7 @@ def check_periods(points: Sequence[Point]) -> None:
         one = _names(points, [known[off[0]]])
         got = f"{one} has one of {turns[off[0]]:.4g} revolutions, and most {np.median(turns):.4g}"
         remedy = "Identify all records with the period of the same part of a revolution: exponents are known modulo iω."
-        raise input_error("results", OF, "have periods of one part of a revolution", got, remedy)
+        raise input_error("results", of, "have periods of one part of a revolution", got, remedy)
 
 
 def one_hit(modes: PeriodicModel | FloquetModes) -> PeriodicModel:
@@ -128,7 +128,7 @@ def one_hit(modes: PeriodicModel | FloquetModes) -> PeriodicModel:
     )
 
 
-def objects_of(points: Sequence[Point]) -> list[list[Seen]]:
+def objects_of(points: Sequence[Point], of: str = OF) -> list[list[Seen]]:
     """The objects of each point, shapes in the channels that all points have, over the noise of each."""
     models = [point.model for point in points if point.model is not None]
     names = [[channel.name for channel in model.channels] for model in models]
@@ -136,7 +136,7 @@ def objects_of(points: Sequence[Point]) -> list[list[Seen]]:
     if names and len(common) < min(2, max(map(len, names))):
         got = f"share {common[0] if common else 'none'}"
         remedy = "Record the same channels at every point, or name them alike: `--channels`, `--names`."
-        raise input_error("results", OF, "have two channels in common at least", got, remedy)
+        raise input_error("results", of, "have two channels in common at least", got, remedy)
     reach = max((int(np.abs(model.harmonics).max()) for model in models), default=0) + SHIFTS
     weights = _weights(models, common)
     return [[] if point.model is None else _objects(point, common, weights, reach) for point in points]

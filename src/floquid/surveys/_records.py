@@ -54,17 +54,18 @@ class Matches(Sealed):
         return out
 
 
-def match_records(points: Sequence[Point], baseline: Mask, near: Floats) -> Matches:
+def match_records(points: Sequence[Point], baseline: Mask, near: Floats, of: str) -> Matches:
     """Match the modes of `points` with those of the `baseline` (records,), by shapes and exponents.
 
     Each record is compared with the record of the baseline that is nearest to it in `near` (records, quantities), as
     far as that has the mode; the baseline is gone through from its middle outwards. Weak modes, results that fail and
-    two real multipliers in place of a pair count as missing.
+    two real multipliers in place of a pair count as missing. Raises InputError in the words of the caller `of`, where
+    periods or channels do not fit.
     """
-    check_periods(points)
+    check_periods(points, of)
     objects = [
         [] if point.reason is not None else [own for own in seen if not own.weak and len(own.modes) == 1]
-        for point, seen in zip(points, objects_of(points), strict=True)
+        for point, seen in zip(points, objects_of(points, of), strict=True)
     ]
     chosen = np.flatnonzero(baseline)
     middle = np.median(near[chosen], axis=0) if len(chosen) else np.zeros(near.shape[1])
