@@ -59,7 +59,11 @@ def false_alarms(runs: int) -> str:
         total += int(later.sum())
         with np.errstate(invalid="ignore"):
             for k, (values, limits) in enumerate(
-                ((charts.t2, charts.t2_limit), (charts.ewma, charts.ewma_limit), (charts.directed, charts.directed_limit))
+                (
+                    (charts.t2, charts.t2_limit),
+                    (charts.ewma, charts.ewma_limit),
+                    (charts.directed, charts.directed_limit),
+                )
             ):
                 counts[k] += np.count_nonzero(later & (values > limits))
     rates = ", ".join(f"{name} {100.0 * rate:.3f} %" for name, rate in zip(("T²", "MEWMA", "directed"), counts / total))

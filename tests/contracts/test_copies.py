@@ -15,7 +15,7 @@ import pytest
 from tests.driven import ambient_of, mathieu, record_of
 
 import floquid
-from floquid import _arrays, floquet, identify, read_shapes, survey, systems
+from floquid import _arrays, floquet, identify, monitor, read_shapes, survey, systems
 from floquid._checks import Rebuilt
 from floquid.core import AzimuthSignal, Channel, ConstantPeriod, PulseTimes, Record, TachometerSignal
 from floquid.lti import MaximumLikelihood
@@ -117,6 +117,7 @@ def others():
         "families": tuple(families(found)),
         "readings": read_shapes(found, pairs=["X:Y"], blades={"flap": ["X", "Y"]}, participation="X"),
         "survey": survey([at_load(found, load) for load in (1.0, 2.0, 3.0)], over="load"),
+        "monitor": monitor([at_load(found, load) for load in (1.0, 2.0, 3.0)], baseline=slice(0, 2), over="load"),
         "driven": with_inputs(),
         "ambient": identify(
             Record(values=ambient_of(mathieu(), 50, 12, 0.02, 0), sample_rate=12.0 / np.pi, channels=["y"]),

@@ -177,9 +177,17 @@ def test_amounts_along_a_labelled_record():
 @pytest.mark.parametrize(
     ("points", "options", "message"),
     [
-        (HEALTHY[:40], {"baseline": slice(0, 10)}, r"`baseline`.*12 records.*twice its 6 columns, but has 10\.\n.*degree"),
+        (
+            HEALTHY[:40],
+            {"baseline": slice(0, 10)},
+            r"`baseline`.*12 records.*twice its 6 columns, but has 10\.\n.*degree",
+        ),
         (HEALTHY, {"baseline": slice(80, 90)}, "name some of the 60 records"),
-        (HEALTHY, {"covariates": ("wind",)}, r"and wind, but is none of record 0 \(r0\.npz\), which has days, speed_rpm"),
+        (
+            HEALTHY,
+            {"covariates": ("wind",)},
+            r"and wind, but is none of record 0 \(r0\.npz\), which has days, speed_rpm",
+        ),
         (HEALTHY, {"rate": 0.7}, "lie below 0.5"),
         (HEALTHY, {"direction": [1.0, 2.0]}, r"changes of the 4 features \(mode 1 decay, .*shape \(2,\)"),
         (HEALTHY, {"over": "hours"}, "quantity of every record, and not hours"),

@@ -12,6 +12,7 @@ from floquid import floquet, plot
 from floquid.core import Channel, PulseTimes, Record
 from floquid.errors import InputError
 from floquid.inputs import TransferFunctions
+from floquid.monitoring import monitor
 from floquid.order import scan
 from floquid.pipeline import identify
 from floquid.surveys import Point, survey
@@ -46,7 +47,8 @@ def draws():
         Point(values={"speed_rpm": 9.5 * w}, model=known(w, std=0.01, shape_std=0.01)) for w in (18.0, 18.5, 19.5)
     ]
     followed = survey(points)
-    made = {name: getattr(one.plot, name) for one in (found, followed) for name in dir(one.plot)}
+    watched = monitor([found] * 3, baseline=slice(0, 2))
+    made = {name: getattr(one.plot, name) for one in (found, followed, watched) for name in dir(one.plot)}
     return made | {
         "exponents": lambda **how: plot.exponents(modes, **how),
         "stabilisation": lambda **how: plot.stabilisation(poles, **how),
