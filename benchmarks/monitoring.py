@@ -34,9 +34,10 @@ def monitored(
     generator = np.random.default_rng([seed, 1])
     direction = generator.standard_normal(2 * MODES)
     shapes, points, power = shapes_of(seed, MODES), [], []
-    for k, (x, covariance, point) in enumerate(machine(seed, records, MODES)):
-        scale = np.sqrt(direction @ np.linalg.solve(covariance, direction)) if not k else scale
-        step = change(k) * direction / scale
+    drawn = list(machine(seed, records, MODES))
+    unit = direction / np.sqrt(direction @ np.linalg.solve(np.mean([own[1] for own in drawn], axis=0), direction))
+    for k, (x, covariance, point) in enumerate(drawn):
+        step = change(k) * unit
         power.append(step @ np.linalg.solve(covariance, step))
         points.append(as_point(x + step, covariance, point, shapes))
     by_mode = direction.reshape(2, MODES).T.ravel()  # as features are: decay and frequency of each mode
@@ -58,15 +59,11 @@ def false_alarms(runs: int) -> str:
         later = ~found.baseline & (charts.leverage <= 1.0)
         total += int(later.sum())
         with np.errstate(invalid="ignore"):
-            for k, (values, limits) in enumerate(
-                (
-                    (charts.t2, charts.t2_limit),
-                    (charts.ewma, charts.ewma_limit),
-                    (charts.directed, charts.directed_limit),
-                )
-            ):
+            for k, name in enumerate(("t2", "ewma", "directed")):
+                values, limits = getattr(charts, name), getattr(charts, f"{name}_limit")
                 counts[k] += np.count_nonzero(later & (values > limits))
-    rates = ", ".join(f"{name} {100.0 * rate:.3f} %" for name, rate in zip(("T²", "MEWMA", "directed"), counts / total))
+    names = ("T²", "MEWMA", "directed")
+    rates = ", ".join(f"{name} {100.0 * own:.3f} %" for name, own in zip(names, counts / total, strict=True))
     return f"{total} records of {runs - refused} machines ({refused} baselines refused): {rates} (asked 0.1 %)"
 
 
@@ -160,7 +157,7 @@ def amounts(records: int) -> str:
         out.append(
             f"crack {100.0 * crack:g} %: sidebands {100.0 * np.mean(amounts_):.3f} % of the response, interval holds "
             f"{np.sum(held)} of {records}; along the template within 1.96 deviations {100.0 * inside:.0f} %, "
-            f"errors over deviations {np.std(errors):.2f} (mean {np.mean(errors):+.2f}), deviation {0.01 * std:.5f} of loss"
+            f"errors over deviations {np.std(errors):.2f} (mean {np.mean(errors):+.2f}), deviation {std:.3f} % of loss"
         )
     return "\n    ".join(out)
 

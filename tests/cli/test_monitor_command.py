@@ -58,7 +58,7 @@ def test_like_over_and_no_baseline(runs):
         typed(f"monitor runs --baseline 3: --over days --like record.npz --order 4 --no-validate {QUICK} --format json")
     )
     assert content["over"] == "days"
-    assert [one["file"] for one in content["records"]][0] == "runs/r7.h5"
+    assert content["records"][0]["file"] == "runs/r7.h5"
     assert content["records"][0]["directed"] > content["records"][0]["directed_limit"]
     alone = strict_json(typed(f"monitor runs/r0.h5 runs/r7.h5 {QUICK} --format json"))
     assert [one["t2"] for one in alone["records"]] == [None, None]

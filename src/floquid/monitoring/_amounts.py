@@ -1,4 +1,4 @@
-"""How periodic each record is: amounts of sidebands on one reference shape, along a template, and their trend."""
+"""Amounts of sidebands of records, on one reference shape or along a template, and their trend."""
 
 from __future__ import annotations
 

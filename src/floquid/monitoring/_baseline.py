@@ -81,7 +81,7 @@ class Baseline:
         return covariance + _moved(self.regression, self.terms, self.scaled(covariates), std / self.half) + self.scatter
 
     def limit(self, degrees: int, rate: float) -> float:
-        """What a squared distance of some degrees of freedom exceeds at a rate."""
+        """The limit that a squared distance of some degrees of freedom exceeds at a rate."""
         return squared_limit(degrees, min(self.rank, degrees), self.degrees, rate)
 
 
@@ -161,7 +161,7 @@ def largest_root(features: int, degrees: int) -> float:
 
 @lru_cache(maxsize=1024)
 def squared_limit(degrees: int, rank: int, behind: int, rate: float) -> float:
-    r"""What a squared distance exceeds at a rate, `rank` of its directions having an estimated variance.
+    r"""The limit that a squared distance exceeds at a rate, `rank` of its directions having an estimated variance.
 
     χ² of the other directions, and Hotelling's T² of these by the degrees of freedom `behind` their variance, more by
     what an error of these directions puts into the others:

@@ -263,7 +263,7 @@ def _change(
 
 
 def amounts_of(work: Work, warnings: list[str]) -> Amounts | None:
-    """How periodic each record is: along what is looked for, or without a model."""
+    """Amounts of periodicity of the records: along what is looked for, or without a model."""
     inside = np.arange(len(work.every)) < len(work.points)
     inside[: len(work.points)] = work.healthy
     found = aligned(work.every, work.matches, inside)

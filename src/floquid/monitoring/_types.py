@@ -117,7 +117,7 @@ class Charts(Sealed):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Amounts(Sealed):
-    """How periodic each record is; NaN where its sidebands are not known.
+    """Periodic amounts of records; NaN where sidebands are not known.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What is compared with what: records in order, those of the baseline, covariates and their errors."""
+"""Records in order, those of the baseline, covariates and their errors: what is compared with what."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ DIGITS = 9  # significant digits of a covariate beyond which its resolution is t
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Work:
-    """What is compared with what."""
+    """Records, their matched modes and covariates, and what is asked of them."""
 
     points: tuple[Point, ...]
     labelled: tuple[Point, ...]

@@ -67,7 +67,7 @@ def monitor(found: Monitor, *, ax: Into = None) -> Figure:
 
 
 def periodic_amount(found: Monitor, *, ax: Into = None) -> Figure:
-    """How periodic each record is, with 95 % intervals.
+    """Periodic amounts over the records, with 95 % intervals.
 
     Without a template it is the root of the share of energy in sidebands [%]; else the share of the change that was
     looked for [%]. `found` is what `monitor` made, and `ax` the axes to draw into. Raises InputError where no record

@@ -17,7 +17,7 @@ SIDES = (-1, 1)
 """Harmonics beside the main line."""
 
 DRAWS = 4000  # of the noise of an amount: its 95 % interval is known to 0.7 % of its probability
-LARGEST = 1000  # sidebands of which a joint covariance is kept: it is some 30 MB then
+LARGEST = 1000  # sidebands with a joint covariance: it takes some 30 MB then
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -112,7 +112,7 @@ class Sidebands(Sealed):
         )
 
     def picked(self, rows: Integers) -> Sidebands:
-        """Some of the modes, shares as they are."""
+        """The sidebands of some modes, the `rows` of this, shares as they are."""
         parts = np.arange(self.values.size).reshape(len(self.values), -1)[rows].ravel()
         parts = np.concatenate([parts, parts + self.values.size])
         return Sidebands(
@@ -134,7 +134,9 @@ class Sidebands(Sealed):
         .. math:: a^2 = \mu^T K \mu, \qquad \hat{a}^2 = s^T K s - \mathrm{tr}(K \Sigma)
 
         K are weights, shares of modes over the energy of their main lines. The interval holds each a whose response
-        a û + ε has a sum of squares like that seen, û the direction seen and ε noise drawn from Σ.
+        a û + ε has a sum of squares like that seen, û the direction seen and ε noise drawn from Σ. A sum below its
+        expectation counts as that: else an interval could be empty. `confidence` is the probability that the interval
+        holds a, and `seed` that of the draws.
         """
         vector, weights = self.vector, self.weights
         seen, expected = float(weights @ vector**2), float(weights @ np.diag(self.covariance))

@@ -100,7 +100,7 @@ def test_limits(degrees, rank, behind):
 
 @pytest.mark.parametrize("inside", [True, False])
 def test_charts_have_the_covariance_of_their_averages(inside):
-    """By weights of all residuals written out, the errors of the coefficients in common, features missing now and then."""
+    """By weights of all residuals written out, errors of coefficients in common, and features that are missing."""
     values, covariance, conditions = drawn(2)
     values[4, 1] = values[6, 2] = np.nan
     base = fit_baseline(values[:20], covariance[:20], conditions[:20], 0.0 * conditions[:20], 1)

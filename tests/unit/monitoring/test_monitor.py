@@ -96,7 +96,8 @@ def test_order_and_branch_of_modes_do_not_matter(found):
             parts = np.concatenate([order, np.array(order) + 4])
             model = replace(
                 model, exponents=(model.exponents + 1j * shift * model.fundamental)[order],
-                coefficients=lines[order], harmonics=np.arange(-3, 4), covariance=model.covariance[np.ix_(parts, parts)],
+                coefficients=lines[order], harmonics=np.arange(-3, 4),
+                covariance=model.covariance[np.ix_(parts, parts)],
             )  # fmt: skip
         turned.append(without(point, model=model, sidebands=None))
     again = monitored(turned)

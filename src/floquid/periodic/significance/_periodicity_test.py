@@ -273,7 +273,7 @@ def _orders(harmonics: Sequence[int]) -> Integers:
 
 
 def on_a_mode(whole: Estimates) -> Mask:
-    """Mask of terms that lie on another mode's zeroth harmonic, or on the conjugate of one (terms,)."""
+    """Mask of terms of estimates `whole` that lie on another mode's zeroth harmonic, or on its conjugate (terms,)."""
     zeroth = np.flatnonzero(whole.harmonics == 0)
     places = np.concatenate([whole.rates[zeroth], whole.rates[zeroth].conj()])
     gaps = np.abs(np.subtract.outer(whole.rates, places))
