@@ -36,7 +36,7 @@ def change_of(values: Floats, spread: Floats, columns: Floats, later: Mask, rate
     with B and Δ free: the gain in twice the log-likelihood at each k is the score's, Δ̂ = M⁻¹ b. None where noise gives
     the best of them at the `rate`. A ramp's Δ is told as it is at the last record.
     """
-    used = np.isfinite(values).any(axis=1)
+    used: Mask = np.asarray(np.isfinite(values).any(axis=1))
     places: Integers = np.flatnonzero(used & later)
     if len(places) < 1:
         return None

@@ -51,7 +51,8 @@ def check_quiet(
             raise input_error("baseline", OF, f"be quiet, with T² of each record below {limit:.4g}", got, remedy)
     free = float(degrees.sum() - base.regression.coefficients.size)
     total = float(squared_distances(residual[inside], own)[0].sum())
-    if free > 0.0 and total > (limit := chi2_limit(free, RARE)):
+    limit = chi2_limit(free, RARE) if free > 0.0 else np.inf
+    if total > limit:
         got = (
             f"has {t2.sum() / len(places):.4g}, most at record {places[worst]} ({file_of(work.points[places[worst]])})"
         )
