@@ -10,6 +10,7 @@ import argparse
 import sys
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from time import process_time
 
 import numpy as np
@@ -19,7 +20,7 @@ import floquid as fq
 from floquid import floquet
 from floquid.core import PeriodicModel
 from floquid.monitoring import Monitor
-from floquid.shapes import sidebands_of
+from floquid.shapes import Sidebands, sidebands_of
 
 MODES, RECORDS, BASELINE = 6, 150, 30
 
@@ -191,10 +192,33 @@ def identified(records: int) -> str:
     )
 
 
+def paper() -> str:
+    """Alarms of the paper's rotor, 512 periods with 2 % of noise, in the first record of a loss of 0.02 %."""
+    made = []
+    for k in range(30):
+        own = fq.systems.JeffcottRotor(rotor_y=1.5 * (1.0 - (2e-4 if k >= 20 else 0.0)))
+        made.append(fq.identify(own.simulate(n_periods=512, noise=0.02, seed=k), order=4, validate=False))
+    charts = fq.monitor(made, baseline=slice(0, 20), covariates=()).charts
+    assert charts is not None
+    seen = charts.t2[20:] > charts.t2_limit[20:]
+    return (
+        f"{int(seen.sum())} of 10 records of 0.02 % loss alarm, each alone; T² {np.median(charts.t2[20:]):.0f} (median)"
+    )
+
+
 def time(records: int) -> str:
-    """Processor time of monitoring identified records."""
+    """Processor time of monitoring identified records, with their sidebands."""
     shapes = shapes_of(0, MODES)
-    points = [as_point(*own, shapes) for own in machine(0, records, MODES)]
+    generator, size = np.random.default_rng(0), MODES * 3 * 2
+    points = []
+    for own in machine(0, records, MODES):
+        parts = generator.standard_normal((2, MODES, 3, 2))
+        sides = Sidebands(
+            modes=np.arange(MODES), shapes=shapes[:, :, 0, 1], values=0.01 * (parts[0] + 1j * parts[1]),
+            covariance=1e-4 * np.eye(2 * size), shares=np.full(MODES, 1.0 / MODES), noise=np.ones(3),
+            channels=("a", "b", "c"),
+        )  # fmt: skip
+        points.append(replace(as_point(*own, shapes), sidebands=sides))
     begin = process_time()
     fq.monitor(points, baseline=slice(0, BASELINE))
     return f"{records} records of {MODES} modes: {process_time() - begin:.1f} s"
@@ -206,6 +230,7 @@ PARTS: dict[str, Callable[[argparse.Namespace], str]] = {
     "change": lambda options: change(options.runs // 2),
     "amounts": lambda options: amounts(options.records),
     "identified": lambda options: identified(options.records),
+    "paper": lambda _: paper(),
     "time": lambda options: time(options.long),
 }
 

@@ -6,7 +6,7 @@ from scipy import stats
 from tests.machines import machine
 
 from floquid.monitoring._baseline import chart, fit_baseline, scatter_of, squared_limit
-from floquid.monitoring._least_squares import columns_of, regress, slopes_of, squared_distances, terms_of
+from floquid.monitoring._least_squares import columns_of, regress, selected, slopes_of, squared_distances, terms_of
 
 
 def drawn(seed, records=40, modes=2):
@@ -142,3 +142,16 @@ def test_distances_do_not_count_what_is_missing():
     distance, degrees = squared_distances(values, spread)
     assert distance[0] == pytest.approx([1.0, 2.0] @ np.linalg.solve(kept, [1.0, 2.0]))
     assert degrees[0] == 2
+
+
+def test_a_weak_dependence_is_kept():
+    """Of 0.8 deviations over half the range of a third covariate: χ² about 34 of 4 degrees of freedom."""
+    kept = 0
+    for seed in range(10):
+        values, covariance, conditions = drawn(seed)
+        third = np.random.default_rng(seed).uniform(-1.0, 1.0, 40)
+        values = values + 0.8 * third[:, None] * np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+        scaled = np.stack([*((conditions - [700.0, 20.0]) / [50.0, 8.0]).T, third], axis=1)
+        terms = ((), (0,), (1,), (2,), (0, 0))
+        kept += 3 in selected(values, covariance, scaled, terms, 0.05)
+    assert kept >= 9
