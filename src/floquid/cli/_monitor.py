@@ -101,6 +101,8 @@ def monitor(
         with bar(True) as report:
             jobs = [replace(job, sidebands=True) for job in jobs_of(files, choices, None, table)]
             looked_for = [replace(job, sidebands=True) for job in jobs_of([like], choices, None, table)] if like else []
+            if len(looked_for) > 1:
+                raise input_error("--like", OF, "be one record or result", f"{like} holds {len(looked_for)}")
             points = points_of([*jobs, *looked_for], workers, report)
         if all(point.model is None for point in points):
             raise IdentificationError(f"No record has a result. The first: {points[0].reason}")

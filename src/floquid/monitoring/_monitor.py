@@ -20,6 +20,7 @@ from floquid.monitoring._quiet import check_quiet, check_size
 from floquid.monitoring._types import Amounts, Change, Charts, Monitor, Part
 from floquid.monitoring._work import (
     OF,
+    SAME,
     Work,
     as_record,
     conditions_of,
@@ -221,7 +222,8 @@ def _conditions(work: Work, inside: Mask, warnings: list[str]) -> tuple[Floats, 
     if len(same):
         names = ", ".join(work.names[k] for k in same)
         warnings.append(f"Constant in the baseline: {names}. Records at other values raise no alarm.")
-    elsewhere = (work.conditions[:, same] != work.conditions[inside][:1, same]).any(axis=1)
+    usual = work.conditions[inside][:1, same]
+    elsewhere = (np.abs(work.conditions[:, same] - usual) > SAME * np.abs(usual)).any(axis=1)
     errors = errors_of(work.points, work.names, work.conditions)
     return np.nan_to_num(work.conditions[:, varying]), np.nan_to_num(errors[:, varying]), elsewhere
 

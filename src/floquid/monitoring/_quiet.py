@@ -57,7 +57,7 @@ def check_quiet(
             f"has {t2.sum() / len(places):.4g}, most at record {places[worst]} ({file_of(work.points[places[worst]])})"
         )
         raise input_error("baseline", OF, f"have a mean T² below {limit / len(places):.4g}", got, remedy)
-    if base.scatter.any() and not _goes_with_order(residual[inside], base.scatter, own.mean(axis=0)):
+    if base.scatter.any() and not _goes_with_order(residual[inside], base.scatter, np.nanmean(own, axis=0)):
         return
     later = np.arange(len(places)) >= len(base.asked)
     found = change_of(values[inside], own - base.scatter, columns[inside], later, RARE)

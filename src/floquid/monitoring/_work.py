@@ -19,6 +19,7 @@ OF = "monitor"
 USUAL = ("speed_rpm", "temperature")
 """Covariates by default, those that the records have."""
 
+SAME = 1e-9  # share of a covariate within which two values are one: rounding
 DIGITS = 9  # significant digits of a covariate beyond which its resolution is that of floating point
 
 
@@ -46,7 +47,9 @@ class Work:
     def varying(self, inside: Mask) -> Mask:
         """True of covariates that vary over records that are `inside` (covariates,)."""
         own = self.conditions[inside]
-        return np.ptp(own, axis=0) > 0.0 if len(own) else np.zeros(len(self.names), bool)
+        if not len(own):
+            return np.zeros(len(self.names), bool)
+        return np.asarray(np.ptp(own, axis=0) > SAME * np.abs(own).max(axis=0))
 
 
 def as_record(one: Any) -> Point:
@@ -134,12 +137,16 @@ def standard(conditions: Floats, healthy: Mask) -> Floats:
 
 
 def errors_of(points: Sequence[Point], names: Sequence[str], conditions: Floats) -> Floats:
-    """Deviations of the covariates (records, covariates): given as `name_std`, else of their resolution, res/√12."""
+    """Deviations of the covariates (records, covariates): given as `name_std`, else of their resolution, res/√12.
+
+    That is the largest power of ten, one at most, of which all values are multiples: 700, 750 and 800 are not known
+    to ten only.
+    """
     out = np.zeros(conditions.shape)
     for column, name in enumerate(names):
         known = conditions[np.isfinite(conditions[:, column]), column]
         size = max(float(np.abs(known).max(initial=0.0)), 1e-300)
-        top = int(np.floor(np.log10(size)))
+        top = min(int(np.floor(np.log10(size))), 0)
         steps = [10.0**k for k in range(top, top - DIGITS, -1)]
         fits = [step for step in steps if np.allclose(np.rint(known / step) * step, known, rtol=0.0, atol=1e-6 * step)]
         given = [point.values.get(f"{name}_std", np.nan) for point in points]

@@ -129,6 +129,18 @@ def test_bad_records_cost_one_record_each(found):
     assert len(record_rows(bad)) == 60
 
 
+def test_scatter_of_the_baseline_is_allowed_for():
+    """Of three deviations in one feature, in any order, a mode missing now and then."""
+    scatter = np.random.default_rng(5).standard_normal(RECORDS)
+    points = points_of(lambda k: 3.0 * scatter[k])
+    points[4] = without(points[4], weak=np.array([True, False, True, False]))
+    made = monitored(points)
+    assert made.charts.scatter_directions == 1
+    assert any("scatters more than its deviations say, in 1 direction" in words for words in made.warnings)
+    assert made.charts.t2_limit[40] > monitored(HEALTHY).charts.t2_limit[40]
+    assert made.alarm.sum() <= 1
+
+
 def test_constant_covariates(found):
     points = [without(point, values={**point.values, "oil": 1.0}) for point in HEALTHY]
     points[40] = without(points[40], values={**points[40].values, "oil": 2.0})
