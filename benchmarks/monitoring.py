@@ -46,10 +46,10 @@ def monitored(
     return found, np.array(power)
 
 
-def false_alarms(runs: int) -> str:
+def false_alarms(first: int, runs: int) -> str:
     """Alarms of healthy machines, by chart."""
     counts, total, refused = np.zeros(3), 0, 0
-    for seed in range(runs):
+    for seed in range(first, first + runs):
         try:
             found, _ = monitored(seed)
         except fq.InputError:
@@ -225,7 +225,7 @@ def time(records: int) -> str:
 
 
 PARTS: dict[str, Callable[[argparse.Namespace], str]] = {
-    "false-alarms": lambda options: false_alarms(options.runs),
+    "false-alarms": lambda options: false_alarms(options.first, options.runs),
     "detection": lambda options: detection(options.runs // 2),
     "change": lambda options: change(options.runs // 2),
     "amounts": lambda options: amounts(options.records),
@@ -240,6 +240,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--part", choices=PARTS, default=None)
     parser.add_argument("--runs", type=int, default=200, help="machines of drawn features")
+    parser.add_argument("--first", type=int, default=0, help="the first seed of false-alarms")
     parser.add_argument("--records", type=int, default=100, help="identified records of the rotor")
     parser.add_argument("--long", type=int, default=1000, help="records that are timed")
     options = parser.parse_args()
