@@ -15,7 +15,7 @@ import pytest
 from tests.driven import ambient_of, mathieu, record_of
 
 import floquid
-from floquid import _arrays, floquet, identify, read_shapes, survey, systems
+from floquid import _arrays, floquet, identify, monitor, read_shapes, survey, systems
 from floquid._checks import Rebuilt
 from floquid.comparison import Parameter, compare, update
 from floquid.core import AzimuthSignal, Channel, ConstantPeriod, PulseTimes, Record, TachometerSignal
@@ -126,6 +126,7 @@ def others():
         "comparison": compare(found, systems.JeffcottRotor(damping=0.02)),
         "parameter": Parameter(value=1.0, prior_std=0.1),
         "update": update(turning, found, {"damping": 0.02, "mass": 1.0}),
+        "monitor": monitor([at_load(found, load) for load in (1.0, 2.0, 3.0)], baseline=slice(0, 2), over="load"),
         "driven": with_inputs(),
         "ambient": identify(
             Record(values=ambient_of(mathieu(), 50, 12, 0.02, 0), sample_rate=12.0 / np.pi, channels=["y"]),

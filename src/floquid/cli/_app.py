@@ -43,6 +43,11 @@ COMMANDS = {
         "A B",
         "Compare two sets of modes, mode by mode: differences with deviations, what is missing, and χ² of all.",
     ),
+    "monitor": (
+        "_monitor",
+        "FILES... --baseline FIRST:END",
+        "Compare records of one machine with a baseline of it: alarms, when it changed, how periodic it is.",
+    ),
     "fleet": (
         "_fleet",
         "FILES...",

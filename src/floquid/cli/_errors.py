@@ -71,6 +71,12 @@ _OPTIONS = {
     "report": {"analysis": "`RESULT`", "path": "`--out`", "brief": "`--brief`"},
     **{f"Analysis.{name}": {"self": "The result"} for name in ("transfer", "lifted")},
     "fleet": {"sources": "`FILES`", **_alike("out", "keep", "workers")},
+    "monitor": {
+        "results": "`FILES`",
+        "rate": "`--false-alarms`",
+        "direction": "`--like`",
+        **_alike("baseline", "covariates", "degree", "over"),
+    },
     "survey": {"results": "`FILES`", **_alike("gap", "confidence")},
     "bootstrap": {"analysis": "`RESULT`", **_alike("draws", "seed", "workers", "whole")},
     "save_figures": {"folder": "`--out`"},

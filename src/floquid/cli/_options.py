@@ -53,6 +53,8 @@ _OF_SURVEYS = (
     f"Records ({SUFFIXES}), results of `floquid identify`, the table of `floquid fleet --keep`, folders of .lin files "
     "of one operating point, or folders of such, at several operating points."
 )
+_OF_MONITORS = f"Results of `floquid identify`, records ({SUFFIXES}), or folders of such, one a record, in order."
+MonitorFiles = Annotated[Path, Parameter(converter=_path, help=_OF_MONITORS)]
 SurveyFiles = Annotated[Path, Parameter(converter=_path, help=_OF_SURVEYS)]
 _OF_FLEETS = (
     f"Records ({SUFFIXES}), folders of such, or patterns in quotes: 'lake/*/*.parquet'. Each is a record alone."

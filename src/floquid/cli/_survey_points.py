@@ -24,7 +24,7 @@ from floquid.readers import FORMATS, read
 from floquid.shapes import ShapeOptions
 from floquid.surveys import NOT_READ, Point, is_linearised, point_of
 
-OF = "floquid survey"
+OF = "floquid survey"  # the command that names files, where no other does
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +37,7 @@ class Job:
     saved: bool = False
     known: bool = False
     shapes: ShapeOptions = NOT_READ
+    sidebands: bool = False
     reason: str | None = None  # why nothing can be made of it
 
     def lost(self, reason: str) -> Point:
@@ -45,9 +46,12 @@ class Job:
 
 
 def jobs_of(
-    files: Sequence[Path], choices: Choices, over: str, table: Path | None, shapes: ShapeOptions = NOT_READ
+    files: Sequence[Path], choices: Choices, over: str | None, table: Path | None, shapes: ShapeOptions = NOT_READ
 ) -> list[Job]:
-    """The points that files are, by their values: those of the table first, then of the files, then of the clock."""
+    """The points that files are, by their values: those of the table first, then of the files, then of the clock.
+
+    Without a quantity `over`, each file is a point of its own, and none needs a value.
+    """
     rows = {} if table is None else _rows(table)
     tables = {file: kept for file in files if (kept := kept_results(file)) is not None}
     given = [one for file in files if file not in tables for one in _expanded(file, table)]
@@ -72,17 +76,17 @@ def jobs_of(
         for job in jobs
         if not (job.saved or job.known) and job.reason is None and over not in job.values
     ]
-    if missing and over != "speed_rpm":  # which may be found with the angle of the shaft
+    if over is not None and missing and over != "speed_rpm":  # which may be found with the angle of the shaft
         got = f"{', '.join(missing[:3])}{' …' if len(missing) > 3 else ''} has none"
         remedy = f"Add --table points.csv with a column `{over}`, or keep it with the record (`--point {over}=…`)."
         raise input_error("FILES", OF, f"have a value of {over} each", got, remedy)
     return [replace(job, shapes=shapes) for job in jobs]
 
 
-def _is_one(first: Job, second: Job, over: str) -> bool:
+def _is_one(first: Job, second: Job, over: str | None) -> bool:
     """True for records of one operating point: they are hits."""
     alone = any(one.saved or one.known or one.reason for one in (first, second))
-    return not alone and over in first.values and first.values.get(over) == second.values.get(over)
+    return over is not None and not alone and over in first.values and first.values.get(over) == second.values.get(over)
 
 
 def _expanded(path: Path, table: Path | None) -> Iterator[Path]:
@@ -188,7 +192,7 @@ def made(job: Job) -> Point:
             else:
                 records, choices = read_records(job.files, job.choices, OF, lambda _: None)
                 analysis = identify(records, choices.resolved())
-            found = point_of(analysis, job.shapes)
+            found = point_of(analysis, job.shapes, sidebands=job.sidebands)
     except Exception as error:  # noqa: BLE001  # one bad point costs one point
         return job.lost(in_a_line(error))
     return replace(found, values={**found.values, **job.values}, files=tuple(map(str, job.files)))

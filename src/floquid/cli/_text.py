@@ -7,11 +7,13 @@ from io import StringIO
 from floquid.cli._bootstrap import print_drawn
 from floquid.cli._compare import print_comparison, print_updated
 from floquid.cli._floquet_output import print_stability
+from floquid.cli._monitor import print_monitor
 from floquid.cli._scan import print_orders
 from floquid.cli._survey import print_survey
 from floquid.cli._terminal import plain, print_found
 from floquid.comparison import Comparison, Updated
 from floquid.floquet import FloquetModes, stability
+from floquid.monitoring import Monitor
 from floquid.order import OrderScan
 from floquid.pipeline import Analysis, Bootstrap
 from floquid.surveys import Survey
@@ -22,7 +24,7 @@ WIDTH = 100  # characters of a line of `summary()`
 
 
 def text_of(
-    result: Analysis | Bootstrap | OrderScan | FloquetModes | Survey | Comparison | Updated,
+    result: Analysis | Bootstrap | OrderScan | FloquetModes | Survey | Comparison | Updated | Monitor,
     *,
     speed_unit: SpeedUnit = "hz",
     damping_unit: DampingUnit = "percent",
@@ -50,4 +52,6 @@ def text_of(
             print_comparison(console, result)
         case Updated():
             print_updated(console, result)
+        case Monitor():
+            print_monitor(console, result)
     return "\n".join(line.rstrip() for line in file.getvalue().strip("\n").splitlines())

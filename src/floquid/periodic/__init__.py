@@ -20,6 +20,7 @@ from floquid.periodic.significance import (
     Periodicity,
     Synchrony,
     drift,
+    on_a_mode,
     periodicity,
     spacing,
     synchrony,
@@ -34,6 +35,6 @@ __all__ = [
     "ForcedResponse", "Known", "ModeParameters", "OrderError", "PartialTests", "PeriodCandidate", "PeriodEstimate",
     "Periodicity", "Synchrony", "assemble", "combinations_of", "distinct_multipliers", "drift", "estimate_at",
     "estimate_period", "fit", "fit_shapes", "fse", "generous_poles", "groups", "held_shapes", "instants",
-    "line_amplitudes", "own_period", "participation", "periodicity", "physical_exponents", "refit", "select_bands",
-    "spacing", "synchrony", "unexplained", "without_known", "without_lines",
+    "line_amplitudes", "on_a_mode", "own_period", "participation", "periodicity", "physical_exponents", "refit",
+    "select_bands", "spacing", "synchrony", "unexplained", "without_known", "without_lines",
 ]  # fmt: skip

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from floquid.plot._comparison import comparison
 from floquid.plot._exponents import exponents
 from floquid.plot._indicators import composite, indicators
+from floquid.plot._monitor import monitor, periodic_amount
 from floquid.plot._record import synthesis, time_record
 from floquid.plot._residues import coefficients, residues
 from floquid.plot._save import FIGURES, save_figure, save_figures
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "FIGURES", "campbell", "coefficients", "comparison", "composite", "damping", "exponents", "harmonic_spectra",
-    "indicators", "multipliers", "nyquist", "periodic_shapes", "residues", "save_figure", "save_figures", "spectra",
-    "speed", "stabilisation", "stability_map", "synchronisation", "synthesis", "system_elements", "time_record",
-    "transfer",
+    "indicators", "monitor", "multipliers", "nyquist", "periodic_amount", "periodic_shapes", "residues", "save_figure",
+    "save_figures", "spectra", "speed", "stabilisation", "stability_map", "synchronisation", "synthesis",
+    "system_elements", "time_record", "transfer",
 ]  # fmt: skip

@@ -160,8 +160,6 @@ def driven_part(case: Case) -> tuple[dict[str, list[Figure]], dict[str, Any]]:
 
 def rendered(case: Case, figures: dict[str, list[Figure]], title: str | None, **content: Any) -> str:
     """The page with these figures by their places; what `content` does not have, the page does without."""
-    from bokeh.resources import Resources
-
     models = {f"{place}-{number}": made for place, group in figures.items() for number, made in enumerate(group)}
     drawn = {
         place: [{"name": f"{place}-{number}", "words": described(made)} for number, made in enumerate(group)]
@@ -174,7 +172,7 @@ def rendered(case: Case, figures: dict[str, list[Figure]], title: str | None, **
         | content
         | {
             "title": title or title_of(case),
-            "bokeh": "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw),
+            "bokeh": bokeh_scripts(),
             "embedded": embedded(models),
             "behaviour": asset("page.js"),
             "figures": dict.fromkeys(PLACES, ()) | drawn,
@@ -232,6 +230,13 @@ def _with_code(text: str) -> Any:
     from markupsafe import Markup, escape
 
     return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(for_command(text)))))  # noqa: S704  # escaped
+
+
+def bokeh_scripts() -> str:
+    """The scripts that draw figures, to be held by a page."""
+    from bokeh.resources import Resources
+
+    return "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw)
 
 
 def described(made: Figure) -> str:

@@ -13,11 +13,13 @@ from numpy.typing import ArrayLike
 from floquid._checks import input_error, timed_matrices
 from floquid.errors import IdentificationError, InputError
 from floquid.io import as_path, atomic_path
+from floquid.monitoring import Monitor
 from floquid.order import OrderScan
 from floquid.pipeline import Analysis, blas_threads
 from floquid.reporting._brief import brief_page
 from floquid.reporting._case import case_of
 from floquid.reporting._lines_page import lines_page
+from floquid.reporting._monitor_page import monitor_page
 from floquid.reporting._page import page
 from floquid.reporting._survey_page import survey_page
 from floquid.reporting._system_figures import Truth
@@ -30,7 +32,7 @@ ENDINGS = (".html", ".htm")
 
 
 def report(
-    analysis: Analysis | TransferFit | MeasuredTransfer | Survey,
+    analysis: Analysis | TransferFit | MeasuredTransfer | Survey | Monitor,
     path: str | PathLike[str],
     *,
     title: str | None = None,
@@ -52,7 +54,7 @@ def report(
     Parameters
     ----------
     analysis
-        What `identify`, `fit_transfer` or `survey` found, or `load` read.
+        What `identify`, `fit_transfer`, `survey` or `monitor` found, or `load` read.
     path
         The file, ending in .html; it is replaced, whole or not at all.
     title
@@ -81,6 +83,9 @@ def report(
         case Survey():
             _refuse_of_lines(truth, of, brief=brief)
             write = partial(survey_page, analysis)
+        case Monitor():
+            _refuse_of_lines(truth, of, brief=brief)
+            write = partial(monitor_page, analysis)
         case MeasuredTransfer():
             remedy = "Fit modes to them: `floquid transfer --lines`."
             raise input_error("analysis", of, "hold modes", "holds transfer functions as measured", remedy)

@@ -18,7 +18,7 @@ from floquid.reporting._look import (
     legend_above,
     new_figure,
 )
-from floquid.reporting._page import asset, described, embedded, filled
+from floquid.reporting._page import asset, bokeh_scripts, described, embedded, filled
 from floquid.surveys import Point, Survey, edge_words, track_rows
 from floquid.views import over_label, over_unit
 
@@ -65,16 +65,10 @@ def survey_page(found: Survey, *, title: str | None) -> str:
         points=[_point_row(found, point) for point in found.points],
         sources=[], steps=STEPS, settings=[], hits=[],
         figures=[{"name": name, "words": described(made)} for name, made in figures.items()],
-        bokeh=_bokeh(),
+        bokeh=bokeh_scripts(),
         embedded=embedded(figures),
         behaviour=asset("page.js"),
     )  # fmt: skip
-
-
-def _bokeh() -> str:
-    from bokeh.resources import Resources
-
-    return "\n".join(Resources(mode="inline", components=["bokeh"]).js_raw)
 
 
 def _point_row(found: Survey, point: Point) -> tuple[str, ...]:

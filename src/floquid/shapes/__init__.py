@@ -1,5 +1,6 @@
-"""Readings of mode shapes: whirl of shafts, patterns over the blades of a rotor with names, shares of lines.
+"""Readings of mode shapes: whirl of shafts, patterns over the blades of a rotor with names, shares of lines, sidebands.
 
+`sidebands_of` says how periodic a system is.
 `read_shapes` reads all modes of a result or of a known system; `whirl_of` and `pattern_of` one shape each.
 """
 
@@ -15,10 +16,12 @@ from floquid.shapes._blades import pattern_of as pattern_of
 from floquid.shapes._read import ModeReading, Participation, ShapeReadings, read_shapes
 from floquid.shapes._read import ShapeOptions as ShapeOptions
 from floquid.shapes._read import ordinal as ordinal
+from floquid.shapes._sidebands import PeriodicAmount, Sidebands, sidebands_of
 from floquid.shapes._whirl import CLEAR as CLEAR
 from floquid.shapes._whirl import Whirl
 from floquid.shapes._whirl import whirl_of as whirl_of
 
 __all__ = [
-    "WORDS", "BladePattern", "ModeReading", "Participation", "PatternShare", "ShapeReadings", "Whirl", "read_shapes",
+    "WORDS", "BladePattern", "ModeReading", "Participation", "PatternShare", "PeriodicAmount", "ShapeReadings",
+    "Sidebands", "Whirl", "read_shapes", "sidebands_of",
 ]  # fmt: skip

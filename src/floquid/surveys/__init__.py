@@ -10,6 +10,9 @@ from floquid.surveys._objects import similarities as similarities
 from floquid.surveys._points import NOT_READ as NOT_READ
 from floquid.surveys._points import objects_of as objects_of
 from floquid.surveys._points import point_of
+from floquid.surveys._records import Matches as Matches
+from floquid.surveys._records import match_records as match_records
+from floquid.surveys._records import matches_of as matches_of
 from floquid.surveys._survey import survey
 from floquid.surveys._tracking import assigned as assigned
 from floquid.surveys._types import Edge, Link, Point, Survey, Track

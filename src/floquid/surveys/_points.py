@@ -14,7 +14,7 @@ from floquid.core import PeriodicModel
 from floquid.floquet import FloquetModes
 from floquid.periodic import CONFIDENT
 from floquid.pipeline import Analysis
-from floquid.shapes import ShapeOptions
+from floquid.shapes import ShapeOptions, sidebands_of
 from floquid.surveys._known import KNOWN, known_modes
 from floquid.surveys._objects import SHIFTS, Seen, moved
 from floquid.surveys._types import Point
@@ -27,8 +27,11 @@ EQUAL = 1e-9  # share of the range within which two points are one
 NOT_READ = ShapeOptions()
 
 
-def point_of(result: Any, shapes: ShapeOptions = NOT_READ) -> Point:
-    """A `result` as a point of a survey, with its `shapes` read as they say; a point stays one."""
+def point_of(result: Any, shapes: ShapeOptions = NOT_READ, *, sidebands: bool = False) -> Point:
+    """A `result` as a point of a survey, with its `shapes` read as they say; a point stays one.
+
+    With `sidebands` these are read too.
+    """
     if isinstance(result, Point):
         again = bool(shapes) and result.model is not None and result.whirl is None and result.blades is None
         return replace(result, **_read(result.model, shapes)) if again else result
@@ -51,6 +54,7 @@ def point_of(result: Any, shapes: ShapeOptions = NOT_READ) -> Point:
         weak=weak,
         reason=analysis.reasons[0] if analysis is not None and analysis.failed else None,
         **(_read(model if isinstance(result, FloquetModes) else result, shapes) if shapes else {}),
+        sidebands=None if isinstance(result, FloquetModes) or not sidebands else sidebands_of(result),
     )
 
 
@@ -78,7 +82,7 @@ def check_points(points: Sequence[Point], over: str) -> tuple[Point, ...]:
     """The points, ascending; refused where their values are missing or equal, or their periods do not fit."""
 
     def names(of: Sequence[Point]) -> str:
-        return "; ".join(", ".join(point.files) or f"result {points.index(point) + 1}" for point in of)
+        return _names(points, of)
 
     missing = [point for point in points if over not in point.values]
     if missing:
@@ -90,11 +94,16 @@ def check_points(points: Sequence[Point], over: str) -> tuple[Point, ...]:
         got = f"{names(ordered[first : first + 2])} are both at {values[first]:g}"
         remedy = "Identify them together: records of one point are hits."
         raise input_error("results", OF, f"be at different values of {over}", got, remedy)
-    _check_periods(ordered, names)
+    check_periods(ordered)
     return ordered
 
 
-def _check_periods(points: Sequence[Point], names: Any) -> None:
+def _names(points: Sequence[Point], of: Sequence[Point]) -> str:
+    """The files of some points, or their numbers among all."""
+    return "; ".join(", ".join(point.files) or f"result {points.index(point) + 1}" for point in of)
+
+
+def check_periods(points: Sequence[Point], of: str = OF) -> None:
     """Refuse periods that are not the same part of a revolution: exponents are known modulo iω."""
     known = [point for point in points if point.model is not None and point.values.get("speed_rpm", 0.0) > 0.0]
     turns = np.array([point.model.period * point.values["speed_rpm"] / 60.0 for point in known if point.model])
@@ -102,9 +111,10 @@ def _check_periods(points: Sequence[Point], names: Any) -> None:
         return
     off = np.flatnonzero(np.abs(turns / np.median(turns) - 1.0) > APART)
     if len(off):
-        got = f"{names([known[off[0]]])} has one of {turns[off[0]]:.4g} revolutions, and most {np.median(turns):.4g}"
+        one = _names(points, [known[off[0]]])
+        got = f"{one} has one of {turns[off[0]]:.4g} revolutions, and most {np.median(turns):.4g}"
         remedy = "Identify all records with the period of the same part of a revolution: exponents are known modulo iω."
-        raise input_error("results", OF, "have periods of one part of a revolution", got, remedy)
+        raise input_error("results", of, "have periods of one part of a revolution", got, remedy)
 
 
 def one_hit(modes: PeriodicModel | FloquetModes) -> PeriodicModel:
@@ -134,7 +144,7 @@ def one_hit(modes: PeriodicModel | FloquetModes) -> PeriodicModel:
     )
 
 
-def objects_of(points: Sequence[Point]) -> list[list[Seen]]:
+def objects_of(points: Sequence[Point], of: str = OF) -> list[list[Seen]]:
     """The objects of each point, shapes in the channels that all points have, over the noise of each."""
     models = [point.model for point in points if point.model is not None]
     names = [[channel.name for channel in model.channels] for model in models]
@@ -142,7 +152,7 @@ def objects_of(points: Sequence[Point]) -> list[list[Seen]]:
     if names and len(common) < min(2, max(map(len, names))):
         got = f"share {common[0] if common else 'none'}"
         remedy = "Record the same channels at every point, or name them alike: `--channels`, `--names`."
-        raise input_error("results", OF, "have two channels in common at least", got, remedy)
+        raise input_error("results", of, "have two channels in common at least", got, remedy)
     reach = max((int(np.abs(model.harmonics).max()) for model in models), default=0) + SHIFTS
     weights = _weights(models, common)
     return [[] if point.model is None else _objects(point, common, weights, reach) for point in points]

@@ -78,7 +78,7 @@ def tracked(points: Sequence[Sequence[Seen]], x: Floats, gap: int, seed: int = 0
     for point, objects in enumerate(points):
         drawn = [thing.drawn(DRAWS, generator) for thing in objects]
         active = [path for path in paths if point - path.places[-1] <= 1 + gap]
-        matches = [[_match(path, new, x, point) for new in objects] for path in active]
+        matches = [[match_of(path, new, x, point) for new in objects] for path in active]
         waits = np.array([point - path.places[-1] - 1 for path in active], float)
         costs = np.array([[1.0 - match.mac + min(1.0, match.step) for match in row] for row in matches])
         costs = costs.reshape(len(active), len(objects)) + LEFT_OUT * waits[:, None]
@@ -102,7 +102,7 @@ def tracked(points: Sequence[Sequence[Seen]], x: Floats, gap: int, seed: int = 0
     return paths
 
 
-def _match(path: Path, new: Seen, x: Floats, point: int) -> Match:
+def match_of(path: Path, new: Seen, x: Floats, point: int) -> Match:
     """The branch of `new` that continues a path: of those that are alike, the one nearest to the prediction."""
     remembered = np.array([similarities(known.own, new) for known in path.objects[-MEMORY:]])
     found = remembered.max(axis=0)

@@ -12,7 +12,7 @@ from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Rebuilt, Sealed
 from floquid._show import Drawings, Drawn, Told
 from floquid.core import PeriodicModel
-from floquid.shapes import CLEAR
+from floquid.shapes import CLEAR, Sidebands
 from floquid.surveys._edges import Kind
 
 
@@ -42,6 +42,8 @@ class Point(Sealed):
     blades
         The share of the largest pattern, the leak and its deviation, and the harmonic of the fixed frame (modes, 4);
         NaN where they were not read, None where no blades were given.
+    sidebands
+        Lines beside the main line of each mode, where they were asked for; a file of a survey does not keep them.
     """
 
     values: Mapping[str, float]
@@ -53,6 +55,7 @@ class Point(Sealed):
     whirl: Floats | None = None
     names: tuple[str, ...] = ()
     blades: Floats | None = None
+    sidebands: Sidebands | None = None
 
     def __post_init__(self) -> None:
         Sealed.__post_init__(self)

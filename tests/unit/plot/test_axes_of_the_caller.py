@@ -13,6 +13,7 @@ from floquid.comparison import compare
 from floquid.core import Channel, PulseTimes, Record
 from floquid.errors import InputError
 from floquid.inputs import TransferFunctions
+from floquid.monitoring import monitor
 from floquid.order import scan
 from floquid.pipeline import identify
 from floquid.surveys import Point, survey
@@ -48,7 +49,8 @@ def draws():
     ]
     followed = survey(points)
     held = compare(known(18.0, std=0.01, shape_std=0.01), known(18.0))
-    made = {name: getattr(one.plot, name) for one in (found, followed, held) for name in dir(one.plot)}
+    watched = monitor([found] * 3, baseline=slice(0, 2))
+    made = {name: getattr(one.plot, name) for one in (found, followed, held, watched) for name in dir(one.plot)}
     return made | {
         "exponents": lambda **how: plot.exponents(modes, **how),
         "stabilisation": lambda **how: plot.stabilisation(poles, **how),

@@ -8,4 +8,4 @@ from floquid.periodic.significance._period_mismatch import (
     spacing,
     synchrony,
 )
-from floquid.periodic.significance._periodicity_test import PartialTests, Periodicity, periodicity
+from floquid.periodic.significance._periodicity_test import PartialTests, Periodicity, on_a_mode, periodicity

@@ -231,7 +231,7 @@ def periodicity(
         remedy = "Identify with `constrained=True` and an identifier that gives deviations, and not from a file."
         raise input_error("model", "periodicity", must, "has none", remedy)
     asked = np.isin(np.abs(whole.harmonics), orders)
-    tested = np.flatnonzero(asked & ~_on_a_mode(whole))
+    tested = np.flatnonzero(asked & ~on_a_mode(whole))
     every = np.arange(whole.blocks.shape[0])
     statistic, degrees, p_value = wald(whole, tested, every)
     sides = np.abs(whole.harmonics[tested])
@@ -272,8 +272,8 @@ def _orders(harmonics: Sequence[int]) -> Integers:
     return np.sort(given).astype(np.int64)
 
 
-def _on_a_mode(whole: Estimates) -> Mask:
-    """Mask of terms that lie on another mode's zeroth harmonic, or on the conjugate of one (terms,)."""
+def on_a_mode(whole: Estimates) -> Mask:
+    """Mask of terms of estimates `whole` that lie on another mode's zeroth harmonic, or on its conjugate (terms,)."""
     zeroth = np.flatnonzero(whole.harmonics == 0)
     places = np.concatenate([whole.rates[zeroth], whole.rates[zeroth].conj()])
     gaps = np.abs(np.subtract.outer(whole.rates, places))
