@@ -194,9 +194,10 @@ def _empty(data: TimeResponses, outcome: Outcome = Outcome.NO_MODE) -> ModalMode
 
 
 def brief(data: TimeResponses, per_pole: int) -> bool:
-    """True where `data` are above their noise for fewer than `per_pole` samples for each pole that they hold."""
+    """True where `data` are above their noise for fewer than `per_pole` samples for each pole, in the shortest input."""
     above = samples_above(data)
-    return 0 < above < per_pole * MODES and above < per_pole * min(States.of(data).rank, MODES)
+    shortest = min(above, int(data.lengths.min()))
+    return 0 < above < per_pole * MODES and shortest < per_pole * min(States.of(data).rank, MODES)
 
 
 def pooled_noise(blocks: Iterable[Sequence[Floats]]) -> Floats:

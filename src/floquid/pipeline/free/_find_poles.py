@@ -139,11 +139,14 @@ def _noise_left(lifted: Lifted, modal: ModalModel) -> NDArray[np.float64]:
     """The noise in what the fit leaves (channels, hits).
 
     A hit with hardly more cycles than there are poles leaves nothing to judge its noise by, and would be weighted by
-    chance: beside longer ones it is refused.
+    chance: beside longer ones it is refused. Where all hits share their shapes, it has the noise of all of them.
     """
     assert modal.residual_std is not None
     lengths = lifted.responses.lengths
     long = lengths >= ENOUGH_CYCLES * modal.order
+    if modal.outer_products and not long.all():
+        variances = lifted.by_channel(modal.residual_std**2).mean(axis=1)
+        return np.sqrt(np.where(long, variances, np.average(variances, axis=1, weights=lengths)[:, None]))
     if long.any() and not long.all():
         short = int(np.argmin(lengths))
         raise IdentificationError(
