@@ -11,6 +11,7 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid._checks import counted, input_error
+from floquid.cli._events import event_files, read_events
 from floquid.cli._folder import identified_in
 from floquid.cli._info import TELLS, options
 from floquid.cli._options import (
@@ -60,7 +61,8 @@ def read_records(
 ) -> tuple[list[Record], Choices]:
     """The records, and the choices with the names that the channels have from here on."""
     chosen, records = choices.settings, []
-    signals = [name for name in (chosen.tach, chosen.azimuth) if name is not None]
+    tables = event_files(chosen.events)
+    signals = [name for name in (chosen.tach, chosen.azimuth, None if tables else chosen.events) if name is not None]
     beside = [name for name in (*signals, *chosen.inputs) if name not in (*chosen.channels, *choices.names)]
     named = (*chosen.channels, *beside) if chosen.channels else None
     for file in files:
@@ -69,7 +71,7 @@ def read_records(
             file, period=chosen.period, rate=choices.rate, channels=named, names=choices.names or None,
             origin=choices.origin, header=choices.header,
         )  # fmt: skip
-        if record.clock is None and not signals and not chosen.estimate_period:
+        if record.clock is None and not signals and not tables and not chosen.estimate_period:
             got = f"neither it nor --frequency is, and {file} does not state one"
             free = not chosen.inputs and chosen.excitation == "none"
             remedy = (
@@ -79,6 +81,9 @@ def read_records(
             )
             raise input_error("--period", of, "be given", got, remedy)
         records.append(record.with_point(choices.point))
+    if tables:
+        clocks = read_events(tables, files, of)
+        records = [record.with_clock(clock) for record, clock in zip(records, clocks, strict=True)]
     if chosen.channels:  # a path may stand for all rows of a matrix: from here on each has its name
         own = tuple(c.name for c in records[0].channels if c.name not in beside)
         choices = choices.with_given(channels=own, asked=chosen.channels if choices.names else None)

@@ -11,6 +11,7 @@ from floquid.preparation._clocks import clocked as clocked
 from floquid.preparation._clocks import clocks_of as clocks_of
 from floquid.preparation._clocks import states_of as states_of
 from floquid.preparation._clocks import without_clock as without_clock
+from floquid.preparation._events import BETWEEN as BETWEEN
 from floquid.preparation._excited import FORBIDDEN as FORBIDDEN
 from floquid.preparation._excited import WORDS as WORDS
 from floquid.preparation._excited import parted as parted

@@ -11,13 +11,17 @@ from floquid.core import (
     Clock,
     ConstantPeriod,
     PhaseClock,
+    PulseTimes,
     Record,
     TachometerSignal,
     channels_named,
 )
+from floquid.errors import InputError
 from floquid.preparation._settings import ALL, EXAMPLE, Settings
 from floquid.reconstruction import AbstractStructure, displacement_rows, structure_of
-from floquid.sync import ShaftAngle, shaft_angle, tied
+from floquid.sync import ShaftAngle, pulse_times, shaft_angle, tied
+
+OF = "identify"
 
 
 def clocked(records: Record | Sequence[Record], settings: Settings, of: str) -> tuple[Record, ...]:
@@ -28,6 +32,8 @@ def clocked(records: Record | Sequence[Record], settings: Settings, of: str) -> 
         raise input_error("records", of, "be a Record or a list of them", f"is {describe(records)}", remedy)
     used = []
     for record in several:
+        if settings.events is not None and not (record.clock is not None and record.clock.cycles):
+            record = _with_events(record, settings.events)
         clock = _clock(record, settings)
         own = [clock.channel] if clock is not None and clock.channel is not None else []
         option = "records" if clock is None else clock.option
@@ -55,6 +61,20 @@ def _clock(record: Record, settings: Settings) -> Clock | None:
     if settings.period is not None:
         return ConstantPeriod(period=settings.period, origin=record.origin)
     return record.clock
+
+
+def _with_events(record: Record, channel: str) -> Record:
+    """The record without its channel of events, and with their times as its clock."""
+    channels_named(record.channels, [channel], argument="events", of=OF)
+    try:
+        clock = PulseTimes(times=pulse_times(record, channel), cycles=True)
+    except InputError as error:
+        raise InputError(str(error).replace("`channel` of `pulse_times`", f"`events` of `{OF}`")) from error
+    names = [own.name for own in record.channels if own.name != channel]
+    if not names:
+        remedy = "Read the responses, too."
+        raise input_error("events", OF, "leave a channel of responses", "is the only one", remedy)
+    return record.select(names).with_clock(clock)
 
 
 def without_clock(record: Record) -> Record:
@@ -88,9 +108,6 @@ def shafts_of(records: Sequence[Record], report: Callable[[str], None], of: str)
 def clocks_of(records: Sequence[Record], shafts: tuple[ShaftAngle, ...]) -> tuple[PhaseClock, ...]:
     """Clocks that say the phase in each record: its own, or the angle of its shaft where that is measured."""
     return shafts or tuple(map(tied, records))
-
-
-OF = "identify"
 
 
 def check_states(channels: Sequence[Channel], settings: Settings) -> None:

@@ -15,6 +15,8 @@ from floquid.lti import Ensemble, TimeResponses, pooled_noise
 from floquid.preparation._settings import Settings
 from floquid.sync import between_events, refuse_unlike, rejoin
 
+BETWEEN = "between_events"  # the code of the finding that periods lie between events
+SEVERAL = 3  # records from which on their orbit is one for all: beside fewer it is fitted as a forced response
 LOOKS = 3  # times that the orbit is taken beside the modes: it changed by less than a hundredth of its deviation then
 
 
@@ -32,9 +34,9 @@ def by_events(
     lengths = np.concatenate([hit.periods for hit in cycles])
     period, findings = float(lengths.mean()), []
     numbers = {"periods": len(lengths), "period": period, "spread": float(lengths.std() / period)}
-    findings.append(note("between_events", records=len(cycles), phases=cycles[0].n_phases, **numbers))
+    findings.append(note(BETWEEN, records=len(cycles), phases=cycles[0].n_phases, **numbers))
     forced = settings.forced
-    if forced == "auto" and not any(np.isnan(hit.values).any() for hit in cycles):
+    if forced == "auto" and len(cycles) >= SEVERAL and not any(np.isnan(hit.values).any() for hit in cycles):
         orbit = common_orbit(cycles, settings.mode_false_alarm)
         cycles = tuple(replace(hit, values=hit.values - orbit[:, :, None]) for hit in cycles)
         findings.append(note("common_orbit", records=len(cycles), periods=len(lengths)))
@@ -43,7 +45,7 @@ def by_events(
         replace(rejoin(replace(hit, periods=np.full(hit.n_cycles, period))), point=record.point)
         for hit, record in zip(cycles, records, strict=True)
     ]
-    return tuple(used), replace(settings, events=None, forced=forced, trust_period=True), tuple(findings)
+    return tuple(used), replace(settings, events=None, forced=forced), tuple(findings)
 
 
 def common_orbit(cycles: Sequence[Cycles], false_alarm: float) -> Floats:

@@ -15,7 +15,7 @@ from floquid.sync._resample import bandwidth
 OF = "between_events"
 DEGREE, BAND = 5, 0.5
 """Degree of the spline, and the share of its Nyquist frequency that is used: there it is 0.05 % off."""
-FULL = 0.9  # samples of the spline over those of the shortest period, at most: a knot without a sample is undetermined
+FULL = 0.6  # knots over samples of the shortest period, at most: of nearly as many, noise makes large waves
 
 
 def between_events(records: Sequence[Record]) -> tuple[Cycles, ...]:
@@ -38,8 +38,10 @@ def between_events(records: Sequence[Record]) -> tuple[Cycles, ...]:
     most = int(FULL * float(lengths.min()) * min(record.sample_rate for record in records))
     phases = min(max(FEWEST_PHASES, int(np.ceil(2.0 * reach * lengths.max() / BAND))), most)
     if phases < FEWEST_PHASES:
-        must, got = f"be {FEWEST_PHASES} samples apart or more", f"two are {lengths.min():.6g} s apart"
-        raise input_error("records", OF, f"have events that {must}", got, "Check the unit of the events, and the rate.")
+        samples = lengths.min() * min(record.sample_rate for record in records)
+        must = f"have {int(np.ceil(FEWEST_PHASES / FULL))} samples or more between two events"
+        got = f"two are {lengths.min():.6g} s apart, {samples:.3g} samples"
+        raise input_error("records", OF, must, got, "Check the unit of the events, and the sampling rate.")
     return tuple(_resampled(record, own, phases) for record, own in zip(records, bounds, strict=True))
 
 

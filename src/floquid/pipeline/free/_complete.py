@@ -56,7 +56,8 @@ def completed(
             "poles that were found in it. Record longer, or check the period."
         )
     choice, modal = start.choice, start.modal
-    changed = modal is None or not whole or not _alike(model, free)
+    # A brief record's order is judged by its samples, where these were fitted.
+    changed = modal is None or not whole or not _alike(model, free) or (choice is None and settings.order is None)
     if changed:
         modal = fit_residues(model.multipliers, lifted.responses)
     assert modal is not None
@@ -241,6 +242,7 @@ def validated(analysis: Analysis, *, report: Callable[[str], None] = lambda _: N
             whitening=analysis.whitening,
             periods_per_revolution=nu,
             misfit=analysis.misfit,
+            in_phase=analysis.by_events,
             report=report,
         )
     except (FloquidError, np.linalg.LinAlgError) as error:

@@ -124,10 +124,12 @@ def _brief_fits(
 ) -> Iterator[Candidate]:
     """The fits of a start of a brief record: outer products of shape and hit, and that of the samples.
 
-    That of the samples has its own harmonics in each hit: it is left out where shapes at each phase are fewer numbers
+    The samples tell the order better than the cycles, of which a brief decay has few: their fits come without a choice
+    by those. That of the samples has its own harmonics in each hit: it is left out where shapes at each phase are fewer numbers
     than the narrowest that vary.
     """
     settings, model, costly = prepared.settings, None, False
+    by_samples = replace(start, choice=None)
     if start.modal is not None:
         report("expanding the shapes in harmonics")
         modal, width = held_shapes(start.modal, start.lifted, false_alarm=settings.harmonic_false_alarm)
@@ -135,14 +137,14 @@ def _brief_fits(
         yield Candidate(start, model, free_residues(prepared, cutting, start, model), settings)
         if not start.known and not prepared.shafts and start.lifted.n_hits >= model.order:
             with suppress(IdentificationError, np.linalg.LinAlgError):
-                yield Candidate(start, model, _of_shapes(prepared, start, model, report), settings)
+                yield Candidate(by_samples, model, _of_shapes(prepared, start, model, report), settings)
         lifted = start.lifted
         # Three harmonics are the fewest that vary.
         costly = lifted.n_channels * (3 * lifted.n_hits - lifted.n_phases) > lifted.n_hits
     if not costly or not determined(model):
         fitted = _fitted(prepared, cutting, start, model, settings, True, report)
         wrong = wrong_period_fitted(fitted, start.lifted, prepared, report)
-        yield Candidate(start, model, fitted, settings, wrong_period=wrong)
+        yield Candidate(by_samples, model, fitted, settings, wrong_period=wrong)
 
 
 def _of_shapes(prepared: Prepared, start: Start, model: PeriodicModel, report: Callable[[str], None]) -> Fit:
