@@ -11,7 +11,7 @@ import numpy as np
 from floquid._show import Brief
 from floquid.findings import Finding, Severity, note, texts, warning
 from floquid.fit import DEVIATIONS
-from floquid.lti import COLOURED, AbstractIdentifier, Evidence, MaximumLikelihood, ModalModel, Outcome, TimeResponses
+from floquid.lti import COLOURED, AbstractIdentifier, Ensemble, Evidence, MaximumLikelihood, ModalModel, Needs, Outcome, TimeResponses
 
 DETERMINED = 2e-3 * 2.0 * np.pi
 """The standard deviation of a decay or an angle above which a mode may stand for several [rad/sample]."""
@@ -110,6 +110,12 @@ def judge(data: TimeResponses, model: ModalModel) -> Choice:
     )
 
 
+def judge_products(data: TimeResponses, model: ModalModel, identifier: Ensemble) -> Choice:
+    """The order of a `model` of outer products, by what its modes explain in the responses of all hits in `data`."""
+    needs = identifier.weigh(identifier.prepare(data), model)
+    return Choice(order=model.order, model=model, findings=(_weakest(needs), note("no_shared_multipliers")))
+
+
 def _findings(evidence: Evidence) -> list[Finding]:
     """Findings of the modes, their neighbours and the residual on the order."""
     found = []
@@ -134,7 +140,7 @@ def _mode(multiplier: complex) -> dict[str, Any]:
     return {"real": real, "share": float(abs(np.angle(multiplier))) / (2.0 * np.pi)}
 
 
-def _weakest(evidence: Evidence) -> Finding:
+def _weakest(evidence: Evidence | Needs) -> Finding:
     share = evidence.rises / evidence.limits
     weakest = int(np.argmin(share))
     needed = bool(share[weakest] >= 1.0)

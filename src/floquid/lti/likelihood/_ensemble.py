@@ -17,7 +17,7 @@ from typing import ClassVar, final
 
 import numpy as np
 
-from floquid._arrays import Floats, Integers
+from floquid._arrays import Complexes, Floats, Integers
 from floquid.fit import MODES, SURE, chi2_limit
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 from floquid.lti._significance import noise_edge, rise_limit
@@ -40,6 +40,7 @@ from floquid.lti.likelihood._rank_one import (
     polish_products,
     pruned,
     refined,
+    split,
 )
 
 
@@ -82,6 +83,16 @@ class States:
         shares = np.linalg.solve(vectors, x[:, self.first])
         upper = multipliers.imag >= 0
         return Products.of(PoleSet.from_multipliers(multipliers[upper].astype(complex)), shares[upper].astype(complex))
+
+
+@dataclass(frozen=True, slots=True)
+class Needs:
+    """Rises of the cost without one mode, the others fitted again, and their limits (modes,); a pair counts once."""
+
+    multipliers: Complexes
+    rises: Floats
+    limits: Floats  # what noise exceeds at the probability allowed for a mode
+    firm_limits: Floats  # what noise hardly ever exceeds
 
 
 def samples_above(data: TimeResponses) -> int:
@@ -143,11 +154,22 @@ class Ensemble(AbstractIdentifier):
         """The maximum-likelihood model in `state` of the order and outcome of `model`, from its poles."""
         return refined(model, state.stacked.data, Noise(np.ones(model.order))) if model.order else model
 
-    def _limits(self, products: Products, stacked: Stacked) -> list[float]:
-        """The rise without each entry that noise exceeds at the false-alarm probability."""
+    def weigh(self, state: States, model: ModalModel) -> Needs:
+        """The rise of the cost without each mode of a `model` of the data in `state`, and what noise makes of it."""
+        stacked = state.stacked
+        fit = polish_products(split(model, stacked.data, np.ones(model.order, np.int64)), stacked)
+        poles, rest = fit.products.poles, [float(np.sum(stacked.values**2))]
+        if len(poles) > 1:
+            fewer = [fit.products.without(entry) for entry in range(len(poles))]
+            rest = [polish_products(products, stacked, tolerance=1e-2).cost for products in fewer]
+        limits = [np.array(self._limits(fit.products, stacked, share)) for share in (1.0, SURE)]
+        return Needs(poles.multipliers()[poles.starts()], np.array(rest) - fit.cost, *limits)
+
+    def _limits(self, products: Products, stacked: Stacked, share: float = 1.0) -> list[float]:
+        """The rise without each entry that noise exceeds at the false-alarm probability, or a `share` of it."""
         rows, outputs = stacked.values.shape[1], stacked.data.n_outputs
         numbers = products.poles.sizes * (outputs + stacked.data.n_inputs)
-        return [rise_limit(self.false_alarm, float(number), float(rows * outputs)) for number in numbers]
+        return [rise_limit(share * self.false_alarm, float(number), float(rows * outputs)) for number in numbers]
 
 
 def _lowered(fit: ProductFit, stacked: Stacked, order: int) -> ProductFit:

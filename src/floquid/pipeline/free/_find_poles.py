@@ -13,8 +13,8 @@ from floquid.errors import IdentificationError
 from floquid.findings import failure, warning
 from floquid.fit import QUIET, REST, ROUNDS, SURE, chi2_limit
 from floquid.lifting import Lifted, whitened, whitening_filter
-from floquid.lti import AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome, fit_residues
-from floquid.order import Choice, judge
+from floquid.lti import AbstractIdentifier, Ensemble, MaximumLikelihood, ModalModel, Outcome, fit_residues
+from floquid.order import Choice, judge, judge_products
 from floquid.periodic import generous_poles
 from floquid.preparation import Settings
 
@@ -64,6 +64,8 @@ def find_poles(
     if settings.order is not None:
         return lifted, modal, None
     report("weighing the order")
+    if isinstance(settings.identifier, Ensemble):
+        return lifted, modal, judge_products(lifted.responses, modal, settings.identifier)
     choice = judge(lifted.responses, modal)
     peaked = under_a_peak(lifted, modal)
     if peaked.all() and settings.identifier is None and not dies_away(raw):

@@ -97,9 +97,25 @@ def _best(prepared: Prepared, report: Callable[[str], None]) -> Candidate:
         except IdentificationError as error:
             refusal = error if usual else refusal
         if found:
-            return min(found, key=lambda own: criterion(own.fitted, prepared.settings.mode_false_alarm))
+            return found[0] if usual else min(found, key=lambda own: _as_reported(own, prepared))
     assert refusal is not None
     raise refusal
+
+
+def _as_reported(own: Candidate, prepared: Prepared) -> float:
+    r"""Criterion of a fit by what its model leaves, once harmonics that noise explains one by one are left out.
+
+    .. math:: J + \sum_{c,h} N_h \log \max \Big(1, \frac{\mathrm{RSS}_{c,h}}{N_h s_{c,h}^2}\Big)
+    """
+    fitted = own.fitted
+    value = criterion(fitted, prepared.settings.mode_false_alarm)
+    if fitted.whitening is not None:
+        return value
+    rests = unexplained(fitted.model, fitted.free, clocks_of(fitted.free, prepared.shafts))
+    for hit, rest in enumerate(rests):
+        share = np.nanmean(rest**2, axis=1) / fitted.noise[:, hit] ** 2
+        value += rest.shape[1] * float(np.log(np.maximum(share, 1.0)).sum())
+    return value
 
 
 @dataclass(frozen=True, slots=True)
