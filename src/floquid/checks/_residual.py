@@ -186,8 +186,8 @@ def colour_of(case: Decays, evidence: Evidence) -> Colour:
     """
     excess, limit = np.zeros(case.noise.shape), np.zeros(case.noise.shape)
     rates, known = rates_of(case.model), OF_SPLINES if case.in_phase else 0.0
-    each = [[hit] for hit in range(len(case.records))]
-    for hits in [sum(each, [])] if case.in_phase and case.model.one_shape else each:
+    every = list(range(len(case.records)))
+    for hits in [every] if case.in_phase and case.model.one_shape else [[hit] for hit in every]:
         rest = np.hstack([_parted(case.left[hit]) for hit in hits]) if hits[1:] else case.left[hits[0]]
         rate = case.records[hits[0]].sample_rate
         squares, numbers, lags = squared_correlations(rest, 1.0 / rate, rates, int(2.0 * case.highest) - 1)

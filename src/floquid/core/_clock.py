@@ -21,7 +21,6 @@ class _Measured:
 
     period = None
     origin = 0.0
-    cycles = False
 
 
 @answers_slips("ConstantPeriod(period=6.28)", _PERIOD)
@@ -114,6 +113,7 @@ class TachometerSignal(_Measured):
     """
 
     option = "tach"
+    cycles = False
 
     channel: str
     pulses_per_revolution: int = 1
@@ -141,6 +141,7 @@ class AzimuthSignal(_Measured):
     """
 
     option = "azimuth"
+    cycles = False
     pulses_per_revolution = 1
 
     channel: str

@@ -11,7 +11,17 @@ import numpy as np
 from floquid._show import Brief
 from floquid.findings import Finding, Severity, note, texts, warning
 from floquid.fit import DEVIATIONS
-from floquid.lti import COLOURED, AbstractIdentifier, Ensemble, Evidence, MaximumLikelihood, ModalModel, Needs, Outcome, TimeResponses
+from floquid.lti import (
+    COLOURED,
+    AbstractIdentifier,
+    Ensemble,
+    Evidence,
+    MaximumLikelihood,
+    ModalModel,
+    Needs,
+    Outcome,
+    TimeResponses,
+)
 
 DETERMINED = 2e-3 * 2.0 * np.pi
 """The standard deviation of a decay or an angle above which a mode may stand for several [rad/sample]."""

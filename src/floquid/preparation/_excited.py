@@ -28,6 +28,7 @@ OF = "identify"
 
 GOES_ON = {
     "estimate_period": "what drives the system repeats with periods of its own",
+    "events": "decays run in periods between events, and what drives a system acts in seconds",
     "find_hits": "a blow that was measured is an input",
     "identifier": "it takes samples a period apart for a free response",
     "constrained": "residues that are free at each phase are those of lifted responses",

@@ -30,9 +30,9 @@ from floquid.preparation._before import (
     without_orbit,
 )
 from floquid.preparation._clocks import check_states, clocked, clocks_of, refuse_no_clock, shafts_of, without_clock
+from floquid.preparation._events import BETWEEN, by_events
 from floquid.preparation._excited import parted as parted_of
 from floquid.preparation._excited import refuse_others
-from floquid.preparation._events import BETWEEN, by_events
 from floquid.preparation._forces import forces_of, refuse_driven, refuse_random
 from floquid.preparation._refuse import own_names, refuse_copies, refuse_period, refuse_short, refuse_unusable
 from floquid.preparation._settings import Options, Settings, settings_of, takes_settings

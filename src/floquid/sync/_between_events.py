@@ -13,9 +13,9 @@ from floquid.sync._count_pulses import FEWEST_PHASES
 from floquid.sync._resample import bandwidth
 
 OF = "between_events"
-DEGREE, BAND = 5, 0.5
-"""Degree of the spline, and the share of its Nyquist frequency that is used: there it is 0.05 % off."""
-FULL = 0.6  # knots over samples of the shortest period, at most: of nearly as many, noise makes large waves
+DEGREE, BAND = 4, 0.4
+"""Degree of the spline, and the share of its Nyquist frequency that is used: there it is 0.1 % off."""
+FULL = 0.5  # knots over samples of the shortest period, at most: of nearly as many, noise makes large waves
 
 
 def between_events(records: Sequence[Record]) -> tuple[Cycles, ...]:
@@ -24,9 +24,10 @@ def between_events(records: Sequence[Record]) -> tuple[Cycles, ...]:
     .. math:: \varphi(t) = k + \frac{t - e_k}{e_{k+1} - e_k}, \qquad
               \min_g \sum_n \Big( y(t_n) - \sum_j g_j\, N_j(\varphi(t_n)) \Big)^2
 
-    with e the events, and N the B-splines of degree 5 with P knots a period. A period is what lies between two events,
-    whatever its duration. P holds the `bandwidth` of all records, as far as their samples do. Where a channel misses
-    its samples about an instant of the grid, the value there is missing.
+    with e the events, and N the B-splines of degree 4 with P knots a period. The instants are midway between knots,
+    where the ends of a spline are least noisy. A period is what lies between two events, whatever its duration. P holds
+    the `bandwidth` of all records, as far as their samples do. Where a channel misses its samples about an instant, the
+    value there is missing.
 
     `records` have clocks whose pulses begin a period each (`PulseTimes(times=…, cycles=True)`). Raises InputError where
     a record has another clock, or fewer than two events. Cycles come with their own lengths [s], from the first event
@@ -68,7 +69,7 @@ def _resampled(record: Record, bounds: Floats, phases: int) -> Cycles:
     ends = np.concatenate([[2.0 * bounds[0] - bounds[1]], bounds, [2.0 * bounds[-1] - bounds[-2]]])
     turns = np.interp(record.times, ends, np.arange(len(ends)) - 1.0)
     near = (turns > -1.0) & (turns < periods + 1.0)
-    grid, turns = np.arange(periods * phases) / phases, turns[near]
+    grid, turns = (np.arange(periods * phases) + 0.5) / phases, turns[near]
     first, last = turns[0], turns[-1]
     inner = np.arange(np.ceil(first * phases) + 1.0, last * phases - 1.0) / phases
     knots = np.concatenate([np.full(DEGREE + 1, first), inner, np.full(DEGREE + 1, last)])
@@ -86,6 +87,7 @@ def _resampled(record: Record, bounds: Floats, phases: int) -> Cycles:
     return Cycles(
         values=values.reshape(record.n_channels, periods, phases).transpose(0, 2, 1),
         periods=np.diff(bounds),
+        first_phase=0.5 / phases,
         channels=record.channels,
         provenance=record.provenance.then(f"{step}{record.sample_rate:.6g} Hz"),
     )

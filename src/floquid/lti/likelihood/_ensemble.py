@@ -216,7 +216,7 @@ def _empty(data: TimeResponses, outcome: Outcome = Outcome.NO_MODE) -> ModalMode
 
 
 def brief(data: TimeResponses, per_pole: int) -> bool:
-    """True where `data` are above their noise for fewer than `per_pole` samples for each pole, in the shortest input."""
+    """True where the shortest of `data` is above its noise for fewer than `per_pole` samples for each pole."""
     above = samples_above(data)
     shortest = min(above, int(data.lengths.min()))
     return 0 < above < per_pole * MODES and shortest < per_pole * min(States.of(data).rank, MODES)
