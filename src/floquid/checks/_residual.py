@@ -26,7 +26,6 @@ ABOVE = 8.0  # least score of a tone over that of the lines beside it
 BESIDE = 4  # harmonics on each side of a mode's band, and lines on each side of a tone, that are looked at
 ROUNDING = 0.5  # residual over the noise below which the noise is no estimate but what the record is believed down to
 COLOUR = 0.01  # the sum of squared autocorrelations that is let pass in any case: less is no colour worth a filter
-OF_SPLINES = 0.05  # the same of values of splines in phase: white noise in the samples is 0.02 to 0.03 in them
 STRONG_COLOUR = 0.25  # the same from which on a model fails: such colour may be what modes leave
 HARMONIC = 0.01  # the share of the response in one harmonic beside a band that is let pass in any case
 PIECE = 64  # lines of a spectrum over which its level is taken, and harmonics of the period looked at, at most
@@ -182,10 +181,11 @@ def colour(case: Any, evidence: Evidence) -> tuple[Finding, ...]:
 def colour_of(case: Decays, evidence: Evidence) -> Colour:
     """Excess of squared autocorrelations over those of white noise, of responses without a line of their own.
 
-    Hits in phase that share their shapes are brief, and are judged together, by the products of all of them.
+    Hits in phase that share their shapes are brief, and are judged together, by the products of all of them. The noise
+    of values of splines has an excess of 0.03 where that of the samples is white.
     """
     excess, limit = np.zeros(case.noise.shape), np.zeros(case.noise.shape)
-    rates, known = rates_of(case.model), OF_SPLINES if case.in_phase else 0.0
+    rates, known = rates_of(case.model), 5.0 * COLOUR if case.in_phase else 0.0
     every = list(range(len(case.records)))
     for hits in [every] if case.in_phase and case.model.one_shape else [[hit] for hit in every]:
         rest = np.hstack([_parted(case.left[hit]) for hit in hits]) if hits[1:] else case.left[hits[0]]

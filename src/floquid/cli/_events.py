@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
+from floquid._arrays import Floats
 from floquid._checks import input_error
 from floquid.cli._options import split
-from floquid.core import PulseTimes
 from floquid.io import readable_file
 
 OPTION = "--events"
@@ -22,8 +22,8 @@ def event_files(words: str | None) -> tuple[Path, ...]:
     return paths if any(path.is_file() for path in paths) else ()
 
 
-def read_events(tables: Sequence[Path], files: Sequence[Path], of: str) -> list[PulseTimes]:
-    """The clock of each of the record `files` by tables of events, for the command `of`.
+def read_events(tables: Sequence[Path], files: Sequence[Path], of: str) -> list[Floats]:
+    """The times [s] of the events of each of the record `files` by tables, for the command `of`.
 
     One table has a column of times [s], and before it one of records, by name or number from 1, where there are
     several. Several tables are one a record, in their order.
@@ -46,7 +46,7 @@ def read_events(tables: Sequence[Path], files: Sequence[Path], of: str) -> list[
         if len(set(times)) < 2:
             got = f"{', '.join(map(str, tables))} has {len(times)} for {file}"
             raise input_error(OPTION, of, "have two events or more for each record", got, "Leave that record out.")
-    return [PulseTimes(times=np.unique(times), cycles=True) for times in found]
+    return [np.unique(times) for times in found]
 
 
 def _rows(table: Path, of: str) -> list[tuple[int, list[str]]]:

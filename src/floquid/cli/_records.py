@@ -34,7 +34,7 @@ from floquid.core import Record
 from floquid.errors import InputError
 from floquid.exports import MODE_FORMATS, export_modes
 from floquid.io import GUARD, attribute, readable_file
-from floquid.preparation import propose
+from floquid.preparation import propose, with_events
 from floquid.readers import read, read_and_describe, write
 from floquid.views import DampingUnit
 
@@ -82,8 +82,7 @@ def read_records(
             raise input_error("--period", of, "be given", got, remedy)
         records.append(record.with_point(choices.point))
     if tables:
-        clocks = read_events(tables, files, of)
-        records = [record.with_clock(clock) for record, clock in zip(records, clocks, strict=True)]
+        records = [with_events(*both) for both in zip(records, read_events(tables, files, of), strict=True)]
     if chosen.channels:  # a path may stand for all rows of a matrix: from here on each has its name
         own = tuple(c.name for c in records[0].channels if c.name not in beside)
         choices = choices.with_given(channels=own, asked=chosen.channels if choices.names else None)

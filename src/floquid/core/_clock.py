@@ -168,7 +168,7 @@ class PulseTimes(Rebuilt, _Measured):
     periods_per_revolution
         Periods of the system in a revolution of the shaft.
     cycles
-        True of events each of which begins a period, whatever its duration, as the strikes of a heel are: decays run
+        True of events that each begin a period, whatever its duration, as the strikes of a heel are: decays run
         in periods then, and not in seconds. Two events are enough, and there is no revolution.
     """
 

@@ -25,7 +25,7 @@ from floquid.order import scan as scan_orders
 from floquid.periodic import Fit, ForcedResponse, Periodicity
 from floquid.pipeline._deviations import Decay
 from floquid.pipeline._frequencies import frequencies_of
-from floquid.preparation import BETWEEN, Settings, clocks_of
+from floquid.preparation import Settings, clocks_of
 from floquid.reconstruction import AbstractStructure, Form, Names, Refinement, StateModel, reconstruct, refine
 from floquid.sync import ShaftAngle
 
@@ -206,11 +206,6 @@ class Analysis(Told, Drawn, Brief):
     def constrained(self) -> bool:
         """True where the residues were constrained to their harmonics in the end."""
         return self.decay is None or self.decay.fit.constrained
-
-    @property
-    def by_events(self) -> bool:
-        """True where the periods lie between events, whatever their durations."""
-        return any(own.code == BETWEEN for own in self.findings)
 
     @property
     def misfit(self) -> float | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 
+from floquid._arrays import Floats
 from floquid._checks import describe, input_error
 from floquid.core import (
     AzimuthSignal,
@@ -33,7 +34,7 @@ def clocked(records: Record | Sequence[Record], settings: Settings, of: str) -> 
     used = []
     for record in several:
         if settings.events is not None and not (record.clock is not None and record.clock.cycles):
-            record = _with_events(record, settings.events)
+            record = _marked(record, settings.events)
         clock = _clock(record, settings)
         own = [clock.channel] if clock is not None and clock.channel is not None else []
         option = "records" if clock is None else clock.option
@@ -63,18 +64,23 @@ def _clock(record: Record, settings: Settings) -> Clock | None:
     return record.clock
 
 
-def _with_events(record: Record, channel: str) -> Record:
+def _marked(record: Record, channel: str) -> Record:
     """The record without its channel of events, and with their times as its clock."""
     channels_named(record.channels, [channel], argument="events", of=OF)
     try:
-        clock = PulseTimes(times=pulse_times(record, channel), cycles=True)
+        record = with_events(record, pulse_times(record, channel))
     except InputError as error:
         raise InputError(str(error).replace("`channel` of `pulse_times`", f"`events` of `{OF}`")) from error
     names = [own.name for own in record.channels if own.name != channel]
     if not names:
         remedy = "Read the responses, too."
         raise input_error("events", OF, "leave a channel of responses", "is the only one", remedy)
-    return record.select(names).with_clock(clock)
+    return record.select(names)
+
+
+def with_events(record: Record, times: Floats) -> Record:
+    """The record whose periods lie between events at these `times` [s]."""
+    return record.with_clock(PulseTimes(times=times, cycles=True))
 
 
 def without_clock(record: Record) -> Record:

@@ -10,14 +10,13 @@ import numpy as np
 from floquid._arrays import Complexes, Floats
 from floquid.core import Cycles, Record
 from floquid.findings import Finding, note
+from floquid.fit import ROUNDS
 from floquid.lifting import FLOOR
 from floquid.lti import Ensemble, TimeResponses, pooled_noise
 from floquid.preparation._settings import Settings
 from floquid.sync import between_events, refuse_unlike, rejoin
 
-BETWEEN = "between_events"  # the code of the finding that periods lie between events
 SEVERAL = 3  # records from which on their orbit is one for all: beside fewer it is fitted as a forced response
-LOOKS = 3  # times that the orbit is taken beside the modes: it changed by less than a hundredth of its deviation then
 
 
 def by_events(
@@ -34,7 +33,7 @@ def by_events(
     lengths = np.concatenate([hit.periods for hit in cycles])
     period, findings = float(lengths.mean()), []
     numbers = {"periods": len(lengths), "period": period, "spread": float(lengths.std() / period)}
-    findings.append(note(BETWEEN, records=len(cycles), phases=cycles[0].n_phases, **numbers))
+    findings.append(note("between_events", records=len(cycles), phases=cycles[0].n_phases, **numbers))
     forced = settings.forced
     if forced == "auto" and len(cycles) >= SEVERAL and not any(np.isnan(hit.values).any() for hit in cycles):
         orbit = common_orbit(cycles, settings.mode_false_alarm)
@@ -46,6 +45,11 @@ def by_events(
         for hit, record in zip(cycles, records, strict=True)
     ]
     return tuple(used), replace(settings, events=None, forced=forced), tuple(findings)
+
+
+def in_phase(findings: Sequence[Finding]) -> bool:
+    """True where these findings say that periods lie between events: their phase is given, and not to be doubted."""
+    return any(own.code == "between_events" for own in findings)
 
 
 def common_orbit(cycles: Sequence[Cycles], false_alarm: float) -> Floats:
@@ -61,7 +65,7 @@ def common_orbit(cycles: Sequence[Cycles], false_alarm: float) -> Floats:
     channels, phases, _ = cycles[0].values.shape
     orbit, order = np.concatenate(values, axis=1).mean(axis=1), None
     identifier, several = Ensemble(false_alarm=false_alarm), [own for own in values if own.shape[1] > 1]
-    for look in range(1 + LOOKS if several else 0):
+    for look in range(ROUNDS if several else 0):
         part = [own - orbit[:, None] for own in several] if look else [np.diff(own) for own in several]
         data = _responses(part, channels)
         model = identifier.extract(identifier.prepare(data), order)

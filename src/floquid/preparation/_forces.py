@@ -21,7 +21,7 @@ BROAD = 16.0
 WHITE = 0.125
 """Share of all lines from which on a force is noise and no response."""
 
-ALONE = 10.0  # periods that a record must last for it alone to be refused: of brief ones most decide
+BRIEF = 10.5  # periods up to which a record is brief: most must be random to be refused, multipliers have a line
 
 BESIDE = 3  # lines on either side of a harmonic of the period that are its own
 
@@ -80,7 +80,7 @@ def refuse_random(records: Sequence[Record], forces: Sequence[str]) -> None:
     random = [record.period is not None and is_random(record, record.period) for record in records]
     for number, record in enumerate(records, start=1):
         where = f" of record {number}" if len(records) > 1 else ""
-        brief = record.period is not None and record.duration < ALONE * record.period
+        brief = record.period is not None and record.duration < BRIEF * record.period
         if random[number - 1] and (not brief or 2 * sum(random) > len(records)):
             measured = f"Name what was measured of it as inputs (`inputs={','.join(forces)}`). " if forces else ""
             raise IdentificationError(

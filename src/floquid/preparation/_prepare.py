@@ -30,7 +30,7 @@ from floquid.preparation._before import (
     without_orbit,
 )
 from floquid.preparation._clocks import check_states, clocked, clocks_of, refuse_no_clock, shafts_of, without_clock
-from floquid.preparation._events import BETWEEN, by_events
+from floquid.preparation._events import by_events
 from floquid.preparation._excited import parted as parted_of
 from floquid.preparation._excited import refuse_others
 from floquid.preparation._forces import forces_of, refuse_driven, refuse_random
@@ -78,11 +78,6 @@ class Prepared(Brief):
     findings: tuple[Finding, ...] = ()
     faults: tuple[Finding, ...] = ()
     parted: Parted | None = None
-
-    @property
-    def by_events(self) -> bool:
-        """True where periods lie between events: their phase is given, and not to be doubted."""
-        return any(own.code == BETWEEN for own in self.findings)
 
 
 @takes_settings

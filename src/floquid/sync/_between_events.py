@@ -10,12 +10,11 @@ from floquid._arrays import Floats
 from floquid._checks import input_error
 from floquid.core import Cycles, Record, over_gaps
 from floquid.sync._count_pulses import FEWEST_PHASES
+from floquid.sync._interpolation import BAND
 from floquid.sync._resample import bandwidth
 
 OF = "between_events"
-DEGREE, BAND = 4, 0.4
-"""Degree of the spline, and the share of its Nyquist frequency that is used: there it is 0.1 % off."""
-FULL = 0.5  # knots over samples of the shortest period, at most: of nearly as many, noise makes large waves
+DEGREE = 4  # of the spline: at 0.4 of its Nyquist frequency, half of what resampling allows, it is 0.1 % off
 
 
 def between_events(records: Sequence[Record]) -> tuple[Cycles, ...]:
@@ -36,11 +35,12 @@ def between_events(records: Sequence[Record]) -> tuple[Cycles, ...]:
     bounds = [_bounds(record, number) for number, record in enumerate(records, start=1)]
     lengths = np.concatenate([np.diff(own) for own in bounds])
     reach = max(bandwidth(record) for record in records)
-    most = int(FULL * float(lengths.min()) * min(record.sample_rate for record in records))
-    phases = min(max(FEWEST_PHASES, int(np.ceil(2.0 * reach * lengths.max() / BAND))), most)
+    # Of fewer samples than two a knot noise makes large waves.
+    most = int(0.5 * float(lengths.min()) * min(record.sample_rate for record in records))
+    phases = min(max(FEWEST_PHASES, int(np.ceil(2.0 * reach * lengths.max() / (0.5 * BAND)))), most)
     if phases < FEWEST_PHASES:
         samples = lengths.min() * min(record.sample_rate for record in records)
-        must = f"have {int(np.ceil(FEWEST_PHASES / FULL))} samples or more between two events"
+        must = f"have {2 * FEWEST_PHASES} samples or more between two events"
         got = f"two are {lengths.min():.6g} s apart, {samples:.3g} samples"
         raise input_error("records", OF, must, got, "Check the unit of the events, and the sampling rate.")
     return tuple(_resampled(record, own, phases) for record, own in zip(records, bounds, strict=True))

@@ -13,13 +13,13 @@ from floquid.checks import Validation
 from floquid.core import Channel, ModelInputs
 from floquid.findings import Severity, texts
 from floquid.pipeline import Analysis
+from floquid.preparation import BRIEF, in_phase
 from floquid.views._mode_table import mode_notes, with_error
 from floquid.views._speed import SpeedUnit, speed_texts, speed_words
 
 ORDER = "all_needed"  # the code of the finding that the line on the order has
 IN_LINES = (ORDER, "forced", "interference")  # the codes of all findings that a line of the outcome has, in short
 AGREE = 3.0  # deviations within which two periods agree: beyond, chance has three in a thousand
-BRIEF = 10  # periods of the longest record up to which multipliers have a line of their own
 MOST_NAMED = 6  # harmonics of the forced response that are named
 
 
@@ -132,13 +132,14 @@ def _within(value: float, ends: Floats | None) -> tuple[str, str]:
 
 
 def _period(analysis: Analysis, unit: SpeedUnit) -> str:
-    if analysis.shafts or analysis.by_events:
-        how = "the mean between events" if analysis.by_events else "the mean by the shaft angle"
+    between = in_phase(analysis.findings)
+    if analysis.shafts or between:
+        how = "the mean between events" if between else "the mean by the shaft angle"
     else:
         how = "estimated from the response" if analysis.settings.estimate_period else "as given"
     line = f"{period_words(analysis)} s ({speed_words(analysis, unit)}), {how}"
     tested = analysis.periodicity
-    if analysis.decay is not None and analysis.decay.fit.own_period is not None and not analysis.by_events:
+    if analysis.decay is not None and analysis.decay.fit.own_period is not None and not between:
         difference, std = analysis.decay.fit.own_period
         agrees = "agrees" if abs(difference) < AGREE * std else "differs"
         line += f"; the response {agrees} ({100.0 * difference:+.1g} ± {100.0 * std:.1g} %)"

@@ -85,16 +85,6 @@ class States:
         return Products.of(PoleSet.from_multipliers(multipliers[upper].astype(complex)), shares[upper].astype(complex))
 
 
-@dataclass(frozen=True, slots=True)
-class Needs:
-    """Rises of the cost without one mode, the others fitted again, and their limits (modes,); a pair counts once."""
-
-    multipliers: Complexes
-    rises: Floats
-    limits: Floats  # what noise exceeds at the probability allowed for a mode
-    firm_limits: Floats  # what noise hardly ever exceeds
-
-
 def samples_above(data: TimeResponses) -> int:
     """The samples of a response before its energy is that of noise, over all outputs and inputs."""
     energy, count = np.zeros((2, data.values.shape[2]))
@@ -154,16 +144,20 @@ class Ensemble(AbstractIdentifier):
         """The maximum-likelihood model in `state` of the order and outcome of `model`, from its poles."""
         return refined(model, state.stacked.data, Noise(np.ones(model.order))) if model.order else model
 
-    def weigh(self, state: States, model: ModalModel) -> Needs:
-        """The rise of the cost without each mode of a `model` of the data in `state`, and what noise makes of it."""
+    def weigh(self, state: States, model: ModalModel) -> tuple[Complexes, Floats, Floats, Floats]:
+        """Multipliers of a `model` of the data in `state`, and rises of the cost without each, the others fitted again.
+
+        A pair counts once. Last come the limits of the rises: what noise exceeds at the probability allowed for a mode,
+        and what it hardly ever exceeds; all are (modes,).
+        """
         stacked = state.stacked
         fit = polish_products(split(model, stacked.data, np.ones(model.order, np.int64)), stacked)
         poles, rest = fit.products.poles, [float(np.sum(stacked.values**2))]
         if len(poles) > 1:
             fewer = [fit.products.without(entry) for entry in range(len(poles))]
             rest = [polish_products(products, stacked, tolerance=1e-2).cost for products in fewer]
-        limits = [np.array(self._limits(fit.products, stacked, share)) for share in (1.0, SURE)]
-        return Needs(poles.multipliers()[poles.starts()], np.array(rest) - fit.cost, *limits)
+        limits, firm = (np.array(self._limits(fit.products, stacked, share)) for share in (1.0, SURE))
+        return poles.multipliers()[poles.starts()], np.array(rest) - fit.cost, limits, firm
 
     def _limits(self, products: Products, stacked: Stacked, share: float = 1.0) -> list[float]:
         """The rise without each entry that noise exceeds at the false-alarm probability, or a `share` of it."""

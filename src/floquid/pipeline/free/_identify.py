@@ -140,7 +140,7 @@ def _brief_fits(
 ) -> Iterator[Candidate]:
     """The fits of a start of a brief record: outer products of shape and hit, and that of the samples.
 
-    The samples tell the order better than the cycles, of which a brief decay has few: fits of samples come without a
+    The samples tell the order better than the few cycles of a brief decay: fits of samples come without a
     choice by cycles. That of the samples has its own harmonics in each hit: it is left out where shapes at each phase
     are fewer numbers than the narrowest that vary.
     """
