@@ -17,7 +17,6 @@ from floquid.preparation._excited import FORBIDDEN as FORBIDDEN
 from floquid.preparation._excited import WORDS as WORDS
 from floquid.preparation._excited import parted as parted
 from floquid.preparation._excited import refuse_others as refuse_others
-from floquid.preparation._forces import BRIEF as BRIEF
 from floquid.preparation._forces import refuse_excited as refuse_excited
 from floquid.preparation._mended import MOST_ABSENT as MOST_ABSENT
 from floquid.preparation._prepare import Prepared, prepare

@@ -16,15 +16,14 @@ from floquid.lti import Ensemble, TimeResponses, pooled_noise
 from floquid.preparation._settings import Settings
 from floquid.sync import between_events, refuse_unlike, rejoin
 
-SEVERAL = 3  # records from which on their orbit is one for all: beside fewer it is fitted as a forced response
-
 
 def by_events(
     records: tuple[Record, ...], settings: Settings, of: str
 ) -> tuple[tuple[Record, ...], Settings, tuple[Finding, ...]]:
     """The records in phase as of one constant period, without their common orbit, the settings for them, and notes.
 
-    The period is the mean over all records. Records without events are returned as they are.
+    The period is the mean over all records. Of one record or two the orbit is left to the fit, as a forced response.
+    Records without events are returned as they are.
     """
     if not any(record.clock is not None and record.clock.cycles for record in records):
         return records, settings, ()
@@ -35,7 +34,7 @@ def by_events(
     numbers = {"periods": len(lengths), "period": period, "spread": float(lengths.std() / period)}
     findings.append(note("between_events", records=len(cycles), phases=cycles[0].n_phases, **numbers))
     forced = settings.forced
-    if forced == "auto" and len(cycles) >= SEVERAL and not any(np.isnan(hit.values).any() for hit in cycles):
+    if forced == "auto" and len(cycles) > 2 and not any(np.isnan(hit.values).any() for hit in cycles):
         orbit = common_orbit(cycles, settings.mode_false_alarm)
         cycles = tuple(replace(hit, values=hit.values - orbit[:, :, None]) for hit in cycles)
         findings.append(note("common_orbit", records=len(cycles), periods=len(lengths)))

@@ -21,8 +21,6 @@ BROAD = 16.0
 WHITE = 0.125
 """Share of all lines from which on a force is noise and no response."""
 
-BRIEF = 10.5  # periods up to which a record is brief: most must be random to be refused, multipliers have a line
-
 BESIDE = 3  # lines on either side of a harmonic of the period that are its own
 
 
@@ -73,14 +71,14 @@ def refuse_random(records: Sequence[Record], forces: Sequence[str]) -> None:
     .. math:: \Big(\sum_k P_k\Big)^2 \Big/ \sum_k P_k^2
 
     lines of its spectrum P: few for undamped modes and tones, many but far from all for a response to noise. Only of
-    records of constant period: at a speed that wanders, harmonics are as broad. Of several records that are brief, the
-    most must be so: the spectrum of a few periods has few lines. The `forces` that the records held may be what drives
-    it.
+    records of constant period: at a speed that wanders, harmonics are as broad. Of several records with fewer periods
+    than those lines, the most must be so: there are fewer lines between two harmonics. The `forces` that the records
+    held may be what drives it.
     """
     random = [record.period is not None and is_random(record, record.period) for record in records]
     for number, record in enumerate(records, start=1):
         where = f" of record {number}" if len(records) > 1 else ""
-        brief = record.period is not None and record.duration < BRIEF * record.period
+        brief = record.period is not None and record.duration < BROAD * record.period
         if random[number - 1] and (not brief or 2 * sum(random) > len(records)):
             measured = f"Name what was measured of it as inputs (`inputs={','.join(forces)}`). " if forces else ""
             raise IdentificationError(

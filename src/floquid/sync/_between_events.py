@@ -14,7 +14,6 @@ from floquid.sync._interpolation import BAND
 from floquid.sync._resample import bandwidth
 
 OF = "between_events"
-DEGREE = 4  # of the spline: at 0.4 of its Nyquist frequency, half of what resampling allows, it is 0.1 % off
 
 
 def between_events(records: Sequence[Record]) -> tuple[Cycles, ...]:
@@ -64,7 +63,7 @@ def _resampled(record: Record, bounds: Floats, phases: int) -> Cycles:
     """One record at `phases` instants of each period between its events."""
     from scipy.interpolate import make_lsq_spline
 
-    periods = len(bounds) - 1
+    periods, degree = len(bounds) - 1, 4  # at 0.4 of its Nyquist frequency, half of what resampling allows, 0.1 % off
     # Beyond the outer events the pace is that of the period beside.
     ends = np.concatenate([[2.0 * bounds[0] - bounds[1]], bounds, [2.0 * bounds[-1] - bounds[-2]]])
     turns = np.interp(record.times, ends, np.arange(len(ends)) - 1.0)
@@ -72,12 +71,12 @@ def _resampled(record: Record, bounds: Floats, phases: int) -> Cycles:
     grid, turns = (np.arange(periods * phases) + 0.5) / phases, turns[near]
     first, last = turns[0], turns[-1]
     inner = np.arange(np.ceil(first * phases) + 1.0, last * phases - 1.0) / phases
-    knots = np.concatenate([np.full(DEGREE + 1, first), inner, np.full(DEGREE + 1, last)])
+    knots = np.concatenate([np.full(degree + 1, first), inner, np.full(degree + 1, last)])
     values = np.empty((record.n_channels, len(grid)))
     for row, own in enumerate(record.values[:, near]):
         missing = np.isnan(own)
         whole = over_gaps(own[None], missing)[0]
-        values[row] = make_lsq_spline(turns, whole, knots, DEGREE)(grid) if not missing.all() else np.nan
+        values[row] = make_lsq_spline(turns, whole, knots, degree)(grid) if not missing.all() else np.nan
         if missing.any() and not missing.all():
             there = turns[~missing]
             after = np.clip(np.searchsorted(there, grid), 1, len(there) - 1)

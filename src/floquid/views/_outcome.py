@@ -13,13 +13,14 @@ from floquid.checks import Validation
 from floquid.core import Channel, ModelInputs
 from floquid.findings import Severity, texts
 from floquid.pipeline import Analysis
-from floquid.preparation import BRIEF, in_phase
+from floquid.preparation import in_phase
 from floquid.views._mode_table import mode_notes, with_error
 from floquid.views._speed import SpeedUnit, speed_texts, speed_words
 
 ORDER = "all_needed"  # the code of the finding that the line on the order has
 IN_LINES = (ORDER, "forced", "interference")  # the codes of all findings that a line of the outcome has, in short
 AGREE = 3.0  # deviations within which two periods agree: beyond, chance has three in a thousand
+BRIEF = 10  # periods of the longest record up to which multipliers have a line of their own
 MOST_NAMED = 6  # harmonics of the forced response that are named
 
 
