@@ -35,7 +35,7 @@ def between_events(records: Sequence[Record]) -> tuple[Cycles, ...]:
     lengths = np.concatenate([np.diff(own) for own in bounds])
     reach = max(bandwidth(record) for record in records)
     # Of fewer samples than two a knot noise makes large waves.
-    most = int(0.5 * float(lengths.min()) * min(record.sample_rate for record in records))
+    most = int(0.5 * (1.0 + 1e-9) * float(lengths.min()) * min(record.sample_rate for record in records))
     phases = min(max(FEWEST_PHASES, int(np.ceil(2.0 * reach * lengths.max() / (0.5 * BAND)))), most)
     if phases < FEWEST_PHASES:
         samples = lengths.min() * min(record.sample_rate for record in records)
