@@ -210,10 +210,10 @@ def _empty(data: TimeResponses, outcome: Outcome = Outcome.NO_MODE) -> ModalMode
 
 
 def brief(data: TimeResponses, per_pole: int) -> bool:
-    """True where the shortest of `data` is above its noise for fewer than `per_pole` samples for each pole."""
+    """True where a quarter of `data` is above its noise for fewer than `per_pole` samples for each pole."""
     above = samples_above(data)
-    shortest = min(above, int(data.lengths.min()))
-    return 0 < above < per_pole * MODES and shortest < per_pole * min(States.of(data).rank, MODES)
+    shorter = min(above, float(np.quantile(data.lengths, 0.25)))
+    return 0 < above < per_pole * MODES and shorter < per_pole * min(States.of(data).rank, MODES)
 
 
 def pooled_noise(blocks: Iterable[Sequence[Floats]]) -> Floats:
