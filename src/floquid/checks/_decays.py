@@ -51,6 +51,7 @@ class Decays(Subject):
     forced: ForcedResponse | None = None
     misfit: float | None = None
     state: StateModel | None = None
+    in_phase: bool = False  # whether the samples are values of splines in phase
 
     @cached_property
     def instants(self) -> tuple[tuple[Floats, Floats], ...]:
@@ -112,11 +113,11 @@ class Decays(Subject):
     def period_off(self) -> Off | None:
         """The period that the harmonics of the response turn with, against that of the model."""
         relative_and_std = None
-        if not self.measured:
+        if not (self.measured or self.in_phase):
             with suppress(FloquidError, np.linalg.LinAlgError):
                 relative_and_std = own_period(self.model, self.alive_records(), self.clocks, noise=self.noise)
         if relative_and_std is None:
-            return None  # a shaft that tells the period, or a response without harmonics
+            return None  # a shaft or events that tell the period, or a response without harmonics
         relative, std = relative_and_std
         cycles = max(int(numbers.max()) + 1 for numbers in self.cycles)
         slip = abs(relative) * cycles * 2.0 * self.highest

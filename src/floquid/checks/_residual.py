@@ -179,16 +179,23 @@ def colour(case: Any, evidence: Evidence) -> tuple[Finding, ...]:
 
 
 def colour_of(case: Decays, evidence: Evidence) -> Colour:
-    """Excess of squared autocorrelations over those of white noise, of responses without a line of their own."""
+    """Excess of squared autocorrelations over those of white noise, of responses without a line of their own.
+
+    Hits in phase that share their shapes are brief, and are judged together, by the products of all of them. The noise
+    of values of splines has an excess of 0.03 where that of the samples is white.
+    """
     excess, limit = np.zeros(case.noise.shape), np.zeros(case.noise.shape)
-    rates = rates_of(case.model)
-    for hit, rest in enumerate(case.left):
-        rate = case.records[hit].sample_rate
+    rates, known = rates_of(case.model), 5.0 * COLOUR if case.in_phase else 0.0
+    every = list(range(len(case.records)))
+    for hits in [every] if case.in_phase and case.model.one_shape else [[hit] for hit in every]:
+        rest = np.hstack([_parted(case.left[hit]) for hit in hits]) if hits[1:] else case.left[hits[0]]
+        rate = case.records[hits[0]].sample_rate
         squares, numbers, lags = squared_correlations(rest, 1.0 / rate, rates, int(2.0 * case.highest) - 1)
         size = np.maximum(numbers - 2 * len(rates), 1)
-        rounding = np.sqrt(np.nanmean(rest**2, axis=1)) < ROUNDING * case.noise[:, hit]
-        excess[:, hit] = np.where(rounding, 0.0, squares - lags / size)
-        limit[:, hit] = np.maximum((chi2_limit(lags, RARE / case.responses) - lags) / size, COLOUR)
+        rounding = np.sqrt(np.nanmean(rest**2, axis=1)) < ROUNDING * case.noise[:, hits].mean(axis=1)
+        excess[:, hits] = np.where(rounding, 0.0, squares - lags / size)[:, None]
+        chance = (chi2_limit(lags, RARE / case.responses) - lags) / size
+        limit[:, hits] = (np.maximum(chance, COLOUR) + known)[:, None]
     place = np.unravel_index(int(np.argmax(excess / limit)), excess.shape)
     bound = float(limit[place])
     which = strongest(np.where(evidence.hidden, 0.0, excess) * (excess > limit))
@@ -199,6 +206,11 @@ def colour_of(case: Decays, evidence: Evidence) -> Colour:
         failing=max(STRONG_COLOUR, bound),
         numbers={"squares": [excess[where] for where in which], **case.places(which)} if which else {},
     )
+
+
+def _parted(rest: Floats) -> Floats:
+    """A residual with as many missing samples behind it as there are lags: no product is of two hits."""
+    return np.pad(rest, ((0, 0), (0, LAGS)), constant_values=np.nan)
 
 
 def tones_of(highest: float, per_revolution: float) -> Floats:

@@ -77,6 +77,7 @@ def validate(
     whitening: ArrayLike | None = None,
     periods_per_revolution: float = 1.0,
     misfit: float | None = None,
+    in_phase: bool = False,
     report: Callable[[str], None] = lambda _: None,
 ) -> Validation:
     r"""The verdict on a model: cycles held out, what is left of the record, and A(t) integrated.
@@ -108,9 +109,12 @@ def validate(
         Periods of the system in a revolution of the shaft, where no clock says it.
     misfit
         What the fit leaves over the level of its noise, if that was measured.
+    in_phase
+        True where the samples are values of splines in phase between events, whose noise has a colour of its own.
     report
         Called with a sentence on each stage.
     """
-    case = decays_of(model, records, clocks, noise, whitening, periods_per_revolution, state=state, misfit=misfit)
+    more = {"state": state, "misfit": misfit, "in_phase": in_phase}
+    case = decays_of(model, records, clocks, noise, whitening, periods_per_revolution, **more)
     report("checking the model on cycles left out")
     return judged(case)

@@ -128,7 +128,7 @@ def period_of(period: float | None, frequency: float | None, of: str) -> float |
 
 
 RECORDS = (  # the settings that say what records are taken for: those of every command that starts from records
-    *("period", "tach", "azimuth", "estimate_period", "pulses_per_revolution", "periods_per_revolution"),
+    *("period", "tach", "azimuth", "events", "estimate_period", "pulses_per_revolution", "periods_per_revolution"),
     *(
         "channels",
         "inputs",

@@ -5,12 +5,14 @@ from __future__ import annotations
 import csv
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from floquid._arrays import Floats
 from floquid._checks import counted, input_error
+from floquid.cli._events import event_files, read_events
 from floquid.cli._folder import identified_in
 from floquid.cli._info import TELLS, options
 from floquid.cli._options import (
@@ -33,7 +35,7 @@ from floquid.core import Record
 from floquid.errors import InputError
 from floquid.exports import MODE_FORMATS, export_modes
 from floquid.io import GUARD, attribute, readable_file
-from floquid.preparation import propose
+from floquid.preparation import propose, with_events
 from floquid.readers import read, read_and_describe, write
 from floquid.views import DampingUnit
 
@@ -59,10 +61,11 @@ def read_records(
     files: Sequence[Path], choices: Choices, of: str, report: Callable[[str], None]
 ) -> tuple[list[Record], Choices]:
     """The records, and the choices with the names that the channels have from here on."""
-    chosen = choices.settings
-    records, named = choices.reading().records(files, chosen, report)
+    chosen, tables = choices.settings, event_files(choices.settings.events)
+    records, named = choices.reading().records(files, replace(chosen, events=None) if tables else chosen, report)
+    clocked = chosen.tach or chosen.azimuth or chosen.events or chosen.estimate_period
     for file, record in zip(files, records, strict=True):
-        if record.clock is None and not (chosen.tach or chosen.azimuth or chosen.estimate_period):
+        if record.clock is None and not clocked:
             got = f"neither it nor --frequency is, and {file} does not state one"
             free = not chosen.inputs and chosen.excitation == "none"
             remedy = (
@@ -71,6 +74,8 @@ def read_records(
                 f"{_likely(file, choices.rate, choices.header)}"
             )
             raise input_error("--period", of, "be given", got, remedy)
+    if tables:
+        records = [with_events(*both) for both in zip(records, read_events(tables, files, of), strict=True)]
     if chosen.channels:
         choices = choices.with_given(channels=named.channels, asked=chosen.channels if choices.names else None)
     return records, choices

@@ -42,6 +42,7 @@ class ConstantPeriod:
 
     channel = None
     option = "period"
+    cycles = False
     pulses_per_revolution = 1
     measured = False
     periods_per_revolution = None
@@ -112,6 +113,7 @@ class TachometerSignal(_Measured):
     """
 
     option = "tach"
+    cycles = False
 
     channel: str
     pulses_per_revolution: int = 1
@@ -139,6 +141,7 @@ class AzimuthSignal(_Measured):
     """
 
     option = "azimuth"
+    cycles = False
     pulses_per_revolution = 1
 
     channel: str
@@ -152,7 +155,7 @@ class AzimuthSignal(_Measured):
 @answers_slips("PulseTimes(times=t, pulses_per_revolution=1)", _TURNS)
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PulseTimes(Rebuilt, _Measured):
-    """The times of pulses, told by another instrument.
+    """The times of pulses, told by another instrument; or of events between which the periods lie.
 
     Raises InputError where the times do not ascend, or a number is not possible.
 
@@ -164,6 +167,9 @@ class PulseTimes(Rebuilt, _Measured):
         Pulses in a revolution.
     periods_per_revolution
         Periods of the system in a revolution of the shaft.
+    cycles
+        True of events that each begin a period, whatever its duration, as the strikes of a heel are: decays run
+        in periods then, and not in seconds. Two events are enough, and there is no revolution.
     """
 
     channel = None
@@ -172,6 +178,7 @@ class PulseTimes(Rebuilt, _Measured):
     times: Floats = field(metadata={"stored": "pulses; s"})
     pulses_per_revolution: int = 1
     periods_per_revolution: float = 1.0
+    cycles: bool = False
 
     def __post_init__(self) -> None:
         times = frozen_array(self.times, "times", "PulseTimes", axes=("pulses",))
@@ -181,11 +188,19 @@ class PulseTimes(Rebuilt, _Measured):
         object.__setattr__(self, "times", times)
         integer(self.pulses_per_revolution, "pulses_per_revolution", "PulseTimes", at_least=1)
         _check_periods(self)
+        if not isinstance(self.cycles, (bool, np.bool_)):
+            raise input_error("cycles", "PulseTimes", "be true or false", f"is {self.cycles!r}")
+        object.__setattr__(self, "cycles", bool(self.cycles))
+        if self.cycles and (self.pulses_per_revolution, self.periods_per_revolution) != (1, 1.0):
+            got = f"are {self.pulses_per_revolution} and {self.periods_per_revolution:g}"
+            remedy = "Leave out `pulses_per_revolution` and `periods_per_revolution`, or `cycles`."
+            raise input_error("cycles", "PulseTimes", "be false beside pulses and periods of a turn", got, remedy)
 
 
 Clock = ConstantPeriod | TachometerSignal | AzimuthSignal | PulseTimes
 """Clocks that a record can have. Each has the `channel` that carries it, the `option` of `identify` that gives it, its
-`pulses_per_revolution` (1 where it has none), and the `period` and `origin` [s] that it states: None and 0 if measured.
+`pulses_per_revolution` (1 where it has none), the `period` and `origin` [s] that it states, None and 0 if measured, and
+`cycles`: true of events that each begin a period.
 """
 
 CLOCKS: tuple[type[Clock], ...] = get_args(Clock)

@@ -19,6 +19,7 @@ from floquid.core._point import as_point
 from floquid.core._provenance import Provenance
 from floquid.core._record import as_channels
 from floquid.core._shape import Shape, shape_of
+from floquid.fit import WITHIN
 
 PRODUCT = 1e-9  # share of the first singular value below which the second is rounding: a shape times a state
 SAME = 1e-9  # share of the fundamental within which two exponents are one
@@ -251,6 +252,27 @@ class PeriodicModel(Drawn, Rebuilt):
         covariances[:, 0, 1] *= sign
         covariances[:, 1, 0] *= sign
         return covariances
+
+    @property
+    def multiplier_interval(self) -> Floats | None:
+        r"""Ends of the 95 % intervals of real and imaginary part of each multiplier (modes, parts, ends).
+
+        .. math:: \Re \mu \pm 1.96\, s_{\Re}, \quad \Im \mu \pm 1.96\, s_{\Im}; \qquad
+                  \mu\, e^{\pm 1.96\, s_\sigma T} \text{ of a real one}
+
+        None if not estimated.
+        """
+        std, exponent_std = self.multiplier_std, self.exponent_std
+        if std is None or exponent_std is None:
+            return None
+        values, sides = self.multipliers, np.array([-WITHIN, WITHIN])
+        parts = ((values.real, std.real), (values.imag, std.imag))
+        ends = np.stack([part[:, None] + sides * spread[:, None] for part, spread in parts], axis=1)
+        if self.real.any():
+            grown = np.exp(sides * exponent_std.real[self.real, None] * self.period)
+            ends[self.real] = 0.0
+            ends[self.real, 0] = np.sort(values.real[self.real, None] * grown, axis=1)
+        return ends
 
     @property
     def frequency_std_hz(self) -> Floats | None:

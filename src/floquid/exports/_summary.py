@@ -114,6 +114,7 @@ def mode_entries(model: PeriodicModel, weights: Floats) -> list[dict[str, Any]]:
         "principal": model.principal(),
         "multiplier": model.multipliers,
         "multiplier_std": model.multiplier_std,
+        "multiplier_interval": model.multiplier_interval,
         "frequency_hz": model.frequencies_hz,
         "frequency_std_hz": model.frequency_std_hz,
         "damping_ratio": model.damping_ratios,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from floquid._checks import counted
 from floquid.findings._phrases import valued
 
 
@@ -43,6 +44,15 @@ RECORDS: dict[str, str | Callable[..., str]] = {
     "missing_samples": _missing,
     "wraps_round": _wrapped,
     "impact": _impact,
+    "between_events": lambda records, periods, period, spread, phases: (
+        f"A period is what lies between two events: {periods} in {counted(records, 'record')}, {period:.4g} s in the "
+        f"mean, and {100.0 * spread:.2g} % (rms) about it. Decays run in periods, {phases} samples each, and are given "
+        "in seconds of the mean period."
+    ),
+    "common_orbit": lambda records, periods: (
+        f"The orbit that the {periods} periods of {counted(records, 'record')} are about was fitted beside the decays "
+        "and taken off."
+    ),
 }
 """By code."""
 

@@ -8,10 +8,20 @@ from typing import Any
 
 import numpy as np
 
+from floquid._arrays import Complexes, Floats
 from floquid._show import Brief
 from floquid.findings import Finding, Severity, note, texts, warning
 from floquid.fit import DEVIATIONS
-from floquid.lti import COLOURED, AbstractIdentifier, Evidence, MaximumLikelihood, ModalModel, Outcome, TimeResponses
+from floquid.lti import (
+    COLOURED,
+    AbstractIdentifier,
+    Ensemble,
+    Evidence,
+    MaximumLikelihood,
+    ModalModel,
+    Outcome,
+    TimeResponses,
+)
 
 DETERMINED = 2e-3 * 2.0 * np.pi
 """The standard deviation of a decay or an angle above which a mode may stand for several [rad/sample]."""
@@ -110,11 +120,18 @@ def judge(data: TimeResponses, model: ModalModel) -> Choice:
     )
 
 
+def judge_products(data: TimeResponses, model: ModalModel, identifier: Ensemble) -> Choice:
+    """The order of a `model` of outer products, by what its modes explain in the responses of all hits in `data`."""
+    weighed = identifier.weigh(identifier.prepare(data), model)
+    return Choice(order=model.order, model=model, findings=(_weakest(*weighed), note("no_shared_multipliers")))
+
+
 def _findings(evidence: Evidence) -> list[Finding]:
     """Findings of the modes, their neighbours and the residual on the order."""
     found = []
     if len(evidence.rises):
-        found += [_weakest(evidence), _determined(evidence), *_nearness(evidence)]
+        weighed = (evidence.multipliers, evidence.rises, evidence.limits, evidence.firm_limits)
+        found += [_weakest(*weighed), _determined(evidence), *_nearness(evidence)]
     if np.isfinite(evidence.gap):
         near = evidence.gap < DEVIATIONS
         found.append((warning if near else note)("nearest_modes", gap=evidence.gap, near=near))
@@ -134,18 +151,18 @@ def _mode(multiplier: complex) -> dict[str, Any]:
     return {"real": real, "share": float(abs(np.angle(multiplier))) / (2.0 * np.pi)}
 
 
-def _weakest(evidence: Evidence) -> Finding:
-    share = evidence.rises / evidence.limits
+def _weakest(multipliers: Complexes, rises: Floats, limits: Floats, firm_limits: Floats) -> Finding:
+    share = rises / limits
     weakest = int(np.argmin(share))
     needed = bool(share[weakest] >= 1.0)
-    just = needed and bool((evidence.rises < evidence.firm_limits).any())
+    just = needed and bool((rises < firm_limits).any())
     return (warning if just or not needed else note)(
         "modes_needed",
         needed=needed,
         modes=len(share),
         rise=share[weakest],
         just=just,
-        **_mode(complex(evidence.multipliers[weakest])),
+        **_mode(complex(multipliers[weakest])),
     )
 
 

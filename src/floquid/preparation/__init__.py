@@ -10,7 +10,9 @@ from floquid.preparation._before import from_sample as from_sample
 from floquid.preparation._clocks import clocked as clocked
 from floquid.preparation._clocks import clocks_of as clocks_of
 from floquid.preparation._clocks import states_of as states_of
+from floquid.preparation._clocks import with_events as with_events
 from floquid.preparation._clocks import without_clock as without_clock
+from floquid.preparation._events import in_phase as in_phase
 from floquid.preparation._excited import FORBIDDEN as FORBIDDEN
 from floquid.preparation._excited import WORDS as WORDS
 from floquid.preparation._excited import parted as parted

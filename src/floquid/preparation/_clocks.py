@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 
+from floquid._arrays import Floats
 from floquid._checks import describe, input_error
 from floquid.core import (
     AzimuthSignal,
@@ -11,13 +12,17 @@ from floquid.core import (
     Clock,
     ConstantPeriod,
     PhaseClock,
+    PulseTimes,
     Record,
     TachometerSignal,
     channels_named,
 )
+from floquid.errors import InputError
 from floquid.preparation._settings import ALL, EXAMPLE, Settings
 from floquid.reconstruction import AbstractStructure, displacement_rows, structure_of
-from floquid.sync import ShaftAngle, shaft_angle, tied
+from floquid.sync import ShaftAngle, pulse_times, shaft_angle, tied
+
+OF = "identify"
 
 
 def clocked(records: Record | Sequence[Record], settings: Settings, of: str) -> tuple[Record, ...]:
@@ -28,6 +33,8 @@ def clocked(records: Record | Sequence[Record], settings: Settings, of: str) -> 
         raise input_error("records", of, "be a Record or a list of them", f"is {describe(records)}", remedy)
     used = []
     for record in several:
+        if settings.events is not None and not (record.clock is not None and record.clock.cycles):
+            record = _marked(record, settings.events)
         clock = _clock(record, settings)
         own = [clock.channel] if clock is not None and clock.channel is not None else []
         option = "records" if clock is None else clock.option
@@ -55,6 +62,25 @@ def _clock(record: Record, settings: Settings) -> Clock | None:
     if settings.period is not None:
         return ConstantPeriod(period=settings.period, origin=record.origin)
     return record.clock
+
+
+def _marked(record: Record, channel: str) -> Record:
+    """The record without its channel of events, and with their times as its clock."""
+    channels_named(record.channels, [channel], argument="events", of=OF)
+    try:
+        record = with_events(record, pulse_times(record, channel))
+    except InputError as error:
+        raise InputError(str(error).replace("`channel` of `pulse_times`", f"`events` of `{OF}`")) from error
+    names = [own.name for own in record.channels if own.name != channel]
+    if not names:
+        remedy = "Read the responses, too."
+        raise input_error("events", OF, "leave a channel of responses", "is the only one", remedy)
+    return record.select(names)
+
+
+def with_events(record: Record, times: Floats) -> Record:
+    """The record whose periods lie between events at these `times` [s]."""
+    return record.with_clock(PulseTimes(times=times, cycles=True))
 
 
 def without_clock(record: Record) -> Record:
@@ -88,9 +114,6 @@ def shafts_of(records: Sequence[Record], report: Callable[[str], None], of: str)
 def clocks_of(records: Sequence[Record], shafts: tuple[ShaftAngle, ...]) -> tuple[PhaseClock, ...]:
     """Clocks that say the phase in each record: its own, or the angle of its shaft where that is measured."""
     return shafts or tuple(map(tied, records))
-
-
-OF = "identify"
 
 
 def check_states(channels: Sequence[Channel], settings: Settings) -> None:

@@ -28,6 +28,7 @@ OF = "identify"
 
 GOES_ON = {
     "estimate_period": "what drives the system repeats with periods of its own",
+    "events": "decays run in periods between events, and what drives a system acts in seconds",
     "find_hits": "a blow that was measured is an input",
     "identifier": "it takes samples a period apart for a free response",
     "constrained": "residues that are free at each phase are those of lifted responses",
@@ -76,6 +77,9 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
     IdentificationError
         The inputs say nothing of the system, or the records are too short.
     """
+    if any(record.clock is not None and record.clock.cycles for record in records):
+        must, got = "be of free responses where their clocks are events", "are of records whose excitation goes on"
+        raise input_error("records", of, must, got, "Give the period, or a tachometer.")
     rates = {record.sample_rate for record in records}
     if len(rates) > 1:
         raise input_error("records", of, "have one rate", f"have {sorted(rates)}", "Resample them.")

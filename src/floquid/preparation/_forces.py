@@ -71,12 +71,15 @@ def refuse_random(records: Sequence[Record], forces: Sequence[str]) -> None:
     .. math:: \Big(\sum_k P_k\Big)^2 \Big/ \sum_k P_k^2
 
     lines of its spectrum P: few for undamped modes and tones, many but far from all for a response to noise. Only of
-    records of constant period: at a speed that wanders, harmonics are as broad. The `forces` that the records held
-    may be what drives it.
+    records of constant period: at a speed that wanders, harmonics are as broad. Of several records with fewer periods
+    than those lines, the most must be so: there are fewer lines between two harmonics. The `forces` that the records
+    held may be what drives it.
     """
+    random = [record.period is not None and is_random(record, record.period) for record in records]
     for number, record in enumerate(records, start=1):
         where = f" of record {number}" if len(records) > 1 else ""
-        if record.period is not None and is_random(record, record.period):
+        brief = record.period is not None and record.duration < BROAD * record.period
+        if random[number - 1] and (not brief or 2 * sum(random) > len(records)):
             measured = f"Name what was measured of it as inputs (`inputs={','.join(forces)}`). " if forces else ""
             raise IdentificationError(
                 f"The response{where} does not decay, and is random: it is driven all along, by wind, by a process or "

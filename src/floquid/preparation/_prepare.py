@@ -30,6 +30,7 @@ from floquid.preparation._before import (
     without_orbit,
 )
 from floquid.preparation._clocks import check_states, clocked, clocks_of, refuse_no_clock, shafts_of, without_clock
+from floquid.preparation._events import by_events
 from floquid.preparation._excited import parted as parted_of
 from floquid.preparation._excited import refuse_others
 from floquid.preparation._forces import forces_of, refuse_driven, refuse_random
@@ -171,6 +172,8 @@ def _free(
             refuse_driven(records, settings)
         records, more = repaired(records)
         said += more
+    records, settings, more = by_events(records, settings, of)
+    said += more
     if settings.find_hits:
         records, more = hits_of(records, settings)
         said += more

@@ -44,7 +44,7 @@ class Reading(Brief):
         Of the channels that the settings name, and of signals and inputs beside them; of all where they name none.
         Raises InputError as `read` does. A stage of the work is told to `report`.
         """
-        signals = [name for name in (settings.tach, settings.azimuth) if name is not None]
+        signals = [name for name in (settings.tach, settings.azimuth, settings.events) if name is not None]
         beside = [name for name in (*signals, *settings.inputs) if name not in (*settings.channels, *self.names)]
         named = (*settings.channels, *beside) if settings.channels else None
         records = []

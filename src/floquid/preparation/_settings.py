@@ -112,6 +112,9 @@ class Settings(Brief):
         The name of a channel of tachometer pulses.
     azimuth
         The name of a channel that holds the angle of the shaft, in degrees or radians.
+    events
+        The name of a channel of pulses, each the beginning of a period whatever its duration. On the command line also
+        a table of their times.
     pulses_per_revolution
         Pulses of the tachometer in a revolution.
     periods_per_revolution
@@ -155,6 +158,7 @@ class Settings(Brief):
     estimate_period: bool = False
     tach: str | None = None
     azimuth: str | None = None
+    events: str | None = None
     pulses_per_revolution: int = 1
     periods_per_revolution: float = 1.0
     forced: str = "auto"
@@ -266,10 +270,11 @@ class Settings(Brief):
             "period": self.period is not None,
             "tach": self.tach is not None,
             "azimuth": self.azimuth is not None,
+            "events": self.events is not None,
             "estimate_period": bool(self.estimate_period),
         }
         named = [name for name, there in given.items() if there]
-        for name in ("tach", "azimuth"):
+        for name in ("tach", "azimuth", "events"):
             value = getattr(self, name)
             if value is not None and (not isinstance(value, str) or not value.strip()):
                 raise input_error(name, of, "be the name of a channel", f"is {value!r}")
@@ -310,6 +315,7 @@ class RecordOptions(TypedDict, total=False):
     estimate_period: bool
     tach: str | None
     azimuth: str | None
+    events: str | None
     pulses_per_revolution: int
     periods_per_revolution: float
     forced: str | Sequence[int]

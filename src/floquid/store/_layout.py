@@ -44,7 +44,7 @@ ABSENT = (
     "state",
     "point",
 )  # groups that a file does not have for None
-FLAGS = ("constrained", "kept", "mirrored", "passed", "real", "shared", "speed_dependent", "steady", "weak")
+FLAGS = ("constrained", "cycles", "kept", "mirrored", "passed", "real", "shared", "speed_dependent", "steady", "weak")
 """HDF5 has no truth values: these are 0 and 1."""
 
 TEXTS = (

@@ -1,6 +1,7 @@
 """Records to `Cycles`: what ties samples to the phase of the system, before any pole is known."""
 
 from floquid.sync._angle_spline import AngleSpline
+from floquid.sync._between_events import between_events
 from floquid.sync._faults import clipped, dropouts, gaps, wrapped
 from floquid.sync._hits import Impact, find_hits, find_impacts, split_hits
 from floquid.sync._interpolation import half_width, interpolate, interpolation_error
@@ -16,7 +17,7 @@ from floquid.sync._shaft_angle import speed_verdict as speed_verdict
 from floquid.sync._shaft_angle import tied as tied
 
 __all__ = [
-    "AngleSpline", "Impact", "ShaftAngle", "bandwidth", "clipped", "dropouts",
+    "AngleSpline", "Impact", "ShaftAngle", "bandwidth", "between_events", "clipped", "dropouts",
     "find_hits", "find_impacts", "gaps", "half_width", "interpolate", "interpolation_error", "pulse_times", "rejoin",
     "resample", "samples_per_period", "segment", "shaft_angle", "split_hits", "wrapped",
 ]  # fmt: skip

@@ -13,12 +13,14 @@ from floquid.checks import Validation
 from floquid.core import Channel, ModelInputs
 from floquid.findings import Severity, texts
 from floquid.pipeline import Analysis
+from floquid.preparation import in_phase
 from floquid.views._mode_table import mode_notes, with_error
 from floquid.views._speed import SpeedUnit, speed_texts, speed_words
 
 ORDER = "all_needed"  # the code of the finding that the line on the order has
 IN_LINES = (ORDER, "forced", "interference")  # the codes of all findings that a line of the outcome has, in short
 AGREE = 3.0  # deviations within which two periods agree: beyond, chance has three in a thousand
+BRIEF = 10  # periods of the longest record up to which multipliers have a line of their own
 MOST_NAMED = 6  # harmonics of the forced response that are named
 
 
@@ -31,6 +33,7 @@ def outcome_lines(analysis: Analysis, speed_unit: SpeedUnit = "hz") -> dict[str,
     lines = {
         "Innovations" if analysis.ambient else "Noise": _noise(analysis),
         "Order": _order(analysis),
+        "Multipliers": _multipliers(analysis),
         "Period": _period(analysis, speed_unit),
         "Forced response": _forced(analysis),
         "Interference": _interference(analysis),
@@ -104,14 +107,40 @@ def _order(analysis: Analysis) -> str:
     return f"{order}, clear: {needed}" + (f", {weak} weakly determined" if weak else "")
 
 
+def _multipliers(analysis: Analysis) -> str:
+    """The multipliers with their intervals, where records are so brief that a period is much of a decay."""
+    model, decay = analysis.model, analysis.decay
+    if decay is None or max(hit.n_cycles for hit in decay.cycles) > BRIEF:
+        return ""
+    values, ends = model.multipliers, model.multiplier_interval
+    words = []
+    for mode in model.upper_modes:
+        sides = None if ends is None else ends[mode]
+        value, span = _within(values[mode].real, None if sides is None else sides[0])
+        if not model.unpaired[mode]:
+            imaginary, across = _within(abs(values[mode].imag), None if sides is None else sides[1])
+            value, span = f"{value} ± {imaginary}i", f"{span} and {across}" if span else ""
+        words.append(f"{value} ({span})" if span else value)
+    return "; ".join(words) + ("" if ends is None else "; in brackets 95 % intervals")
+
+
+def _within(value: float, ends: Floats | None) -> tuple[str, str]:
+    """A value and the ends of its interval, to two digits of its width; four digits without one."""
+    if ends is None or not ends[1] > ends[0]:
+        return f"{value:.4g}", ""
+    digits = int(np.clip(2 - np.ceil(np.log10(ends[1] - ends[0])), 0, 10))
+    return f"{value:.{digits}f}", f"{ends[0]:.{digits}f} to {ends[1]:.{digits}f}"
+
+
 def _period(analysis: Analysis, unit: SpeedUnit) -> str:
-    if analysis.shafts:
-        how = "the mean by the shaft angle"
+    between = in_phase(analysis.findings)
+    if analysis.shafts or between:
+        how = "the mean between events" if between else "the mean by the shaft angle"
     else:
         how = "estimated from the response" if analysis.settings.estimate_period else "as given"
     line = f"{period_words(analysis)} s ({speed_words(analysis, unit)}), {how}"
     tested = analysis.periodicity
-    if analysis.decay is not None and analysis.decay.fit.own_period is not None:
+    if analysis.decay is not None and analysis.decay.fit.own_period is not None and not between:
         difference, std = analysis.decay.fit.own_period
         agrees = "agrees" if abs(difference) < AGREE * std else "differs"
         line += f"; the response {agrees} ({100.0 * difference:+.1g} ± {100.0 * std:.1g} %)"

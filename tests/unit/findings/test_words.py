@@ -31,6 +31,8 @@ SAMPLES = {
     "wraps_round": {"channel": "z", "bits": 16, "jumps": 2},
     "impact": {"start": 1.0, "end": 1.1, "strength": 0.5, "double": True, "channel": "hammer"},
     "speed_runs": {"percent": 7.0, "hz": 31.6},
+    "between_events": {"records": 20, "periods": 125, "period": 1.1, "spread": 0.012, "phases": 34},
+    "common_orbit": {"records": 20, "periods": 125},
     "absent_lines": {"absent": tuple(range(50, 58)), "lines": 60},
     "angle_bridged": {"first": 1.0, "last": 3.5, "revolutions": 25.0, "more": 2},
     "beyond_angle": {"before": 2.0, "after": 3.0},

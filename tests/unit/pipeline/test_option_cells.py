@@ -85,6 +85,7 @@ PREPARED = {
     "estimate_period": ("plain", {}, True),
     "tach": ("bare", {}, "pulses"),
     "azimuth": ("bare", {}, "angle"),
+    "events": ("plain", {}, "pulses"),
     "pulses_per_revolution": ("bare", {"tach": "pulses"}, 2),
     "periods_per_revolution": ("bare", {"tach": "pulses"}, 2.0),
     "orbit": ("orbit", {}, False),

@@ -17,7 +17,7 @@ from typing import ClassVar, final
 
 import numpy as np
 
-from floquid._arrays import Floats, Integers
+from floquid._arrays import Complexes, Floats, Integers
 from floquid.fit import MODES, SURE, chi2_limit
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 from floquid.lti._significance import noise_edge, rise_limit
@@ -40,6 +40,7 @@ from floquid.lti.likelihood._rank_one import (
     polish_products,
     pruned,
     refined,
+    split,
 )
 
 
@@ -143,11 +144,26 @@ class Ensemble(AbstractIdentifier):
         """The maximum-likelihood model in `state` of the order and outcome of `model`, from its poles."""
         return refined(model, state.stacked.data, Noise(np.ones(model.order))) if model.order else model
 
-    def _limits(self, products: Products, stacked: Stacked) -> list[float]:
-        """The rise without each entry that noise exceeds at the false-alarm probability."""
+    def weigh(self, state: States, model: ModalModel) -> tuple[Complexes, Floats, Floats, Floats]:
+        """Multipliers of a `model` of the data in `state`, and rises of the cost without each, the others fitted again.
+
+        A pair counts once. Last come the limits of the rises: what noise exceeds at the probability allowed for a mode,
+        and what it hardly ever exceeds; all are (modes,).
+        """
+        stacked = state.stacked
+        fit = polish_products(split(model, stacked.data, np.ones(model.order, np.int64)), stacked)
+        poles, rest = fit.products.poles, [float(np.sum(stacked.values**2))]
+        if len(poles) > 1:
+            fewer = [fit.products.without(entry) for entry in range(len(poles))]
+            rest = [polish_products(products, stacked, tolerance=1e-2).cost for products in fewer]
+        limits, firm = (np.array(self._limits(fit.products, stacked, share)) for share in (1.0, SURE))
+        return poles.multipliers()[poles.starts()], np.array(rest) - fit.cost, limits, firm
+
+    def _limits(self, products: Products, stacked: Stacked, share: float = 1.0) -> list[float]:
+        """The rise without each entry that noise exceeds at the false-alarm probability, or a `share` of it."""
         rows, outputs = stacked.values.shape[1], stacked.data.n_outputs
         numbers = products.poles.sizes * (outputs + stacked.data.n_inputs)
-        return [rise_limit(self.false_alarm, float(number), float(rows * outputs)) for number in numbers]
+        return [rise_limit(share * self.false_alarm, float(number), float(rows * outputs)) for number in numbers]
 
 
 def _lowered(fit: ProductFit, stacked: Stacked, order: int) -> ProductFit:
@@ -194,9 +210,10 @@ def _empty(data: TimeResponses, outcome: Outcome = Outcome.NO_MODE) -> ModalMode
 
 
 def brief(data: TimeResponses, per_pole: int) -> bool:
-    """True where `data` are above their noise for fewer than `per_pole` samples for each pole that they hold."""
+    """True where a quarter of `data` is above its noise for fewer than `per_pole` samples for each pole."""
     above = samples_above(data)
-    return 0 < above < per_pole * MODES and above < per_pole * min(States.of(data).rank, MODES)
+    shorter = min(above, float(np.quantile(data.lengths, 0.25)))
+    return 0 < above < per_pole * MODES and shorter < per_pole * min(States.of(data).rank, MODES)
 
 
 def pooled_noise(blocks: Iterable[Sequence[Floats]]) -> Floats:

@@ -10,7 +10,7 @@ import numpy as np
 from floquid._arrays import Complexes, Floats, Integers
 from floquid.core import PeriodicModel, kind_open
 from floquid.findings import Finding, note, warning
-from floquid.fit import CHUNK, DEVIATIONS, EVIDENT, SURE, WITHIN
+from floquid.fit import CHUNK, DEVIATIONS, EVIDENT, SIGNIFICANT, SURE, WITHIN
 from floquid.periodic.least_squares import shapes
 from floquid.periodic.search._objective import SearchResult
 from floquid.search import NEAR
@@ -120,14 +120,20 @@ def _hidden(result: SearchResult, entry: int) -> float:
 
 
 def doubles(result: SearchResult) -> tuple[Finding, ...]:
-    """Modes that fold onto one another nearer than they decay: they may be one."""
+    """Modes that fold onto one another nearer than they decay: they may be one.
+
+    Not two real multipliers of unlike decays: harmonics of one mode decay alike.
+    """
     entries = result.solution.entries
     free = np.flatnonzero(~entries.fixed)
-    omega, near = entries.fundamental, []
+    omega, near, std = entries.fundamental, [], _deviations(result, free)
     values = entries.exponents[free] + 1j * omega * entries.offsets[free]
     both = {place for place in result.as_read if entries.real[place] and place + 1 in result.as_read}
     for k, value in enumerate(values):
-        for second in values[k + 1 + (free[k] in both) :]:
+        for later, second in enumerate(values[k + 1 + (free[k] in both) :], start=k + 1 + (free[k] in both)):
+            both_real = entries.real[free[k]] and entries.real[free[later]]
+            if both_real and abs(value.real - second.real) > SIGNIFICANT * (std[k] + std[later]):
+                continue
             gaps = [value - second, value - second.conjugate()]
             gaps = [complex(gap.real, gap.imag - omega * round(gap.imag / omega)) for gap in gaps]
             if min(abs(gap) for gap in gaps) < NEAR * min(abs(value.real), abs(second.real)):

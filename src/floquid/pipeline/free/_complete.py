@@ -23,7 +23,7 @@ from floquid.pipeline._deviations import Decay, model_failure, widened, widening
 from floquid.pipeline._state import Again, with_state
 from floquid.pipeline.free._find_poles import ALL_PEAKED
 from floquid.pipeline.free._start import Lifting, Start, filled, out_of_step
-from floquid.preparation import Prepared, Settings, clocks_of, uneven_speed, without_clock
+from floquid.preparation import Prepared, Settings, clocks_of, in_phase, uneven_speed, without_clock
 from floquid.sync import ShaftAngle, rejoin, resample, segment
 
 
@@ -56,7 +56,8 @@ def completed(
             "poles that were found in it. Record longer, or check the period."
         )
     choice, modal = start.choice, start.modal
-    changed = modal is None or not whole or not _alike(model, free)
+    # A brief record's order is judged by its samples, where these were fitted.
+    changed = modal is None or not whole or not _alike(model, free) or (choice is None and settings.order is None)
     if changed:
         modal = fit_residues(model.multipliers, lifted.responses)
     assert modal is not None
@@ -241,6 +242,7 @@ def validated(analysis: Analysis, *, report: Callable[[str], None] = lambda _: N
             whitening=analysis.whitening,
             periods_per_revolution=nu,
             misfit=analysis.misfit,
+            in_phase=in_phase(analysis.findings),
             report=report,
         )
     except (FloquidError, np.linalg.LinAlgError) as error:

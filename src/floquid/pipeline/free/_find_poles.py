@@ -13,8 +13,8 @@ from floquid.errors import IdentificationError
 from floquid.findings import failure, warning
 from floquid.fit import QUIET, REST, ROUNDS, SURE, chi2_limit
 from floquid.lifting import Lifted, whitened, whitening_filter
-from floquid.lti import AbstractIdentifier, MaximumLikelihood, ModalModel, Outcome, fit_residues
-from floquid.order import Choice, judge
+from floquid.lti import AbstractIdentifier, Ensemble, MaximumLikelihood, ModalModel, Outcome, fit_residues
+from floquid.order import Choice, judge, judge_products
 from floquid.periodic import generous_poles
 from floquid.preparation import Settings
 
@@ -64,6 +64,8 @@ def find_poles(
     if settings.order is not None:
         return lifted, modal, None
     report("weighing the order")
+    if isinstance(settings.identifier, Ensemble):
+        return lifted, modal, judge_products(lifted.responses, modal, settings.identifier)
     choice = judge(lifted.responses, modal)
     peaked = under_a_peak(lifted, modal)
     if peaked.all() and settings.identifier is None and not dies_away(raw):
@@ -96,7 +98,7 @@ def _settled(lifted: Lifted, settings: Settings, report: Callable[[str], None]) 
                 )
             kind = UnsettledError if modal.outcome is Outcome.NOT_WHITE else IdentificationError
             raise kind(f"Identification ended without a result: {words}")
-        noise = _noise_left(lifted, modal)
+        noise = _noise_left(lifted, modal, pooled=isinstance(identifier, Ensemble))
         again = lifted.with_noise(noise)
         change = np.abs(np.log(again.noise / lifted.noise)).max()
         lifted = again
@@ -135,15 +137,18 @@ def _order_for(
     return found.order
 
 
-def _noise_left(lifted: Lifted, modal: ModalModel) -> NDArray[np.float64]:
+def _noise_left(lifted: Lifted, modal: ModalModel, *, pooled: bool) -> NDArray[np.float64]:
     """The noise in what the fit leaves (channels, hits).
 
     A hit with hardly more cycles than there are poles leaves nothing to judge its noise by, and would be weighted by
-    chance: beside longer ones it is refused.
+    chance: beside longer ones it is refused. `pooled`, it has the noise of all of them.
     """
     assert modal.residual_std is not None
     lengths = lifted.responses.lengths
     long = lengths >= ENOUGH_CYCLES * modal.order
+    if pooled and not long.all():
+        variances = lifted.by_channel(modal.residual_std**2).mean(axis=1)
+        return np.sqrt(np.where(long, variances, np.average(variances, axis=1, weights=lengths)[:, None]))
     if long.any() and not long.all():
         short = int(np.argmin(lengths))
         raise IdentificationError(

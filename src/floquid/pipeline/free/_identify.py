@@ -97,9 +97,25 @@ def _best(prepared: Prepared, report: Callable[[str], None]) -> Candidate:
         except IdentificationError as error:
             refusal = error if usual else refusal
         if found:
-            return min(found, key=lambda own: criterion(own.fitted, prepared.settings.mode_false_alarm))
+            return found[0] if usual else min(found, key=lambda own: _as_reported(own, prepared))
     assert refusal is not None
     raise refusal
+
+
+def _as_reported(own: Candidate, prepared: Prepared) -> float:
+    r"""Criterion of a fit by what its model leaves, once harmonics that noise explains one by one are left out.
+
+    .. math:: J + \sum_{c,h} N_h \log \max \Big(1, \frac{\mathrm{RSS}_{c,h}}{N_h s_{c,h}^2}\Big)
+    """
+    fitted = own.fitted
+    value = criterion(fitted, prepared.settings.mode_false_alarm)
+    if fitted.whitening is not None:
+        return value
+    rests = unexplained(fitted.model, fitted.free, clocks_of(fitted.free, prepared.shafts))
+    for hit, rest in enumerate(rests):
+        share = np.nanmean(rest**2, axis=1) / fitted.noise[:, hit] ** 2
+        value += rest.shape[1] * float(np.log(np.maximum(share, 1.0)).sum())
+    return value
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,10 +140,12 @@ def _brief_fits(
 ) -> Iterator[Candidate]:
     """The fits of a start of a brief record: outer products of shape and hit, and that of the samples.
 
-    That of the samples has its own harmonics in each hit: it is left out where shapes at each phase are fewer numbers
-    than the narrowest that vary.
+    The samples tell the order better than the few cycles of a brief decay: fits of samples come without a
+    choice by cycles. That of the samples has its own harmonics in each hit: it is left out where shapes at each phase
+    are fewer numbers than the narrowest that vary.
     """
     settings, model, costly = prepared.settings, None, False
+    by_samples = replace(start, choice=None)
     if start.modal is not None:
         report("expanding the shapes in harmonics")
         modal, width = held_shapes(start.modal, start.lifted, false_alarm=settings.harmonic_false_alarm)
@@ -135,14 +153,14 @@ def _brief_fits(
         yield Candidate(start, model, free_residues(prepared, cutting, start, model), settings)
         if not start.known and not prepared.shafts and start.lifted.n_hits >= model.order:
             with suppress(IdentificationError, np.linalg.LinAlgError):
-                yield Candidate(start, model, _of_shapes(prepared, start, model, report), settings)
+                yield Candidate(by_samples, model, _of_shapes(prepared, start, model, report), settings)
         lifted = start.lifted
         # Three harmonics are the fewest that vary.
         costly = lifted.n_channels * (3 * lifted.n_hits - lifted.n_phases) > lifted.n_hits
     if not costly or not determined(model):
         fitted = _fitted(prepared, cutting, start, model, settings, True, report)
         wrong = wrong_period_fitted(fitted, start.lifted, prepared, report)
-        yield Candidate(start, model, fitted, settings, wrong_period=wrong)
+        yield Candidate(by_samples, model, fitted, settings, wrong_period=wrong)
 
 
 def _of_shapes(prepared: Prepared, start: Start, model: PeriodicModel, report: Callable[[str], None]) -> Fit:

@@ -203,7 +203,7 @@ def without_forced(
 def refuse_impossible(settings: Settings, cycles: Sequence[Cycles]) -> None:
     """Refuse what cannot end well before any long work."""
     of, periods, phases = "identify", max(c.n_cycles for c in cycles), cycles[0].n_phases
-    refuse_few(min(c.n_cycles for c in cycles))
+    refuse_few(max(c.n_cycles for c in cycles))
     if getattr(settings.identifier, "band", None) is not None:
         must = "look at the whole band, since what is left out would count as noise"
         got = f"has band={settings.identifier.band}"  # type: ignore[union-attr]
