@@ -223,7 +223,8 @@ def _conditions(work: Work, inside: Mask, warnings: list[str]) -> tuple[Floats, 
         names = ", ".join(work.names[k] for k in same)
         warnings.append(f"Constant in the baseline: {names}. Records at other values raise no alarm.")
     usual = work.conditions[inside][:1, same]
-    elsewhere = np.asarray((np.abs(work.conditions[:, same] - usual) > SAME * np.abs(usual)).any(axis=1), bool)
+    off = np.abs(work.conditions[:, same] - usual) - SAME * np.abs(usual)
+    elsewhere: Mask = np.asarray((off > 0.0).any(axis=1))
     errors = errors_of(work.points, work.names, work.conditions)
     return np.nan_to_num(work.conditions[:, varying]), np.nan_to_num(errors[:, varying]), elsewhere
 
