@@ -19,14 +19,9 @@ from floquid.inputs import Samples, Scores, Uncertainty, answering, gain_of, sol
 if TYPE_CHECKING:
     from floquid.checks._excited import Parted
 
-BENT = 1e-9
-"""The probability at which noise may pass for powers of the response: these have longer tails than noise."""
-
-MORE = 2.0
-"""Least gain by squares and cubes over that by driving noise, which lets them gain by chance."""
-
-UNTOLD = DEVIATIONS**2
-"""The criterion of a fit of one size over another below which the record does not tell them."""
+BENT = 1e-9  # the probability at which noise may pass for powers of the response: these have longer tails than noise
+MORE = 2.0  # least gain by squares and cubes over that by driving noise, which lets them gain by chance
+UNTOLD = DEVIATIONS**2  # the criterion of a fit of one size over another below which the record does not tell them
 
 
 def driving(case: Any, _: Evidence) -> tuple[Finding, ...]:

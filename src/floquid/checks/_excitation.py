@@ -30,8 +30,7 @@ def repetition(case: Any, _: Evidence) -> tuple[Finding, ...]:
 SHORT = (0.5, 2.0)
 """Deviations of an exponent from the maximum of the likelihood, from which on that is told, and it is no estimate."""
 
-STILL = 10.0
-"""Radians that a mode turns, and nepers that it decays, in a record, less than which it is likely a drift."""
+STILL = 10.0  # radians that a mode turns, and nepers that it decays, in a record, less than which it is likely a drift
 
 
 def excitation_of(

@@ -7,8 +7,7 @@ from fractions import Fraction
 
 from floquid.findings._phrases import both, hertz
 
-MOST_NAMED = 12
-"""Harmonics of a repeating response that are named one by one: more make the line unreadable."""
+MOST_NAMED = 12  # harmonics of a repeating response that are named one by one: more make the line unreadable
 
 
 def _at(frequencies: Sequence[float]) -> str:

@@ -6,8 +6,7 @@ import numpy as np
 
 from floquid._arrays import Floats
 
-ROUNDING = 1e-14
-"""The share of what was summed in double precision below which what is left is rounding."""
+ROUNDING = 1e-14  # the share of what was summed in double precision below which what is left is rounding
 
 HALF_DIGITS = ROUNDING**0.5
 """The share where something was squared first: also a step for differences, and a whole number's distance from one."""

@@ -16,8 +16,7 @@ import numpy as np
 from floquid._arrays import Floats, Integers
 from floquid.fit._tests import DEVIATIONS, RARE, WITHIN, chi2_limit
 
-OFF = 0.02
-"""The least √|q| over the decay with which a block begins: numbers of its second state are over it."""
+OFF = 0.02  # the least √|q| over the decay with which a block begins: numbers of its second state are over it
 
 
 class AxisMode(Protocol):

@@ -12,14 +12,9 @@ from floquid.fit import CHUNK, DEVIATIONS, LAGS, SURE, chi2_limit, inverse_root
 from floquid.innovations._autoregression import delayed, whole_past
 from floquid.inputs import Samples
 
-HARMONICS = 3
-"""Harmonics of a period that count together."""
-
-WIDEST = 0.03
-"""The largest share by which a period may be off and its own be found."""
-
-FINE = 4
-"""Frequencies within the resolution of the records."""
+HARMONICS = 3  # harmonics of a period that count together
+WIDEST = 0.03  # the largest share by which a period may be off and its own be found
+FINE = 4  # frequencies within the resolution of the records
 
 SLOWEST = 0.1
 """The frequency over that given below which it is the excitation that changes, not the system that repeats."""

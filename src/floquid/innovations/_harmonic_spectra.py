@@ -16,14 +16,9 @@ from floquid.lti import ERA, AbstractIdentifier, ModalModel, TimeResponses
 
 HomaForm: TypeAlias = Literal["frequency", "time"]
 
-SEGMENTS = 12
-"""Segments of the shortest record by default, next to each other."""
-
-SEGMENT = 3
-"""Length of a segment for correlations, over the longest lag."""
-
-WHOLE = 1e-4
-"""The share of a sample by which a period, or the angle at a sample, may be off a whole number of steps."""
+SEGMENTS = 12  # segments of the shortest record by default, next to each other
+SEGMENT = 3  # length of a segment for correlations, over the longest lag
+WHOLE = 1e-4  # the share of a sample by which a period, or the angle at a sample, may be off a whole number of steps
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -21,8 +21,7 @@ from floquid.innovations._gaps import scales_of
 from floquid.innovations._mode import Mode
 from floquid.inputs import RUNAWAY, Samples
 
-LARGEST = 1e3
-"""Innovations over the response from which on the predictor diverges."""
+LARGEST = 1e3  # innovations over the response from which on the predictor diverges
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,8 +11,7 @@ from floquid.innovations._mode import Mode, as_complex
 from floquid.innovations._predictor import Predictor
 from floquid.inputs import Samples
 
-APART = (0.8, 1.25)
-"""Factors of the decay between which several real multipliers begin."""
+APART = (0.8, 1.25)  # factors of the decay between which several real multipliers begin
 
 
 def gap_of(first: Mode, second: Mode, omega: float) -> tuple[float, float, bool]:

@@ -23,24 +23,17 @@ from floquid.inputs._samples import Samples
 from floquid.inputs._solver import columns_of
 from floquid.search import GAP
 
-THINNED = (1, 2, 4, 8)
-"""Samples are thinned by these factors."""
-
-ORDERS = (8, 14, 20, 28, 36, 48, 60)
-"""Poles of each look."""
-
-MANY, STRONGEST = 15, 8
-"""Signals of a kind that are looked at as they are, at most, and the sums of more that are."""
+THINNED = (1, 2, 4, 8)  # samples are thinned by these factors
+ORDERS = (8, 14, 20, 28, 36, 48, 60)  # poles of each look
+MANY, STRONGEST = 15, 8  # signals of a kind that are looked at as they are, at most, and the sums of more that are
 
 FEWEST = 6
 """Block rows that tell poles, at least: a record too short for them with all outputs has them with fewer sums."""
 
-MOST_ROWS = 0.5
-"""Rows of the past and the future over the columns, at most."""
+MOST_ROWS = 0.5  # rows of the past and the future over the columns, at most
 
 
-ALIKE = 0.15
-"""The distance of two candidates, over their decay, within which one is enough."""
+ALIKE = 0.15  # the distance of two candidates, over their decay, within which one is enough
 
 
 def candidates(

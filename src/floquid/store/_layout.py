@@ -29,8 +29,7 @@ from floquid.transfer import MeasuredTransfer, TransferFit
 FORMAT = "floquid-result"
 VERSION = 4
 
-SURVEY = "survey"
-"""Attribute `kind` of the file of a survey."""
+SURVEY = "survey"  # attribute `kind` of the file of a survey
 
 LINES: dict[type, str] = {MeasuredTransfer: "measured", TransferFit: "fitted"}
 """Transfer functions measured line by line, and modes fitted to them, by the attribute `kind` of their files."""

@@ -20,11 +20,8 @@ from floquid.transfer._measured import MeasuredTransfer
 from floquid.transfer._modal import Lines, Modal, near_real
 from floquid.transfer._search import searched
 
-DOUBTFUL = 3.0
-"""Deviations off the axis within which a pair may be two real multipliers."""
-
-WORSE = 1.3
-"""The χ² of a degree of freedom above which that is told: deviations of G are estimates themselves."""
+DOUBTFUL = 3.0  # deviations off the axis within which a pair may be two real multipliers
+WORSE = 1.3  # the χ² of a degree of freedom above which that is told: deviations of G are estimates themselves
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

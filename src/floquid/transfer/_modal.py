@@ -237,11 +237,8 @@ def promised(now: Fitted) -> float:
     return now.cost - score_gain(now.apart @ np.concatenate(now.left), now.apart @ now.apart.T, HALF_DIGITS)
 
 
-OFF_AXIS = 20.0
-"""Deviations off the axis from which on a multiplier is not tried as a real one."""
-
-SAME = 0.05
-"""The distance of two exponents over their decay below which they are one."""
+OFF_AXIS = 20.0  # deviations off the axis from which on a multiplier is not tried as a real one
+SAME = 0.05  # the distance of two exponents over their decay below which they are one
 
 
 def near_real(

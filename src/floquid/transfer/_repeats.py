@@ -14,23 +14,12 @@ from floquid.fit import ROUNDING, SURE
 from floquid.inputs import Samples
 from floquid.transfer._measured import MeasuredTransfer, measured_of
 
-ALIKE = 0.1
-"""The rms by which repeats of an input may differ, over its own: it may be measured with noise."""
-
-EXCITED = 1e-3
-"""The amplitude of a line over the largest from which on it is one of the input,"""
-
-LOUD = 50.0
-"""where its power is this multiple of that of the noise of the input."""
-
-BESIDE = 8
-"""Lines on either side whose variance over the repeats is put together."""
-
-RINGING = 2.0
-"""The variance of repeats with what rings on in it, over that without, from which on it is taken out."""
-
-MARGIN = 0.3
-"""The share of the noise above which that is told: its own level is an estimate."""
+ALIKE = 0.1  # the rms by which repeats of an input may differ, over its own: it may be measured with noise
+EXCITED = 1e-3  # the amplitude of a line over the largest from which on it is one of the input,
+LOUD = 50.0  # where its power is this multiple of that of the noise of the input
+BESIDE = 8  # lines on either side whose variance over the repeats is put together
+RINGING = 2.0  # the variance of repeats with what rings on in it, over that without, from which on it is taken out
+MARGIN = 0.3  # the share of the noise above which that is told: its own level is an estimate
 
 
 def repeat_of(samples: Samples) -> int | None:

@@ -13,8 +13,7 @@ from floquid.innovations._predictor import Predictor, predicted, rebuilt
 from floquid.innovations._solve import inverse_of, moved, normal_of, places, solve
 from floquid.inputs import Limits, Samples
 
-STRIDE = 2
-"""Harmonics beyond the end of a band that are looked at: each costs a state."""
+STRIDE = 2  # harmonics beyond the end of a band that are looked at: each costs a state
 
 
 def grown(samples: Samples, now: Predictor, limits: Limits, rounds: int = FEW_STEPS) -> Predictor:

@@ -18,14 +18,9 @@ from floquid.innovations.search._bands import anchored, grown, narrowed
 from floquid.inputs import Limits, Samples
 from floquid.search import NEAR, REACH
 
-GONE = 1.0
-"""The decay over a period [nepers] from which on a mode is gone within it."""
-
-FEW = 2
-"""Real multipliers on an axis that stand for more of them: a pair that splits has two."""
-
-TRIED = 3
-"""Fits that are compared at a time, those first that promise most: each takes long."""
+GONE = 1.0  # the decay over a period [nepers] from which on a mode is gone within it
+FEW = 2  # real multipliers on an axis that stand for more of them: a pair that splits has two
+TRIED = 3  # fits that are compared at a time, those first that promise most: each takes long
 
 
 def better(trial: Predictor, now: Predictor, limits: Limits) -> bool:

@@ -38,8 +38,7 @@ from floquid.search import LOOSE
 STABLE = (0.5, 0.3, 0.2)
 """Shares of the looks at which a candidate comes up, from which on a search begins with it: until all is white."""
 
-SHRUNK = (1.0, 0.5, 0.2, 0.05)
-"""Factors of the gains of new modes at which a predictor is tried."""
+SHRUNK = (1.0, 0.5, 0.2, 0.05)  # factors of the gains of new modes at which a predictor is tried
 
 PARTNERS = (0.1, 0.3, 1.0)
 """Decays over a period, beyond that of a real multiplier that lasts, at which a second one is looked for."""

@@ -18,14 +18,9 @@ from floquid.inputs.search._structure import Limits
 
 SIDES = (HALF_DIGITS, -HALF_DIGITS)
 
-TINY = float(np.finfo(float).tiny)
-"""Added where nothing may be divided by: a channel that says nothing of a mode."""
-
-DRAWS = 30
-"""Draws of white noise by which a fit is told from noise."""
-
-FEW, FAR = 5, 0.25
-"""Draws that tell a gain to a quarter of its deviation, and the share of a limit below which they do."""
+TINY = float(np.finfo(float).tiny)  # added where nothing may be divided by: a channel that says nothing of a mode
+DRAWS = 30  # draws of white noise by which a fit is told from noise
+FEW, FAR = 5, 0.25  # draws that tell a gain to a quarter of its deviation, and the share of a limit below which they do
 
 
 class Scores:

@@ -22,8 +22,7 @@ from floquid.lti.rational._lines import SMOOTH, Modes, Rows, chosen, model_on
 DEGREE = 128  # the roots of a denominator on all lines, if there are twice as many samples: their cost is its cube
 
 
-DEGREES = 4
-"""The degree over the order of a scan: well above one, since noise takes most of the roots."""
+DEGREES = 4  # the degree over the order of a scan: well above one, since noise takes most of the roots
 
 
 @dataclass(frozen=True, slots=True)
