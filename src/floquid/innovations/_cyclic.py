@@ -28,30 +28,20 @@ A response that is hardly periodic scores at many periods, by up to 1.6 times wh
 
 @dataclass(frozen=True, eq=False)
 class Repetition(Rebuilt):
-    """Repetition of a random response near a period that was given.
+    """Repetition of a random response near a period that was given."""
 
-    Parameters
-    ----------
-    shift, resolution
-        (Own period - period given)/period given where it repeats most, and how finely that is known.
-    own, given
-        Squared scores of the harmonics of its own period, and of the one given.
-    even, odd
-        Those of the even harmonics of the period given alone, and of the odd ones.
-    limit
-        What noise alone exceeds with probability `SURE`.
-    other
-        The frequency apart from the harmonics of the period given that scores clearly more than these, or half the
-        fundamental where its odd multiples are above noise [rad/s]; zero if there is none.
-    """
-
+    # (Own period - period given)/period given where it repeats most, and how finely that is known
     shift: float
     resolution: float
+    # Squared scores of the harmonics of its own period, and of the one given
     own: float
     given: float
+    # Squared scores of the even harmonics of the period given alone, and of the odd ones
     even: float
     odd: float
-    limit: float
+    limit: float  # What noise alone exceeds with probability `SURE`
+    # The frequency apart from the harmonics of the period given that scores clearly more than these, or half the
+    # fundamental where its odd multiples are above noise [rad/s]; zero if there is none
     other: float
 
 

@@ -26,35 +26,17 @@ LARGEST = 1e3  # innovations over the response from which on the predictor diver
 
 @dataclass(frozen=True, eq=False)
 class Predictor(Rebuilt):
-    """Modes, coefficients of the known columns and first states, with the innovations that they leave.
+    """Modes, coefficients of the known columns and first states, with the innovations that they leave."""
 
-    Parameters
-    ----------
-    modes
-        The modes.
-    columns
-        Coefficients of the known columns (channels, columns).
-    initial
-        The state at the first sample of each record (records, states).
-    innovations
-        e (channels, samples).
-    states
-        s (samples, states).
-    whitening
-        W (samples, channels, channels), of a determinant with the geometric mean 1: that of e varies, of W e it is R.
-    count
-        Samples that were measured; at others e is zero: the state goes on without an innovation.
-    scales
-        T (samples, channels, channels), by which innovations after gaps are as small as others; None without gaps.
-    """
-
-    modes: tuple[Mode, ...]
-    columns: NDArray[np.float64]
-    initial: NDArray[np.float64]
-    innovations: NDArray[np.float64]
-    states: NDArray[np.float64]
+    modes: tuple[Mode, ...]  # The modes
+    columns: NDArray[np.float64]  # Coefficients of the known columns (channels, columns)
+    initial: NDArray[np.float64]  # The state at the first sample of each record (records, states)
+    innovations: NDArray[np.float64]  # e (channels, samples)
+    states: NDArray[np.float64]  # s (samples, states)
+    # W (samples, channels, channels), of a determinant with the geometric mean 1: that of e varies, of W e it is R
     whitening: NDArray[np.float64]
-    count: int
+    count: int  # Samples that were measured; at others e is zero: the state goes on without an innovation
+    # T (samples, channels, channels), by which innovations after gaps are as small as others; None without gaps
     scales: NDArray[np.float64] | None = None
 
     @property

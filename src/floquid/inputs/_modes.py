@@ -34,38 +34,20 @@ class InputMode(Rebuilt):
     Of a real multiplier λ is real, z and the input are real parts, and l and m count from a half if it is negative.
     A block has two real states, :math:`\dot z = (\sigma + j) z + \ldots` with :math:`j^2 = q`, and b and c of both:
     the pair :math:`\sigma \pm i \sqrt{-q}` about the axis, or two real multipliers :math:`\sigma \pm \sqrt q`.
-
-    Parameters
-    ----------
-    exponent
-        λ [1/s]; of a block σ.
-    real
-        True for real states: a real multiplier, or a block.
-    reach
-        The harmonics l, ascending (reach,); of real states from 0 or ½ on.
-    gains
-        b (inputs, reach); of a block those of the second state follow (2 inputs, reach).
-    turns
-        The harmonics m, ascending (turns,); of real states from 0 or ½ on.
-    initial
-        z at the first sample of each record (records,), at the last one of a mode that is followed `backwards`. Of a
-        block those of the second state follow (2 records,).
-    sizes
-        The state that a gain of 1 makes of each input, about (inputs,): b counts by it beside z at the start.
-    square
-        q of a block [1/s²]; None of another mode.
-    backwards
-        True of a mode that grows, whose state is followed from the end of each record: a fit keeps to its way.
     """
 
-    exponent: complex
-    real: bool
-    reach: NDArray[np.float64]
-    gains: NDArray[np.complex128]
-    turns: NDArray[np.float64]
+    exponent: complex  # λ [1/s]; of a block σ
+    real: bool  # True for real states: a real multiplier, or a block
+    reach: NDArray[np.float64]  # The harmonics l, ascending (reach,); of real states from 0 or ½ on
+    gains: NDArray[np.complex128]  # b (inputs, reach); of a block those of the second state follow (2 inputs, reach)
+    turns: NDArray[np.float64]  # The harmonics m, ascending (turns,); of real states from 0 or ½ on
+    # z at the first sample of each record (records,), at the last one of a mode that is followed `backwards`. Of a
+    # block those of the second state follow (2 records,).
     initial: NDArray[np.complex128]
+    # The state that a gain of 1 makes of each input, about (inputs,): b counts by it beside z at the start
     sizes: NDArray[np.float64]
-    square: float | None = None
+    square: float | None = None  # q of a block [1/s²]; None of another mode
+    # True of a mode that grows, whose state is followed from the end of each record: a fit keeps to its way
     backwards: bool = False
 
     @property

@@ -38,40 +38,20 @@ EXACT = 1e-5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linearisation(Rebuilt):
-    """The fit at some modes: what is linear, what is left, and the slopes by the parameters.
+    """The fit at some modes: what is linear, what is left, and the slopes by the parameters."""
 
-    Parameters
-    ----------
-    modes, direct
-        The modes, and the harmonics of the direct term of each input, ascending (harmonics,).
-    states
-        The state of each mode.
-    columns
-        The columns that are linear (columns, samples): of each mode, of the direct term, and those known.
-    inverse
-        The inverse of their Gram matrix (columns, columns).
-    coefficients
-        Those of each channel (columns, channels).
-    left
-        The residual (channels, samples).
-    noise
-        Its deviation (channels,).
-    rank
-        Directions that the columns span: one that is a sum of others, or nothing, takes no noise.
-    count
-        Samples that were measured; at others the columns and the residual are zero.
-    """
-
+    # The modes, and the harmonics of the direct term of each input, ascending (harmonics,)
     modes: tuple[InputMode, ...]
     direct: tuple[float, ...]
-    states: tuple[NDArray, ...]
+    states: tuple[NDArray, ...]  # The state of each mode
+    # The columns that are linear (columns, samples): of each mode, of the direct term, and those known
     columns: NDArray[np.float64]
-    inverse: NDArray[np.float64]
-    coefficients: NDArray[np.float64]
-    left: NDArray[np.float64]
-    noise: NDArray[np.float64]
-    rank: int
-    count: int
+    inverse: NDArray[np.float64]  # The inverse of their Gram matrix (columns, columns)
+    coefficients: NDArray[np.float64]  # Those of each channel (columns, channels)
+    left: NDArray[np.float64]  # The residual (channels, samples)
+    noise: NDArray[np.float64]  # Its deviation (channels,)
+    rank: int  # Directions that the columns span: one that is a sum of others, or nothing, takes no noise
+    count: int  # Samples that were measured; at others the columns and the residual are zero
 
     @property
     def log_likelihood(self) -> float:

@@ -115,21 +115,12 @@ def transfer_functions(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Grid(Rebuilt):
-    """Frequencies and harmonics at which G is wanted.
+    """Frequencies and harmonics at which G is wanted."""
 
-    Parameters
-    ----------
-    omega, harmonics
-        Ω (frequencies,) [rad/s] and m (harmonics,).
-    fundamental
-        ω [rad/s].
-    held
-        The sampling interval and the hold where G is that of samples; None where it is that of continuous time.
-    """
-
-    omega: NDArray[np.float64]
-    harmonics: NDArray[np.int64]
-    fundamental: float
+    omega: NDArray[np.float64]  # Ω (frequencies,) [rad/s]
+    harmonics: NDArray[np.int64]  # m (harmonics,)
+    fundamental: float  # ω [rad/s]
+    # The sampling interval and the hold where G is that of samples; None where it is that of continuous time
     held: tuple[float, Hold] | None
 
     def response(self, mode: InputMode, shape: NDArray[np.complex128]) -> NDArray[np.complex128]:

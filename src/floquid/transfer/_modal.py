@@ -36,24 +36,16 @@ from floquid.inputs import Grid, InputMode, terms_of, turning
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lines(Grid):
-    """Transfer functions measured, and how they came about.
+    """Transfer functions measured, and how they came about."""
 
-    Parameters
-    ----------
-    values, std
-        G and its deviations, that of the real part as the real part (harmonics, outputs, inputs, frequencies), NaN
-        where it was not measured.
-    echoes
-        What one unit in the spectrum of the response of each record adds to G (records, inputs, frequencies), and the
-        times at which the records begin [s].
-    alive
-        True where the transient is fitted from the first on, False where it is tried at last.
-    """
-
+    # G and its deviations, that of the real part as the real part (harmonics, outputs, inputs, frequencies), NaN where
+    # it was not measured
     values: NDArray[np.complex128]
     std: NDArray[np.complex128]
+    # What one unit in the spectrum of the response of each record adds to G (records, inputs, frequencies), and the
+    # times at which the records begin [s]
     echoes: tuple[NDArray[np.complex128], NDArray[np.float64]]
-    alive: bool = False
+    alive: bool = False  # True where the transient is fitted from the first on, False where it is tried at last
 
     @cached_property
     def there(self) -> NDArray[np.bool_]:
