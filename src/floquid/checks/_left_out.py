@@ -118,20 +118,16 @@ def quiet_for(inputs: NDArray[np.float64]) -> int:
 
 
 def without_last(samples: Samples) -> tuple[Samples, NDArray[np.bool_]]:
-    """The samples, those after the first three quarters of each record not measured, and the mask of the others.
-
-    They are not cut off: the states of modes that grow are followed backwards, from the end of each record.
-    """
+    """The samples, those after the first three quarters of each record not measured, and the mask of the others."""
+    # They are not cut off: the states of modes that grow are followed backwards, from the end of each record.
     mask = first_part(samples)[1]
     fitted = mask & samples.there
     return replace(samples, values=samples.values * fitted, known=samples.known * fitted, there=fitted), mask
 
 
 def first_part(samples: Samples) -> tuple[Samples, NDArray[np.bool_]]:
-    """The first three quarters of each record, and their mask over the samples of all (samples,).
-
-    What is at its begin before any input moves is none of the four: a model needs inputs.
-    """
+    """The first three quarters of each record, and their mask over the samples of all (samples,)."""
+    # What is at its begin before any input moves is none of the four: a model needs inputs.
     kept = []
     for piece in samples.records:
         quiet = quiet_for(samples.inputs[:, piece])

@@ -112,11 +112,9 @@ def _products(samples: Samples) -> tuple[NDArray[np.float64], NDArray[np.float64
 
 
 def left_over(samples: Samples, innovations: NDArray[np.float64], frequency: float) -> bool:
-    """Test if innovations of a model (outputs, samples) turn with the past at a frequency [rad/s].
-
-    The score of `repetition` at one frequency, of a model that takes account of all that is narrow: a response whose
-    lines alone are narrow leaves nothing.
-    """
+    """Test if innovations of a model (outputs, samples) turn with the past at a frequency [rad/s]."""
+    # The score of `repetition` at one frequency, of a model that takes account of all that is narrow: a response whose
+    # lines alone are narrow leaves nothing.
     from scipy.special import chdtrc
 
     left, past = _white(innovations), _products(samples)[1]
@@ -125,11 +123,9 @@ def left_over(samples: Samples, innovations: NDArray[np.float64], frequency: flo
 
 
 def turned_records(samples: Samples) -> list[int]:
-    """Records that are about half a period off the first, by their numbers from 0.
-
-    The products of residuals and the past turn with ω at one phase in all records (as in `repetition`): where those of
-    two are above noise and have opposite signs, they are not.
-    """
+    """Records that are about half a period off the first, by their numbers from 0."""
+    # The products of residuals and the past turn with ω at one phase in all records (as in `repetition`): where those
+    # of two are above noise and have opposite signs, they are not.
     left, past = _products(samples)
     line = np.exp(-1j * samples.fundamental * samples.times)
     found, each = [], []

@@ -152,11 +152,9 @@ def responding(samples: Samples, at: Predictor, innovations: NDArray[np.float64]
 def _carried(
     first: NDArray[np.float64], transitions: NDArray[np.float64], drive: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """States of x_{k+1} = T_k x_k + f_k from the first one on (samples + 1, states), and the product of T of blocks.
-
-    Blocks of samples go side by side: each is run from zero for what it adds and what it carries over, the states at
-    their begins follow one from the other, and each is run again from its own.
-    """
+    """States of x_{k+1} = T_k x_k + f_k from the first one on (samples + 1, states), and the product of T of blocks."""
+    # Blocks of samples go side by side: each is run from zero for what it adds and what it carries over, the states at
+    # their begins follow one from the other, and each is run again from its own.
     count = len(drive) + 1
     length = max(int(0.5 * count**0.5), 1)
     begins = np.arange(0, count, length)
@@ -290,10 +288,8 @@ def _force(forcing: NDArray, samples: Samples, at: Predictor, own: slice) -> Non
 
 
 def gradient(samples: Samples, at: Predictor, of: NDArray[np.float64]) -> NDArray[np.float64]:
-    """-JᵀR⁻¹v by all parameters, of the innovations or of other signals v (channels, samples) (parameters,).
-
-    The adjoint of the predictor runs backwards once, whatever the number of parameters.
-    """
+    """-JᵀR⁻¹v by all parameters, of the innovations or of other signals v (channels, samples) (parameters,)."""
+    # The adjoint of the predictor runs backwards once, whatever the number of parameters.
     system, gains, seen, _ = matrices(samples, at.modes)
     gains = samples.gained(gains)
     moved, weighted = system - gains @ seen, np.einsum("kji,jk->ik", at.root, at.white(of))

@@ -63,11 +63,9 @@ class InputMode(Rebuilt):
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """Mask of the parameters that are free, the scale of the state fixed by its largest part (parameters,).
-
-        Parameters are the real parts of λ, b and z at the start, then the imaginary ones; of a real multiplier those
-        of λ and z have none. A block has σ, the real and the imaginary parts of b, z at the start, and q.
-        """
+        """Mask of the parameters that are free, the scale of the state fixed by its largest part (parameters,)."""
+        # Parameters are the real parts of λ, b and z at the start, then the imaginary ones; of a real multiplier those
+        # of λ and z have none. A block has σ, the real and the imaginary parts of b, z at the start, and q.
         size, starts = self.gains.size, len(self.initial)
         flat = np.concatenate([self.gains.ravel(), self.initial])
         if not self.real:
@@ -192,10 +190,8 @@ def input_gain(exponent: complex, turn: float, omega: float, step: float, hold: 
 
 
 def answering(samples: Samples, mode: InputMode, other: Samples, delay: int) -> InputMode:
-    """A mode with b such that it answers to other inputs as to these, except for the first samples of each answer.
-
-    The other inputs are these some samples later, or with another hold.
-    """
+    """A mode with b such that it answers to other inputs as to these, except for the first samples of each answer."""
+    # The other inputs are these some samples later, or with another hold.
     decay, ratios = np.exp(mode.exponent * samples.step), []
     for turn in mode.reach.tolist():
         both = [input_gain(mode.exponent, turn, own.fundamental, own.step, own.hold) for own in (samples, other)]
@@ -365,10 +361,8 @@ def followed(samples: Samples, mode: InputMode, drives: NDArray) -> NDArray:
 
 
 def _summed(decay: complex, added: NDArray) -> NDArray:
-    """The sums z[k] = decay z[k - 1] + added[k] from zero (…, samples).
-
-    By a triangular band: `scipy.signal.lfilter` takes twice as long, and a second to load.
-    """
+    """The sums z[k] = decay z[k - 1] + added[k] from zero (…, samples)."""
+    # By a triangular band: `scipy.signal.lfilter` takes twice as long, and a second to load.
     from scipy.linalg import get_lapack_funcs
 
     if not added.size:  # without a right-hand side LAPACK writes beyond the array: no input, or none that reaches

@@ -128,10 +128,8 @@ def linearise(samples: Samples, modes: Sequence[InputMode], direct: Sequence[flo
 
 
 def columns_of(samples: Samples, mode: InputMode, state: NDArray) -> NDArray[np.float64]:
-    """Columns of a mode with this state: real parts at each turn, then the imaginary ones (columns, samples).
-
-    Of a block those of the second state follow.
-    """
+    """Columns of a mode with this state: real parts at each turn, then the imaginary ones (columns, samples)."""
+    # Of a block those of the second state follow.
     angles = np.array([samples.turned(turn) for turn in mode.turns.tolist()])
     turning = np.ones(len(mode.turns), bool) if not mode.real else mode.turns > 0.0
     turned = [angles * own for own in state.reshape(mode.states, -1)]
@@ -181,10 +179,8 @@ def slopes_of(
 def normal_equations(
     samples: Samples, at: Linearisation, *, rough: bool = False
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Gauss-Newton matrix and gradient of the free parameters, of all channels over their noise.
-
-    A rough one is made in single precision, slopes as multiples of their size.
-    """
+    """Gauss-Newton matrix and gradient of the free parameters, of all channels over their noise."""
+    # A rough one is made in single precision, slopes as multiples of their size.
     states, columns, left = state_slopes(samples, at), at.columns, at.left / at.noise[:, None]
     sizes = [np.sqrt(np.mean(np.abs(own.reshape(len(own), -1)) ** 2, axis=1)) + 1e-300 for own in states]
     scale = np.concatenate(
@@ -249,10 +245,8 @@ def solve(
 
 
 def scale_of(samples: Samples, at: Linearisation, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The root of the diagonal of a matrix of products; of what is rounding, that of rounding (parameters,).
-
-    Parameters are compared by what they do to the state over its own size: inputs have units of their own.
-    """
+    """The root of the diagonal of a matrix of products; of what is rounding, that of rounding (parameters,)."""
+    # Parameters are compared by what they do to the state over its own size: inputs have units of their own.
     units = []
     for mode, state in zip(at.modes, at.states, strict=True):
         own, gains = mode.strengths / np.sqrt(np.mean(np.abs(state) ** 2) + 1e-300), mode.gains.size

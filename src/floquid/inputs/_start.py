@@ -163,10 +163,8 @@ def _low_pass(thinned: int) -> NDArray[np.float64]:
 
 
 def _lower(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """The triangular factor of a matrix of products, with as much more on its diagonal as rounding needs.
-
-    With the root of that: what the factor holds below it is rounding.
-    """
+    """The triangular factor of a matrix of products, with as much more on its diagonal as rounding needs."""
+    # With the root of that: what the factor holds below it is rounding.
     for more in (1e-12, 1e-9, 1e-6):
         with suppress(np.linalg.LinAlgError):
             return np.asarray(np.linalg.cholesky(matrix + more * np.eye(len(matrix))), np.float64), more**0.5
@@ -176,10 +174,8 @@ def _lower(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
 
 
 def _products_of_lags(signals: NDArray[np.float64], lags: int) -> NDArray[np.float64]:
-    """Products of signals at lags, summed over the samples (lags · signals, lags · signals).
-
-    The block one lag later of both is the block less its first sample, and one sample more.
-    """
+    """Products of signals at lags, summed over the samples (lags · signals, lags · signals)."""
+    # The block one lag later of both is the block less its first sample, and one sample more.
     count, columns = len(signals), signals.shape[1] - lags + 1
     found = np.zeros((lags, count, lags, count))
     for lag in range(lags):

@@ -211,10 +211,8 @@ def eliminated(lines: Lines, modal: Modal) -> Fitted:
 
 
 def fitted(lines: Lines, start: Modal, iterations: int = STEPS) -> Fitted:
-    """The modes that fit G best in the weighted squares, from a start.
-
-    Amplitudes are eliminated (variable projection of Golub and Pereyra 1973, with Kaufman's derivative of 1975).
-    """
+    """The modes that fit G best in the weighted squares, from a start."""
+    # Amplitudes are eliminated (variable projection of Golub and Pereyra 1973, with Kaufman's derivative of 1975).
 
     def normal(at: Fitted) -> Normal:
         return Normal(matrix=at.apart @ at.apart.T, gradient=at.apart @ np.concatenate(at.left))

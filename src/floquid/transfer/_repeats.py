@@ -126,10 +126,8 @@ def by_repeats(
 
 
 def _spectra(samples: Samples, count: int, drop: int) -> list[tuple[NDArray, NDArray]]:
-    """Spectra of the outputs and of the inputs in the repeats of each record (channels, repeats, lines).
-
-    Phases are those at phase zero of the system.
-    """
+    """Spectra of the outputs and of the inputs in the repeats of each record (channels, repeats, lines)."""
+    # Phases are those at phase zero of the system.
     found = []
     for own in samples.records:
         both = np.concatenate([samples.values[:, own], samples.inputs[:, own]])
@@ -154,11 +152,9 @@ def _rounding(means: NDArray) -> NDArray[np.float64]:
 
 
 def _without_ringing(own: NDArray) -> NDArray[np.float64]:
-    """The variance of a repeat (channels, lines) of a record (channels, repeats, lines) beside what rings on.
-
-    What rings falls from repeat to repeat by one factor at all lines beside a resonance: it is one direction of the
-    differences between repeats, and where the largest variance of any direction stands out, it is left out.
-    """
+    """The variance of a repeat (channels, lines) of a record (channels, repeats, lines) beside what rings on."""
+    # What rings falls from repeat to repeat by one factor at all lines beside a resonance: it is one direction of the
+    # differences between repeats, and where the largest variance of any direction stands out, it is left out.
     from scipy.linalg import helmert
 
     parts = np.einsum("jr,crk->jck", helmert(own.shape[1]), own)

@@ -24,11 +24,9 @@ from floquid.inputs import Limits, Samples
 
 
 def read_near_axis(samples: Samples, now: Predictor, limits: Limits) -> NearAxis[Predictor]:
-    """The fit with exponents near an axis read from their mean and squared half-difference, where these are regular.
-
-    Each pair, and the two real multipliers of one sign that are nearest to each other, are fitted as a block once.
-    Ordinary modes take the place of each block, behind all others.
-    """
+    """The fit with exponents near an axis read from their mean and squared half-difference, where these are regular."""
+    # Each pair, and the two real multipliers of one sign that are nearest to each other, are fitted as a block once.
+    # Ordinary modes take the place of each block, behind all others.
     omega = samples.fundamental
     now = with_blocks(
         now,
@@ -93,10 +91,8 @@ def _begun(samples: Samples, now: Predictor, numbers: Sequence[int]) -> Predicto
 
 
 def block_of_pair(samples: Samples, mode: Mode, initial: NDArray[np.float64]) -> tuple[Mode, NDArray[np.float64]]:
-    """The block of a pair, about the axis that it is nearest to, and its states at the starts of the records.
-
-    Its states are the real part of z, and the imaginary one over the distance from the axis.
-    """
+    """The block of a pair, about the axis that it is nearest to, and its states at the starts of the records."""
+    # Its states are the real part of z, and the imaginary one over the distance from the axis.
     omega, half = samples.fundamental, half_of(mode, samples.fundamental)
     away = mode.exponent.imag - half * omega
     away = begun_off(away, mode.exponent.real, omega)
@@ -143,10 +139,8 @@ def block_of_reals(
 
 
 def divided(block: Mode, initial: NDArray[np.float64]) -> tuple[Mode, NDArray[np.float64]]:
-    """A block and its states, both divided by the gain that is largest: the same block.
-
-    What the second state has over the first is all but a multiple of what that has, where a pair is near its axis.
-    """
+    """A block and its states, both divided by the gain that is largest: the same block."""
+    # What the second state has over the first is all but a multiple of what that has, where a pair is near its axis.
     assert block.square is not None
     (first, second), (seen, beside) = np.split(block.gains, 2), np.split(block.shape, 2)
     parts = np.array([np.concatenate([own.real.ravel(), own.imag.ravel()]) for own in (first, second)])

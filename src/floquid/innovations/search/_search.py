@@ -170,12 +170,10 @@ def _with_one_more(
 
 
 def _with_partners(samples: Samples, driven: Samples, now: Predictor, limits: Limits) -> Predictor:
-    """With a real multiplier more beside one that lasts alone on its axis, where noise does not explain it.
-
-    Real multipliers come in twos where a pair split. The one that decays faster is weak beside one that grows, and
-    what is left may look white without it, or beside a mode gone within a period that stands in for it; but the
-    deviation of the other is too small then.
-    """
+    """With a real multiplier more beside one that lasts alone on its axis, where noise does not explain it."""
+    # Real multipliers come in twos where a pair split. The one that decays faster is weak beside one that grows, and
+    # what is left may look white without it, or beside a mode gone within a period that stands in for it; but the
+    # deviation of the other is too small then.
     omega, period = samples.fundamental, 2.0 * np.pi / samples.fundamental
     real = [mode for mode in now.modes if mode.real]
     for half in (0.0, 0.5):
@@ -264,10 +262,8 @@ def _bare(driven: Samples, exponent: complex) -> InputMode:
 
 
 def _of_phases(driven: Samples, limits: Limits) -> list[InputMode]:
-    """Modes of matrices at each phase that are free, with the harmonics that are not small.
-
-    A mode that is gone within a period seldom is a candidate: each phase knows it by another decay.
-    """
+    """Modes of matrices at each phase that are free, with the harmonics that are not small."""
+    # A mode that is gone within a period seldom is a candidate: each phase knows it by another decay.
     found, modes, highest = fitted_freely(driven, limits.order), [], limits.highest
     if found is None:
         return []

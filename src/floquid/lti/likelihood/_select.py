@@ -96,10 +96,8 @@ def _by_columns(values: Floats, envelopes: Floats, decays: Floats, lines: int) -
 
 
 def _by_diagonals(values: Floats, envelopes: Floats, decays: Floats, lines: int) -> tuple[Floats, Complexes]:
-    """Σ_j |z_j|² and Σ_j z_j² from the Gram matrix.
-
-    e^{-d(n + m)} is constant across the diagonals, e^{-2dn} e^{-dl} along them.
-    """
+    """Σ_j |z_j|² and Σ_j z_j² from the Gram matrix."""
+    # e^{-d(n + m)} is constant across the diagonals, e^{-2dn} e^{-dl} along them.
     samples = len(values)
     along, across = np.zeros((len(decays), samples)), np.zeros(2 * samples - 1)
     # Half of the Gram matrix is enough, some rows at a time.
@@ -145,19 +143,15 @@ class Threshold:
         return self.at(self.false_alarm, size)
 
     def at(self, probability: float, size: int, *, own: float = 1.0) -> float:
-        """The rise that noise exceeds with another probability, `own` parameters a pole beside the residues.
-
-        Satterthwaite: a sum of dependent squares is a multiple of a chi-square of fewer degrees of freedom.
-        """
+        """The rise that noise exceeds with another probability, `own` parameters a pole beside the residues."""
+        # Satterthwaite: a sum of dependent squares is a multiple of a chi-square of fewer degrees of freedom.
         share = self.independent
         degrees = size * (self.columns * share + own)
         return self.variance * rise_limit(probability, degrees, self.samples * share) / share
 
     def promising(self, size: int) -> float:
-        """Reduction of the residual by a pole (1) or pair (2) on the grid from which on it is tried.
-
-        A mode that just passes the test takes less where it lies between the lines of the grid.
-        """
+        """Reduction of the residual by a pole (1) or pair (2) on the grid from which on it is tried."""
+        # A mode that just passes the test takes less where it lies between the lines of the grid.
         return min(self.at(SURE, size, own=0.0), self.of(size))
 
     def penalised(self, fit: Fit) -> float:

@@ -97,11 +97,9 @@ def _uncrowded(entries: ModeParameters, padded: Integers) -> Integers:
 
 
 def named(point: Point) -> Point:
-    """Fit with each mode on the branch whose zeroth harmonic carries most of the energy of its shape.
-
-    Channels are weighted by the inverse of their noise; ties go to the larger frequency. At a speed that wanders the
-    branches are no names, and stay.
-    """
+    """Fit with each mode on the branch whose zeroth harmonic carries most of the energy of its shape."""
+    # Channels are weighted by the inverse of their noise; ties go to the larger frequency. At a speed that wanders the
+    # branches are no names, and stay.
     entries = point.entries
     both = shapes(point.blocks, point.solution)
     noise = np.full(both.coefficients.shape[1:3], np.inf)
@@ -122,10 +120,8 @@ def named(point: Point) -> Point:
 
 
 def _without_steady(point: Point, bands: Integers) -> Point:
-    """With the pairs of one harmonic that do not decay held as steady tones: interference, and no modes.
-
-    One that is stronger than every mode that decays stays a mode: a structure that hardly decays rings the longest.
-    """
+    """With the pairs of one harmonic that do not decay held as steady tones: interference, and no modes."""
+    # One that is stronger than every mode that decays stays a mode: a structure that hardly decays rings the longest.
     entries = point.entries
     free = np.flatnonzero(entries.leading)
     std = np.sqrt(np.maximum(np.diag(point.solution.covariance()), 0.0))[: len(free)]
