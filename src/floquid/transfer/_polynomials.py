@@ -12,12 +12,11 @@ from floquid.core import Channel
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, warning
 from floquid.fit import SURE
-from floquid.inputs import Samples
+from floquid.inputs import LEAKAGE, Samples
 from floquid.transfer._measured import MeasuredTransfer, measured_of
 
 DEGREE = 2  # degree of the polynomials
 FREE = (20, 0.6)  # lines of a window beyond the unknowns: a number, and a share of them more
-LEAKAGE = 0.02  # the share of a sample by which a whole number of periods may not be one of samples
 TOGETHER = 256  # windows that are solved at once
 
 POOR = 1e6
