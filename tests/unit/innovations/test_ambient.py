@@ -429,7 +429,7 @@ def test_a_prediction_that_grows_fails(values, monkeypatch):
     assert "of samples left out of the fit grows" in " ".join(found.summary().split())
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("short", "told"), [(2.5, Severity.FAILURE), (0.9, Severity.WARNING), (0.4, None)])
 def test_a_fit_that_is_not_at_its_maximum_isexcitation_of(short, told, values, monkeypatch):
     monkeypatch.setattr(Fit, "short", lambda self, number: short)

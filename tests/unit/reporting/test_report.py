@@ -306,9 +306,8 @@ def test_with_a_tachometer_what_is_left_is_noise_from_a_file_too(tmp_path):
     fq.save(found, tmp_path / "result.h5")
     again = fq.load(tmp_path / "result.h5")
     assert np.array_equal(response_sources(case_of(again, None))["left"].modes[0]["y"], left)
-    one, other = (without_scripts(page(case_of(of, None), title=None, truth=None)) for of in (found, again))
-    assert one.count("of the shaft") == other.count("of the shaft") > 0
-    assert one.index('id="modes"') < one.index("The speed of the shaft") < one.index('id="mode"')
+    words = without_scripts(page(case_of(again, None), title=None, truth=None))
+    assert words.index('id="modes"') < words.index("The speed of the shaft") < words.index('id="mode"')
 
 
 @pytest.mark.slow
@@ -329,6 +328,7 @@ def test_the_noise_of_the_page_is_that_of_the_record():
     assert any("coloured along the record" in step for step in steps(found))
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("brief", [False, True])
 def test_damping_is_the_decrement_where_asked_for(analysis, brief, tmp_path):
     text = fq.report(analysis, tmp_path / "page.html", brief=brief, damping_unit="decrement").read_text("utf-8")
