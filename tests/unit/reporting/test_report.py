@@ -216,7 +216,7 @@ def test_without_deviations(tmp_path):
     assert not re.search("bands of 95 %|one standard deviation|see the ellipses", words)
 
 
-def test_one_channel_that_locks_at_half_a_period(tmp_path):
+def test_one_channel_that_locks_at_half_a_period(no_figures, tmp_path):
     times = np.arange(16 * 80) / 16.0
     values = np.exp(-0.05 * times) * (np.cos(np.pi * times) + 0.3 * np.cos(3 * np.pi * times))
     values += 0.01 * np.random.default_rng(7).standard_normal(len(times))
