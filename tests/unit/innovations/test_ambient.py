@@ -237,6 +237,7 @@ def test_a_period_that_is_slightly_off_fails_with_its_own(values):
     assert abs(step + 8e-4) < 4.0 * std < 4e-4
 
 
+@pytest.mark.slow
 def test_half_the_period_fails():
     """Its harmonics are the even ones of the system, and two copies of a mode explain most of the odd ones."""
     values = ambient_of(SYSTEM, 200, PHASES, 0.02, 115)

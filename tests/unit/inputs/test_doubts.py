@@ -264,7 +264,8 @@ def test_a_driven_record_at_another_phase_than_the_first_is_named(shift, code):
     assert found.failed == bool(code)
 
 
-@pytest.mark.parametrize(("share", "seed"), [(0.05, 1), pytest.param(0.15, 0, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("share", "seed"), [(0.05, 1), (0.15, 0)])
 def test_inputs_that_were_measured_from_later_on_alone_fail(share, seed):
     """What drove the system before came out as modes that no input reaches, and passed."""
     system = mathieu()

@@ -98,6 +98,7 @@ def test_a_mode_that_grows_by_several_nepers_passes(damping):
     assert error.std() < 0.1 * values[:, ~fitted].std()
 
 
+@pytest.mark.slow
 def test_two_outputs_two_inputs_and_a_frame_that_turns():
     system = two_masses()
     found = identified(system, 60, 24, 0.02)
@@ -246,6 +247,7 @@ def test_a_period_that_is_a_little_off_is_told(off, told):
         assert abs(own[0].numbers["own"] - system.period) < 0.2 * abs(off) * system.period
 
 
+@pytest.mark.slow
 def test_a_copy_of_a_mode_that_makes_up_for_harmonics_not_looked_for_does_not_pass():
     found = identified(mathieu(), 60, 20, 0.01, seed=3, harmonics=1)
     assert found.model.order > 2
