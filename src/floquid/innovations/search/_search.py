@@ -19,8 +19,7 @@ from floquid.innovations._products import APART
 from floquid.innovations._solve import climbed, solve
 from floquid.innovations.search._bands import centred, grown, narrowed
 from floquid.innovations.search._fewer import GONE, TRIED, better, needed, stable
-from floquid.innovations.search._near_axis import read_near_axis
-from floquid.innovations.search._real import with_real_ones
+from floquid.innovations.search._near_axis import read_near_axis, with_real_ones
 from floquid.inputs import (
     InputMode,
     Limits,
