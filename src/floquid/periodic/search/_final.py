@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from floquid._arrays import Complexes, Floats, Integers, Mask
+from floquid._arrays import Complexes, Floats, Integers
 from floquid.fit import AT_REST, DEVIATIONS, FARTHEST, RARE, SLOW, STEPS, SURE, chi2_limit
 from floquid.periodic.least_squares import (
     ModeParameters,
@@ -162,7 +162,8 @@ def _clusters(point: Point) -> tuple[tuple[int, ...], Floats]:
     def parameters(entry: int) -> list[int]:
         return [int(np.searchsorted(free, entry)), len(free) + int(np.searchsorted(turns, entry))]
 
-    sure = _sure(point)
+    # Columns that noise does not explain: the exponents of others say nothing.
+    sure = Units(point, point).gains() > chi2_limit(2 * point.price.rows, SURE)
     clusters = []
     for entry in turns.tolist():
         score, degrees = equality(solution, entry, sure)
@@ -170,11 +171,6 @@ def _clusters(point: Point) -> tuple[tuple[int, ...], Floats]:
             clusters.append(entry)
             further[parameters(entry)] += spread_of_harmonics(solution, entry, sure)
     return tuple(clusters), further
-
-
-def _sure(point: Point) -> Mask:
-    """Mask of columns that noise does not explain: the exponents of others say nothing (columns,)."""
-    return Units(point, point).gains() > chi2_limit(2 * point.price.rows, SURE)
 
 
 def _spread_of_branches(point: Point) -> Floats | None:
