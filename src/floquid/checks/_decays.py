@@ -22,14 +22,7 @@ from floquid.core import PeriodicModel, PhaseClock, Record
 from floquid.errors import FloquidError
 from floquid.findings import Finding
 from floquid.fit import SIGNIFICANT, filter_gain, filtered
-from floquid.periodic import (
-    NEGLIGIBLE_SLIP,
-    TURNED,
-    ForcedResponse,
-    instants,
-    own_period,
-    unexplained,
-)
+from floquid.periodic import NEGLIGIBLE_SLIP, TURNED, ForcedResponse, instants, own_period, unexplained
 from floquid.reconstruction import StateModel
 
 

@@ -91,10 +91,7 @@ def of_cycles(case: Any, sums: HeldOut) -> LeftOut:
     error = np.sqrt(np.divide(sums.squares.sum(axis=2), numbers, out=nothing.copy(), where=numbers > 0))
     return LeftOut(
         arrays={"fit": fit, "held_out_error": error},
-        sizes={
-            "held_out_error": (*whole[:2], FAILING * whole[1]),
-            "held_out_stretch": (*along[:2], 2.0 * along[1]),
-        },
+        sizes={"held_out_error": (*whole[:2], FAILING * whole[1]), "held_out_stretch": (*along[:2], 2.0 * along[1])},
         numbers={"ratio": along[0], "part": f"{part} part", **case.place(channel, hit)},
         fit=float(1.0 - np.sqrt(beyond[seen].sum() / total)) if total else 1.0,
         least={"least": fit[worst], **case.place(*worst)},
@@ -161,11 +158,7 @@ class HeldOut:
 
 
 def held_out(
-    model: PeriodicModel,
-    records: Sequence[Record],
-    clocks: Clocks,
-    cycles: Sequence[Integers],
-    noise: Floats,
+    model: PeriodicModel, records: Sequence[Record], clocks: Clocks, cycles: Sequence[Integers], noise: Floats
 ) -> HeldOut | None:
     r"""Interleaved pieces of the record, in turn left out of the fit and predicted.
 

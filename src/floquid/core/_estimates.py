@@ -280,9 +280,7 @@ class Estimates(Rebuilt):
     @staticmethod
     def _gains_of(gains: Gains, kept: Integers, parts: Integers) -> Gains:
         return Gains(
-            harmonics=gains.harmonics,
-            coefficients=gains.coefficients[kept],
-            slopes=gains.slopes[kept][..., parts],
+            harmonics=gains.harmonics, coefficients=gains.coefficients[kept], slopes=gains.slopes[kept][..., parts]
         )
 
     def moved(self, step: Floats) -> Estimates:

@@ -234,9 +234,7 @@ def solve(
     steps = Steps(
         normal=normal,
         moved=lambda at, step: linearise(
-            samples,
-            [mode.moved(own).scaled() for mode, own in zip(at.modes, _parts(at, step), strict=True)],
-            at.direct,
+            samples, [mode.moved(own).scaled() for mode, own in zip(at.modes, _parts(at, step), strict=True)], at.direct
         ),
         limited=lambda at, step, _normal, _damping: _limited(at, step, period),
         enough=enough if below < np.inf else None,

@@ -326,11 +326,7 @@ def _taken(gram: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _gain(
-    gram: NDArray[np.float64],
-    seen: NDArray[np.float64],
-    energy: NDArray[np.float64],
-    place: slice,
-    samples: Samples,
+    gram: NDArray[np.float64], seen: NDArray[np.float64], energy: NDArray[np.float64], place: slice, samples: Samples
 ) -> float:
     """The gain in twice the logarithm of the likelihood by a group of columns."""
     explained = np.sum((_taken(gram[place, place]).T @ seen[place]) ** 2, axis=0)

@@ -150,10 +150,7 @@ class Grid(Rebuilt):
         return found
 
     def slopes(
-        self,
-        modes: Sequence[InputMode],
-        shapes: Sequence[NDArray[np.complex128]],
-        free: Sequence[NDArray[np.bool_]],
+        self, modes: Sequence[InputMode], shapes: Sequence[NDArray[np.complex128]], free: Sequence[NDArray[np.bool_]]
     ) -> list[NDArray[np.complex128]]:
         """Derivatives of G by the `free` numbers of each mode, one after another."""
         found = []

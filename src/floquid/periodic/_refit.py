@@ -122,13 +122,7 @@ def refit(
     else:
         solution = solve(blocks, solution, at_rest=at_rest)
     return model_of(
-        blocks,
-        solution,
-        entries.bands,
-        channels=model.channels,
-        provenance=model.provenance,
-        most=most,
-        one=shared,
+        blocks, solution, entries.bands, channels=model.channels, provenance=model.provenance, most=most, one=shared
     )
 
 

@@ -44,10 +44,7 @@ PARTNERS = (0.1, 0.3, 1.0)
 
 
 def searched(
-    samples: Samples,
-    first: NDArray[np.float64],
-    limits: Limits,
-    report: Callable[[str], None] = lambda _: None,
+    samples: Samples, first: NDArray[np.float64], limits: Limits, report: Callable[[str], None] = lambda _: None
 ) -> tuple[NearAxis[Predictor], bool]:
     """The predictor of the modes that rise above the noise, from outputs alone or with measured inputs.
 
@@ -190,12 +187,7 @@ def _with_partners(samples: Samples, driven: Samples, now: Predictor, limits: Li
 
 
 def _with_one_of(
-    samples: Samples,
-    driven: Samples,
-    now: Predictor,
-    without: Mode | None,
-    poles: Sequence[complex],
-    limits: Limits,
+    samples: Samples, driven: Samples, now: Predictor, without: Mode | None, poles: Sequence[complex], limits: Limits
 ) -> Predictor | None:
     """The fit with the best of some candidates more, in place of a mode where one is given; None where none is."""
     start: Predictor | None = now

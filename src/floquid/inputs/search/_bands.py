@@ -146,11 +146,7 @@ def _shrinkages(point: Point) -> Iterator[Edit]:
 
 
 def _tails(
-    number: int,
-    mode: InputMode,
-    band: str,
-    weight: Callable[[NDArray[np.int64]], float],
-    of: Callable[..., float],
+    number: int, mode: InputMode, band: str, weight: Callable[[NDArray[np.int64]], float], of: Callable[..., float]
 ) -> Iterator[Edit]:
     """The tails of a band that are best left out, one at each end."""
     harmonics = getattr(mode, band)

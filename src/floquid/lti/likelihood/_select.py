@@ -44,11 +44,7 @@ def candidates(poles: PoleSet, factors: Sequence[Factor]) -> list[tuple[PoleSet,
     gains = sum(_gains(poles, block, decays, lines) for block in factors)
     best: dict[int, tuple[float, complex]] = {}
     for decay, gain in zip(decays, np.atleast_2d(gains), strict=True):
-        tops = {
-            PAIR: int(np.argmax(gain[1:-1])) + 1 if len(gain) > 2 else None,
-            POSITIVE: 0,
-            NEGATIVE: len(gain) - 1,
-        }
+        tops = {PAIR: int(np.argmax(gain[1:-1])) + 1 if len(gain) > 2 else None, POSITIVE: 0, NEGATIVE: len(gain) - 1}
         for kind, line in tops.items():
             if line is not None and gain[line] > best.get(kind, (0.0, 0j))[0]:
                 best[kind] = (float(gain[line]), complex(-decay, angles[line]))

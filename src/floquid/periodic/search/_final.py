@@ -9,14 +9,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
 from floquid.fit import AT_REST, DEVIATIONS, FARTHEST, RARE, SLOW, STEPS, SURE, chi2_limit
-from floquid.periodic.least_squares import (
-    ModeParameters,
-    linearise,
-    noise_of,
-    shapes,
-    solve,
-    weighted,
-)
+from floquid.periodic.least_squares import ModeParameters, linearise, noise_of, shapes, solve, weighted
 from floquid.periodic.search._additions import residuals
 from floquid.periodic.search._moves import energies, nearest
 from floquid.periodic.search._near_axis import with_axis_pairs

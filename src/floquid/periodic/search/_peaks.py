@@ -43,11 +43,7 @@ def strongest(blocks: Sequence[Block], residuals: Sequence[Residual], period: fl
 
 
 def peaks(
-    blocks: Sequence[Block],
-    residuals: Sequence[Residual],
-    period: float,
-    *,
-    most: int,
+    blocks: Sequence[Block], residuals: Sequence[Residual], period: float, *, most: int
 ) -> tuple[Peak, list[Peak]]:
     """The exponential that explains most of the residual, and those that may be tried, at most `most`."""
     # These are apart from one another, strongest first; the first is there in any case, the others pass the limit.
