@@ -52,11 +52,7 @@ AMBIENT: dict[str, str | Callable[..., str]] = {
 """By code."""
 
 
-HOLDS = {
-    "zero": "held between samples",
-    "first": "linear between samples",
-    "none": "acting at samples alone",
-}
+HOLDS = {"zero": "held between samples", "first": "linear between samples", "none": "acting at samples alone"}
 """Words for inputs between their samples."""
 
 

@@ -5,16 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 
 from floquid.checks import Validation
-from floquid.core import (
-    CLOCKS,
-    Channel,
-    Estimates,
-    Gains,
-    ModelInputs,
-    PeriodicModel,
-    Provenance,
-    Record,
-)
+from floquid.core import CLOCKS, Channel, Estimates, Gains, ModelInputs, PeriodicModel, Provenance, Record
 from floquid.innovations import Mode
 from floquid.inputs import InputMode, TransferFunctions
 from floquid.lti import Composites, ModalModel
