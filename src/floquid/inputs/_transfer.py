@@ -73,24 +73,9 @@ def transfer_functions(
 
     .. math:: G_m(\Omega) = \sum_r \sum_l \frac{c_{r,m-l}\, b_{r,l}}{i (\Omega + l \omega) - \lambda_r} + D_m
 
-    Parameters
-    ----------
-    model
-        A model with inputs.
-    frequencies_hz
-        Ω/2π (frequencies,) [Hz]; negative ones, too.
-    harmonics
-        The integers m (harmonics,).
-
-    Returns
-    -------
-    TransferFunctions
-        G.
-
-    Raises
-    ------
-    InputError
-        The model has no inputs, or a frequency is that of an undamped pole.
+    `model` is one with inputs, `frequencies_hz` are Ω/2π (frequencies,) [Hz], negative ones, too, and `harmonics` the
+    integers m (harmonics,). Returns G. Raises InputError where the model has no inputs, or a frequency is that of an
+    undamped pole.
     """
     of = "inputs.transfer_functions"
     own = model.inputs
