@@ -113,14 +113,15 @@ def test_json_is_the_summary_alone(here, quick_pictures):
     assert text == (here / "new" / "summary.json").read_text()
     summary = strict_json(text)
     assert list(summary) == [
-        "format", "excitation", "period", "period_std", "misfit", "failed", "order", "order_choice", "n_cycles",
-        "n_phases", "outputs", "noise", "noise_whitening", "modes", "inputs", "lengths", "periodicity", "forced",
-        "interference", "synchronisation", "system", "validation", "warnings", "findings",
+        "format", "excitation", "period", "period_std", "point", "misfit", "failed", "order", "order_choice",
+        "n_cycles", "n_phases", "outputs", "noise", "noise_whitening", "modes", "inputs", "lengths", "periodicity",
+        "forced", "interference", "synchronisation", "system", "validation", "warnings", "findings",
     ]  # fmt: skip
     assert summary["format"] == "floquid-summary/2"
     assert summary["period"] == pytest.approx(2.0 * np.pi, rel=1e-15)
     assert (summary["order"], summary["n_cycles"], summary["n_phases"]) == (4, 40, 8)
     assert summary["period_std"] is None
+    assert summary["point"]["speed_rpm"] == pytest.approx(60.0 / summary["period"])
     assert summary["validation"]["passed"] is True
     assert summary["validation"]["fit"] > 0.95
     assert summary["validation"]["reasons"] == []

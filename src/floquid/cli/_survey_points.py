@@ -19,8 +19,8 @@ from floquid.errors import InputError
 from floquid.io import readable_file
 from floquid.pipeline import identify
 from floquid.readers import FORMATS, read
-from floquid.shapes import Pairs
-from floquid.surveys import Point, point_of
+from floquid.shapes import ShapeOptions
+from floquid.surveys import NOT_READ, Point, point_of
 
 OF = "floquid survey"
 DIED = "The process that identified it ended at once: is there memory enough? Try --workers 1."
@@ -34,7 +34,7 @@ class Job:
     choices: Choices
     values: Mapping[str, float] = field(default_factory=dict)
     saved: bool = False
-    pairs: Pairs = ()
+    shapes: ShapeOptions = NOT_READ
     reason: str | None = None  # why nothing can be made of it
 
     def lost(self, reason: str) -> Point:
@@ -42,7 +42,9 @@ class Job:
         return Point(values=self.values, files=tuple(map(str, self.files)), reason=reason)
 
 
-def jobs_of(files: Sequence[Path], choices: Choices, over: str, table: Path | None, pairs: Pairs = ()) -> list[Job]:
+def jobs_of(
+    files: Sequence[Path], choices: Choices, over: str, table: Path | None, shapes: ShapeOptions = NOT_READ
+) -> list[Job]:
     """The points that files are, by their values: those of the table first, then of the files, then of the clock."""
     rows = {} if table is None else _rows(table)
     given = [one for file in files for one in _expanded(file, table)] or list(rows)
@@ -60,7 +62,7 @@ def jobs_of(files: Sequence[Path], choices: Choices, over: str, table: Path | No
         got = f"{', '.join(missing[:3])}{' …' if len(missing) > 3 else ''} has none"
         remedy = f"Add --table points.csv with a column `{over}`, or keep it with the record (`--point {over}=…`)."
         raise input_error("FILES", OF, f"have a value of {over} each", got, remedy)
-    return [replace(job, pairs=pairs) for job in jobs]
+    return [replace(job, shapes=shapes) for job in jobs]
 
 
 def _is_one(first: Job, second: Job, over: str) -> bool:
@@ -187,7 +189,7 @@ def made(job: Job) -> Point:
             else:
                 records, choices = read_records(job.files, job.choices, OF, lambda _: None)
                 analysis = identify(records, choices.resolved())
-            found = point_of(analysis, job.pairs)
+            found = point_of(analysis, job.shapes)
     except Exception as error:  # noqa: BLE001  # one bad point costs one point
         return job.lost(_in_a_line(error))
     return replace(found, values={**found.values, **job.values}, files=tuple(map(str, job.files)))

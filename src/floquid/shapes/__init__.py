@@ -3,9 +3,9 @@
 `read_shapes` reads all modes of a result or of a known system; `whirl_of` and `pattern_of` one shape each.
 """
 
-from floquid.shapes._arguments import Family, Pair, Pairs, families_of, pairs_of
+from floquid.shapes._arguments import Blades, Family, Pair, Pairs, families_of, pairs_of
 from floquid.shapes._blades import WORDS, BladePattern, PatternShare, Words, pattern_of
-from floquid.shapes._read import ModeReading, Participation, ShapeReadings, ordinal, read_shapes
+from floquid.shapes._read import ModeReading, Participation, ShapeOptions, ShapeReadings, ordinal, read_shapes
 from floquid.shapes._whirl import CLEAR, Whirl, whirl_of
 
 __all__ = [
