@@ -81,10 +81,7 @@ class Told:
     __slots__ = ()
 
     def summary(
-        self,
-        *,
-        speed_unit: Literal["hz", "rpm"] = "hz",
-        damping_unit: Literal["percent", "decrement"] = "percent",
+        self, *, speed_unit: Literal["hz", "rpm"] = "hz", damping_unit: Literal["percent", "decrement"] = "percent"
     ) -> str:
         """The result as text: the tables and the verdict that the command line prints.
 

@@ -29,20 +29,26 @@ def test_identify_writes_the_page_beside_the_result(folder):
     assert "The model passes its checks." in (folder / "report.html").read_text(encoding="utf-8")
 
 
-def test_from_the_folder(folder, capsys):
+@pytest.fixture
+def no_figures(monkeypatch):
+    """A page of words alone: drawing takes most of its time, and the fixture of the module draws one."""
+    monkeypatch.setattr("floquid.reporting._page.decay_part", lambda _: ({}, {}))
+
+
+def test_from_the_folder(folder, no_figures, capsys):
     (folder / "report.html").unlink()
     assert run(["report", str(folder)]) == 0
     assert (folder / "report.html").exists()
     assert f"Written: {folder / 'report.html'}" in capsys.readouterr().out
 
 
-def test_elsewhere_with_a_title(folder, tmp_path):
+def test_elsewhere_with_a_title(folder, no_figures, tmp_path):
     page = tmp_path / "page.html"
     assert run(["report", str(folder / "result.h5"), "--out", str(page), "--title", "Run <7>"]) == 0
     assert "<h1>Run &lt;7&gt;</h1>" in page.read_text(encoding="utf-8")
 
 
-def test_a_brief_with_the_speed_in_rpm(folder, tmp_path, capsys):
+def test_a_brief_with_the_speed_in_rpm(folder, no_figures, tmp_path, capsys):
     assert run(["report", str(folder), "--brief", "--speed-unit", "rpm"]) == 0
     assert f"Written: {folder / 'brief.html'}" in capsys.readouterr().out
     words = (folder / "brief.html").read_text(encoding="utf-8")

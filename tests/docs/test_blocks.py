@@ -64,6 +64,9 @@ PLAIN = re.compile(r"(floquid [\w ./,=:+-]*(?:\"[^\"$`\\\\]*\"[\w ./,=:+-]*)*)(?
 
 INSTEAD = {
     "floquid simulate jeffcott --periods 200 --out run.npz": "floquid simulate jeffcott --periods 60 --out run.npz",
+    "floquid survey run0.npz run1.npz run2.npz run3.npz run4.npz run5.npz run6.npz run7.npz "
+    "--over speed --channels X,Y --out survey": "floquid survey run0.npz run1.npz run2.npz "
+    "--over speed --channels X,Y --out survey",
     "floquid bootstrap result --draws 40 --out draws": "floquid bootstrap result --draws 20 --workers 1 --out draws",
 }
 """What takes long, by what is run instead."""

@@ -237,10 +237,8 @@ def looked_at(subject: Subject, checks: Sequence[Check], *, verdict: bool) -> Ev
 
 
 def is_undetermined(std: Floats, decay: Floats, period: float) -> Mask:
-    """True of decays that are told neither from none nor to a neper a period.
-
-    Real multipliers that make up for one another, or for a pair, are of that kind; one of slow decay is not.
-    """
+    """True of decays that are told neither from none nor to a neper a period."""
+    # Real multipliers that make up for one another, or for a pair, are of that kind; one of slow decay is not.
     return is_vague(std, decay) & is_vague(std * period, GONE)
 
 

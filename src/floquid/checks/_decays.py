@@ -22,14 +22,7 @@ from floquid.core import PeriodicModel, PhaseClock, Record
 from floquid.errors import FloquidError
 from floquid.findings import Finding
 from floquid.fit import SIGNIFICANT, filter_gain, filtered
-from floquid.periodic import (
-    NEGLIGIBLE_SLIP,
-    TURNED,
-    ForcedResponse,
-    instants,
-    own_period,
-    unexplained,
-)
+from floquid.periodic import NEGLIGIBLE_SLIP, TURNED, ForcedResponse, instants, own_period, unexplained
 from floquid.reconstruction import StateModel
 
 
@@ -102,10 +95,6 @@ class Decays(Subject):
         """Channels times hits."""
         return self.noise.size
 
-    def alive_records(self) -> list[Record]:
-        """The records, except for what comes after their response has died."""
-        return [only(record, numbers >= 0) for record, numbers in zip(self.records, self.cycles, strict=True)]
-
     def alive(self, hit: int) -> slice:
         """The samples of a record up to the last in which its response is alive."""
         return slice(0, int(np.max(np.flatnonzero(self.cycles[hit] >= 0), initial=-1)) + 1)
@@ -115,7 +104,8 @@ class Decays(Subject):
         relative_and_std = None
         if not (self.measured or self.in_phase):
             with suppress(FloquidError, np.linalg.LinAlgError):
-                relative_and_std = own_period(self.model, self.alive_records(), self.clocks, noise=self.noise)
+                records = [only(own, numbers >= 0) for own, numbers in zip(self.records, self.cycles, strict=True)]
+                relative_and_std = own_period(self.model, records, self.clocks, noise=self.noise)
         if relative_and_std is None:
             return None  # a shaft or events that tell the period, or a response without harmonics
         relative, std = relative_and_std

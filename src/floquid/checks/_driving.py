@@ -19,30 +19,21 @@ from floquid.inputs import Samples, Scores, Uncertainty, answering, gain_of, sol
 if TYPE_CHECKING:
     from floquid.checks._excited import Parted
 
-BENT = 1e-9
-"""The probability at which noise may pass for powers of the response: these have longer tails than noise."""
-
-MORE = 2.0
-"""Least gain by squares and cubes over that by driving noise, which lets them gain by chance."""
-
-UNTOLD = DEVIATIONS**2
-"""The criterion of a fit of one size over another below which the record does not tell them."""
+BENT = 1e-9  # the probability at which noise may pass for powers of the response: these have longer tails than noise
+MORE = 2.0  # least gain by squares and cubes over that by driving noise, which lets them gain by chance
+UNTOLD = DEVIATIONS**2  # the criterion of a fit of one size over another below which the record does not tell them
 
 
 def driving(case: Any, _: Evidence) -> tuple[Finding, ...]:
-    """Findings on inputs at other instants, and on what drives the modes beside the inputs.
-
-    Inputs at other instants leave what noise and squares do, so that these are looked for with the instants found.
-    """
+    """Findings on inputs at other instants, and on what drives the modes beside the inputs."""
+    # Inputs at other instants leave what noise and squares do, so that these are looked for with the instants found.
     findings, moved = _instants(case.fit, case.tested)
     return (*_beside(moved or case.tested), *findings)
 
 
 def _beside(scores: Scores) -> tuple[Finding, ...]:
-    """Finding on noise, or powers of the response, that drives the modes: each leaves some of what the other leaves.
-
-    Where squares are there they gain several times what noise does, more than they do by chance.
-    """
+    """Finding on noise, or powers of the response, that drives the modes: each leaves some of what the other leaves."""
+    # Where squares are there they gain several times what noise does, more than they do by chance.
     by_noise, (by_powers, degrees) = scores.by_noise(), _by_powers(scores)
     noisy = MORE * by_noise > by_powers.max(initial=0.0) - degrees
     return (() if noisy else _nonlinear(by_powers, degrees)) or _driven(by_noise)
@@ -61,14 +52,11 @@ def _moved(samples: Samples, lag: int) -> NDArray[np.float64]:
 
 
 def _instants(fit: Uncertainty, scores: Scores) -> tuple[tuple[Finding, ...], Scores | None]:
-    """Finding on inputs that come late or early, or between the samples in another way than `hold` says.
-
-    With it, where that is so, the scores of the fit with inputs as they were then.
-
-    Gains take up a delay except in the first samples of each response. A direct term takes those up, or modes that die
-    at once: with the instants of the inputs none of that is needed. Else a fit to first order tells what no other needs
-    to be.
-    """
+    """Finding on inputs that come late or early, or between the samples in another way than `hold` says."""
+    # With it, where that is so, the scores of the fit with inputs as they were then.
+    # Gains take up a delay except in the first samples of each response. A direct term takes those up, or modes that
+    # die at once: with the instants of the inputs none of that is needed. Else a fit to first order tells what no other
+    # needs to be.
     samples, current = scores.samples, scores.now
     modes = [
         mode
@@ -144,13 +132,10 @@ def _driven(gain: float) -> tuple[Finding, ...]:
 
 
 def _by_powers(scores: Scores) -> tuple[NDArray[np.float64], int]:
-    """Gains by squares and cubes of the response as inputs of each mode (Billings and Voon 1983) (modes,).
-
-    With them, how many numbers that is of one mode.
-
-    Less what is linear beside the response that repeats with the period: that is of harmonics of a linear system, and
-    those that were too weak to be kept would pass for squares.
-    """
+    """Gains by squares and cubes of the response as inputs of each mode (Billings and Voon 1983) (modes,)."""
+    # With them, how many numbers that is of one mode.
+    # Less what is linear beside the response that repeats with the period: that is of harmonics of a linear system, and
+    # those that were too weak to be kept would pass for squares.
     samples, current = scores.samples, scores.now
     known = len(current.columns) - len(samples.known)
     repeated, beside = (
@@ -206,10 +191,8 @@ def _unreached(fit: Uncertainty) -> tuple[Finding, ...]:
 
 
 def _began(parted: Parted) -> tuple[Finding, ...]:
-    """Findings on inputs that begin later than a record, as where they were measured from then on alone.
-
-    What drove the system before is taken for modes that ring from the begin, which no input reaches.
-    """
+    """Findings on inputs that begin later than a record, as where they were measured from then on alone."""
+    # What drove the system before is taken for modes that ring from the begin, which no input reaches.
     samples, findings = parted.samples, []
     for number, part in enumerate(samples.records, start=1):
         moves = samples.inputs[:, part] != samples.inputs[:, part.start, None]

@@ -18,10 +18,9 @@ from floquid.search import NEAR
 
 
 def repetition(case: Any, _: Evidence) -> tuple[Finding, ...]:
-    """Finding on innovations that repeat with another period.
-
-    Lines of a narrow band alone pass for a period of the response, and are none where the model takes account of them.
-    """
+    """Finding on innovations that repeat with another period."""
+    # Lines of a narrow band alone pass for a period of the response, and are none where the model takes account of
+    # them.
     if not (case.other and left_over(case.own.samples, case.residual, case.other)):
         return ()
     return (failure("wrong_period", given=case.model.period, own=2.0 * np.pi / case.other, fraction=True),)
@@ -30,17 +29,14 @@ def repetition(case: Any, _: Evidence) -> tuple[Finding, ...]:
 SHORT = (0.5, 2.0)
 """Deviations of an exponent from the maximum of the likelihood, from which on that is told, and it is no estimate."""
 
-STILL = 10.0
-"""Radians that a mode turns, and nepers that it decays, in a record, less than which it is likely a drift."""
+STILL = 10.0  # radians that a mode turns, and nepers that it decays, in a record, less than which it is likely a drift
 
 
 def excitation_of(
     fit: Fit, model: PeriodicModel, relative: NDArray[np.float64], duration: float, as_read: Collection[int]
 ) -> tuple[Finding, ...]:
-    """Findings on the modes: how long a record their damping needs, which may be the excitation's, which nearly one.
-
-    Whether a pair of one harmonic is two real multipliers does not matter: it is the excitation's own.
-    """
+    """Findings on the modes: how long a record their damping needs, which may be the excitation's, which nearly one."""
+    # Whether a pair of one harmonic is two real multipliers does not matter: it is the excitation's own.
     from scipy.special import chdtrc
 
     findings, varying = [], []
@@ -106,10 +102,8 @@ def _no_estimates(
     certain: NDArray[np.bool_],
     groups: Sequence[NDArray[np.int64]],
 ) -> list[Finding]:
-    """Findings on modes whose fit is no maximum, or whose decay is not determined.
-
-    Of poles of the excitation that are nearly one no decay is claimed, which another finding says.
-    """
+    """Findings on modes whose fit is no maximum, or whose decay is not determined."""
+    # Of poles of the excitation that are nearly one no decay is claimed, which another finding says.
     places = np.cumsum([0, *(mode.rows for mode in fit.at.modes)])[:-1]
     decays, hertz = np.abs(model.exponents[places].real), np.abs(model.exponents[places]) / (2.0 * np.pi)
     grouped = np.isin(np.arange(len(decays)), np.concatenate([*groups, []]))
@@ -132,10 +126,8 @@ def _away(fit: Fit) -> NDArray[np.float64]:
 
 
 def _own(fit: Fit) -> NDArray[np.bool_]:
-    """True of modes that are the system's: driven by a measured input, or with a negative multiplier (modes,).
-
-    Coloured excitation is driven by none, and what decays in it without turning has a positive one.
-    """
+    """True of modes that are the system's: driven by a measured input, or with a negative multiplier (modes,)."""
+    # Coloured excitation is driven by none, and what decays in it without turning has a positive one.
     from scipy.special import chdtrc
 
     certain, omega = [], fit.samples.fundamental

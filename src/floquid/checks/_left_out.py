@@ -91,10 +91,7 @@ def of_cycles(case: Any, sums: HeldOut) -> LeftOut:
     error = np.sqrt(np.divide(sums.squares.sum(axis=2), numbers, out=nothing.copy(), where=numbers > 0))
     return LeftOut(
         arrays={"fit": fit, "held_out_error": error},
-        sizes={
-            "held_out_error": (*whole[:2], FAILING * whole[1]),
-            "held_out_stretch": (*along[:2], 2.0 * along[1]),
-        },
+        sizes={"held_out_error": (*whole[:2], FAILING * whole[1]), "held_out_stretch": (*along[:2], 2.0 * along[1])},
         numbers={"ratio": along[0], "part": f"{part} part", **case.place(channel, hit)},
         fit=float(1.0 - np.sqrt(beyond[seen].sum() / total)) if total else 1.0,
         least={"least": fit[worst], **case.place(*worst)},
@@ -118,20 +115,16 @@ def quiet_for(inputs: NDArray[np.float64]) -> int:
 
 
 def without_last(samples: Samples) -> tuple[Samples, NDArray[np.bool_]]:
-    """The samples, those after the first three quarters of each record not measured, and the mask of the others.
-
-    They are not cut off: the states of modes that grow are followed backwards, from the end of each record.
-    """
+    """The samples, those after the first three quarters of each record not measured, and the mask of the others."""
+    # They are not cut off: the states of modes that grow are followed backwards, from the end of each record.
     mask = first_part(samples)[1]
     fitted = mask & samples.there
     return replace(samples, values=samples.values * fitted, known=samples.known * fitted, there=fitted), mask
 
 
 def first_part(samples: Samples) -> tuple[Samples, NDArray[np.bool_]]:
-    """The first three quarters of each record, and their mask over the samples of all (samples,).
-
-    What is at its begin before any input moves is none of the four: a model needs inputs.
-    """
+    """The first three quarters of each record, and their mask over the samples of all (samples,)."""
+    # What is at its begin before any input moves is none of the four: a model needs inputs.
     kept = []
     for piece in samples.records:
         quiet = quiet_for(samples.inputs[:, piece])
@@ -165,11 +158,7 @@ class HeldOut:
 
 
 def held_out(
-    model: PeriodicModel,
-    records: Sequence[Record],
-    clocks: Clocks,
-    cycles: Sequence[Integers],
-    noise: Floats,
+    model: PeriodicModel, records: Sequence[Record], clocks: Clocks, cycles: Sequence[Integers], noise: Floats
 ) -> HeldOut | None:
     r"""Interleaved pieces of the record, in turn left out of the fit and predicted.
 

@@ -41,10 +41,8 @@ def period(case: Any, evidence: Evidence) -> tuple[Finding, ...]:
 
 
 def phases(case: Any, _: Evidence) -> tuple[Finding, ...]:
-    """Findings on records after the first that are at another phase.
-
-    By half a period the slope along the phase is none: that is told by how their products turn.
-    """
+    """Findings on records after the first that are at another phase."""
+    # By half a period the slope along the phase is none: that is told by how their products turn.
     steps = case.phase_steps()
     turned = turned_records(case.own.samples) if steps else []
     return (

@@ -214,10 +214,8 @@ def _parted(rest: Floats) -> Floats:
 
 
 def tones_of(highest: float, per_revolution: float) -> Floats:
-    """The harmonics of the period at which a forced response would be, from zero on and below `highest`.
-
-    Those of the revolution, j/ν with ν periods in one; all of the period where that is the longer of the two.
-    """
+    """The harmonics of the period at which a forced response would be, from zero on and below `highest`."""
+    # Those of the revolution, j/ν with ν periods in one; all of the period where that is the longer of the two.
     parts = max(per_revolution, 1.0)
     most = int(min(PIECE * parts, np.ceil(highest * parts - 1e-6) - 1))
     return np.arange(max(most, 0) + 1) / parts

@@ -126,11 +126,9 @@ def readings(
 
 
 def _apart(square: float, covariance: Floats) -> Floats | None:
-    """Deviations of two real multipliers each for itself (2,); None where mean and difference are told better.
-
-    One that is seen well beside one that is hardly seen is hardly correlated with it; its mean with that other one is
-    correlated with their difference. Nearer to the edge neither is Gaussian.
-    """
+    """Deviations of two real multipliers each for itself (2,); None where mean and difference are told better."""
+    # One that is seen well beside one that is hardly seen is hardly correlated with it; its mean with that other one is
+    # correlated with their difference. Nearer to the edge neither is Gaussian.
     if not square > WIDE * float(np.sqrt(max(covariance[1, 1], 0.0))):
         return None
     slope = 0.5 / np.sqrt(square)
@@ -140,10 +138,8 @@ def _apart(square: float, covariance: Floats) -> Floats | None:
 
 
 def _changes(square: float, s: float) -> Floats:
-    """(√(q + k s) - √q)/k, roots of negative values being zero, where it is least and largest over k (k,).
-
-    The size of k is from `NARROW` to `WIDE`.
-    """
+    """(√(q + k s) - √q)/k, roots of negative values being zero, where it is least and largest over k (k,)."""
+    # The size of k is from `NARROW` to `WIDE`.
     if s == 0.0:
         return np.zeros(1)
     # Upwards it is largest where q + k s = -q, if q is negative, and downwards where q - k s = 0.

@@ -16,20 +16,12 @@ class Gains(Rebuilt):
     """Coefficients by which measured inputs drive the modes of `Estimates`, and how they move with its parameters.
 
     Raises InputError where a shape is not possible.
-
-    Parameters
-    ----------
-    harmonics
-        The integers l, ascending (harmonics,).
-    coefficients
-        b (modes, inputs, harmonics) [1/s over the units of the inputs]; of a real multiplier those below zero, too.
-    slopes
-        Derivatives of b by the parameters p of the estimates (modes, inputs, harmonics, parameters).
     """
 
-    harmonics: Integers
+    harmonics: Integers  # The integers l, ascending (harmonics,)
+    # b (modes, inputs, harmonics) [1/s over the units of the inputs]; of a real multiplier those below zero, too
     coefficients: Complexes
-    slopes: Complexes
+    slopes: Complexes  # Derivatives of b by the parameters p of the estimates (modes, inputs, harmonics, parameters)
 
     def __post_init__(self) -> None:
         self._freeze(dtype=np.int64, harmonics=("harmonics",))
@@ -288,9 +280,7 @@ class Estimates(Rebuilt):
     @staticmethod
     def _gains_of(gains: Gains, kept: Integers, parts: Integers) -> Gains:
         return Gains(
-            harmonics=gains.harmonics,
-            coefficients=gains.coefficients[kept],
-            slopes=gains.slopes[kept][..., parts],
+            harmonics=gains.harmonics, coefficients=gains.coefficients[kept], slopes=gains.slopes[kept][..., parts]
         )
 
     def moved(self, step: Floats) -> Estimates:

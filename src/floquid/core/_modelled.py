@@ -19,22 +19,13 @@ from floquid.errors import IdentificationError
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Driven:
-    """Effects of measured inputs beside driving the modes: D, and the states at the start of each record.
+    """Effects of measured inputs beside driving the modes: D, and the states at the start of each record."""
 
-    Parameters
-    ----------
-    channels
-        One `Channel` an input.
-    direct, direct_harmonics
-        D (outputs, inputs, direct harmonics), and the integers n, ascending (direct harmonics,).
-    initial
-        z at the first sample of each record (modes of the estimates, records).
-    """
-
-    channels: Sequence[Channel]
+    channels: Sequence[Channel]  # One `Channel` an input
+    # D (outputs, inputs, direct harmonics), and the integers n, ascending (direct harmonics,)
     direct: Complexes
     direct_harmonics: Integers
-    initial: Complexes
+    initial: Complexes  # z at the first sample of each record (modes of the estimates, records)
 
 
 def modelled(

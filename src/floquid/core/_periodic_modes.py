@@ -53,8 +53,7 @@ class PeriodicModes(Protocol):
 LIKE = 0.5
 """Least share of one half shape along another at which two real multipliers may be one pair; unlike ones have none."""
 
-APART = 0.1
-"""Least lead of that share over the share along any third real multiplier, at which a couple is sure."""
+APART = 0.1  # least lead of that share over the share along any third real multiplier, at which a couple is sure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

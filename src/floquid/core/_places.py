@@ -9,8 +9,7 @@ from typing import Any, Literal
 Frame = Literal["fixed", "rotating"]
 Axis = Literal["x", "y", "z"]
 
-PLACE = ("frame", "group", "member", "axis", "angle")
-"""The fields of a channel that say where it measures."""
+PLACE = ("frame", "group", "member", "axis", "angle")  # the fields of a channel that say where it measures
 
 _KINDS = r"(?:flap|edge|lag|lead ?lag|torsion|twist|pitch|oop|ip|out of plane|in plane)(?:wise)?"
 """Words for what blades do."""

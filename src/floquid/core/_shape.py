@@ -121,11 +121,9 @@ def shape_of(model: PeriodicModel, mode: int, reference: str | None) -> Shape:
 
 
 def _weights(model: PeriodicModel, mode: int) -> tuple[Floats, Floats]:
-    """One over the noise of each channel, and over that of each hit, in the lines of a mode: (channels,), (hits,).
-
-    Noise is taken for that of a channel times that of a hit, by the mean of logarithms. Without any a channel counts by
-    its size.
-    """
+    """One over the noise of each channel, and over that of each hit, in the lines of a mode: (channels,), (hits,)."""
+    # Noise is taken for that of a channel times that of a hit, by the mean of logarithms. Without any a channel counts
+    # by its size.
     if model.coefficient_std is not None:
         noise = np.sqrt(np.mean(np.abs(model.coefficient_std[mode]) ** 2, axis=2))
         if (noise > 0.0).all():

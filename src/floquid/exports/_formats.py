@@ -107,12 +107,10 @@ def uff_bytes(
 
 
 def degrees_of_freedom(channels: Sequence[Channel]) -> list[Dof]:
-    """A node and a direction for each channel.
-
-    Channels of one location share its node, whose number is the one that the location ends in ("12", "blade 3"), or
-    else the next that is free. A channel without a location, without a direction along an axis ("+X", "-RZ"), or of a
-    direction that another of its kind has there, has a node to itself; without a direction it is along x.
-    """
+    """A node and a direction for each channel."""
+    # Channels of one location share its node, whose number is the one that the location ends in ("12", "blade 3"), or
+    # else the next that is free. A channel without a location, without a direction along an axis ("+X", "-RZ"), or of a
+    # direction that another of its kind has there, has a node to itself; without a direction it is along x.
     found = [_DIRECTION.fullmatch(channel.direction.strip().upper()) for channel in channels]
     keys: list[tuple[str, int]] = []
     taken: set[tuple[object, ...]] = set()

@@ -12,8 +12,7 @@ import numpy as np
 from floquid._json import for_json
 from floquid.surveys import Edge, Survey, Track
 
-Columns = dict[str, list[Any]]
-"""Columns of a table by their names, None where there is nothing."""
+Columns = dict[str, list[Any]]  # columns of a table by their names, None where there is nothing
 
 
 def survey_columns(found: Survey) -> Columns:

@@ -13,8 +13,7 @@ from floquid.core import PeriodicModel
 from floquid.pipeline import Analysis
 from floquid.views import DampingUnit, ModeTable, mode_table, note_meanings
 
-TEXT_TABLES = (".tex", ".md")
-"""The suffixes of tables for papers and pages."""
+TEXT_TABLES = (".tex", ".md")  # the suffixes of tables for papers and pages
 
 _LETTERS = {"λ": r"$\lambda$", "ζ": r"$\zeta$", "δ": r"$\delta$"}
 _SPECIAL = str.maketrans({letter: f"\\{letter}" for letter in "%&#_$"})

@@ -165,12 +165,7 @@ def transfer_entries(found: TransferFunctions) -> dict[str, Any]:
 def measured_entries(found: MeasuredTransfer) -> dict[str, Any]:
     """Facts about measured transfer functions `found`, beside their values, for `json.dump`."""
     return for_json(
-        {
-            "method": found.method,
-            "noise": found.noise,
-            "coherence": found.coherence,
-            "nonlinear": found.nonlinear,
-        }
+        {"method": found.method, "noise": found.noise, "coherence": found.coherence, "nonlinear": found.nonlinear}
     )
 
 

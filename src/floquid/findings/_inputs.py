@@ -7,8 +7,7 @@ from fractions import Fraction
 
 from floquid.findings._phrases import both, hertz
 
-MOST_NAMED = 12
-"""Harmonics of a repeating response that are named one by one: more make the line unreadable."""
+MOST_NAMED = 12  # harmonics of a repeating response that are named one by one: more make the line unreadable
 
 
 def _at(frequencies: Sequence[float]) -> str:
@@ -53,11 +52,7 @@ AMBIENT: dict[str, str | Callable[..., str]] = {
 """By code."""
 
 
-HOLDS = {
-    "zero": "held between samples",
-    "first": "linear between samples",
-    "none": "acting at samples alone",
-}
+HOLDS = {"zero": "held between samples", "first": "linear between samples", "none": "acting at samples alone"}
 """Words for inputs between their samples."""
 
 

@@ -6,8 +6,7 @@ import numpy as np
 
 from floquid._arrays import Floats
 
-ROUNDING = 1e-14
-"""The share of what was summed in double precision below which what is left is rounding."""
+ROUNDING = 1e-14  # the share of what was summed in double precision below which what is left is rounding
 
 HALF_DIGITS = ROUNDING**0.5
 """The share where something was squared first: also a step for differences, and a whole number's distance from one."""
@@ -23,10 +22,8 @@ def unit_scale(matrix: Floats) -> Floats:
 
 
 def directions(matrix: Floats, least: float, *, scale: Floats) -> tuple[Floats, Floats]:
-    """Eigenvalues above a share of the largest, and their eigenvectors, of a symmetric matrix over its scale.
-
-    The largest counts as 1 at least, which it is of a unit diagonal. There are none of a matrix that overflowed.
-    """
+    """Eigenvalues above a share of the largest, and their eigenvectors, of a symmetric matrix over its scale."""
+    # The largest counts as 1 at least, which it is of a unit diagonal. There are none of a matrix that overflowed.
     with np.errstate(invalid="ignore", over="ignore"):
         scaled = matrix / np.outer(scale, scale)
     if not len(matrix) or not np.isfinite(scaled).all():

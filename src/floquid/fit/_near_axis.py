@@ -16,8 +16,7 @@ import numpy as np
 from floquid._arrays import Floats, Integers
 from floquid.fit._tests import DEVIATIONS, RARE, WITHIN, chi2_limit
 
-OFF = 0.02
-"""The least √|q| over the decay with which a block begins: numbers of its second state are over it."""
+OFF = 0.02  # the least √|q| over the decay with which a block begins: numbers of its second state are over it
 
 
 class AxisMode(Protocol):
@@ -87,10 +86,8 @@ def couples(modes: Sequence[AxisMode], covariance: Floats, places: Integers, ome
 
 
 def _each_for_itself(gap: float, covariance: Floats) -> bool:
-    """True of two real multipliers that are told apart, and less correlated than their mean and difference (2, 2).
-
-    One that is seen well beside one that is hardly seen has a deviation of its own. Where they meet they are one.
-    """
+    """True of two real multipliers that are told apart, and less correlated than their mean and difference (2, 2)."""
+    # One that is seen well beside one that is hardly seen has a deviation of its own. Where they meet they are one.
     by = np.array([[0.5, 0.5], [1.0, -1.0]])
     turned = by @ covariance @ by.T
     return correlation(covariance) < correlation(turned) and gap > WITHIN * float(np.sqrt(turned[1, 1]))
@@ -104,10 +101,8 @@ def correlation(covariance: Floats) -> float:
 def with_blocks(
     fit: Fit, may_be: Callable[[Fit], Iterator[list[int]]], as_block: Callable[[Fit, list[int]], Fit | None]
 ) -> Fit:
-    """The fit with each couple of modes that `may_be` of either kind as a block, where `as_block` finds one.
-
-    Each is tried once.
-    """
+    """The fit with each couple of modes that `may_be` of either kind as a block, where `as_block` finds one."""
+    # Each is tried once.
     tried: set[tuple[complex, ...]] = set()
     while True:
         for numbers in may_be(fit):

@@ -45,22 +45,14 @@ Point = TypeVar("Point", bound=Costed)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Normal(Rebuilt):
-    """Gauss-Newton matrix and gradient of a point, over a scale.
+    """Gauss-Newton matrix and gradient of a point, over a scale."""
 
-    Parameters
-    ----------
-    matrix, gradient
-        JᵀWJ (parameters, parameters), and half the steepest descent JᵀWr (parameters,).
-    given
-        The scale of each parameter, infinite of one that stays (parameters,); None for the root of the diagonal.
-    least
-        The share of the largest eigenvalue below which a direction is rounding.
-    """
-
+    # JᵀWJ (parameters, parameters), and half the steepest descent JᵀWr (parameters,)
     matrix: Floats
     gradient: Floats
+    # The scale of each parameter, infinite of one that stays (parameters,); None for the root of the diagonal
     given: Floats | None = None
-    least: float = ROUNDING
+    least: float = ROUNDING  # The share of the largest eigenvalue below which a direction is rounding
 
     @cached_property
     def scale(self) -> Floats:
@@ -113,49 +105,26 @@ class Normal(Rebuilt):
 
 @dataclass(frozen=True, kw_only=True)
 class Steps(Generic[Point]):
-    """Functions that make the steps of a fit.
+    """Functions that make the steps of a fit."""
 
-    Parameters
-    ----------
-    normal
-        The normal equations at a point.
-    moved
-        The point a step away, None where there is none.
-    limited
-        A step shortened, by the point, the normal equations and the damping; None for steps of any length.
-    gradient
-        The gradient at a point, where it costs much less than the matrix: that serves while steps gain as expected.
-    enough
-        True where the fit may end, by the point and the gains of all steps; None where it never may.
-    """
-
-    normal: Callable[[Point], Normal]
-    moved: Callable[[Point, Floats], Point | None]
+    normal: Callable[[Point], Normal]  # The normal equations at a point
+    moved: Callable[[Point, Floats], Point | None]  # The point a step away, None where there is none
+    # A step shortened, by the point, the normal equations and the damping; None for steps of any length
     limited: Callable[[Point, Floats, Normal, float], Floats] | None = None
+    # The gradient at a point, where it costs much less than the matrix: that serves while steps gain as expected
     gradient: Callable[[Point], Floats] | None = None
+    # True where the fit may end, by the point and the gains of all steps; None where it never may
     enough: Callable[[Point, list[float]], bool] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ends:
-    """Ends of a fit, and its pace.
+    """Ends of a fit, and its pace."""
 
-    Parameters
-    ----------
-    steps
-        Steps at most.
-    deviations
-        The size of a step, in deviations of each parameter, below which it is the last.
-    gain
-        The gain of a step below which it is the last.
-    patience
-        Such steps after which a fit ends although the whole step lets expect twice that.
-    """
-
-    steps: int
-    deviations: float = 0.0
-    gain: float = -np.inf
-    patience: int = 1
+    steps: int  # Steps at most
+    deviations: float = 0.0  # The size of a step, in deviations of each parameter, below which it is the last
+    gain: float = -np.inf  # The gain of a step below which it is the last
+    patience: int = 1  # Such steps after which a fit ends although the whole step lets expect twice that
 
 
 def levenberg_marquardt(start: Point, of: Steps[Point], ends: Ends) -> Point:

@@ -12,15 +12,11 @@ from floquid.fit._algebra import ROUNDING, inverse_root
 SURE = 1e-6
 """The probability at which noise may pass for something that is told: of thousands of looks at a record none errs."""
 
-DEVIATIONS = 4.0
-"""Deviations within which two values may be one: normal errors are beyond once in 16,000."""
-
-WITHIN = 1.96
-"""Deviations of a value within which it may be another one: its 95 % interval."""
+DEVIATIONS = 4.0  # deviations within which two values may be one: normal errors are beyond once in 16,000
+WITHIN = 1.96  # deviations of a value within which it may be another one: its 95 % interval
 
 
-RARE = 1e-3
-"""The probability at which noise may pass for what does little harm."""
+RARE = 1e-3  # the probability at which noise may pass for what does little harm
 
 SIGNIFICANT = 6.0
 """Deviations by which a period must differ before it counts as another one: of thousands of harmonics none errs."""
@@ -28,17 +24,10 @@ SIGNIFICANT = 6.0
 EVIDENT = 0.1
 """The deviation of a difference of two decays, over a decay, below which it says something that they are equal."""
 
-QUIET = 1e-4
-"""The noise over the largest value below which a record says more than modes: a weak nonlinearity, for one."""
-
-SLOW = 1.0
-"""The decay over a record [nepers] below which it hardly shows: what has one may be steady."""
-
-MODES = 40
-"""Modes, a pair counted once, that are looked for at most: what needs more is no sum of modes."""
-
-IN_VAIN = 2
-"""Orders in a row that are no better before a search of the best one ends."""
+QUIET = 1e-4  # the noise over the largest value below which a record says more than modes: a weak nonlinearity, for one
+SLOW = 1.0  # the decay over a record [nepers] below which it hardly shows: what has one may be steady
+MODES = 40  # modes, a pair counted once, that are looked for at most: what needs more is no sum of modes
+IN_VAIN = 2  # orders in a row that are no better before a search of the best one ends
 
 
 @lru_cache(maxsize=4096)

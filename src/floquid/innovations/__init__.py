@@ -6,25 +6,15 @@ measured inputs or without; `Fit` has the deviations of such a predictor, its mo
 modulated outputs, and operational modal analysis of them.
 """
 
-from floquid.innovations._autoregression import first_innovations as first_innovations
-from floquid.innovations._covariance import colour as colour
-from floquid.innovations._covariance import reweighed as reweighed
-from floquid.innovations._cyclic import CLEARLY as CLEARLY
-from floquid.innovations._cyclic import Repetition as Repetition
-from floquid.innovations._cyclic import left_over as left_over
-from floquid.innovations._cyclic import repetition as repetition
-from floquid.innovations._cyclic import turned_records as turned_records
+from floquid.innovations._autoregression import first_innovations
+from floquid.innovations._covariance import colour, reweighed
+from floquid.innovations._cyclic import CLEARLY, Repetition, left_over, repetition, turned_records
 from floquid.innovations._harmonic_spectra import HarmonicSpectra, HomaForm, h_oma, harmonic_spectra
-from floquid.innovations._mode import Mode as Mode
-from floquid.innovations._predictor import Predictor as Predictor
-from floquid.innovations._predictor import predicted as predicted
-from floquid.innovations._products import gap_of as gap_of
-from floquid.innovations._result import Fit as Fit
-from floquid.innovations._result import period_step as period_step
-from floquid.innovations._result import phase_step as phase_step
-from floquid.innovations._solve import solve as solve
-from floquid.innovations.search import GONE as GONE
-from floquid.innovations.search import alike as alike
-from floquid.innovations.search import searched as searched
+from floquid.innovations._mode import Mode
+from floquid.innovations._predictor import Predictor, predicted
+from floquid.innovations._products import gap_of
+from floquid.innovations._result import Fit, period_step, phase_step
+from floquid.innovations._solve import solve
+from floquid.innovations.search import GONE, alike, searched
 
 __all__ = ["HarmonicSpectra", "HomaForm", "h_oma", "harmonic_spectra"]

@@ -16,11 +16,8 @@ LAGS = (4, 8, 16, 32)
 SHORT = (1, 2)
 """Samples of the past where the record is too short for all: many outputs tell the state by less of the past."""
 
-HARMONICS = (0, 1, 2)
-"""Harmonics of the coefficients that are tried."""
-
-MOST = 0.05
-"""Coefficients of one channel over the samples, at most."""
+HARMONICS = (0, 1, 2)  # harmonics of the coefficients that are tried
+MOST = 0.05  # coefficients of one channel over the samples, at most
 
 
 def first_innovations(samples: Samples, acting: int = 0) -> NDArray[np.float64]:

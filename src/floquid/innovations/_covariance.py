@@ -79,10 +79,8 @@ def _log_variance(squares: NDArray[np.float64], columns: NDArray[np.float64]) ->
 
 
 def colour(samples: Samples, found: Predictor) -> tuple[float, float]:
-    """The share of the variance of innovations that is predictable, and the probability of so much in white ones.
-
-    Colour that turns with the system is looked for as well as colour that does not (Ljung and Box 1978).
-    """
+    """The share of the variance of innovations that is predictable, and the probability of so much in white ones."""
+    # Colour that turns with the system is looked for as well as colour that does not (Ljung and Box 1978).
     from scipy.special import chdtrc
 
     white = found.white(found.innovations)

@@ -12,14 +12,9 @@ from floquid.fit import CHUNK, DEVIATIONS, LAGS, SURE, chi2_limit, inverse_root
 from floquid.innovations._autoregression import delayed, whole_past
 from floquid.inputs import Samples
 
-HARMONICS = 3
-"""Harmonics of a period that count together."""
-
-WIDEST = 0.03
-"""The largest share by which a period may be off and its own be found."""
-
-FINE = 4
-"""Frequencies within the resolution of the records."""
+HARMONICS = 3  # harmonics of a period that count together
+WIDEST = 0.03  # the largest share by which a period may be off and its own be found
+FINE = 4  # frequencies within the resolution of the records
 
 SLOWEST = 0.1
 """The frequency over that given below which it is the excitation that changes, not the system that repeats."""
@@ -33,30 +28,20 @@ A response that is hardly periodic scores at many periods, by up to 1.6 times wh
 
 @dataclass(frozen=True, eq=False)
 class Repetition(Rebuilt):
-    """Repetition of a random response near a period that was given.
+    """Repetition of a random response near a period that was given."""
 
-    Parameters
-    ----------
-    shift, resolution
-        (Own period - period given)/period given where it repeats most, and how finely that is known.
-    own, given
-        Squared scores of the harmonics of its own period, and of the one given.
-    even, odd
-        Those of the even harmonics of the period given alone, and of the odd ones.
-    limit
-        What noise alone exceeds with probability `SURE`.
-    other
-        The frequency apart from the harmonics of the period given that scores clearly more than these, or half the
-        fundamental where its odd multiples are above noise [rad/s]; zero if there is none.
-    """
-
+    # (Own period - period given)/period given where it repeats most, and how finely that is known
     shift: float
     resolution: float
+    # Squared scores of the harmonics of its own period, and of the one given
     own: float
     given: float
+    # Squared scores of the even harmonics of the period given alone, and of the odd ones
     even: float
     odd: float
-    limit: float
+    limit: float  # What noise alone exceeds with probability `SURE`
+    # The frequency apart from the harmonics of the period given that scores clearly more than these, or half the
+    # fundamental where its odd multiples are above noise [rad/s]; zero if there is none
     other: float
 
 
@@ -127,11 +112,9 @@ def _products(samples: Samples) -> tuple[NDArray[np.float64], NDArray[np.float64
 
 
 def left_over(samples: Samples, innovations: NDArray[np.float64], frequency: float) -> bool:
-    """Test if innovations of a model (outputs, samples) turn with the past at a frequency [rad/s].
-
-    The score of `repetition` at one frequency, of a model that takes account of all that is narrow: a response whose
-    lines alone are narrow leaves nothing.
-    """
+    """Test if innovations of a model (outputs, samples) turn with the past at a frequency [rad/s]."""
+    # The score of `repetition` at one frequency, of a model that takes account of all that is narrow: a response whose
+    # lines alone are narrow leaves nothing.
     from scipy.special import chdtrc
 
     left, past = _white(innovations), _products(samples)[1]
@@ -140,11 +123,9 @@ def left_over(samples: Samples, innovations: NDArray[np.float64], frequency: flo
 
 
 def turned_records(samples: Samples) -> list[int]:
-    """Records that are about half a period off the first, by their numbers from 0.
-
-    The products of residuals and the past turn with ω at one phase in all records (as in `repetition`): where those of
-    two are above noise and have opposite signs, they are not.
-    """
+    """Records that are about half a period off the first, by their numbers from 0."""
+    # The products of residuals and the past turn with ω at one phase in all records (as in `repetition`): where those
+    # of two are above noise and have opposite signs, they are not.
     left, past = _products(samples)
     line = np.exp(-1j * samples.fundamental * samples.times)
     found, each = [], []

@@ -11,14 +11,9 @@ from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import matrices, turning
 from floquid.inputs import Samples
 
-SWEEPS = 200
-"""Periods over which the equation is followed at most,"""
-
-SETTLED = 1e-4
-"""until the gain of a period differs from that of the one before by less than this share."""
-
-SMALL = 0.03
-"""The share of the largest harmonic of a gain below which one at an end is left out."""
+SWEEPS = 200  # periods over which the equation is followed at most,
+SETTLED = 1e-4  # until the gain of a period differs from that of the one before by less than this share
+SMALL = 0.03  # the share of the largest harmonic of a gain below which one at an end is left out
 
 
 def stable_gains(

@@ -16,14 +16,9 @@ from floquid.lti import ERA, AbstractIdentifier, ModalModel, TimeResponses
 
 HomaForm: TypeAlias = Literal["frequency", "time"]
 
-SEGMENTS = 12
-"""Segments of the shortest record by default, next to each other."""
-
-SEGMENT = 3
-"""Length of a segment for correlations, over the longest lag."""
-
-WHOLE = 1e-4
-"""The share of a sample by which a period, or the angle at a sample, may be off a whole number of steps."""
+SEGMENTS = 12  # segments of the shortest record by default, next to each other
+SEGMENT = 3  # length of a segment for correlations, over the longest lag
+WHOLE = 1e-4  # the share of a sample by which a period, or the angle at a sample, may be off a whole number of steps
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -68,16 +63,9 @@ class HarmonicSpectra(Rebuilt):
 def harmonic_spectra(samples: Samples, harmonics: int = 1, periods: int | None = None) -> HarmonicSpectra:
     """The harmonic power spectra of the outputs, what is known beside the modes taken off, by Welch's method.
 
-    Raises InputError where a number is not possible or a record is shorter than a segment.
-
-    Parameters
-    ----------
-    samples
-        Outputs of records of one rate.
-    harmonics
-        M: outputs are modulated by -M to M.
-    periods
-        Periods a segment; by default the shortest record holds `SEGMENTS` of them.
+    `samples` are outputs of records of one rate; with `harmonics` M they are modulated by -M to M. A segment has as
+    many `periods`; by default the shortest record holds `SEGMENTS` of them. Raises InputError where a number is not
+    possible or a record is shorter than a segment.
     """
     of = "harmonic_spectra"
     _check(samples, of)

@@ -25,28 +25,17 @@ class Mode(Rebuilt):
 
     A block has two real states, z + j w with j² = q, and the exponent σ + j: two exponents σ ± √q of either kind. Its
     gains and its shape are those of both states, those of z first.
-
-    Parameters
-    ----------
-    exponent
-        λ [1/s].
-    real
-        True for a real multiplier.
-    turns, shape
-        The harmonics m, ascending (turns,), and s (channels, turns).
-    reach, gains
-        The harmonics l, ascending (reach,), and g (inputs + channels, reach).
-    square
-        q of a block [1/s²], whose exponent is σ; it is `real`, its states are.
     """
 
-    exponent: complex
-    real: bool
+    exponent: complex  # λ [1/s]
+    real: bool  # True for a real multiplier
+    # The harmonics m, ascending (turns,), and s (channels, turns)
     turns: NDArray[np.float64]
     shape: NDArray[np.complex128]
+    # The harmonics l, ascending (reach,), and g (inputs + channels, reach)
     reach: NDArray[np.float64]
     gains: NDArray[np.complex128]
-    square: float | None = None
+    square: float | None = None  # q of a block [1/s²], whose exponent is σ; its states are real
 
     @property
     def rows(self) -> int:

@@ -16,46 +16,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
-from floquid.fit import CHUNK, ROUNDING, schwarz
-from floquid.innovations._gaps import scales_of
+from floquid.fit import CHUNK, LAGS, ROUNDING, schwarz
 from floquid.innovations._mode import Mode
 from floquid.inputs import RUNAWAY, Samples
 
-LARGEST = 1e3
-"""Innovations over the response from which on the predictor diverges."""
+LARGEST = 1e3  # innovations over the response from which on the predictor diverges
+MEMORY = 64  # samples after a gap at which it is taken for forgotten, beside its own length
 
 
 @dataclass(frozen=True, eq=False)
 class Predictor(Rebuilt):
-    """Modes, coefficients of the known columns and first states, with the innovations that they leave.
+    """Modes, coefficients of the known columns and first states, with the innovations that they leave."""
 
-    Parameters
-    ----------
-    modes
-        The modes.
-    columns
-        Coefficients of the known columns (channels, columns).
-    initial
-        The state at the first sample of each record (records, states).
-    innovations
-        e (channels, samples).
-    states
-        s (samples, states).
-    whitening
-        W (samples, channels, channels), of a determinant with the geometric mean 1: that of e varies, of W e it is R.
-    count
-        Samples that were measured; at others e is zero: the state goes on without an innovation.
-    scales
-        T (samples, channels, channels), by which innovations after gaps are as small as others; None without gaps.
-    """
-
-    modes: tuple[Mode, ...]
-    columns: NDArray[np.float64]
-    initial: NDArray[np.float64]
-    innovations: NDArray[np.float64]
-    states: NDArray[np.float64]
+    modes: tuple[Mode, ...]  # The modes
+    columns: NDArray[np.float64]  # Coefficients of the known columns (channels, columns)
+    initial: NDArray[np.float64]  # The state at the first sample of each record (records, states)
+    innovations: NDArray[np.float64]  # e (channels, samples)
+    states: NDArray[np.float64]  # s (samples, states)
+    # W (samples, channels, channels), of a determinant with the geometric mean 1: that of e varies, of W e it is R
     whitening: NDArray[np.float64]
-    count: int
+    count: int  # Samples that were measured; at others e is zero: the state goes on without an innovation
+    # T (samples, channels, channels), by which innovations after gaps are as small as others; None without gaps
     scales: NDArray[np.float64] | None = None
 
     @property
@@ -171,11 +152,9 @@ def responding(samples: Samples, at: Predictor, innovations: NDArray[np.float64]
 def _carried(
     first: NDArray[np.float64], transitions: NDArray[np.float64], drive: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """States of x_{k+1} = T_k x_k + f_k from the first one on (samples + 1, states), and the product of T of blocks.
-
-    Blocks of samples go side by side: each is run from zero for what it adds and what it carries over, the states at
-    their begins follow one from the other, and each is run again from its own.
-    """
+    """States of x_{k+1} = T_k x_k + f_k from the first one on (samples + 1, states), and the product of T of blocks."""
+    # Blocks of samples go side by side: each is run from zero for what it adds and what it carries over, the states at
+    # their begins follow one from the other, and each is run again from its own.
     count = len(drive) + 1
     length = max(int(0.5 * count**0.5), 1)
     begins = np.arange(0, count, length)
@@ -309,10 +288,8 @@ def _force(forcing: NDArray, samples: Samples, at: Predictor, own: slice) -> Non
 
 
 def gradient(samples: Samples, at: Predictor, of: NDArray[np.float64]) -> NDArray[np.float64]:
-    """-JᵀR⁻¹v by all parameters, of the innovations or of other signals v (channels, samples) (parameters,).
-
-    The adjoint of the predictor runs backwards once, whatever the number of parameters.
-    """
+    """-JᵀR⁻¹v by all parameters, of the innovations or of other signals v (channels, samples) (parameters,)."""
+    # The adjoint of the predictor runs backwards once, whatever the number of parameters.
     system, gains, seen, _ = matrices(samples, at.modes)
     gains = samples.gained(gains)
     moved, weighted = system - gains @ seen, np.einsum("kji,jk->ik", at.root, at.white(of))
@@ -337,3 +314,49 @@ def gradient(samples: Samples, at: Predictor, of: NDArray[np.float64]) -> NDArra
         found += [driven.real, -driven.imag, seen_by.real, -seen_by.imag]
         row += mode.rows
     return np.concatenate([*found, (shares @ samples.known.T).ravel(), np.ravel(begun)])
+
+
+def scales_of(
+    samples: Samples,
+    matrices: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]],
+    innovations: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    r"""T (samples, channels, channels) that makes innovations after gaps as small as others, of the form Λ, K and C.
+
+    .. math:: P^+ = (\Lambda - K C) P (\Lambda - K C)^T, \qquad S = C P C^T + R, \qquad T S T^T = R
+
+    with :math:`P^+ = \Lambda P \Lambda^T + K R K^T` where nothing was measured, which is a step without an innovation
+    (Anderson and Moore 1979, section 4.1). P is zero far from gaps. Stretches of samples go side by side, each begun
+    so far before that what a gap did there is forgotten.
+    """
+    system, gains, seen = matrices
+    covariance = _calm(samples, innovations)
+    spreads = np.broadcast_to(covariance, (samples.n_samples, *covariance.shape)).copy()
+    length = MEMORY + max((b - a for a, b in samples.gaps), default=0)
+    begins = np.concatenate([np.arange(own.start, own.stop, length) for own in samples.records])
+    owner = np.searchsorted(samples.begins, begins, side="right")
+    first, last = (np.asarray(samples.begins)[owner - by] for by in (1, 0))
+    spread = np.zeros((len(begins), *system.shape))
+    for step in range(2 * length):
+        place = begins - length + step
+        inside = (place >= first) & (place < last)
+        place = np.where(inside, place, 0)
+        if step >= length:
+            own = seen[place] @ spread @ seen[place].swapaxes(1, 2)
+            spreads[place[inside]] += own[inside]
+        held = samples.there[place, None, None]
+        ahead = system - held * (gains[place] @ seen[place])
+        lost = ~held * gains[place]
+        spread = ahead @ spread @ ahead.swapaxes(1, 2) + lost @ covariance @ lost.swapaxes(1, 2)
+        spread *= inside[:, None, None]
+    spreads = np.where(samples.there[:, None, None], spreads, covariance)
+    return np.asarray(np.linalg.cholesky(covariance) @ np.linalg.inv(np.linalg.cholesky(spreads)), np.float64)
+
+
+def _calm(samples: Samples, innovations: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The covariance of innovations far from gaps, of all where hardly any are."""
+    used = samples.there.copy()
+    for begin, end in samples.gaps:
+        used[begin : end + LAGS] = False
+    own = innovations[:, used if used.sum() > LAGS * len(innovations) else samples.there]
+    return own @ own.T / own.shape[1]

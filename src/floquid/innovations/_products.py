@@ -11,8 +11,7 @@ from floquid.innovations._mode import Mode, as_complex
 from floquid.innovations._predictor import Predictor
 from floquid.inputs import Samples
 
-APART = (0.8, 1.25)
-"""Factors of the decay between which several real multipliers begin."""
+APART = (0.8, 1.25)  # factors of the decay between which several real multipliers begin
 
 
 def gap_of(first: Mode, second: Mode, omega: float) -> tuple[float, float, bool]:
@@ -28,10 +27,8 @@ def gap_of(first: Mode, second: Mode, omega: float) -> tuple[float, float, bool]
 
 
 def merged(samples: Samples, now: Predictor, modes: Sequence[Mode]) -> list[Mode]:
-    """One state or pair less than some modes have, of the same products of shape and gains as far as can be.
-
-    Real multipliers where one of the modes is such: a pair near their axis has the products of two.
-    """
+    """One state or pair less than some modes have, of the same products of shape and gains as far as can be."""
+    # Real multipliers where one of the modes is such: a pair near their axis has the products of two.
     halves = [mode.axis for mode in modes if mode.real]
     if halves:
         return as_real(samples, now, modes, halves[0], sum(mode.rows for mode in modes) - 1)
@@ -63,10 +60,8 @@ def merged(samples: Samples, now: Predictor, modes: Sequence[Mode]) -> list[Mode
 
 
 def as_real(samples: Samples, now: Predictor, modes: Sequence[Mode], half: float, count: int) -> list[Mode]:
-    """Replace pairs near their axis by `count` real multipliers, by the first products of shape and gains.
-
-    With z = a + ib of a pair, y is Re(s) a - Im(s) b, and Re(g) drives a, Im(g) drives b.
-    """
+    """Replace pairs near their axis by `count` real multipliers, by the first products of shape and gains."""
+    # With z = a + ib of a pair, y is Re(s) a - Im(s) b, and Re(g) drives a, Im(g) drives b.
     omega, noise, drives = samples.fundamental, now.noise, _drives(samples, now)
     seen: list[tuple[NDArray[np.float64], NDArray]] = []
     driven: list[tuple[NDArray[np.float64], NDArray]] = []

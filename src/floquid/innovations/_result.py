@@ -37,21 +37,11 @@ from floquid.search import GAP
 
 @dataclass(frozen=True, eq=False)
 class Fit(Rebuilt):
-    """A fit in innovations form with the joint covariance of its parameters.
+    """A fit in innovations form with the joint covariance of its parameters."""
 
-    Parameters
-    ----------
-    samples
-        What was fitted.
-    at
-        The predictor at the maximum of the likelihood.
-    acting
-        Inputs that act on the outputs at once: the last of the known columns.
-    """
-
-    samples: Samples
-    at: Predictor
-    acting: int = 0
+    samples: Samples  # What was fitted
+    at: Predictor  # The predictor at the maximum of the likelihood
+    acting: int = 0  # Inputs that act on the outputs at once: the last of the known columns
 
     def __post_init__(self) -> None:
         for one in (self.samples, self.at, *self.at.modes):

@@ -19,25 +19,15 @@ Term = tuple[complex, NDArray[np.int64], NDArray[np.complex128], NDArray[np.int6
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Errors:
-    """Errors of a fit with linear amplitudes: of its free parameters, and of the columns of each output.
+    """Errors of a fit with linear amplitudes: of its free parameters, and of the columns of each output."""
 
-    Parameters
-    ----------
-    parameters
-        Covariance of the free parameters of the modes, and of others behind them (parameters, parameters).
-    slopes
-        Derivatives of the coefficients of the columns by them (outputs, columns, parameters).
-    spread, blocks
-        Covariance of the coefficients beside them (blocks, columns, columns), and the block of each output (outputs,).
-    scales
-        What its root is multiplied by in each output (outputs,).
-    """
-
+    # Covariance of the free parameters of the modes, and of others behind them (parameters, parameters)
     parameters: NDArray[np.float64]
-    slopes: NDArray[np.float64]
+    slopes: NDArray[np.float64]  # Derivatives of the coefficients of the columns by them (outputs, columns, parameters)
+    # Covariance of the coefficients beside them (blocks, columns, columns), and the block of each output (outputs,)
     spread: NDArray[np.float64]
     blocks: NDArray[np.int64]
-    scales: NDArray[np.float64]
+    scales: NDArray[np.float64]  # What its root is multiplied by in each output (outputs,)
 
     @staticmethod
     def of_joint(covariance: NDArray[np.float64], count: int, outputs: int) -> Errors:

@@ -36,30 +36,18 @@ from floquid.inputs._start import MOST_ROWS, bare_mode
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Phases(Rebuilt):
-    """A discrete periodic system by its matrices at each phase, and its fit to samples.
+    """A discrete periodic system by its matrices at each phase, and its fit to samples."""
 
-    Parameters
-    ----------
-    at
-        The phase j of each sample (samples,).
-    system, reached
-        A (phases, states, states) and B (phases, states, inputs).
-    seen, direct
-        C (phases, channels, states) and D (phases, channels, inputs), zero if `acting` is false.
-    initial, known
-        The first state of each record (records, states), and the coefficients of the known columns (channels, columns).
-    acting
-        True where D is free.
-    """
-
-    at: NDArray[np.int64]
-    system: NDArray[np.float64]
-    reached: NDArray[np.float64]
+    at: NDArray[np.int64]  # The phase j of each sample (samples,)
+    system: NDArray[np.float64]  # A (phases, states, states)
+    reached: NDArray[np.float64]  # B (phases, states, inputs)
+    # C (phases, channels, states) and D (phases, channels, inputs), zero if `acting` is false
     seen: NDArray[np.float64]
     direct: NDArray[np.float64]
+    # The first state of each record (records, states), and the coefficients of the known columns (channels, columns)
     initial: NDArray[np.float64]
     known: NDArray[np.float64]
-    acting: bool
+    acting: bool  # True where D is free
 
     @property
     def parts(self) -> tuple[NDArray[np.float64], ...]:

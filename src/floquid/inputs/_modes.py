@@ -34,38 +34,20 @@ class InputMode(Rebuilt):
     Of a real multiplier λ is real, z and the input are real parts, and l and m count from a half if it is negative.
     A block has two real states, :math:`\dot z = (\sigma + j) z + \ldots` with :math:`j^2 = q`, and b and c of both:
     the pair :math:`\sigma \pm i \sqrt{-q}` about the axis, or two real multipliers :math:`\sigma \pm \sqrt q`.
-
-    Parameters
-    ----------
-    exponent
-        λ [1/s]; of a block σ.
-    real
-        True for real states: a real multiplier, or a block.
-    reach
-        The harmonics l, ascending (reach,); of real states from 0 or ½ on.
-    gains
-        b (inputs, reach); of a block those of the second state follow (2 inputs, reach).
-    turns
-        The harmonics m, ascending (turns,); of real states from 0 or ½ on.
-    initial
-        z at the first sample of each record (records,), at the last one of a mode that is followed `backwards`. Of a
-        block those of the second state follow (2 records,).
-    sizes
-        The state that a gain of 1 makes of each input, about (inputs,): b counts by it beside z at the start.
-    square
-        q of a block [1/s²]; None of another mode.
-    backwards
-        True of a mode that grows, whose state is followed from the end of each record: a fit keeps to its way.
     """
 
-    exponent: complex
-    real: bool
-    reach: NDArray[np.float64]
-    gains: NDArray[np.complex128]
-    turns: NDArray[np.float64]
+    exponent: complex  # λ [1/s]; of a block σ
+    real: bool  # True for real states: a real multiplier, or a block
+    reach: NDArray[np.float64]  # The harmonics l, ascending (reach,); of real states from 0 or ½ on
+    gains: NDArray[np.complex128]  # b (inputs, reach); of a block those of the second state follow (2 inputs, reach)
+    turns: NDArray[np.float64]  # The harmonics m, ascending (turns,); of real states from 0 or ½ on
+    # z at the first sample of each record (records,), at the last one of a mode that is followed `backwards`. Of a
+    # block those of the second state follow (2 records,).
     initial: NDArray[np.complex128]
+    # The state that a gain of 1 makes of each input, about (inputs,): b counts by it beside z at the start
     sizes: NDArray[np.float64]
-    square: float | None = None
+    square: float | None = None  # q of a block [1/s²]; None of another mode
+    # True of a mode that grows, whose state is followed from the end of each record: a fit keeps to its way
     backwards: bool = False
 
     @property
@@ -81,11 +63,9 @@ class InputMode(Rebuilt):
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """Mask of the parameters that are free, the scale of the state fixed by its largest part (parameters,).
-
-        Parameters are the real parts of λ, b and z at the start, then the imaginary ones; of a real multiplier those
-        of λ and z have none. A block has σ, the real and the imaginary parts of b, z at the start, and q.
-        """
+        """Mask of the parameters that are free, the scale of the state fixed by its largest part (parameters,)."""
+        # Parameters are the real parts of λ, b and z at the start, then the imaginary ones; of a real multiplier those
+        # of λ and z have none. A block has σ, the real and the imaginary parts of b, z at the start, and q.
         size, starts = self.gains.size, len(self.initial)
         flat = np.concatenate([self.gains.ravel(), self.initial])
         if not self.real:
@@ -210,10 +190,8 @@ def input_gain(exponent: complex, turn: float, omega: float, step: float, hold: 
 
 
 def answering(samples: Samples, mode: InputMode, other: Samples, delay: int) -> InputMode:
-    """A mode with b such that it answers to other inputs as to these, except for the first samples of each answer.
-
-    The other inputs are these some samples later, or with another hold.
-    """
+    """A mode with b such that it answers to other inputs as to these, except for the first samples of each answer."""
+    # The other inputs are these some samples later, or with another hold.
     decay, ratios = np.exp(mode.exponent * samples.step), []
     for turn in mode.reach.tolist():
         both = [input_gain(mode.exponent, turn, own.fundamental, own.step, own.hold) for own in (samples, other)]
@@ -383,10 +361,8 @@ def followed(samples: Samples, mode: InputMode, drives: NDArray) -> NDArray:
 
 
 def _summed(decay: complex, added: NDArray) -> NDArray:
-    """The sums z[k] = decay z[k - 1] + added[k] from zero (…, samples).
-
-    By a triangular band: `scipy.signal.lfilter` takes twice as long, and a second to load.
-    """
+    """The sums z[k] = decay z[k - 1] + added[k] from zero (…, samples)."""
+    # By a triangular band: `scipy.signal.lfilter` takes twice as long, and a second to load.
     from scipy.linalg import get_lapack_funcs
 
     if not added.size:  # without a right-hand side LAPACK writes beyond the array: no input, or none that reaches

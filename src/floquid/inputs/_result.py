@@ -127,10 +127,8 @@ class Uncertainty(Rebuilt):
         )
 
     def estimates_at(self, exponents: NDArray[np.complex128]) -> Estimates:
-        """The estimates of a fit with several harmonics more of each mode, linearised at exponents (modes,) [1/s].
-
-        One step of Gauss and Newton from there, as `floquid.periodic.estimate_at` has it.
-        """
+        """The estimates of a fit with several harmonics more of each mode, linearised at exponents (modes,) [1/s]."""
+        # One step of Gauss and Newton from there, as `floquid.periodic.estimate_at` has it.
         pairs, highest = zip(self.at.modes, exponents.tolist(), strict=True), self.samples.highest
         modes = [replace(mode, exponent=complex(value.real) if mode.real else value) for mode, value in pairs]
         modes = [mode.padded("turns", GAP, highest) for mode in modes]

@@ -23,38 +23,21 @@ LEAKAGE = 0.02
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Samples(Rebuilt):
-    """Outputs and inputs of records of one rate, put one after another, with the angle of the system.
+    """Outputs and inputs of records of one rate, put one after another, with the angle of the system."""
 
-    Parameters
-    ----------
-    values, inputs
-        y (channels, samples) and u (inputs, samples).
-    begins
-        The first sample of each record, and one past the last of all (records + 1,).
-    times
-        The angle of the system over ω (samples,) [s]: the time after phase zero where the speed is constant.
-    step, fundamental
-        The sampling interval [s], and ω [rad/s].
-    hold
-        The input between its samples.
-    known
-        Columns beside the modes: an offset of each record, and what repeats with the period (columns, samples).
-    floor
-        The least share of a channel's largest value that noise is taken to be.
-    there
-        Mask of the samples that were measured (samples,). Of others the input is known, y and the columns are zero.
-    """
-
-    values: NDArray[np.float64]
-    inputs: NDArray[np.float64]
-    begins: tuple[int, ...]
+    values: NDArray[np.float64]  # y (channels, samples)
+    inputs: NDArray[np.float64]  # u (inputs, samples)
+    begins: tuple[int, ...]  # The first sample of each record, and one past the last of all (records + 1,)
+    # The angle of the system over ω (samples,) [s]: the time after phase zero where the speed is constant
     times: NDArray[np.float64]
-    step: float
-    fundamental: float
-    hold: Hold
+    step: float  # The sampling interval [s]
+    fundamental: float  # ω [rad/s]
+    hold: Hold  # The input between its samples
+    # Columns beside the modes: an offset of each record, and what repeats with the period (columns, samples)
     known: NDArray[np.float64]
+    # Mask of the samples that were measured (samples,). Of others the input is known, y and the columns are zero.
     there: NDArray[np.bool_]
-    floor: float = 0.0
+    floor: float = 0.0  # The least share of a channel's largest value that noise is taken to be
 
     @property
     def records(self) -> list[slice]:

@@ -38,40 +38,20 @@ EXACT = 1e-5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Linearisation(Rebuilt):
-    """The fit at some modes: what is linear, what is left, and the slopes by the parameters.
+    """The fit at some modes: what is linear, what is left, and the slopes by the parameters."""
 
-    Parameters
-    ----------
-    modes, direct
-        The modes, and the harmonics of the direct term of each input, ascending (harmonics,).
-    states
-        The state of each mode.
-    columns
-        The columns that are linear (columns, samples): of each mode, of the direct term, and those known.
-    inverse
-        The inverse of their Gram matrix (columns, columns).
-    coefficients
-        Those of each channel (columns, channels).
-    left
-        The residual (channels, samples).
-    noise
-        Its deviation (channels,).
-    rank
-        Directions that the columns span: one that is a sum of others, or nothing, takes no noise.
-    count
-        Samples that were measured; at others the columns and the residual are zero.
-    """
-
+    # The modes, and the harmonics of the direct term of each input, ascending (harmonics,)
     modes: tuple[InputMode, ...]
     direct: tuple[float, ...]
-    states: tuple[NDArray, ...]
+    states: tuple[NDArray, ...]  # The state of each mode
+    # The columns that are linear (columns, samples): of each mode, of the direct term, and those known
     columns: NDArray[np.float64]
-    inverse: NDArray[np.float64]
-    coefficients: NDArray[np.float64]
-    left: NDArray[np.float64]
-    noise: NDArray[np.float64]
-    rank: int
-    count: int
+    inverse: NDArray[np.float64]  # The inverse of their Gram matrix (columns, columns)
+    coefficients: NDArray[np.float64]  # Those of each channel (columns, channels)
+    left: NDArray[np.float64]  # The residual (channels, samples)
+    noise: NDArray[np.float64]  # Its deviation (channels,)
+    rank: int  # Directions that the columns span: one that is a sum of others, or nothing, takes no noise
+    count: int  # Samples that were measured; at others the columns and the residual are zero
 
     @property
     def log_likelihood(self) -> float:
@@ -148,10 +128,8 @@ def linearise(samples: Samples, modes: Sequence[InputMode], direct: Sequence[flo
 
 
 def columns_of(samples: Samples, mode: InputMode, state: NDArray) -> NDArray[np.float64]:
-    """Columns of a mode with this state: real parts at each turn, then the imaginary ones (columns, samples).
-
-    Of a block those of the second state follow.
-    """
+    """Columns of a mode with this state: real parts at each turn, then the imaginary ones (columns, samples)."""
+    # Of a block those of the second state follow.
     angles = np.array([samples.turned(turn) for turn in mode.turns.tolist()])
     turning = np.ones(len(mode.turns), bool) if not mode.real else mode.turns > 0.0
     turned = [angles * own for own in state.reshape(mode.states, -1)]
@@ -201,10 +179,8 @@ def slopes_of(
 def normal_equations(
     samples: Samples, at: Linearisation, *, rough: bool = False
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Gauss-Newton matrix and gradient of the free parameters, of all channels over their noise.
-
-    A rough one is made in single precision, slopes as multiples of their size.
-    """
+    """Gauss-Newton matrix and gradient of the free parameters, of all channels over their noise."""
+    # A rough one is made in single precision, slopes as multiples of their size.
     states, columns, left = state_slopes(samples, at), at.columns, at.left / at.noise[:, None]
     sizes = [np.sqrt(np.mean(np.abs(own.reshape(len(own), -1)) ** 2, axis=1)) + 1e-300 for own in states]
     scale = np.concatenate(
@@ -258,9 +234,7 @@ def solve(
     steps = Steps(
         normal=normal,
         moved=lambda at, step: linearise(
-            samples,
-            [mode.moved(own).scaled() for mode, own in zip(at.modes, _parts(at, step), strict=True)],
-            at.direct,
+            samples, [mode.moved(own).scaled() for mode, own in zip(at.modes, _parts(at, step), strict=True)], at.direct
         ),
         limited=lambda at, step, _normal, _damping: _limited(at, step, period),
         enough=enough if below < np.inf else None,
@@ -269,10 +243,8 @@ def solve(
 
 
 def scale_of(samples: Samples, at: Linearisation, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The root of the diagonal of a matrix of products; of what is rounding, that of rounding (parameters,).
-
-    Parameters are compared by what they do to the state over its own size: inputs have units of their own.
-    """
+    """The root of the diagonal of a matrix of products; of what is rounding, that of rounding (parameters,)."""
+    # Parameters are compared by what they do to the state over its own size: inputs have units of their own.
     units = []
     for mode, state in zip(at.modes, at.states, strict=True):
         own, gains = mode.strengths / np.sqrt(np.mean(np.abs(state) ** 2) + 1e-300), mode.gains.size

@@ -23,24 +23,17 @@ from floquid.inputs._samples import Samples
 from floquid.inputs._solver import columns_of
 from floquid.search import GAP
 
-THINNED = (1, 2, 4, 8)
-"""Samples are thinned by these factors."""
-
-ORDERS = (8, 14, 20, 28, 36, 48, 60)
-"""Poles of each look."""
-
-MANY, STRONGEST = 15, 8
-"""Signals of a kind that are looked at as they are, at most, and the sums of more that are."""
+THINNED = (1, 2, 4, 8)  # samples are thinned by these factors
+ORDERS = (8, 14, 20, 28, 36, 48, 60)  # poles of each look
+MANY, STRONGEST = 15, 8  # signals of a kind that are looked at as they are, at most, and the sums of more that are
 
 FEWEST = 6
 """Block rows that tell poles, at least: a record too short for them with all outputs has them with fewer sums."""
 
-MOST_ROWS = 0.5
-"""Rows of the past and the future over the columns, at most."""
+MOST_ROWS = 0.5  # rows of the past and the future over the columns, at most
 
 
-ALIKE = 0.15
-"""The distance of two candidates, over their decay, within which one is enough."""
+ALIKE = 0.15  # the distance of two candidates, over their decay, within which one is enough
 
 
 def candidates(
@@ -170,10 +163,8 @@ def _low_pass(thinned: int) -> NDArray[np.float64]:
 
 
 def _lower(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-    """The triangular factor of a matrix of products, with as much more on its diagonal as rounding needs.
-
-    With the root of that: what the factor holds below it is rounding.
-    """
+    """The triangular factor of a matrix of products, with as much more on its diagonal as rounding needs."""
+    # With the root of that: what the factor holds below it is rounding.
     for more in (1e-12, 1e-9, 1e-6):
         with suppress(np.linalg.LinAlgError):
             return np.asarray(np.linalg.cholesky(matrix + more * np.eye(len(matrix))), np.float64), more**0.5
@@ -183,10 +174,8 @@ def _lower(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
 
 
 def _products_of_lags(signals: NDArray[np.float64], lags: int) -> NDArray[np.float64]:
-    """Products of signals at lags, summed over the samples (lags · signals, lags · signals).
-
-    The block one lag later of both is the block less its first sample, and one sample more.
-    """
+    """Products of signals at lags, summed over the samples (lags · signals, lags · signals)."""
+    # The block one lag later of both is the block less its first sample, and one sample more.
     count, columns = len(signals), signals.shape[1] - lags + 1
     found = np.zeros((lags, count, lags, count))
     for lag in range(lags):
@@ -337,11 +326,7 @@ def _taken(gram: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _gain(
-    gram: NDArray[np.float64],
-    seen: NDArray[np.float64],
-    energy: NDArray[np.float64],
-    place: slice,
-    samples: Samples,
+    gram: NDArray[np.float64], seen: NDArray[np.float64], energy: NDArray[np.float64], place: slice, samples: Samples
 ) -> float:
     """The gain in twice the logarithm of the likelihood by a group of columns."""
     explained = np.sum((_taken(gram[place, place]).T @ seen[place]) ** 2, axis=0)

@@ -73,24 +73,9 @@ def transfer_functions(
 
     .. math:: G_m(\Omega) = \sum_r \sum_l \frac{c_{r,m-l}\, b_{r,l}}{i (\Omega + l \omega) - \lambda_r} + D_m
 
-    Parameters
-    ----------
-    model
-        A model with inputs.
-    frequencies_hz
-        Ω/2π (frequencies,) [Hz]; negative ones, too.
-    harmonics
-        The integers m (harmonics,).
-
-    Returns
-    -------
-    TransferFunctions
-        G.
-
-    Raises
-    ------
-    InputError
-        The model has no inputs, or a frequency is that of an undamped pole.
+    `model` is one with inputs, `frequencies_hz` are Ω/2π (frequencies,) [Hz], negative ones, too, and `harmonics` the
+    integers m (harmonics,). Returns G. Raises InputError where the model has no inputs, or a frequency is that of an
+    undamped pole.
     """
     of = "inputs.transfer_functions"
     own = model.inputs
@@ -115,21 +100,12 @@ def transfer_functions(
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Grid(Rebuilt):
-    """Frequencies and harmonics at which G is wanted.
+    """Frequencies and harmonics at which G is wanted."""
 
-    Parameters
-    ----------
-    omega, harmonics
-        Ω (frequencies,) [rad/s] and m (harmonics,).
-    fundamental
-        ω [rad/s].
-    held
-        The sampling interval and the hold where G is that of samples; None where it is that of continuous time.
-    """
-
-    omega: NDArray[np.float64]
-    harmonics: NDArray[np.int64]
-    fundamental: float
+    omega: NDArray[np.float64]  # Ω (frequencies,) [rad/s]
+    harmonics: NDArray[np.int64]  # m (harmonics,)
+    fundamental: float  # ω [rad/s]
+    # The sampling interval and the hold where G is that of samples; None where it is that of continuous time
     held: tuple[float, Hold] | None
 
     def response(self, mode: InputMode, shape: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -159,10 +135,7 @@ class Grid(Rebuilt):
         return found
 
     def slopes(
-        self,
-        modes: Sequence[InputMode],
-        shapes: Sequence[NDArray[np.complex128]],
-        free: Sequence[NDArray[np.bool_]],
+        self, modes: Sequence[InputMode], shapes: Sequence[NDArray[np.complex128]], free: Sequence[NDArray[np.bool_]]
     ) -> list[NDArray[np.complex128]]:
         """Derivatives of G by the `free` numbers of each mode, one after another."""
         found = []

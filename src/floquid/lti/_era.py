@@ -19,11 +19,9 @@ ROUNDING = 16.0 * np.finfo(float).eps  # the share of the largest eigenvalue bel
 
 
 def hankel_covariance(factors: Sequence[Factor], window: int) -> Floats:
-    r"""Σ_n f[n:n+L] f[n:n+L]ᵀ (L, L) over all columns f of blocks that are at least L long, n = 0 … samples - L.
-
-    Its first row is a correlation; along each diagonal the next entry gains one product at the far end and loses one
-    at the near end.
-    """
+    """Σ_n f[n:n+L] f[n:n+L]ᵀ (L, L) over all columns f of blocks that are at least L long, n = 0 … samples - L."""
+    # Its first row is a correlation; along each diagonal the next entry gains one product at the far end and loses one
+    # at the near end.
     total = np.zeros((window, window))
     for block in factors:
         samples = len(block.values)

@@ -43,10 +43,8 @@ class Fit:
 
 
 def powers(s: Complexes, samples: int) -> Complexes:
-    """The columns e^{sk} (samples, poles), each scaled to a largest entry of one (a growing mode must not overflow).
-
-    Where their squares would be denormal they are zero: denormal numbers cost a hundred times as much as others.
-    """
+    """The columns e^{sk} (samples, poles), each scaled to a largest entry of one (a growing mode must not overflow)."""
+    # Where their squares would be denormal they are zero: denormal numbers cost a hundred times as much as others.
     grows, span = s.real > 0, int(np.ceil(np.sqrt(samples)))
     decaying = np.asarray(np.where(grows, -s, s), np.complex128)
     # e^{s(qa + b)} is the product of two, each one of √samples exponentials.
@@ -102,12 +100,10 @@ def _decomposed(poles: PoleSet, samples: int) -> tuple[Floats, Floats, Floats]:
 
 
 def fit(poles: PoleSet, factors: Sequence[Factor]) -> Fit:
-    """Cost, gradient and information matrices at `poles`.
-
-    In real columns: a pair is a Re e + b Im e, and its slopes by Re s and Im s are a c + b d and b c - a d, with c and
-    d the real and imaginary parts of de/ds. So each parameter has one coefficient on the first column of its entry,
-    a or b, and one on the second, b or -a, and all sums over responses are in the second moments of a and b.
-    """
+    """Cost, gradient and information matrices at `poles`."""
+    # In real columns: a pair is a Re e + b Im e, and its slopes by Re s and Im s are a c + b d and b c - a d, with c
+    # and d the real and imaginary parts of de/ds. So each parameter has one coefficient on the first column of its
+    # entry, a or b, and one on the second, b or -a, and all sums over responses are in the second moments of a and b.
     n, slopes_of = poles.order, Slopes.of(poles)
     cost, gradient = 0.0, np.zeros(n)
     whole, noise = np.zeros((n, n)), np.zeros((n, n))
@@ -278,10 +274,8 @@ def model_of(
 
 
 def from_sample_zero(poles: PoleSet, samples: int) -> tuple[Complexes, Complexes]:
-    """Factor that takes residues of the columns of `powers` to sample zero, where they belong; and its inverse.
-
-    A pole of noise that would have to start from less than can be computed with has no residue: zero for both.
-    """
+    """Factor that takes residues of the columns of `powers` to sample zero, where they belong; and its inverse."""
+    # A pole of noise that would have to start from less than can be computed with has no residue: zero for both.
     s = poles.full()
     growth = np.where(s.real > 0, samples - 1, 0) * s
     scale = np.exp(-np.minimum(growth.real, LARGEST_GROWTH) - 1j * growth.imag)

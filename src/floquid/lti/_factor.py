@@ -159,11 +159,9 @@ def _triangular(rows: Rows, width: int, count: int) -> Floats:
 
 
 def _leading(rows: Rows, width: int, rank: int) -> tuple[Floats, float]:
-    """The leading part of F (width, rank), the weakest first, and ||W||², of rows that cannot be held twice.
-
-    N. Halko, P. G. Martinsson and J. A. Tropp, "Finding structure with randomness", SIAM Review 53(2), 2011, algorithm
-    4.4, one power iteration. What is left out holds noise; its energy is counted all the same.
-    """
+    """The leading part of F (width, rank), the weakest first, and ||W||², of rows that cannot be held twice."""
+    # N. Halko, P. G. Martinsson and J. A. Tropp, "Finding structure with randomness", SIAM Review 53(2), 2011,
+    # algorithm 4.4, one power iteration. What is left out holds noise; its energy is counted all the same.
     generator = np.random.default_rng(0)
     sketch, energy = np.zeros((width, rank)), 0.0
     for block in rows():

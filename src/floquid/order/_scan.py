@@ -8,15 +8,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import input_error, integer
-from floquid.lti import (
-    ERA,
-    AbstractIdentifier,
-    ModalModel,
-    Outcome,
-    TimeResponses,
-    fit_residues,
-    weighted_blocks,
-)
+from floquid.lti import ERA, AbstractIdentifier, ModalModel, Outcome, TimeResponses, fit_residues, weighted_blocks
 from floquid.order._types import Criteria, OrderScan, Stability, Tolerances, both_compressed, indicators_of
 
 MOST = 40  # the highest order of a scan whose orders are not given

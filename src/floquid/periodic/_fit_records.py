@@ -275,11 +275,7 @@ class Samples:
 
     @staticmethod
     def of(
-        records: Sequence[Record],
-        clocks: Sequence[PhaseClock],
-        lifted: Lifted | None,
-        known: Known | None,
-        nu: float,
+        records: Sequence[Record], clocks: Sequence[PhaseClock], lifted: Lifted | None, known: Known | None, nu: float
     ) -> Samples:
         """Blocks of lifted responses where there are any, else of the records."""
         if lifted is not None and not (known is not None and known.drift):

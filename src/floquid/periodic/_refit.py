@@ -32,11 +32,6 @@ from floquid.periodic.least_squares import (
 from floquid.periodic.search import period_step
 
 
-def most_harmonics(records: Sequence[Record], period: float) -> int:
-    """The highest harmonic of the period below half of the lowest sampling rate."""
-    return below(half_of(records, period))
-
-
 def below(half: float) -> int:
     """The highest harmonic below half of the samples a period."""
     return max(int(np.ceil(half)) - 1, 0)
@@ -114,7 +109,7 @@ def refit(
         blocks = through(blocks, whitening)
     most = None
     if wider:
-        most = most_harmonics(records, model.period) if lifted is None else (lifted.n_phases - 1) // 2
+        most = below(half_of(records, model.period)) if lifted is None else (lifted.n_phases - 1) // 2
     entries = replace(ModeParameters.of(model), free_period=free_period)
     solution, shared = _evaluated(model, blocks, entries), None
     if one_shape:
@@ -127,13 +122,7 @@ def refit(
     else:
         solution = solve(blocks, solution, at_rest=at_rest)
     return model_of(
-        blocks,
-        solution,
-        entries.bands,
-        channels=model.channels,
-        provenance=model.provenance,
-        most=most,
-        one=shared,
+        blocks, solution, entries.bands, channels=model.channels, provenance=model.provenance, most=most, one=shared
     )
 
 

@@ -91,16 +91,8 @@ def held_shapes(modal: ModalModel, lifted: Lifted, *, false_alarm: float) -> tup
 
     by least squares, which weighs each phase by what the response is there. An expansion of R e^{-λt} alone weighs the
     end of the period like its beginning, where noise is e^{λT} times louder. M is the least that raises the cost by no
-    more than noise explains.
-
-    Parameters
-    ----------
-    modal
-        The modal model of `lifted.responses`.
-    lifted
-        The lifted responses.
-    false_alarm
-        The probability that noise raises the cost by more than is let pass.
+    more than noise explains; it raises it by more with the probability `false_alarm`. `modal` is the modal model of the
+    responses in `lifted`.
     """
     from scipy.special import chdtri
 

@@ -153,12 +153,7 @@ def _chosen_modes(named: dict[str, Analysis], mode: int, hit: int, of: str) -> d
 
 
 def _draw_residue(
-    panels: Sequence[Axes],
-    named: dict[str, Analysis],
-    modes: dict[str, int],
-    row: int,
-    hit: int,
-    degrees: float,
+    panels: Sequence[Axes], named: dict[str, Analysis], modes: dict[str, int], row: int, hit: int, degrees: float
 ) -> None:
     """The real and the imaginary part of one channel's residue on the two `panels`."""
     channel = next(iter(named.values())).model.channels[row]

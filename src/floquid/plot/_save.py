@@ -101,11 +101,9 @@ def save_figures(
 
 
 def figure_of_fit(analysis: Analysis) -> tuple[str, Figure]:
-    """The figure that says most of the fit, and its name in words.
-
-    Of free responses the record with the model over it and the residual, of measured inputs the transfer functions, of
-    outputs alone the spectra with the lines of the modes.
-    """
+    """The figure that says most of the fit, and its name in words."""
+    # Of free responses the record with the model over it and the residual, of measured inputs the transfer functions,
+    # of outputs alone the spectra with the lines of the modes.
     if analysis.decay is not None:
         return "the record, the model over it, and the residual", analysis.plot.synthesis(
             **_options(analysis)["synthesis"]

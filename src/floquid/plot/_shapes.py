@@ -280,12 +280,7 @@ def _title_with_errors(model: PeriodicModel, mode: int) -> str:
 
 
 def _draw_identified(
-    panels: Sequence[Axes],
-    model: PeriodicModel,
-    mode: int,
-    hit: int,
-    looks: dict[int, tuple[str, Any]],
-    unit: str,
+    panels: Sequence[Axes], model: PeriodicModel, mode: int, hit: int, looks: dict[int, tuple[str, Any]], unit: str
 ) -> None:
     """Real and imaginary part of the shape in the channels of one unit, with their bands."""
     curves = shape_curves(model, mode, hit, 181)

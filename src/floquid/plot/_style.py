@@ -206,11 +206,9 @@ def label_angle(axes: Axes, periods_per_revolution: int | None, of: str, steps: 
 
 
 def label_values(axes: Axes, name: str, unit: str, largest: float) -> None:
-    """Label the values of `axes`, with a power of a thousand in the unit when they are very large or small.
-
-    The data stay as they are; only the numbers at the ticks are divided. matplotlib would write the power above the
-    axes, where it meets a title or another panel.
-    """
+    """Label the values of `axes`, with a power of a thousand in the unit when they are very large or small."""
+    # The data stay as they are; only the numbers at the ticks are divided. matplotlib would write the power above the
+    # axes, where it meets a title or another panel.
     power = 0
     if largest > 0.0 and not PLAIN_FROM <= largest < PLAIN_TO:
         power = 3 * int(np.floor(np.log10(largest) / 3.0))

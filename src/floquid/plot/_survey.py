@@ -34,21 +34,9 @@ def campbell(found: Survey, *, orders: tuple[int, ...] = (1, 2, 3), fan: int | N
     darker. Dotted are whole orders of the speed, where the points have a `speed_rpm`, and dashed half the fundamental,
     at which a mode locks with itself.
 
-    Parameters
-    ----------
-    found
-        What `survey` found.
-    orders
-        The orders of the speed that are drawn.
-    fan
-        The number of a track whose lines λ + imω are drawn too, wide where much of the shape is; None for none.
-    ax
-        The axes to draw into.
-
-    Raises
-    ------
-    InputError
-        `found` is no survey, `fan` no track, or the axes do not fit.
+    `found` is what `survey` found, `orders` are those of the speed that are drawn, and `ax` the axes to draw into.
+    `fan` is the number of a track whose lines λ + imω are drawn too, wide where much of the shape is; None for none.
+    Raises InputError where `found` is no survey, `fan` no track, or the axes do not fit.
     """
     of = "campbell"
     _check(found, of)

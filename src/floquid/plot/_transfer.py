@@ -9,19 +9,7 @@ import numpy as np
 
 from floquid._checks import describe, index, input_error
 from floquid.inputs import TransferFunctions
-from floquid.plot._style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-    Into,
-    drawing,
-    grid_of,
-    plain,
-)
+from floquid.plot._style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, Into, drawing, grid_of, plain
 from floquid.views import in_unit, magnitude_bands, phase_degrees
 
 if TYPE_CHECKING:

@@ -69,33 +69,20 @@ _OF_NAMES: tuple[Callable[[str], list[str]], ...] = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
-    """The layout of a text table.
+    """The layout of a text table."""
 
-    Parameters
-    ----------
-    parting
-        How its lines are parted.
-    labels, top
-        The name of each column with its unit in brackets, and the line that they are in; 0 where the file has none.
-    first, row
-        The line of the first row, and its cells. Lines count from 1.
-    comments
-        The lines above it that begin with `#`.
-    rate, rate_note
-        The sampling rate stated above it [Hz], and where; None and empty without one.
-    notes
-        Sentences on what was read past.
-    """
-
-    parting: Parting
+    parting: Parting  # How its lines are parted
+    # The name of each column with its unit in brackets, and the line that they are in; 0 where the file has none
     labels: tuple[str, ...]
     top: int
+    # The line of the first row, and its cells. Lines count from 1.
     first: int
     row: tuple[str, ...]
-    comments: tuple[str, ...] = ()
+    comments: tuple[str, ...] = ()  # The lines above it that begin with `#`
+    # The sampling rate stated above it [Hz], and where; None and empty without one
     rate: float | None = None
     rate_note: str = ""
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # Sentences on what was read past
 
     def cells(self, line: str) -> list[str]:
         """The cells of a row, without empty ones behind its last column."""

@@ -127,11 +127,7 @@ class FileSummary:
 
 
 def describe_file(
-    path: str | PathLike[str],
-    *,
-    rate: float | None = None,
-    channels: Sequence[str] | None = None,
-    header: bool = True,
+    path: str | PathLike[str], *, rate: float | None = None, channels: Sequence[str] | None = None, header: bool = True
 ) -> FileSummary:
     """Summary of a file: channels, units, rate, candidates for the clock.
 
@@ -144,11 +140,7 @@ def describe_file(
 
 
 def read_and_describe(
-    path: str | PathLike[str],
-    *,
-    rate: float | None = None,
-    channels: Sequence[str] | None = None,
-    header: bool = True,
+    path: str | PathLike[str], *, rate: float | None = None, channels: Sequence[str] | None = None, header: bool = True
 ) -> tuple[FileSummary, Record | None]:
     """The summary of a file as `describe_file` has it, and its record where it can be read as one."""
     if rate is not None:

@@ -58,13 +58,11 @@ def chosen(model: PeriodicModel, shapes: Shapes, terms: Terms) -> Mask:
 
 
 def scores(estimates: Estimates, rows: Mask) -> Floats:
-    """The sum of squares of each term over its deviations in some of the channels, over its limit (terms,).
-
-    Without such a harmonic it is a chi-square of two degrees of freedom a channel and hit, which passes the limit by
-    chance at `FALSE_ALARM` over all that are tried. Terms whose rates differ by less than they decay are tested
-    together: of a pair near an axis, and of two exponents that are nearly one, the difference of two large coefficients
-    alone is known. Where hits share their shapes, a hit tells no more than the one that tells most.
-    """
+    """The sum of squares of each term over its deviations in some of the channels, over its limit (terms,)."""
+    # Without such a harmonic it is a chi-square of two degrees of freedom a channel and hit, which passes the limit by
+    # chance at `FALSE_ALARM` over all that are tried. Terms whose rates differ by less than they decay are tested
+    # together: of a pair near an axis, and of two exponents that are nearly one, the difference of two large
+    # coefficients alone is known. Where hits share their shapes, a hit tells no more than the one that tells most.
     groups = _together(estimates)
     told, responses = _squares(estimates, rows, groups)
     level = FALSE_ALARM / (2 * max(len(estimates.exponents), 1))
@@ -189,11 +187,9 @@ def sizes_left_out(estimates: Estimates, kept: Mask, rows: Mask) -> Floats:
 
 
 def spread_of(sizes: Floats, slopes: Jacobian, estimates: Estimates) -> Floats:
-    """The variance that coefficients of these sizes add to the elements of a matrix (times, states, columns).
-
-    They are of any phase, but correlated as their estimates are: large coefficients of two modes that are nearly one
-    cancel.
-    """
+    """The variance that coefficients of these sizes add to the elements of a matrix (times, states, columns)."""
+    # They are of any phase, but correlated as their estimates are: large coefficients of two modes that are nearly one
+    # cancel.
     found = np.zeros(slopes.by_rate.shape[:3])
     for channel, hit in np.argwhere(sizes.any(axis=0)).tolist():
         left = np.flatnonzero(sizes[:, channel, hit])

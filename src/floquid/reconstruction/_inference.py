@@ -104,10 +104,8 @@ class Hidden:
 
 
 def hidden_in(problem: Problem, name: str, chosen: Point, basis: Basis) -> tuple[Hidden | None, Finding]:
-    """Addition of the wider structure of a problem to the fit of the chosen one, which has this basis; and its test.
-
-    None where the estimates do not determine the wider structure.
-    """
+    """Addition of the wider structure of a problem to the fit of the chosen one, which has this basis; and its test."""
+    # None where the estimates do not determine the wider structure.
     from scipy.special import chdtrc
 
     wide, n, more = problem.basis, len(basis.names), len(problem.basis.names) - len(basis.names)

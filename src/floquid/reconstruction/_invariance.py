@@ -177,10 +177,8 @@ def _amplitudes(problem: Problem, values: Array) -> Array:
 
 
 def _differences(problem: Problem, point: Point, amplitudes: Array) -> tuple[Array, Array]:
-    """The whitened differences of estimates and structure, and the slopes of what the structure predicts.
-
-    The unknowns are the parameters, ω where it is one, the other parameters of the estimates, and the amplitudes.
-    """
+    """The whitened differences of estimates and structure, and the slopes of what the structure predicts."""
+    # The unknowns are the parameters, ω where it is one, the other parameters of the estimates, and the amplitudes.
     own, count = problem.estimates, len(problem.estimates.exponents)
     n, omega, place_of_omega = len(point.parameters), problem.n_omega, problem.estimates.fundamental_place
     ahead = n + omega + problem.n_others

@@ -105,10 +105,8 @@ def terms_of(model: PeriodicModel, estimates: Estimates) -> Terms:
 
 
 def at_terms(slopes: Complexes, model: PeriodicModel, terms: Terms) -> Complexes:
-    """Slopes by the coefficients of a model, (..., modes, channels, hits, harmonics), as those by terms.
-
-    That of the mirror image of a real multiplier's term is in its own.
-    """
+    """Slopes by the coefficients of a model, (..., modes, channels, hits, harmonics), as those by terms."""
+    # That of the mirror image of a real multiplier's term is in its own.
     low = _ends(model, terms.estimates)[0]
     whole = np.zeros((*slopes.shape[:-1], int(max(terms.places.max(), terms.mirror_places.max())) + 1), complex)
     seen = (model.harmonics - low >= 0) & (model.harmonics - low < whole.shape[-1])

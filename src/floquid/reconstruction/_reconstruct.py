@@ -269,10 +269,8 @@ def reconstruct(
 
 
 def _left_out(model: PeriodicModel, coordinates: Coordinates, terms: Terms, kept: Mask) -> tuple[Floats, Shapes, Terms]:
-    """Sizes that terms beyond those kept may have (terms, channels, hits), shapes with these, and their places.
-
-    Of all terms that the record says something of.
-    """
+    """Sizes that terms beyond those kept may have (terms, channels, hits), shapes with these, and their places."""
+    # Of all terms that the record says something of.
     every = terms.estimates if model.unselected is None else model.unselected
     beyond, shapes = terms_of(model, every), shapes_of(model, coordinates, every)
     used = set(zip(terms.modes[kept].tolist(), terms.estimates.harmonics[kept].tolist(), strict=True))

@@ -239,10 +239,8 @@ def _all_channels(model: PeriodicModel, coordinates: Coordinates) -> tuple[Coord
 def _from_wider(
     fit: _Fit, structure: AbstractStructure, point: Point, basis: Basis
 ) -> tuple[Point, Basis, list[tuple[float, str]]]:
-    """The best fit of a structure from those of the next wider ones, too; and how probable these are, in words.
-
-    A mode that is weak leaves the free A(t) so rough that the way from it ends at a point of least cost that is none.
-    """
+    """The best fit of a structure from those of the next wider ones, too; and how probable these are, in words."""
+    # A mode that is weak leaves the free A(t) so rough that the way from it ends at a point of least cost that is none.
     wider = []
     for words, other in structure.wider():
         try:

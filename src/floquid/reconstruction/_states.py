@@ -218,10 +218,8 @@ def _loose(
 def _table(
     model: PeriodicModel, powers: Integers, noise: Floats, count: int
 ) -> tuple[Floats, Complexes | None, int, float]:
-    """Displacement coefficients over their noise (channels, numbers), and what that makes of each coefficient.
-
-    With degrees and chi-square of what is left. Without deviations they are as they are.
-    """
+    """Displacement coefficients over their noise (channels, numbers), and what that makes of each coefficient."""
+    # With degrees and chi-square of what is left. Without deviations they are as they are.
     rates = model.exponents[:, None] + 1j * model.harmonics * model.fundamental
     factors = np.where(rates[None] == 0, 1.0, rates[None]) ** -powers[:, None, None] / noise[:, None, None]
     values = np.moveaxis(model.coefficients, 1, 0)

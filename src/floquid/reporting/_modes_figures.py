@@ -145,10 +145,8 @@ def multipliers_figure(case: Case, source: ColumnDataSource) -> Figure:
 
 
 def mode_figures(case: Case, modes: ColumnDataSource, *chosen: Chosen) -> dict[str, list[Figure]]:
-    """Shape and coefficients of the mode chosen, and the planes of all, by their places on the page, linked.
-
-    What else is drawn of the mode chosen is linked with them.
-    """
+    """Shape and coefficients of the mode chosen, and the planes of all, by their places on the page, linked."""
+    # What else is drawn of the mode chosen is linked with them.
     shape, coefficients = shape_source(case), coefficient_source(case)
     link_modes(modes, [shape, coefficients, *chosen])
     return {

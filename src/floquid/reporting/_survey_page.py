@@ -7,17 +7,7 @@ from typing import Any
 import numpy as np
 
 from floquid._checks import counted
-from floquid.reporting._look import (
-    BLACK,
-    CURVES,
-    DASHES,
-    MARKERS,
-    VERMILION,
-    Figure,
-    hover,
-    legend_above,
-    new_figure,
-)
+from floquid.reporting._look import BLACK, CURVES, DASHES, MARKERS, VERMILION, Figure, hover, legend_above, new_figure
 from floquid.reporting._page import asset, bokeh_scripts, described, embedded, filled
 from floquid.surveys import Point, Survey, edge_words, track_rows
 from floquid.views import over_label, over_unit

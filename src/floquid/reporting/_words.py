@@ -134,11 +134,9 @@ def sources(analysis: Analysis) -> list[str]:
 
 
 def noise_table(analysis: Analysis) -> tuple[list[str], list[tuple[str, str, list[str]]]]:
-    """The noise found: titles of columns, and of each channel its name, its unit and its cells.
-
-    Of free responses the noise in each hit with its share of the peak; where the excitation goes on, what is left of
-    each output, and its error on samples left out.
-    """
+    """The noise found: titles of columns, and of each channel its name, its unit and its cells."""
+    # Of free responses the noise in each hit with its share of the peak; where the excitation goes on, what is left of
+    # each output, and its error on samples left out.
     channels = analysis.model.channels
     if analysis.decay is None:
         of = "innovations, " if analysis.ambient else ""

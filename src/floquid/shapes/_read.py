@@ -143,7 +143,11 @@ def read_shapes(
     r"""Whirl of modes, their patterns over the blades of a rotor with names, and shares of their lines.
 
     Nothing is transformed: exponents and shapes stay as they were identified. Deviations are those of the joint
-    covariance, to first order; shares count all lines of a shape as they are, not over their noise.
+    covariance, to first order; shares count all lines of a shape as they are, not over their noise. Returns one reading
+    of each mode.
+
+    Raises InputError where a channel is unknown, units of a pair or a group differ, a group has one blade, or the
+    period is not one revolution and blades are to be read.
 
     Parameters
     ----------
@@ -165,17 +169,6 @@ def read_shapes(
         Periods in a revolution of the rotor; those of the settings of an analysis, else 1.
     words
         Words for directions: "en" (forward, backward), "openfast" (progressive, regressive) or "hawc" (FW, BW).
-
-    Returns
-    -------
-    ShapeReadings
-        One reading of each mode.
-
-    Raises
-    ------
-    InputError
-        A channel is unknown, or units of a pair or a group differ; a group has one blade; the period is not one
-        revolution and blades are to be read.
     """
     modes = result.model if isinstance(result, Analysis) else result
     if not isinstance(modes, PeriodicModes):

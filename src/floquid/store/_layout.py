@@ -5,16 +5,7 @@ from __future__ import annotations
 from dataclasses import fields
 
 from floquid.checks import Validation
-from floquid.core import (
-    CLOCKS,
-    Channel,
-    Estimates,
-    Gains,
-    ModelInputs,
-    PeriodicModel,
-    Provenance,
-    Record,
-)
+from floquid.core import CLOCKS, Channel, Estimates, Gains, ModelInputs, PeriodicModel, Provenance, Record
 from floquid.innovations import Mode
 from floquid.inputs import InputMode, TransferFunctions
 from floquid.lti import Composites, ModalModel
@@ -29,8 +20,7 @@ from floquid.transfer import MeasuredTransfer, TransferFit
 FORMAT = "floquid-result"
 VERSION = 4
 
-SURVEY = "survey"
-"""Attribute `kind` of the file of a survey."""
+SURVEY = "survey"  # attribute `kind` of the file of a survey
 
 LINES: dict[type, str] = {MeasuredTransfer: "measured", TransferFit: "fitted"}
 """Transfer functions measured line by line, and modes fitted to them, by the attribute `kind` of their files."""

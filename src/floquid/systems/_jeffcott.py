@@ -229,10 +229,8 @@ class JeffcottRotor:
         return 0.5 * (series + np.swapaxes(series, -1, -2))
 
     def _turntable(self, t: ArrayLike) -> tuple[Floats, Floats, Floats]:
-        """M of u_tt = M u, and its first two derivatives in time (..., 2, 2).
-
-        With N = (K_R' + K_F)^-1, M = I - N K_F and N' = -N K_R'' N, the primes of the rest being derivatives.
-        """
+        """M of u_tt = M u, and its first two derivatives in time (..., 2, 2)."""
+        # With N = (K_R' + K_F)^-1, M = I - N K_F and N' = -N K_R'' N, the primes of the rest being derivatives.
         rotor, turned = self._rotor(self.speed * np.asarray(t, dtype=np.float64))
         support = np.diag([self.support_x, self.support_y])
         mean = 0.5 * (self.rotor_x + self.rotor_y) * np.eye(2)

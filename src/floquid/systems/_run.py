@@ -145,10 +145,8 @@ class Run(Brief):
         return np.linalg.solve(np.eye(4) - turn[:4, :4], turn[:4, 4])
 
     def _propagators(self, times: Floats) -> Floats:
-        """Propagators of [u, u', 1] to the next of equidistant times (times - 1, 5, 5).
-
-        By Magnus' method of fourth order, two Gauss points a step.
-        """
+        """Propagators of [u, u', 1] to the next of equidistant times (times - 1, 5, 5)."""
+        # By Magnus' method of fourth order, two Gauss points a step.
         step = times[1] - times[0]
         per = max(1, int(np.ceil(STEPS_PER_PERIOD * step / self.rotor.period)))
         h = step / per

@@ -65,11 +65,9 @@ def fit_line(positions: Floats, times: Floats) -> LineFit:
 
 
 def _slow_scatter(residuals: Floats) -> float:
-    """The variance that independent errors would need for the slow part of `residuals` (rows,): that of block means.
-
-    Rounding repeats its pattern where a step is nearly a simple fraction of the quantum; averaged over blocks of √rows
-    the pattern is gone and its slow drift is left, which counts as often as it changes sign.
-    """
+    """The variance that independent errors would need for the slow part of `residuals` (rows,): that of block means."""
+    # Rounding repeats its pattern where a step is nearly a simple fraction of the quantum; averaged over blocks of
+    # √rows the pattern is gone and its slow drift is left, which counts as often as it changes sign.
     width = int(np.sqrt(len(residuals)))
     means = residuals[: len(residuals) // width * width].reshape(-1, width).mean(axis=1)
     spectrum = np.fft.rfft(means, 2 << len(means).bit_length())
@@ -93,13 +91,11 @@ class Rounding:
 
 
 def rounding(times: NDArray[np.floating], scale: float) -> Rounding:
-    """The unit of the last place kept, of each of the `times` (rows,) in units of `scale` seconds.
-
-    Times printed with d decimals are whole multiples of 10^-d; times printed with s significant digits are so in each
-    decade. Both numbers are read off the values and the coarser rounding holds, which is right for either; s only where
-    decades of ten times or more show it, as a few may end in zeros by chance. Never finer than the floating-point
-    type, nor than what summing a step up sample by sample loses.
-    """
+    """The unit of the last place kept, of each of the `times` (rows,) in units of `scale` seconds."""
+    # Times printed with d decimals are whole multiples of 10^-d; times printed with s significant digits are so in each
+    # decade. Both numbers are read off the values and the coarser rounding holds, which is right for either; s only
+    # where decades of ten times or more show it, as a few may end in zeros by chance. Never finer than the
+    # floating-point type, nor than what summing a step up sample by sample loses.
     values = times.astype(np.float64, copy=False)
     size = np.abs(values)
     decade, decimals = _decades_and_decimals(size)
@@ -156,20 +152,15 @@ def _decimals(size: Floats) -> Floats:
 
 
 def nominal_rate(positions: Floats, times: Floats, rounding: Rounding, line: LineFit) -> float | None:
-    """The round rate [Hz] that the column clearly means, or None.
-
-    A candidate is a rate of acquisition hardware, a whole number of hertz, or a rate or a step of few significant
-    digits; the roundest that passes is taken. It passes when
-
-    - over the whole record it differs from the fitted line by less than the rounding of the times,
-    - its own line runs within half the rounding of every time, or, where it only just does, within three standard
-      errors of the fitted step, and
-    - such an agreement by chance has a probability of at most 2 % (the rates that the column allows against the
-      distance between candidates as round as this one), or there is nothing to decide, as the two are equal to machine
-      precision.
-
-    So a snapped rate changes no time by more than its last digit.
-    """
+    """The round rate [Hz] that the column clearly means, or None."""
+    # A candidate is a rate of acquisition hardware, a whole number of hertz, or a rate or a step of few significant
+    # digits; the roundest that passes is taken. It passes when
+    # - over the whole record it differs from the fitted line by less than the rounding of the times, - its own line
+    # runs within half the rounding of every time, or, where it only just does, within three standard errors of the
+    # fitted step, and - such an agreement by chance has a probability of at most 2 % (the rates that the column allows
+    # against the distance between candidates as round as this one), or there is nothing to decide, as the two are equal
+    # to machine precision.
+    # So a snapped rate changes no time by more than its last digit.
     coarse = rounding.coarsest
     length = float(positions[-1]) * line.step
     allowed = 2.0 * coarse / length

@@ -199,12 +199,10 @@ def _is_even(line: LineFit, positions: Floats, rounded: Rounding) -> bool:
 
 
 def _whole_steps(times: Floats, rounded: Rounding) -> float | None:
-    """The step [s], if nearly all steps are exactly it and the others whole multiples that can only be gaps.
-
-    For times rounded about as coarsely as they are spaced. 0.01, 0.02, 0.04, 0.05 s may be 100 Hz with a sample lost or
-    80 Hz rounded; but rounding makes its longer steps at even distances, so three or more of those are rounding, and
-    what is irregular, or rare, is a gap.
-    """
+    """The step [s], if nearly all steps are exactly it and the others whole multiples that can only be gaps."""
+    # For times rounded about as coarsely as they are spaced. 0.01, 0.02, 0.04, 0.05 s may be 100 Hz with a sample lost
+    # or 80 Hz rounded; but rounding makes its longer steps at even distances, so three or more of those are rounding,
+    # and what is irregular, or rare, is a gap.
     steps = np.diff(times)
     step = float(np.median(steps))
     if rounded.coarsest <= _COARSE * step:

@@ -20,11 +20,8 @@ from floquid.transfer._measured import MeasuredTransfer
 from floquid.transfer._modal import Lines, Modal, near_real
 from floquid.transfer._search import searched
 
-DOUBTFUL = 3.0
-"""Deviations off the axis within which a pair may be two real multipliers."""
-
-WORSE = 1.3
-"""The χ² of a degree of freedom above which that is told: deviations of G are estimates themselves."""
+DOUBTFUL = 3.0  # deviations off the axis within which a pair may be two real multipliers
+WORSE = 1.3  # the χ² of a degree of freedom above which that is told: deviations of G are estimates themselves
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -69,16 +66,9 @@ class TransferFit(Rebuilt):
     ) -> TransferFunctions:
         """G of the model with deviations by all that is uncertain in it, to first order.
 
-        Raises InputError where a frequency is no number, or that of samples is asked for where none were measured.
-
-        Parameters
-        ----------
-        frequencies_hz
-            Ω/2π (frequencies,) [Hz]; by default those measured.
-        harmonics
-            The integers m (harmonics,); by default those measured.
-        sampled
-            True for that of samples: the same as was measured.
+        `frequencies_hz` are Ω/2π (frequencies,) [Hz] and `harmonics` the integers m (harmonics,), by default those
+        measured. With `sampled` it is that of samples: the same as was measured. Raises InputError where a frequency is
+        no number, or that of samples is asked for where none were measured.
         """
         of, own = "TransferFit.transfer", self.measured
         if sampled and own.step is None:

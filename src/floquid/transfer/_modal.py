@@ -36,24 +36,16 @@ from floquid.inputs import Grid, InputMode, terms_of, turning
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Lines(Grid):
-    """Transfer functions measured, and how they came about.
+    """Transfer functions measured, and how they came about."""
 
-    Parameters
-    ----------
-    values, std
-        G and its deviations, that of the real part as the real part (harmonics, outputs, inputs, frequencies), NaN
-        where it was not measured.
-    echoes
-        What one unit in the spectrum of the response of each record adds to G (records, inputs, frequencies), and the
-        times at which the records begin [s].
-    alive
-        True where the transient is fitted from the first on, False where it is tried at last.
-    """
-
+    # G and its deviations, that of the real part as the real part (harmonics, outputs, inputs, frequencies), NaN where
+    # it was not measured
     values: NDArray[np.complex128]
     std: NDArray[np.complex128]
+    # What one unit in the spectrum of the response of each record adds to G (records, inputs, frequencies), and the
+    # times at which the records begin [s]
     echoes: tuple[NDArray[np.complex128], NDArray[np.float64]]
-    alive: bool = False
+    alive: bool = False  # True where the transient is fitted from the first on, False where it is tried at last
 
     @cached_property
     def there(self) -> NDArray[np.bool_]:
@@ -219,10 +211,8 @@ def eliminated(lines: Lines, modal: Modal) -> Fitted:
 
 
 def fitted(lines: Lines, start: Modal, iterations: int = STEPS) -> Fitted:
-    """The modes that fit G best in the weighted squares, from a start.
-
-    Amplitudes are eliminated (variable projection of Golub and Pereyra 1973, with Kaufman's derivative of 1975).
-    """
+    """The modes that fit G best in the weighted squares, from a start."""
+    # Amplitudes are eliminated (variable projection of Golub and Pereyra 1973, with Kaufman's derivative of 1975).
 
     def normal(at: Fitted) -> Normal:
         return Normal(matrix=at.apart @ at.apart.T, gradient=at.apart @ np.concatenate(at.left))
@@ -237,11 +227,8 @@ def promised(now: Fitted) -> float:
     return now.cost - score_gain(now.apart @ np.concatenate(now.left), now.apart @ now.apart.T, HALF_DIGITS)
 
 
-OFF_AXIS = 20.0
-"""Deviations off the axis from which on a multiplier is not tried as a real one."""
-
-SAME = 0.05
-"""The distance of two exponents over their decay below which they are one."""
+OFF_AXIS = 20.0  # deviations off the axis from which on a multiplier is not tried as a real one
+SAME = 0.05  # the distance of two exponents over their decay below which they are one
 
 
 def near_real(

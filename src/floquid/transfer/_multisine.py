@@ -14,8 +14,7 @@ from floquid.core import Channel, ConstantPeriod, Record
 ROUNDED = 1e-6
 """The share by which periods and rates are off as they are written: a rate so near is that of whole samples."""
 
-DRAWS = 20
-"""Draws of the phases; the one of least peak is taken."""
+DRAWS = 20  # draws of the phases; the one of least peak is taken
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

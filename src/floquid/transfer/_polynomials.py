@@ -12,29 +12,18 @@ from floquid.core import Channel
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, warning
 from floquid.fit import SURE
-from floquid.inputs import Samples
+from floquid.inputs import LEAKAGE, Samples
 from floquid.transfer._measured import MeasuredTransfer, measured_of
 
-DEGREE = 2
-"""Degree of the polynomials."""
-
-FREE = (20, 0.6)
-"""Lines of a window beyond the unknowns: a number, and a share of them more."""
-
-LEAKAGE = 0.02
-"""The share of a sample by which a whole number of periods may not be one of samples."""
-
-TOGETHER = 256
-"""Windows that are solved at once."""
+DEGREE = 2  # degree of the polynomials
+FREE = (20, 0.6)  # lines of a window beyond the unknowns: a number, and a share of them more
+TOGETHER = 256  # windows that are solved at once
 
 POOR = 1e6
 """The variance of G, over that from inputs of the same power at every line, from which on they have none to tell it."""
 
-BENT = 12
-"""Windows in which G bends most, for which polynomials of one degree more are tried,"""
-
-WORSE = 1.6
-"""and the gain over the noise of them that is told."""
+BENT = 12  # windows in which G bends most, for which polynomials of one degree more are tried,
+WORSE = 1.6  # and the gain over the noise of them that is told
 
 
 def by_polynomials(
@@ -248,8 +237,7 @@ def _windows(
     return solved, spread, variance, np.clip(1.0 - variance / np.maximum(power, np.finfo(float).tiny), 0.0, 1.0)
 
 
-CURVATURE = 0.03
-"""The usual weight of the curvature."""
+CURVATURE = 0.03  # the usual weight of the curvature
 
 ALIKE = 1e-3
 """The least eigenvalue of the correlations over records of what meets in a line, below which they do not part it."""

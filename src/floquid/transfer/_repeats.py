@@ -14,23 +14,12 @@ from floquid.fit import ROUNDING, SURE
 from floquid.inputs import Samples
 from floquid.transfer._measured import MeasuredTransfer, measured_of
 
-ALIKE = 0.1
-"""The rms by which repeats of an input may differ, over its own: it may be measured with noise."""
-
-EXCITED = 1e-3
-"""The amplitude of a line over the largest from which on it is one of the input,"""
-
-LOUD = 50.0
-"""where its power is this multiple of that of the noise of the input."""
-
-BESIDE = 8
-"""Lines on either side whose variance over the repeats is put together."""
-
-RINGING = 2.0
-"""The variance of repeats with what rings on in it, over that without, from which on it is taken out."""
-
-MARGIN = 0.3
-"""The share of the noise above which that is told: its own level is an estimate."""
+ALIKE = 0.1  # the rms by which repeats of an input may differ, over its own: it may be measured with noise
+EXCITED = 1e-3  # the amplitude of a line over the largest from which on it is one of the input,
+LOUD = 50.0  # where its power is this multiple of that of the noise of the input
+BESIDE = 8  # lines on either side whose variance over the repeats is put together
+RINGING = 2.0  # the variance of repeats with what rings on in it, over that without, from which on it is taken out
+MARGIN = 0.3  # the share of the noise above which that is told: its own level is an estimate
 
 
 def repeat_of(samples: Samples) -> int | None:
@@ -137,10 +126,8 @@ def by_repeats(
 
 
 def _spectra(samples: Samples, count: int, drop: int) -> list[tuple[NDArray, NDArray]]:
-    """Spectra of the outputs and of the inputs in the repeats of each record (channels, repeats, lines).
-
-    Phases are those at phase zero of the system.
-    """
+    """Spectra of the outputs and of the inputs in the repeats of each record (channels, repeats, lines)."""
+    # Phases are those at phase zero of the system.
     found = []
     for own in samples.records:
         both = np.concatenate([samples.values[:, own], samples.inputs[:, own]])
@@ -165,11 +152,9 @@ def _rounding(means: NDArray) -> NDArray[np.float64]:
 
 
 def _without_ringing(own: NDArray) -> NDArray[np.float64]:
-    """The variance of a repeat (channels, lines) of a record (channels, repeats, lines) beside what rings on.
-
-    What rings falls from repeat to repeat by one factor at all lines beside a resonance: it is one direction of the
-    differences between repeats, and where the largest variance of any direction stands out, it is left out.
-    """
+    """The variance of a repeat (channels, lines) of a record (channels, repeats, lines) beside what rings on."""
+    # What rings falls from repeat to repeat by one factor at all lines beside a resonance: it is one direction of the
+    # differences between repeats, and where the largest variance of any direction stands out, it is left out.
     from scipy.linalg import helmert
 
     parts = np.einsum("jr,crk->jck", helmert(own.shape[1]), own)

@@ -14,23 +14,12 @@ from floquid.inputs import InputMode, Limits
 from floquid.search import LOOSE
 from floquid.transfer._modal import Fitted, Lines, Modal, eliminated, fitted, near_real, promised, real_for
 
-DECAYS = 10
-"""Decays of the grid, from a part of the distance of lines to their range."""
-
-FINE = 3
-"""Frequencies of the grid for a line."""
-
-TRIED = 3
-"""Exponents of the grid that are fitted."""
-
-REAL = 1e-3
-"""The probability at which noise may move a real multiplier off the axis."""
-
-FAR = 1e3
-"""The size of an exponent over the highest frequency of the lines from which on a fit ran away from them."""
-
-HELD = 1e6
-"""Weight of a gain over the initial state, where the scale of a mode is fixed."""
+DECAYS = 10  # decays of the grid, from a part of the distance of lines to their range
+FINE = 3  # frequencies of the grid for a line
+TRIED = 3  # exponents of the grid that are fitted
+REAL = 1e-3  # the probability at which noise may move a real multiplier off the axis
+FAR = 1e3  # the size of an exponent over the highest frequency of the lines from which on a fit ran away from them
+HELD = 1e6  # weight of a gain over the initial state, where the scale of a mode is fixed
 
 
 def searched(lines: Lines, limits: Limits, report: Callable[[str], None] = lambda _: None) -> Fitted | None:

@@ -44,16 +44,9 @@ class SpectraOfModes(Sealed):
 def spectra_of_modes(analysis: Analysis, harmonics: int = 1, periods: int | None = None) -> SpectraOfModes:
     """The harmonic power spectra of a record of outputs alone, and the lines |Im λ + mω| of its modes in them.
 
-    Parameters
-    ----------
-    analysis
-        What `identify` found of records whose excitation goes on.
-    harmonics
-        M: outputs are modulated by -M to M, so that lines show up to M fundamentals beside those of a mode.
-    periods
-        Periods a segment; a twelfth of the shortest record where not given.
-
-    Raises InputError where a number is not possible.
+    `analysis` is what `identify` found of records whose excitation goes on. With `harmonics` M outputs are modulated by
+    -M to M: lines show up to M fundamentals beside those of a mode. A segment is `periods` long, or a twelfth of the
+    shortest record. Raises InputError where a number is not possible.
     """
     model, driven = analysis.model, analysis.driven
     if driven is None:

@@ -64,23 +64,14 @@ def mode_notes(analysis: Analysis, mode: int) -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class ModeColumn:
-    """A column of the table of modes, alike on the terminal, on the page, in a DataFrame and in a file.
+    """A column of the table of modes, alike on the terminal, on the page, in a DataFrame and in a file."""
 
-    Parameters
-    ----------
-    heading
-        What stands above it, with the unit.
-    cell
-        From an analysis, the index of a mode, and whether derived values have deviations, to the words of a row.
-    numbers
-        From a model to the numbers of all its modes (modes,) by their headings in files, None for those not estimated.
-    on_page, is_text
-        True where a terminal has no room for it, and where it is words instead of numbers.
-    """
-
-    heading: str
+    heading: str  # What stands above it, with the unit
+    # From an analysis, the index of a mode, and whether derived values have deviations, to the words of a row
     cell: Callable[[Analysis, int, bool], str]
+    # From a model to the numbers of all its modes (modes,) by their headings in files, None for those not estimated
     numbers: Callable[[PeriodicModel], dict[str, Floats | None]] = lambda _: {}
+    # True where a terminal has no room for it, and where it is words instead of numbers
     on_page: bool = False
     is_text: bool = False
 

@@ -237,6 +237,7 @@ def test_a_period_that_is_slightly_off_fails_with_its_own(values):
     assert abs(step + 8e-4) < 4.0 * std < 4e-4
 
 
+@pytest.mark.slow
 def test_half_the_period_fails():
     """Its harmonics are the even ones of the system, and two copies of a mode explain most of the odd ones."""
     values = ambient_of(SYSTEM, 200, PHASES, 0.02, 115)
@@ -429,7 +430,7 @@ def test_a_prediction_that_grows_fails(values, monkeypatch):
     assert "of samples left out of the fit grows" in " ".join(found.summary().split())
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("short", "told"), [(2.5, Severity.FAILURE), (0.9, Severity.WARNING), (0.4, None)])
 def test_a_fit_that_is_not_at_its_maximum_isexcitation_of(short, told, values, monkeypatch):
     monkeypatch.setattr(Fit, "short", lambda self, number: short)

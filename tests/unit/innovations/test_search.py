@@ -37,6 +37,7 @@ def test_a_real_multiplier_that_grows_has_its_partner():
     assert pulls(system, model).max() < 2.5
 
 
+@pytest.mark.slow
 def test_of_many_outputs_there_are_candidates():
     """More than fifteen had none: six block rows of the past were one too many for what they tell."""
     system, samples = many(400)

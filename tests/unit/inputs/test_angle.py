@@ -62,6 +62,7 @@ def test_pulses_that_are_sampled_coarsely_beside_an_orbit_fail(wandering, measur
     assert told(identified(wandering, 20.0, "pulses", measured))["vague_angle"] == "FAILURE"
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("measured", [True, False])
 def test_an_azimuth_beside_an_orbit_is_as_good_as_it_needs_to_be(wandering, measured):
     """The curve leaves what is alike from sample to sample, and so small that it does nothing."""

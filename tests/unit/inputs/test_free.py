@@ -51,7 +51,7 @@ def fitted(seed, phases, order, direct, noise=0.02):
     return samples, fitted_freely(samples), multipliers
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("seed", "phases", "order", "direct"), [(5, 4, 2, 0.0), (7, 7, 1, 1.0), (0, 5, 3, 0.0), (1, 6, 3, 1.0)]
 )

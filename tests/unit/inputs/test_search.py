@@ -40,7 +40,7 @@ def test_a_pair_of_conjugates():
     assert found.passed
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("outputs", [4, 20, 6])
 def test_a_short_record_of_many_outputs(outputs):
     seen, system = np.random.default_rng(1).standard_normal((outputs, 4)), two_masses()
@@ -84,6 +84,7 @@ def test_an_offset_however_large_is_no_mode_and_no_reason_for_more_noise(seed, o
     assert beside.model.exponent_std == pytest.approx(alone.model.exponent_std, rel=0.05)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("damping", [-0.01, -0.0125, -0.03])
 def test_a_mode_that_grows_by_several_nepers_passes(damping):
     """By 3.6 to 11: a fit that begins below three goes on beyond, and what is left out is predicted."""
@@ -97,6 +98,7 @@ def test_a_mode_that_grows_by_several_nepers_passes(damping):
     assert error.std() < 0.1 * values[:, ~fitted].std()
 
 
+@pytest.mark.slow
 def test_two_outputs_two_inputs_and_a_frame_that_turns():
     system = two_masses()
     found = identified(system, 60, 24, 0.02)
@@ -114,6 +116,7 @@ def test_two_real_negative_multipliers_that_die_within_a_period():
     assert pulls(system, found.model)[:, 0].max() < 4.0
 
 
+@pytest.mark.slow
 def test_the_mode_missed_least_is_told_with_its_distance_from_noise():
     told = {}
     for noise in (0.3, 0.6):
@@ -244,6 +247,7 @@ def test_a_period_that_is_a_little_off_is_told(off, told):
         assert abs(own[0].numbers["own"] - system.period) < 0.2 * abs(off) * system.period
 
 
+@pytest.mark.slow
 def test_a_copy_of_a_mode_that_makes_up_for_harmonics_not_looked_for_does_not_pass():
     found = identified(mathieu(), 60, 20, 0.01, seed=3, harmonics=1)
     assert found.model.order > 2
@@ -385,6 +389,7 @@ def test_one_input_of_two_that_repeats_is_refused_by_its_name():
         identify(record(system, values, inputs, 24), period=system.period, inputs=["F0", "F1"])
 
 
+@pytest.mark.slow
 def test_a_fit_that_ended_beside_the_least_is_made_afresh():
     """Of twenty short records of the paper's rotor one: twelve harmonics of an input made up for its phase."""
     found = identified(paper_rotor(), 32, 50, 0.02, 16, validate=False)

@@ -402,6 +402,7 @@ def test_a_mode_far_below_another(weaker):
     assert farthest(identified(data).multipliers, full) < 1e-12 / weaker
 
 
+@pytest.mark.slow
 def test_modes_of_many_strengths():
     logs = [-0.02 + 0.5j, -0.03 + 1.0j, -0.02 + 1.5j, -0.01 + 2.0j, -0.03 + 2.5j]
     full, data = ringing(logs, noise=1e-7, sizes=10.0 ** -np.arange(5))

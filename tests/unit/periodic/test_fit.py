@@ -85,6 +85,7 @@ def test_the_forced_response_is_fitted_beside_the_modes():
     assert np.std(left) == pytest.approx(0.02, rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_forced_response_subtracted_before_would_bend_the_modes():
     """The mutant that this way is there to avoid: a fit of the forced response alone, taken off first."""
     given = record(forced=5.0, noise=0.002)

@@ -59,7 +59,7 @@ def beside_line(turns, phases, first):
     return fq.Record(values=record.values + noise + line, sample_rate=phases / PERIOD, channels=["a", "b"], clock=clock)
 
 
-@pytest.mark.first(3)
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("phases", "first", "drift"),
     [

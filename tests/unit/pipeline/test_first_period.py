@@ -87,6 +87,7 @@ def test_a_residual_that_decays_on_promises_nothing(left, monkeypatch):
     assert of(1.0 + first * (records[0].times < PERIOD) + second * (np.abs(records[0].times - 1.5) < 0.5)) < 0.0
 
 
+@pytest.mark.slow
 def test_no_more_periods_are_left_out_once_the_time_is_over():
     analysis = identify(decays(SLOW, FAST[0], seed=3), trust_period=True, validate=False, seconds=1e-6)
     assert analysis.records[0].start == 0.0

@@ -43,6 +43,7 @@ def whole():
     return {kind: identify(of(kind), **options) for kind, options in KINDS.items()}
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_record_with_gaps_gives_its_exponents(kind, whole):
     found = identify(blocks(of(kind), 1), **KINDS[kind])
@@ -166,6 +167,7 @@ def test_a_channel_that_is_hardly_there_is_named():
         identify(both, excitation="ambient")
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", KINDS)
 def test_faults_are_mended_of_every_kind(kind, whole):
     """A spike, and a stretch at which the response stands still."""

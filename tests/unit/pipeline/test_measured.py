@@ -42,6 +42,7 @@ def of_run():
     return identify(record_of_run())
 
 
+@pytest.mark.slow
 def test_a_rig_with_a_tachometer_a_wander_and_an_imbalance():
     analysis = of_run()
     assert analysis.model.order == 4

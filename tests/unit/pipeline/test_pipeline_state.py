@@ -100,6 +100,7 @@ def test_the_free_state_has_deviations_and_the_automatic_harmonics(free):
     assert not of_fields(wide.state, reconstruct(wide.model, ["X", "Y"]))
 
 
+@pytest.mark.slow
 def test_auto_finds_the_structure_and_says_how(record, free):
     told = []
     found = identify(

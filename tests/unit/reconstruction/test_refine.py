@@ -283,6 +283,7 @@ def test_a_structure_that_is_wrong_in_one_way_is_refused(oracle, case):
         refined(known, structure)
 
 
+@pytest.mark.slow
 def test_an_unsymmetric_stiffness_is_not_fitted_by_a_symmetric_one(oracle):
     system = oracle.System.second_order([[[14.0, 3.2], [2.8, 29.0]], [[2.0, 0.7], [0.7, -1.5]]], [[[0.2, 0], [0, 0.3]]])
     known = oracle.known(system, oracle.displacements(2), width=2)

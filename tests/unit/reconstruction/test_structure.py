@@ -229,6 +229,7 @@ def test_the_right_structure_of_two_displacements_is_found(oracle):
     assert_allclose(found.state.system, known.system.at(found.state.times), atol=1e-3)
 
 
+@pytest.mark.slow
 def test_an_unsymmetric_stiffness_is_found(oracle):
     system = oracle.System.second_order([[[14.0, 3.2], [2.8, 29.0]]], [[[0.2, 0.0], [0.0, 0.3]]])
     known = oracle.known(system, oracle.displacements(2), width=1)

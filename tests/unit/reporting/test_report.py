@@ -216,7 +216,7 @@ def test_without_deviations(tmp_path):
     assert not re.search("bands of 95 %|one standard deviation|see the ellipses", words)
 
 
-def test_one_channel_that_locks_at_half_a_period(tmp_path):
+def test_one_channel_that_locks_at_half_a_period(no_figures, tmp_path):
     times = np.arange(16 * 80) / 16.0
     values = np.exp(-0.05 * times) * (np.cos(np.pi * times) + 0.3 * np.cos(3 * np.pi * times))
     values += 0.01 * np.random.default_rng(7).standard_normal(len(times))
@@ -306,9 +306,8 @@ def test_with_a_tachometer_what_is_left_is_noise_from_a_file_too(tmp_path):
     fq.save(found, tmp_path / "result.h5")
     again = fq.load(tmp_path / "result.h5")
     assert np.array_equal(response_sources(case_of(again, None))["left"].modes[0]["y"], left)
-    one, other = (without_scripts(page(case_of(of, None), title=None, truth=None)) for of in (found, again))
-    assert one.count("of the shaft") == other.count("of the shaft") > 0
-    assert one.index('id="modes"') < one.index("The speed of the shaft") < one.index('id="mode"')
+    words = without_scripts(page(case_of(again, None), title=None, truth=None))
+    assert words.index('id="modes"') < words.index("The speed of the shaft") < words.index('id="mode"')
 
 
 @pytest.mark.slow
@@ -329,6 +328,7 @@ def test_the_noise_of_the_page_is_that_of_the_record():
     assert any("coloured along the record" in step for step in steps(found))
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("brief", [False, True])
 def test_damping_is_the_decrement_where_asked_for(analysis, brief, tmp_path):
     text = fq.report(analysis, tmp_path / "page.html", brief=brief, damping_unit="decrement").read_text("utf-8")

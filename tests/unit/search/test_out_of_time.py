@@ -37,6 +37,7 @@ def ambient(system=None, seed=0):
     return record, {"excitation": "ambient", "validate": False}
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize(
     ("made", "module", "late"),
     [
@@ -54,6 +55,7 @@ def test_a_search_whose_time_is_over_is_told_to_be(made, module, late, monkeypat
     assert any("processor time" in text for text in identify(record, **options).warnings)
 
 
+@pytest.mark.slow
 def test_outputs_alone_without_time_have_the_modes_of_the_first_start_and_say_so(monkeypatch):
     record, options = ambient(mathieu_and_lag())
     starts, whole = [], _search._with
@@ -90,7 +92,11 @@ def test_outputs_alone_without_a_mode_before_the_time_is_over_are_refused_for_it
 
 @pytest.mark.parametrize(
     ("stage", "made", "fits"),
-    [("_with_one_more", mathieu, 0), ("_with_partners", parted, 0), ("_to_the_end", mathieu, 1)],
+    [
+        ("_with_one_more", mathieu, 0),
+        pytest.param("_with_partners", parted, 0, marks=pytest.mark.slow),
+        ("_to_the_end", mathieu, 1),
+    ],
 )
 def test_a_stage_whose_time_is_over_fits_nothing_but_what_is_reported(stage, made, fits, monkeypatch):
     record, options = ambient(made(), seed=8)

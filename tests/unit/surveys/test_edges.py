@@ -21,6 +21,7 @@ def points(step=0.4, seed=0, last=25.0, **options):
     ]
 
 
+@pytest.mark.slow
 def test_edges_of_locks():
     edges = survey(points(), over="speed").edges
     assert [(edge.kind, edge.direction) for edge in edges] == [
@@ -36,6 +37,7 @@ def test_without_noise_edges_are_exact():
     assert [edge.value for edge in edges] == pytest.approx(EDGES, abs=2e-5)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("partner", ["below the noise", "uncertain"])
 def test_partners_below_the_noise_do_not_matter(partner):
     """What decays faster in a lock is soon below the noise: its mean with the other one is that of the pair."""

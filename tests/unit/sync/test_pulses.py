@@ -71,6 +71,7 @@ def test_a_sensor_that_does_not_average_loses_only_what_falls_between_samples(wi
     assert np.abs(error).max() < 2.0 * bound
 
 
+@pytest.mark.slow
 def test_a_band_limited_edge_is_timed_as_well():
     """Oversampled thirty-two times, filtered at 0.4 of the rate as a recorder does, and decimated: the edges ring."""
     from scipy.signal import firwin, lfilter

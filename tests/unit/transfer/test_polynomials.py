@@ -98,6 +98,7 @@ def test_two_inputs_and_frequencies_that_are_named():
     assert (found.coherence > 0.9).any()
 
 
+@pytest.mark.slow
 def test_units_of_two_inputs_may_be_far_apart():
     """The power that an input has between the lines of others is its own."""
     system = two_masses()

@@ -196,11 +196,9 @@ def realise(system: control.StateSpace, n_phases: int, *, first_phase: int = 0) 
 
 
 def _factors(whole: Floats, phases: int, n_inputs: int, n_outputs: int, n_states: int) -> tuple[Floats, ...]:
-    """A_k, B_k, C_k and D_k, from the matrix that gives (y_0, ..., y_P-1, x_P) by (x_0, u_0, ..., u_P-1).
-
-    The state at phase k is what all that comes later, rows from y_k on, owes to all before it, columns up to u_k-1: a
-    factor of that block.
-    """
+    """A_k, B_k, C_k and D_k, from the matrix that gives (y_0, ..., y_P-1, x_P) by (x_0, u_0, ..., u_P-1)."""
+    # The state at phase k is what all that comes later, rows from y_k on, owes to all before it, columns up to u_k-1: a
+    # factor of that block.
     factors = [whole[:, :n_states]]
     for phase in range(1, phases):
         block = whole[phase * n_outputs :, : n_states + phase * n_inputs]

@@ -238,12 +238,10 @@ def effect_of_edges(problem: Problem, modes: Truncated) -> Floats:
 
 
 def truncated(problem: Problem) -> Truncated | None:
-    r"""The modes of A_{k-m} - i m ω δ_{km}; None while the truncation cannot tell n of them.
-
-    Every mode is there about 2 N + 1 times, as λ + i k ω with its harmonics moved by k; that copy is taken whose
-    least is carried over the edges, the best centred of several. Where multiple exponents are not told from copies,
-    all are taken from one multiple of iω, where each stands once.
-    """
+    """The modes of A_{k-m} - i m ω δ_{km}; None while the truncation cannot tell n of them."""
+    # Every mode is there about 2 N + 1 times, as λ + i k ω with its harmonics moved by k; that copy is taken whose
+    # least is carried over the edges, the best centred of several. Where multiple exponents are not told from copies,
+    # all are taken from one multiple of iω, where each stands once.
     from scipy.linalg import eig
 
     n = problem.n_states

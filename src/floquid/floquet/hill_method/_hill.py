@@ -162,11 +162,9 @@ def assemble(
 
 
 def _principal(modes: Truncated, doubt: Floats, fundamental: float) -> tuple[Complexes, Integers, Indices, Mask]:
-    """Principal exponents, the multiples of iω taken off; whose shape each has, and whether conjugate.
-
-    A(t) is real, so that the exponents are conjugate in pairs modulo iω, or are their own conjugates: real, or on the
-    edge of the strip (a real negative multiplier). The truncation is exact in this except for its own error.
-    """
+    """Principal exponents, the multiples of iω taken off; whose shape each has, and whether conjugate."""
+    # A(t) is real, so that the exponents are conjugate in pairs modulo iω, or are their own conjugates: real, or on the
+    # edge of the strip (a real negative multiplier). The truncation is exact in this except for its own error.
     from scipy.optimize import linear_sum_assignment
 
     raw = modes.exponents

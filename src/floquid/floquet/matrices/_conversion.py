@@ -59,12 +59,10 @@ def _all_lines(matrix: AbstractPeriodicMatrix) -> tuple[Complexes, bool]:
 
 
 def fourier(matrix: AbstractPeriodicMatrix, n_harmonics: int) -> Complexes:
-    """The Fourier coefficients M_m for m = -N..N (rows, columns, 2 N + 1); zero below the rounding of the samples.
-
-    In closed form for harmonics, constant pieces and trigonometric samples. A function without breaks is sampled at
-    equal steps until its upper harmonics have died away, which is checked between the samples; what has breaks or does
-    not die away is cut into elements; on each it is a Legendre series, with coefficients in closed form too.
-    """
+    """The Fourier coefficients M_m for m = -N..N (rows, columns, 2 N + 1); zero below the rounding of the samples."""
+    # In closed form for harmonics, constant pieces and trigonometric samples. A function without breaks is sampled at
+    # equal steps until its upper harmonics have died away, which is checked between the samples; what has breaks or
+    # does not die away is cut into elements; on each it is a Legendre series, with coefficients in closed form too.
     if (series := matrix.series()) is not None:
         lines = np.arange(-n_harmonics, n_harmonics + 1)
         out = np.zeros((*series.shape, len(lines)), dtype=np.complex128)
@@ -159,7 +157,7 @@ def _of_smooth(matrix: AbstractPeriodicMatrix, n_harmonics: int | None) -> Compl
 
 
 def _of_elements(pieces: Elements, period: float, n_harmonics: int) -> Complexes:
-    r"""From the integrals ∫ P_d(x) e^{-iax} dx = 2 (-i)^d j_d(a) over -1..1."""
+    """From the integrals ∫ P_d(x) e^{-iax} dx = 2 (-i)^d j_d(a) over -1..1."""
     from scipy.special import spherical_jn
 
     harmonics = np.arange(n_harmonics + 1)

@@ -13,11 +13,10 @@ from numpy.typing import ArrayLike
 from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import Rebuilt, input_error, integer
 from floquid._show import Drawings, Drawn, Told
-from floquid.core import Channel, PeriodicModel
-from floquid.floquet.matrices import AbstractPeriodicMatrix, Prepared, StateMatrix, balanced_units
+from floquid.core import Channel, PeriodicModel, Provenance
+from floquid.floquet.matrices import AbstractPeriodicMatrix, Prepared, StateMatrix, balanced_units, operand
 from floquid.floquet.monodromy_matrix import _periodic_schur
 from floquid.floquet.monodromy_matrix._collocation import Factors
-from floquid.floquet.monodromy_matrix._outputs import seen
 from floquid.floquet.monodromy_matrix._transition import (
     TOLERANCE,
     balanced,
@@ -303,3 +302,51 @@ def _defective(logs: Complexes, condition: Floats, error: Floats) -> tuple[tuple
         if len(group) > 1:
             groups.append(tuple(sorted(group)))
     return tuple(sorted(groups))
+
+
+def seen(
+    exponents: Complexes,
+    coefficients: Complexes,
+    harmonics: Integers,
+    period: float,
+    outputs: AbstractPeriodicMatrix | ArrayLike,
+    channels: Sequence[Channel | str] | None,
+    point: Mapping[str, float] | None,
+    of: str,
+) -> PeriodicModel:
+    """The model of modes with `coefficients` (modes, states, harmonics) in the outputs y = C(t) x, C the `outputs`.
+
+    `harmonics` are -N to N; products beyond are left out. `channels` are y1, y2, ... by default, and `of` is the
+    caller, for messages.
+    """
+    matrix = operand(outputs, "outputs", of)
+    if matrix.shape[1] != coefficients.shape[1]:
+        must = f"have shape (outputs, {coefficients.shape[1]})"
+        raise input_error("outputs", of, must, f"has shape {matrix.shape}", "It has one column a state.")
+    names = [f"y{row}" for row in range(1, matrix.shape[0] + 1)] if channels is None else channels
+    return PeriodicModel(
+        exponents=exponents,
+        coefficients=_lines(matrix, coefficients, harmonics, period, of)[:, :, None],
+        harmonics=harmonics,
+        period=period,
+        channels=names,
+        provenance=Provenance(sources=("a known A(t)",)),
+        point=point,
+    )
+
+
+def _lines(
+    matrix: AbstractPeriodicMatrix | Floats, coefficients: Complexes, harmonics: Integers, period: float, of: str
+) -> Complexes:
+    """The harmonics of C(t) times the shapes (modes, outputs, harmonics)."""
+    if not isinstance(matrix, AbstractPeriodicMatrix):
+        return matrix @ coefficients
+    turns = period / matrix.period
+    if abs(turns - round(turns)) > 1e-9 * turns or round(turns) < 1:
+        must = f"repeat with the period of A(t), {period:.9g} s"
+        raise input_error("outputs", of, must, f"repeats every {matrix.period:.9g} s")
+    count = 4 * len(harmonics)  # room for as many harmonics of C(t) again, without folding
+    times = period * np.arange(count) / count
+    waves = np.exp(2j * np.pi * np.multiply.outer(harmonics, np.arange(count)) / count)
+    values = np.einsum("tcn,rnt->rct", matrix.at(times), coefficients @ waves)
+    return np.asarray(values @ waves.conj().T / count, np.complex128)

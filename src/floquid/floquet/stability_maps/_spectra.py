@@ -258,12 +258,7 @@ def _sizes(of: Family, samples: Floats) -> Floats:
 
 
 def _monodromy(
-    of: Family,
-    points: Floats,
-    sizes: Floats,
-    evaluate: Callable[..., Floats],
-    *,
-    smooth: bool,
+    of: Family, points: Floats, sizes: Floats, evaluate: Callable[..., Floats], *, smooth: bool
 ) -> tuple[Floats, Integers, Floats]:
     """Φ(T) / 2^power, in balanced units (points, n, n); the power, the errors' gain (points,)."""
     n = len(of.scale)

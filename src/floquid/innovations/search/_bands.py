@@ -13,15 +13,12 @@ from floquid.innovations._predictor import Predictor, predicted, rebuilt
 from floquid.innovations._solve import inverse_of, moved, normal_of, places, solve
 from floquid.inputs import Limits, Samples
 
-STRIDE = 2
-"""Harmonics beyond the end of a band that are looked at: each costs a state."""
+STRIDE = 2  # harmonics beyond the end of a band that are looked at: each costs a state
 
 
 def grown(samples: Samples, now: Predictor, limits: Limits, rounds: int = FEW_STEPS) -> Predictor:
-    """The predictor with the harmonics beside its bands whose scores rise above the noise.
-
-    While modes are missing few rounds are enough: bands would grow to make up for them.
-    """
+    """The predictor with the harmonics beside its bands whose scores rise above the noise."""
+    # While modes are missing few rounds are enough: bands would grow to make up for them.
     for _ in range(rounds if now.modes else 0):
         if limits.over:
             break
@@ -59,10 +56,8 @@ def grown(samples: Samples, now: Predictor, limits: Limits, rounds: int = FEW_ST
 
 
 def narrowed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
-    """Without the harmonics at the ends of bands that noise explains together, the least of all ends first.
-
-    Half as many go at once where a linearisation does not hold as far as that: of modes that are nearly one.
-    """
+    """Without the harmonics at the ends of bands that noise explains together, the least of all ends first."""
+    # Half as many go at once where a linearisation does not hold as far as that: of modes that are nearly one.
     period, most = 2.0 * np.pi / samples.fundamental, sum(len(mode.turns) + len(mode.reach) for mode in now.modes)
     spread: NDArray[np.float64] | None = None
     while most and not limits.over:

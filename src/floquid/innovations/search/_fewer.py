@@ -18,14 +18,9 @@ from floquid.innovations.search._bands import anchored, grown, narrowed
 from floquid.inputs import Limits, Samples
 from floquid.search import NEAR, REACH
 
-GONE = 1.0
-"""The decay over a period [nepers] from which on a mode is gone within it."""
-
-FEW = 2
-"""Real multipliers on an axis that stand for more of them: a pair that splits has two."""
-
-TRIED = 3
-"""Fits that are compared at a time, those first that promise most: each takes long."""
+GONE = 1.0  # the decay over a period [nepers] from which on a mode is gone within it
+FEW = 2  # real multipliers on an axis that stand for more of them: a pair that splits has two
+TRIED = 3  # fits that are compared at a time, those first that promise most: each takes long
 
 
 def better(trial: Predictor, now: Predictor, limits: Limits) -> bool:
@@ -72,19 +67,15 @@ def _as_good(samples: Samples, now: Predictor, trial: Predictor, limits: Limits)
 
 
 def _explains(samples: Samples, fewer: Predictor, now: Predictor, limits: Limits) -> bool:
-    """True where a fit with less explains as much, and leaves innovations white that were.
-
-    Beside harmonics that are too many the criterion may do without a mode that the innovations show.
-    """
+    """True where a fit with less explains as much, and leaves innovations white that were."""
+    # Beside harmonics that are too many the criterion may do without a mode that the innovations show.
     missing = not white(samples, fewer, limits.mode_alarm) and white(samples, now, limits.mode_alarm)
     return not missing and not better(now, fewer, limits)
 
 
 def _few(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
-    """All that is gone within a period beside one axis as a few real multipliers, where these explain as much.
-
-    Copies of several such leave one by one only where each fit without one is good, and each of those takes long.
-    """
+    """All that is gone within a period beside one axis as a few real multipliers, where these explain as much."""
+    # Copies of several such leave one by one only where each fit without one is good, and each of those takes long.
     omega, found = samples.fundamental, []
     for half in (0.0, 0.5):
         far = [_off_axis(mode, half, omega) for mode in now.modes]
@@ -111,11 +102,9 @@ def _off_axis(mode: Mode, half: float, omega: float) -> float:
 
 
 def _fewer(samples: Samples, now: Predictor, limits: Limits) -> Iterator[Predictor]:
-    """Starts with a mode less: fewer for some that are alike, then without one that is not needed to first order.
-
-    Of modes that are nearly one the linearisation does not hold: shapes are large and cancel. Nor does it where one of
-    several real multipliers on an axis makes up for what others lack.
-    """
+    """Starts with a mode less: fewer for some that are alike, then without one that is not needed to first order."""
+    # Of modes that are nearly one the linearisation does not hold: shapes are large and cancel. Nor does it where one
+    # of several real multipliers on an axis makes up for what others lack.
     inverse = inverse_of(normal_of(samples, now), anchored(now))
     starts: list[tuple[float, list[Mode]]] = []
     axes = [mode.axis for mode in now.modes if mode.real]
@@ -148,10 +137,8 @@ def stable(samples: Samples, now: Predictor, modes: Sequence[Mode], limits: Limi
 
 
 def alike(modes: Sequence[Mode], omega: float, near: float = NEAR) -> list[list[int]]:
-    """Groups of modes that may be one: so near over their decay, modulo iω; real multipliers beside pairs, too.
-
-    Real multipliers of both signs are never one.
-    """
+    """Groups of modes that may be one: so near over their decay, modulo iω; real multipliers beside pairs, too."""
+    # Real multipliers of both signs are never one.
     groups: list[list[int]] = []
     for number, mode in enumerate(modes):
         for group in groups:

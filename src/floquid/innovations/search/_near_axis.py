@@ -1,4 +1,4 @@
-r"""Pairs near an axis, and two real multipliers of one sign, by their mean and squared half-difference.
+r"""Pairs near an axis, and two real multipliers of one sign, by mean and squared half-difference; one for a pair.
 
 The equation, and which of them become blocks, are in `fit/_near_axis`.
 """
@@ -13,22 +13,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.core import NearAxis, read_blocks
-from floquid.fit import begun_off, block_stands, couples, half_of, with_blocks
+from floquid.fit import begun_off, block_stands, couples, half_of, near_axis, with_blocks
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted
 from floquid.innovations._products import as_real, folded
 from floquid.innovations._solve import inverse_of, moved, normal_of, places, solve
-from floquid.innovations.search._bands import centred
-from floquid.innovations.search._fewer import stable
+from floquid.innovations.search._bands import anchored, centred, grown, narrowed
+from floquid.innovations.search._fewer import least, stable
 from floquid.inputs import Limits, Samples
 
 
 def read_near_axis(samples: Samples, now: Predictor, limits: Limits) -> NearAxis[Predictor]:
-    """The fit with exponents near an axis read from their mean and squared half-difference, where these are regular.
-
-    Each pair, and the two real multipliers of one sign that are nearest to each other, are fitted as a block once.
-    Ordinary modes take the place of each block, behind all others.
-    """
+    """The fit with exponents near an axis read from their mean and squared half-difference, where these are regular."""
+    # Each pair, and the two real multipliers of one sign that are nearest to each other, are fitted as a block once.
+    # Ordinary modes take the place of each block, behind all others.
     omega = samples.fundamental
     now = with_blocks(
         now,
@@ -93,10 +91,8 @@ def _begun(samples: Samples, now: Predictor, numbers: Sequence[int]) -> Predicto
 
 
 def block_of_pair(samples: Samples, mode: Mode, initial: NDArray[np.float64]) -> tuple[Mode, NDArray[np.float64]]:
-    """The block of a pair, about the axis that it is nearest to, and its states at the starts of the records.
-
-    Its states are the real part of z, and the imaginary one over the distance from the axis.
-    """
+    """The block of a pair, about the axis that it is nearest to, and its states at the starts of the records."""
+    # Its states are the real part of z, and the imaginary one over the distance from the axis.
     omega, half = samples.fundamental, half_of(mode, samples.fundamental)
     away = mode.exponent.imag - half * omega
     away = begun_off(away, mode.exponent.real, omega)
@@ -143,10 +139,8 @@ def block_of_reals(
 
 
 def divided(block: Mode, initial: NDArray[np.float64]) -> tuple[Mode, NDArray[np.float64]]:
-    """A block and its states, both divided by the gain that is largest: the same block.
-
-    What the second state has over the first is all but a multiple of what that has, where a pair is near its axis.
-    """
+    """A block and its states, both divided by the gain that is largest: the same block."""
+    # What the second state has over the first is all but a multiple of what that has, where a pair is near its axis.
     assert block.square is not None
     (first, second), (seen, beside) = np.split(block.gains, 2), np.split(block.shape, 2)
     parts = np.array([np.concatenate([own.real.ravel(), own.imag.ravel()]) for own in (first, second)])
@@ -203,3 +197,26 @@ def _rows(modes: Sequence[Mode]) -> list[slice]:
     """The states of each mode among all."""
     ends = np.cumsum([0, *(mode.rows for mode in modes)]).tolist()
     return [slice(*both) for both in pairwise(ends)]
+
+
+def with_real_ones(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
+    """With one real multiplier for each pair near an axis where the criterion prefers that: a state less."""
+    spread = np.diag(inverse_of(normal_of(samples, now), anchored(now)))
+    omega = samples.fundamental
+    for number, (mode, place) in enumerate(zip(now.modes, places(now.modes), strict=True)):
+        std = float(max(spread[place.start + mode.rows - 1], 0.0) ** 0.5)
+        if limits.over or not near_axis(mode, omega, std):
+            continue
+        rest = [other for k, other in enumerate(now.modes) if k != number]
+        # A real multiplier needs harmonics that the pair did without.
+        real = [one.padded(1.0, limits.highest) for one in as_real(samples, now, [mode], half_of(mode, omega), 1)]
+        trial = stable(samples, now, [*rest, *real], limits)
+        if trial is None:
+            continue
+        enough = least(trial, now, limits)
+        trial = solve(samples, trial, rough=True, least=enough)
+        if trial.log_likelihood >= enough:
+            trial = narrowed(samples, grown(samples, trial, limits), limits)
+        if trial.criterion > now.criterion:
+            return with_real_ones(samples, trial, limits)
+    return now

@@ -19,8 +19,7 @@ from floquid.innovations._products import APART
 from floquid.innovations._solve import climbed, solve
 from floquid.innovations.search._bands import centred, grown, narrowed
 from floquid.innovations.search._fewer import GONE, TRIED, better, needed, stable
-from floquid.innovations.search._near_axis import read_near_axis
-from floquid.innovations.search._real import with_real_ones
+from floquid.innovations.search._near_axis import read_near_axis, with_real_ones
 from floquid.inputs import (
     InputMode,
     Limits,
@@ -38,18 +37,14 @@ from floquid.search import LOOSE
 STABLE = (0.5, 0.3, 0.2)
 """Shares of the looks at which a candidate comes up, from which on a search begins with it: until all is white."""
 
-SHRUNK = (1.0, 0.5, 0.2, 0.05)
-"""Factors of the gains of new modes at which a predictor is tried."""
+SHRUNK = (1.0, 0.5, 0.2, 0.05)  # factors of the gains of new modes at which a predictor is tried
 
 PARTNERS = (0.1, 0.3, 1.0)
 """Decays over a period, beyond that of a real multiplier that lasts, at which a second one is looked for."""
 
 
 def searched(
-    samples: Samples,
-    first: NDArray[np.float64],
-    limits: Limits,
-    report: Callable[[str], None] = lambda _: None,
+    samples: Samples, first: NDArray[np.float64], limits: Limits, report: Callable[[str], None] = lambda _: None
 ) -> tuple[NearAxis[Predictor], bool]:
     """The predictor of the modes that rise above the noise, from outputs alone or with measured inputs.
 
@@ -171,12 +166,10 @@ def _with_one_more(
 
 
 def _with_partners(samples: Samples, driven: Samples, now: Predictor, limits: Limits) -> Predictor:
-    """With a real multiplier more beside one that lasts alone on its axis, where noise does not explain it.
-
-    Real multipliers come in twos where a pair split. The one that decays faster is weak beside one that grows, and
-    what is left may look white without it, or beside a mode gone within a period that stands in for it; but the
-    deviation of the other is too small then.
-    """
+    """With a real multiplier more beside one that lasts alone on its axis, where noise does not explain it."""
+    # Real multipliers come in twos where a pair split. The one that decays faster is weak beside one that grows, and
+    # what is left may look white without it, or beside a mode gone within a period that stands in for it; but the
+    # deviation of the other is too small then.
     omega, period = samples.fundamental, 2.0 * np.pi / samples.fundamental
     real = [mode for mode in now.modes if mode.real]
     for half in (0.0, 0.5):
@@ -194,12 +187,7 @@ def _with_partners(samples: Samples, driven: Samples, now: Predictor, limits: Li
 
 
 def _with_one_of(
-    samples: Samples,
-    driven: Samples,
-    now: Predictor,
-    without: Mode | None,
-    poles: Sequence[complex],
-    limits: Limits,
+    samples: Samples, driven: Samples, now: Predictor, without: Mode | None, poles: Sequence[complex], limits: Limits
 ) -> Predictor | None:
     """The fit with the best of some candidates more, in place of a mode where one is given; None where none is."""
     start: Predictor | None = now
@@ -265,10 +253,8 @@ def _bare(driven: Samples, exponent: complex) -> InputMode:
 
 
 def _of_phases(driven: Samples, limits: Limits) -> list[InputMode]:
-    """Modes of matrices at each phase that are free, with the harmonics that are not small.
-
-    A mode that is gone within a period seldom is a candidate: each phase knows it by another decay.
-    """
+    """Modes of matrices at each phase that are free, with the harmonics that are not small."""
+    # A mode that is gone within a period seldom is a candidate: each phase knows it by another decay.
     found, modes, highest = fitted_freely(driven, limits.order), [], limits.highest
     if found is None:
         return []

@@ -47,10 +47,8 @@ def growths(point: Point, *, alone: bool = True) -> Iterator[Move[Structure]]:
 
 
 def far_growths(point: Point) -> Iterator[Move[Structure]]:
-    """Harmonics of the outputs anywhere beyond the end of one band: weak ones may lie before strong ones.
-
-    Those of the inputs are not looked for there: far ones make up for noise that drives the modes.
-    """
+    """Harmonics of the outputs anywhere beyond the end of one band: weak ones may lie before strong ones."""
+    # Those of the inputs are not looked for there: far ones make up for noise that drives the modes.
     edits = list(_growths(point, ("turns",), 2 * point.limits.highest))
     if edits:
         best = min(edits, key=lambda each: each.change)
@@ -148,11 +146,7 @@ def _shrinkages(point: Point) -> Iterator[Edit]:
 
 
 def _tails(
-    number: int,
-    mode: InputMode,
-    band: str,
-    weight: Callable[[NDArray[np.int64]], float],
-    of: Callable[..., float],
+    number: int, mode: InputMode, band: str, weight: Callable[[NDArray[np.int64]], float], of: Callable[..., float]
 ) -> Iterator[Edit]:
     """The tails of a band that are best left out, one at each end."""
     harmonics = getattr(mode, band)
@@ -191,10 +185,8 @@ def _weight(now: Linearisation, columns: slice, turning: NDArray[np.bool_], whic
 
 
 def _input_weight(mode: InputMode, spread: NDArray[np.float64], which: NDArray[np.int64]) -> float:
-    """Squared deviations of the gains of some harmonics of the inputs from zero.
-
-    Infinite where one is the scale of the mode.
-    """
+    """Squared deviations of the gains of some harmonics of the inputs from zero."""
+    # Infinite where one is the scale of the mode.
     free, size, starts = mode.free, mode.gains.size, len(mode.initial)
     at = 1 + (which[:, None] + len(mode.reach) * np.arange(len(mode.gains))).ravel()
     flat, index = mode.gains.ravel()[at - 1], np.concatenate([at, at + size if mode.real else at + 1 + size + starts])

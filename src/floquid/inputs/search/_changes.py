@@ -58,10 +58,8 @@ def merges(point: Point) -> Iterator[Move[Structure]]:
 
 
 def kinds(point: Point) -> Iterator[Move[Structure]]:
-    """A pair near an axis as one real multiplier or two, and two real multipliers of one sign as a pair.
-
-    A pair and two real multipliers are one block of two states: a step of its fit tells the sign of its q.
-    """
+    """A pair near an axis as one real multiplier or two, and two real multipliers of one sign as a pair."""
+    # A pair and two real multipliers are one block of two states: a step of its fit tells the sign of its q.
     now, samples = point.structure, point.samples
     for number, mode in enumerate(now.modes):
         if near_axis(mode, samples.fundamental):

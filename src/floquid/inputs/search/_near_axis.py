@@ -21,11 +21,9 @@ from floquid.inputs.search._bands import centred
 
 
 def read_near_axis(samples: Samples, now: Linearisation) -> NearAxis[Linearisation]:
-    """The fit with exponents near an axis read from their mean and squared half-difference, where these are regular.
-
-    Each pair, and the two real multipliers of one sign that are nearest to each other, are fitted as a block once.
-    Ordinary modes take the place of each block, behind all others.
-    """
+    """The fit with exponents near an axis read from their mean and squared half-difference, where these are regular."""
+    # Each pair, and the two real multipliers of one sign that are nearest to each other, are fitted as a block once.
+    # Ordinary modes take the place of each block, behind all others.
     now = with_blocks(now, lambda own: _couples(samples, own), lambda own, numbers: _as_block(samples, own, numbers))
     blocks = {}
     if any(mode.square is not None for mode in now.modes):

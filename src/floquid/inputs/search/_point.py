@@ -77,13 +77,7 @@ class Point:
         structure = structure.within(self.limits.highest)
         below -= self.price.of(structure)
         at = solve(
-            self.samples,
-            structure.modes,
-            structure.direct,
-            iterations=FEW_STEPS,
-            at_rest=REST,
-            rough=True,
-            below=below,
+            self.samples, structure.modes, structure.direct, iterations=FEW_STEPS, at_rest=REST, rough=True, below=below
         )
         return replace(self, at=at)
 

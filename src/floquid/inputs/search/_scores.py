@@ -18,14 +18,9 @@ from floquid.inputs.search._structure import Limits
 
 SIDES = (HALF_DIGITS, -HALF_DIGITS)
 
-TINY = float(np.finfo(float).tiny)
-"""Added where nothing may be divided by: a channel that says nothing of a mode."""
-
-DRAWS = 30
-"""Draws of white noise by which a fit is told from noise."""
-
-FEW, FAR = 5, 0.25
-"""Draws that tell a gain to a quarter of its deviation, and the share of a limit below which they do."""
+TINY = float(np.finfo(float).tiny)  # added where nothing may be divided by: a channel that says nothing of a mode
+DRAWS = 30  # draws of white noise by which a fit is told from noise
+FEW, FAR = 5, 0.25  # draws that tell a gain to a quarter of its deviation, and the share of a limit below which they do
 
 
 class Scores:
@@ -130,12 +125,11 @@ class Scores:
         )
 
     def by_noise(self, draws: int = DRAWS) -> float:
-        r"""The gain by noise that drives the modes, zero where there is less of what it leaves than white noise has.
-
-        The gain of the predictor of a mode is P c(t)ᴴ R⁻¹ to first order in the variance P > 0 of its state. A fit
-        takes some of what is near its modes, whatever the noise: how much, draws of white noise tell. The rest is a sum
-        of white noise by what was before: its spread is the size of these slopes, less what the fit takes of them.
-        """
+        """The gain by noise that drives the modes, zero where there is less of what it leaves than white noise has."""
+        # The gain of the predictor of a mode is P c(t)ᴴ R⁻¹ to first order in the variance P > 0 of its state. A fit
+        # takes some of what is near its modes, whatever the noise: how much, draws of white noise tell. The rest is a
+        # sum of white noise by what was before: its spread is the size of these slopes, less what the fit takes of
+        # them.
         if not (self.now.heard.any() and self.now.modes):
             return 0.0
         pulls, sizes, beyond = self._by_noise
@@ -250,10 +244,8 @@ def _step(scores: Scores, moved: Sequence[Samples]) -> tuple[float, float]:
 
 
 def gain_of(scores: Scores, samples: Samples, modes: Sequence[InputMode]) -> float:
-    """The gain by modes that answer to other inputs nearly alike, to first order; zero where the record tells none.
-
-    A step of 0 along the difference of both responses is what was fitted, one of 1 is the other.
-    """
+    """The gain by modes that answer to other inputs nearly alike, to first order; zero where the record tells none."""
+    # A step of 0 along the difference of both responses is what was fitted, one of 1 is the other.
     now = scores.now
     apart = now.coefficients.T @ (linearise(samples, modes, now.direct).columns - now.columns)
     step, std = scores.step_along(apart)
@@ -261,10 +253,8 @@ def gain_of(scores: Scores, samples: Samples, modes: Sequence[InputMode]) -> flo
 
 
 def by_noise_beyond(scores: Scores, limits: Limits, promised: float = 0.0) -> float:
-    """The fall of J by noise that drives the modes, as a number more; zero where noise of sensors explains all.
-
-    Inputs at any harmonic, and modes at any frequency near, make up for such noise: they must be better than it.
-    """
+    """The fall of J by noise that drives the modes, as a number more; zero where noise of sensors explains all."""
+    # Inputs at any harmonic, and modes at any frequency near, make up for such noise: they must be better than it.
     limit = chi2_limit(1, limits.harmonic_alarm)
     # A few draws do where it is far below, or below what is promised.
     gain = scores.by_noise(FEW)

@@ -17,29 +17,17 @@ from floquid.search import SECONDS
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """Limits of a search.
+    """Limits of a search."""
 
-    Parameters
-    ----------
-    mode_alarm, harmonic_alarm
-        The probabilities that noise passes for a mode, and for a harmonic.
-    highest
-        The highest harmonic of input and output.
-    modes, order
-        Modes that may be found, at most, and poles; None for as many as there are.
-    seconds
-        The processor time of a search [s].
-    until
-        That at which it ends, once it has begun [s].
-    """
-
+    # The probabilities that noise passes for a mode, and for a harmonic
     mode_alarm: float = 1e-9
     harmonic_alarm: float = 1e-6
-    highest: int = 12
+    highest: int = 12  # The highest harmonic of input and output
+    # Modes that may be found, at most, and poles; None for as many as there are
     modes: int = 20
     order: int | None = None
-    seconds: float = SECONDS
-    until: float = math.inf
+    seconds: float = SECONDS  # The processor time of a search [s]
+    until: float = math.inf  # That at which it ends, once it has begun [s]
 
     def begun(self) -> Limits:
         """The limits of a search that begins now."""

@@ -20,10 +20,8 @@ from floquid.inputs.search._scores import DRAWS, FEW, Scores
 
 
 def unmeasured(scores: Scores) -> NDArray[np.float64]:
-    """P (modes,), zero where what is left is what noise of sensors leaves at 95 %.
-
-    Real multipliers of a block, and modes of a fit that leaves nothing, have none.
-    """
+    """P (modes,), zero where what is left is what noise of sensors leaves at 95 %."""
+    # Real multipliers of a block, and modes of a fit that leaves nothing, have none.
     modes, found = scores.now.modes, np.zeros(len(scores.now.modes))
     if any(mode.states > 1 for mode in modes) or scores.by_noise(FEW) < WITHIN**2:
         return found
@@ -46,10 +44,8 @@ def driving(scores: Scores, number: int, channel: int, rows: NDArray[np.float64]
 
 
 def through(scores: Scores, number: int, drives: NDArray) -> NDArray:
-    """Products of rows with what noise that drives a mode leaves, by that noise at each sample (…, samples).
-
-    Rows go in by the sum over the channels of their `driving`.
-    """
+    """Products of rows with what noise that drives a mode leaves, by that noise at each sample (…, samples)."""
+    # Rows go in by the sum over the channels of their `driving`.
     return _back(scores.samples, scores.now.modes[number], drives)
 
 

@@ -228,11 +228,9 @@ def _energy_of(mode: Mode, state: Lines) -> float:
 def isolated_model(
     now: Isolated, data: TimeResponses, blocks: Sequence[Block], outcome: Outcome, widths: float
 ) -> ModalModel:
-    r"""The model of isolated modes.
-
-    Its deviations are those of the equations that going round solves (`Coupled`): the covariance of the poles is
-    J⁻¹ cov(g) J⁻ᵀ. The noise on the residues inflates J, and its expectation is taken off.
-    """
+    """The model of isolated modes."""
+    # Its deviations are those of the equations that going round solves (`Coupled`): the covariance of the poles is J⁻¹
+    # cov(g) J⁻ᵀ. The noise on the residues inflates J, and its expectation is taken off.
     poles = now.poles()
     n = poles.order
     values = np.zeros((n, data.n_outputs, data.n_inputs), complex)

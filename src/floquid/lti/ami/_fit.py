@@ -144,8 +144,7 @@ def fit_residues(s: complex, kind: int, band: Band) -> Floats:
     return inverse @ (q.T @ band.values)
 
 
-WORST = 1.0 / ROUNDING
-"""The condition number of the coupled fits beyond which two modes count as one."""
+WORST = 1.0 / ROUNDING  # the condition number of the coupled fits beyond which two modes count as one
 
 KNOWN = ROUNDING ** (-2.0 / 3.0)
 """The condition number beyond which no deviations are known: rounding in slopes grows with its power 3/2."""

@@ -82,12 +82,10 @@ def started(poles: PoleSet, blocks: Sequence[Block], rounds: Rounds) -> Isolated
 
 
 def go_round(now: Isolated, blocks: Sequence[Block], rounds: Rounds) -> Isolated:
-    """Fit each mode to the data less the others, again and again, until the poles stop moving.
-
-    Modes that overlap come to rest slowly, by a constant factor a round. So every few rounds a leap to where they will
-    come to rest is tried, and taken unless it leaves more than the last round did: Newton's step on the equations that
-    the rounds solve.
-    """
+    """Fit each mode to the data less the others, again and again, until the poles stop moving."""
+    # Modes that overlap come to rest slowly, by a constant factor a round. So every few rounds a leap to where they
+    # will come to rest is tried, and taken unless it leaves more than the last round did: Newton's step on the
+    # equations that the rounds solve.
     outer = rounds.rank_one and sum(len(block.inputs) for block in blocks) > 1
     near: Bands = []
     best: Isolated | None = None
@@ -211,11 +209,9 @@ class Peak:
 
 
 def peaks(now: Isolated, blocks: Sequence[Block], *, clear: float = DEVIATIONS) -> list[Peak]:
-    """The stretches of the composites of what is left that rise most clearly above white noise, the clearest first.
-
-    A sharp peak is clearest in a narrow stretch, a broad one in a wide one: widths of 1, 2, 4, … lines are tried, in
-    units of the standard deviation that white noise has there. Of stretches that overlap the clearest is kept.
-    """
+    """The stretches of the composites of what is left that rise most clearly above white noise, the clearest first."""
+    # A sharp peak is clearest in a narrow stretch, a broad one in a wide one: widths of 1, 2, 4, … lines are tried, in
+    # units of the standard deviation that white noise has there. Of stretches that overlap the clearest is kept.
     found: list[Peak] = []
     for number, (block, lines) in enumerate(zip(blocks, now.left, strict=True)):
         curve, count = np.abs(lines).mean(axis=(1, 2)) / block.weights, lines.shape[1] * lines.shape[2]

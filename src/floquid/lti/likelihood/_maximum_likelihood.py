@@ -306,13 +306,10 @@ class MaximumLikelihood(AbstractIdentifier):
         return Noise.whitened_by(taps, model, residual.independent, residual.variance)
 
     def _choose(self, state: Prepared, most: int, report: Report) -> tuple[Fit, tuple[Factor, ...], bool, Residual]:
-        """The poles from the samples that hold energy, and again from more when a mode lasts longer than those.
-
-        With the samples used, whether the search ended, and what is left.
-
-        Coloured noise is whitened before the search, judged by what generous poles leave. They take the peaks of the
-        noise with them, so it is judged again by what the poles found leave, until their number stays.
-        """
+        """The poles from the samples that hold energy, and again from more when a mode lasts longer than those."""
+        # With the samples used, whether the search ended, and what is left.
+        # Coloured noise is whitened before the search, judged by what generous poles leave. They take the peaks of the
+        # noise with them, so it is judged again by what the poles found leave, until their number stays.
         start, noise = self._looked_at(state, state.factors)
         taps, looks, before = whitening_of(noise), 0, None
         while True:

@@ -57,11 +57,9 @@ class Noise:
 
 
 def ranks(model: ModalModel, data: TimeResponses, false_alarm: float, noise: Noise | None = None) -> Integers:
-    """Number of outer products that the residues of each pole of a free fit hold beyond noise (modes,).
-
-    A singular value of the residues, over the noise that they carry, is kept when those from it on hold more than a
-    chi-square of their degrees of freedom does at the false-alarm probability.
-    """
+    """Number of outer products that the residues of each pole of a free fit hold beyond noise (modes,)."""
+    # A singular value of the residues, over the noise that they carry, is kept when those from it on hold more than a
+    # chi-square of their degrees of freedom does at the false-alarm probability.
     assert model.residue_spread is not None
     outputs, inputs = data.n_outputs, data.n_inputs
     # A factor a response would undo the products; what a factor an output and an input leaves unequal is averaged.
@@ -129,11 +127,9 @@ class Tangents:
     b: Integers
 
     def beside(self, q: Floats) -> Tangents:
-        """Less what orthonormal columns take of them; what only rounding leaves is zero.
-
-        Where two poles are one, a participation moves nothing: divided by rounding, its step would be the longest, and
-        that of all others be shortened to nothing.
-        """
+        """Less what orthonormal columns take of them; what only rounding leaves is zero."""
+        # Where two poles are one, a participation moves nothing: divided by rounding, its step would be the longest,
+        # and that of all others be shortened to nothing.
         parts = []
         for moved in (self.first, self.second):
             beside = moved - q @ (q.T @ moved)
@@ -260,11 +256,9 @@ def polish_products(start: Products, stacked: Stacked, *, tolerance: float = 1e-
 
 
 def separated(model: ModalModel, data: TimeResponses, false_alarm: float, noise: Noise) -> ModalModel:
-    """The model with the modes of equal multipliers apart; the model itself where there are none.
-
-    Each pole of a free fit is split by the rank of its residues. Poles near one another share their errors and seem to
-    have a higher rank; so each outer product must then pass the test that every mode passes.
-    """
+    """The model with the modes of equal multipliers apart; the model itself where there are none."""
+    # Each pole of a free fit is split by the rank of its residues. Poles near one another share their errors and seem
+    # to have a higher rank; so each outer product must then pass the test that every mode passes.
     counts = ranks(model, data, false_alarm, noise)
     if counts.max(initial=1) == 1:
         return model

@@ -69,10 +69,8 @@ class Residual:
         return replace(self, values=values, fitted=np.linalg.qr(fitted)[0])
 
     def autocorrelation(self, lags: int) -> Floats:
-        """The mean over responses and times (lags + 1,), 1 at lag zero.
-
-        White noise from which k of n lines were taken has -k/n or so at all lags: it gets back what was taken.
-        """
+        """The mean over responses and times (lags + 1,), 1 at lag zero."""
+        # White noise from which k of n lines were taken has -k/n or so at all lags: it gets back what was taken.
         sums = _lagged(self.values, lags) + self.columns * _lagged(self.fitted[:, : self.taken], lags)
         return sums / sums[0]
 
@@ -126,11 +124,9 @@ def _lasts(residual: Floats, fitted: Floats) -> bool:
 
 
 def _independent(residual: Floats, fitted: Floats, columns: int) -> float:
-    """The share of the responses that the noise is worth, from all elements of G off its diagonal.
-
-    What was fitted is missing from the noise, which makes times depend on one another: the mean of G is (I - QQᵀ) times
-    their number.
-    """
+    """The share of the responses that the noise is worth, from all elements of G off its diagonal."""
+    # What was fitted is missing from the noise, which makes times depend on one another: the mean of G is (I - QQᵀ)
+    # times their number.
     samples, rank = residual.shape
     inner = residual.T @ residual if rank < samples else residual @ residual.T
     powers = np.einsum("nj,nj->n", residual, residual)

@@ -44,11 +44,7 @@ def candidates(poles: PoleSet, factors: Sequence[Factor]) -> list[tuple[PoleSet,
     gains = sum(_gains(poles, block, decays, lines) for block in factors)
     best: dict[int, tuple[float, complex]] = {}
     for decay, gain in zip(decays, np.atleast_2d(gains), strict=True):
-        tops = {
-            PAIR: int(np.argmax(gain[1:-1])) + 1 if len(gain) > 2 else None,
-            POSITIVE: 0,
-            NEGATIVE: len(gain) - 1,
-        }
+        tops = {PAIR: int(np.argmax(gain[1:-1])) + 1 if len(gain) > 2 else None, POSITIVE: 0, NEGATIVE: len(gain) - 1}
         for kind, line in tops.items():
             if line is not None and gain[line] > best.get(kind, (0.0, 0j))[0]:
                 best[kind] = (float(gain[line]), complex(-decay, angles[line]))
@@ -96,10 +92,8 @@ def _by_columns(values: Floats, envelopes: Floats, decays: Floats, lines: int) -
 
 
 def _by_diagonals(values: Floats, envelopes: Floats, decays: Floats, lines: int) -> tuple[Floats, Complexes]:
-    """Σ_j |z_j|² and Σ_j z_j² from the Gram matrix.
-
-    e^{-d(n + m)} is constant across the diagonals, e^{-2dn} e^{-dl} along them.
-    """
+    """Σ_j |z_j|² and Σ_j z_j² from the Gram matrix."""
+    # e^{-d(n + m)} is constant across the diagonals, e^{-2dn} e^{-dl} along them.
     samples = len(values)
     along, across = np.zeros((len(decays), samples)), np.zeros(2 * samples - 1)
     # Half of the Gram matrix is enough, some rows at a time.
@@ -145,19 +139,15 @@ class Threshold:
         return self.at(self.false_alarm, size)
 
     def at(self, probability: float, size: int, *, own: float = 1.0) -> float:
-        """The rise that noise exceeds with another probability, `own` parameters a pole beside the residues.
-
-        Satterthwaite: a sum of dependent squares is a multiple of a chi-square of fewer degrees of freedom.
-        """
+        """The rise that noise exceeds with another probability, `own` parameters a pole beside the residues."""
+        # Satterthwaite: a sum of dependent squares is a multiple of a chi-square of fewer degrees of freedom.
         share = self.independent
         degrees = size * (self.columns * share + own)
         return self.variance * rise_limit(probability, degrees, self.samples * share) / share
 
     def promising(self, size: int) -> float:
-        """Reduction of the residual by a pole (1) or pair (2) on the grid from which on it is tried.
-
-        A mode that just passes the test takes less where it lies between the lines of the grid.
-        """
+        """Reduction of the residual by a pole (1) or pair (2) on the grid from which on it is tried."""
+        # A mode that just passes the test takes less where it lies between the lines of the grid.
         return min(self.at(SURE, size, own=0.0), self.of(size))
 
     def penalised(self, fit: Fit) -> float:

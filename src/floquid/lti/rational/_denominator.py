@@ -196,12 +196,10 @@ class Denominators:
         return Denominators(basis, samples, len(of_inputs), values, directions, equations, rounding)
 
     def rank(self, order: int | None = None) -> int:
-        """Number of directions that hold modes: those above the noise, or `order` if those are fewer.
-
-        The noise is believed to be one, unless the lower quartile of the eigenvalues tells otherwise: above one it is
-        the noise, and far below one, too. The limit is the edge of Marchenko and Pastur, which a few eigenvalues of
-        noise pass, for the equations are not independent: one direction too many costs little, one too few a bias.
-        """
+        """Number of directions that hold modes: those above the noise, or `order` if those are fewer."""
+        # The noise is believed to be one, unless the lower quartile of the eigenvalues tells otherwise: above one it is
+        # the noise, and far below one, too. The limit is the edge of Marchenko and Pastur, which a few eigenvalues of
+        # noise pass, for the equations are not independent: one direction too many costs little, one too few a bias.
         size = len(self.values)
         share = size / self.equations
         quartile = float(self.values[size - 1 - size // 4])
@@ -233,11 +231,10 @@ class Denominators:
         return np.concatenate([inner, outer]), np.concatenate([inner_shares, outer_shares])
 
     def _roots(self, coefficients: Floats, *, highest: bool) -> tuple[Complexes, Complexes]:
-        """μ and l with lᵀ A(1/μ) = 0, from the pencil x B u = K u of the blocks u_k = q_k(x) l, k < n.
-
-        The last row of K and B is A's; the others are the recurrence. Where the highest coefficient is fixed, B can be
-        inverted, and K where the constant is. The other is singular when modes leave a combination of inputs alone.
-        """
+        """μ and l with lᵀ A(1/μ) = 0, from the pencil x B u = K u of the blocks u_k = q_k(x) l, k < n."""
+        # The last row of K and B is A's; the others are the recurrence. Where the highest coefficient is fixed, B can
+        # be inverted, and K where the constant is. The other is singular when modes leave a combination of inputs
+        # alone.
         inputs, degree, h = self.inputs, self.basis.degree, self.basis.hessenberg
         blocks = coefficients.reshape(degree + 1, inputs, inputs).transpose(0, 2, 1)
         end = degree * inputs - inputs

@@ -22,8 +22,7 @@ from floquid.lti.rational._lines import SMOOTH, Modes, Rows, chosen, model_on
 DEGREE = 128  # the roots of a denominator on all lines, if there are twice as many samples: their cost is its cube
 
 
-DEGREES = 4
-"""The degree over the order of a scan: well above one, since noise takes most of the roots."""
+DEGREES = 4  # the degree over the order of a scan: well above one, since noise takes most of the roots
 
 
 @dataclass(frozen=True, slots=True)
@@ -274,11 +273,9 @@ def _spectra(data: TimeResponses, scale: Floats, band: Band) -> Iterator[Complex
 
 
 def hankel(blocks: Iterator[Floats], inputs: int, samples: int, degree: int) -> Floats:
-    r"""Σ_o Σ_t y_oi[t-k] y_oj[t-m] over t ≥ degree, (powers and inputs, powers and inputs), the power first.
-
-    Its first rows are correlations; along each diagonal the next entry gains one product at the near end and loses one
-    at the far end.
-    """
+    """Σ_o Σ_t y_oi[t-k] y_oj[t-m] over t ≥ degree, (powers and inputs, powers and inputs), the power first."""
+    # Its first rows are correlations; along each diagonal the next entry gains one product at the near end and loses
+    # one at the far end.
     size = 1 << int(np.ceil(np.log2(samples + degree + 1)))
     cross = np.zeros((inputs, inputs, size // 2 + 1), complex)
     change = np.zeros((degree * inputs, degree * inputs))

@@ -37,27 +37,13 @@ from floquid.periodic.least_squares._solver import (
 
 @dataclass(frozen=True, eq=False)
 class OneShape:
-    """A fit of one shape a mode: exponents, the states of each hit, and the shapes that are least squares by them.
+    """A fit of one shape a mode: exponents, the states of each hit, and the shapes that are least squares by them."""
 
-    Parameters
-    ----------
-    blocks
-        The samples, with their noise.
-    entries
-        The modes, and what is fixed beside them.
-    linear
-        The fit with residues free in each hit at these exponents, a block each.
-    states
-        The state of each entry in each hit, of growing modes at the end of the hit (entries, hits).
-    held
-        The hit in which the state of each entry stays (entries,).
-    """
-
-    blocks: tuple[Block, ...]
-    entries: ModeParameters
-    linear: tuple[Linear, ...]
-    states: Complexes
-    held: Integers
+    blocks: tuple[Block, ...]  # The samples, with their noise
+    entries: ModeParameters  # The modes, and what is fixed beside them
+    linear: tuple[Linear, ...]  # The fit with residues free in each hit at these exponents, a block each
+    states: Complexes  # The state of each entry in each hit, of growing modes at the end of the hit (entries, hits)
+    held: Integers  # The hit in which the state of each entry stays (entries,)
 
     @staticmethod
     def at(blocks: Sequence[Block], entries: ModeParameters, linear: Sequence[Linear]) -> OneShape:

@@ -26,8 +26,7 @@ class Parameters:
         return self.weights[:, :, None] * np.where(self.turns[:, None, None], turned(coefficients), coefficients)
 
 
-BY_ENTRY = ("exponents", "real", "bands", "offsets", "fixed", "factors")
-"""Fields that have a value an entry."""
+BY_ENTRY = ("exponents", "real", "bands", "offsets", "fixed", "factors")  # fields that have a value an entry
 
 
 @dataclass(frozen=True, slots=True)

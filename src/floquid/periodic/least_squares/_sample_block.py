@@ -255,10 +255,8 @@ class Terms:
         return unique, np.array([place[key] for key in keys], np.int64)
 
     def at(self, kinds: Integers, times: Floats, *, growth: float = 0.0) -> Complexes:
-        """Functions of time of these kinds, one a term, their harmonics taken off (times, terms).
-
-        Those of pairs near an axis alone: of plain columns it has ones. What grows is e^{-rate · growth} times that.
-        """
+        """Functions of time of these kinds, one a term, their harmonics taken off (times, terms)."""
+        # Those of pairs near an axis alone: of plain columns it has ones. What grows is e^{-rate · growth} times that.
         columns, functions = self.columns, np.ones((len(times), len(self.of)), complex)
         known: dict[tuple[int, int], Floats] = {}
         for term, (column, kind) in enumerate(zip(self.of.tolist(), kinds.tolist(), strict=True)):

@@ -15,15 +15,7 @@ import numpy as np
 
 from floquid._arrays import BLOCK, Complexes, Floats, Integers
 from floquid.lti import LARGEST_GROWTH
-from floquid.periodic.least_squares._sample_block import (
-    SPEED,
-    SPEED_RATE,
-    TREND,
-    Columns,
-    Sums,
-    Terms,
-    real_products,
-)
+from floquid.periodic.least_squares._sample_block import SPEED, SPEED_RATE, TREND, Columns, Sums, Terms, real_products
 
 UNEVEN = 8.0 * np.finfo(float).eps  # the share of the largest time by which evenly spaced times may be off
 

@@ -198,10 +198,8 @@ def _seen(tones: Lines, lines: Lines, least: float, most: float, duration: float
 
 
 def _refined(blocks: Sequence[RecordBlock], orbit: OrbitLines) -> OrbitLines:
-    """The orbit with the fundamental of all harmonics up to the highest seen, fitted where most has decayed.
-
-    That is the second half of each record: what decays is no multiple, and would move lines that are far above it.
-    """
+    """The orbit with the fundamental of all harmonics up to the highest seen, fitted where most has decayed."""
+    # That is the second half of each record: what decays is no multiple, and would move lines that are far above it.
     step = 2 if all(m % 2 for m in orbit.harmonics) else 1
     entries = forced_entries(range(1, orbit.harmonics[-1] + 1, step), orbit.fundamental).joined(
         beside(orbit.fundamental)

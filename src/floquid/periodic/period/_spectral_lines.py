@@ -87,10 +87,8 @@ def _of_samples_there(block: RecordBlock) -> RecordBlock:
 def after_phase_zero(
     blocks: Sequence[RecordBlock], records: Sequence[Record], period: float
 ) -> tuple[RecordBlock, ...]:
-    """Blocks with times after the instant of phase zero at or before the first sample of each record.
-
-    The origin of phase is the one of the record's clock, where that is a constant period, or time zero.
-    """
+    """Blocks with times after the instant of phase zero at or before the first sample of each record."""
+    # The origin of phase is the one of the record's clock, where that is a constant period, or time zero.
     shifts = [ConstantPeriod(period=period, origin=own.origin).phase(own.start) * period for own in records]
     return tuple(replace(block, times=block.times + shifts[block.hit]) for block in blocks)
 

@@ -10,14 +10,7 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid.fit import HALF_DIGITS
-from floquid.periodic.least_squares import (
-    PLAIN,
-    ModeParameters,
-    RecordBlock,
-    Residual,
-    complex_of,
-    forced_entries,
-)
+from floquid.periodic.least_squares import PLAIN, ModeParameters, RecordBlock, Residual, complex_of, forced_entries
 from floquid.periodic.search._objective import Point
 from floquid.periodic.search._peaks import Peak, peaks
 from floquid.search import GAP, Move

@@ -7,16 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from floquid._arrays import Complexes, Floats, Integers, Mask
+from floquid._arrays import Complexes, Floats, Integers
 from floquid.fit import AT_REST, DEVIATIONS, FARTHEST, RARE, SLOW, STEPS, SURE, chi2_limit
-from floquid.periodic.least_squares import (
-    ModeParameters,
-    linearise,
-    noise_of,
-    shapes,
-    solve,
-    weighted,
-)
+from floquid.periodic.least_squares import ModeParameters, linearise, noise_of, shapes, solve, weighted
 from floquid.periodic.search._additions import residuals
 from floquid.periodic.search._moves import energies, nearest
 from floquid.periodic.search._near_axis import with_axis_pairs
@@ -97,11 +90,9 @@ def _uncrowded(entries: ModeParameters, padded: Integers) -> Integers:
 
 
 def named(point: Point) -> Point:
-    """Fit with each mode on the branch whose zeroth harmonic carries most of the energy of its shape.
-
-    Channels are weighted by the inverse of their noise; ties go to the larger frequency. At a speed that wanders the
-    branches are no names, and stay.
-    """
+    """Fit with each mode on the branch whose zeroth harmonic carries most of the energy of its shape."""
+    # Channels are weighted by the inverse of their noise; ties go to the larger frequency. At a speed that wanders the
+    # branches are no names, and stay.
     entries = point.entries
     both = shapes(point.blocks, point.solution)
     noise = np.full(both.coefficients.shape[1:3], np.inf)
@@ -122,10 +113,8 @@ def named(point: Point) -> Point:
 
 
 def _without_steady(point: Point, bands: Integers) -> Point:
-    """With the pairs of one harmonic that do not decay held as steady tones: interference, and no modes.
-
-    One that is stronger than every mode that decays stays a mode: a structure that hardly decays rings the longest.
-    """
+    """With the pairs of one harmonic that do not decay held as steady tones: interference, and no modes."""
+    # One that is stronger than every mode that decays stays a mode: a structure that hardly decays rings the longest.
     entries = point.entries
     free = np.flatnonzero(entries.leading)
     std = np.sqrt(np.maximum(np.diag(point.solution.covariance()), 0.0))[: len(free)]
@@ -166,7 +155,8 @@ def _clusters(point: Point) -> tuple[tuple[int, ...], Floats]:
     def parameters(entry: int) -> list[int]:
         return [int(np.searchsorted(free, entry)), len(free) + int(np.searchsorted(turns, entry))]
 
-    sure = _sure(point)
+    # Columns that noise does not explain: the exponents of others say nothing.
+    sure = Units(point, point).gains() > chi2_limit(2 * point.price.rows, SURE)
     clusters = []
     for entry in turns.tolist():
         score, degrees = equality(solution, entry, sure)
@@ -174,11 +164,6 @@ def _clusters(point: Point) -> tuple[tuple[int, ...], Floats]:
             clusters.append(entry)
             further[parameters(entry)] += spread_of_harmonics(solution, entry, sure)
     return tuple(clusters), further
-
-
-def _sure(point: Point) -> Mask:
-    """Mask of columns that noise does not explain: the exponents of others say nothing (columns,)."""
-    return Units(point, point).gains() > chi2_limit(2 * point.price.rows, SURE)
 
 
 def _spread_of_branches(point: Point) -> Floats | None:

@@ -98,10 +98,8 @@ def _solved(point: Point, trial: ModeParameters) -> Point | None:
 
 
 def _needed(wider: Point, fewer: Point) -> bool:
-    """True where noise does not explain what a fit with more numbers takes out of the misfit of one with fewer.
-
-    Of two with as many numbers, the one of the lesser J.
-    """
+    """True where noise does not explain what a fit with more numbers takes out of the misfit of one with fewer."""
+    # Of two with as many numbers, the one of the lesser J.
     more = len(wider.solution.gradient) - len(fewer.solution.gradient)
     more += wider.price.rows * (_coefficients(wider.entries) - _coefficients(fewer.entries))
     return wider.value < fewer.value if more <= 0 else fewer.misfit - wider.misfit > chi2_limit(more, RARE)
@@ -114,10 +112,8 @@ def _coefficients(entries: ModeParameters) -> int:
 
 
 def _trials(solution: Solution, bands: Integers, axis: int) -> Iterator[Trial]:
-    """Candidates for one pair near an axis: all modes there together, each pair of conjugates, two real multipliers.
-
-    Of a single real multiplier, it and a second one.
-    """
+    """Candidates for one pair near an axis: all modes there together, each pair of conjugates, two real multipliers."""
+    # Of a single real multiplier, it and a second one.
     entries, omega = solution.entries, solution.entries.fundamental
     halves = np.rint(2.0 * entries.exponents.imag / omega + 2.0 * entries.offsets).astype(np.int64)
     members = [place for place in _near(solution) if halves[place] % 2 == axis]
@@ -194,10 +190,8 @@ def _turns(entries: ModeParameters, bands: Integers, places: list[int]) -> tuple
 
 
 def _single(point: Point) -> Point | None:
-    """The fit with one real multiplier for the last pair near an axis; None where noise does not explain the rest.
-
-    Asked of the strongest harmonics, too: many weak ones would hide what a second multiplier does to the first.
-    """
+    """The fit with one real multiplier for the last pair near an axis; None where noise does not explain the rest."""
+    # Asked of the strongest harmonics, too: many weak ones would hide what a second multiplier does to the first.
     entries = point.entries
     if float(entries.all_squares[-1]) < -DEVIATIONS * _square_std(point.solution):
         return None  # surely a pair of conjugates

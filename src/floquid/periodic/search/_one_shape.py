@@ -58,10 +58,8 @@ def with_one_shape(result: SearchResult, false_alarm: float, floor: float, most:
 
 
 def misfit_of_all(blocks: Sequence[Block], rest: Sequence[Residual]) -> float:
-    """The rms of the residual of all hits over the level of its noise, the largest of all channels.
-
-    Of a brief hit alone that level is known to a tenth.
-    """
+    """The rms of the residual of all hits over the level of its noise, the largest of all channels."""
+    # Of a brief hit alone that level is known to a tenth.
     squares = np.zeros((2, 1 + max(int(block.rows.max()) for block in blocks)))
     for block, each in zip(blocks, rest, strict=True):
         squares[0, block.rows] += (block.noise / each.noise) ** 2
@@ -130,10 +128,8 @@ def difference(shared: OneShape) -> tuple[int, float]:
 
 
 def narrowed(shared: OneShape, alarm: float) -> Integers:
-    """The bands without the harmonics at their ends that noise explains with the probability `alarm`, one by one.
-
-    Each is asked beside all that are left: of modes that share their lines, harmonics may be needed together.
-    """
+    """The bands without the harmonics at their ends that noise explains with the probability `alarm`, one by one."""
+    # Each is asked beside all that are left: of modes that share their lines, harmonics may be needed together.
     columns, bands = shared.entries.columns(), shared.entries.bands.copy()
     harmonics, inverse, shapes = columns.harmonics[shared.own], shared.inverse.copy(), shared.shapes.T.copy()
     bands[:, 0] = np.where(shared.entries.real, np.maximum(bands[:, 0], -(shared.entries.half_turns // 2)), bands[:, 0])

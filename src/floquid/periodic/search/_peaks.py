@@ -43,17 +43,11 @@ def strongest(blocks: Sequence[Block], residuals: Sequence[Residual], period: fl
 
 
 def peaks(
-    blocks: Sequence[Block],
-    residuals: Sequence[Residual],
-    period: float,
-    *,
-    most: int,
+    blocks: Sequence[Block], residuals: Sequence[Residual], period: float, *, most: int
 ) -> tuple[Peak, list[Peak]]:
-    """The exponential that explains most of the residual, and those that may be tried, at most `most`.
-
-    These are apart from one another, strongest first; the first is there in any case, the others pass the limit. Other
-    parameters as of `strongest`.
-    """
+    """The exponential that explains most of the residual, and those that may be tried, at most `most`."""
+    # These are apart from one another, strongest first; the first is there in any case, the others pass the limit.
+    # Other parameters as of `strongest`.
     span = max(residual.span for residual in residuals)
     looked_at = np.geomspace(1.0 / span, max(FASTEST / period, 2.0 / span), DECAYS)
     rates = np.concatenate([looked_at, -np.array(GROWTH) / span])

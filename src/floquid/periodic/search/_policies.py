@@ -63,10 +63,8 @@ def searched(first: Point, bounds: Bounds, report: Log = lambda _: None) -> Poin
 
 
 def _stages(point: Point, bounds: Bounds) -> Iterator[Iterable[Move]]:
-    """Moves in groups: a group is made only where none of those before lowers J.
-
-    Bands come first: while they are wrong, what scores say of exponents misleads.
-    """
+    """Moves in groups: a group is made only where none of those before lowers J."""
+    # Bands come first: while they are wrong, what scores say of exponents misleads.
     yield _bands(point, bounds)
     if not bounds.search:
         return
@@ -117,11 +115,9 @@ def searched_white(
     bounds: Bounds,
     report: Log,
 ) -> tuple[Point, Floats | None]:
-    """The search of samples after the filter that whitens the residual, and that filter (channels, taps).
-
-    The filter is None where the residual is white. The colour is judged twice: by the residual of loud modes, which
-    are no noise, and by that of all.
-    """
+    """The search of samples after the filter that whitens the residual, and that filter (channels, taps)."""
+    # The filter is None where the residual is white. The colour is judged twice: by the residual of loud modes, which
+    # are no noise, and by that of all.
     taps, after = None, blocks
 
     def loud(point: Point) -> Iterator[Iterable[Move]]:

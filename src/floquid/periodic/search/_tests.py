@@ -123,10 +123,8 @@ def wide_of(point: Point, most: int) -> Point:
 
 
 def untold(point: Point) -> Indices:
-    """Places of the modes whose own information is next to none, except for the last one, which stays.
-
-    One that stands still for longer than the record is known if that is: its decay has no share of its own.
-    """
+    """Places of the modes whose own information is next to none, except for the last one, which stays."""
+    # One that stands still for longer than the record is known if that is: its decay has no share of its own.
     free = np.flatnonzero(point.entries.leading)
     if len(free) < 2:
         return free[:0]
@@ -176,11 +174,9 @@ def _gain(solution: Solution, ties: Floats) -> float:
 
 
 def period_step(solution: Solution) -> tuple[float, float] | None:
-    """(own period - T)/T by one step of the fundamental as a further parameter, and its deviation; None if untold.
-
-    A real multiplier that is alone on its axis may be a pair beside it, whose lines move together, or one of two, whose
-    slowest line moves alone: neither is a sign of the period.
-    """
+    """(own period - T)/T by one step of the fundamental as a further parameter, and its deviation; None if untold."""
+    # A real multiplier that is alone on its axis may be a pair beside it, whose lines move together, or one of two,
+    # whose slowest line moves alone: neither is a sign of the period.
     entries, columns = solution.entries, solution.entries.columns()
     n = len(columns.modes)
     if entries.free_period or not columns.turns.any():

@@ -36,7 +36,8 @@ def _whitened(whole: Estimates, terms: Indices, channels: Indices) -> tuple[Floa
         rows = (channels[of_channel], of_hit)
         if not len(of_hit):
             continue
-        whitener = _whitener(spread[block])
+        # W V Wᵀ = I, of as many rows as V has rank: what does not turn has no sine.
+        whitener = inverse_root(spread[block], ROUNDING).T
         scales = whole.scales[terms][:, *rows]
         scaled = whole.coefficients[terms][:, *rows] / scales
         moved = whole.slopes[terms][:, *rows] / scales[..., None]
@@ -44,11 +45,6 @@ def _whitened(whole: Estimates, terms: Indices, channels: Indices) -> tuple[Floa
         turned = np.tensordot(whitener, np.concatenate([moved.real, moved.imag]), axes=1)
         slopes.append(turned.reshape(-1, turned.shape[-1]) @ own_root)
     return np.concatenate(values), np.concatenate(slopes)
-
-
-def _whitener(spread: Floats) -> Floats:
-    """A matrix W with W V Wᵀ = I, of as many rows as V has rank (rank, 2 terms): what does not turn has no sine."""
-    return inverse_root(spread, ROUNDING).T
 
 
 def holm(p_values: Floats) -> Floats:

@@ -15,16 +15,7 @@ import numpy as np
 
 from floquid._checks import printable
 from floquid.io import Source, load_package
-from floquid.tables import (
-    Table,
-    TimeColumn,
-    find_time,
-    make_channels,
-    name_and_unit,
-    rate_of_step,
-    rows_of,
-    times_of,
-)
+from floquid.tables import Table, TimeColumn, find_time, make_channels, name_and_unit, rate_of_step, rows_of, times_of
 
 _AGAIN = "Copy or export it again."
 _DECIMALS = 9  # of a time stamp [s]: clocks of computers count no finer than 1 ns

@@ -148,10 +148,9 @@ _SPELLINGS = {
 
 
 def name_functions(headers: Sequence[FunctionHeader], own: Sequence[OwnLines | None]) -> list[str]:
-    """A name for each function: ours, or else the shortest of the kinds of names below that tells all apart.
-
-    The degree of freedom («12:+X»; without one the entity, or ID line 1), then the entity with it, ID line 1, and both.
-    """
+    """A name for each function: ours, or else the shortest of the kinds of names below that tells all apart."""
+    # The degree of freedom («12:+X»; without one the entity, or ID line 1), then the entity with it, ID line 1, and
+    # both.
     entities = [header.response.entity for header in headers]
     points = [header.response.words or header.response.entity or header.ids[0] for header in headers]
     lines = [header.ids[0] for header in headers]
@@ -282,10 +281,8 @@ def shared_axis(
 
 
 def _rate_of(step: Printed, n_points: int) -> tuple[float, str]:
-    """The rate that a printed step means, and the sentence on how it was found.
-
-    As in 1.95313e-05 s, which is 51200 Hz: one over it would drift by 79 samples in 600 s.
-    """
+    """The rate that a printed step means, and the sentence on how it was found."""
+    # As in 1.95313e-05 s, which is 51200 Hz: one over it would drift by 79 samples in 600 s.
     nominal = nominal_rate_of_step(step)
     rate = 1.0 / step.value if nominal is None else nominal
     if nominal is not None:

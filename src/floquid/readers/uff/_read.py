@@ -74,11 +74,9 @@ class _Function:
 
 
 def load_uff(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
-    """The table in a universal file: its datasets 58 of function type 1, one a channel.
-
-    The header prints the step to six digits. The rate is the one in ID line 2 where floquid wrote it, else the round
-    rate that the digits clearly mean, else one over the step; `Table.rate_note` says which.
-    """
+    """The table in a universal file: its datasets 58 of function type 1, one a channel."""
+    # The header prints the step to six digits. The rate is the one in ID line 2 where floquid wrote it, else the round
+    # rate that the digits clearly mean, else one over the step; `Table.rate_note` says which.
     data = source.path.read_bytes()
     datasets = find_datasets(source, data)
     system = _unit_system(data, datasets)

@@ -231,12 +231,7 @@ KEYS = ("values", "sample_rate", "time", "channels", *_WORDS, "start", "period",
 
 
 def table_by_name(
-    source: Source,
-    file: VariableFile,
-    *,
-    channels: Sequence[str] | None,
-    ignore_time: bool,
-    point: Mapping[str, float],
+    source: Source, file: VariableFile, *, channels: Sequence[str] | None, ignore_time: bool, point: Mapping[str, float]
 ) -> Table:
     """The table in a file that holds `values` and `channels`, at the operating `point` that it states."""
     held = file.variables

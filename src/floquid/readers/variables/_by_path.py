@@ -42,8 +42,7 @@ from floquid.tables import Table, TimeColumn, make_channel
 _LABELS = re.compile("label|channel|name|sensor", re.IGNORECASE)
 """Name of a variable that holds the names of channels, where several might."""
 
-_COUNTED = re.compile(r"\((\d{1,9})\)(?=[/.])")
-"""An element of a struct array as MATLAB counts them."""
+_COUNTED = re.compile(r"\((\d{1,9})\)(?=[/.])")  # an element of a struct array as MATLAB counts them
 
 _PATH = re.compile(r"(?P<path>.+?)(?P<turned>\.T)?(?:\[(?P<row>\d{1,9})\])?")
 

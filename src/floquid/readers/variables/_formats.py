@@ -151,12 +151,7 @@ def save_mat(record: Record, path: Path) -> None:
         must = "have less than 2 GiB of samples to fit a MATLAB file of version 7"
         got = f"has {record.values.nbytes / (1 << 30):.3g} GiB"
         raise input_error("record", "write", must, got, "Write it as .h5, which MATLAB reads, too (h5read).")
-    content: dict[str, Any] = {
-        **record.point,
-        "values": record.values,
-        **numbers_of(record),
-        **orbit_of(record),
-    }
+    content: dict[str, Any] = {**record.point, "values": record.values, **numbers_of(record), **orbit_of(record)}
     for key, texts in texts_of(record).items():
         content[key] = np.empty(len(texts), dtype=object)
         content[key][:] = texts

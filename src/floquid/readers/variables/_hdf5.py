@@ -46,12 +46,10 @@ def load_hdf5(source: Source, *, channels: Sequence[str] | None, ignore_time: bo
 
 
 def _gtsdf(source: Source, opened: Any, plain: Hdf5File) -> Arrays:
-    """Samples and names of a file as HAWC2 writes it, the General Time Series Data Format of DTU, under our names.
-
-    There are blocks of samples, one after the other. Whole numbers are times `gains` plus `offsets`, and the largest
-    of their type is missing. The times are `time`, or else the number of the sample, times `time_step` plus
-    `time_start`.
-    """
+    """Samples and names of a file as HAWC2 writes it, the General Time Series Data Format of DTU, under our names."""
+    # There are blocks of samples, one after the other. Whole numbers are times `gains` plus `offsets`, and the largest
+    # of their type is missing. The times are `time`, or else the number of the sample, times `time_step` plus
+    # `time_start`.
     levels = sorted(match[1] for path in plain.variables if (match := re.fullmatch(r"(block\d{4,}/)data", path)))
     if not levels:
         raise source.error("hold samples", "has no `block0000/data`", "Write it again.")
@@ -127,10 +125,8 @@ class Hdf5File:
         return self._elements[path] if path in self._elements else self._file[path or "/"]
 
     def _walk(self) -> Iterator[tuple[str, Any]]:
-        """Every dataset with its path, and a group that MATLAB makes of one thing; of a link None.
-
-        Groups are entered by hard links alone, and each but once.
-        """
+        """Every dataset with its path, and a group that MATLAB makes of one thing; of a link None."""
+        # Groups are entered by hard links alone, and each but once.
         import h5py
 
         waiting: list[tuple[str, Any]] = [("", self._file)]
