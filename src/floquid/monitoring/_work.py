@@ -139,8 +139,8 @@ def standard(conditions: Floats, healthy: Mask) -> Floats:
 def errors_of(points: Sequence[Point], names: Sequence[str], conditions: Floats) -> Floats:
     """Deviations of the covariates (records, covariates): given as `name_std`, else of their resolution, res/√12.
 
-    That is the largest power of ten, one at most, of which all values are multiples: 700, 750 and 800 are not known
-    to ten only.
+    All values are multiples of their resolution, the largest power of ten that is possible, and one at most: 700, 750
+    and 800 may well be known to one.
     """
     out = np.zeros(conditions.shape)
     for column, name in enumerate(names):
