@@ -6,7 +6,7 @@ import time
 from importlib.util import find_spec
 from pathlib import Path
 
-EXTRAS = ("asammdf", "comtrade", "control", "pandas", "pyarrow", "python_calamine", "nptdms", "xarray")
+EXTRAS = ("asammdf", "comtrade", "control", "distributed", "pandas", "pyarrow", "python_calamine", "nptdms", "xarray")
 
 began = time.perf_counter()
 import floquid as fq  # noqa: E402
@@ -28,6 +28,13 @@ for suffix, extra in (("tdms", "tdms"), ("parquet", "parquet"), ("xlsx", "excel"
             assert f'pip install "floquid[{extra}]"' in str(error), error
         else:
             raise AssertionError(f"{suffix} without its package")
+
+try:
+    fq.fleet("run.npz")
+except fq.InputError as error:
+    assert 'pip install "floquid[fleet]"' in str(error), error
+else:
+    raise AssertionError("a fleet without pyarrow")
 
 script = Path(sys.executable).with_name("floquid")
 done = subprocess.run([script, "identify", "run.npz", "--out", "place"], capture_output=True, text=True, check=False)

@@ -146,8 +146,8 @@ def _channels(samples: float) -> Iterator[Bad]:
     yield Bad(
         name=f"a channel again in other units{way}",
         make=made(beside((-2.54, 0)), samples),
-        answer="refused",
-        words="-2.54 times channel 'X'",
+        answer="doubted",
+        words="it is -2.54 times channel 'X', noise included, and tells nothing more",
     )
     yield Bad(
         name=f"two sensors side by side{way}",
@@ -231,13 +231,13 @@ LIFTED = [
     Bad(
         name="the sum of two channels",
         make=made(beside((1, 1))),
-        answer="refused",
-        words="must be independent measurements",
+        answer="doubted",
+        words="'Z' was left out: it is 1 times channel 'X' and 1 times channel 'Y'",
     ),
     Bad(
         name="two channels turned by 30°",
         make=made(beside((0.75**0.5, 0.5), (-0.5, 0.75**0.5))),
-        answer="refused",
+        answer="doubted",
         words="0.866 times channel 'X' and 0.5 times channel 'Y'",
     ),
     Bad(name="an offset of 1e6", make=made(lambda v: v + 1e6), answer="modes"),

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from floquid.core import AzimuthSignal, Channel, ConstantPeriod, PeriodicModel, PulseTimes, Record, TachometerSignal
     from floquid.errors import FloquidError, IdentificationError, InputError
     from floquid.exports import export_modes, to_xarray
+    from floquid.fleets import Fleet, fleet
     from floquid.pipeline import Analysis, Bootstrap, bootstrap, identify, measure_transfer
     from floquid.preparation import Settings
     from floquid.readers import from_pandas, from_sep005, from_xarray, read, to_pandas, to_sep005, write
@@ -31,12 +32,12 @@ if TYPE_CHECKING:
     from floquid.transfer import fit_transfer, multisine
 
 __all__ = [
-    "Analysis", "AzimuthSignal", "Bootstrap", "Channel", "Comparison", "ConstantPeriod", "FloquidError",
+    "Analysis", "AzimuthSignal", "Bootstrap", "Channel", "Comparison", "ConstantPeriod", "Fleet", "FloquidError",
     "IdentificationError", "InputError", "Parameter", "PeriodicModel", "PulseTimes", "Record", "Refinement",
     "Settings", "StateModel", "Survey", "TachometerSignal", "Updated", "bootstrap", "compare", "export_modes",
-    "fit_transfer", "floquet", "from_pandas", "from_sep005", "from_xarray", "identify", "load", "measure_transfer",
-    "multisine", "read", "read_shapes", "reconstruct", "refine", "report", "save", "survey", "systems", "to_pandas",
-    "to_sep005", "to_xarray", "update", "write",
+    "fit_transfer", "fleet", "floquet", "from_pandas", "from_sep005", "from_xarray", "identify", "load",
+    "measure_transfer", "multisine", "read", "read_shapes", "reconstruct", "refine", "report", "save", "survey",
+    "systems", "to_pandas", "to_sep005", "to_xarray", "update", "write",
 ]  # fmt: skip
 
 _ROOMS = {
@@ -44,6 +45,7 @@ _ROOMS = {
     "core": "AzimuthSignal Channel ConstantPeriod PeriodicModel PulseTimes Record TachometerSignal",
     "errors": "FloquidError IdentificationError InputError",
     "exports": "export_modes to_xarray",
+    "fleets": "Fleet fleet",
     "pipeline": "Analysis Bootstrap bootstrap identify measure_transfer",
     "preparation": "Settings",
     "readers": "from_pandas from_sep005 from_xarray read to_pandas to_sep005 write",

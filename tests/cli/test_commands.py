@@ -18,7 +18,8 @@ from tests.cli.conftest import EARLIER, ROTOR, ROTOR_PERIOD, after_stages, conte
 
 import floquid
 from floquid.cli import _terminal, run
-from floquid.cli._app import app
+from floquid.cli._app import COMMANDS as LISTED
+from floquid.cli._app import app_of
 from floquid.cli._options import Choices, FreeOptions, ModelOptions, RecordOptions, choices_of
 from floquid.findings import warning
 from floquid.plot import FIGURES
@@ -113,14 +114,15 @@ def test_json_is_the_summary_alone(here, quick_pictures):
     assert text == (here / "new" / "summary.json").read_text()
     summary = strict_json(text)
     assert list(summary) == [
-        "format", "excitation", "period", "period_std", "misfit", "failed", "order", "order_choice", "n_cycles",
-        "n_phases", "outputs", "noise", "noise_whitening", "modes", "inputs", "lengths", "periodicity", "forced",
-        "interference", "synchronisation", "system", "validation", "warnings", "findings",
+        "format", "excitation", "period", "period_std", "point", "misfit", "failed", "order", "order_choice",
+        "n_cycles", "n_phases", "outputs", "noise", "noise_whitening", "modes", "inputs", "lengths", "periodicity",
+        "forced", "interference", "synchronisation", "system", "validation", "warnings", "findings",
     ]  # fmt: skip
     assert summary["format"] == "floquid-summary/2"
     assert summary["period"] == pytest.approx(2.0 * np.pi, rel=1e-15)
     assert (summary["order"], summary["n_cycles"], summary["n_phases"]) == (4, 40, 8)
     assert summary["period_std"] is None
+    assert summary["point"]["speed_rpm"] == pytest.approx(60.0 / summary["period"])
     assert summary["validation"]["passed"] is True
     assert summary["validation"]["fit"] > 0.95
     assert summary["validation"]["reasons"] == []
@@ -332,7 +334,7 @@ def test_help_names_every_option_with_its_unit(command, monkeypatch):
     monkeypatch.setenv("COLUMNS", "100")
     text = typed([command, "--help"])
     assert text.startswith(f"Usage: floquid {command}")
-    function = app[command].default_command
+    function = app_of()[command].default_command
     units = {"period": "[s]", "origin": "[s]", "frequency": "[Hz]", "rate": "[Hz]", "impulse_deg": "[deg]"}
     for name, typed_by_name in words_of(function):
         word = f"--{name.replace('_', '-')}" if typed_by_name else name.upper()
@@ -341,6 +343,14 @@ def test_help_names_every_option_with_its_unit(command, monkeypatch):
         assert re.search(r"[a-z]{3}", said[1]), f"{word} is not explained"
         if name in units:
             assert units[name] in said[1]
+
+
+@pytest.mark.parametrize("command", LISTED)
+def test_the_list_has_the_first_line_of_each_commands_help(command):
+    """It is written down, so that `--help` imports no command."""
+    function = app_of()[command].default_command
+    assert function.__name__ == command
+    assert LISTED[command][2] == inspect.getdoc(function).splitlines()[0]
 
 
 def test_help_of_all(monkeypatch):

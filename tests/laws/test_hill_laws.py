@@ -1,5 +1,7 @@
 """Laws of Hill's method, on random systems: against the other oracle, and built backwards from their exponents."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -40,6 +42,21 @@ def test_agrees_with_the_other_oracle(system):
     apart = np.abs(pair_exponents(found.exponents, other, system.period).differences)
     assert (apart < 1e-9 + 100 * found.change.max()).all()
     assert found.exponents.real.sum() == pytest.approx(other.real.sum(), abs=1e-9)
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-6, 0.1])
+@LAWS
+@given(st.builds(trigonometric, st.integers(2, 4), st.integers(0, 3), periods, seeds))
+def test_exponents_beside_known_modes_are_those_of_the_truncated_problem(off, system):
+    """Known exponents that are wrong by `off` are found to be wrong by that; mixed shapes are no way to them."""
+    plain, known = hill(system), floquet.modes(system)
+    signs = np.array([1.0, -1.0, 0.0, 0.0])[: known.order]
+    wrong = replace(known, exponents=known.exponents + off * signs)  # of the same sum
+    mixed = replace(known, coefficients=known.coefficients + off * known.coefficients[::-1])
+    for found in (hill(system, known=wrong), hill(system, known=mixed)):
+        assert found.converged
+        apart = np.abs(pair_exponents(found.exponents, plain.exponents, system.period).differences)
+        assert (apart < 1e-9 + 100 * plain.change.max()).all()
 
 
 @LAWS

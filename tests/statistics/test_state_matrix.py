@@ -224,11 +224,15 @@ def draws(experiment: Experiment, seeds: range, near: int) -> Draws:
             found["pull"] += [error.real / std.real, error.imag / std.imag]
             error, std = error + refined.exponents[k] - model.exponents[k], refined.exponent_std[k]
             found["refined"] += [error.real / std.real, error.imag / std.imag]
-            entry = int(np.flatnonzero(own == k)[0])
+            # The wider fit may hold the conjugate of a pair, which has the conjugate shape at the opposite harmonics.
+            mate = int(np.argmin(np.abs(model.exponents - model.exponents[k].conj())))
+            held = k if (own == k).any() else mate
+            entry, sign = int(np.flatnonzero(own == held)[0]), 1 if held == k else -1
             for m in range(-near, near + 1):
-                term = wide.term(entry, m - turn)
+                term = wide.term(entry, sign * (m - turn))
                 at = int(np.flatnonzero(truth.harmonics == m)[0])
-                off_by = wide.coefficients[term, :, 0] - truth.coefficients[r, :, 0, at]
+                shape = wide.coefficients[term, :, 0]
+                off_by = (shape if sign == 1 else shape.conj()) - truth.coefficients[r, :, 0, at]
                 found["coefficient"].append(off_by)
                 pulls = off_by.real / deviation[term, :, 0].real, off_by.imag / deviation[term, :, 0].imag
                 found["coefficient_pull"] += [*pulls[0], *pulls[1]]

@@ -2,15 +2,15 @@
 
 Exit codes: 0 done, 1 identification failed or was refused, 2 usage or bad input, 3 validation criteria not met under
 `--enforce`, 130 interrupted. What goes wrong is one message on stderr; no traceback without `--debug`.
+
+A command imports what it needs when it is run: `--version` and `--help` wait for no numerics.
 """
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-
-from floquid.cli._app import run
-from floquid.cli._app import text_of as text_of
+from typing import Any
 
 __all__ = ["main", "run"]
 
@@ -22,3 +22,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
         if reconfigure is not None:  # a terminal that cannot show λ, or a file name that is no text, ends nothing
             reconfigure(errors="backslashreplace")
     sys.exit(run(sys.argv[1:] if arguments is None else arguments))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run one command, the words after `floquid` in `arguments`, and return its exit code (see `floquid.cli`)."""
+    from floquid.cli._app import run
+
+    return run(arguments)
+
+
+def text_of(result: Any, **units: Any) -> str:
+    """The tables and the verdict of a `result` that the command line prints, in `units`; see `_text.text_of`."""
+    from floquid.cli._text import text_of
+
+    return text_of(result, **units)

@@ -1,4 +1,4 @@
-"""The subcommands put together, the way out of each (an exit code and at most one message), and results as text."""
+"""The subcommands put together, and the way out of each: an exit code and at most one message."""
 
 from __future__ import annotations
 
@@ -7,68 +7,104 @@ import sys
 import traceback
 import warnings
 from collections.abc import Sequence
-from importlib.metadata import version
-from io import StringIO
 
-from cyclopts import App, CycloptsError
+from cyclopts import App
 
-from floquid.cli._bootstrap import bootstrap, print_drawn
-from floquid.cli._compare import compare, print_comparison, print_updated
-from floquid.cli._demo import demo, simulate
-from floquid.cli._errors import (
-    BAD_INPUT,
-    DONE,
-    FAILED,
-    INTERRUPTED,
-    NOT_MET,
-    CriteriaNotMetError,
-    explained,
-    explained_usage,
-)
-from floquid.cli._floquet import floquet
-from floquid.cli._floquet_output import print_stability
-from floquid.cli._identify import identify, report
-from floquid.cli._info import info
-from floquid.cli._multisine import multisine
-from floquid.cli._records import convert
-from floquid.cli._scan import print_orders, scan
-from floquid.cli._shapes import shapes
-from floquid.cli._survey import print_survey, survey
-from floquid.cli._terminal import plain, print_found, terminal
-from floquid.cli._transfer import transfer
-from floquid.comparison import Comparison, Updated
-from floquid.floquet import FloquetModes, stability
-from floquid.order import OrderScan
-from floquid.pipeline import Analysis, Bootstrap
-from floquid.surveys import Survey
-from floquid.views import DampingUnit, SpeedUnit, check_damping_unit
-from floquid.views import speed_unit as unit_of_speed
+from floquid._version import __version__
 
-WIDTH = 100  # characters of a line of `summary()`
+# The module of each command, the words after it, and the first line of its help: `--help` imports none to list them.
+COMMANDS = {
+    "demo": ("_demo", "[SYSTEM]", "Simulate the experiment of Allen's paper, identify it, and compare with the truth."),
+    "info": (
+        "_info",
+        "FILE",
+        (
+            "Show what is in a record file: channels, units, rate, candidates for clock, hits and inputs, what to type "
+            "next."
+        ),
+    ),
+    "convert": (
+        "_records",
+        "FILE OUT",
+        "Write a record in another format, and say what that format could not hold; or the modes of a result.",
+    ),
+    "identify": (
+        "_identify",
+        "FILES...",
+        "Identify the Floquet exponents, the periodic mode shapes and A(t) from measured responses.",
+    ),
+    "survey": (
+        "_survey",
+        "FILES...",
+        "Follow modes over a speed, or another operating point, and find where they turn unstable.",
+    ),
+    "compare": (
+        "_compare",
+        "A B",
+        "Compare two sets of modes, mode by mode: differences with deviations, what is missing, and χ² of all.",
+    ),
+    "fleet": (
+        "_fleet",
+        "FILES...",
+        "Identify many records, each for itself, into one Parquet table with a row a mode.",
+    ),
+    "transfer": (
+        "_transfer",
+        "FILES... --inputs NAMES",
+        "Harmonic transfer functions from measured inputs to the other channels, with their deviations.",
+    ),
+    "multisine": (
+        "_multisine",
+        "--period T --rate HZ",
+        "Write inputs for measuring harmonic transfer functions: random lines whose sidebands do not meet.",
+    ),
+    "scan": (
+        "_scan",
+        "FILES...",
+        "Show how many modes there are: identify at many orders, see which poles stay, and look at mode indicators.",
+    ),
+    "report": (
+        "_identify",
+        "RESULT",
+        "Write the report of a saved result: one HTML page that opens in any browser, without a network.",
+    ),
+    "shapes": (
+        "_shapes",
+        "RESULT",
+        (
+            "Read the shapes of a saved result: whirl of modes, their names by patterns over blades, shares of their "
+            "lines."
+        ),
+    ),
+    "bootstrap": (
+        "_bootstrap",
+        "RESULT",
+        "Check the standard deviations of a result: draw records from its model, fit each anew, and see the spread.",
+    ),
+    "floquet": (
+        "_floquet",
+        "FILES...",
+        "Floquet exponents, periodic mode shapes and stability of a system whose A(t) is known.",
+    ),
+    "simulate": ("_demo", "[SYSTEM]", "Write the free response of an example system to a file."),
+}
 
-app = App(
-    name="floquid",
-    help="Identify linear time-periodic systems from measured responses.",
-    usage="Usage: floquid COMMAND [OPTIONS]",
-    version=version("floquid"),
-    help_format="plaintext",
-    help_epilogue="Every command takes --debug: it shows the traceback of an error.",
-    suppress_keyboard_interrupt=False,
-)
-app.command(demo, usage="Usage: floquid demo [SYSTEM] [OPTIONS]")
-app.command(info, usage="Usage: floquid info FILE [OPTIONS]")
-app.command(convert, usage="Usage: floquid convert FILE OUT [OPTIONS]")
-app.command(identify, usage="Usage: floquid identify FILES... [OPTIONS]")
-app.command(survey, usage="Usage: floquid survey FILES... [OPTIONS]")
-app.command(compare, usage="Usage: floquid compare A B [OPTIONS]")
-app.command(transfer, usage="Usage: floquid transfer FILES... --inputs NAMES [OPTIONS]")
-app.command(multisine, usage="Usage: floquid multisine --period T --rate HZ [OPTIONS]")
-app.command(scan, usage="Usage: floquid scan FILES... [OPTIONS]")
-app.command(report, usage="Usage: floquid report RESULT [OPTIONS]")
-app.command(shapes, usage="Usage: floquid shapes RESULT [OPTIONS]")
-app.command(bootstrap, usage="Usage: floquid bootstrap RESULT [OPTIONS]")
-app.command(floquet, usage="Usage: floquid floquet FILES... [OPTIONS]")
-app.command(simulate, usage="Usage: floquid simulate [SYSTEM] [OPTIONS]")
+
+def app_of(words: Sequence[str] = ()) -> App:
+    """The command line; a command that is named in `words` has its whole help, the others their first line."""
+    app = App(
+        name="floquid",
+        help="Identify linear time-periodic systems from measured responses.",
+        usage="Usage: floquid COMMAND [OPTIONS]",
+        version=__version__,
+        help_format="plaintext",
+        help_epilogue="Every command takes --debug: it shows the traceback of an error.",
+        suppress_keyboard_interrupt=False,
+    )
+    for name, (module, places, line) in COMMANDS.items():
+        usage = f"Usage: floquid {name} {places} [OPTIONS]"
+        app.command(f"floquid.cli.{module}:{name}", name=name, usage=usage, help=None if name in words else line)
+    return app
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -78,57 +114,19 @@ def run(arguments: Sequence[str]) -> int:
     try:
         # What numpy warns of is either refused where the numbers are checked or harmless: it is nothing for a person.
         with warnings.catch_warnings(record=not debug):
-            app(words, exit_on_error=False, print_error=False, result_action="return_value")
+            app_of(words)(words, exit_on_error=False, print_error=False, result_action="return_value")
         sys.stdout.flush()
-    except CycloptsError as error:
-        return _end(explained_usage(error), BAD_INPUT)
     except BrokenPipeError:
         # Whoever read the output has had enough. What is left in the buffer goes nowhere, in silence.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return FAILED
-    except KeyboardInterrupt:
-        return _end("Interrupted before the end. A result is only ever written whole.", INTERRUPTED)
-    except CriteriaNotMetError as error:
-        return _end(str(error), NOT_MET)
-    except Exception as error:  # noqa: BLE001  # the last place where a mistake of ours can be worded
-        if debug:
+        return 1
+    except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001  # the last place to word a mistake of ours
+        from floquid.cli._errors import explained
+        from floquid.cli._terminal import terminal
+
+        if debug and not isinstance(error, KeyboardInterrupt):
             traceback.print_exc()
-        return _end(*explained(error))
-    return DONE
-
-
-def _end(message: str, code: int) -> int:
-    terminal(stderr=True).print(f"floquid: {message}", soft_wrap=True)
-    return code
-
-
-def text_of(
-    result: Analysis | Bootstrap | OrderScan | FloquetModes | Survey | Comparison | Updated,
-    *,
-    speed_unit: SpeedUnit = "hz",
-    damping_unit: DampingUnit = "percent",
-) -> str:
-    """The tables and the verdict of a `result` that the command line prints, without colours, with Python's names.
-
-    The speed of a shaft is in `speed_unit`, damping in `damping_unit`. Raises InputError where one is none.
-    """
-    unit_of_speed(speed_unit, "summary")
-    check_damping_unit(damping_unit, "summary")
-    file = StringIO()
-    console = plain(file, WIDTH)
-    match result:
-        case Analysis():
-            print_found(console, result, speed_unit=speed_unit, damping_unit=damping_unit)
-        case Bootstrap():
-            print_drawn(console, result)
-        case OrderScan():
-            print_orders(console, result)
-        case FloquetModes():
-            print_stability(console, result, stability(result))
-        case Survey():
-            print_survey(console, result)
-        case Comparison():
-            print_comparison(console, result)
-        case Updated():
-            print_updated(console, result)
-    return "\n".join(line.rstrip() for line in file.getvalue().strip("\n").splitlines())
+        message, code = explained(error)
+        terminal(stderr=True).print(f"floquid: {message}", soft_wrap=True)
+        return code
+    return 0

@@ -5,14 +5,16 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from cyclopts import Parameter
 from rich.console import Console
 
 from floquid._checks import counted, input_error
 from floquid.cli._folder import RESULT, maybe_folder, result_folder, settle
 from floquid.cli._options import Format, OutputFolder
-from floquid.cli._shapes import Listed, scales_of
+from floquid.cli._shapes import scales_of
 from floquid.cli._terminal import json_text, new_table, print_files, print_warnings, print_whole, terminal
 from floquid.comparison import Comparison, Updated, headings, missing_words, pair_row, update_words, verdict
 from floquid.comparison import compare as compare_sides
@@ -31,7 +33,7 @@ def compare(
     b: str,
     /,
     *,
-    scale: Listed = None,
+    scale: Annotated[list[str] | None, Parameter(negative=())] = None,
     out: OutputFolder = None,
     format: Format = "text",  # noqa: A002
 ) -> None:

@@ -12,7 +12,7 @@ from floquid.errors import IdentificationError, InputError
 from floquid.pipeline import Settings
 from floquid.views import SHORT, for_command
 
-DONE, FAILED, BAD_INPUT, NOT_MET, INTERRUPTED = 0, 1, 2, 3, 130
+FAILED, BAD_INPUT, NOT_MET, INTERRUPTED = 1, 2, 3, 130
 
 
 class CriteriaNotMetError(Exception):
@@ -70,6 +70,7 @@ _OPTIONS = {
     "load": {"path": "`RESULT`"},
     "report": {"analysis": "`RESULT`", "path": "`--out`", "brief": "`--brief`"},
     **{f"Analysis.{name}": {"self": "The result"} for name in ("transfer", "lifted")},
+    "fleet": {"sources": "`FILES`", **_alike("out", "keep", "workers")},
     "survey": {"results": "`FILES`", **_alike("gap", "confidence")},
     "bootstrap": {"analysis": "`RESULT`", **_alike("draws", "seed", "workers", "whole")},
     "save_figures": {"folder": "`--out`"},
@@ -83,27 +84,41 @@ _OPTIONS = {
 
 def explained(error: BaseException) -> tuple[str, int]:
     """The message, and the exit code."""
-    if isinstance(error, InputError):
-        return in_options(str(error)), BAD_INPUT
-    if isinstance(error, IdentificationError):
-        return for_command(str(error)), FAILED
-    if isinstance(error, MemoryError):
-        words = "This needs more memory than there is: use a shorter record or fewer channels (`identify --channels`)."
-        return words, FAILED
-    if isinstance(error, OSError):
-        where = f"{error.filename}: " if error.filename else ""
-        return f"{where}{error.strerror or error}.", BAD_INPUT
-    if isinstance(error, (FloatingPointError, np.linalg.LinAlgError)):
-        words = (
-            f"The numbers of this record cannot be worked with ({error}): are there wrong samples, or channels that "
-            "say nothing? `floquid info FILE` shows their range; choose others with `--channels`."
-        )
-        return words, FAILED
-    words = (
-        f"Unexpected {type(error).__name__}: {error}\n"
-        "  This is a mistake in floquid. Run the command again with --debug and report what it prints."
-    )
-    return words, FAILED
+    code = FAILED
+    match error:
+        case CycloptsError():
+            words, code = explained_usage(error), BAD_INPUT
+        case InputError():
+            words, code = in_options(str(error)), BAD_INPUT
+        case CriteriaNotMetError():
+            words, code = str(error), NOT_MET
+        case KeyboardInterrupt():
+            words, code = "Interrupted before the end. A result is only ever written whole.", INTERRUPTED
+        case IdentificationError():
+            words = for_command(str(error))
+        case MemoryError():
+            words = (
+                "This needs more memory than there is: use a shorter record or fewer channels (`identify --channels`)."
+            )
+        case OSError():
+            where = f"{error.filename}: " if error.filename else ""
+            words, code = f"{where}{error.strerror or error}.", BAD_INPUT
+        case FloatingPointError() | np.linalg.LinAlgError():
+            words = (
+                f"The numbers of this record cannot be worked with ({error}): are there wrong samples, or channels "
+                "that say nothing? `floquid info FILE` shows their range; choose others with `--channels`."
+            )
+        case _:
+            words = (
+                f"Unexpected {type(error).__name__}: {error}\n"
+                "  This is a mistake in floquid. Run the command again with --debug and report what it prints."
+            )
+    return words, code
+
+
+def in_a_line(error: BaseException) -> str:
+    """The message in one line."""
+    return " ".join(explained(error)[0].split())
 
 
 def in_options(message: str) -> str:

@@ -99,7 +99,7 @@ def _examined(file: MatrixFile, tolerance: float, check: bool, report: Callable[
     if check:
         report("checking by Hill's method (--no-check leaves it out)")
         try:
-            second = hill(file.matrix, raises=False)
+            second = hill(file.matrix, raises=False, known=found)
             difference = compare(found, second.exponents)
         except InputError as error:
             unchecked = _refusal(error)

@@ -17,6 +17,7 @@ from floquid.errors import InputError
 from floquid.inputs import Hold
 from floquid.io import readable_file
 from floquid.pipeline import FORBIDDEN, WORDS, Excitation, IdentifierName, Settings
+from floquid.preparation import Reading
 from floquid.readers import SUFFIXES, WRITTEN
 from floquid.reconstruction import Form
 from floquid.views import SHORT, DampingUnit, SpeedUnit
@@ -49,10 +50,14 @@ RecordFile = Annotated[Path, Parameter(converter=_path, help=f"The record: {SUFF
 _FILES = f"Records of one system, {SUFFIXES}: several files are several hits, or runs."
 RecordFiles = Annotated[Path, Parameter(converter=_path, help=_FILES)]
 _OF_SURVEYS = (
-    f"Records ({SUFFIXES}), results of `floquid identify`, folders of .lin files of one operating point, or folders of "
-    "such, at several operating points."
+    f"Records ({SUFFIXES}), results of `floquid identify`, folders of .lin files of one operating point, folders of "
+    "such, or the table of `floquid fleet --keep`, at several operating points."
 )
 SurveyFiles = Annotated[Path, Parameter(converter=_path, help=_OF_SURVEYS)]
+_OF_FLEETS = (
+    f"Records ({SUFFIXES}), folders of such, or patterns in quotes: 'lake/*/*.parquet'. Each is a record alone."
+)
+FleetFiles = Annotated[Path, Parameter(converter=_path, help=_OF_FLEETS)]
 NewRecordFile = Annotated[
     Path, Parameter(converter=_path, help=f"The file to write; its suffix chooses the format: {WRITTEN}.")
 ]
@@ -251,6 +256,10 @@ class Choices:
     def resolved(self) -> Settings:
         """The settings with the algorithm that was named."""
         return self.settings if self.identifier is None else replace(self.settings, identifier=self.identifier)  # type: ignore[arg-type]
+
+    def reading(self) -> Reading:
+        """The options of the reading of files."""
+        return Reading(rate=self.rate, names=self.names, origin=self.origin, header=self.header, point=self.point)
 
     def with_given(self, **given: Any) -> Choices:
         """Choices with the given ones (not None) put over them."""

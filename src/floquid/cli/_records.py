@@ -59,17 +59,10 @@ def read_records(
     files: Sequence[Path], choices: Choices, of: str, report: Callable[[str], None]
 ) -> tuple[list[Record], Choices]:
     """The records, and the choices with the names that the channels have from here on."""
-    chosen, records = choices.settings, []
-    signals = [name for name in (chosen.tach, chosen.azimuth) if name is not None]
-    beside = [name for name in (*signals, *chosen.inputs) if name not in (*chosen.channels, *choices.names)]
-    named = (*chosen.channels, *beside) if chosen.channels else None
-    for file in files:
-        report(f"reading {file.name}")
-        record = read(
-            file, period=chosen.period, rate=choices.rate, channels=named, names=choices.names or None,
-            origin=choices.origin, header=choices.header,
-        )  # fmt: skip
-        if record.clock is None and not signals and not chosen.estimate_period:
+    chosen = choices.settings
+    records, named = choices.reading().records(files, chosen, report)
+    for file, record in zip(files, records, strict=True):
+        if record.clock is None and not (chosen.tach or chosen.azimuth or chosen.estimate_period):
             got = f"neither it nor --frequency is, and {file} does not state one"
             free = not chosen.inputs and chosen.excitation == "none"
             remedy = (
@@ -78,10 +71,8 @@ def read_records(
                 f"{_likely(file, choices.rate, choices.header)}"
             )
             raise input_error("--period", of, "be given", got, remedy)
-        records.append(record.with_point(choices.point))
-    if chosen.channels:  # a path may stand for all rows of a matrix: from here on each has its name
-        own = tuple(c.name for c in records[0].channels if c.name not in beside)
-        choices = choices.with_given(channels=own, asked=chosen.channels if choices.names else None)
+    if chosen.channels:
+        choices = choices.with_given(channels=named.channels, asked=chosen.channels if choices.names else None)
     return records, choices
 
 

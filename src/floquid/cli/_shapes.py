@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from math import pi
 from typing import Annotated, Any
@@ -14,27 +15,61 @@ from cyclopts import Parameter
 
 from floquid._checks import input_error
 from floquid.cli._folder import identified_in
-from floquid.cli._options import OUTPUT, Format, Saved, split
+from floquid.cli._options import Format, Saved, split
 from floquid.cli._terminal import json_text, new_table, print_title, print_whole, terminal
 from floquid.errors import InputError
-from floquid.shapes import BladePattern, ModeReading, Participation, ShapeReadings, Whirl, Words, read_shapes
+from floquid.shapes import BladePattern, ModeReading, Participation, ShapeOptions, ShapeReadings, Whirl, Words
 from floquid.views import with_error
 
 OF = "floquid shapes"
 
-Listed = Annotated[list[str] | None, Parameter(negative=())]
+SHAPES = "Shapes"
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class ShapeChoices:
+    """Options by which shapes are read.
+
+    Parameters
+    ----------
+    pairs
+        Pairs of channels at right angles in a plane, x:y,x2:y2; from x to y is the sense of rotation.
+    blades
+        A group of channels, one a blade, flap=b1,b2,b3; may be given several times. Each blade is ahead of the one
+        before, in the sense of rotation.
+    fixed
+        Channels in the fixed frame that count beside the blades, comma-separated.
+    scale
+        What makes a group or a fixed channel a length that can be compared with the others, fa=1/60; may be given
+        several times.
+    words
+        Words for directions: en has forward and backward, openfast progressive and regressive, hawc FW and BW.
+    """
+
+    pairs: Annotated[str | None, Parameter(group=SHAPES)] = None
+    blades: Annotated[list[str] | None, Parameter(negative=(), group=SHAPES)] = None
+    fixed: Annotated[str | None, Parameter(group=SHAPES)] = None
+    scale: Annotated[list[str] | None, Parameter(negative=(), group=SHAPES)] = None
+    words: Annotated[Words, Parameter(group=SHAPES)] = "en"
+
+    def options(self, of: str) -> ShapeOptions:
+        """The options as `read_shapes` takes them; InputError of the command `of` where a scale is no number."""
+        return ShapeOptions(
+            pairs=(self.pairs,) if self.pairs else (),
+            blades=tuple(self.blades or ()),
+            fixed=split(self.fixed or ""),
+            scales=scales_of(self.scale or (), of),
+            words=self.words,
+        )
 
 
 def shapes(
     result: Saved,
     /,
     *,
-    pairs: str | None = None,
-    blades: Listed = None,
-    fixed: str | None = None,
-    scale: Listed = None,
+    read: ShapeChoices | None = None,
     participation: str | None = None,
-    words: Annotated[Words, Parameter(group=OUTPUT)] = "en",
     format: Format = "text",  # noqa: A002
 ) -> None:
     """Read the shapes of a saved result: whirl of modes, their names by patterns over blades, shares of their lines.
@@ -43,34 +78,17 @@ def shapes(
     ----------
     result
         The saved result.
-    pairs
-        Pairs of channels at right angles in a plane, x:y,x2:y2; from x to y is the sense of rotation.
-    blades
-        A group of channels, one a blade, flap=b1,b2,b3; may be given several times. Each blade is ahead of the one
-        before, in the sense of rotation. Without it, and without pairs, groups are those that names tell.
-    fixed
-        Channels in the fixed frame that count beside the blades, comma-separated.
-    scale
-        What makes a group or a fixed channel a length that can be compared with the others, fa=1/60; may be given
-        several times.
+    read
+        How shapes are read. Without pairs and blades, groups of blades are those that names tell.
     participation
         A channel whose lines are shared out.
-    words
-        Words for directions: en has forward and backward, openfast progressive and regressive, hawc FW and BW.
     format
         text prints a table; json prints all, the table of each pattern too.
     """
     analysis = identified_in(result, OF)
+    asked = (read or ShapeChoices()).options(OF)
     try:
-        found = read_shapes(
-            analysis,
-            pairs=(pairs,) if pairs else (),
-            blades=tuple(blades or ()),
-            fixed=split(fixed or ""),
-            scales=scales_of(scale or (), OF),
-            participation=participation,
-            words=words,
-        )
+        found = asked.read(analysis, participation=participation)
     except InputError as error:
         message = str(error).replace("`scales`", "`scale`")
         raise InputError(re.sub(r"Argument `(\w+)` of `read_shapes`", r"`--\1`", message)) from None

@@ -29,6 +29,7 @@ from floquid.cli._options import (
     choices_of,
     given,
 )
+from floquid.cli._shapes import ShapeChoices
 from floquid.cli._survey_points import OF, jobs_of, points_of
 from floquid.cli._terminal import json_text, new_table, print_files, print_title, print_warnings, print_whole, terminal
 from floquid.errors import IdentificationError
@@ -47,7 +48,7 @@ def survey(
     *files: SurveyFiles,
     over: str = "speed_rpm",
     table: Place | None = None,
-    pairs: str | None = None,
+    read: ShapeChoices | None = None,
     record: RecordOptions | None = None,
     model: ModelOptions | None = None,
     gap: Whole = 2,
@@ -69,9 +70,8 @@ def survey(
         numbers in the files, from --point, or, of speed_rpm, from the period.
     table
         A text table of the points: a column `file`, then a column a quantity; `period` is that of a record [s].
-    pairs
-        Pairs of channels at right angles, by which modes have a whirl: x:y, or x:y,x2:y2. From x to y the shaft
-        turns.
+    read
+        How shapes are read: modes have a whirl with pairs, names and frequencies in the fixed frame with blades.
     record, model
         The fields of `Settings`, for records.
     gap
@@ -99,7 +99,7 @@ def survey(
     choices = choices_of(settings).with_given(**given(record, OF), **given(model, OF))
     with maybe_folder(out, (*DATA, *DRAWN)) as folder:
         with bar(True) as report:
-            jobs = jobs_of(files, choices, over, table, (pairs,) if pairs else ())
+            jobs = jobs_of(files, choices, over, table, (read or ShapeChoices()).options(OF))
             found = _surveyed(points_of(jobs, workers, report), over, gap, confidence)
         text = json_text(survey_summary(found))
         if folder is not None:

@@ -10,21 +10,21 @@ from pathlib import Path
 from time import monotonic
 
 from floquid._checks import input_error
-from floquid.cli._errors import explained
+from floquid.cli._errors import in_a_line
 from floquid.cli._folder import RESULT, identified_in, is_saved
 from floquid.cli._options import Choices
 from floquid.cli._records import check_files, read_records
 from floquid.core import as_point
 from floquid.errors import InputError
+from floquid.fleets import Died, Kept, kept_results, outcomes, time_left
 from floquid.floquet import read_matrix
 from floquid.io import readable_file
 from floquid.pipeline import identify
 from floquid.readers import FORMATS, read
-from floquid.shapes import Pairs
-from floquid.surveys import Point, is_linearised, point_of
+from floquid.shapes import ShapeOptions
+from floquid.surveys import NOT_READ, Point, is_linearised, point_of
 
 OF = "floquid survey"
-DIED = "The process that identified it ended at once: is there memory enough? Try --workers 1."
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,7 +36,7 @@ class Job:
     values: Mapping[str, float] = field(default_factory=dict)
     saved: bool = False
     known: bool = False
-    pairs: Pairs = ()
+    shapes: ShapeOptions = NOT_READ
     reason: str | None = None  # why nothing can be made of it
 
     def lost(self, reason: str) -> Point:
@@ -44,12 +44,22 @@ class Job:
         return Point(values=self.values, files=tuple(map(str, self.files)), reason=reason)
 
 
-def jobs_of(files: Sequence[Path], choices: Choices, over: str, table: Path | None, pairs: Pairs = ()) -> list[Job]:
+def jobs_of(
+    files: Sequence[Path], choices: Choices, over: str, table: Path | None, shapes: ShapeOptions = NOT_READ
+) -> list[Job]:
     """The points that files are, by their values: those of the table first, then of the files, then of the clock."""
     rows = {} if table is None else _rows(table)
-    given = [one for file in files for one in _expanded(file, table)] or list(rows)
+    tables = {file: kept for file in files if (kept := kept_results(file)) is not None}
+    given = [one for file in files if file not in tables for one in _expanded(file, table)]
+    given += [one for file, kept in tables.items() for one in _results(file, kept)]
+    given = given or list(rows)
     check_files(given, OF)
-    jobs: list[Job] = []
+    jobs = [
+        Job(files=(Path(own.file),), choices=choices, values=own.point, reason=own.reason)
+        for kept in tables.values()
+        for own in kept
+        if own.reason is not None
+    ]
     for file in given:
         job = _job(file, choices, rows.get(file.resolve(), rows.get(Path(file.name), {})))
         same = [k for k, one in enumerate(jobs) if _is_one(one, job, over)]
@@ -66,7 +76,7 @@ def jobs_of(files: Sequence[Path], choices: Choices, over: str, table: Path | No
         got = f"{', '.join(missing[:3])}{' …' if len(missing) > 3 else ''} has none"
         remedy = f"Add --table points.csv with a column `{over}`, or keep it with the record (`--point {over}=…`)."
         raise input_error("FILES", OF, f"have a value of {over} each", got, remedy)
-    return [replace(job, pairs=pairs) for job in jobs]
+    return [replace(job, shapes=shapes) for job in jobs]
 
 
 def _is_one(first: Job, second: Job, over: str) -> bool:
@@ -93,6 +103,16 @@ def _expanded(path: Path, table: Path | None) -> Iterator[Path]:
         must, got = "hold records, results of `floquid identify`, or .lin files", f"{path} holds none"
         raise input_error("FILES", OF, must, got, "Name the files.")
     yield from found
+
+
+def _results(table: Path, kept: Sequence[Kept]) -> list[Path]:
+    """The results that `floquid fleet` kept beside its table."""
+    found = [Path(own.result) for own in kept if own.result is not None]
+    if not found:
+        got = f"{table} has exponents alone, without the shapes by which modes are followed"
+        remedy = "Run `floquid fleet` again with --keep DIR: results are kept there, and named in the table."
+        raise input_error("FILES", OF, "hold records or results", got, remedy)
+    return found
 
 
 def _rows(table: Path) -> dict[Path, dict[str, float]]:
@@ -126,7 +146,7 @@ def _job(file: Path, choices: Choices, row: Mapping[str, float]) -> Job:
     try:
         record = read(file, rate=choices.rate, header=choices.header)
     except (InputError, OSError) as error:
-        return Job(files=(file,), choices=chosen, values=chosen.point, reason=_in_a_line(error))
+        return Job(files=(file,), choices=chosen, values=chosen.point, reason=in_a_line(error))
     known = {**record.point, **chosen.point}
     setting = chosen.settings
     clock = setting.period or record.period
@@ -139,51 +159,19 @@ def _job(file: Path, choices: Choices, row: Mapping[str, float]) -> Job:
     return Job(files=(file,), choices=chosen, values=known)
 
 
-def _in_a_line(error: BaseException) -> str:
-    return " ".join(explained(error)[0].split())
-
-
 def points_of(jobs: Sequence[Job], workers: int | None, report: Callable[[str], None]) -> list[Point]:
     """A point a job, in their order; one that fails has its reason."""
     open_ = [k for k, job in enumerate(jobs) if job.reason is None]
     found = {k: job.lost(job.reason) for k, job in enumerate(jobs) if job.reason is not None}
     count = min(len(open_), os.cpu_count() or 1) if workers is None else workers
+    count = min(count, len(open_))
     begin = monotonic()
-    for done, (k, point) in enumerate(_made([(k, jobs[k]) for k in open_], count), start=1):
-        found[k] = point
-        left = (monotonic() - begin) / done * (len(open_) - done)
-        rest = f", about {left:.0f} s left" if left >= 1.0 else ""
+    for done, (number, point) in enumerate(outcomes(made, [jobs[k] for k in open_], workers=count), start=1):
+        k = open_[number]
+        found[k] = jobs[k].lost(point.reason) if isinstance(point, Died) else point
+        rest = time_left(done, len(open_), monotonic() - begin)
         report(f"identified {done} of {len(open_)} points{rest}: {jobs[k].files[0].name}")
     return [found[k] for k in range(len(jobs))]
-
-
-def _made(jobs: Sequence[tuple[int, Job]], workers: int) -> Iterator[tuple[int, Point]]:
-    """The points as they are ready, with the numbers of their jobs."""
-    if workers <= 1 or len(jobs) < 2:
-        yield from ((k, made(job)) for k, job in jobs)
-        return
-    import multiprocessing
-    from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, as_completed
-
-    # A fresh interpreter: a fork of a process with threads may hang.
-    pool = ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"), initializer=_begin)
-    try:
-        sent = {pool.submit(made, job): (k, job) for k, job in jobs}
-        for future in as_completed(sent):
-            k, job = sent[future]
-            try:
-                yield k, future.result()
-            except BrokenExecutor:
-                yield k, job.lost(DIED)
-    finally:
-        pool.shutdown(wait=True, cancel_futures=True)
-
-
-def _begin() -> None:
-    import signal
-
-    # Ctrl-C reaches every process of a terminal; the first of them ends the others.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def made(job: Job) -> Point:
@@ -193,14 +181,14 @@ def made(job: Job) -> Point:
     try:
         with warnings.catch_warnings(record=True):
             if job.known:
-                found = point_of(read_matrix(job.files[0]), job.pairs)
+                found = point_of(read_matrix(job.files[0]), job.shapes)
                 return replace(found, values={**found.values, **job.values}, files=(str(job.files[0]),))
             if job.saved:
                 analysis = identified_in(job.files[0], OF)
             else:
                 records, choices = read_records(job.files, job.choices, OF, lambda _: None)
                 analysis = identify(records, choices.resolved())
-            found = point_of(analysis, job.pairs)
+            found = point_of(analysis, job.shapes)
     except Exception as error:  # noqa: BLE001  # one bad point costs one point
-        return job.lost(_in_a_line(error))
+        return job.lost(in_a_line(error))
     return replace(found, values={**found.values, **job.values}, files=tuple(map(str, job.files)))

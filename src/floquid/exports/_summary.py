@@ -29,10 +29,11 @@ def summary(analysis: Analysis) -> dict[str, Any]:
     deviations, and its states (`coordinates`). Where it was fitted with a structure, it has that structure, its
     parameters, and the quality of the fit.
 
-    `excitation` is free, inputs or ambient. `inputs` has, of each mode, its `coefficients` b over the inputs'
-    `harmonics` with deviations, and the `direct` term, and is null where none were measured; `system` then has B(t),
-    C(t) and D(t) beside A(t), its `inputs`, `outputs` and `direct` (times, …). `lengths` are the durations of a record
-    of outputs alone that would give each damping to 10 % [s]. What is of free responses alone is null of others.
+    `point` is the operating point by quantity. `excitation` is free, inputs or ambient. `inputs` has, of each mode, its
+    `coefficients` b over the inputs' `harmonics` with deviations, and the `direct` term, and is null where none were
+    measured; `system` then has B(t), C(t) and D(t) beside A(t), its `inputs`, `outputs` and `direct` (times, …).
+    `lengths` are the durations of a record of outputs alone that would give each damping to 10 % [s]. What is of free
+    responses alone is null of others.
 
     `analysis` is what `identify` found.
     """
@@ -43,6 +44,7 @@ def summary(analysis: Analysis) -> dict[str, Any]:
         "excitation": "ambient" if analysis.ambient else "inputs" if analysis.inputs else "free",
         "period": model.period,
         "period_std": analysis.period_std,
+        "point": dict(model.point),
         "misfit": analysis.misfit,
         "failed": analysis.failed,
         "order": model.order,

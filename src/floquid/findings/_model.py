@@ -66,8 +66,11 @@ def _forced(orders: Sequence[float], largest: Sequence[float], follows: bool) ->
 
 
 def _sum(channel: str, shares: Sequence[float], others: Sequence[str], beside: float) -> str:
-    parts = " and ".join(f"{share:.4g} times {other}" for share, other in zip(shares, others, strict=True))
-    return f"{channel} equals {parts}, noise included, except for {100.0 * beside:.2g} % of its noise"
+    return f"{channel} equals {_parts(shares, others)}, noise included, except for {100.0 * beside:.2g} % of its noise"
+
+
+def _parts(shares: Sequence[float], others: Sequence[str]) -> str:
+    return " and ".join(f"{share:.4g} times {other}" for share, other in zip(shares, others, strict=True))
 
 
 def _angle(degrees: float, energy: float = 0.0, share: float = 0.0) -> str:
@@ -109,6 +112,9 @@ MODEL: dict[str, str | Callable[..., str]] = {
     "model_fails": _fails,
     "sum_of_others": lambda **numbers: f"{_sum(**numbers)}: deviations are too small. Leave it out.",
     "copied_sum": lambda **numbers: f"{_sum(**numbers)}.",
+    "sum_left_out": lambda channel, shares, others, **_: (
+        f"{channel} was left out: it is {_parts(shares, others)}, noise included, and tells nothing more."
+    ),
     "order_too_low": "The order given, {order}, is too low: a further mode lowers the misfit by {share:.3g} times the "
     "limit for noise. The others are biased by more than their deviations. Let the order be found, or ask for a higher "
     "one.",

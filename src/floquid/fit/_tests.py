@@ -34,7 +34,7 @@ QUIET = 1e-4
 SLOW = 1.0
 """The decay over a record [nepers] below which it hardly shows: what has one may be steady."""
 
-MODES = 24
+MODES = 40
 """Modes, a pair counted once, that are looked for at most: what needs more is no sum of modes."""
 
 IN_VAIN = 2

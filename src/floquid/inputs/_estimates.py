@@ -8,7 +8,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import block_diag
 
 from floquid.core import Channel, Driven, Estimates, Gains
 from floquid.fit import HALF_DIGITS, covariance_root, inverse_root
@@ -49,6 +48,8 @@ class Errors:
         with μ the largest share of the errors of each output alone that leaves a covariance: what outputs have in
         common beyond the parameters is that of others, of variance 1, with the slopes R.
         """
+        from scipy.linalg import block_diag
+
         known = covariance[:count, :count]
         root = inverse_root(known)
         slopes = covariance[count:, :count] @ root @ root.T

@@ -8,8 +8,9 @@ from typing import Unpack
 
 from floquid.core import Record, common_point
 from floquid.errors import IdentificationError
-from floquid.findings import texts
+from floquid.findings import Finding, texts
 from floquid.pipeline._analysis import Analysis
+from floquid.pipeline._sums import SumError, look_for_sums, without
 from floquid.pipeline.excited import identified_ambient, identified_driven
 from floquid.pipeline.free import identified_free
 from floquid.preparation import (
@@ -77,13 +78,21 @@ def identify(
         No mode rises above the noise, the record is too short, the inputs say nothing of the system, or the result
         would look right and be wrong.
     """
-    prepared = prepare(records, settings_of(settings, options, OF), report=report)
-    with own_names(OF), blas_threads(prepared.records):
+    chosen, left_out = settings_of(settings, options, OF), list[Finding]()
+    while True:
+        prepared = prepare(records, chosen, report=report)
         try:
-            found = CHAINS[prepared.settings.kind](prepared, report)
+            with own_names(OF), blas_threads(prepared.records):
+                look_for_sums(prepared)
+                found = CHAINS[prepared.settings.kind](prepared, report)
+        except SumError as error:
+            report(f"leaving {error.channel} out")
+            records, chosen = without(error.channel, records, chosen)
+            left_out.append(error.finding)
         except IdentificationError as error:
-            raise IdentificationError("\n  ".join([str(error), *texts(prepared.faults)])) from None
-    return replace(_at_point(found), findings=(*prepared.faults, *found.findings))
+            raise IdentificationError("\n  ".join([str(error), *texts((*left_out, *prepared.faults))])) from None
+        else:
+            return replace(_at_point(found), findings=(*left_out, *prepared.faults, *found.findings))
 
 
 def _at_point(found: Analysis) -> Analysis:

@@ -22,6 +22,7 @@ from floquid.preparation._prepare import blas_threads as blas_threads
 from floquid.preparation._prepare import uneven_speed as uneven_speed
 from floquid.preparation._proposal import Candidate, Proposal, propose
 from floquid.preparation._proposal import Use as Use
+from floquid.preparation._reading import Reading
 from floquid.preparation._refuse import NO_NEWS as NO_NEWS
 from floquid.preparation._refuse import name_of as name_of
 from floquid.preparation._refuse import own_names as own_names
@@ -34,4 +35,4 @@ from floquid.preparation._settings import Settings
 from floquid.preparation._settings import settings_of as settings_of
 from floquid.preparation._settings import takes_settings as takes_settings
 
-__all__ = ["Candidate", "Prepared", "Proposal", "Settings", "prepare", "propose"]
+__all__ = ["Candidate", "Prepared", "Proposal", "Reading", "Settings", "prepare", "propose"]

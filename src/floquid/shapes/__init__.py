@@ -3,6 +3,7 @@
 `read_shapes` reads all modes of a result or of a known system; `whirl_of` and `pattern_of` one shape each.
 """
 
+from floquid.shapes._arguments import Blades as Blades
 from floquid.shapes._arguments import Family as Family
 from floquid.shapes._arguments import Pair as Pair
 from floquid.shapes._arguments import Pairs as Pairs
@@ -12,6 +13,7 @@ from floquid.shapes._blades import WORDS, BladePattern, PatternShare
 from floquid.shapes._blades import Words as Words
 from floquid.shapes._blades import pattern_of as pattern_of
 from floquid.shapes._read import ModeReading, Participation, ShapeReadings, read_shapes
+from floquid.shapes._read import ShapeOptions as ShapeOptions
 from floquid.shapes._read import ordinal as ordinal
 from floquid.shapes._whirl import CLEAR as CLEAR
 from floquid.shapes._whirl import Whirl

@@ -103,6 +103,32 @@ class ShapeReadings(Rebuilt):
         object.__setattr__(self, "point", as_point(self.point, "ShapeReadings"))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShapeOptions:
+    """The arguments of `read_shapes` by which each point of a survey is read; without any of them none is."""
+
+    pairs: Pairs = ()
+    blades: Blades = ()
+    fixed: Sequence[str] = ()
+    scales: Mapping[str, float] = field(default_factory=dict)
+    words: Words = "en"
+
+    def __bool__(self) -> bool:
+        return bool(self.pairs or self.blades or self.fixed)
+
+    def read(self, result: Analysis | PeriodicModes, *, participation: str | None = None) -> ShapeReadings:
+        """The readings of a result."""
+        return read_shapes(
+            result,
+            pairs=self.pairs,
+            blades=self.blades,
+            fixed=self.fixed,
+            scales=self.scales,
+            participation=participation,
+            words=self.words,
+        )
+
+
 def read_shapes(
     result: Analysis | PeriodicModes,
     *,

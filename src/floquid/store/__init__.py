@@ -87,10 +87,11 @@ Transfer functions measured line by line have the `kind` "measured", and modes f
 A survey has the `kind` "survey"::
 
     /over, /notes, /warnings, /unlinked     the quantity, sentences, and modes on no track (point and mode)
-    /points/point1, ...             values/, files, passed, weak (modes,), reason, whirl (modes, 2); model/ of one hit
+    /points/point1, ...             values/, files, passed, weak and names (modes,), reason, whirl (modes, 2), blades
+                                    (modes, 4); model/ of one hit
     /tracks/track1, ...             name, and over its places: points, modes (the second -1 of no couple), exponents,
                                     exponent_std, shifts, mirrored, weak, confidence, mac, cost, runner_up, whirl,
-                                    whirl_std
+                                    whirl_std, names, name_share, leak, leak_std
     /edges/edge1, ...               value, std, interval, between, kind, tracks, direction
 
 Files of earlier versions of the layout, which no release of floquid wrote, are refused.

@@ -14,7 +14,7 @@ from floquid.core import PeriodicModel
 from floquid.floquet import FloquetModes
 from floquid.periodic import CONFIDENT
 from floquid.pipeline import Analysis
-from floquid.shapes import Pairs, read_shapes
+from floquid.shapes import ShapeOptions
 from floquid.surveys._known import KNOWN, known_modes
 from floquid.surveys._objects import SHIFTS, Seen, moved
 from floquid.surveys._types import Point
@@ -24,11 +24,14 @@ APART = 0.02  # share by which periods may differ from one part of a revolution:
 EQUAL = 1e-9  # share of the range within which two points are one
 
 
-def point_of(result: Any, pairs: Pairs = ()) -> Point:
-    """A `result` as a point of a survey, with the whirl of its modes in `pairs` of channels; a point stays one."""
+NOT_READ = ShapeOptions()
+
+
+def point_of(result: Any, shapes: ShapeOptions = NOT_READ) -> Point:
+    """A `result` as a point of a survey, with its `shapes` read as they say; a point stays one."""
     if isinstance(result, Point):
-        again = bool(pairs) and result.model is not None and result.whirl is None
-        return replace(result, whirl=_whirl(result.model, pairs)) if again else result
+        again = bool(shapes) and result.model is not None and result.whirl is None and result.blades is None
+        return replace(result, **_read(result.model, shapes)) if again else result
     if isinstance(result, KNOWN):
         result = known_modes(result)
     if not isinstance(result, (Analysis, PeriodicModel, FloquetModes)):
@@ -47,18 +50,28 @@ def point_of(result: Any, pairs: Pairs = ()) -> Point:
         passed=analysis is None or analysis.passed,
         weak=weak,
         reason=analysis.reasons[0] if analysis is not None and analysis.failed else None,
-        whirl=_whirl(model if isinstance(result, FloquetModes) else result, pairs) if pairs else None,
+        **(_read(model if isinstance(result, FloquetModes) else result, shapes) if shapes else {}),
     )
 
 
-def _whirl(result: Any, pairs: Pairs) -> Floats:
-    """Index of whirl and its deviation of each mode (modes, 2); NaN of the conjugates, which are not read."""
-    out = np.full(((result.model if isinstance(result, Analysis) else result).order, 2), np.nan)
-    for reading in read_shapes(result, pairs=pairs).modes:
-        whirl = reading.whirl
-        assert whirl is not None
-        out[reading.mode] = whirl.index, np.nan if whirl.std is None else whirl.std
-    return out
+def _read(result: Any, shapes: ShapeOptions) -> dict[str, Any]:
+    """Whirl and patterns over blades of each mode, as fields of a point; conjugates are not read."""
+    readings, count = shapes.read(result).modes, (result.model if isinstance(result, Analysis) else result).order
+    whirl, blades, names = np.full((count, 2), np.nan), np.full((count, 4), np.nan), [""] * count
+    for reading in readings:
+        if reading.whirl is not None:
+            own = reading.whirl
+            whirl[reading.mode] = own.index, np.nan if own.std is None else own.std
+        if reading.blades is not None:
+            own = reading.blades
+            leak_std = np.nan if own.leak_std is None else own.leak_std
+            blades[reading.mode] = own.shares[0].share, own.leak, leak_std, own.branch
+            names[reading.mode] = own.words if reading.name is not None else ""
+    return {
+        "whirl": whirl if shapes.pairs else None,
+        "blades": blades if shapes.blades or shapes.fixed else None,
+        "names": tuple(names),
+    }
 
 
 def check_points(points: Sequence[Point], over: str) -> tuple[Point, ...]:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -12,10 +13,11 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid._checks import counted, input_error, integer, positive
 from floquid._show import late
-from floquid.shapes import Pairs
+from floquid.shapes import Blades, Pairs, ShapeOptions, Words
 from floquid.surveys._edges import Crossing, crossings
 from floquid.surveys._known import known_modes
 from floquid.surveys._meetings import meetings
+from floquid.surveys._names import in_fixed_frame, named
 from floquid.surveys._points import OF, check_points, objects_of, point_of
 from floquid.surveys._tracking import Path, tracked
 from floquid.surveys._types import Edge, Point, Survey, Track
@@ -31,6 +33,10 @@ def survey(
     *,
     over: str = "speed_rpm",
     pairs: Pairs = (),
+    blades: Blades = (),
+    fixed: Sequence[str] = (),
+    scales: Mapping[str, float] = MappingProxyType({}),
+    words: Words = "en",
     between: tuple[float, float] | None = None,
     points: int = GRID,
     edge_tolerance: float = 1e-9,
@@ -60,6 +66,9 @@ def survey(
         The quantity of the operating point, such as "speed_rpm".
     pairs
         Pairs of channels "x:y" at right angles, from x to y being the sense of rotation: modes have a whirl then.
+    blades, fixed, scales, words
+        Groups of channels, one a blade, and what else `read_shapes` takes: tracks have names then, and frequencies
+        in the fixed frame.
     between
         The range, of a function.
     points
@@ -74,23 +83,23 @@ def survey(
     missed = integer(gap, "gap", OF, at_least=0)
     if not 0.0 < positive(confidence, "confidence", OF) < 1.0:
         raise input_error("confidence", OF, "lie between 0 and 1", f"is {confidence:g}")
+    shapes = ShapeOptions(pairs=pairs, blades=blades, fixed=fixed, scales=dict(scales), words=words)
     if callable(results):
         if between is None or not between[0] < between[1]:
             got = f"is {between!r}"
             raise input_error("between", OF, "hold the two ends of the range", got, "Such as between=(0.4, 1.2).")
         grid = np.linspace(*between, integer(points, "points", OF, at_least=FEWEST))
-        known = [_known(results, over, value, pairs) for value in grid.tolist()]
+        known = [_known(results, over, value, shapes) for value in grid.tolist()]
         found = _surveyed(known, over, missed, confidence)
         step = positive(edge_tolerance, "edge_tolerance", OF) * (between[1] - between[0])
         edges = tuple(_halved(edge, found, results, step) for edge in found.edges)
         return replace(found, edges=edges)
     given = [late("store", "load")(one) if isinstance(one, (str, PathLike)) else one for one in results]
-    return _surveyed([point_of(one, pairs) for one in given], over, missed, confidence)
+    return _surveyed([point_of(one, shapes) for one in given], over, missed, confidence)
 
 
-def _known(system: Callable[[float], Any], over: str, value: float, pairs: Pairs) -> Point:
-    found = point_of(known_modes(system(value)), pairs)
-    return Point(values={over: value}, model=found.model, passed=True, weak=found.weak, whirl=found.whirl)
+def _known(system: Callable[[float], Any], over: str, value: float, shapes: ShapeOptions) -> Point:
+    return replace(point_of(known_modes(system(value)), shapes), values={over: value}, files=())
 
 
 def _halved(edge: Edge, found: Survey, system: Callable[[float], Any], tolerance: float) -> Edge:
@@ -135,8 +144,9 @@ def _followed(given: Sequence[Point], over: str, gap: int, confidence: float) ->
     else:
         paths = tracked([objects[k] for k in there], values[there], gap)
     alone = [path for path in paths if len(path.places) == 1]
-    paths = sorted((path for path in paths if len(path.places) > 1), key=_height)
-    tracks = tuple(_track(path, number, there, points) for number, path in enumerate(paths))
+    both = [(_track(path, there, points), path) for path in paths if len(path.places) > 1]
+    both.sort(key=lambda own: _height(own[0]))
+    tracks, paths = named([track for track, _ in both]), [path for _, path in both]
     followed = [{there[at]: held.own for at, held in zip(path.places, path.objects, strict=True)} for path in paths]
     notes, doubts = meetings(followed, values, over)
     edges = tuple(_edge(crossing, values, confidence) for crossing in crossings(followed, values))
@@ -158,13 +168,13 @@ def _reason(point: Point, over: str) -> str:
     return f"{over} = {point.values[over]:g}: {state}. {first}."
 
 
-def _height(path: Path) -> float:
-    """The middle frequency of a path, by which tracks are numbered."""
-    return float(np.median([abs(held.own.exponent.imag) for held in path.objects]))
+def _height(track: Track) -> float:
+    """The middle frequency of a track, by which tracks are numbered."""
+    return float(np.median(np.abs(track.frequency)))
 
 
-def _track(path: Path, number: int, there: Sequence[int], points: Sequence[Point]) -> Track:
-    """A path as a track."""
+def _track(path: Path, there: Sequence[int], points: Sequence[Point]) -> Track:
+    """A path as a track, without a name; on the branch of the fixed frame where blades were read."""
     count = len(path.places)
     exponents, std = np.full((2, count, 2), complex(np.nan, np.nan))
     modes = np.full((count, 2), -1)
@@ -173,17 +183,21 @@ def _track(path: Path, number: int, there: Sequence[int], points: Sequence[Point
         modes[place, :size], exponents[place, :size] = own.modes, own.exponents
         spread = np.sqrt(np.maximum(np.diag(own.covariance), 0.0))
         std[place, :size] = spread[:size] + 1j * spread[size:]
-    read = [points[there[at]].whirl for at in path.places]
-    missing = np.full(2, np.nan)
-    whirl = np.array([missing if own is None else own[mode] for own, mode in zip(read, modes[:, 0], strict=True)])
-    return Track(
-        name=f"mode {number + 1}",
+    read = [(points[there[at]], mode) for at, mode in zip(path.places, modes[:, 0].tolist(), strict=True)]
+    whirl = np.array([np.full(2, np.nan) if own.whirl is None else own.whirl[mode] for own, mode in read])
+    blades = np.array([np.full(4, np.nan) if own.blades is None else own.blades[mode] for own, mode in read])
+    found = Track(
+        name="",
         points=np.array([there[at] for at in path.places]),
         modes=modes,
         exponents=exponents,
         exponent_std=std,
         whirl=whirl[:, 0],
         whirl_std=whirl[:, 1],
+        names=tuple(own.names[mode] if own.names else "" for own, mode in read),
+        name_share=blades[:, 0],
+        leak=blades[:, 1],
+        leak_std=blades[:, 2],
         shifts=np.array([held.shift for held in path.objects]),
         mirrored=np.array([held.mirrored for held in path.objects]),
         weak=np.array([held.own.weak for held in path.objects]),
@@ -192,6 +206,7 @@ def _track(path: Path, number: int, there: Sequence[int], points: Sequence[Point
             for name in ("confidence", "mac", "cost", "runner_up")
         },
     )
+    return in_fixed_frame(found, blades[:, 3], np.array([held.own.fundamental for held in path.objects]))
 
 
 def _doubts(tracks: Sequence[Track], values: Floats) -> list[str]:

@@ -37,6 +37,11 @@ class Point(Sealed):
     whirl
         Index of whirl of each mode, from -1 (backward) to 1 (forward), and its deviation (modes, 2); NaN where not
         estimated, None where no pairs of channels were given.
+    names
+        The pattern of each mode over the blades, with its family (modes,); empty where it was not read.
+    blades
+        The share of the largest pattern, the leak and its deviation, and the harmonic of the fixed frame (modes, 4);
+        NaN where they were not read, None where no blades were given.
     """
 
     values: Mapping[str, float]
@@ -46,6 +51,8 @@ class Point(Sealed):
     weak: Mask | None = None
     reason: str | None = None
     whirl: Floats | None = None
+    names: tuple[str, ...] = ()
+    blades: Floats | None = None
 
     def __post_init__(self) -> None:
         Sealed.__post_init__(self)
@@ -80,6 +87,11 @@ class Track(Sealed):
         NaN for the first (places,).
     whirl, whirl_std
         Index of whirl, from -1 (backward) to 1 (forward), and its deviation; NaN where it was not read (places,).
+    names
+        The pattern over the blades with its family at each place (places,); empty where blades were not read.
+    name_share, leak, leak_std
+        The share of the largest pattern, and that of motion off one line of the fixed frame with its deviation; NaN
+        where they were not read (places,).
     """
 
     name: str
@@ -96,6 +108,10 @@ class Track(Sealed):
     runner_up: Floats
     whirl: Floats
     whirl_std: Floats
+    names: tuple[str, ...] = ()
+    name_share: Floats
+    leak: Floats
+    leak_std: Floats
 
     @property
     def sense(self) -> Integers:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, null_space
 
 from floquid._arrays import Floats, Integers
 
@@ -98,6 +97,8 @@ def smooth(x: Floats, values: Floats, covariance: Floats) -> Smooth:
 
     `covariance` (points, functions, functions) is that of the values of one point; points are independent.
     """
+    from scipy.linalg import null_space
+
     count, points = values.shape
     contrasts: Floats = np.asarray(null_space(np.vander(x, DEGREE + 1).T))
     scale = np.maximum(np.maximum(np.ptp(values, axis=1), STEADY * np.abs(values).max(axis=1)), 1e-300)
@@ -121,6 +122,8 @@ def smooth(x: Floats, values: Floats, covariance: Floats) -> Smooth:
 
 def _restricted(covariance: Floats, contrasts: Floats, y: Floats) -> float:
     """Logarithm of the likelihood of what no polynomial changes."""
+    from scipy.linalg import cho_factor, cho_solve
+
     factor = cho_factor(contrasts.T @ covariance @ contrasts)
     left = contrasts.T @ y
     return -float(np.log(np.diag(factor[0])).sum() + 0.5 * left @ cho_solve(factor, left))

@@ -88,7 +88,7 @@ SAMPLES = {
     "order_ambiguous": {"order": 4, "doubts": ("A mode may be missing.",)},
     **{
         code: {"channel": "tip x", "shares": (1.0, 2.0), "others": ("tip y", "tip z"), "beside": 0.01}
-        for code in ("sum_of_others", "copied_sum")
+        for code in ("sum_of_others", "copied_sum", "sum_left_out")
     },
     "tone_left": {"turns": (0.0, 1.0), "per_revolution": 2.0, "sizes": (30.0, 40.0), **TWO},
     "harmonic_left": HARMONICS,

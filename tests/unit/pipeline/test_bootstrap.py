@@ -234,12 +234,12 @@ def test_a_t_with_a_structure_has_deviations_that_hold(name):
 
 @pytest.mark.slow
 def test_the_free_a_t_is_the_same_to_first_order_but_for_the_harmonics_left_out():
-    """Its deviations are an upper bound: what noise alone does is below them, and said to be."""
+    """Its deviations are an upper bound: noise alone does a quarter of them here, and they are said to be one."""
     checked = found()
     assert checked.system.bound
     assert checked.transition.bound
     assert len(checked.system.ratios()) == 5 * 8
-    assert 0.5 < np.median(checked.system.ratios()) < 0.95
+    assert 0.15 < np.median(checked.system.ratios()) < 0.5
     (said,) = checked.reasons[1:]
     median = 1.0 / np.median(checked.system.ratios())
     assert f"A(t) ({median:.2f} times, median)" in said
@@ -247,10 +247,11 @@ def test_the_free_a_t_is_the_same_to_first_order_but_for_the_harmonics_left_out(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "word"), [("lifted", "A(t)"), ("refined", "A(t)")])
-def test_deviations_of_a_t_said_too_small_are_found(name, word):
+@pytest.mark.parametrize(("name", "word", "share"), [("lifted", "A(t)", 0.1), ("refined", "A(t)", 0.4)])
+def test_deviations_of_a_t_said_too_small_are_found(name, word, share):
+    """Those of the free A(t) count harmonics left out, too, and hold until they are a tenth."""
     whole = analysis(name)
-    wrong = dataclasses.replace(whole.state, system_std=0.4 * whole.state.system_std)
+    wrong = dataclasses.replace(whole.state, system_std=share * whole.state.system_std)
     checked = bootstrap(dataclasses.replace(whole, state=wrong), draws=DRAWS, seed=5, workers=1)
     assert list(checked.doubtful) == ["system"]
     assert checked.holds is False

@@ -21,6 +21,7 @@ from floquid.floquet.hill_method._eigenpairs import (
     swinging_along,
     truncated,
 )
+from floquid.floquet.hill_method._inverse import KnownModes, beside
 from floquid.floquet.matrices import (
     AbstractPeriodicMatrix,
     Reach,
@@ -239,6 +240,7 @@ def hill(
     n_harmonics: int | None = None,
     tolerance: float = 1e-10,
     raises: bool = True,
+    known: KnownModes | None = None,
 ) -> HillModes:
     r"""The Floquet modes from Hill's truncated harmonic problem.
 
@@ -272,6 +274,10 @@ def hill(
     raises
         Whether it is an error that the truncation does not suffice; else see `outcome` and `change`. Exponents that
         settle to rounding alone, as multiple ones do, are none: `outcome` says so and `change` by how much.
+    known
+        Modes by another route, as `floquet.modes` gives them. Hill's exponents are found beside them by inverse
+        iteration, in a small part of the time. The truncated problem is solved where that does not settle them, where
+        A(t) jumps, and where `n_harmonics` is given.
     """
     of = "floquet.hill"
     accuracy = checked_tolerance(tolerance, of, largest=1e-2)
@@ -288,6 +294,8 @@ def hill(
     seen = matrix if smooth is None else smooth.matrix
     scale = binary_units(np.abs(fourier(seen, 16)).sum(axis=2))
     lines = reach(seen, accuracy, scale)
+    if known is not None and wanted is None and (near := beside(seen, scale, lines, known, accuracy)) is not None:
+        return assemble(near.modes, near.problem, near.change, scale, matrix.period, HillOutcome.CONVERGED, None)
     truncations = _growing(n_states, lines)
     if wanted is not None:  # held against a smaller one
         truncations = [wanted - max(1, wanted // 3, lines.strong if 2 * lines.strong <= wanted else 0), wanted]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +17,7 @@ from floquid.lifting import Lifted, largest_values
 from floquid.order import Choice
 from floquid.periodic import NEGLIGIBLE_SLIP, TURNED, Fit, estimate_period, spacing, synchrony, unexplained
 from floquid.pipeline._analysis import Analysis
+from floquid.pipeline._sums import Sum, SumError, sum_among
 from floquid.preparation import NO_NEWS, Prepared, name_of
 
 CHANCE = 0.1  # fundamentals within which two modes are near whole ones apart by chance too often to say anything
@@ -137,32 +137,31 @@ COPIED = 0.04  # the same below which it is a copy, up to rounding; above, senso
 
 
 def of_sums(found: Analysis) -> tuple[Finding, ...]:
-    """Finding on a channel that shares its noise with others; refused if it has next to none of its own.
+    """Finding on a channel that shares its noise with others; SumError if it has next to none of its own.
 
     Too low an order leaves modes in what is taken for noise, which are alike in channels that are independent: where
-    the order was given, nothing is refused. Noise that the structure itself makes is shared, too. What a model that
-    fails leaves is no noise at all.
+    the order was given, none is left out. Noise that the structure itself makes is shared, too. What a model that
+    fails leaves is no noise at all. Raises InputError where a hit is a sum of others.
     """
-    if found.failed:
-        return ()
-    own = _sum_of_others(found)
+    own = None if found.failed else _sum_of_others(found)
     if own is None:
         return ()
-    if found.settings.order is None and own["beside"] < COPIED:
-        must, remedy = "be independent measurements", f"Leave it out with `channels=`: {NO_NEWS}"
-        raise input_error("records", "identify", must, warning("copied_sum", **own).clause, remedy)
-    return (warning("sum_of_others", **own),)
+    records, channels = found.responses, found.responses[0].channels
+    names = [name_of(c.name, hit, len(records)) for hit, r in enumerate(records, start=1) for c in r.channels]
+    numbers = own.numbers(names)
+    if found.settings.order is not None or own.beside >= COPIED:
+        return (warning("sum_of_others", **numbers),)
+    if all(row < len(channels) for row in (own.row, *own.others)):
+        plain = own.numbers([name_of(channel.name, 1, 1) for channel in channels])
+        raise SumError(channels[own.row].name, warning("sum_left_out", **plain))
+    must, remedy = "be independent measurements", f"Leave it out with `channels=`: {NO_NEWS}"
+    raise input_error("records", "identify", must, warning("copied_sum", **numbers).clause, remedy)
 
 
-def _sum_of_others(analysis: Analysis) -> dict[str, Any] | None:
-    r"""A response that is a weighted sum of others, noise and all, its shares of them, and what it has beside them.
+def _sum_of_others(analysis: Analysis) -> Sum | None:
+    """A response (of channels · hits) that is a sum of others beside the noise: what the model leaves, but the smooth.
 
-    .. math:: D^{-1} Y = L Q, \qquad |L_{kk}| / \sqrt{N - k} < 0.1
-
-    with Y the responses (channels · hits, N samples), D their noise (of what the model leaves, without what is smooth),
-    and L lower triangular: what a response has beside those before it, over its noise, is at least its own noise,
-    unless it is a sum of the others. Records with hardly any noise are passed over: there, fewer modes than channels
-    make sums of all of them. None where there is none.
+    Records with hardly any noise are passed over: there, fewer modes than channels make sums of all of them.
     """
     records = analysis.responses
     left = unexplained(analysis.model, records, analysis.clocks)
@@ -174,22 +173,10 @@ def _sum_of_others(analysis: Analysis) -> dict[str, Any] | None:
     there = np.isfinite(rests).all(axis=0)
     if there.sum() <= len(rows):
         return None
-    if not there.all():
-        rows, rests = rows[:, there], rests[:, there]
+    rows, rests = rows[:, there], rests[:, there]
     noise = np.minimum(_noise_of(rests), _noise_of(rows))  # a wrong model leaves more than there is
-    sizes = np.abs(rows).max(axis=1)
-    if (noise <= QUIET * sizes).any():
-        return None
-    lower = np.asarray(np.linalg.qr((rows / noise[:, None]).T, mode="r")).T
-    beside = np.abs(np.diag(lower)) / np.sqrt(rows.shape[1] - np.arange(len(rows)))
-    if beside.min() >= OWN:
-        return None
-    first = int(np.flatnonzero(beside < OWN)[0])
-    names = [name_of(c.name, hit, len(records)) for hit, r in enumerate(records, start=1) for c in r.channels]
-    shares = np.linalg.solve(lower[:first, :first].T, lower[first, :first]) * noise[first] / noise[:first]
-    own = [k for k in range(first) if abs(shares[k]) * sizes[k] > OWN * sizes[first]]
-    others = [names[k] for k in own]
-    return {"channel": names[first], "shares": shares[own], "others": others, "beside": float(beside[first])}
+    quiet = noise <= QUIET * np.abs(rows).max(axis=1)
+    return None if quiet.any() else sum_among(rows, noise, OWN)
 
 
 def _noise_of(rests: NDArray[np.float64]) -> NDArray[np.float64]:

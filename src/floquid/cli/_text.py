@@ -1,0 +1,53 @@
+"""Results as the text that the command line prints: tables and a verdict, for notebooks and `summary()`."""
+
+from __future__ import annotations
+
+from io import StringIO
+
+from floquid.cli._bootstrap import print_drawn
+from floquid.cli._compare import print_comparison, print_updated
+from floquid.cli._floquet_output import print_stability
+from floquid.cli._scan import print_orders
+from floquid.cli._survey import print_survey
+from floquid.cli._terminal import plain, print_found
+from floquid.comparison import Comparison, Updated
+from floquid.floquet import FloquetModes, stability
+from floquid.order import OrderScan
+from floquid.pipeline import Analysis, Bootstrap
+from floquid.surveys import Survey
+from floquid.views import DampingUnit, SpeedUnit, check_damping_unit
+from floquid.views import speed_unit as unit_of_speed
+
+WIDTH = 100  # characters of a line of `summary()`
+
+
+def text_of(
+    result: Analysis | Bootstrap | OrderScan | FloquetModes | Survey | Comparison | Updated,
+    *,
+    speed_unit: SpeedUnit = "hz",
+    damping_unit: DampingUnit = "percent",
+) -> str:
+    """The tables and the verdict of a `result` that the command line prints, without colours, with Python's names.
+
+    The speed of a shaft is in `speed_unit`, damping in `damping_unit`. Raises InputError where one is none.
+    """
+    unit_of_speed(speed_unit, "summary")
+    check_damping_unit(damping_unit, "summary")
+    file = StringIO()
+    console = plain(file, WIDTH)
+    match result:
+        case Analysis():
+            print_found(console, result, speed_unit=speed_unit, damping_unit=damping_unit)
+        case Bootstrap():
+            print_drawn(console, result)
+        case OrderScan():
+            print_orders(console, result)
+        case FloquetModes():
+            print_stability(console, result, stability(result))
+        case Survey():
+            print_survey(console, result)
+        case Comparison():
+            print_comparison(console, result)
+        case Updated():
+            print_updated(console, result)
+    return "\n".join(line.rstrip() for line in file.getvalue().strip("\n").splitlines())
