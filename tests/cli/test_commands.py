@@ -134,7 +134,8 @@ def test_json_has_every_exponent_with_its_conjugate(here):
     assert len(modes) == 4
     for mode in modes:
         assert list(mode) == [
-            "exponent", "exponent_std", "principal", "multiplier", "multiplier_std", "frequency_hz", "frequency_std_hz",
+            "exponent", "exponent_std", "principal", "multiplier", "multiplier_std", "multiplier_interval",
+            "frequency_hz", "frequency_std_hz",
             "damping_ratio", "damping_ratio_std", "harmonics", "participation",
         ]  # fmt: skip
         real, imag = mode["exponent"]

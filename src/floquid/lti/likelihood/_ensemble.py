@@ -133,6 +133,7 @@ class Ensemble(AbstractIdentifier):
             fit = _straightened(polish_products(state.start(rank), state.stacked), state.stacked)
             if order is None:
                 fit = pruned(fit, state.stacked, lambda products: self._limits(products, state.stacked), least=1)
+                fit = self._halved(fit, state.stacked)
             else:
                 fit = _lowered(fit, state.stacked, order)
         except np.linalg.LinAlgError:
@@ -158,6 +159,22 @@ class Ensemble(AbstractIdentifier):
             rest = [polish_products(products, stacked, tolerance=1e-2).cost for products in fewer]
         limits, firm = (np.array(self._limits(fit.products, stacked, share)) for share in (1.0, SURE))
         return poles.multipliers()[poles.starts()], np.array(rest) - fit.cost, limits, firm
+
+    def _halved(self, fit: ProductFit, stacked: Stacked) -> ProductFit:
+        """The fit with a pair on the axis as one real multiplier where noise explains what that costs."""
+        for entry in np.flatnonzero(fit.products.poles.kind == PAIR).tolist():
+            poles, shares = fit.products.poles, fit.products.shares
+            angle = abs(poles.s[entry].imag)
+            for kind, axis in ((POSITIVE, 0.0), (NEGATIVE, np.pi)):
+                if not np.isclose(angle, axis, rtol=0.0, atol=0.05):
+                    continue
+                rest = np.arange(len(poles)) != entry
+                alone = PoleSet.of(np.array([poles.s[entry].real + 1j * axis]), np.array([kind]))
+                both = np.concatenate([shares[rest], shares[[entry]].real.astype(complex)])
+                trial = polish_products(Products.of(poles.keep(rest).plus(alone), both), stacked)
+                if trial.cost - fit.cost < self._limits(trial.products, stacked)[-1]:
+                    return self._halved(trial, stacked)
+        return fit
 
     def _limits(self, products: Products, stacked: Stacked, share: float = 1.0) -> list[float]:
         """The rise without each entry that noise exceeds at the false-alarm probability, or a `share` of it."""
