@@ -38,6 +38,8 @@ class ConstantPeriod:
         the period of A(t) and C(t), not of the shaft.
     origin
         The time of phase zero [s], on the record's own time axis (`Record.start`).
+    fitted
+        Whether `period` is a first value alone, and free responses tell the period itself.
     """
 
     channel = None
@@ -49,6 +51,7 @@ class ConstantPeriod:
 
     period: float
     origin: float = 0.0
+    fitted: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "period", positive(self.period, "period", "ConstantPeriod", unit="s"))

@@ -22,6 +22,7 @@ from floquid.periodic._forced_part import (
     forced_of,
     forced_turns,
     free_records,
+    turned,
     without_noise,
 )
 from floquid.periodic._refit import below, half_of
@@ -192,7 +193,7 @@ def fit(
         must = f"be at most {most}, below half of the samples a period"
         raise input_error("harmonics", "fit", must, f"is {harmonics}", "Ask for fewer, or sample faster.")
     nu, omega = samples.nu, samples.fundamental
-    base = forced_base(forced_turns(forced, known, samples.half, nu), omega, wanders=samples.wanders)
+    base = forced_base(forced_turns(forced, known, samples.half, nu), omega, wanders=samples.wanders, turning=free_period)
     bounds = Bounds(
         most=most,
         span=below(2.0 * samples.half),
@@ -209,6 +210,9 @@ def fit(
     report("fitting the samples")
     taps = None if lifted is None else lifted.whitening
     price_of = partial(priced, floor=noise_floor, mode_alarm=mode_false_alarm, harmonic_alarm=harmonic_false_alarm)
+    if free_period:
+        first = Point.at(samples.search, *price_of(samples.search, base), base.joined(begin)).settled()
+        base, begin = (replace(own, fundamental=turned(first)) for own in (base, begin))
     if search and not isinstance(samples.final[0], LiftedBlock):
         point, taps = searched_white(samples.search, base.joined(begin), partial(price_of, base=base), bounds, report)
         samples = replace(samples, search=point.blocks, final=point.blocks)

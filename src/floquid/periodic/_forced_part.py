@@ -30,7 +30,7 @@ from floquid.periodic.least_squares import (
     shapes,
     solve,
 )
-from floquid.periodic.search import SearchResult, kept_with, read_apart
+from floquid.periodic.search import Point, SearchResult, kept_with, read_apart
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -119,17 +119,41 @@ def _listed(forced: str | Sequence[int], most: float, nu: float) -> tuple[int, .
     return chosen
 
 
-def forced_base(chosen: tuple[list[float], bool] | None, fundamental: float, *, wanders: bool) -> ModeParameters:
-    """Entries fitted in any case: offset, drift and the harmonics listed, let follow the speed where it wanders."""
+def forced_base(
+    chosen: tuple[list[float], bool] | None, fundamental: float, *, wanders: bool, turning: bool = False
+) -> ModeParameters:
+    """Entries fitted in any case: offset, drift and the harmonics listed, let follow the speed where it wanders.
+
+    With `turning`, the harmonics may change linearly with time, as they do where the period is a little off.
+    """
     if chosen is None:
         return forced_entries([], fundamental)
     turns, drift = chosen
     base = forced_entries(turns, fundamental)
     if drift:
         base = base.joined(forced_entries([0.0], fundamental, factor=TREND))
-    for factor in (SPEED, SPEED_SQUARED, SPEED_RATE) if wanders else ():
+    for factor in (SPEED, SPEED_SQUARED, SPEED_RATE) if wanders else (TREND,) if turning else ():
         base = base.joined(forced_entries([turn for turn in turns if turn], fundamental, factor=factor))
     return base
+
+
+def turned(point: Point) -> float:
+    r"""Fundamental [rad/s] with which the steady response of a fit that lets it change does not turn against its phase.
+
+    .. math:: \omega + \frac{\sum_j j\, \Im(\bar F_j \dot F_j) / s^2}{\sum_j j^2 |F_j|^2 / s^2}
+
+    with F the harmonics j a period of each channel and hit, F' what they change by in a second, and s the noise.
+    """
+    entries, both = point.entries, shapes(point.blocks, point.solution)
+    values, above, below = both.coefficients[..., both.harmonics == 0][..., 0], 0.0, 0.0
+    for entry in np.flatnonzero(entries.fixed & (entries.factors == TREND) & (entries.offsets != 0.0)):
+        turn = entries.offsets[entry]
+        plain = int(np.flatnonzero(entries.fixed & (entries.factors == PLAIN) & (entries.offsets == turn))[0])
+        for block in point.blocks:
+            own, change = values[plain, block.rows, block.hit], values[entry, block.rows, block.hit] / block.half
+            above += turn * float(np.sum((own.conj() * change).imag / block.noise**2))
+            below += turn**2 * float(np.sum(np.abs(own) ** 2 / block.noise**2))
+    return entries.fundamental + (above / below if below else 0.0)
 
 
 def angle_std(clocks: Sequence[PhaseClock], records: Sequence[Record]) -> tuple[float, ...]:

@@ -19,6 +19,12 @@ HARMLESS = 1e-3
 """The share of the angle between pulses below which none is left out: the residual of exact pulses is the spline's own
 error, which is small in most places and not in others."""
 
+LINE = np.array([0.0, 0.0, 1.0, 1.0]), 1
+"""Knots and degree of a straight line."""
+
+ROOM = 0.1
+"""Share of a sample that a pulse may be off beside the half by which it is rounded: noise moves its edge."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AngleSpline(Rebuilt):
@@ -142,11 +148,19 @@ class _Rung:
 
 
 def fit_angle(
-    times: Floats, angles: Floats, lines: Integers, n_lines: int, most: int, *, step: float = 0.0
+    times: Floats,
+    angles: Floats,
+    lines: Integers,
+    n_lines: int,
+    most: int,
+    *,
+    step: float = 0.0,
+    rounded: bool = False,
 ) -> AngleFit:
     """Fit `angles` [rad] at `times` [s] of pulses of `lines` (pulses,) by a spline of at most `most` pieces.
 
-    Pulses that were sampled each `step` [s] err by a part of it, in a pattern that is no motion of the shaft.
+    Pulses that were sampled each `step` [s] err by a part of it, in a pattern that is no motion of the shaft. Where they
+    are `rounded` to a sample, of one line, the angle is straight if some straight line is within half of one of each.
 
     The offset of line 0 is zero while fitting. Outliers are left out and the fit is done again, until none is found.
     """
@@ -168,6 +182,8 @@ def fit_angle(
         seen.append(kept)
         rung = _climb(x[kept], wave[kept], lines[kept], n_lines, most, floor)
     kept = seen[-1]
+    if rounded and n_lines == 1 and rung.degree > 1 and _straight(x[kept], wave[kept], (0.5 + ROOM) * slope * step):
+        rung = _solve(x[kept], wave[kept], lines[kept], n_lines, *LINE)
     variance = max(rung.squares / max(np.count_nonzero(kept) - rung.n_parameters, 1), floor**2)
     present = np.bincount(lines[kept], minlength=n_lines) > 0
     offsets = np.where(present, rung.offsets, np.nan)
@@ -194,6 +210,16 @@ def fit_angle(
     )
 
 
+def _straight(x: Floats, wave: Floats, room: float) -> bool:
+    """True where a straight line is within `room` [rad] of each pulse."""
+    from scipy.optimize import linprog
+
+    basis, ones = np.stack([np.ones(len(x)), x], axis=1), np.ones((len(x), 1))
+    limits = np.block([[basis, -ones], [-basis, -ones]])  # the largest distance is the third unknown
+    found = linprog([0.0, 0.0, 1.0], A_ub=limits, b_ub=np.concatenate([wave, -wave]) / room, bounds=(None, None))
+    return found.status == 0 and found.fun <= 1.0
+
+
 def _moving(residuals: Floats, n_parameters: int) -> bool:
     """True where residuals (pulses,) are correlated: Ljung and Box's sum over some lags, less what the fit makes."""
     n, power = len(residuals), float(residuals @ residuals)
@@ -215,7 +241,7 @@ def _climb(x: Floats, wave: Floats, lines: Integers, n_lines: int, most: int, fl
     """The straight line, or where it is significantly worse the spline that Akaike's corrected criterion prefers."""
     from scipy.special import fdtrc
 
-    line = _solve(x, wave, lines, n_lines, np.array([0.0, 0.0, 1.0, 1.0]), 1)
+    line = _solve(x, wave, lines, n_lines, *LINE)
     tried, pieces, rows = [], 1, len(x) - len(np.unique(lines))
     # The normal matrix of the pieces is a full one.
     while pieces <= most and pieces + 3 + 2 <= rows and pieces**2 <= BLOCK:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import singledispatch
 from typing import Literal
 
@@ -16,6 +16,9 @@ from floquid.sync._count_pulses import DOUBT, FEWEST_PHASES, SPAN, count
 from floquid.sync._pulse_times import pulse_times
 
 OF = "shaft_angle"
+
+SHARP = 0.1
+"""Share of a sample that the instants of a logic level are off samples and the middles between them, by noise."""
 
 TURNS = {"deg": 360.0, "rad": 2.0 * np.pi, "mrad": 2e3 * np.pi, "urad": 2e6 * np.pi}  # a revolution in each unit
 
@@ -40,6 +43,8 @@ class Evidence:
     """Unit in which these err: of instants, or of angles."""
     step: float = 0.0
     """Interval of the samples that the instants were found in [s]."""
+    rounded: bool = False
+    """Whether the instants are known to a sample only: of a logic level none lies on an edge."""
     said: tuple[Finding, ...] = ()
 
 
@@ -179,7 +184,10 @@ def _(clock: AzimuthSignal, record: Record) -> Evidence:
 
 @evidence.register
 def _(clock: TachometerSignal, record: Record) -> Evidence:
-    return _of_pulses(pulse_times(record, clock.channel), clock, 1.0 / record.sample_rate)
+    times = pulse_times(record, clock.channel)
+    halves = 2.0 * (times - record.start) * record.sample_rate
+    sharp = bool((np.abs(halves - np.rint(halves)) < 2.0 * SHARP).all())
+    return replace(_of_pulses(times, clock, 1.0 / record.sample_rate), rounded=sharp)
 
 
 @evidence.register

@@ -123,6 +123,7 @@ class ShaftAngle(Rebuilt):
     """
 
     measured = True
+    fitted = False
 
     spline: AngleSpline
     periods_per_revolution: float
@@ -164,6 +165,11 @@ class ShaftAngle(Rebuilt):
     def last(self) -> float:
         """End of the evidence [s]."""
         return self.spline.last
+
+    @property
+    def straight(self) -> bool:
+        """True where pulses say nothing against a constant speed: the angle was fitted by a straight line."""
+        return self.spline.degree == 1 and self.jitter_unit == "s"
 
     @property
     def mean_speed(self) -> float:
@@ -274,7 +280,7 @@ def shaft_angle(record: Record) -> ShaftAngle:
     seen = evidence(record.clock, record)
     revolutions = float(seen.angles[-1] - seen.angles[0]) / TURN
     most = max(int(revolutions / APART), 1)
-    fit = fit_angle(seen.times, seen.angles, seen.lines, seen.n_lines, most, step=seen.step)
+    fit = fit_angle(seen.times, seen.angles, seen.lines, seen.n_lines, most, step=seen.step, rounded=seen.rounded)
     spline = fit.spline
     speeds = spline.speed(np.linspace(spline.first, spline.last, 8 * len(spline.knots)))
     mean = spline.mean_speed()[0]
@@ -316,7 +322,8 @@ def _remarks(record: Record, seen: Evidence, fit: AngleFit, n_used: int, rejecte
         said += uneven(fit.offsets, fit.offsets_std)
     if fit.std > STEADY * TURN:
         said.append(warning("rough_angle", degrees=np.degrees(fit.std)))
-    said += alike(fit.residuals[fit.kept])
+    if not (seen.rounded and spline.degree == 1):  # rounding makes a pattern of its own
+        said += alike(fit.residuals[fit.kept])
     ends = spline.speed(np.array([spline.first, spline.last])) / TURN
     stop = record.start + (record.n_samples - 1) / record.sample_rate
     return said + outside(float(ends[0]) * (spline.first - record.start), float(ends[1]) * (stop - spline.last))

@@ -108,7 +108,7 @@ def _period(analysis: Analysis, unit: SpeedUnit) -> str:
     if analysis.shafts:
         how = "the mean by the shaft angle"
     else:
-        how = "estimated from the response" if analysis.settings.estimate_period else "as given"
+        how = "fitted to the response" if analysis.clocks[0].fitted else "as given"
     line = f"{period_words(analysis)} s ({speed_words(analysis, unit)}), {how}"
     tested = analysis.periodicity
     if analysis.decay is not None and analysis.decay.fit.own_period is not None:

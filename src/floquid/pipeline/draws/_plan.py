@@ -57,13 +57,13 @@ def plan_of(analysis: Analysis, whole: bool) -> Plan:
     # Free residues have no harmonics to hold: then the poles are refined, and the shapes expanded again. All that was
     # fitted is drawn from: of a weak mode, what is not kept may be much of what the record says.
     fitted = bare if not fit.constrained or model.estimates is None else _fitted(model)
-    measured = samples_of(analysis.records, shafts, settings) if whole and fit.constrained else fit.free
+    measured = samples_of(analysis.records, shafts) if whole and fit.constrained else fit.free
     clean = []
     for hit, (record, clock, seen) in enumerate(zip(fit.free, analysis.clocks, measured, strict=True)):
         own = _response(fitted, hit, *instants(record, clock, model.fundamental))
         # The forced response as it was found, wherever the speed took it; NaN where a sample is missing.
         clean.append(own + (seen.values - record.values))
-    records = analysis.records if whole and why_sampled(fit, shafts, settings) else fit.free
+    records = analysis.records if whole and why_sampled(fit, shafts) else fit.free
     names = {channel.name for channel in model.channels}
     return Plan(
         model=bare,
@@ -75,7 +75,7 @@ def plan_of(analysis: Analysis, whole: bool) -> Plan:
         estimated=model.estimates is not None,
         free_period=fit.period_std is not None,
         one_shape=model.one_shape,
-        lifted=analysis.lifted if by_cycles(fit, shafts, settings) else None,
+        lifted=analysis.lifted if by_cycles(fit, shafts) else None,
         modal=None if fit.constrained else analysis.modal,
         whitening=fit.whitening,
         records=records,

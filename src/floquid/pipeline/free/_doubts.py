@@ -27,7 +27,7 @@ FOLDED = 10.0  # decays within which modes that fold onto one another may be one
 def wrong_period_lifted(model: PeriodicModel, lifted: Lifted, prepared: Prepared) -> Finding | None:
     """Finding on a period other than that of the lifted response; None where it is that, or the fit must tell."""
     # A second multiplier hidden beside a real one turns in the residual as harmonics of a wrong period do.
-    if prepared.shafts or prepared.settings.estimate_period or model.real.any():
+    if prepared.shafts or prepared.clocks[0].fitted or model.real.any():
         return None
     found = synchrony(model, lifted)
     if found is None or not found.broken:
@@ -44,7 +44,7 @@ def wrong_period_fitted(
     nearly whole fundamentals are harmonics of one. Where these say nothing sure, the period that the lines of the
     response alone tell decides.
     """
-    if prepared.shafts or prepared.settings.estimate_period:
+    if prepared.shafts or prepared.clocks[0].fitted:
         return None
     model = fitted.model
     samples = max(record.n_samples for record in prepared.responses)

@@ -9,13 +9,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from floquid.core import PeriodicModel
+from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, warning
 from floquid.fit import chi2_limit
 from floquid.lifting import floor_of
 from floquid.order import judge
 from floquid.periodic import (
+    NEGLIGIBLE_SLIP,
     Fit,
     ModeParameters,
     OrderError,
@@ -49,6 +50,9 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
     where that lowers the criterion, the samples left out being numbers that fit exactly.
     """
     best, left_out = _best(prepared, report), 0
+    if (nearer := with_period(prepared, best.fitted.model.period)) is not None:
+        report("starting anew with the period that was fitted")
+        prepared, best = nearer, _best(nearer, report)
     chosen, alarm = prepared.settings, prepared.settings.mode_false_alarm
     free, until, said = chosen.skip is None and chosen.all_found, time.process_time() + chosen.seconds, list[Finding]()
     # A record that is believed down to a share of its largest value is nowhere linear: no period would be the last.
@@ -148,7 +152,7 @@ def _brief_fits(
 def _of_shapes(prepared: Prepared, start: Start, model: PeriodicModel, report: Callable[[str], None]) -> Fit:
     """The fit of the samples with one shape for all hits, started at outer products."""
     settings = prepared.settings
-    records = samples_of(prepared.records, prepared.shafts, settings)
+    records = samples_of(prepared.records, prepared.shafts)
     return fit_shapes(
         records,
         clocks_of(records, prepared.shafts),
@@ -215,7 +219,7 @@ def _fitted(
     begin = start.begin
     if start.modal is not None and model is not None:
         begin = groups(start.modal, start.lifted) if search else ModeParameters.of(model)
-    records = samples_of(prepared.records, prepared.shafts, settings)
+    records = samples_of(prepared.records, prepared.shafts)
     return fit(
         records,
         clocks_of(records, prepared.shafts),
@@ -226,7 +230,7 @@ def _fitted(
         periods_per_revolution=settings.periods_per_revolution,
         order=settings.order,
         harmonics=settings.harmonics,
-        free_period=settings.estimate_period,
+        free_period=prepared.clocks[0].fitted,
         search=search,
         noise_floor=floor_of((row for record in records for row in record.values), settings.noise_floor),
         mode_false_alarm=settings.mode_false_alarm,
@@ -265,6 +269,21 @@ def _fall(fitted: Fit, prepared: Prepared, periods: int) -> float:
         gain += float(samples @ np.log(whole / rest))
         numbers += int(np.isfinite(left[:, :first]).sum())
     return gain - chi2_limit(max(numbers, 1), settings.mode_false_alarm)
+
+
+def with_period(prepared: Prepared, period: float) -> Prepared | None:
+    """The records with a better first value of a period that is fitted; None where it hardly differs.
+
+    Lifting cuts at the first value: what repeats slips, and leaves poles that are no modes.
+    """
+    first, samples = prepared.clocks[0], max(record.n_samples for record in prepared.responses)
+    if not first.fitted or abs(period / first.period - 1.0) * samples < NEGLIGIBLE_SLIP:
+        return None
+    middles = (record.start + 0.5 * record.duration for record in prepared.responses)
+    origins = [clock.phase_zero(middle) for clock, middle in zip(prepared.clocks, middles, strict=True)]
+    clocks = tuple(ConstantPeriod(period=period, origin=origin, fitted=True) for origin in origins)
+    records = tuple(map(Record.with_clock, prepared.responses, clocks))
+    return replace(prepared, records=records, responses=records, clocks=clocks)
 
 
 def without_first(prepared: Prepared) -> tuple[Prepared, int]:

@@ -49,7 +49,9 @@ class Lifting:
     lifted: Lifted
     synchronous: bool  # whether they are the samples themselves, and not resampled
     speeds: tuple[NDArray[np.float64], ...] | None = None
-    """Factors by which a forced response follows the speed (factors, cycles), one array a hit; None at a steady one."""
+    """Factors by which a forced response follows the speed (factors, cycles), one array a hit; None at a steady one.
+
+    By a period that is a little off it changes linearly."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +79,7 @@ def cut(prepared: Prepared) -> Lifting:
     period of the model is.
     """
     settings, speeds = prepared.settings, None
-    synchronous = not out_of_step(prepared.responses, prepared.clocks, settings)
+    synchronous = not out_of_step(prepared.responses, prepared.clocks)
     if synchronous:
         cycles = segment(prepared.responses)
     else:
@@ -88,6 +90,8 @@ def cut(prepared: Prepared) -> Lifting:
                 speeds = tuple(_followed(hit.periods) for hit in cycles)
             period = float(np.mean([shaft.period for shaft in prepared.shafts]))
             cycles = tuple(replace(hit, periods=np.full(hit.n_cycles, period)) for hit in cycles)
+        elif any(clock.fitted for clock in prepared.clocks):
+            speeds = tuple(np.linspace(-1.0, 1.0, hit.n_cycles)[None] for hit in cycles)
     refuse_impossible(settings, cycles)
     lifted = lift(cycles, floor=settings.noise_floor)
     return Lifting(cycles=cycles, lifted=lifted, synchronous=synchronous, speeds=speeds)
@@ -125,11 +129,11 @@ def _followed(lengths: NDArray[np.float64]) -> NDArray[np.float64]:
     return found / np.where(size > 0.0, size, 1.0)
 
 
-def out_of_step(responses: Sequence[Record], clocks: Sequence[PhaseClock], settings: Settings) -> str:
+def out_of_step(responses: Sequence[Record], clocks: Sequence[PhaseClock]) -> str:
     """The code for why responses are not whole samples a period as they are; empty where they are."""
     if any(clock.measured for clock in clocks):
         return "angle"
-    if settings.estimate_period:
+    if any(clock.fitted for clock in clocks):
         return "own period"
     if any(np.isnan(record.values).any() for record in responses):
         return "missing"
