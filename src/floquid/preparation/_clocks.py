@@ -94,11 +94,11 @@ def clocks_of(records: Sequence[Record], shafts: tuple[ShaftAngle, ...]) -> tupl
 
 
 def steadied(records: Sequence[Record], shafts: tuple[ShaftAngle, ...]) -> tuple[Record, ...] | None:
-    """The responses with one constant period, a first value, by shafts whose pulses say nothing against that.
+    """The responses with one constant period, a first value, by shafts whose pulses are coarse and say no more.
 
-    Each is at the phase of its own shaft in the middle of the record. None where a speed changes, or they differ.
+    Each is at the phase of its own shaft in the middle of the record. None where pulses say more, or speeds differ.
     """
-    if not shafts or not all(shaft.straight for shaft in shafts):
+    if not shafts or not all(shaft.coarse for shaft in shafts):
         return None
     periods, stds = (np.array([getattr(shaft, name) for shaft in shafts]) for name in ("period", "period_std"))
     period = float(np.average(periods, weights=stds**-2.0))

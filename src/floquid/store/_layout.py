@@ -43,8 +43,10 @@ ABSENT = (
     "composites",
     "state",
     "point",
-)  # groups that a file does not have for None
-FLAGS = ("constrained", "kept", "mirrored", "passed", "real", "shared", "speed_dependent", "steady", "weak")
+    "fitted",
+    "rounded",
+)  # groups that a file does not have for None, and what files did not have before there was one
+FLAGS = ("constrained", "fitted", "kept", "mirrored", "passed", "real", "shared", "speed_dependent", "steady", "weak")
 """HDF5 has no truth values: these are 0 and 1."""
 
 TEXTS = (
@@ -226,6 +228,7 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "geometry": "lines; rad",
         "geometry_std": "lines; rad",
         **dict.fromkeys(("n_pulses", "missing", "doubled", "rejected", "wander", "steady"), ""),
+        "rounded": "; s",
         "findings": "findings",
         "spline": AngleSpline,
     },

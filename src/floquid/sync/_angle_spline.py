@@ -22,9 +22,6 @@ error, which is small in most places and not in others."""
 LINE = np.array([0.0, 0.0, 1.0, 1.0]), 1
 """Knots and degree of a straight line."""
 
-ROOM = 0.1
-"""Share of a sample that a pulse may be off beside the half by which it is rounded: noise moves its edge."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AngleSpline(Rebuilt):
@@ -155,12 +152,12 @@ def fit_angle(
     most: int,
     *,
     step: float = 0.0,
-    rounded: bool = False,
+    rounded: float = 0.0,
 ) -> AngleFit:
     """Fit `angles` [rad] at `times` [s] of pulses of `lines` (pulses,) by a spline of at most `most` pieces.
 
-    Pulses that were sampled each `step` [s] err by a part of it, in a pattern that is no motion of the shaft. Where they
-    are `rounded` to a sample, of one line, the angle is straight if some straight line is within half of one of each.
+    Pulses that were sampled each `step` [s] err by a part of it, in a pattern that is no motion of the shaft. Of one
+    line, and off by no more than `rounded` [s], the angle is straight if some straight line is within that of each.
 
     The offset of line 0 is zero while fitting. Outliers are left out and the fit is done again, until none is found.
     """
@@ -182,7 +179,7 @@ def fit_angle(
         seen.append(kept)
         rung = _climb(x[kept], wave[kept], lines[kept], n_lines, most, floor)
     kept = seen[-1]
-    if rounded and n_lines == 1 and rung.degree > 1 and _straight(x[kept], wave[kept], (0.5 + ROOM) * slope * step):
+    if rounded and n_lines == 1 and rung.degree > 1 and _straight(x[kept], wave[kept], slope * rounded):
         rung = _solve(x[kept], wave[kept], lines[kept], n_lines, *LINE)
     variance = max(rung.squares / max(np.count_nonzero(kept) - rung.n_parameters, 1), floor**2)
     present = np.bincount(lines[kept], minlength=n_lines) > 0

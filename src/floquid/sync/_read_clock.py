@@ -17,9 +17,6 @@ from floquid.sync._pulse_times import pulse_times
 
 OF = "shaft_angle"
 
-SHARP = 0.1
-"""Share of a sample that the instants of a logic level are off samples and the middles between them, by noise."""
-
 TURNS = {"deg": 360.0, "rad": 2.0 * np.pi, "mrad": 2e3 * np.pi, "urad": 2e6 * np.pi}  # a revolution in each unit
 
 
@@ -43,8 +40,8 @@ class Evidence:
     """Unit in which these err: of instants, or of angles."""
     step: float = 0.0
     """Interval of the samples that the instants were found in [s]."""
-    rounded: bool = False
-    """Whether the instants are known to a sample only: of a logic level none lies on an edge."""
+    rounded: float = 0.0
+    """The most that each instant is off [s], of edges known to a sample only; zero where that is not known."""
     said: tuple[Finding, ...] = ()
 
 
@@ -184,10 +181,11 @@ def _(clock: AzimuthSignal, record: Record) -> Evidence:
 
 @evidence.register
 def _(clock: TachometerSignal, record: Record) -> Evidence:
-    times = pulse_times(record, clock.channel)
-    halves = 2.0 * (times - record.start) * record.sample_rate
-    sharp = bool((np.abs(halves - np.rint(halves)) < 2.0 * SHARP).all())
-    return replace(_of_pulses(times, clock, 1.0 / record.sample_rate), rounded=sharp)
+    times, step = pulse_times(record, clock.channel), 1.0 / record.sample_rate
+    # The edges of a logic level have no sample on them: they come out half-way between two, middles of pulses at one.
+    halves = 2.0 * (times - record.start) / step
+    sharp = (np.abs(halves - np.rint(halves)) < DOUBT).all()
+    return replace(_of_pulses(times, clock, step), rounded=0.5 * (1.0 + DOUBT) * step if sharp else 0.0)
 
 
 @evidence.register
