@@ -3,7 +3,7 @@
 `fit` holds the residues to their harmonics, and `refit` keeps them.
 """
 
-from floquid.periodic._fit_records import Fit, OrderError, fit
+from floquid.periodic._fit_records import Fit, OrderError, fit, steady_period
 from floquid.periodic._fit_shapes import fit_shapes
 from floquid.periodic._forced_part import ForcedResponse
 from floquid.periodic._output_error_step import estimate_at
@@ -35,5 +35,5 @@ __all__ = [
     "Periodicity", "Synchrony", "assemble", "combinations_of", "distinct_multipliers", "drift", "estimate_at",
     "estimate_period", "fit", "fit_shapes", "fse", "generous_poles", "groups", "held_shapes", "instants",
     "line_amplitudes", "own_period", "participation", "periodicity", "physical_exponents", "refit", "select_bands",
-    "spacing", "synchrony", "unexplained", "without_known", "without_lines",
+    "spacing", "steady_period", "synchrony", "unexplained", "without_known", "without_lines",
 ]  # fmt: skip

@@ -138,12 +138,7 @@ def forced_base(
 
 
 def turned(point: Point) -> float:
-    r"""Fundamental [rad/s] with which the steady response of a fit that lets it change does not turn against its phase.
-
-    .. math:: \omega + \frac{\sum_j j\, \Im(\bar F_j \dot F_j) / s^2}{\sum_j j^2 |F_j|^2 / s^2}
-
-    with F the harmonics j a period of each channel and hit, F' what they change by in a second, and s the noise.
-    """
+    """Fundamental [rad/s] with which the steady response of a fit that lets it change keeps its phase."""
     entries, both = point.entries, shapes(point.blocks, point.solution)
     values, above, below = both.coefficients[..., both.harmonics == 0][..., 0], 0.0, 0.0
     for entry in np.flatnonzero(entries.fixed & (entries.factors == TREND) & (entries.offsets != 0.0)):

@@ -10,7 +10,6 @@ import numpy as np
 from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid.fit import AT_REST, DEVIATIONS, FARTHEST, RARE, SLOW, STEPS, SURE, chi2_limit
 from floquid.periodic.least_squares import (
-    TREND,
     ModeParameters,
     linearise,
     noise_of,
@@ -36,10 +35,7 @@ def finished(
     point = _padded(point, most) if choose else point.settled(rest=AT_REST, steps=STEPS)
     if free_period:
         # Not before: with modes still missing, the period would go to where it takes what is theirs.
-        entries = point.entries
-        turning = entries.fixed & (entries.factors == TREND) & (entries.offsets != 0.0)
-        entries, bands = entries.picked(np.flatnonzero(~turning)), bands[~turning]
-        point = point.with_entries(replace(entries, free_period=True)).settled(rest=AT_REST, steps=STEPS)
+        point = point.with_entries(replace(point.entries, free_period=True)).settled(rest=AT_REST, steps=STEPS)
     if search:
         point, bands = with_axis_pairs(point, bands)
         point = _without_steady(point, bands) if steady else point

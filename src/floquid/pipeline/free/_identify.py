@@ -16,7 +16,6 @@ from floquid.fit import chi2_limit
 from floquid.lifting import floor_of
 from floquid.order import judge
 from floquid.periodic import (
-    NEGLIGIBLE_SLIP,
     Fit,
     ModeParameters,
     OrderError,
@@ -26,12 +25,13 @@ from floquid.periodic import (
     fit_shapes,
     groups,
     held_shapes,
+    steady_period,
     unexplained,
 )
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline.free._complete import completed, free_residues, samples_of, validated
 from floquid.pipeline.free._doubts import of_sums, order_too_low, wrong_period_fitted, wrong_period_lifted
-from floquid.pipeline.free._start import Lifting, Start, cut
+from floquid.pipeline.free._start import Lifting, Start, cut, start_of
 from floquid.pipeline.free._starts import OPENINGS, criterion, determined, explains, poles
 from floquid.preparation import Prepared, Settings, clocks_of, from_sample
 
@@ -49,10 +49,8 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
     Where what the model leaves of the first period stands out, the records without it are identified, too: they count
     where that lowers the criterion, the samples left out being numbers that fit exactly.
     """
+    prepared = with_steady_period(prepared, report)
     best, left_out = _best(prepared, report), 0
-    if (nearer := with_period(prepared, best.fitted.model.period)) is not None:
-        report("starting anew with the period that was fitted")
-        prepared, best = nearer, _best(nearer, report)
     chosen, alarm = prepared.settings, prepared.settings.mode_false_alarm
     free, until, said = chosen.skip is None and chosen.all_found, time.process_time() + chosen.seconds, list[Finding]()
     # A record that is believed down to a share of its largest value is nowhere linear: no period would be the last.
@@ -271,19 +269,37 @@ def _fall(fitted: Fit, prepared: Prepared, periods: int) -> float:
     return gain - chi2_limit(max(numbers, 1), settings.mode_false_alarm)
 
 
-def with_period(prepared: Prepared, period: float) -> Prepared | None:
-    """The records with a better first value of a period that is fitted; None where it hardly differs.
+def with_steady_period(prepared: Prepared, report: Callable[[str], None]) -> Prepared:
+    """The records with a better first value of the period than that of coarse pulses, by the steady response.
 
-    Lifting cuts at the first value: what repeats slips, and leaves poles that are no modes.
+    Cut at a period that is a little off, what repeats slips, and leaves poles that are no modes.
     """
-    first, samples = prepared.clocks[0], max(record.n_samples for record in prepared.responses)
-    if not first.fitted or abs(period / first.period - 1.0) * samples < NEGLIGIBLE_SLIP:
-        return None
-    middles = (record.start + 0.5 * record.duration for record in prepared.responses)
-    origins = [clock.phase_zero(middle) for clock, middle in zip(prepared.clocks, middles, strict=True)]
-    clocks = tuple(ConstantPeriod(period=period, origin=origin, fitted=True) for origin in origins)
-    records = tuple(map(Record.with_clock, prepared.responses, clocks))
-    return replace(prepared, records=records, responses=records, clocks=clocks)
+    settings = prepared.settings
+    if settings.estimate_period or not prepared.clocks[0].fitted:
+        return prepared
+    report("finding the period of the steady response")
+    for _ in range(2):  # the slip that is left after the first time is less than a hundredth of it
+        cutting = cut(prepared)
+        trends = tuple(np.linspace(-1.0, 1.0, hit.n_cycles)[None] for hit in cutting.cycles)
+        try:
+            start = start_of(prepared, replace(cutting, speeds=trends), report)
+        except IdentificationError:  # said again where it is the end
+            return prepared
+        if start.modal is None or not start.known:
+            return prepared
+        period = steady_period(
+            prepared.responses,
+            prepared.clocks,
+            groups(start.modal, start.lifted),
+            start.known,
+            forced=settings.forced_harmonics,
+            periods_per_revolution=settings.periods_per_revolution,
+        )
+        # Their phase is right in the middle of each record, where their origin is.
+        clocks = tuple(ConstantPeriod(period=period, origin=own.origin, fitted=True) for own in prepared.responses)
+        records = tuple(map(Record.with_clock, prepared.responses, clocks))
+        prepared = replace(prepared, records=records, responses=records, clocks=clocks)
+    return prepared
 
 
 def without_first(prepared: Prepared) -> tuple[Prepared, int]:

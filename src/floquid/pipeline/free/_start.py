@@ -49,9 +49,7 @@ class Lifting:
     lifted: Lifted
     synchronous: bool  # whether they are the samples themselves, and not resampled
     speeds: tuple[NDArray[np.float64], ...] | None = None
-    """Factors by which a forced response follows the speed (factors, cycles), one array a hit; None at a steady one.
-
-    By a period that is a little off it changes linearly."""
+    """Factors by which a forced response follows the speed (factors, cycles), one array a hit; None at a steady one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,8 +88,6 @@ def cut(prepared: Prepared) -> Lifting:
                 speeds = tuple(_followed(hit.periods) for hit in cycles)
             period = float(np.mean([shaft.period for shaft in prepared.shafts]))
             cycles = tuple(replace(hit, periods=np.full(hit.n_cycles, period)) for hit in cycles)
-        elif any(clock.fitted for clock in prepared.clocks):
-            speeds = tuple(np.linspace(-1.0, 1.0, hit.n_cycles)[None] for hit in cycles)
     refuse_impossible(settings, cycles)
     lifted = lift(cycles, floor=settings.noise_floor)
     return Lifting(cycles=cycles, lifted=lifted, synchronous=synchronous, speeds=speeds)
