@@ -21,6 +21,7 @@ class _Measured:
 
     period = None
     origin = 0.0
+    fitted = False
 
 
 @answers_slips("ConstantPeriod(period=6.28)", _PERIOD)
@@ -189,6 +190,7 @@ class PulseTimes(Rebuilt, _Measured):
 Clock = ConstantPeriod | TachometerSignal | AzimuthSignal | PulseTimes
 """Clocks that a record can have. Each has the `channel` that carries it, the `option` of `identify` that gives it, its
 `pulses_per_revolution` (1 where it has none), and the `period` and `origin` [s] that it states: None and 0 if measured.
+The period is a first value alone where it is `fitted`.
 """
 
 CLOCKS: tuple[type[Clock], ...] = get_args(Clock)

@@ -145,7 +145,8 @@ def turned(point: Point) -> float:
         turn = entries.offsets[entry]
         plain = int(np.flatnonzero(entries.fixed & (entries.factors == PLAIN) & (entries.offsets == turn))[0])
         for block in point.blocks:
-            own, change = values[plain, block.rows, block.hit], values[entry, block.rows, block.hit] / block.half
+            half = block.half if isinstance(block, RecordBlock) else 1.0
+            own, change = values[plain, block.rows, block.hit], values[entry, block.rows, block.hit] / half
             above += turn * float(np.sum((own.conj() * change).imag / block.noise**2))
             below += turn**2 * float(np.sum(np.abs(own) ** 2 / block.noise**2))
     return entries.fundamental + (above / below if below else 0.0)

@@ -29,7 +29,15 @@ from floquid.preparation._before import (
     responses_of,
     without_orbit,
 )
-from floquid.preparation._clocks import check_states, clocked, clocks_of, refuse_no_clock, shafts_of, steadied, without_clock
+from floquid.preparation._clocks import (
+    check_states,
+    clocked,
+    clocks_of,
+    refuse_no_clock,
+    shafts_of,
+    steadied,
+    without_clock,
+)
 from floquid.preparation._excited import parted as parted_of
 from floquid.preparation._excited import refuse_others
 from floquid.preparation._forces import forces_of, refuse_driven, refuse_random

@@ -16,7 +16,8 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
     /records/hit1, hit2, .../       the records used, as they were measured: values (channels, samples), sample_rate,
                                     start, period and origin of the clock, or clock/ in place of a constant period
                                     that was given (kind, channel or times, pulses and periods per revolution; period,
-                                    origin and fitted), orbit where there is one, channels/, provenance/, point/ (the operating point: speed_rpm, ...)
+                                    origin and fitted), orbit where there is one, channels/, provenance/, point/ (the
+                                    operating point: speed_rpm, ...)
     /model/                         exponents (modes,), coefficients (modes, channels, hits, harmonics), harmonics,
                                     period, covariance, coefficient_std, channels/, provenance/, point/ (absent of files
                                     before there was one); inputs/ where some were

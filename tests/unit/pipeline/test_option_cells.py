@@ -165,7 +165,7 @@ def analysis(kind):
 def built(kind, options):
     """A(t) of a fit, or the refusal: what states a model of two channels can have is its kind's own matter."""
     found = analysis(kind)
-    free = found.decay and again_of(found.decay.fit, found.lifted, found.shafts, found.settings)
+    free = found.decay and again_of(found.decay.fit, found.lifted, found.shafts)
     again = free or found.driven.estimates_at
     try:
         state, refined = state_of(found.model, replace(found.settings, **options), again, lambda _: None)

@@ -52,7 +52,7 @@ def plan_of(analysis: Analysis, whole: bool) -> Plan:
     """The plan of an analysis of free responses."""
     decay = analysis.decay
     assert decay is not None
-    model, fit, shafts, settings = analysis.model, decay.fit, analysis.shafts, analysis.settings
+    model, fit, shafts = analysis.model, decay.fit, analysis.shafts
     bare = replace(model, covariance=None, estimates=None, unselected=None)
     # Free residues have no harmonics to hold: then the poles are refined, and the shapes expanded again. All that was
     # fitted is drawn from: of a weak mode, what is not kept may be much of what the record says.

@@ -256,7 +256,7 @@ def _identified(plan: Plan, values: Sequence[Floats]) -> Draw:
     if found.model.order != plan.model.order:
         return Draw(found.model.order)
     assert found.decay is not None
-    again = again_of(found.decay.fit, found.lifted, found.shafts, found.settings)
+    again = again_of(found.decay.fit, found.lifted, found.shafts)
     return compared(plan, found.model, again, None)
 
 

@@ -97,7 +97,7 @@ def completed(
             ),
         ),
     )
-    return with_state(found, again_of(fitted, lifted, shafts, settings), report)
+    return with_state(found, again_of(fitted, lifted, shafts), report)
 
 
 def free_residues(prepared: Prepared, cutting: Lifting, start: Start, model: PeriodicModel) -> Fit:
@@ -118,7 +118,7 @@ def free_residues(prepared: Prepared, cutting: Lifting, start: Start, model: Per
     )
 
 
-def again_of(fitted: Fit, lifted: Lifted, shafts: tuple[ShaftAngle, ...], settings: Settings) -> Again:
+def again_of(fitted: Fit, lifted: Lifted, shafts: tuple[ShaftAngle, ...]) -> Again:
     """Function that linearises a fit anew at given exponents: by its cycles if they hold all of it, else by samples."""
     data: dict[str, Any] = {"lifted": lifted}
     if not by_cycles(fitted, shafts):
