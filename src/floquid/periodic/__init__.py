@@ -3,12 +3,13 @@
 `fit` holds the residues to their harmonics, and `refit` keeps them.
 """
 
-from floquid.periodic._fit_records import Fit, OrderError, fit, steady_period
+from floquid.periodic._fit_records import Fit, OrderError, fit
 from floquid.periodic._fit_shapes import fit_shapes
 from floquid.periodic._forced_part import ForcedResponse
 from floquid.periodic._output_error_step import estimate_at
 from floquid.periodic._refit import instants, line_amplitudes, own_period, refit, unexplained, without_lines
 from floquid.periodic._start import Known, distinct_multipliers, generous_poles, groups, held_shapes, without_known
+from floquid.periodic._steady_period import steady_period
 from floquid.periodic.expansion import assemble, participation, physical_exponents, select_bands
 from floquid.periodic.least_squares import ModeParameters
 from floquid.periodic.period import FSE, Family, PeriodCandidate, PeriodEstimate, estimate_period, fse

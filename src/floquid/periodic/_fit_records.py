@@ -13,7 +13,7 @@ from floquid._checks import Rebuilt, input_error
 from floquid.core import Channel, PeriodicModel, PhaseClock, Provenance, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, note, texts, warning
-from floquid.fit import MODES, SURE
+from floquid.fit import MODES
 from floquid.lifting import Lifted
 from floquid.periodic._forced_part import (
     ForcedResponse,
@@ -22,7 +22,6 @@ from floquid.periodic._forced_part import (
     forced_of,
     forced_turns,
     free_records,
-    turned,
     without_noise,
 )
 from floquid.periodic._refit import below, half_of
@@ -247,32 +246,6 @@ def fit(
         search=search,
         ended=ended,
     )
-
-
-def steady_period(
-    records: Sequence[Record],
-    clocks: Sequence[PhaseClock],
-    start: ModeParameters,
-    known: Known,
-    *,
-    forced: str | Sequence[int] = "auto",
-    periods_per_revolution: float = 1.0,
-    noise_floor: float = 1e-10,
-) -> float:
-    r"""Period [s] by which the steady response of records keeps its phase, beside modes: a better one to start from.
-
-    .. math:: \omega + \frac{\sum_j j\, \Im(\bar F_j \dot F_j) / s^2}{\sum_j j^2 |F_j|^2 / s^2}
-
-    with F the harmonics j of each channel and hit in a fit that lets them change linearly with time, F' what they
-    change by in a second, and s the noise. It is that of the `clocks`, of constant periods, where there is no steady
-    response. The arguments are those of `fit`, and so are the errors.
-    """
-    samples = Samples.of(records, clocks, None, known, periods_per_revolution)
-    chosen = forced_turns(forced, known, samples.half, samples.nu)
-    base = forced_base(chosen, samples.fundamental, wanders=False, turning=True)
-    prices = priced(samples.final, base, noise_floor, mode_alarm=SURE, harmonic_alarm=SURE)
-    begin = replace(start, fundamental=samples.fundamental)
-    return 2.0 * np.pi / turned(Point.at(samples.final, *prices, base.joined(begin)).settled())
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,7 +30,7 @@ from floquid.periodic.least_squares import (
     shapes,
     solve,
 )
-from floquid.periodic.search import Point, SearchResult, kept_with, read_apart
+from floquid.periodic.search import SearchResult, kept_with, read_apart
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -135,21 +135,6 @@ def forced_base(
     for factor in (SPEED, SPEED_SQUARED, SPEED_RATE) if wanders else (TREND,) if turning else ():
         base = base.joined(forced_entries([turn for turn in turns if turn], fundamental, factor=factor))
     return base
-
-
-def turned(point: Point) -> float:
-    """Fundamental [rad/s] with which the steady response of a fit that lets it change keeps its phase."""
-    entries, both = point.entries, shapes(point.blocks, point.solution)
-    values, above, below = both.coefficients[..., both.harmonics == 0][..., 0], 0.0, 0.0
-    for entry in np.flatnonzero(entries.fixed & (entries.factors == TREND) & (entries.offsets != 0.0)):
-        turn = entries.offsets[entry]
-        plain = int(np.flatnonzero(entries.fixed & (entries.factors == PLAIN) & (entries.offsets == turn))[0])
-        for block in point.blocks:
-            half = block.half if isinstance(block, RecordBlock) else 1.0
-            own, change = values[plain, block.rows, block.hit], values[entry, block.rows, block.hit] / half
-            above += turn * float(np.sum((own.conj() * change).imag / block.noise**2))
-            below += turn**2 * float(np.sum(np.abs(own) ** 2 / block.noise**2))
-    return entries.fundamental + (above / below if below else 0.0)
 
 
 def angle_std(clocks: Sequence[PhaseClock], records: Sequence[Record]) -> tuple[float, ...]:

@@ -172,7 +172,8 @@ def fit_angle(
     rung = _climb(x, wave, lines, n_lines, most, floor)
     for _ in range(20):
         rest = _residuals(rung, x, wave, lines)
-        limit = max(outlying * max(1.4826 * float(np.median(np.abs(rest))), floor), HARMLESS * pitch)
+        limit = outlying * max(1.4826 * float(np.median(np.abs(rest))), floor)
+        limit = max(limit, HARMLESS * pitch, slope * rounded)  # many edges may be rounded alike, and some others not
         kept = np.abs(rest) <= limit
         if any(np.array_equal(kept, one) for one in seen) or np.count_nonzero(kept) <= rung.n_parameters:
             break

@@ -11,6 +11,7 @@ from floquid import ConstantPeriod, Record, identify, load, save
 from floquid.pipeline import prepare
 from floquid.pipeline.draws._redraw import draw, redrawn
 from floquid.pipeline.free import _identify as chain
+from floquid.pipeline.free._doubts import wrong_period_fitted
 from floquid.systems import JeffcottRotor, Run
 from floquid.testing import pair_exponents
 
@@ -117,6 +118,7 @@ def test_the_revolution_of_the_tachometer_counts():
     assert 1 in analysis.forced.harmonics
 
 
+@pytest.mark.slow
 def test_such_a_result_is_loaded_and_drawn_from(tmp_path):
     analysis = found()
     save(analysis, tmp_path / "result.h5")
@@ -161,3 +163,18 @@ def test_a_level_is_straight_within_its_rounding_alone():
             if shaft.coarse:
                 error = shaft.angle(times) / (2.0 * np.pi) - times
                 assert np.std(error) < 0.1 / rate
+
+
+def test_a_period_that_pulses_speak_against_is_refused(monkeypatch):
+    """Something else near a line of the revolution may draw the period away: here a first value that is off."""
+    prepared = prepare(coarse())
+    off = 1.0 + 4.0 / prepared.responses[0].n_samples
+    monkeypatch.setattr(chain, "steady_period", lambda _, clocks, *__, **___: clocks[0].period * off)
+    assert chain.with_steady_period(prepared, lambda _: None) is prepared
+    fit = found().fit
+    assert wrong_period_fitted(fit, None, prepared) is None
+    model = replace(fit.model, period=fit.model.period * off, estimates=None, unselected=None)
+    wrong = wrong_period_fitted(replace(fit, model=model), None, prepared)
+    assert "does not repeat with the period given" in str(wrong)
+    vague = replace(fit, model=model, period_std=fit.model.period)  # such a response says nothing against the pulses
+    assert wrong_period_fitted(vague, None, prepared) is None

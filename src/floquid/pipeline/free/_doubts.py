@@ -44,7 +44,9 @@ def wrong_period_fitted(
     nearly whole fundamentals are harmonics of one. Where these say nothing sure, the period that the lines of the
     response alone tell decides.
     """
-    if prepared.shafts or prepared.clocks[0].fitted:
+    if prepared.clocks[0].fitted:
+        return _against_pulses(fitted, prepared)
+    if prepared.shafts:
         return None
     model = fitted.model
     samples = max(record.n_samples for record in prepared.responses)
@@ -69,6 +71,17 @@ def wrong_period_fitted(
     if abs(share / round(share) - 1.0) <= SIGNIFICANT * deviation / own:
         return None
     return _wrong(prepared, model.period, own / model.period - 1.0, deviation / model.period)
+
+
+def _against_pulses(fitted: Fit, prepared: Prepared) -> Finding | None:
+    """Finding on a fitted period by which pulses are off by more than the sample that they are known to."""
+    first, period, std = prepared.clocks[0].period, fitted.model.period, fitted.period_std
+    relative, samples = period / first - 1.0, max(record.n_samples for record in prepared.responses)
+    # Two lines within half a sample of all pulses part by two samples over the record at most.
+    if std is None or abs(relative) * samples <= 2.0 or abs(period - first) <= SIGNIFICANT * std:
+        return None
+    coarse = any(own.code == "speed_fitted" for own in prepared.findings)
+    return _wrong(prepared, first, relative, std / first) if coarse else None
 
 
 def _single(model: PeriodicModel) -> bool:

@@ -272,9 +272,11 @@ def _fall(fitted: Fit, prepared: Prepared, periods: int) -> float:
 def with_steady_period(prepared: Prepared, report: Callable[[str], None]) -> Prepared:
     """The records with a better first value of the period than that of coarse pulses, by the steady response.
 
-    Cut at a period that is a little off, what repeats slips, and leaves poles that are no modes.
+    Cut at a period that is a little off, what repeats slips, and leaves poles that are no modes. One that pulses speak
+    against is none: something else is near a line of the revolution.
     """
-    settings = prepared.settings
+    settings, told = prepared.settings, prepared
+    samples = max(record.n_samples for record in prepared.responses)
     if settings.estimate_period or not prepared.clocks[0].fitted:
         return prepared
     report("finding the period of the steady response")
@@ -295,6 +297,8 @@ def with_steady_period(prepared: Prepared, report: Callable[[str], None]) -> Pre
             forced=settings.forced_harmonics,
             periods_per_revolution=settings.periods_per_revolution,
         )
+        if abs(period / told.clocks[0].period - 1.0) * samples > 2.0:
+            return told
         # Their phase is right in the middle of each record, where their origin is.
         clocks = tuple(ConstantPeriod(period=period, origin=own.origin, fitted=True) for own in prepared.responses)
         records = tuple(map(Record.with_clock, prepared.responses, clocks))
