@@ -44,10 +44,8 @@ def wrong_period_fitted(
     nearly whole fundamentals are harmonics of one. Where these say nothing sure, the period that the lines of the
     response alone tell decides.
     """
-    if prepared.clocks[0].fitted:
+    if prepared.shafts or prepared.clocks[0].fitted:
         return _against_pulses(fitted, prepared)
-    if prepared.shafts:
-        return None
     model = fitted.model
     samples = max(record.n_samples for record in prepared.responses)
     cycles = max(record.duration for record in prepared.responses) / model.period
