@@ -109,6 +109,8 @@ def _period(analysis: Analysis, unit: SpeedUnit) -> str:
         how = "the mean by the shaft angle"
     else:
         how = "fitted to the response" if analysis.clocks[0].fitted else "as given"
+        if any(own.code == "speed_fitted" for own in analysis.findings):
+            how += " (pulses are known to a sample)"
     line = f"{period_words(analysis)} s ({speed_words(analysis, unit)}), {how}"
     tested = analysis.periodicity
     if analysis.decay is not None and analysis.decay.fit.own_period is not None:

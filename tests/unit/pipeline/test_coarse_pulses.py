@@ -178,3 +178,17 @@ def test_a_period_that_pulses_speak_against_is_refused(monkeypatch):
     assert "does not repeat with the period given" in str(wrong)
     vague = replace(fit, model=model, period_std=fit.model.period)  # such a response says nothing against the pulses
     assert wrong_period_fitted(vague, None, prepared) is None
+
+
+def test_draws_of_the_modes_alone_hold_a_period_that_the_steady_response_told():
+    analysis = found()
+    for whole in (False, True):
+        plan = redrawn(analysis, whole=whole)
+        assert plan.plan.free_period == whole
+        assert plan.period_std == (analysis.period_std if whole else None)
+    one = draw(redrawn(analysis, whole=False), np.random.SeedSequence(3))
+    assert one.failure == ""
+    assert one.period == pytest.approx(analysis.model.period, rel=1e-12)
+    std = analysis.model.exponent_std
+    assert (np.abs((one.exponents - analysis.model.exponents).real) < 5.0 * std.real).all()
+    assert (np.abs((one.exponents - analysis.model.exponents).imag) < 5.0 * std.imag).all()

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from floquid._arrays import Complexes, Floats
-from floquid.core import PeriodicModel, PhaseClock, Record
+from floquid.core import ConstantPeriod, PeriodicModel, PhaseClock, Record
 from floquid.fit import CHUNK, HALF_DIGITS
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
@@ -64,6 +64,11 @@ def plan_of(analysis: Analysis, whole: bool) -> Plan:
         # The forced response as it was found, wherever the speed took it; NaN where a sample is missing.
         clean.append(own + (seen.values - record.values))
     records = analysis.records if whole and why_sampled(fit, shafts) else fit.free
+    # Draws of the modes alone would not know a period that the steady response told.
+    steady = not whole and fit.forced is not None and len(fit.forced.harmonics) > 0
+    free_period, clocks = fit.period_std is not None and not steady, analysis.clocks
+    if fit.period_std is not None and steady:
+        clocks = tuple(ConstantPeriod(period=model.period, origin=own.origin) for own in fit.free)
     names = {channel.name for channel in model.channels}
     return Plan(
         model=bare,
@@ -73,14 +78,14 @@ def plan_of(analysis: Analysis, whole: bool) -> Plan:
         noise=fit.noise,
         whole=whole,
         estimated=model.estimates is not None,
-        free_period=fit.period_std is not None,
+        free_period=free_period,
         one_shape=model.one_shape,
         lifted=analysis.lifted if by_cycles(fit, shafts) else None,
         modal=None if fit.constrained else analysis.modal,
         whitening=fit.whitening,
         records=records,
         rows=tuple(tuple(row for row, c in enumerate(record.channels) if c.name in names) for record in records),
-        clocks=analysis.clocks,
+        clocks=clocks,
     )
 
 

@@ -144,7 +144,8 @@ def redrawn(analysis: Analysis, *, whole: bool) -> Redrawn:
     if analysis.driven is not None:
         return ExcitedRedrawn.of(analysis, analysis.driven, whole)
     assert analysis.decay is not None
-    return FreeRedrawn(plan_of(analysis, whole), analysis.decay.fit.period_std, widening_of(analysis) > 1.0)
+    plan = plan_of(analysis, whole)
+    return FreeRedrawn(plan, analysis.decay.fit.period_std if plan.free_period else None, widening_of(analysis) > 1.0)
 
 
 def draw(plan: Redrawn, seed: SeedSequence) -> Draw:
