@@ -13,7 +13,7 @@ FEWEST_PHASES = 8  # samples a period, and instants a revolution, that are chose
 SPAN = 11  # the fewest intervals whose median is the local one: every second pulse but one may be wrong
 
 DOUBT = 0.25
-"""Spacings that one may be off, half of one would be another: of lines, revolutions of an azimuth, half samples."""
+"""Line spacings, of an azimuth revolutions, that a pulse or a step may be off: half of one would be another line."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,7 +13,7 @@ from floquid._checks import input_error
 from floquid.core import AzimuthSignal, Channel, PulseTimes, Record, TachometerSignal, channels_named
 from floquid.findings import Finding, note, warning
 from floquid.sync._count_pulses import DOUBT, FEWEST_PHASES, SPAN, count
-from floquid.sync._pulse_times import pulse_times
+from floquid.sync._pulse_times import edges_between, pulse_times
 
 OF = "shaft_angle"
 
@@ -182,10 +182,8 @@ def _(clock: AzimuthSignal, record: Record) -> Evidence:
 @evidence.register
 def _(clock: TachometerSignal, record: Record) -> Evidence:
     times, step = pulse_times(record, clock.channel), 1.0 / record.sample_rate
-    # The edges of a logic level have no sample on them: they come out half-way between two, middles of pulses at one.
-    halves = 2.0 * (times - record.start) / step
-    sharp = (np.abs(halves - np.rint(halves)) < DOUBT).all()
-    return replace(_of_pulses(times, clock, step), rounded=0.5 * (1.0 + DOUBT) * step if sharp else 0.0)
+    rounded = 0.5 * (1.0 + DOUBT) * step if edges_between(record, clock.channel) else 0.0  # more by the noise
+    return replace(_of_pulses(times, clock, step), rounded=rounded)
 
 
 @evidence.register

@@ -68,7 +68,9 @@ def plan_of(analysis: Analysis, whole: bool) -> Plan:
     steady = not whole and fit.forced is not None and len(fit.forced.harmonics) > 0
     free_period, clocks = fit.period_std is not None and not steady, analysis.clocks
     if fit.period_std is not None and steady:
-        clocks = tuple(ConstantPeriod(period=model.period, origin=own.origin) for own in fit.free)
+        # Phases count from where they did by the first value.
+        zeros = (clock.phase_zero(own.start) for clock, own in zip(clocks, fit.free, strict=True))
+        clocks = tuple(ConstantPeriod(period=model.period, origin=zero) for zero in zeros)
     names = {channel.name for channel in model.channels}
     return Plan(
         model=bare,
