@@ -183,7 +183,7 @@ def fit_angle(
     if rounded and n_lines == 1 and rung.degree > 1 and _straight(x[kept], wave[kept], slope * rounded):
         rung = _solve(x[kept], wave[kept], lines[kept], n_lines, *LINE)
     # Edges that are all rounded alike leave nothing, and are no better known.
-    least = max(floor**2, (slope * step) ** 2 / 12.0 if rounded else 0.0)
+    least = max(floor**2, (slope * step) ** 2 / 12.0 if rounded and rung.degree == 1 else 0.0)
     variance = max(rung.squares / max(np.count_nonzero(kept) - rung.n_parameters, 1), least)
     present = np.bincount(lines[kept], minlength=n_lines) > 0
     offsets = np.where(present, rung.offsets, np.nan)
