@@ -122,11 +122,11 @@ class System:
         start = np.append(self.start + self.orbit(), 1.0)
         return self.seen(self.moved(times, clock, start), clock(times))
 
-    def orbit(self) -> NDArray[np.float64]:
-        """The state at angle zero on the periodic response to the force (2 n,)."""
+    def orbit(self, speed: float = 1.0) -> NDArray[np.float64]:
+        """The state at angle zero on the periodic response to the force, at a `speed` [rad/s] (2 n,)."""
         if not self.force.any():
             return np.zeros(2 * self.size)
-        end = self._period()[:, -1]
+        end = self._period(speed)[:, -1]
         return np.linalg.solve(np.eye(2 * self.size) - end[:-1, :-1], end[:-1, -1])
 
     def _period(self, speed: float = 1.0) -> NDArray[np.float64]:

@@ -21,6 +21,7 @@ class _Measured:
 
     period = None
     origin = 0.0
+    fitted = False
 
 
 @answers_slips("ConstantPeriod(period=6.28)", _PERIOD)
@@ -38,6 +39,8 @@ class ConstantPeriod:
         the period of A(t) and C(t), not of the shaft.
     origin
         The time of phase zero [s], on the record's own time axis (`Record.start`).
+    fitted
+        Whether `period` is a first value alone, and free responses tell the period itself.
     """
 
     channel = None
@@ -50,6 +53,7 @@ class ConstantPeriod:
 
     period: float
     origin: float = 0.0
+    fitted: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "period", positive(self.period, "period", "ConstantPeriod", unit="s"))
@@ -200,7 +204,7 @@ class PulseTimes(Rebuilt, _Measured):
 Clock = ConstantPeriod | TachometerSignal | AzimuthSignal | PulseTimes
 """Clocks that a record can have. Each has the `channel` that carries it, the `option` of `identify` that gives it, its
 `pulses_per_revolution` (1 where it has none), the `period` and `origin` [s] that it states, None and 0 if measured, and
-`cycles`: true of events that each begin a period.
+`cycles`: true of events that each begin a period. The period is a first value alone where it is `fitted`.
 """
 
 CLOCKS: tuple[type[Clock], ...] = get_args(Clock)

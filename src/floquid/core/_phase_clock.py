@@ -16,6 +16,10 @@ class PhaseClock(Protocol):
         """True where the angle of a shaft was measured, false where the period is constant."""
 
     @property
+    def fitted(self) -> bool:
+        """True where the period is a first value, which is fitted to free responses."""
+
+    @property
     def period(self) -> float:
         """The period, or its mean [s]."""
 

@@ -89,6 +89,8 @@ SHAFT: dict[str, str | Callable[..., str]] = {
     "exponents themselves depend on speed.",
     "speed_steady": "The speed wanders by {percent:.2g} % (rms) about {hz:.6g} Hz: steady enough for a periodic model.",
     "speed_constant": "The speed is constant at {hz:.6g} Hz, to the accuracy of its measurement.",
+    "speed_fitted": "Each pulse gives the angle of the shaft to {degrees:.2g} deg. Within that the speed is steady, so "
+    "the period was fitted to the response.",
     "backwards": "The azimuth falls: the shaft turns backwards, and that way is counted as positive.",
     "pulses_guessed": "The number of lost pulses between {first:.6g} and {last:.6g} s is a guess: the speeds before "
     "and after differ.",

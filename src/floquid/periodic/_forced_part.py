@@ -119,15 +119,20 @@ def _listed(forced: str | Sequence[int], most: float, nu: float) -> tuple[int, .
     return chosen
 
 
-def forced_base(chosen: tuple[list[float], bool] | None, fundamental: float, *, wanders: bool) -> ModeParameters:
-    """Entries fitted in any case: offset, drift and the harmonics listed, let follow the speed where it wanders."""
+def forced_base(
+    chosen: tuple[list[float], bool] | None, fundamental: float, *, wanders: bool, turning: bool = False
+) -> ModeParameters:
+    """Entries fitted in any case: offset, drift and the harmonics listed, let follow the speed where it wanders.
+
+    With `turning`, the harmonics may change linearly with time, as they do where the period is a little off.
+    """
     if chosen is None:
         return forced_entries([], fundamental)
     turns, drift = chosen
     base = forced_entries(turns, fundamental)
     if drift:
         base = base.joined(forced_entries([0.0], fundamental, factor=TREND))
-    for factor in (SPEED, SPEED_SQUARED, SPEED_RATE) if wanders else ():
+    for factor in (SPEED, SPEED_SQUARED, SPEED_RATE) if wanders else (TREND,) if turning else ():
         base = base.joined(forced_entries([turn for turn in turns if turn], fundamental, factor=factor))
     return base
 

@@ -14,7 +14,7 @@ from floquid._show import Brief
 from floquid.checks import Parted
 from floquid.core import ConstantPeriod, PhaseClock, Record
 from floquid.errors import IdentificationError
-from floquid.findings import Finding, texts, warning
+from floquid.findings import Finding, note, texts, warning
 from floquid.lti import TimeResponses
 from floquid.periodic import estimate_period
 from floquid.preparation._before import (
@@ -29,7 +29,15 @@ from floquid.preparation._before import (
     responses_of,
     without_orbit,
 )
-from floquid.preparation._clocks import check_states, clocked, clocks_of, refuse_no_clock, shafts_of, without_clock
+from floquid.preparation._clocks import (
+    check_states,
+    clocked,
+    clocks_of,
+    refuse_no_clock,
+    shafts_of,
+    steadied,
+    without_clock,
+)
 from floquid.preparation._events import by_events
 from floquid.preparation._excited import parted as parted_of
 from floquid.preparation._excited import refuse_others
@@ -214,6 +222,13 @@ def _tied(
     if uneven and not settings.trust_period:
         raise IdentificationError(str(uneven[0]))
     said = (*said, *dict.fromkeys(own for shaft in shafts for own in shaft.findings))
+    steady = steadied(records, shafts)
+    if steady is not None:
+        degrees = max(shaft.jitter * shaft.mean_speed for shaft in shafts) * 360.0 / tau
+        said = (*said, note("speed_fitted", degrees=degrees))
+        settings = replace(settings, periods_per_revolution=shafts[0].periods_per_revolution)
+        records = responses = steady
+        shafts, clocks = (), clocks_of(steady, ())
     return Prepared(
         settings=settings, records=records, responses=responses, clocks=clocks, shafts=shafts, findings=said
     )
@@ -235,5 +250,5 @@ def _with_own_period(
             f"The response does not tell its period{where}. {' '.join(found.reasons)}\n  Give {wrong}, a tachometer "
             "(`tach=`), or a record with more cycles or less noise."
         )
-    clocked = tuple(record.with_clock(ConstantPeriod(period=found.period, origin=record.start)) for record in records)
-    return clocked, found.findings
+    clocks = (ConstantPeriod(period=found.period, origin=record.start, fitted=True) for record in records)
+    return tuple(map(Record.with_clock, records, clocks)), found.findings

@@ -9,13 +9,15 @@ without content (a null dataspace) stands for None: "not estimated", or "not giv
 
     /findings                       what was done and what a reader must know: JSON, as in summary.json
     /shafts/hit1, hit2, .../        the angle of the shaft where it was measured: the pulses' times, residuals, lines
-                                    and kept, jitter, geometry, counts, wander, steady, findings, and spline/ (first,
-                                    last, slope, knots, coefficients, degree, covariance)
+                                    and kept, jitter, rounded (absent of files before there was one), geometry, counts,
+                                    wander, steady, findings, and spline/ (first, last, slope, knots, coefficients,
+                                    degree, covariance)
     /settings/                      period, channels, order, harmonics, ...: one dataset a field of `Settings`
     /records/hit1, hit2, .../       the records used, as they were measured: values (channels, samples), sample_rate,
                                     start, period and origin of the clock, or clock/ in place of a constant period
-                                    (kind, channel or times, pulses and periods per revolution), orbit where there is
-                                    one, channels/, provenance/, point/ (the operating point: speed_rpm, ...)
+                                    that was given (kind, channel or times, pulses and periods per revolution; period,
+                                    origin and fitted), orbit where there is one, channels/, provenance/, point/ (the
+                                    operating point: speed_rpm, ...)
     /model/                         exponents (modes,), coefficients (modes, channels, hits, harmonics), harmonics,
                                     period, covariance, coefficient_std, channels/, provenance/, point/ (absent of files
                                     before there was one); inputs/ where some were

@@ -121,7 +121,7 @@ def _put_decay(group: Any, analysis: Analysis, decay: Decay) -> None:
     put_object(group.create_group("fit"), fit)
     if fit.forced is not None:
         put_object(group.create_group("fit/forced"), fit.forced)
-    samples = samples_of(analysis.records, analysis.shafts, analysis.settings)
+    samples = samples_of(analysis.records, analysis.shafts)
     for number, (record, own) in enumerate(zip(fit.free, samples, strict=True), start=1):
         if not np.array_equal(record.values, own.values, equal_nan=True):
             _put_record(group.create_group(f"fit/free/hit{number}"), record)
@@ -172,7 +172,7 @@ def _put_record(group: Any, record: Record) -> None:
     put_object(group, record)
     put(group, "period", record.period, "; s")
     put(group, "origin", None if record.period is None else record.origin, "; s")
-    if record.clock is not None and record.period is None:
+    if record.clock is not None and (record.period is None or record.clock.fitted):
         inner = group.create_group("clock")
         put(inner, "kind", type(record.clock).__name__)
         put_object(inner, record.clock)
@@ -299,7 +299,7 @@ def _decay(
     """The fit of free responses; it is cut into periods and lifted again."""
     if len(records) != model.n_hits:
         raise DamagedError("model/coefficients are not of as many hits as there are records")
-    fit = _fit(group["fit"], model, samples_of(records, shafts, settings))
+    fit = _fit(group["fit"], model, samples_of(records, shafts))
     with blas_threads(fit.free):  # as when it was identified: the same to the last digit
         cycles, lifted = lifted_views(fit, shafts, settings)
     own = get_fields(group["modal"], ModalModel)

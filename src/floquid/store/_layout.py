@@ -33,8 +33,13 @@ ABSENT = (
     "composites",
     "state",
     "point",
-)  # groups that a file does not have for None
-FLAGS = ("constrained", "cycles", "kept", "mirrored", "passed", "real", "shared", "speed_dependent", "steady", "weak")
+    "fitted",
+    "rounded",
+)  # groups that a file does not have for None, and what files did not have before there was one
+FLAGS = (
+    "constrained", "cycles", "fitted", "kept", "mirrored", "passed", "real", "shared", "speed_dependent", "steady",
+    "weak",
+)  # fmt: skip
 """HDF5 has no truth values: these are 0 and 1."""
 
 TEXTS = (
@@ -225,6 +230,7 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "geometry": "lines; rad",
         "geometry_std": "lines; rad",
         **dict.fromkeys(("n_pulses", "missing", "doubled", "rejected", "wander", "steady"), ""),
+        "rounded": "; s",
         "findings": "findings",
         "spline": AngleSpline,
     },

@@ -19,6 +19,9 @@ HARMLESS = 1e-3
 """The share of the angle between pulses below which none is left out: the residual of exact pulses is the spline's own
 error, which is small in most places and not in others."""
 
+LINE = np.array([0.0, 0.0, 1.0, 1.0]), 1
+"""Knots and degree of a straight line."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class AngleSpline(Rebuilt):
@@ -142,11 +145,19 @@ class _Rung:
 
 
 def fit_angle(
-    times: Floats, angles: Floats, lines: Integers, n_lines: int, most: int, *, step: float = 0.0
+    times: Floats,
+    angles: Floats,
+    lines: Integers,
+    n_lines: int,
+    most: int,
+    *,
+    step: float = 0.0,
+    rounded: float = 0.0,
 ) -> AngleFit:
     """Fit `angles` [rad] at `times` [s] of pulses of `lines` (pulses,) by a spline of at most `most` pieces.
 
-    Pulses that were sampled each `step` [s] err by a part of it, in a pattern that is no motion of the shaft.
+    Pulses that were sampled each `step` [s] err by a part of it, in a pattern that is no motion of the shaft. Of one
+    line, and off by no more than `rounded` [s], the angle is straight if some straight line is within that of each.
 
     The offset of line 0 is zero while fitting. Outliers are left out and the fit is done again, until none is found.
     """
@@ -161,14 +172,19 @@ def fit_angle(
     rung = _climb(x, wave, lines, n_lines, most, floor)
     for _ in range(20):
         rest = _residuals(rung, x, wave, lines)
-        limit = max(outlying * max(1.4826 * float(np.median(np.abs(rest))), floor), HARMLESS * pitch)
+        limit = outlying * max(1.4826 * float(np.median(np.abs(rest))), floor)
+        limit = max(limit, HARMLESS * pitch, slope * rounded)  # many edges may be rounded alike, and some others not
         kept = np.abs(rest) <= limit
         if any(np.array_equal(kept, one) for one in seen) or np.count_nonzero(kept) <= rung.n_parameters:
             break
         seen.append(kept)
         rung = _climb(x[kept], wave[kept], lines[kept], n_lines, most, floor)
     kept = seen[-1]
-    variance = max(rung.squares / max(np.count_nonzero(kept) - rung.n_parameters, 1), floor**2)
+    if rounded and n_lines == 1 and rung.degree > 1 and _straight(x[kept], wave[kept], slope * rounded):
+        rung = _solve(x[kept], wave[kept], lines[kept], n_lines, *LINE)
+    # Edges that are all rounded alike leave nothing, and are no better known.
+    least = max(floor**2, (slope * step) ** 2 / 12.0 if rounded and rung.degree == 1 else 0.0)
+    variance = max(rung.squares / max(np.count_nonzero(kept) - rung.n_parameters, 1), least)
     present = np.bincount(lines[kept], minlength=n_lines) > 0
     offsets = np.where(present, rung.offsets, np.nan)
     inverse, lines_std = rung.deviations()
@@ -194,6 +210,16 @@ def fit_angle(
     )
 
 
+def _straight(x: Floats, wave: Floats, room: float) -> bool:
+    """True where a straight line is within `room` [rad] of each pulse."""
+    from scipy.optimize import linprog
+
+    basis, ones = np.stack([np.ones(len(x)), x], axis=1), np.ones((len(x), 1))
+    limits = np.block([[basis, -ones], [-basis, -ones]])  # the largest distance is the third unknown
+    found = linprog([0.0, 0.0, 1.0], A_ub=limits, b_ub=np.concatenate([wave, -wave]) / room, bounds=(None, None))
+    return found.status == 0 and found.fun <= 1.0
+
+
 def _moving(residuals: Floats, n_parameters: int) -> bool:
     """True where residuals (pulses,) are correlated: Ljung and Box's sum over some lags, less what the fit makes."""
     n, power = len(residuals), float(residuals @ residuals)
@@ -215,7 +241,7 @@ def _climb(x: Floats, wave: Floats, lines: Integers, n_lines: int, most: int, fl
     """The straight line, or where it is significantly worse the spline that Akaike's corrected criterion prefers."""
     from scipy.special import fdtrc
 
-    line = _solve(x, wave, lines, n_lines, np.array([0.0, 0.0, 1.0, 1.0]), 1)
+    line = _solve(x, wave, lines, n_lines, *LINE)
     tried, pieces, rows = [], 1, len(x) - len(np.unique(lines))
     # The normal matrix of the pieces is a full one.
     while pieces <= most and pieces + 3 + 2 <= rows and pieces**2 <= BLOCK:

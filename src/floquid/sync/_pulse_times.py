@@ -63,6 +63,15 @@ def pulse_times(record: Record, channel: str) -> Floats:
     return record.start + positions / record.sample_rate
 
 
+def edges_between(record: Record, channel: str) -> bool:
+    """True where hardly any sample lies on an edge, as of a logic level: each edge is then known to a sample only."""
+    (row,) = channels_named(record.channels, [channel], argument="channel", of=OF)
+    levels = find_levels(record.values[row], channel)
+    heights = levels.polarity * (record.values[row] - levels.base) / levels.height
+    on_edges = np.count_nonzero((heights > FALL) & (heights < 1.0 - FALL))
+    return bool(on_edges < DOUBT * np.count_nonzero(np.diff(heights > RISE)))
+
+
 @dataclass(frozen=True, slots=True)
 class _Shape:
     """Width, gap and rise of a typical pulse of the channel [samples]."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import singledispatch
 from typing import Literal
 
@@ -13,7 +13,7 @@ from floquid._checks import input_error
 from floquid.core import AzimuthSignal, Channel, PulseTimes, Record, TachometerSignal, channels_named
 from floquid.findings import Finding, note, warning
 from floquid.sync._count_pulses import DOUBT, FEWEST_PHASES, SPAN, count
-from floquid.sync._pulse_times import pulse_times
+from floquid.sync._pulse_times import edges_between, pulse_times
 
 OF = "shaft_angle"
 
@@ -40,6 +40,8 @@ class Evidence:
     """Unit in which these err: of instants, or of angles."""
     step: float = 0.0
     """Interval of the samples that the instants were found in [s]."""
+    rounded: float = 0.0
+    """The most that each instant is off [s], of edges known to a sample only; zero where that is not known."""
     said: tuple[Finding, ...] = ()
 
 
@@ -179,7 +181,9 @@ def _(clock: AzimuthSignal, record: Record) -> Evidence:
 
 @evidence.register
 def _(clock: TachometerSignal, record: Record) -> Evidence:
-    return _of_pulses(pulse_times(record, clock.channel), clock, 1.0 / record.sample_rate)
+    times, step = pulse_times(record, clock.channel), 1.0 / record.sample_rate
+    rounded = 0.5 * (1.0 + DOUBT) * step if edges_between(record, clock.channel) else 0.0  # more by the noise
+    return replace(_of_pulses(times, clock, step), rounded=rounded)
 
 
 @evidence.register

@@ -120,9 +120,12 @@ class ShaftAngle(Rebuilt):
     wander, steady, findings
         The rms of the speed about its mean, over the mean; true where that is constant enough for a periodic model; and
         why, with numbers, and what was repaired.
+    rounded
+        The most that a pulse is off [s], where each is known to a sample only; zero elsewhere.
     """
 
     measured = True
+    fitted = False
 
     spline: AngleSpline
     periods_per_revolution: float
@@ -141,6 +144,7 @@ class ShaftAngle(Rebuilt):
     wander: float
     steady: bool
     findings: tuple[Finding, ...]
+    rounded: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("times", "residuals", "lines", "kept", "geometry", "geometry_std"):
@@ -164,6 +168,11 @@ class ShaftAngle(Rebuilt):
     def last(self) -> float:
         """End of the evidence [s]."""
         return self.spline.last
+
+    @property
+    def coarse(self) -> bool:
+        """True where the speed is steady within what pulses show that are known to a sample only."""
+        return self.rounded > 0.0 and self.spline.degree == 1
 
     @property
     def mean_speed(self) -> float:
@@ -265,7 +274,8 @@ def shaft_angle(record: Record) -> ShaftAngle:
 
     One linear least squares for a cubic B-spline and the offsets of the L lines. The number of pieces is the one that
     Akaike's corrected criterion prefers; a straight line, unless noise alone makes it so much worse once in a million.
-    Pulses beyond five robust deviations are left out.
+    Pulses beyond five robust deviations are left out. Of edges that are known to a sample only, as of a logic level
+    once a revolution, the line is straight where one is within the rounding of each.
 
     The clock of the `record` is a `TachometerSignal`, an `AzimuthSignal` or `PulseTimes`. Raises InputError where the
     clock is another, or its channel is not in the record or holds no pulses or no angle. So it does where fewer than
@@ -274,7 +284,7 @@ def shaft_angle(record: Record) -> ShaftAngle:
     seen = evidence(record.clock, record)
     revolutions = float(seen.angles[-1] - seen.angles[0]) / TURN
     most = max(int(revolutions / APART), 1)
-    fit = fit_angle(seen.times, seen.angles, seen.lines, seen.n_lines, most, step=seen.step)
+    fit = fit_angle(seen.times, seen.angles, seen.lines, seen.n_lines, most, step=seen.step, rounded=seen.rounded)
     spline = fit.spline
     speeds = spline.speed(np.linspace(spline.first, spline.last, 8 * len(spline.knots)))
     mean = spline.mean_speed()[0]
@@ -301,6 +311,7 @@ def shaft_angle(record: Record) -> ShaftAngle:
         missing=seen.missing,
         doubled=seen.doubled,
         rejected=rejected,
+        rounded=seen.rounded,
         wander=wander,
         steady=steady,
         findings=(why, *_remarks(record, seen, fit, n_used, rejected)),
@@ -316,7 +327,8 @@ def _remarks(record: Record, seen: Evidence, fit: AngleFit, n_used: int, rejecte
         said += uneven(fit.offsets, fit.offsets_std)
     if fit.std > STEADY * TURN:
         said.append(warning("rough_angle", degrees=np.degrees(fit.std)))
-    said += alike(fit.residuals[fit.kept])
+    if not seen.rounded or spline.degree > 1:  # rounding makes a pattern of its own
+        said += alike(fit.residuals[fit.kept])
     ends = spline.speed(np.array([spline.first, spline.last])) / TURN
     stop = record.start + (record.n_samples - 1) / record.sample_rate
     return said + outside(float(ends[0]) * (spline.first - record.start), float(ends[1]) * (stop - spline.last))

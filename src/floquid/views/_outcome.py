@@ -137,7 +137,9 @@ def _period(analysis: Analysis, unit: SpeedUnit) -> str:
     if analysis.shafts or between:
         how = "the mean between events" if between else "the mean by the shaft angle"
     else:
-        how = "estimated from the response" if analysis.settings.estimate_period else "as given"
+        how = "fitted to the response" if analysis.clocks[0].fitted else "as given"
+        if any(own.code == "speed_fitted" for own in analysis.findings):
+            how += " (pulses are known to a sample)"
     line = f"{period_words(analysis)} s ({speed_words(analysis, unit)}), {how}"
     tested = analysis.periodicity
     if analysis.decay is not None and analysis.decay.fit.own_period is not None and not between:

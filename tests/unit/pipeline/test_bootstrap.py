@@ -56,7 +56,8 @@ def with_tachometer(whole):
     """A pulse a period in a channel between the others, samples out of step with it, and an imbalance."""
     times = np.arange(whole.n_samples) / whole.sample_rate
     period = 2.0 * np.pi
-    pulses = 5.0 * ((times / period + 0.01) % 1.0 < 0.1)
+    # Edges of two samples: the angle is measured.
+    pulses = 5.0 * np.clip(0.5 + 20.0 * (0.05 - np.abs((times / period + 0.46) % 1.0 - 0.5)), 0.0, 1.0)
     turning = 0.5 * np.abs(whole.values).max() * np.cos(2.0 * np.pi * times / period)
     values = np.insert(whole.values + turning, 1, pulses, axis=0)
     channels = [*whole.channels[:1], "tach", *whole.channels[1:]]

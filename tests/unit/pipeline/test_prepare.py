@@ -101,7 +101,7 @@ def found(case):
 
 def as_lifted(analysis):
     """Whether cycles hold all that was fitted."""
-    return by_cycles(analysis.fit, analysis.shafts, analysis.settings)
+    return by_cycles(analysis.fit, analysis.shafts)
 
 
 def names(record):

@@ -223,6 +223,7 @@ class Wandering:
     periods_per_revolution: float = 1.0
 
     measured = True
+    fitted = False
     period = None
 
     def phase(self, *_):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from floquid._arrays import Complexes, Floats
-from floquid.core import PeriodicModel, PhaseClock, Record
+from floquid.core import ConstantPeriod, PeriodicModel, PhaseClock, Record
 from floquid.fit import CHUNK, HALF_DIGITS
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
@@ -52,18 +52,25 @@ def plan_of(analysis: Analysis, whole: bool) -> Plan:
     """The plan of an analysis of free responses."""
     decay = analysis.decay
     assert decay is not None
-    model, fit, shafts, settings = analysis.model, decay.fit, analysis.shafts, analysis.settings
+    model, fit, shafts = analysis.model, decay.fit, analysis.shafts
     bare = replace(model, covariance=None, estimates=None, unselected=None)
     # Free residues have no harmonics to hold: then the poles are refined, and the shapes expanded again. All that was
     # fitted is drawn from: of a weak mode, what is not kept may be much of what the record says.
     fitted = bare if not fit.constrained or model.estimates is None else _fitted(model)
-    measured = samples_of(analysis.records, shafts, settings) if whole and fit.constrained else fit.free
+    measured = samples_of(analysis.records, shafts) if whole and fit.constrained else fit.free
     clean = []
     for hit, (record, clock, seen) in enumerate(zip(fit.free, analysis.clocks, measured, strict=True)):
         own = _response(fitted, hit, *instants(record, clock, model.fundamental))
         # The forced response as it was found, wherever the speed took it; NaN where a sample is missing.
         clean.append(own + (seen.values - record.values))
-    records = analysis.records if whole and why_sampled(fit, shafts, settings) else fit.free
+    records = analysis.records if whole and why_sampled(fit, shafts) else fit.free
+    # Draws of the modes alone would not know a period that the steady response told.
+    steady = not whole and fit.forced is not None and len(fit.forced.harmonics) > 0
+    free_period, clocks = fit.period_std is not None and not steady, analysis.clocks
+    if fit.period_std is not None and steady:
+        # Phases count from where they did by the first value.
+        zeros = (clock.phase_zero(own.start) for clock, own in zip(clocks, fit.free, strict=True))
+        clocks = tuple(ConstantPeriod(period=model.period, origin=zero) for zero in zeros)
     names = {channel.name for channel in model.channels}
     return Plan(
         model=bare,
@@ -73,14 +80,14 @@ def plan_of(analysis: Analysis, whole: bool) -> Plan:
         noise=fit.noise,
         whole=whole,
         estimated=model.estimates is not None,
-        free_period=fit.period_std is not None,
+        free_period=free_period,
         one_shape=model.one_shape,
-        lifted=analysis.lifted if by_cycles(fit, shafts, settings) else None,
+        lifted=analysis.lifted if by_cycles(fit, shafts) else None,
         modal=None if fit.constrained else analysis.modal,
         whitening=fit.whitening,
         records=records,
         rows=tuple(tuple(row for row, c in enumerate(record.channels) if c.name in names) for record in records),
-        clocks=analysis.clocks,
+        clocks=clocks,
     )
 
 

@@ -144,7 +144,8 @@ def redrawn(analysis: Analysis, *, whole: bool) -> Redrawn:
     if analysis.driven is not None:
         return ExcitedRedrawn.of(analysis, analysis.driven, whole)
     assert analysis.decay is not None
-    return FreeRedrawn(plan_of(analysis, whole), analysis.decay.fit.period_std, widening_of(analysis) > 1.0)
+    plan = plan_of(analysis, whole)
+    return FreeRedrawn(plan, analysis.decay.fit.period_std if plan.free_period else None, widening_of(analysis) > 1.0)
 
 
 def draw(plan: Redrawn, seed: SeedSequence) -> Draw:
@@ -256,7 +257,7 @@ def _identified(plan: Plan, values: Sequence[Floats]) -> Draw:
     if found.model.order != plan.model.order:
         return Draw(found.model.order)
     assert found.decay is not None
-    again = again_of(found.decay.fit, found.lifted, found.shafts, found.settings)
+    again = again_of(found.decay.fit, found.lifted, found.shafts)
     return compared(plan, found.model, again, None)
 
 

@@ -43,7 +43,7 @@ def completed(
     """
     fails = model_failure(fitted, settings)
     fitted, shafts = with_misfit(fitted), prepared.shafts
-    whole = by_cycles(fitted, shafts, settings)
+    whole = by_cycles(fitted, shafts)
     if not whole:
         report("resampling the free response")
     cycles, lifted = lifted_views(fitted, shafts, settings)
@@ -81,7 +81,7 @@ def completed(
         findings=(
             *prepared.findings,
             *(() if start.floor is None else (note("believed_down_to", floor=start.floor),)),
-            *_done(fitted, why_sampled(fitted, shafts, settings), settings.periods_per_revolution),
+            *_done(fitted, why_sampled(fitted, shafts), settings.periods_per_revolution),
             *(own for own in (fails, *doubts, *uneven_speed(shafts)) if own is not None),
             *fitted.warnings,
             *(warning("order_ambiguous", order=own.order, doubts=own.doubts) for own in doubted),
@@ -98,12 +98,12 @@ def completed(
             ),
         ),
     )
-    return with_state(found, again_of(fitted, lifted, shafts, settings), report)
+    return with_state(found, again_of(fitted, lifted, shafts), report)
 
 
 def free_residues(prepared: Prepared, cutting: Lifting, start: Start, model: PeriodicModel) -> Fit:
     """The model whose residues are free at each phase, as the fit of what it is a model of: the lifted responses."""
-    records = samples_of(prepared.records, prepared.shafts, prepared.settings)
+    records = samples_of(prepared.records, prepared.shafts)
     if not cutting.synchronous:
         records = tuple(rejoin(hit) for hit in cutting.cycles)
     pairs = zip(records, unlift(start.raw), strict=True)
@@ -119,10 +119,10 @@ def free_residues(prepared: Prepared, cutting: Lifting, start: Start, model: Per
     )
 
 
-def again_of(fitted: Fit, lifted: Lifted, shafts: tuple[ShaftAngle, ...], settings: Settings) -> Again:
+def again_of(fitted: Fit, lifted: Lifted, shafts: tuple[ShaftAngle, ...]) -> Again:
     """Function that linearises a fit anew at given exponents: by its cycles if they hold all of it, else by samples."""
     data: dict[str, Any] = {"lifted": lifted}
-    if not by_cycles(fitted, shafts, settings):
+    if not by_cycles(fitted, shafts):
         names = ("noise", "whitening", "forced")
         data = {"records": fitted.free, "clocks": clocks_of(fitted.free, shafts)}
         data |= {name: getattr(fitted, name) for name in names}
@@ -157,16 +157,15 @@ def _alike(model: PeriodicModel, other: PeriodicModel | None) -> bool:
     return bool((gaps.min(axis=0, initial=np.inf) < reach).all())
 
 
-def samples_of(records: Sequence[Record], shafts: tuple[ShaftAngle, ...], settings: Settings) -> tuple[Record, ...]:
+def samples_of(records: Sequence[Record], shafts: tuple[ShaftAngle, ...]) -> tuple[Record, ...]:
     """The responses that are fitted, as they were measured.
 
     Where they are whole samples a period they are of whole periods; their clocks then have the phase of the cycles. Of
-    the `records` used by these `settings`, with the angle of the shaft in each, `shafts`, none where periods are
-    constant.
+    the `records` used, with the angle of the shaft in each, `shafts`, none where periods are constant.
     """
     responses = tuple(without_clock(record) for record in records)
     clocks = clocks_of(responses, shafts)
-    if out_of_step(responses, clocks, settings):
+    if out_of_step(responses, clocks):
         return responses
     found = []
     for record, clock, hit in zip(responses, clocks, segment(responses), strict=True):
@@ -184,7 +183,7 @@ def lifted_views(fitted: Fit, shafts: tuple[ShaftAngle, ...], settings: Settings
     is resampled, for the eye alone. Of the fit `fitted` by these `settings`, with the angle of the shaft in each
     record, `shafts`, none where periods are constant.
     """
-    if why_sampled(fitted, shafts, settings):
+    if why_sampled(fitted, shafts):
         period = fitted.model.period
         pairs = zip(clocks_of(fitted.free, shafts), fitted.free, strict=True)
         steady = [ConstantPeriod(period=period, origin=clock.phase_zero(record.start)) for clock, record in pairs]
@@ -198,14 +197,14 @@ def lifted_views(fitted: Fit, shafts: tuple[ShaftAngle, ...], settings: Settings
     return cycles, lifted
 
 
-def why_sampled(fitted: Fit, shafts: tuple[ShaftAngle, ...], settings: Settings) -> str:
+def why_sampled(fitted: Fit, shafts: tuple[ShaftAngle, ...]) -> str:
     """The code for why samples were fitted at their own times; empty where their cycles are cut out of them."""
-    return out_of_step(fitted.free, clocks_of(fitted.free, shafts), settings) if fitted.constrained else ""
+    return out_of_step(fitted.free, clocks_of(fitted.free, shafts)) if fitted.constrained else ""
 
 
-def by_cycles(fitted: Fit, shafts: tuple[ShaftAngle, ...], settings: Settings) -> bool:
+def by_cycles(fitted: Fit, shafts: tuple[ShaftAngle, ...]) -> bool:
     """True where the cycles hold all that was fitted: they are its samples, with no forced response beside them."""
-    return fitted.forced is None and not why_sampled(fitted, shafts, settings)
+    return fitted.forced is None and not why_sampled(fitted, shafts)
 
 
 def _done(found: Fit, why: str, given: float) -> list[Finding]:

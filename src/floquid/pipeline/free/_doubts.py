@@ -27,7 +27,7 @@ FOLDED = 10.0  # decays within which modes that fold onto one another may be one
 def wrong_period_lifted(model: PeriodicModel, lifted: Lifted, prepared: Prepared) -> Finding | None:
     """Finding on a period other than that of the lifted response; None where it is that, or the fit must tell."""
     # A second multiplier hidden beside a real one turns in the residual as harmonics of a wrong period do.
-    if prepared.shafts or in_phase(prepared.findings) or prepared.settings.estimate_period or model.real.any():
+    if prepared.shafts or in_phase(prepared.findings) or prepared.clocks[0].fitted or model.real.any():
         return None
     found = synchrony(model, lifted)
     if found is None or not found.broken:
@@ -44,8 +44,8 @@ def wrong_period_fitted(
     nearly whole fundamentals are harmonics of one. Where these say nothing sure, the period that the lines of the
     response alone tell decides.
     """
-    if prepared.shafts or in_phase(prepared.findings) or prepared.settings.estimate_period:
-        return None
+    if prepared.shafts or in_phase(prepared.findings) or prepared.clocks[0].fitted:
+        return _against_pulses(fitted, prepared)
     model = fitted.model
     samples = max(record.n_samples for record in prepared.responses)
     cycles = max(record.duration for record in prepared.responses) / model.period
@@ -69,6 +69,17 @@ def wrong_period_fitted(
     if abs(share / round(share) - 1.0) <= SIGNIFICANT * deviation / own:
         return None
     return _wrong(prepared, model.period, own / model.period - 1.0, deviation / model.period)
+
+
+def _against_pulses(fitted: Fit, prepared: Prepared) -> Finding | None:
+    """Finding on a fitted period by which pulses are off by more than the sample that they are known to."""
+    first, period, std = prepared.clocks[0].period, fitted.model.period, fitted.period_std
+    relative, samples = period / first - 1.0, max(record.n_samples for record in prepared.responses)
+    # Two lines within half a sample of all pulses part by two samples over the record at most.
+    if std is None or abs(relative) * samples <= 2.0 or abs(period - first) <= SIGNIFICANT * std:
+        return None
+    coarse = any(own.code == "speed_fitted" for own in prepared.findings)
+    return _wrong(prepared, first, relative, std / first) if coarse else None
 
 
 def _single(model: PeriodicModel) -> bool:

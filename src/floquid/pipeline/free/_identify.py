@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from floquid.core import PeriodicModel
+from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, warning
 from floquid.fit import chi2_limit
@@ -25,12 +25,13 @@ from floquid.periodic import (
     fit_shapes,
     groups,
     held_shapes,
+    steady_period,
     unexplained,
 )
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline.free._complete import completed, free_residues, samples_of, validated
 from floquid.pipeline.free._doubts import of_sums, order_too_low, wrong_period_fitted, wrong_period_lifted
-from floquid.pipeline.free._start import Lifting, Start, cut
+from floquid.pipeline.free._start import Lifting, Start, cut, start_of
 from floquid.pipeline.free._starts import OPENINGS, criterion, determined, explains, poles
 from floquid.preparation import Prepared, Settings, clocks_of, from_sample
 
@@ -48,6 +49,7 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
     Where what the model leaves of the first period stands out, the records without it are identified, too: they count
     where that lowers the criterion, the samples left out being numbers that fit exactly.
     """
+    prepared = with_steady_period(prepared, report)
     best, left_out = _best(prepared, report), 0
     chosen, alarm = prepared.settings, prepared.settings.mode_false_alarm
     free, until, said = chosen.skip is None and chosen.all_found, time.process_time() + chosen.seconds, list[Finding]()
@@ -166,7 +168,7 @@ def _brief_fits(
 def _of_shapes(prepared: Prepared, start: Start, model: PeriodicModel, report: Callable[[str], None]) -> Fit:
     """The fit of the samples with one shape for all hits, started at outer products."""
     settings = prepared.settings
-    records = samples_of(prepared.records, prepared.shafts, settings)
+    records = samples_of(prepared.records, prepared.shafts)
     return fit_shapes(
         records,
         clocks_of(records, prepared.shafts),
@@ -233,7 +235,7 @@ def _fitted(
     begin = start.begin
     if start.modal is not None and model is not None:
         begin = groups(start.modal, start.lifted) if search else ModeParameters.of(model)
-    records = samples_of(prepared.records, prepared.shafts, settings)
+    records = samples_of(prepared.records, prepared.shafts)
     return fit(
         records,
         clocks_of(records, prepared.shafts),
@@ -244,7 +246,7 @@ def _fitted(
         periods_per_revolution=settings.periods_per_revolution,
         order=settings.order,
         harmonics=settings.harmonics,
-        free_period=settings.estimate_period,
+        free_period=prepared.clocks[0].fitted,
         search=search,
         noise_floor=floor_of((row for record in records for row in record.values), settings.noise_floor),
         mode_false_alarm=settings.mode_false_alarm,
@@ -283,6 +285,43 @@ def _fall(fitted: Fit, prepared: Prepared, periods: int) -> float:
         gain += float(samples @ np.log(whole / rest))
         numbers += int(np.isfinite(left[:, :first]).sum())
     return gain - chi2_limit(max(numbers, 1), settings.mode_false_alarm)
+
+
+def with_steady_period(prepared: Prepared, report: Callable[[str], None]) -> Prepared:
+    """The records with a better first value of the period than that of coarse pulses, by the steady response.
+
+    Cut at a period that is a little off, what repeats slips, and leaves poles that are no modes. One that pulses speak
+    against is none: something else is near a line of the revolution.
+    """
+    settings, told = prepared.settings, prepared
+    samples = max(record.n_samples for record in prepared.responses)
+    if settings.estimate_period or not prepared.clocks[0].fitted:
+        return prepared
+    report("finding the period of the steady response")
+    for _ in range(2):  # the slip that is left after the first time is less than a hundredth of it
+        cutting = cut(prepared)
+        trends = tuple(np.linspace(-1.0, 1.0, hit.n_cycles)[None] for hit in cutting.cycles)
+        try:
+            start = start_of(prepared, replace(cutting, speeds=trends), report)
+        except IdentificationError:  # said again where it is the end
+            return prepared
+        if start.modal is None or not start.known:
+            return prepared
+        period = steady_period(
+            prepared.responses,
+            prepared.clocks,
+            groups(start.modal, start.lifted),
+            start.known,
+            forced=settings.forced_harmonics,
+            periods_per_revolution=settings.periods_per_revolution,
+        )
+        if abs(period / told.clocks[0].period - 1.0) * samples > 2.0:
+            return told
+        # Their phase is right in the middle of each record, where their origin is.
+        clocks = tuple(ConstantPeriod(period=period, origin=own.origin, fitted=True) for own in prepared.responses)
+        records = tuple(map(Record.with_clock, prepared.responses, clocks))
+        prepared = replace(prepared, records=records, responses=records, clocks=clocks)
+    return prepared
 
 
 def without_first(prepared: Prepared) -> tuple[Prepared, int]:

@@ -77,7 +77,7 @@ def cut(prepared: Prepared) -> Lifting:
     period of the model is.
     """
     settings, speeds = prepared.settings, None
-    synchronous = not out_of_step(prepared.responses, prepared.clocks, settings)
+    synchronous = not out_of_step(prepared.responses, prepared.clocks)
     if synchronous:
         cycles = segment(prepared.responses)
     else:
@@ -125,11 +125,11 @@ def _followed(lengths: NDArray[np.float64]) -> NDArray[np.float64]:
     return found / np.where(size > 0.0, size, 1.0)
 
 
-def out_of_step(responses: Sequence[Record], clocks: Sequence[PhaseClock], settings: Settings) -> str:
+def out_of_step(responses: Sequence[Record], clocks: Sequence[PhaseClock]) -> str:
     """The code for why responses are not whole samples a period as they are; empty where they are."""
     if any(clock.measured for clock in clocks):
         return "angle"
-    if settings.estimate_period:
+    if any(clock.fitted for clock in clocks):
         return "own period"
     if any(np.isnan(record.values).any() for record in responses):
         return "missing"
