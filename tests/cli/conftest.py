@@ -5,12 +5,14 @@ import io
 import itertools
 import pickle
 import re
+from importlib import import_module
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
 
+from floquid.cli._app import COMMANDS
 from floquid.systems import JeffcottRotor
 
 ROOT = Path(__file__).parents[2]
@@ -58,6 +60,8 @@ def quicken(patch):
     import floquid.plot
     import floquid.reporting
 
+    for module, *_ in COMMANDS.values():  # imported under the patch they would keep it
+        import_module(f"floquid.cli.{module}")
     patch.setattr(floquid.plot, "save_figures", floquid.plot.save_figures)
     patch.setattr(floquid.reporting, "report", floquid.reporting.report)
     exec(PICTURES, {})

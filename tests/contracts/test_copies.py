@@ -8,6 +8,7 @@ import pickle
 import pkgutil
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
 from typing import get_origin
 
 import numpy as np
@@ -19,6 +20,7 @@ from floquid import _arrays, floquet, identify, monitor, read_shapes, survey, sy
 from floquid._checks import Rebuilt
 from floquid.comparison import Parameter, compare, update
 from floquid.core import AzimuthSignal, Channel, ConstantPeriod, PulseTimes, Record, TachometerSignal
+from floquid.fleets import Fleet
 from floquid.lti import MaximumLikelihood
 from floquid.pipeline import Settings, bootstrap
 from floquid.views import families, synchronisation
@@ -43,7 +45,8 @@ def with_tachometer():
     """A pulse a period in a channel of its own, an imbalance, and a rate that is no whole number a period."""
     whole = record(seed=2)
     times = np.arange(whole.n_samples) / whole.sample_rate
-    pulses = 5.0 * ((times / (2.0 * np.pi) + 0.01) % 1.0 < 0.1)
+    # Edges of two samples: the angle is measured.
+    pulses = 5.0 * np.clip(0.5 + 20.0 * (0.05 - np.abs((times / (2.0 * np.pi) + 0.46) % 1.0 - 0.5)), 0.0, 1.0)
     imbalance = 0.3 * np.abs(whole.values).max() * np.cos(times)
     return Record(
         values=np.vstack([whole.values + imbalance, pulses]),
@@ -123,6 +126,9 @@ def others():
         "families": tuple(families(found)),
         "readings": read_shapes(found, pairs=["X:Y"], blades={"flap": ["X", "Y"]}, participation="X"),
         "survey": survey([at_load(found, load) for load in (1.0, 2.0, 3.0)], over="load"),
+        "fleet": Fleet(
+            out=Path("modes.parquet"), n_records=3, n_before=1, n_identified=2, n_passed=2, n_modes=5, lost=(("c", ""),)
+        ),
         "comparison": compare(found, systems.JeffcottRotor(damping=0.02)),
         "parameter": Parameter(value=1.0, prior_std=0.1),
         "update": update(turning, found, {"damping": 0.02, "mass": 1.0}),

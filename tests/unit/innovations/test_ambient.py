@@ -273,10 +273,15 @@ def test_its_repr_is_its_verdict(analysis):
     assert repr(analysis) == "Analysis(order=2, period=3.142 s, 1 channel, 250 periods: passes)"
 
 
-@pytest.mark.parametrize("other", [0.0, 2.0])
-def test_an_output_that_says_nothing_of_its_own_is_refused(values, other):
+def test_an_output_that_does_not_change_is_refused(values):
     with pytest.raises(IdentificationError, match="channels="):
-        identify(record_from(np.concatenate([values, other * values]), names=("x", "n")), excitation="ambient")
+        identify(record_from(np.concatenate([values, 0.0 * values]), names=("x", "n")), excitation="ambient")
+
+
+def test_an_output_that_is_a_copy_is_left_out(values, analysis):
+    found = identify(record_from(np.concatenate([values, 2.0 * values]), names=("x", "n")), excitation="ambient")
+    assert "Channel 'n' was left out: it is 2 times channel 'x'" in found.warnings[0]
+    np.testing.assert_array_equal(found.model.exponents, analysis.model.exponents)
 
 
 @pytest.mark.slow

@@ -437,7 +437,7 @@ def test_an_order_that_needs_every_period_is_not_whitened(monkeypatch, order, ke
 )
 def test_noise_that_does_not_settle_says_which_order_may_be_to_blame(monkeypatch, order, n_cycles, words):
     share = iter(np.geomspace(1.2, 2.0, 4))
-    monkeypatch.setattr(_find_poles, "_noise_left", lambda lifted, _: lifted.noise * next(share))
+    monkeypatch.setattr(_find_poles, "_noise_left", lambda lifted, *_, **__: lifted.noise * next(share))
     with pytest.raises(_find_poles.UnsettledError) as caught:
         _find_poles._settled(lifted(system(), noise=0.05, n_cycles=n_cycles), Settings(order=order), lambda _: None)
     assert str(caught.value).endswith(words)
