@@ -46,7 +46,7 @@ def with_tachometer():
     whole = record(seed=2)
     times = np.arange(whole.n_samples) / whole.sample_rate
     # Edges of two samples: the angle is measured.
-    pulses = 5.0 * np.clip(0.5 + 20.0 * (0.05 - np.abs((times / (2.0 * np.pi) + 0.46) % 1.0 - 0.5)), 0.0, 1.0)
+    pulses = 5.0 * np.clip(0.5 + 5.0 * (0.2 - np.abs((times / (2.0 * np.pi) + 0.46) % 1.0 - 0.5)), 0.0, 1.0)
     imbalance = 0.3 * np.abs(whole.values).max() * np.cos(times)
     return Record(
         values=np.vstack([whole.values + imbalance, pulses]),
