@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 
-import numpy as np
-
 from floquid._arrays import Floats
 from floquid._checks import describe, input_error
 from floquid.core import (
@@ -20,7 +18,6 @@ from floquid.core import (
     channels_named,
 )
 from floquid.errors import InputError
-from floquid.fit import SIGNIFICANT
 from floquid.preparation._settings import ALL, EXAMPLE, Settings
 from floquid.reconstruction import AbstractStructure, displacement_rows, structure_of
 from floquid.sync import ShaftAngle, pulse_times, shaft_angle, tied
@@ -119,23 +116,17 @@ def clocks_of(records: Sequence[Record], shafts: tuple[ShaftAngle, ...]) -> tupl
     return shafts or tuple(map(tied, records))
 
 
-def steadied(records: Sequence[Record], shafts: tuple[ShaftAngle, ...]) -> tuple[Record, ...] | None:
-    """The responses with one constant period, a first value, by shafts whose pulses are coarse and say no more.
+def steadied(records: Sequence[Record], shafts: Sequence[ShaftAngle]) -> Record | None:
+    """The response with a constant period, a first value, where a shaft's pulses are coarse and say no more.
 
-    Each is at the phase of its own shaft in the middle of the record. None where pulses say more, or speeds differ.
+    It is at the phase of the shaft in the middle of the record. None where pulses say more, and of several records:
+    what pulses say to a sample does not tell whether all turned equally fast.
     """
-    if not shafts or not all(shaft.coarse for shaft in shafts):
+    if len(shafts) != 1 or not shafts[0].coarse:
         return None
-    periods, stds = (np.array([getattr(shaft, name) for shaft in shafts]) for name in ("period", "period_std"))
-    period = float(np.average(periods, weights=stds**-2.0))
-    if (np.abs(periods - period) > SIGNIFICANT * stds).any():
-        return None
-    found = []
-    for record, shaft in zip(records, shafts, strict=True):
-        origin = shaft.phase_zero(record.start + 0.5 * record.duration)
-        clock = ConstantPeriod(period=period, origin=origin, fitted=True)
-        found.append(without_clock(record).with_clock(clock))
-    return tuple(found)
+    (record,), (shaft,) = records, shafts
+    origin = shaft.phase_zero(record.start + 0.5 * record.duration)
+    return without_clock(record).with_clock(ConstantPeriod(period=shaft.period, origin=origin, fitted=True))
 
 
 def check_states(channels: Sequence[Channel], settings: Settings) -> None:

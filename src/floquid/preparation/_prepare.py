@@ -224,11 +224,11 @@ def _tied(
     said = (*said, *dict.fromkeys(own for shaft in shafts for own in shaft.findings))
     steady = steadied(records, shafts)
     if steady is not None:
-        degrees = max(shaft.jitter * shaft.mean_speed for shaft in shafts) * 360.0 / tau
+        degrees = shafts[0].jitter * shafts[0].mean_speed * 360.0 / tau
         said = (*said, note("speed_fitted", degrees=degrees))
         settings = replace(settings, periods_per_revolution=shafts[0].periods_per_revolution)
-        records = responses = steady
-        shafts, clocks = (), clocks_of(steady, ())
+        records = responses = (steady,)
+        shafts, clocks = (), clocks_of(records, ())
     return Prepared(
         settings=settings, records=records, responses=responses, clocks=clocks, shafts=shafts, findings=said
     )

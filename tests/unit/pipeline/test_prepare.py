@@ -63,7 +63,7 @@ def with_hits():
 
 @cache
 def with_tachometer():
-    return Run(n_periods=80, wander=0.0, imbalance=0.0, samples_per_period=16.37, seed=1).record()
+    return Run(n_periods=80, wander=0.0, imbalance=0.0, samples_per_period=16.37, pulse_deg=90.0, seed=1).record()
 
 
 def out_of_step():
