@@ -169,6 +169,15 @@ def test_what_no_deviation_or_no_sample_shows_says_nothing(monkeypatch, own):
     assert _doubts.wrong_period_fitted(replace(found, own_period=own), lifted, prepared) is None
 
 
+@pytest.mark.parametrize(("own", "refused"), [((1e-5, 1e-4), False), (None, True), ((0.01, 0.1), True)])
+def test_equal_decays_do_not_outweigh_harmonics_that_turn_as_given(monkeypatch, own, refused):
+    """An isotropic rotor with like dampers has many modes of one decay, and of those some a whole distance apart."""
+    found, lifted, prepared = drifting()
+    monkeypatch.setattr(_doubts, "spacing", lambda *_: Synchrony(relative=0.18, std=2e-4, slip=230.0))
+    said = _doubts.wrong_period_fitted(replace(found, own_period=own), lifted, prepared)
+    assert (said is not None) == refused
+
+
 def test_a_step_that_no_fit_can_tell_is_overruled(monkeypatch):
     """A turn of many radians: modes that are none make it. The response alone decides."""
     found, lifted, prepared = drifting()

@@ -51,6 +51,11 @@ def wrong_period_fitted(
     cycles = max(record.duration for record in prepared.responses) / model.period
     alive = min(cycles, 1.0 / max(np.abs(model.exponents.real).min() * model.period, 1e-300))
     torn, vague = spacing(model, lifted), False
+    if torn is not None and fitted.own_period is not None:
+        # Harmonics that turn with the period given outweigh equal decays: of a machine with like dampers many are.
+        relative, std = fitted.own_period
+        apart = abs(torn.relative - relative) > SIGNIFICANT * np.hypot(torn.std, std)
+        torn = None if apart and abs(relative) <= SIGNIFICANT * std else torn
     for relative, std in ([fitted.own_period] if fitted.own_period else []) + ([torn.sign] if torn else []):
         if abs(relative) <= SIGNIFICANT * std or abs(relative) * samples <= NEGLIGIBLE_SLIP:
             continue
