@@ -97,17 +97,13 @@ def test_pulses_with_edges_that_are_sampled_tell_more_and_are_kept():
 
 
 @pytest.mark.slow
-def test_shafts_of_other_speeds_are_kept():
+def test_shafts_of_several_records_are_kept():
+    """Pulses known to a sample do not tell whether all turned equally fast."""
     one = coarse()
     slower = replace(one, sample_rate=one.sample_rate * 0.99, values=1.5 * one.values[:, 5:])
     assert len(prepare([one, slower]).shafts) == 2
     alike = replace(one, values=np.concatenate([1.5 * one.values[:-1, 5:], one.values[-1:, 5:]]))
-    both = prepare([one, alike])
-    assert not both.shafts
-    periods = {clock.period for clock in both.clocks}
-    assert len(periods) == 1
-    phases = [clock.phase(clock.origin) for clock in both.clocks]
-    assert phases == [0.0, 0.0]
+    assert len(prepare([one, alike]).shafts) == 2
 
 
 def test_the_revolution_of_the_tachometer_counts():

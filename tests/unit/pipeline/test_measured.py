@@ -212,13 +212,15 @@ def test_an_angle_too_rough_for_its_imbalance_is_named():
 
 
 @pytest.mark.slow
-def test_a_tachometer_without_slopes_is_named_at_a_steady_speed_too():
-    """High or low and nothing between: each pulse is known to a sample, and so no speed is seen to wander."""
+def test_a_tachometer_without_slopes_says_where_to_start():
+    """High or low and nothing between: each pulse is known to a sample, and the response tells the period."""
     fine = Run(n_periods=80, samples_per_period=25.1, imbalance=5.0, pulse_deg=36.0).record()
     values = np.concatenate([fine.values[:-1], [5.0 * (fine.values[-1] > 2.5)]])
     level = identify(replace(fine, values=values), validate=False)
-    assert any("gives the shaft angle to" in warning for warning in level.warnings)
-    assert not any("angle of the shaft" in warning for warning in identify(fine, validate=False).warnings)
+    assert "speed_fitted" in {own.code for own in level.findings}
+    measured = identify(fine, validate=False)
+    assert level.model.period == pytest.approx(measured.model.period, rel=2e-4)
+    assert not any("angle of the shaft" in warning for warning in measured.warnings)
 
 
 def test_the_period_is_found():
