@@ -16,7 +16,7 @@ from floquid._checks import frozen_array, input_error, noise_array
 from floquid.checks._check import Evidence, Subject
 from floquid.checks._left_out import ERROR, LEAST_FIT, LeftOut, cycles_of, held_out, of_cycles, only
 from floquid.checks._modes import doubts_of, undetermined_of
-from floquid.checks._period import Off, blurred
+from floquid.checks._period import Off, beside_harmonics, blurred
 from floquid.checks._residual import Colour, colour_of
 from floquid.core import PeriodicModel, PhaseClock, Record
 from floquid.errors import FloquidError
@@ -121,7 +121,7 @@ class Decays(Subject):
 
     def vague_angles(self) -> tuple[Finding, ...]:
         """Finding on what errors of the angle make of the response."""
-        return blurred(self) if self.measured else ()
+        return blurred(self) if self.measured else beside_harmonics(self)
 
     def doubts(self) -> tuple[Finding, ...]:
         """Findings on modes that are likely none, or hardly determined."""

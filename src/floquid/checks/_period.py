@@ -9,6 +9,7 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid.checks._check import Evidence
+from floquid.checks._residual import BESIDE
 from floquid.findings import Finding, failure, warning
 from floquid.fit import SIGNIFICANT
 from floquid.innovations import turned_records
@@ -84,6 +85,26 @@ def blurred(case: Decays) -> tuple[Finding, ...]:
         energy += std**2 * float(lasting @ turned.sum(axis=(1, 2)))
         degrees = max(degrees, float(np.degrees(std)))
     return () if energy < ENERGY else (warning("vague_angle", degrees=degrees, energy=energy),)
+
+
+def beside_harmonics(case: Decays) -> tuple[Finding, ...]:
+    r"""Finding on modes beside the forced response of a shaft whose angle no pulse tells finely, only its mean speed.
+
+    .. math:: \min_{j, m} |\Im \lambda_r / \omega + m - j / \nu| \, N < 4
+
+    with j the harmonics of the revolution in the forced response, ν periods in one, and N the periods of the longest
+    record: lines on either side of a tone, as its residual is searched. There a wander of the speed makes modes.
+    """
+    forced, model = case.forced, case.model
+    if forced is None or not any(clock.fitted for clock in case.clocks):
+        return ()
+    periods = max(record.duration for record in case.records) / model.period
+    off = np.subtract.outer(
+        model.exponents.imag / model.fundamental, forced.harmonics * model.period / forced.revolution
+    )
+    near = periods * np.abs(off - np.rint(off)).min(axis=1, initial=np.inf) < BESIDE
+    modes = np.flatnonzero(near & (model.exponents.imag >= 0.0))
+    return (warning("beside_harmonics", frequencies=model.frequencies_hz[modes]),) if len(modes) else ()
 
 
 def shaken(parted: Parted, columns: Floats, noise: Floats) -> tuple[Finding, ...]:

@@ -129,6 +129,10 @@ MODEL: dict[str, str | Callable[..., str]] = {
         "where it is, or pass `trust_period=True`."
     ),
     "vague_angle": _angle,
+    "beside_harmonics": lambda frequencies: (
+        f"At {', '.join(f'{own:.4g}' for own in frequencies)} Hz, beside a harmonic of the revolution, a wander of the "
+        "speed would look like a mode. Nothing that was measured tells the two apart."
+    ),
     "order_ambiguous": lambda order, doubts: f"The order, {order}, is ambiguous: {' '.join(doubts)}",
     "under_a_peak": "A mode that hardly decays lies at a peak of the noise: it may be noise.",
     "multiplier_one": "A component with a multiplier of 1 neither grows nor decays. Most likely it is the forced "

@@ -86,6 +86,7 @@ SAMPLES = {
     "forced": {"orders": (1, 2), "largest": (120.0, 3.0), "follows": True},
     "model_fails": {"misfit": 41.0, "order": True, "harmonics": True, "forced": True},
     "vague_angle": {"degrees": 0.86, "energy": 4.9e5},
+    "beside_harmonics": {"frequencies": (32.81, 40.0)},
     "uneven_speed": {"reasons": ("The speed wanders.",)},
     "order_ambiguous": {"order": 4, "doubts": ("A mode may be missing.",)},
     **{
