@@ -30,10 +30,8 @@ PERIOD = repr(2.0 * np.pi)
 GOOD = f"identify good.npz --period {PERIOD}"
 COMMANDS = ["bootstrap", "demo", "floquet", "identify", "info", "scan", "simulate"]
 OF_SOME = {"system_elements", "speed", "transfer", "harmonic_spectra"}
-RESULT = {
-    "result.h5", "summary.json", "settings.toml", "report.html",
-    *(f"figures/{name}.png" for name in FIGURES if name not in OF_SOME),
-}  # fmt: skip
+RESULT = {"result.h5", "summary.json", "settings.toml", "report.html"}
+DRAWN = {*RESULT, *(f"figures/{name}.png" for name in FIGURES if name not in OF_SOME)}
 
 
 def typed(words, code=0, message=""):
@@ -181,8 +179,8 @@ def test_json_system(here):
 
 
 def test_out_holds_the_result_and_nothing_else(here, quick_pictures):
-    typed(f"{GOOD} --states X,Y --out new/deeper")
-    assert set(contents(here / "new")) == {f"deeper/{name}" for name in (*RESULT, "figures/system_elements.png")}
+    typed(f"{GOOD} --states X,Y --out new/deeper --figures")
+    assert set(contents(here / "new")) == {f"deeper/{name}" for name in (*DRAWN, "figures/system_elements.png")}
 
 
 @pytest.mark.pages
@@ -190,11 +188,15 @@ def test_pictures_and_the_page_are_drawn(here, monkeypatch):
     """Some of the figures: `tests/unit/plot` draws each, and `make slow` the README's."""
     some = ["exponents", "spectra", "time_record"]
     monkeypatch.setattr("floquid._show.Figures.__dir__", lambda self: some)
-    typed(f"{GOOD} --out new")
+    typed(f"{GOOD} --out new --figures")
     found = contents(here / "new")
     assert len([name for name in found if name.endswith(".png")]) > 2
     assert all(data.startswith(b"\x89PNG") for name, data in found.items() if name.endswith(".png"))
     assert found["report.html"].lower().startswith(b"<!doctype html>")
+
+
+def test_figures_without_a_folder_are_refused(here):
+    assert typed(f"{GOOD} --figures", 2, "Add `--out DIR`.") == ""
 
 
 def test_a_new_result_takes_the_place_of_the_old_one_and_of_its_figures(here, quick_pictures):
@@ -298,7 +300,7 @@ def test_info_of_a_file_with_gaps(here):
 
 def test_demo(here, quick_pictures):
     text = typed("demo jeffcott --periods 80 --out shown")
-    assert set(contents(here / "shown")) == {*RESULT, "record.npz", "figures/system_elements.png"}
+    assert set(contents(here / "shown")) == {*DRAWN, "record.npz", "figures/system_elements.png"}
     assert [row[0] for row in rows_of_modes(text)] == ["1", "2"]
     for words in ("Principal Floquet exponents, against the truth", "Re λ2 [1/s]", "X_tt, Y_tt", "Written to shown/"):
         assert words in text

@@ -40,7 +40,7 @@ made = [
 def put(which):
     with result_folder(place, NAMES) as folder:
         mark = write_result(folder, made[which], f"of = {which}", lambda _: None)
-    draw_result(place, made[which], mark, lambda _: None)
+    draw_result(place, made[which], mark, lambda _: None, figures=True)
 """
 )
 

@@ -34,7 +34,6 @@ def test_a_result_is_printed_and_written(file, tmp_path, capsys, monkeypatch):
     assert "Input F, held between samples." in said
     assert "passes" in said
     assert sorted(p.name for p in out.iterdir() if not p.name.startswith(".")) == [
-        "figures",
         "report.html",
         "result.h5",
         "settings.toml",
@@ -80,7 +79,6 @@ def test_the_state_matrix_is_printed_saved_and_exported(file, tmp_path, capsys, 
     assert np.array_equal(kept.state.inputs, found["inputs"])
     assert np.array(found["outputs"])[:, 0] == pytest.approx(np.tile([1.0, 0.0], (8, 1)), abs=1e-9)
     assert np.shape(found["direct"]) == (8, 1, 1)
-    assert (out / "figures" / "system_elements.png").exists()
     assert run(["convert", str(out), str(tmp_path / "modes.mat")]) == 0
     table = loadmat(tmp_path / "modes.mat")
     assert np.array_equal(np.moveaxis(table["B_std"], 2, 0), found["inputs_std"])

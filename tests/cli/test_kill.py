@@ -16,8 +16,9 @@ from floquid.cli import run
 from floquid.cli._folder import FIGURES, UNFINISHED, settle
 
 PERIOD = "6.283185307179586"
-OLD = ["identify", "good.npz", "--period", PERIOD, "--states", "X,Y", "--out", "place"]
-NEW = ["identify", "good.npz", "--period", PERIOD, "--channels", "X,Y", "--harmonics", "2", "--out", "place"]
+TO = ["--out", "place", "--figures"]
+OLD = ["identify", "good.npz", "--period", PERIOD, "--states", "X,Y", *TO]
+NEW = ["identify", "good.npz", "--period", PERIOD, "--channels", "X,Y", "--harmonics", "2", *TO]
 FIRST = {"result.h5", "summary.json", "settings.toml"}
 """Files that are written before any picture is drawn."""
 

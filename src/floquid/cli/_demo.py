@@ -138,9 +138,9 @@ def demo(
             print_title(terminal(), title)
             print_whole(terminal(), table)
     with progress(3) as report:
-        draw_result(out, analysis, mark, report, truth=_truth(rotor))
+        draw_result(out, analysis, mark, report, figures=True, truth=_truth(rotor))
     if format == "text":
-        print_folder(out, "record.npz")
+        print_folder(out, "record.npz", figures=True)
 
 
 def _settings(analysis: Analysis) -> str:

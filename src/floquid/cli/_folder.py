@@ -284,11 +284,12 @@ def draw_result(
     mark: str,
     report: Callable[[str], None],
     *,
+    figures: bool,
     truth: tuple[np.ndarray, np.ndarray] | None = None,
     speed_unit: SpeedUnit = "hz",
     damping_unit: DampingUnit = "percent",
 ) -> None:
-    """Draw the figures and the page of a result that `write_result` marked into its folder, `path`.
+    """Draw the page, and with `figures` files of its figures, of a result that `write_result` marked in `path`.
 
     Where another program has put its result there meanwhile, nothing is added to that.
     """
@@ -297,9 +298,10 @@ def draw_result(
 
     with result_folder(path, NAMES) as folder:
         place = folder.unfinished
-        report("drawing the figures")
-        (place / "figures").mkdir()
-        save_figures(analysis, place / "figures", truth=truth, speed_unit=speed_unit)
+        if figures:
+            report("drawing the figures")
+            (place / "figures").mkdir()
+            save_figures(analysis, place / "figures", truth=truth, speed_unit=speed_unit)
         known = truth if analysis.state is not None else None
         write_report(
             analysis,

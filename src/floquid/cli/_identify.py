@@ -44,6 +44,7 @@ def identify(
     model: ModelOptions | None = None,
     enforce: Annotated[bool, Flag, Parameter(group="Checks")] = False,
     out: OutputFolder = None,
+    figures: Annotated[bool, Flag] = False,
     format: Format = "text",  # noqa: A002
     settings: SettingsFile = None,
     verbose: Verbose = False,
@@ -64,7 +65,9 @@ def identify(
         with exit code 1 in any case, and so does one without the A(t) that was asked for.
     out
         A folder for result.h5, summary.json and settings.toml, which are written before anything is printed; then for
-        figures/ and report.html, a page for the browser.
+        report.html, a page for the browser.
+    figures
+        Draw the figures of the page into OUT/figures, too, as files for a paper; they take longer than the page.
     format
         text prints tables; json prints summary.json alone.
     settings
@@ -78,6 +81,8 @@ def identify(
         must, got = "come with the checks of the model", "they are switched off"
         remedy = "Leave out --no-validate, and `validate = false` in the settings."
         raise input_error("--enforce", OF, must, got, remedy)
+    if figures and out is None:
+        raise input_error("--figures", OF, "come with --out", "no folder was named", "Add `--out DIR`.")
     stages, mark = STAGES + (1 if out else 0) + (3 if choices.settings.structure else 0), ""
     with maybe_folder(out, NAMES) as folder, progress(stages) as report:
         records, choices = read_records(files, choices, OF, report)
@@ -93,10 +98,10 @@ def identify(
             hint = "`floquid identify --verbose` explains the columns and gives all reasons in full."
             terminal().print(hint, style="dim")
     if out is not None:
-        with progress(3) as report:
-            draw_result(out, analysis, mark, report, speed_unit=speed_unit, damping_unit=damping_unit)
+        with progress(2 + figures) as report:
+            draw_result(out, analysis, mark, report, figures=figures, speed_unit=speed_unit, damping_unit=damping_unit)
     if format == "text":
-        print_folder(out)
+        print_folder(out, figures=figures)
     if analysis.failed:
         raise IdentificationError(analysis.warnings[0])
     if analysis.settings.states and analysis.state is None:

@@ -182,10 +182,10 @@ def _print_reasons(console: Console, analysis: Analysis) -> None:
         console.print(sentence, style="dim")
 
 
-def print_folder(folder: Path | None, *others: str) -> None:
+def print_folder(folder: Path | None, *others: str, figures: bool) -> None:
     """Print the place of the result, or the option that keeps it."""
-    names = ("report.html", *others, "result.h5", "summary.json", "figures/")
-    print_files(folder, names, "to keep the result, the figures and a report for the browser")
+    names = ("report.html", *others, "result.h5", "summary.json", *(("figures/",) if figures else ()))
+    print_files(folder, names, "to keep the result and a report for the browser")
 
 
 def _print_record(console: Console, analysis: Analysis, speed_unit: SpeedUnit, *, verbose: bool) -> None:
