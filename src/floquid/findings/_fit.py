@@ -70,9 +70,10 @@ ORDER: dict[str, str | Callable[..., str]] = {
     '`excitation="ambient"`.',
     "too_few_samples": "The responses are too short for the modes in them: the order reached the most that this many "
     "samples can hold. Record more samples, or fix a lower order.",
-    "modes_without_end": "The search found mode after mode without an end, so the residual is not white noise. Likely: "
-    "a step or a glitch, samples rounded to a few levels, coloured noise, a coarse simulation or a nonlinearity. Raise "
-    "the noise floor (`noise_floor=`) to the level down to which the record is right, or fix the order.",
+    "modes_without_end": "The search found mode after mode without an end: the residual is not white noise, or there "
+    "are more than some thirty modes. Likely: a step or a glitch, samples rounded to a few levels, coloured noise, a "
+    "coarse simulation or a nonlinearity. Raise the noise floor (`noise_floor=`) to the level down to which the record "
+    "is right, or fix the order.",
     "order_unreached": "The data do not hold as many poles as were asked for: ask for fewer, or let the order be "
     "found.",
 }

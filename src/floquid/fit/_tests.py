@@ -26,7 +26,7 @@ EVIDENT = 0.1
 
 QUIET = 1e-4  # the noise over the largest value below which a record says more than modes: a weak nonlinearity, for one
 SLOW = 1.0  # the decay over a record [nepers] below which it hardly shows: what has one may be steady
-MODES = 24  # modes, a pair counted once, that are looked for at most: what needs more is no sum of modes
+MODES = 24  # modes, a pair counted once, that are looked for at most where what is left is no white noise
 IN_VAIN = 2  # orders in a row that are no better before a search of the best one ends
 
 

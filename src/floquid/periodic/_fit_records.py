@@ -193,10 +193,11 @@ def fit(
         raise input_error("harmonics", "fit", must, f"is {harmonics}", "Ask for fewer, or sample faster.")
     nu, omega = samples.nu, samples.fundamental
     base = forced_base(forced_turns(forced, known, samples.half, nu), omega, wanders=samples.wanders)
+    starts = 0 if start is None else int((~start.fixed).sum())
     bounds = Bounds(
         most=most,
         span=below(2.0 * samples.half),
-        modes=MODES if order is None else (order + 1) // 2,
+        modes=max(MODES, 2 * starts) if order is None else (order + 1) // 2,
         forced=np.arange(1, int(samples.half * nu) + 1) / nu if auto else np.zeros(0),
         width=harmonics,
         search=search,
@@ -235,17 +236,12 @@ def fit(
         result = without_noise(result)
     result = with_one_shape(read_apart(result), harmonic_false_alarm, noise_floor, most)
     _check_order(result, order)
-    return result_of(
-        result,
-        records,
-        clocks,
-        samples,
-        taps,
-        free_period=free_period,
-        noise_floor=noise_floor,
-        search=search,
-        ended=ended,
+    found = result_of(
+        result, records, clocks, samples, taps, free_period=free_period, noise_floor=noise_floor, ended=ended
     )
+    if not search or int((~result.solution.entries.fixed).sum()) < bounds.modes:
+        return found
+    return replace(found, findings=(*found.findings, warning("search_ended", number=bounds.modes)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -311,13 +307,12 @@ def result_of(
     *,
     free_period: bool,
     noise_floor: float,
-    search: bool,
     ended: tuple[Finding, ...],
     noise: Floats | None = None,
 ) -> Fit:
     """The result of a search, as it is reported; its noise is what is left, unless it is given."""
     names = records[0].channels
-    colour = (coloured(result) if taps is None else ()) + (_endless(result) if search else ())
+    colour = coloured(result) if taps is None else ()
     try:
         model = model_of(
             result.blocks,
@@ -364,13 +359,6 @@ def _interference(result: SearchResult, channels: Sequence[Channel]) -> tuple[Fi
             note("interference", frequency=frequency, amplitude=size[row], channel=channel.name, unit=channel.unit)
         )
     return tuple(notes)
-
-
-def _endless(result: SearchResult) -> tuple[Finding, ...]:
-    """Finding that the search ended by its limit of modes alone; empty where it did not."""
-    if int((~result.solution.entries.fixed).sum()) < MODES:
-        return ()
-    return (warning("search_ended", number=MODES),)
 
 
 def _no_mode(result: SearchResult) -> str:

@@ -53,5 +53,5 @@ def fit_shapes(
     noise = np.zeros(lifted.noise.shape)
     for block in result.blocks:
         noise[block.rows, block.hit] = block.noise
-    common = {"free_period": False, "noise_floor": noise_floor, "search": False, "ended": (), "noise": noise}
+    common = {"free_period": False, "noise_floor": noise_floor, "ended": (), "noise": noise}
     return result_of(result, records, clocks, samples, lifted.whitening, **common)

@@ -260,6 +260,17 @@ def test_fewer_samples_than_the_modes_need_are_an_outcome(pairs, samples, noise)
     assert found.outcome is Outcome.TOO_FEW_SAMPLES
 
 
+@pytest.mark.parametrize("pairs", [26, pytest.param(30, marks=pytest.mark.slow)])
+def test_many_modes_are_no_residual_that_is_not_white(pairs):
+    generator = np.random.default_rng(pairs)
+    angles = np.pi * (np.arange(pairs) + 0.5 + 0.2 * generator.uniform(-1.0, 1.0, pairs)) / pairs
+    truth = with_conjugates(np.exp(-generator.uniform(0.01, 0.04, pairs) + 1j * angles))
+    found = identified(decays(truth, outputs=24, samples=300, noise=0.05))
+    assert found.outcome is Outcome.SUCCESS
+    assert found.order == 2 * pairs
+    assert farthest(found.multipliers, truth) < 1e-2
+
+
 def test_a_mode_that_outlasts_the_energy_of_the_others_is_fitted_to_its_end():
     """5000 samples: the first pair is gone after 100, the second is a third of the noise and lasts for 3000."""
     slow, fast = np.exp(-0.001 + 2.0j), np.exp(-0.05 + 1.0j)

@@ -219,7 +219,7 @@ class MaximumLikelihood(AbstractIdentifier):
     decides: ClassVar[bool] = True
 
     false_alarm: float = 1e-9
-    most: int = 80
+    most: int = 128
     starts: tuple[int, ...] = (16, 32, 64)
     time_constants: float = 6.0
     initial: AbstractIdentifier | None = None

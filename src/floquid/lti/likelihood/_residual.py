@@ -74,6 +74,10 @@ class Residual:
         sums = _lagged(self.values, lags) + self.columns * _lagged(self.fitted[:, : self.taken], lags)
         return sums / sums[0]
 
+    def white(self) -> bool:
+        """True where it is noise that is white along the record."""
+        return self.judged and self.colour() < COLOURED
+
     def colour(self) -> float:
         r"""Distance of the residual from white noise, in standard deviations of that number for white noise.
 

@@ -179,10 +179,13 @@ def choose(
         begin = prune_linear(start(order).plausible(), factors, (threshold.of(1), threshold.of(2)))
         if 2 * begin.order > order and order < starts[-1]:
             continue
-        if begin.order > 2 * MODES:  # what is left is not white along the record
-            report(f"start of order {order}: {begin.order} poles, more than are searched through")
-            return (best, ended, Residual.of(best.poles, factors)) if ended else (fit(begin, factors), False, noise)
-        settled = _settle(polish(begin, factors), factors, threshold, most)
+        polished = polish(begin, factors)
+        if begin.order > 2 * MODES and not Residual.of(polished.poles, factors).white():
+            if order < starts[-1]:
+                continue
+            report(f"start of order {order}: {begin.order} poles, and what they leave is no noise")
+            return (best, ended, Residual.of(best.poles, factors)) if ended else (polished, False, noise)
+        settled = _settle(polished, factors, threshold, most)
         report(f"start of order {order}: {settled.poles.order} poles kept")
         if not ended or threshold.penalised(settled) < threshold.penalised(best) - 1e-6 * abs(best.cost):
             best, ended = settled, True

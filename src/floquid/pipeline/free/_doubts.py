@@ -20,7 +20,7 @@ from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._sums import Sum, SumError, sum_among
 from floquid.preparation import NO_NEWS, Prepared, in_phase, name_of
 
-CHANCE = 0.1  # fundamentals within which two modes are near whole ones apart by chance too often to say anything
+CHANCE = 0.1  # share of a fundamental that other modes cover from which on one is near them by chance too often
 FOLDED = 10.0  # decays within which modes that fold onto one another may be one
 
 
@@ -102,8 +102,9 @@ def _folded(model: PeriodicModel) -> bool:
     gap = values[:, None] - values[None, :]
     turns = np.rint(gap.imag / model.fundamental)
     width = FOLDED * np.abs(values.real)
-    # Of modes as wide as that, some are near whole fundamentals apart by chance.
-    near = (np.abs(gap.imag - turns * model.fundamental) < width) & (width < CHANCE * model.fundamental)
+    # Of many modes, or as wide ones, some are near whole fundamentals apart by chance.
+    covered = max(len(model.upper_modes) - 1, 1) * width
+    near = (np.abs(gap.imag - turns * model.fundamental) < width) & (covered < CHANCE * model.fundamental)
     deviation = np.hypot(std.real[:, None], std.real[None, :])
     alike = (np.abs(gap.real) < DEVIATIONS * deviation) & (deviation < EVIDENT * np.abs(values.real))
     itself = np.abs(values[:, None] - values[None, :].conj()) == 0
