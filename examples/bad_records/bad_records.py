@@ -349,8 +349,8 @@ SAMPLED = [
     Bad(
         name="a random walk, as sampled",
         make=noise("walk", 4, 12.1),
-        answer="refused",
-        words="no mode rises above",
+        answer="doubted",
+        words="weakly determined",
         slow=True,
     ),
     Bad(
