@@ -24,7 +24,7 @@ export PYTHONDONTWRITEBYTECODE :=
 export PYTHONPYCACHEPREFIX := $(CURDIR)/$(VENV)/bytecode
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test slow kill pages bench paper peers order adversary turbine drawn structure methods frozen edge monitoring simulators fuzz platform lint format docs requirements upgrade clean
+.PHONY: help install demo test slow kill pages bench paper peers order adversary turbine drawn structure methods frozen edge monitoring slopes simulators fuzz platform lint format docs requirements upgrade clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 22
@@ -81,6 +81,9 @@ edge: $(INSTALLED) ## exponents across the edges of locks, free and with measure
 
 monitoring: $(INSTALLED) ## false alarms, detection, intervals and time of monitoring (a quarter of an hour)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.monitoring
+
+slopes: $(INSTALLED) ## time and memory against each size of a record, for each kind (into build/slopes/; ten minutes)
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.slopes
 
 simulators: $(INSTALLED) ## free responses of simulated machines, ten draws each at 1 and 0.1 % noise (into build/simulators.json; half an hour on two cores)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.simulators --jobs 2 --out build/simulators.json
