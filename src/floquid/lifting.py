@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._arrays import BLOCK, Complexes, Floats
+from floquid._arrays import BLOCK, Complexes, Floats, Integers
 from floquid._checks import Rebuilt, input_error
 from floquid.core import Channel, Cycles, Provenance
 from floquid.fit import HALF_DIGITS, LAGS, ROUNDING, filter_gain, filtered, yule_walker
@@ -54,6 +54,9 @@ class Lifted(Rebuilt):
     whitening
         The filter of each channel along the record (channels, taps) that the responses went through (`whitened`); None
         where there was none.
+    later_cycles, later_squares
+        Cycles of each hit behind those in `responses` in which nothing rings (hits,), and the sums of squares of their
+        samples (channels, hits) [units of the channels squared]: they tell the noise. None where none were cut off.
     """
 
     responses: TimeResponses
@@ -63,11 +66,14 @@ class Lifted(Rebuilt):
     provenance: Provenance
     floor: float | Floats = FLOOR
     whitening: Floats | None = None
+    later_cycles: Integers | None = None
+    later_squares: Floats | None = None
 
     def __post_init__(self) -> None:
         if isinstance(self.floor, np.ndarray):
             self._freeze(floor=(self.n_channels, self.n_hits))
-        self._freeze(whitening=(self.n_channels, "taps"))
+        self._freeze(whitening=(self.n_channels, "taps"), later_squares=(self.n_channels, self.n_hits))
+        self._freeze(dtype=np.int64, later_cycles=(self.n_hits,))
 
     @property
     def n_channels(self) -> int:
@@ -116,6 +122,20 @@ class Lifted(Rebuilt):
         at_least = self.floor * largest_values(self.responses.values, self.n_channels)
         spread, now = np.repeat(np.maximum(noise, at_least), self.n_phases, axis=0), self.responses
         return replace(self, responses=replace(now, noise=spread))
+
+    def first(self, cycles: int) -> Lifted:
+        """The first `cycles` of each hit, and the squares of the later ones, which are noise alone."""
+        data, values = self.responses, self.responses.values[:, :, :cycles].copy()
+        values.flags.writeable = False
+        lengths = np.minimum(data.lengths, cycles)
+        later = [data.values[:, hit, cycles:length] for hit, length in enumerate(data.lengths)]
+        squares = np.stack([np.einsum("on,on->o", part, part) for part in later], axis=1)
+        return replace(
+            self,
+            responses=TimeResponses(values=values, dt=data.dt, noise=data.noise, lengths=lengths),
+            later_cycles=data.lengths - lengths,
+            later_squares=self.by_channel(squares).sum(axis=1),
+        )
 
 
 def lift(cycles: Cycles | Sequence[Cycles], *, floor: float = FLOOR, noise: Floats | None = None) -> Lifted:

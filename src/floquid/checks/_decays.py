@@ -70,7 +70,7 @@ class Decays(Subject):
     @cached_property
     def left(self) -> list[Floats]:
         """The residual of each record, from which each check takes the lines off that it finds."""
-        return [np.array(residual) for residual in unexplained(self.model, self.records, self.clocks)]
+        return list(unexplained(self.model, self.records, self.clocks))
 
     def places(self, places: Sequence[tuple[int, ...]]) -> dict[str, list[Any]]:
         """The names of the channels and the numbers of the hits of responses; 0 where there is one hit alone."""

@@ -27,6 +27,7 @@ from floquid.views import (
     DAMPING_WORDS,
     DampingUnit,
     SpeedUnit,
+    cycle_words,
     done_words,
     for_command,
     in_short,
@@ -198,7 +199,7 @@ def _print_record(console: Console, analysis: Analysis, speed_unit: SpeedUnit, *
         periods = f"{sum(record.duration for record in analysis.records) / model.period:.6g} periods in all"
     else:
         sides = counted(first.n_channels, "channel")
-        periods = f"{', '.join(str(hit.n_cycles) for hit in analysis.cycles)} periods"
+        periods = f"{', '.join(cycle_words(analysis))} periods"
     turn = f"; ω = {model.fundamental:.6g} rad/s" if verbose else ""
     console.print(
         f"{counted(len(analysis.records), 'record')}, {sides} at {first.sample_rate:.8g} Hz{turn}: "

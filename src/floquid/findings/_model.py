@@ -104,6 +104,8 @@ MODEL: dict[str, str | Callable[..., str]] = {
     "left_out": "{samples} of these samples of channel {channel} count as missing (`repair=False` keeps them).",
     "believed_down_to": "There is hardly any noise, and the residual is no noise: most likely a nonlinearity. The fit "
     "ignores what is below {floor:g} of the largest value of each channel (`noise_floor=`).",
+    "rings": "The modes ring in the first {cycles} of {of} periods: these were fitted and checked. The later ones tell "
+    "the noise alone.",
     "as_sampled": lambda why: f"Fitted at the original sampling times: {WHY[why]}.",
     "forced": _forced,
     "no_forced": "No harmonic of the revolution rises above the noise beside the modes.",

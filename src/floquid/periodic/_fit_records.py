@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from floquid._arrays import Floats
+from floquid._arrays import Floats, Integers
 from floquid._checks import Rebuilt, input_error
 from floquid.core import Channel, PeriodicModel, PhaseClock, Provenance, Record
 from floquid.errors import IdentificationError
@@ -84,6 +84,8 @@ class Fit(Rebuilt):
         What speaks for the modes found (notes), and against them (warnings).
     warnings
         Warnings that speak against no mode: the time of the search was over, hits disagree on the shapes.
+    later
+        The cycles of each hit behind those that were fitted (hits,): they told the noise alone. None where all were.
     """
 
     model: PeriodicModel
@@ -97,9 +99,11 @@ class Fit(Rebuilt):
     whitening: Floats | None = None
     findings: tuple[Finding, ...] = ()
     warnings: tuple[Finding, ...] = ()
+    later: Integers | None = None
 
     def __post_init__(self) -> None:
         self._freeze(noise=("channels", "hits"))
+        self._freeze(dtype=np.int64, later=("hits",))
 
     @property
     def reasons(self) -> tuple[str, ...]:

@@ -165,11 +165,14 @@ def unexplained(model: PeriodicModel, records: Sequence[Record], clocks: Clocks)
     """
     _check(model, records, clocks, "unexplained")
     entries = ModeParameters.of(model)
-    residuals = [np.full(record.values.shape, np.nan) for record in records]
+    residuals: list[Floats] = [np.full(record.values.shape, np.nan) for record in records]
     for block in seen(model.period, records, clocks):
         taken = np.flatnonzero(~np.isnan(records[block.hit].values[block.rows[0]]))
         _, residual = block.residual(entries.columns(), scaled(model, entries, block))
-        residuals[block.hit][np.ix_(block.rows, taken)] = residual
+        if residual.shape == residuals[block.hit].shape:
+            residuals[block.hit] = residual
+        else:
+            residuals[block.hit][np.ix_(block.rows, taken)] = residual
     return tuple(residuals)
 
 

@@ -109,18 +109,26 @@ def _spread(power: NDArray[np.float64]) -> float:
 
 def is_random(record: Record, period: float | None) -> bool:
     """True where the response of every channel lasts, in broad peaks; harmonics of a known period are left out."""
-    values = record.values[[channel.quantity not in NO_RESPONSE for channel in record.channels]]
-    values = np.nan_to_num(values - np.nanmean(values, axis=1, keepdims=True))
-    values = values / np.maximum(np.sqrt(np.mean(values**2, axis=1, keepdims=True)), np.finfo(float).tiny)
-    lines = np.fft.rfft(values * np.hanning(values.shape[1]), axis=1)
-    beside = np.zeros(lines.shape[1], bool)
+    rows = [row for row, channel in enumerate(record.channels) if channel.quantity not in NO_RESPONSE]
+    samples = record.n_samples
+    turn, window = samples if period is None else samples / (period * record.sample_rate), np.hanning(samples)
+    beside = np.zeros(samples // 2 + 1, bool)
     if period is not None:
-        turn = record.n_samples / (period * record.sample_rate)
-        turns = np.arange(lines.shape[1]) / turn
+        turns = np.arange(len(beside)) / turn
         beside = np.abs(turns - np.rint(turns)) * turn <= BESIDE
-    power = np.sum(np.abs(lines) ** 2, axis=0) * ~beside
+    power = np.zeros(len(beside))
+    for row in rows:
+        power += np.abs(np.fft.rfft(_scaled(record.values[row]) * window)) ** 2 * ~beside
     if not BROAD < _spread(power) < WHITE * len(power):
         return False
-    kept = np.fft.irfft(np.fft.rfft(values, axis=1) * ~beside, values.shape[1], axis=1)
-    thirds = [float(np.mean(part**2)) for part in np.array_split(kept, 3, axis=1)]
-    return min(thirds) > LASTING * max(thirds)
+    thirds = np.zeros(3)
+    for row in rows:
+        kept = np.fft.irfft(np.fft.rfft(_scaled(record.values[row])) * ~beside, samples)
+        thirds += [float(np.mean(part**2)) for part in np.array_split(kept, 3)]
+    return float(thirds.min()) > LASTING * float(thirds.max())
+
+
+def _scaled(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """A channel (samples,) about its mean, of unit size, missing samples zero."""
+    filled = np.nan_to_num(values - np.nanmean(values))
+    return filled / max(float(np.sqrt(np.mean(filled**2))), np.finfo(float).tiny)

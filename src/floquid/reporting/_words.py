@@ -15,6 +15,7 @@ from floquid.reconstruction import Refinement
 from floquid.reporting._case import Case
 from floquid.views import (
     SpeedUnit,
+    cycle_words,
     passed_words,
     period_words,
     raw_noise,
@@ -88,7 +89,7 @@ def summary_line(case: Case, unit: SpeedUnit) -> str:
     periods = sum(record.duration for record in analysis.records) / model.period
     counts, told = f"{periods:.6g}", "in all "
     if analysis.decay is not None:
-        cycles = [str(hit.n_cycles) for hit in analysis.cycles]
+        cycles = cycle_words(analysis)
         counts, told = " and ".join([", ".join(cycles[:-1]), cycles[-1]] if len(cycles) > 1 else cycles), ""
     sides = [counted(len(model.channels), "channel" if analysis.decay is not None else "output")]
     sides += [counted(len(analysis.inputs), "measured input")] if analysis.inputs else []

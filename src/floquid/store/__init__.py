@@ -52,11 +52,12 @@ Of free responses there is beside these::
     /decay/fit/                     noise (channels, hits), period_std, own_period (the difference and its deviation),
                                     constrained (1 where residues were constrained to their harmonics), misfit (what
                                     they then leave over the noise), whitening (channels, taps) where the noise was
-                                    coloured, findings, warnings; forced/, the forced response, where there is one:
-                                    harmonics of the revolution, coefficients, coefficient_std, offset, offset_std,
-                                    drift, drift_std, revolution, speed_dependent; free/hit1, ..., what was fitted
-                                    without it, each as in records/, where that is not the response that the records
-                                    have
+                                    coloured, findings, warnings, later (the cycles of each hit behind those that were
+                                    fitted: they told the noise) where there are such; forced/, the forced response,
+                                    where there is one: harmonics of the revolution, coefficients, coefficient_std,
+                                    offset, offset_std, drift, drift_std, revolution, speed_dependent; free/hit1, ...,
+                                    what was fitted without it, each as in records/, where that is not the response that
+                                    the records have
     /decay/modal/                   multipliers (modes,), residues (modes, outputs, inputs), dt, covariance,
                                     residue_spread, residue_slope, residual_std, outcome (a name), stats/
     /decay/choice/                  findings for and against the order, where it was found

@@ -364,10 +364,12 @@ def _fit(group: Any, model: PeriodicModel, samples: tuple[Record, ...]) -> Fit:
     free = tuple(_record(group[name]) if name in group else one for name, one in zip(names, samples, strict=True))
     found = get_fields(group, Fit)
     period, forced = found["own_period"], None
-    for was, own in zip(samples, free, strict=True):
+    later = found.get("later")
+    for hit, (was, own) in enumerate(zip(samples, free, strict=True)):
+        quiet = 0 if later is None else int(later[hit]) * round(model.period * was.sample_rate)
         if [channel.name for channel in own.channels] != [channel.name for channel in model.channels]:
             raise DamagedError("model/channels are not those of the records")
-        if found["constrained"] and own.n_samples != was.n_samples:
+        if found["constrained"] and own.n_samples != was.n_samples - quiet:
             raise DamagedError("fit/free is not the response that the records hold")
     if "forced" in group:
         forced = ForcedResponse(**get_fields(group["forced"], ForcedResponse), channels=model.channels)

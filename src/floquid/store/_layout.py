@@ -26,6 +26,7 @@ LINES: dict[type, str] = {MeasuredTransfer: "measured", TransferFit: "fitted"}
 """Transfer functions measured line by line, and modes fitted to them, by the attribute `kind` of their files."""
 
 ABSENT = (
+    "later",
     "estimates",
     "unselected",
     "inputs",
@@ -207,6 +208,7 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "whitening": "channels, taps",
         "findings": "findings",
         "warnings": "findings",
+        "later": "hits",
     },
     ForcedResponse: {
         "harmonics": "harmonics",

@@ -150,17 +150,22 @@ def wrapped(record: Record) -> tuple[Finding, ...]:
         # The smallest step, and so each count, is known to the rounding of the largest value alone.
         if np.abs(counts - np.rint(counts)).max() > HALF_DIGITS * np.ptp(counts):
             continue
+        counts = np.rint(counts)
+        ends = float(counts.min()), float(counts.max())
         for bits in range(8, 33):  # the widths of integers
-            jumps = _jumps(np.rint(counts), 2.0**bits)
+            jumps = _jumps(counts, ends, 2.0**bits)
             if jumps:
                 found.append(failure("wraps_round", channel=record.channels[row].name, bits=bits, jumps=jumps))
                 break
     return tuple(found)
 
 
-def _jumps(counts: Floats, whole: float) -> int:
-    """Number of jumps of counts by the whole range; 0 where they do not leave it, or are no smoother without."""
-    lowest, highest = float(counts.min()), float(counts.max())
+def _jumps(counts: Floats, ends: tuple[float, float], whole: float) -> int:
+    """Number of jumps by the whole range of counts whose lowest and highest are `ends`; 0 where there is no reason.
+
+    That is where they do not leave the range, or are no smoother without the jumps.
+    """
+    lowest, highest = ends
     signed = -0.5 * whole <= lowest and highest < 0.5 * whole
     if not (signed or (lowest >= 0.0 and highest < whole)) or highest - lowest < FULL * (whole - 1.0):
         return 0

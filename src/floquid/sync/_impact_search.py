@@ -60,10 +60,12 @@ def by_response(values: Floats, rows: list[int], *, least: float, apart: int) ->
     scaled /= np.nanstd(scaled, axis=1, keepdims=True)
     complete: Mask = np.asarray(~np.isnan(scaled).any(axis=0))
     memory, whole = _memory(complete, len(rows))
-    np.nan_to_num(scaled, copy=False)
+    # A row is a stretch of the samples in order of time: it is copied as it lies.
+    in_time = np.ascontiguousarray(np.nan_to_num(scaled, copy=False).T)
+    del scaled
     window = max(4, memory // 2)
     free = whole
-    errors = _errors(scaled, memory, whole, free)
+    errors = _errors(in_time, memory, whole, free)
     excess, limit = _excess(*errors, window, len(rows))
     for _ in range(PASSES):
         counted = np.concatenate([[0], np.cumsum(excess > limit)])
@@ -72,7 +74,8 @@ def by_response(values: Floats, rows: list[int], *, least: float, apart: int) ->
         if (now == free).all() or now.sum() < ROWS_A_TERM * memory * len(rows):
             break
         free = now
-        errors = _errors(scaled, memory, whole, free)
+        del errors, excess  # before others take as much memory
+        errors = _errors(in_time, memory, whole, free)
         excess, limit = _excess(*errors, window, len(rows))
     alone = (1.0 + np.sqrt(chi2_limit(1, SURE) / len(rows))) ** 2
     return _blows(excess, limit, errors[:2], alone, memory + window, least=least, apart=apart)
@@ -94,34 +97,58 @@ def _memory(complete: Mask, channels: int) -> tuple[int, Mask]:
     raise input_error("record", "find_impacts", must, got, remedy)
 
 
-def _errors(scaled: Floats, memory: int, whole: Mask, free: Mask) -> tuple[Floats, Floats, float]:
+def _errors(in_time: Floats, memory: int, whole: Mask, free: Mask) -> tuple[Floats, Floats, float]:
     """Squares of the errors of the predictions forwards and backwards (samples,), and the least that counts.
 
     They are in units of their own mean square over `free` rows and of channels; NaN where there is no prediction.
     """
-    channels, samples = scaled.shape
-    # A row is a stretch of the samples in order of time: it is copied as it lies.
-    in_time = np.ascontiguousarray(scaled.T).ravel()
-    every = -(-int(free.sum()) // MOST_ROWS)
-    # Stretches are longer than the memory: their ends cost as much as their samples.
-    used = free & (np.arange(len(free)) // (4 * memory) % every == 0)
-    mean, gram = _moments(in_time.reshape(samples, channels), used if used.any() else free)
+    samples, channels = in_time.shape
+    used = _used(in_time, memory, free)
+    mean, gram = _moments(in_time, used if used.any() else free)
     filters = np.hstack([_filter(gram, channels, ahead=True), _filter(gram, channels, ahead=False)])
     # Single precision is far below the least error that counts.
-    windows = sliding_window_view(in_time.astype(np.float32), (memory + 1) * channels)[::channels]
-    single, errors = filters.astype(np.float32), np.empty((samples - memory, 2 * channels))
+    single, offset = filters.astype(np.float32), (mean @ filters).astype(np.float32)
+    errors, moments = np.empty((samples - memory, 2 * channels), np.float32), np.zeros((2 * channels, 2 * channels))
     step = max(1, BLOCK // len(single))
     for first in range(0, len(errors), step):
-        errors[first : first + step] = windows[first : first + step] @ single
-    errors -= mean @ filters
+        part = slice(first, first + step)
+        block = in_time[first : first + step + memory].astype(np.float32).ravel()
+        windows = sliding_window_view(block, (memory + 1) * channels)[::channels]
+        # Windows that overlap are none for BLAS: copied, the product takes a third of the time.
+        errors[part] = np.ascontiguousarray(windows) @ single - offset
+        kept = errors[part][free[part]].astype(np.float64)
+        moments += kept.T @ kept
     ahead, back = np.full((2, samples), np.nan)
     floor = 0.0
-    for squares, error in ((ahead[memory:], errors[:, :channels]), (back[:-memory], errors[:, channels:])):
-        covariance = error[free].T @ error[free] / free.sum() + LEAST_ERROR**2 * np.eye(channels)
+    for squares, own in ((ahead[memory:], slice(channels)), (back[:-memory], slice(channels, None))):
+        covariance = moments[own, own] / free.sum() + LEAST_ERROR**2 * np.eye(channels)
         inverse = np.linalg.inv(covariance)
-        squares[:] = np.where(whole, np.einsum("nc,cd,nd->n", error, inverse, error, optimize=True) / channels, np.nan)
+        for first in range(0, len(errors), step):
+            part = slice(first, first + step)
+            error = errors[part, own].astype(np.float64)
+            squares[part] = np.einsum("nc,nc->n", error @ inverse, error) / channels
+        squares[~whole] = np.nan
         floor = max(floor, LEAST_ERROR**2 * float(np.trace(inverse)) / channels)
     return ahead, back, floor
+
+
+def _used(in_time: Floats, memory: int, free: Mask) -> Mask:
+    """The `free` rows that are fitted: of stretches all along the record, closer together where it is loud.
+
+    A response that is over long before the record is would be missed by stretches at even distances.
+    """
+    # Stretches are longer than the memory: their ends cost as much as their samples.
+    stretch = 4 * memory
+    many = MOST_ROWS // stretch
+    starts = np.arange(0, len(free), stretch)
+    if len(starts) <= many:
+        return free
+    power = np.einsum("nc,nc->n", in_time, in_time)[: len(free)]
+    share = sum(part / part.sum() for part in (np.add.reduceat(rows, starts) for rows in (free * power, free * 1.0)))
+    grid = np.cumsum(share)
+    chosen = np.zeros(len(starts), bool)
+    chosen[np.searchsorted(grid, (np.arange(many) + 0.5) / many * grid[-1])] = True
+    return free & np.repeat(chosen, stretch)[: len(free)]
 
 
 def _moments(in_time: Floats, free: Mask) -> tuple[Floats, Floats]:
@@ -164,25 +191,35 @@ def _filter(gram: Floats, channels: int, *, ahead: bool) -> Floats:
 
 def _excess(ahead: Floats, back: Floats, floor: float, window: int, channels: int) -> tuple[Floats, float]:
     """The mean square error ahead of each instant and back before it, over the usual; what only an impact exceeds."""
-    instants = np.arange(len(ahead) + 1)
-    later, earlier = np.minimum(instants + window, len(ahead)), np.maximum(instants - window, 0)
-    total, number = np.zeros((2, len(instants)))
-    for squares, first, stop in ((ahead, instants, later), (back, earlier, instants)):
+    reach = min(window, len(ahead))
+    total, number = np.zeros(len(ahead) + 1), np.zeros(len(ahead) + 1, np.int32)
+    for squares, forwards in ((ahead, True), (back, False)):
         there = np.isfinite(squares)
-        sums = np.concatenate([[0.0], np.cumsum(np.where(there, squares, 0.0))])
-        counts = np.concatenate([[0], np.cumsum(there)])
-        total += sums[stop] - sums[first]
-        number += counts[stop] - counts[first]
-    enough = number >= max(2, window // 4)
-    mean = np.where(enough, total / np.maximum(number, 1), np.nan)
+        for target, terms in ((total, np.where(there, squares, 0.0)), (number, there)):
+            sums = np.zeros(len(target), target.dtype)
+            np.cumsum(terms, out=sums[1:])
+            if forwards:
+                target[:-reach] += sums[reach:] - sums[:-reach]
+                target[-reach:] += sums[-1] - sums[-reach:]
+            else:
+                target[reach:] += sums[reach:] - sums[:-reach]
+                target[:reach] += sums[:reach]
+    few = number < max(2, window // 4)
+    total /= np.maximum(number, 1)
+    mean = total
+    mean[few] = np.nan
     sparse = mean[::window]
     padded = np.pad(sparse, NEARBY, constant_values=np.nan)
     around = sliding_window_view(padded, 2 * NEARBY + 1)
     usual = max(float(np.nanmedian(mean)), floor)
-    # An all-missing neighbourhood takes what is usual elsewhere.
-    filled = np.where(np.isfinite(around).any(axis=1, keepdims=True), around, usual)
-    nearby = np.maximum(np.nanmedian(filled, axis=1), usual)
-    excess = np.nan_to_num(mean / np.repeat(nearby, window)[: len(mean)])
+    nearby, step = np.empty(len(around)), max(1, BLOCK // around.shape[1])
+    for first in range(0, len(around), step):
+        part = around[first : first + step]
+        # An all-missing neighbourhood takes what is usual elsewhere.
+        filled = np.where(np.isfinite(part).any(axis=1, keepdims=True), part, usual)
+        nearby[first : first + step] = np.maximum(np.nanmedian(filled, axis=1), usual)
+    mean /= np.repeat(nearby, window)[: len(mean)]
+    excess = np.nan_to_num(mean, copy=False)
     return excess, _limit(excess[::window], channels * window)
 
 

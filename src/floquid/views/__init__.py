@@ -29,7 +29,15 @@ from floquid.views._mode_table import (
 )
 from floquid.views._modes import check_analysis, grows
 from floquid.views._names import SHORT, element_unit, for_command, in_unit, input_unit, shortened
-from floquid.views._outcome import done_words, in_short, outcome_lines, passed_words, period_words, whitening_words
+from floquid.views._outcome import (
+    cycle_words,
+    done_words,
+    in_short,
+    outcome_lines,
+    passed_words,
+    period_words,
+    whitening_words,
+)
 from floquid.views._over import over_label, over_unit
 from floquid.views._sidebands import impedance
 from floquid.views._spectra import Spectrum, envelope, lifted_spectrum, record_spectrum
@@ -56,6 +64,7 @@ __all__ = [
     "check_analysis",
     "check_damping_unit",
     "closed_period",
+    "cycle_words",
     "decrement",
     "done_words",
     "element_unit",

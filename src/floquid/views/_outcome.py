@@ -55,6 +55,15 @@ def done_words(analysis: Analysis, unit: SpeedUnit, *, beside_lines: bool = Fals
     return list(dict.fromkeys([*steps, *notes]))
 
 
+def cycle_words(analysis: Analysis) -> list[str]:
+    """The numbers of periods of each hit of an `analysis` that were fitted, and of how many if its modes end before."""
+    assert analysis.decay is not None
+    fitted, later = [hit.n_cycles for hit in analysis.cycles], analysis.decay.fit.later
+    if later is None:
+        return [str(cycles) for cycles in fitted]
+    return [f"{cycles} of {cycles + more}" if more else str(cycles) for cycles, more in zip(fitted, later, strict=True)]
+
+
 def in_short(words: str) -> tuple[str, str]:
     """The first sentence of the `words` of a finding, and its remedy, empty where there is none.
 

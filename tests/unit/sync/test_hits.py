@@ -90,6 +90,19 @@ def test_one_free_response_has_no_hit_in_fifty_seeds(imbalance):
     assert counts == [0] * 50
 
 
+def test_a_response_that_is_over_long_before_the_record_has_no_hit_and_a_late_one_is_seen():
+    """The predictor is fitted where it rings, too: rows at even distances hold noise alone."""
+    times, generator, turns = np.arange(150_000) / PHASES, np.random.default_rng(0), np.arange(-3, 4)
+    shapes = generator.standard_normal((4, 14, 2)) @ np.array([1.0, 1j]) * 0.5 ** np.abs(np.tile(turns, 2))
+    rates = np.add.outer([-0.02 + 1.3j, -0.015 + 2.5j], 2j * np.pi * turns).ravel()
+    response = 2.0 * (shapes @ np.exp(np.outer(rates, times))).real
+    values = response + 0.3 * generator.standard_normal(response.shape)
+    record = Record(values=values, sample_rate=PHASES, channels=list("abcd"))
+    assert find_impacts(record) == ()
+    values[:, 100_000:] += response[:, :-100_000]
+    assert_allclose(samples(record, find_hits(replace(record, values=values))), [100_000], atol=2)
+
+
 def test_neither_a_record_without_noise_nor_one_of_noise_alone_has_a_hit():
     assert find_hits(measured(HITS[:1], noise=0.0)) == ()
     assert find_hits(measured(HITS[:1], noise=3.0)) == ()

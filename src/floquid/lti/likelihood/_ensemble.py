@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 from typing import ClassVar, final
 
@@ -251,11 +252,20 @@ def pooled_noise(blocks: Iterable[Sequence[Floats]]) -> Floats:
     return np.array(sigma)
 
 
+@lru_cache(maxsize=64)
+def _unit_quartile(rows: int, columns: int) -> float:
+    """Mean lower quartile of the singular values of white noise of unit variance (rows, columns)."""
+    rng, quartiles = np.random.default_rng(0), []
+    for _ in range(4):
+        white = rng.standard_normal((1, rows, columns))
+        unit = np.sqrt(np.linalg.eigvalsh(white @ np.swapaxes(white, 1, 2)))
+        quartiles.append(np.quantile(unit, 0.25, axis=1)[0])
+    return float(np.mean(quartiles))
+
+
 def _noise_of(block: Floats) -> tuple[float, int]:
     """The standard deviation of white noise on a block, and the number of singular values that are none of noise."""
     small = block if len(block) <= block.shape[1] else block.T
     values = np.sqrt(np.maximum(np.linalg.eigvalsh(small @ small.T), 0.0))
-    white = np.random.default_rng(0).standard_normal((4, *small.shape))
-    unit = np.sqrt(np.linalg.eigvalsh(white @ np.swapaxes(white, 1, 2)))
-    sigma = float(np.quantile(values, 0.25) / np.mean(np.quantile(unit, 0.25, axis=1)))
+    sigma = float(np.quantile(values, 0.25) / _unit_quartile(*small.shape))
     return sigma, int((values > noise_edge(*block.shape) * sigma).sum())

@@ -64,8 +64,9 @@ class LiftedBlock(Block):
 
     @property
     def n_samples(self) -> int:
-        """Samples of each channel, less the amplitudes of what is known."""
-        return (self.n_cycles - (0 if self.known is None else self.known.shape[1])) * self.lifted.n_phases
+        """Samples of each channel, those that tell the noise alone too, less the amplitudes of what is known."""
+        later = 0 if self.lifted.later_cycles is None else int(self.lifted.later_cycles[self.hit])
+        return (self.n_cycles + later - (0 if self.known is None else self.known.shape[1])) * self.lifted.n_phases
 
     @property
     def last(self) -> float:
@@ -91,8 +92,11 @@ class LiftedBlock(Block):
         parts = _parts(self._off_known(cycles))
         times = np.add.outer(starts, self.lifted.phase_times).ravel()
         shapes = _shapes(coefficients[terms.of], phases, outer, cycles.shape[1])
-        residual = [(block - row @ parts.T).T.ravel() for row, block in zip(shapes, self._values(), strict=True)]
-        return times, np.array(residual)
+        values = self._values()
+        residual = np.empty((len(values), values[0].size))
+        for left, row, block in zip(residual, shapes, values, strict=True):
+            left[:] = (block - row @ parts.T).T.ravel()
+        return times, residual
 
     def sums(self, columns: Columns, coefficients: Complexes) -> Sums:
         """The sums of the scaled columns, and of what the model 2 Re Σ B_j z_j leaves."""
@@ -101,11 +105,12 @@ class LiftedBlock(Block):
         # Real and imaginary parts beside each other, and the same times nT: one real product a channel.
         weights, own_parts = np.concatenate([parts, starts[:, None] * parts], axis=1), _parts(self._off_known(cycles))
         met = np.empty((len(self.rows), self.lifted.n_phases, weights.shape[1]))
-        squares = np.zeros(len(self.rows))
+        later = self.lifted.later_squares
+        squares = np.zeros(len(self.rows)) if later is None else later[self.rows, self.hit]
         shapes = _shapes(coefficients[terms.of], phases, outer, cycles.shape[1])
         for row, block in enumerate(self._values()):
             residual = block - shapes[row] @ own_parts.T
-            squares[row] = np.einsum("pn,pn->", residual, residual)
+            squares[row] += np.einsum("pn,pn->", residual, residual)
             np.matmul(residual, weights, out=met[row])
         real, imag, late_real, late_imag = (part[:, :, outer] for part in np.split(met, 4, axis=2))
         plain, late = real + 1j * imag, late_real + 1j * late_imag

@@ -34,13 +34,16 @@ class Residual:
         """From what is left at times [s]; the noise is at least `least` (rows,)."""
         step = float(np.median(np.diff(times)))
         taken = np.rint((times - times[0]) / step).astype(np.int64)
-        values = np.zeros((len(residual), int(taken[-1]) + 1))
-        values[:, taken] = residual
-        power = _power(values, taken)
-        parts = np.array_split(power, min(BANDS, power.shape[1]), axis=1)
-        # The power of a line of white noise is exponentially distributed: its median is ln 2 of its mean.
-        levels = np.sqrt([np.median(part, axis=1) / np.log(2.0) for part in parts]).T
-        levels = np.maximum(levels, least[:, None])
+        values = residual
+        if len(taken) <= taken[-1]:
+            values = np.zeros((len(residual), int(taken[-1]) + 1))
+            values[:, taken] = residual
+        levels = np.empty((len(values), min(BANDS, values.shape[1] // 2)))
+        # A channel at a time: a spectrum of all would be twice as large as they are.
+        for row, low in enumerate(least):
+            parts = np.array_split(_power(values[row : row + 1], taken)[0], levels.shape[1])
+            # The power of a line of white noise is exponentially distributed: its median is ln 2 of its mean.
+            levels[row] = np.maximum(np.sqrt([np.median(part) / np.log(2.0) for part in parts]), low)
         return Residual(values, taken, step, np.median(levels, axis=1), levels)
 
     def level(self) -> Residual:

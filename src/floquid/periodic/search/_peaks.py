@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from floquid._arrays import Floats
+from floquid._arrays import BLOCK, Floats
 from floquid.fit import chi2_limit
 from floquid.periodic.least_squares import Block, Residual, squared
 
@@ -24,6 +23,8 @@ DECAYS = 8  # decay rates looked at, from one over the record to `FASTEST` over 
 FASTEST = 0.7  # nepers over a period: beyond, the line of a mode is as wide as all the lines between its harmonics
 GROWTH = (2.0, 6.0)  # growth over the record of the growing exponentials looked at, as logarithms
 DIED = 8.0  # decays after which an exponential has died
+
+ROWS = 4 * BLOCK  # numbers that are transformed at once
 
 SKIRT = 10.0  # times what a decaying line has beside its peak below which another peak may be that
 
@@ -99,24 +100,29 @@ class _Spectra:
         self.residual, self.times = residual, np.arange(residual.values.shape[1]) * residual.step
         self.there = np.zeros(len(self.times))
         self.there[residual.taken] = 1.0
-        scaled = residual.values / residual.noise[:, None]
         # Rounding of the power in single precision stays below the noise, or it would make lines.
-        single = np.abs(scaled).max() ** 2 * np.finfo(np.float32).eps < 1.0
-        self.values = scaled.astype(np.float32 if single else np.float64)
-        self.weights: dict[int, NDArray[np.floating]] = {}
+        largest = max(
+            float(np.abs(own).max() / noise) for own, noise in zip(residual.values, residual.noise, strict=True)
+        )
+        self.precision = np.float32 if largest**2 * np.finfo(np.float32).eps < 1.0 else np.float64
+        self.values = np.empty(residual.values.shape, self.precision)
+        for row, noise in enumerate(residual.noise):
+            self.values[row] = residual.values[row] / noise
 
     def gain(self, decay: float, omega: Floats, lines: int) -> Floats:
         """Reduction of the misfit by an exponential of each frequency (lines,)."""
         from scipy.fft import rfft
 
-        residual, times, precision = self.residual, self.times[:lines], self.values.dtype
+        residual, times = self.residual, self.times[:lines]
         window = np.exp(-decay * (times - (0.0 if decay >= 0 else times[-1])))
-        if lines not in self.weights:
-            bands = residual.levels.shape[1]
-            centres = (np.arange(bands) + 0.5) / bands * (np.pi / residual.step)
-            levels = [np.interp(omega, centres, level) for level in residual.levels / residual.noise[:, None]]
-            self.weights[lines] = (2.0 / np.square(levels)).astype(precision)
-        # scipy's transform of several rows in single precision takes a fifth of the time of numpy's in double.
-        power = squared(np.asarray(rfft(self.values[:, :lines] * window.astype(precision), lines, axis=1)))
-        gain = np.einsum("rl,rl->l", power, self.weights[lines])
-        return gain.astype(np.float64) / float((window * window) @ self.there[:lines])
+        bands = residual.levels.shape[1]
+        centres = (np.arange(bands) + 0.5) / bands * (np.pi / residual.step)
+        gain, step = np.zeros(len(omega)), max(1, ROWS // lines)
+        for first in range(0, len(self.values), step):
+            rows = slice(first, first + step)
+            shares = residual.levels[rows] / residual.noise[rows, None]
+            weights = 2.0 / np.square([np.interp(omega, centres, share) for share in shares])
+            # scipy's transform of several rows in single precision takes a fifth of the time of numpy's in double.
+            lines_of_rows = rfft(self.values[rows, :lines] * window.astype(self.precision), lines, axis=1)
+            gain += np.einsum("rl,rl->l", squared(np.asarray(lines_of_rows)), weights.astype(self.precision))
+        return gain / float((window * window) @ self.there[:lines])

@@ -125,7 +125,7 @@ def drift(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
     information, score = np.zeros((2 * n + 1, 2 * n + 1)), np.zeros(2 * n + 1)
     for hit, length in enumerate(lifted.responses.lengths):
         rows = [(part / scale)[:, :, hit, :].reshape(n, -1) for part in (shapes, turned)]
-        data = lifted.responses.values[:, hit, :length] / lifted.responses.noise[:, hit, None]
+        data = lifted.responses.values[:, hit, :length]
         counts = np.arange(length)
         grow = np.where(model.exponents.real > 0, length - 1, 0)
         columns = np.exp((counts[:, None] - grow) * model.exponents * lifted.period)
@@ -134,7 +134,7 @@ def drift(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:
         slopes = counts[:, None] * columns
         slopes = slopes - q @ (q.conj().T @ slopes)
         curvature = slopes.conj().T @ slopes
-        seen = slopes.conj().T @ data.T.astype(np.complex128)
+        seen = (data @ slopes.real - 1j * (data @ slopes.imag)).T / lifted.responses.noise[:, hit]
         whole = [row * size for row in rows]
         _accumulate(information, score, curvature, seen, whole)
     if information[-1, -1] <= 0:

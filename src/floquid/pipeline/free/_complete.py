@@ -81,6 +81,7 @@ def completed(
         findings=(
             *prepared.findings,
             *(() if start.floor is None else (note("believed_down_to", floor=start.floor),)),
+            *_rings(fitted, cycles),
             *_done(fitted, why_sampled(fitted, shafts), settings.periods_per_revolution),
             *(own for own in (fails, *doubts, *uneven_speed(shafts)) if own is not None),
             *fitted.warnings,
@@ -205,6 +206,14 @@ def why_sampled(fitted: Fit, shafts: tuple[ShaftAngle, ...]) -> str:
 def by_cycles(fitted: Fit, shafts: tuple[ShaftAngle, ...]) -> bool:
     """True where the cycles hold all that was fitted: they are its samples, with no forced response beside them."""
     return fitted.forced is None and not why_sampled(fitted, shafts)
+
+
+def _rings(fitted: Fit, cycles: Sequence[Cycles]) -> list[Finding]:
+    """Finding that the modes of the longest hit are over before its end."""
+    if fitted.later is None:
+        return []
+    last = int(np.argmax(fitted.later))
+    return [note("rings", cycles=cycles[last].n_cycles, of=cycles[last].n_cycles + int(fitted.later[last]))]
 
 
 def _done(found: Fit, why: str, given: float) -> list[Finding]:

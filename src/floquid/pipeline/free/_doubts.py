@@ -185,12 +185,15 @@ def _sum_of_others(analysis: Analysis) -> Sum | None:
     if len({record.sample_rate for record in records}) > 1:
         return None
     n = min(record.n_samples for record in records)
-    rows = np.concatenate([record.values[:, :n] for record in records])
-    rests = np.concatenate([own[:, :n] for own in left])
+    rows, rests = (
+        np.concatenate([own[:, :n] for own in several]) if several[1:] else several[0]
+        for several in ([record.values for record in records], left)
+    )
     there = np.isfinite(rests).all(axis=0)
     if there.sum() <= len(rows):
         return None
-    rows, rests = rows[:, there], rests[:, there]
+    if not there.all():
+        rows, rests = rows[:, there], rests[:, there]
     noise = np.minimum(_noise_of(rests), _noise_of(rows))  # a wrong model leaves more than there is
     quiet = noise <= QUIET * np.abs(rows).max(axis=1)
     return None if quiet.any() else sum_among(rows, noise, OWN)
@@ -203,7 +206,6 @@ def _noise_of(rests: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     from scipy.special import ndtri
 
-    rough = np.abs(np.diff(rests, 2, axis=1))
     # The median size of a normal number is its upper quartile.
-    rough = np.median(rough, axis=1) / (ndtri(0.75) * np.sqrt(6.0))
+    rough = np.array([np.median(np.abs(np.diff(row, 2))) for row in rests]) / (ndtri(0.75) * np.sqrt(6.0))
     return np.minimum(np.sqrt(np.einsum("rn,rn->r", rests, rests) / rests.shape[1]), rough)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 
@@ -13,7 +13,7 @@ from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, warning
 from floquid.fit import chi2_limit
-from floquid.lifting import floor_of
+from floquid.lifting import Lifted, floor_of
 from floquid.order import judge
 from floquid.periodic import (
     Fit,
@@ -31,6 +31,7 @@ from floquid.periodic import (
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline.free._complete import completed, free_residues, samples_of, validated
 from floquid.pipeline.free._doubts import of_sums, order_too_low, wrong_period_fitted, wrong_period_lifted
+from floquid.pipeline.free._ringing import fitted_ringing, later_samples
 from floquid.pipeline.free._start import Lifting, Start, cut, start_of
 from floquid.pipeline.free._starts import OPENINGS, criterion, determined, explains, poles
 from floquid.preparation import Prepared, Settings, clocks_of, from_sample
@@ -114,9 +115,11 @@ def _as_reported(own: Candidate, prepared: Prepared) -> float:
     if fitted.whitening is not None:
         return value
     rests = unexplained(fitted.model, fitted.free, clocks_of(fitted.free, prepared.shafts))
-    for hit, rest in enumerate(rests):
+    for hit, (rest, later) in enumerate(zip(rests, later_samples(fitted), strict=True)):
         share = np.nanmean(rest**2, axis=1) / fitted.noise[:, hit] ** 2
-        value += rest.shape[1] * float(np.log(np.maximum(share, 1.0)).sum())
+        number = rest.shape[1] + later
+        share = share if not later else (rest.shape[1] * share + later) / number
+        value += number * float(np.log(np.maximum(share, 1.0)).sum())
     return value
 
 
@@ -236,24 +239,29 @@ def _fitted(
     if start.modal is not None and model is not None:
         begin = groups(start.modal, start.lifted) if search else ModeParameters.of(model)
     records = samples_of(prepared.records, prepared.shafts)
-    return fit(
-        records,
-        clocks_of(records, prepared.shafts),
-        start=begin,
-        known=start.known,
-        lifted=start.whole if cutting.synchronous else None,
-        forced=settings.forced_harmonics,
-        periods_per_revolution=settings.periods_per_revolution,
-        order=settings.order,
-        harmonics=settings.harmonics,
-        free_period=prepared.clocks[0].fitted,
-        search=search,
-        noise_floor=floor_of((row for record in records for row in record.values), settings.noise_floor),
-        mode_false_alarm=settings.mode_false_alarm,
-        harmonic_false_alarm=settings.harmonic_false_alarm,
-        seconds=settings.seconds,
-        report=report,
-    )
+    floor = floor_of((row for record in records for row in record.values), settings.noise_floor)
+
+    def fit_of(records: Sequence[Record], lifted: Lifted | None) -> Fit:
+        return fit(
+            records,
+            clocks_of(records, prepared.shafts),
+            start=begin,
+            known=start.known,
+            lifted=lifted,
+            forced=settings.forced_harmonics,
+            periods_per_revolution=settings.periods_per_revolution,
+            order=settings.order,
+            harmonics=settings.harmonics,
+            free_period=prepared.clocks[0].fitted,
+            search=search,
+            noise_floor=floor,
+            mode_false_alarm=settings.mode_false_alarm,
+            harmonic_false_alarm=settings.harmonic_false_alarm,
+            seconds=settings.seconds,
+            report=report,
+        )
+
+    return fitted_ringing(start, records, fit_of) if cutting.synchronous else fit_of(records, None)
 
 
 STANDS_OUT = 2.0  # the fall that the first period promises over that of the second, at least
@@ -277,12 +285,14 @@ def _fall(fitted: Fit, prepared: Prepared, periods: int) -> float:
     clocks, settings = clocks_of(fitted.free, prepared.shafts), prepared.settings
     floor = floor_of((row for record in fitted.free for row in record.values), settings.noise_floor)
     gain, numbers = 0.0, 0
-    for record, left in zip(fitted.free, unexplained(fitted.model, fitted.free, clocks), strict=True):
+    rests = unexplained(fitted.model, fitted.free, clocks)
+    for hit, (record, left, later) in enumerate(zip(fitted.free, rests, later_samples(fitted), strict=True)):
         first = int(np.ceil(periods * fitted.model.period * record.sample_rate))
         squares, samples = np.nan_to_num(left) ** 2, np.isfinite(left).sum(axis=1)
         least = samples * (floor * np.nanmax(np.abs(record.values), axis=1)) ** 2
+        least = least + later * fitted.noise[:, hit] ** 2
         whole, rest = (least + part.sum(axis=1) for part in (squares, squares[:, first:]))
-        gain += float(samples @ np.log(whole / rest))
+        gain += float((samples + later) @ np.log(whole / rest))
         numbers += int(np.isfinite(left[:, :first]).sum())
     return gain - chi2_limit(max(numbers, 1), settings.mode_false_alarm)
 

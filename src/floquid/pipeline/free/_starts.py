@@ -14,6 +14,7 @@ from floquid.lifting import Lifted, unlift
 from floquid.lti import ERA, Ensemble, TimeResponses, brief, pooled_noise
 from floquid.periodic import Fit, ModeParameters
 from floquid.pipeline.free._find_poles import ENOUGH_CYCLES, find_poles
+from floquid.pipeline.free._ringing import later_samples
 from floquid.pipeline.free._start import Lifting, Start, start_of, without_forced
 from floquid.preparation import Prepared
 from floquid.sync import rejoin
@@ -80,8 +81,10 @@ def by_default(prepared: Prepared, cutting: Lifting) -> bool:
 
 def brief_responses(prepared: Prepared, cutting: Lifting) -> Lifted | None:
     """The responses with pooled noise, where all is found by default and few periods tell a pole."""
+    if not by_default(prepared, cutting):
+        return None
     whole = with_pooled_noise(cutting.lifted)
-    return whole if by_default(prepared, cutting) and brief(whole.responses, ENOUGH_CYCLES) else None
+    return whole if brief(whole.responses, ENOUGH_CYCLES) else None
 
 
 def with_pooled_noise(lifted: Lifted) -> Lifted:
@@ -137,13 +140,13 @@ def criterion(fitted: Fit, alarm: float, alone: int = 0) -> float:
 
     with n_r the numbers of a mode: its coefficients in all channels and hits, or those of an outer product of shape
     and hit where hits share shapes. Where residues are free at each phase, a shape has a number a phase. Samples before
-    those fitted, `alone` in each hit, are numbers that fit exactly. Of N samples, numbers that noise gives q off the
-    sum of squares over its variance leave it 1 - q/N.
+    those fitted, `alone` in each hit, are numbers that fit exactly. Those behind them count as noise. Of N samples,
+    numbers that noise gives q off the sum of squares over its variance leave it 1 - q/N.
     """
     from scipy.special import chdtri
 
     model = fitted.model
-    lengths = np.array([record.n_samples for record in fitted.free])
+    lengths = np.array([record.n_samples for record in fitted.free]) + later_samples(fitted)
     channels, hits = fitted.noise.shape
     sizes = np.array([1 if model.real[mode] else 2 for mode in model.upper_modes])
     if fitted.constrained:
