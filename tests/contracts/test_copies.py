@@ -21,6 +21,7 @@ from floquid._checks import Rebuilt
 from floquid.comparison import Parameter, compare, update
 from floquid.core import AzimuthSignal, Channel, ConstantPeriod, PulseTimes, Record, TachometerSignal
 from floquid.fleets import Fleet
+from floquid.large import LargeResult
 from floquid.lti import MaximumLikelihood
 from floquid.pipeline import Settings, bootstrap
 from floquid.views import families, synchronisation
@@ -128,6 +129,20 @@ def others():
         "survey": survey([at_load(found, load) for load in (1.0, 2.0, 3.0)], over="load"),
         "fleet": Fleet(
             out=Path("modes.parquet"), n_records=3, n_before=1, n_identified=2, n_passed=2, n_modes=5, lost=(("c", ""),)
+        ),
+        "large": LargeResult(
+            path=Path("result.h5"),
+            period=1.0,
+            exponents=np.array([-0.1 + 1.0j]),
+            exponent_std=np.array([0.01 + 0.01j]),
+            covariance=1e-4 * np.eye(2),
+            real=np.array([False]),
+            noise=np.ones(2),
+            channels=("x", "y"),
+            n_phases=8,
+            n_cycles=300,
+            sweeps=3,
+            last_step=0.01,
         ),
         "comparison": compare(found, systems.JeffcottRotor(damping=0.02)),
         "parameter": Parameter(value=1.0, prior_std=0.1),

@@ -50,6 +50,7 @@ def identify(
     verbose: Verbose = False,
     speed_unit: ShaftSpeed = "hz",
     damping_unit: Damping = "percent",
+    memory: Annotated[str | None, Parameter(group="Large records")] = None,
 ) -> None:
     """Identify the Floquet exponents, the periodic mode shapes and A(t) from measured responses.
 
@@ -74,8 +75,17 @@ def identify(
         A settings.toml written by an earlier run; options given here come first.
     verbose
         Print the reasons too: the noise of each channel, why the order is what it is, what the columns are.
+    memory
+        Identify a free decay that is larger than memory within that much, such as 1GB. The .h5 or .npy file is read
+        two or three times in blocks. Exponents and residues go to OUT/result.h5. There are no A(t), checks, gaps and
+        tachometers.
     """
     check_files(files, OF)
+    if memory is not None:
+        from floquid.cli._large import identify_in_blocks
+
+        identify_in_blocks(files, {**given(record, OF), **given(model, OF)}, memory, out, format, OF)
+        return
     choices = choices_of(settings).with_given(**given(record, OF), **given(model, OF))
     if enforce and not choices.settings.validate:
         must, got = "come with the checks of the model", "they are switched off"

@@ -6,6 +6,7 @@ from floquid.core._clock import CLOCKS, AzimuthSignal, Clock, ConstantPeriod, Pu
 from floquid.core._cycles import Cycles
 from floquid.core._estimates import Estimates, Gains
 from floquid.core._gaps import BRIDGED, longest_run, over_gaps, runs_of
+from floquid.core._lazy_record import LazyRecord
 from floquid.core._model_inputs import ModelInputs
 from floquid.core._modelled import Driven, modelled
 from floquid.core._periodic_model import PeriodicModel
@@ -17,7 +18,7 @@ from floquid.core._record import Record
 from floquid.core._shape import Shape
 
 __all__ = [
-    "AzimuthSignal", "Channel", "Clock", "ConstantPeriod", "Couple", "Cycles", "Estimates", "ModelInputs",
+    "AzimuthSignal", "Channel", "Clock", "ConstantPeriod", "Couple", "Cycles", "Estimates", "LazyRecord", "ModelInputs",
     "PeriodicModel", "PeriodicModes", "PhaseClock", "Provenance", "PulseTimes", "Quantity", "Record", "Shape",
     "TachometerSignal", "channels_named", "couples_of", "readings",
 ]  # fmt: skip

@@ -11,6 +11,7 @@ from floquid.core import (
     Channel,
     Clock,
     ConstantPeriod,
+    LazyRecord,
     PhaseClock,
     PulseTimes,
     Record,
@@ -30,6 +31,8 @@ def clocked(records: Record | Sequence[Record], settings: Settings, of: str) -> 
     several = (records,) if isinstance(records, Record) else tuple(records) if isinstance(records, Iterable) else ()
     if not several or not all(isinstance(r, Record) for r in several):
         remedy = f"Read files with `read`; of arrays write `{of}({EXAMPLE}, period=T)`."
+        if isinstance(records, LazyRecord):
+            remedy = "One that is larger than memory is identified by `identify_large`; others are read without `lazy`."
         raise input_error("records", of, "be a Record or a list of them", f"is {describe(records)}", remedy)
     used = []
     for record in several:

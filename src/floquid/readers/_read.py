@@ -8,12 +8,13 @@ from dataclasses import dataclass
 from functools import partial
 from os import PathLike
 from pathlib import Path
-from typing import Protocol, final
+from typing import Literal, Protocol, final, overload
 
 from floquid._checks import describe, input_error
-from floquid.core import Record
+from floquid.core import LazyRecord, Record
 from floquid.io import GUARD, DamagedError, Source, as_path, atomic_path, readable_file
 from floquid.readers._csv import load_csv, load_xlsx, save_csv
+from floquid.readers._lazy import read_lazily
 from floquid.readers._parquet import load_parquet, save_parquet
 from floquid.readers.recorders import load_comtrade, load_mdf, load_tdms, load_wav
 from floquid.readers.simulators import load_out, load_outb, load_sel
@@ -101,6 +102,7 @@ def format_of(path: Path, *, of: str) -> Format:
     raise input_error("path", of, f"end in one of {SUFFIXES}", got, f"The formats are: {listing}.")
 
 
+@overload
 def read(
     path: str | PathLike[str],
     *,
@@ -110,7 +112,35 @@ def read(
     names: Sequence[str] | None = None,
     origin: float = 0.0,
     header: bool = True,
-) -> Record:
+    lazy: Literal[False] = False,
+) -> Record: ...
+
+
+@overload
+def read(
+    path: str | PathLike[str],
+    *,
+    period: float | None = None,
+    rate: float | None = None,
+    channels: Sequence[str] | None = None,
+    names: Sequence[str] | None = None,
+    origin: float = 0.0,
+    header: bool = True,
+    lazy: Literal[True],
+) -> LazyRecord: ...
+
+
+def read(
+    path: str | PathLike[str],
+    *,
+    period: float | None = None,
+    rate: float | None = None,
+    channels: Sequence[str] | None = None,
+    names: Sequence[str] | None = None,
+    origin: float = 0.0,
+    header: bool = True,
+    lazy: bool = False,
+) -> Record | LazyRecord:
     """The record (channels, samples) in a file: sample n is at `start` + n/`rate` [s].
 
     The format is chosen by the suffix. `.npz`: `values` (channels, samples), `sample_rate` [Hz] or `time` (samples,)
@@ -155,7 +185,18 @@ def read(
     header
         False for a text table without a line of names: its columns are called 1, 2, 3, and the first is the time where
         it increases.
+    lazy
+        True leaves the values on the disk: a `LazyRecord`, of an HDF5 file with a matrix `values`, or the one that
+        `channels` names, or of a `.npy` file.
     """
+    if lazy and (names is not None or not header):
+        got = "is given" if names is not None else "is False"
+        option = "names" if names is not None else "header"
+        raise input_error(
+            option, "read", "be left out with `lazy=True`", got, "Read the record whole, or leave it out."
+        )
+    if lazy:
+        return read_lazily(path, period=period, rate=rate, channels=channels, origin=origin)
     source, kind, table = load_table(path, of="read", channels=channels, ignore_time=rate is not None, header=header)
     table = table if names is None else with_names(table, names, source)
     n_channels, n_samples = table.values.shape

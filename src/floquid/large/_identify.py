@@ -1,0 +1,244 @@
+"""Identification of a record larger than memory: two or three sweeps over it, and residues on the disk."""
+
+from __future__ import annotations
+
+import errno
+import os
+import re
+import shutil
+from collections.abc import Callable, Mapping
+from os import PathLike
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import BinaryIO
+
+import numpy as np
+
+from floquid._arrays import Floats
+from floquid._checks import describe, input_error
+from floquid._version import __version__
+from floquid.core import LazyRecord
+from floquid.errors import IdentificationError
+from floquid.findings import failure
+from floquid.fit import HALF_DIGITS, SLOW
+from floquid.io import as_path, atomic_path
+from floquid.large._modes import Basis, Modes
+from floquid.large._result import FORMAT, LargeResult, open_result
+from floquid.large._sweeps import OF, Plan, Sums, sketched, summed
+from floquid.lti import ERA, MaximumLikelihood, ModalModel, Outcome, TimeResponses
+
+COLUMNS = 64  # of the sketch: enough for some 30 modes
+SMALL = 0.1  # deviations: the error of a step is its square, so a step of that needs no other
+SWEEPS = 4  # of exact sums at most: a start from a good sketch needs one or two
+SEARCHED = 8192  # cycles in which the order is looked for: the search takes time with their square
+LONGER = (
+    4  # times as many cycles in which the poles are fitted next: they are known to a small part of a turn over these
+)
+PROGRAM = 2.0e8  # bytes that floquid takes without any record, with what it imports
+UNITS = {"": 1.0, "K": 1e3, "M": 1e6, "G": 1e9, "T": 1e12}
+
+
+def identify_large(
+    record: LazyRecord,
+    out: str | PathLike[str],
+    *,
+    memory: float | str = "1GB",
+    order: int | None = None,
+    false_alarm: float = 1e-9,
+    report: Callable[[str], None] = lambda _: None,
+) -> LargeResult:
+    r"""Identify the Floquet exponents of a free response that is read in blocks, with residues on the disk.
+
+    .. math:: \min_{\lambda, R} \sum_{c} \frac{1}{\sigma_c^2} \sum_{k,n}
+              \Big(y_c(\tau_k + nT) - a_{c,k} - \sum_r R_{r,c,k}\, e^{\lambda_r n T}\Big)^2
+
+    The first sweep makes a sketch of 64 columns, in which maximum likelihood finds the order and first exponents. The
+    second sums the products of all responses with a basis at these: one Gauss-Newton step, the noise of each channel,
+    residues and deviations. Further sweeps follow where that step was not small. What repeats in each period, an
+    offset or a forced response of the period, is fitted beside the modes.
+
+    Residues are free at each phase, and noise counts as white. There are no A(t), checks, whitening, gaps, clocks
+    other than a constant period of whole samples, several hits, and forced responses of other periods.
+
+    Parameters
+    ----------
+    record
+        The record, by custom of `read(..., lazy=True, period=...)`.
+    out
+        The file of the result, by custom `result.h5`; it appears whole or not at all.
+    memory
+        Bytes that may be used in all, or a text such as "1GB".
+    order
+        The number of poles, conjugates one by one; None finds it.
+    false_alarm
+        The probability that noise passes for a mode.
+    report
+        Is told what is being done, with the time left of each sweep.
+
+    Returns
+    -------
+    LargeResult
+        Exponents with deviations, the noise of each channel, and residues that are read when they are asked for.
+
+    Raises
+    ------
+    InputError
+        The record misses samples or has no whole number of samples a period, the memory is too small, or the file
+        cannot be written.
+    IdentificationError
+        No mode rises above the noise, or the order cannot be told.
+    """
+    plan = planned(record, memory_of(memory))
+    path = as_path(out, of=OF, argument="out")
+    sketch = sketched(plan, report)
+    report("searching the sketch for modes")
+    modal = _found(sketch, plan.period, order, false_alarm)
+    del sketch
+    with atomic_path(path, of=OF, argument="out") as temporary:
+        _write(plan, Modes.of(modal.multipliers), temporary, report)
+    return open_result(path)
+
+
+def memory_of(value: float | str) -> float:
+    """Bytes of a number, or of a text such as 500MB; InputError where it is neither."""
+    match = re.fullmatch(r"\s*([\d.]+)\s*([KMGT]?)i?B?\s*", str(value), re.IGNORECASE)
+    try:
+        size = float(match[1]) * UNITS[match[2].upper()] if match else float(value)
+    except (TypeError, ValueError):
+        size = 0.0
+    if size <= 0.0:
+        raise input_error("memory", OF, "be bytes, or a text such as 1GB", f"is {value!r}")
+    return size
+
+
+def planned(record: LazyRecord, memory: float) -> Plan:
+    """Cycles and blocks of a record within a memory [bytes]; InputError where it cannot be cut, or has no room."""
+    if not isinstance(record, LazyRecord):
+        remedy = "Take `read(path, lazy=True)`; `identify` takes a record in memory."
+        raise input_error("record", OF, "be a LazyRecord", f"is {describe(record)}", remedy)
+    if record.clock is None:
+        raise input_error("record", OF, "have a period", "has none", "Pass `period=` to `read`.")
+    exact = record.clock.period * record.sample_rate
+    phases, cycles = round(exact), int(record.n_samples / exact)
+    if phases < 1 or abs(exact - phases) * cycles > HALF_DIGITS:
+        must, got = "have whole samples a period", f"has {exact:.8g}"
+        raise input_error("record", OF, must, got, "Identify a part that fits into memory with `identify`.")
+    most = 4 * COLUMNS
+    if cycles < most:
+        must, got = f"have {most} periods or more", f"has {cycles}"
+        raise input_error("record", OF, must, got, "Identify it with `identify`.")
+    # The sketch with the copies that the search makes of it, then a block that is read, one that waits and one in work.
+    left = memory - PROGRAM
+    columns = min(COLUMNS, int(0.5 * left / (SKETCH * cycles)))
+    block = min(0.1 * left, BLOCK)
+    if columns < COLUMNS // 4 or block < 8.0 * phases:
+        least = PROGRAM + max(0.5 * COLUMNS * SKETCH * cycles, 80.0 * phases)
+        must, got = (
+            f"be at least {least / 1e6:.0f} MB for {cycles} periods of {phases} samples",
+            f"is {memory / 1e6:.0f} MB",
+        )
+        raise input_error("memory", OF, must, got, "Allow more.")
+    return Plan(record, record.clock.period, phases, cycles, block, columns)
+
+
+SKETCH = 40.0  # bytes of a number of the sketch, with the copies that the search makes
+BLOCK = 2.0**26  # bytes of a block at most: larger ones are read no faster
+
+
+def _found(sketch: Floats, period: float, order: int | None, false_alarm: float) -> ModalModel:
+    """The poles of a sketch by maximum likelihood, its noise being what generous poles leave, and then these.
+
+    What repeats in each period is fitted beside generous poles and taken off: a mean would take a part of each mode.
+    """
+    era, search, cycles = ERA(), MaximumLikelihood(false_alarm=false_alarm), sketch.shape[1]
+    raw = TimeResponses(values=(sketch - sketch.mean(axis=1, keepdims=True))[:, None], dt=period)
+    generous = Modes.of(era.extract(era.prepare(raw), COLUMNS // 2).multipliers)
+    apart = generous.picked(np.abs(generous.logs) * cycles > SLOW)
+    system = np.concatenate([np.ones((cycles, 1)), apart.columns(cycles)], axis=1)
+    system /= np.linalg.norm(system, axis=0)
+    amplitudes, ones = np.linalg.lstsq(system, sketch.T)[0], system[:, :1]
+    std = np.sqrt(np.mean((sketch - (system @ amplitudes).T) ** 2, axis=1, keepdims=True))
+    values = (sketch - amplitudes[0][:, None] * ones.T)[:, None]
+    found, length = None, min(cycles, SEARCHED)
+    while True:
+        part = values[:, :, :length]
+        noise = np.maximum(std, np.finfo(float).eps * np.abs(part).max(axis=2))
+        state = search.prepare(TimeResponses(values=part, dt=period, taken=ones[:length], noise=noise))
+        last = found is not None and length == cycles
+        found = search.extract(state, order) if found is None else search.refine(state, found)
+        if found.outcome is not Outcome.SUCCESS:
+            raise IdentificationError(f"{failure(found.outcome.value).clause}.")
+        assert found.residual_std is not None
+        std = found.residual_std
+        if last:
+            return found
+        length = min(cycles, LONGER * length)
+
+
+def _write(plan: Plan, modes: Modes, path: Path, report: Callable[[str], None]) -> None:
+    """Sweeps of exact sums until the step is small, and the result written to a path."""
+    # A plain file for the sums: where a disk is full, HDF5 does not end with an error that can be caught.
+    with TemporaryFile(dir=path.parent) as kept:
+        number = 2
+        while True:
+            basis = Basis.of(modes, plan.cycles)
+            sums = summed(plan, basis, kept, number, report)
+            step, covariance = basis.step(sums.gram, plan.responses)
+            if not np.isfinite(step).all() or np.abs(step).max() > 1.0:
+                raise IdentificationError("The exponents of the sketch are none of the record: the step diverges.")
+            modes, size = modes.moved(step), float(np.max(np.abs(step) / np.sqrt(np.diag(covariance))))
+            if size < SMALL or number > SWEEPS:
+                break
+            number += 1
+        report("writing the residues")
+        _reserve(path, 16 * len(modes.logs) * plan.responses)
+        _put(plan, basis, modes, sums, covariance, {"sweeps": number, "last_step": size}, kept, path)
+
+
+def _reserve(path: Path, size: int) -> None:
+    """Raise OSError where the disk has no room for twice the `size` of the residues [bytes]."""
+    room = 2 * size + 2**20
+    with TemporaryFile(dir=path.parent) as file:
+        if hasattr(os, "posix_fallocate"):
+            os.posix_fallocate(file.fileno(), 0, room)
+        elif shutil.disk_usage(path.parent).free < room:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def _put(
+    plan: Plan,
+    basis: Basis,
+    modes: Modes,
+    sums: Sums,
+    covariance: Floats,
+    more: Mapping[str, float],
+    kept: BinaryIO,
+    path: Path,
+) -> None:
+    """Write the result: exponents on the branch that carries most energy, and residues channel by channel."""
+    import h5py
+
+    record, period, width = plan.record, plan.period, basis.columns.shape[1]
+    shape = (record.n_channels, len(modes.logs), plan.phases)
+    energy, decay = np.zeros(shape[1:]), np.exp(-np.outer(modes.logs, np.arange(plan.phases) / plan.phases))
+    step = max(1, int(BLOCK // (8 * width * plan.phases)))
+    kept.seek(0)
+    with h5py.File(path, "w") as file:
+        target = file.create_dataset("residues", shape, np.complex128, chunks=(1, *shape[1:]))
+        for first in range(0, shape[0], step):
+            count = min(step, shape[0] - first)
+            own = np.frombuffer(kept.read(8 * count * width * plan.phases)).reshape(count, width, plan.phases)
+            both = basis.residues(modes, own.transpose(1, 0, 2).reshape(width, -1))
+            found = both.reshape(shape[1], count, plan.phases).transpose(1, 0, 2)
+            rows = slice(first, first + count)
+            target[rows] = found
+            energy += np.sum(np.abs(np.fft.fft(found * decay, axis=2) / sums.noise[rows, None, None]) ** 2, axis=0)
+        turns = np.fft.fftfreq(plan.phases, 1.0 / plan.phases)[np.argmax(energy, axis=1)]
+        exponents = (modes.logs + 2j * np.pi * np.where(modes.real, 0.0, turns)) / period
+        file.attrs.update({"format": FORMAT, "version": 1, "floquid": __version__, "source": record.source})
+        file.attrs.update({"period": period, "sample_rate": record.sample_rate, "start": record.start})
+        file.attrs.update({"phases": plan.phases, "cycles": plan.cycles, **more})
+        file["exponents"], file["real"] = exponents, np.array(modes.real)
+        file["exponent_std"] = modes.deviations(covariance) / period
+        file["covariance"], file["noise"] = covariance / period**2, sums.noise
+        file["channels"] = np.array([channel.name for channel in record.channels], dtype=h5py.string_dtype())

@@ -1,0 +1,138 @@
+"""Columns of modes over the cycles, and one step of maximum likelihood from sums over all responses.
+
+With residues free at each phase of each channel, Y = Z(s) B + noise (Golub and Pereyra 1973). All that the data say of
+the exponents s, to first order about a value of them, is in their products with a basis of Z, n Z and 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from floquid._arrays import Complexes, Floats, Mask
+from floquid.fit import scaled_inverse
+
+
+@dataclass(frozen=True, slots=True)
+class Modes:
+    """Logarithms of the multipliers (modes,), of the upper half, and which of them are real."""
+
+    logs: Complexes
+    real: tuple[bool, ...]
+
+    @staticmethod
+    def of(multipliers: Complexes) -> Modes:
+        """The upper half of multipliers, by rising angle."""
+        upper = multipliers[multipliers.imag >= 0.0]
+        upper = upper[np.argsort(np.angle(upper))]
+        return Modes(np.log(upper.astype(complex)), tuple(bool(value.imag == 0.0) for value in upper))
+
+    def picked(self, kept: Mask) -> Modes:
+        """Some of the modes (modes,)."""
+        return Modes(self.logs[kept], tuple(real for real, own in zip(self.real, kept, strict=True) if own))
+
+    @property
+    def order(self) -> int:
+        """The number of columns: of poles, conjugates one by one."""
+        return sum(1 if real else 2 for real in self.real)
+
+    def columns(self, cycles: int) -> Floats:
+        """Real and imaginary parts of μ^n (cycles, order); what grows is counted from the end."""
+        parts = []
+        for log, real in zip(self.logs, self.real, strict=True):
+            power = np.exp(log * (np.arange(cycles) - self._from(log, cycles)))
+            parts += [power.real] if real else [power.real, power.imag]
+        return np.stack(parts, axis=1)
+
+    def scales(self, cycles: int) -> Complexes:
+        """Factors that take residues of these columns to the first cycle (modes,)."""
+        return np.exp(-self.logs * [self._from(log, cycles) for log in self.logs])
+
+    @staticmethod
+    def _from(log: complex, cycles: int) -> int:
+        return cycles - 1 if log.real > 0.0 else 0
+
+    def turns(self) -> list[Floats]:
+        """Shares of the columns times n in the derivative by each parameter: decay and angle of each mode in turn."""
+        found, at = [], 0
+        for real in self.real:
+            decay = np.zeros((self.order, self.order))
+            decay[at, at] = 1.0
+            if real:
+                found, at = [*found, decay], at + 1
+                continue
+            decay[at + 1, at + 1] = 1.0
+            angle = np.zeros((self.order, self.order))
+            angle[at + 1, at], angle[at, at + 1] = -1.0, 1.0
+            found, at = [*found, decay, angle], at + 2
+        return found
+
+    def moved(self, step: Floats) -> Modes:
+        """The modes after a step of their decays and angles."""
+        logs, at = self.logs.copy(), 0
+        for mode, real in enumerate(self.real):
+            logs[mode] += step[at] if real else step[at] + 1j * step[at + 1]
+            at += 1 if real else 2
+        return Modes(logs, self.real)
+
+    def deviations(self, covariance: Floats) -> Complexes:
+        """Deviations of the logarithms (modes,), of real and imaginary part."""
+        std, at, found = np.sqrt(np.diag(covariance)), 0, []
+        for real in self.real:
+            found.append(complex(std[at], 0.0 if real else std[at + 1]))
+            at += 1 if real else 2
+        return np.array(found)
+
+
+@dataclass(frozen=True, slots=True)
+class Basis:
+    """An orthonormal basis of 1, Z and n Z over the cycles (cycles, 1 + 2 order), and its triangle R."""
+
+    modes: Modes
+    columns: Floats
+    triangle: Floats
+
+    @staticmethod
+    def of(modes: Modes, cycles: int) -> Basis:
+        """The basis for these modes."""
+        plain = modes.columns(cycles)
+        late = np.arange(cycles)[:, None] * plain
+        both = np.concatenate([np.ones((cycles, 1)), plain, late], axis=1)
+        columns, triangle = np.linalg.qr(both)
+        return Basis(modes, columns, triangle)
+
+    @property
+    def fitted(self) -> int:
+        """The columns of 1 and Z: those that a fit at these modes takes."""
+        return 1 + self.modes.order
+
+    def residues(self, modes: Modes, sums: Floats) -> Complexes:
+        """Residues at other modes near these (modes, responses), from the sums of the basis (columns, responses)."""
+        cycles = len(self.columns)
+        system = self.columns.T @ np.concatenate([np.ones((cycles, 1)), modes.columns(cycles)], axis=1)
+        values, at, found = np.linalg.lstsq(system, sums)[0][1:], 0, []
+        for real, scale in zip(modes.real, modes.scales(cycles), strict=True):
+            found.append(scale * (values[at] if real else 0.5 * (values[at] - 1j * values[at + 1])))
+            at += 1 if real else 2
+        return np.array(found)
+
+    def step(self, gram: Floats, responses: int) -> tuple[Floats, Floats]:
+        """The step of maximum likelihood, and the covariance of decays and angles.
+
+        `gram` are the products of the sums of all `responses` over their noise (columns, columns).
+        """
+        # What noise adds to the squares of the residues says nothing of the exponents: it adds to the variance alone.
+        kept, rest = slice(0, self.fitted), slice(self.fitted, None)
+        inverse = np.linalg.inv(self.triangle[kept, kept])
+        squares = (inverse @ gram[kept, kept] @ inverse.T)[1:, 1:]
+        noise = responses * (inverse @ inverse.T)[1:, 1:]
+        crossed = (inverse @ gram[kept, rest])[1:]
+        slopes = [self.triangle[rest, rest] @ turn for turn in self.modes.turns()]
+        pull = np.array([np.trace(slope @ crossed) for slope in slopes])
+        curvature, extra = (
+            np.array([[np.trace(one @ middle @ other.T) for other in slopes] for one in slopes])
+            for middle in (squares - noise, noise)
+        )
+        unit = scaled_inverse(curvature)
+        return unit @ pull, unit @ (curvature + extra) @ unit

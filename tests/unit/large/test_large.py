@@ -1,0 +1,186 @@
+"""Records larger than memory: the same exponents, deviations, noise and residues as of the record in memory."""
+
+import errno
+from types import SimpleNamespace
+
+import h5py
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import floquid as fq
+from floquid.core import ConstantPeriod, LazyRecord, Record
+from floquid.errors import IdentificationError, InputError
+from floquid.large import _identify
+from floquid.large._sweeps import Plan
+from floquid.lti import fit_residues
+
+PHASES = 12
+MODES = np.array([-0.002 + 1.3j, -0.0015 + 2.5j, -0.004 + 0.4j])
+
+
+def decay(exponents=MODES, *, channels=5, cycles=900, noise=0.3, seed=0, draw=0):
+    """A decay of modes with five harmonics each about an offset, at a period of a second."""
+    generator, times = np.random.default_rng(seed), np.arange(PHASES * cycles) / PHASES
+    turns, values = np.arange(-2, 3), np.full((channels, len(times)), 0.7)
+    for exponent in exponents:
+        shape = generator.standard_normal((channels, 5, 2)) @ np.array([1.0, 1j]) * 0.5 ** np.abs(turns)
+        values += 2.0 * (np.exp(exponent * times) * (shape @ np.exp(2j * np.pi * np.outer(turns, times)))).real
+    values += noise * np.random.default_rng(1000 + draw).standard_normal(values.shape)
+    names = [f"x{row}" for row in range(channels)]
+    return Record(values=values, sample_rate=PHASES, channels=names, clock=ConstantPeriod(period=1.0))
+
+
+def lazy(record, **changes):
+    """The same record, its array in place of a file."""
+    kept = {"array": record.values, "channels": record.channels, "clock": record.clock, "sample_rate": PHASES}
+    return LazyRecord(**{**kept, **changes})
+
+
+def pulls(found, exponents, std):
+    """Differences of exponents over deviations, modulo the fundamental (modes, 2)."""
+    gaps = np.subtract.outer(found, exponents)
+    gaps = gaps.real + 1j * (np.mod(gaps.imag + np.pi, 2.0 * np.pi) - np.pi)
+    near = np.abs(gaps).argmin(axis=1)
+    gap = gaps[np.arange(len(found)), near]
+    return np.stack([gap.real / std.real, gap.imag / np.where(std.imag > 0, std.imag, np.inf)], axis=1)
+
+
+@pytest.mark.parametrize("constrained", [False, True])
+def test_it_agrees_with_the_fit_in_memory(constrained, tmp_path):
+    record = decay()
+    found = fq.identify_large(lazy(record), tmp_path / "r.h5")
+    whole = fq.identify(record, constrained=constrained, validate=False)
+    upper = list(whole.model.upper_modes)
+    exponents, std = whole.model.exponents[upper], whole.model.exponent_std[upper]
+    assert len(found.exponents) == len(upper) == 3
+    assert np.abs(pulls(found.exponents, exponents, found.exponent_std)).max() < 0.05
+    order = [np.argsort(value.real) for value in (found.exponents, exponents)]
+    assert_allclose(found.exponent_std[order[0]], std[order[1]], rtol=0.01)
+    assert_allclose(found.noise, whole.noise[:, 0], rtol=0.005)
+
+
+def test_a_growing_mode_and_real_multipliers(tmp_path):
+    record = decay([0.001 + 1.3j, -0.006 + 0j, -0.01 + 1j * np.pi], noise=0.05)
+    found = fq.identify_large(lazy(record), tmp_path / "r.h5")
+    assert sorted(found.real.tolist()) == [False, True, True]
+    truth = np.array([0.001 + 1.3j, 0.001 - 1.3j, -0.006, -0.01 + 1j * np.pi])
+    assert np.abs(pulls(found.exponents, truth, found.exponent_std)).max() < 4.5
+
+
+def test_residues_are_those_of_least_squares(tmp_path):
+    record = decay()
+    found = fq.identify_large(lazy(record), tmp_path / "r.h5")
+    about = record.values.reshape(5, -1, PHASES) - record.values.reshape(5, -1, PHASES).mean(axis=1, keepdims=True)
+    lifted = about.transpose(0, 2, 1).reshape(5 * PHASES, 1, -1)
+    multipliers = np.concatenate([found.multipliers, found.multipliers.conj()])
+    modal = fit_residues(multipliers, fq.lti.TimeResponses(values=lifted, dt=1.0))
+    own = found.residues()
+    for mode, multiplier in enumerate(found.multipliers):
+        place = int(np.abs(modal.multipliers - multiplier).argmin())
+        assert_allclose(own[:, mode].ravel(), modal.residues[place, :, 0], atol=0.01)
+    assert_array_equal(found.residues(slice(1, 3)), own[1:3])
+
+
+def test_parts_of_channels_and_of_cycles_give_the_same(tmp_path, monkeypatch):
+    record = lazy(decay())
+    whole = fq.identify_large(record, tmp_path / "a.h5")
+    monkeypatch.setattr(_identify, "BLOCK", 8.0 * PHASES * 200)
+    parts = fq.identify_large(record, tmp_path / "b.h5")
+    assert_allclose(parts.exponents, whole.exponents, rtol=1e-9)
+    assert_allclose(parts.exponent_std, whole.exponent_std, rtol=1e-6)
+    assert_allclose(parts.residues(), whole.residues(), rtol=1e-5, atol=1e-9)
+
+
+def test_deviations_hold_a_wrong_start(tmp_path, monkeypatch):
+    """A mutant of the start: poles that are off by many deviations take a further sweep, and end at the same."""
+    record, found = lazy(decay()), _identify._found
+    right = fq.identify_large(record, tmp_path / "a.h5")
+
+    def off(*args):
+        modal = found(*args)
+        return SimpleNamespace(multipliers=modal.multipliers * np.exp(-2e-5))
+
+    monkeypatch.setattr(_identify, "_found", off)
+    wrong = fq.identify_large(record, tmp_path / "b.h5")
+    assert wrong.sweeps > 2
+    assert np.abs(pulls(wrong.exponents, right.exponents, right.exponent_std)).max() < 0.05
+
+
+@pytest.mark.slow
+def test_intervals_hold_the_truth(tmp_path):
+    own = np.array(
+        [
+            pulls(found.exponents, np.concatenate([MODES, MODES.conj()]), found.exponent_std)
+            for found in (
+                fq.identify_large(lazy(decay(noise=1.0, cycles=500, draw=draw)), tmp_path / "r.h5")
+                for draw in range(100)
+            )
+        ]
+    )
+    assert 0.9 < np.sqrt(np.mean(own**2)) < 1.1
+    assert 0.92 < np.mean(np.abs(own) < 1.96) < 0.98
+
+
+@pytest.mark.parametrize("chunks", [None, (2, 240)])
+def test_files_are_read_in_blocks(chunks, tmp_path):
+    record = decay(cycles=300)
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        file.create_dataset("values", data=record.values, chunks=chunks)
+        file["sample_rate"], file["channels"] = float(PHASES), [channel.name for channel in record.channels]
+    np.save(tmp_path / "r.npy", record.values)
+    for name, rate in (("r.h5", None), ("r.npy", PHASES)):
+        read = fq.read(tmp_path / name, period=1.0, rate=rate, lazy=True)
+        again = np.full(record.values.shape, np.nan)
+        for rows, samples, values in read.blocks(8 * 500, whole=PHASES):
+            assert values.size <= 500
+            assert values.shape[1] % PHASES == 0
+            again[rows, samples] = values
+        assert_array_equal(again, record.values)
+    assert fq.read(tmp_path / "r.h5", lazy=True).channels == record.channels
+
+
+def test_the_values_as_a_whole_are_refused():
+    with pytest.raises(InputError, match=r"`\.blocks\(\)`"):
+        _ = lazy(decay(cycles=300)).values
+
+
+def test_what_cannot_be_done_is_said_and_nothing_is_lost(tmp_path, monkeypatch):
+    record, target = decay(cycles=300), tmp_path / "r.h5"
+    target.write_bytes(b"an older result")
+    with pytest.raises(InputError, match=r"memory.*at least 2"):
+        fq.identify_large(lazy(record), target, memory="200MB")
+    with pytest.raises(InputError, match="whole samples a period"):
+        fq.identify_large(lazy(record, clock=ConstantPeriod(period=1.003)), target)
+    with pytest.raises(InputError, match="256 periods or more"):
+        fq.identify_large(lazy(decay(cycles=100)), target)
+    with pytest.raises(InputError, match="LazyRecord"):
+        fq.identify_large(record, target)
+    gappy = np.array(record.values)
+    gappy[2, 7] = np.nan
+    with pytest.raises(InputError, match="'x2' misses 1 sample"):
+        fq.identify_large(lazy(record, array=gappy), target)
+    noise = np.random.default_rng(0).standard_normal(record.values.shape)
+    with pytest.raises(IdentificationError):
+        fq.identify_large(lazy(record, array=noise), target)
+
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    for name in ("summed", "_reserve"):
+        with monkeypatch.context() as patched:
+            patched.setattr(_identify, name, full)
+            with pytest.raises(InputError, match="No space left"):
+                fq.identify_large(lazy(record), target)
+    assert target.read_bytes() == b"an older result"
+    assert [path.name for path in tmp_path.iterdir()] == ["r.h5"]
+
+
+def test_a_reader_that_fails_ends_the_sweep():
+    def blocks(*_, **__):
+        yield slice(0, 1), slice(0, PHASES), np.zeros((1, PHASES))
+        raise OSError("the disk went away")
+
+    record = SimpleNamespace(n_channels=1, blocks=blocks)
+    with pytest.raises(InputError, match=r"readable to its end.*went away"):
+        list(Plan(record, 1.0, PHASES, 10, 1e6, 16).blocks("sweep", lambda _: None))
