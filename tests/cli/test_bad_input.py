@@ -382,7 +382,7 @@ def test_figures_that_fail_leave_the_result_without_any(here, capsys, monkeypatc
         raise MemoryError
 
     monkeypatch.setattr("floquid.plot.save_figures", broken)
-    assert run([*shlex.split(GOOD), "--out", "out"]) == 1
+    assert run([*shlex.split(GOOD), "--out", "out", "--figures"]) == 1
     out, err = capsys.readouterr()
     assert "Modes: order" in out
     assert "memory" in err
