@@ -40,6 +40,7 @@ _OPTIONS = {
     "floquet.read_openfast": {"paths": "`FILES`"},
     "Settings": _SETTINGS,
     "identify": _SETTINGS,
+    "identify_large": {**_SETTINGS, **_alike("memory")},
     "measure_transfer": {
         **_SETTINGS,
         **_alike("method", "harmonics", "repeat", "drop", "reference", "curvature"),
