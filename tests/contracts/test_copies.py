@@ -198,6 +198,13 @@ def parts(one):
 EVERY_WAY = pytest.mark.parametrize("way", list(WAYS.values()), ids=list(WAYS))
 
 
+@pytest.mark.parametrize("name", ["survey", "comparison", "update", "monitor"])
+def test_what_is_found_of_several_records_comes_back_from_a_file(name, tmp_path):
+    found = others()[name]
+    floquid.save(found, tmp_path / "kept.h5")
+    assert_same(found, floquid.load(tmp_path / "kept.h5"), name)
+
+
 @EVERY_WAY
 @pytest.mark.parametrize("name", list(ANALYSES))
 def test_an_analysis_comes_back(name, way):

@@ -11,6 +11,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from floquid._checks import input_error, timed_matrices
+from floquid.comparison import Comparison, Updated
 from floquid.errors import IdentificationError, InputError
 from floquid.io import as_path, atomic_path
 from floquid.monitoring import Monitor
@@ -18,6 +19,7 @@ from floquid.order import OrderScan
 from floquid.pipeline import Analysis, blas_threads
 from floquid.reporting._brief import brief_page
 from floquid.reporting._case import case_of
+from floquid.reporting._comparison_page import comparison_page
 from floquid.reporting._lines_page import lines_page
 from floquid.reporting._monitor_page import monitor_page
 from floquid.reporting._page import page
@@ -30,9 +32,12 @@ from floquid.views import speed_unit as unit_of_speed
 
 ENDINGS = (".html", ".htm")
 
+PAGES: dict[type, Callable[..., str]] = {Survey: survey_page, Comparison: comparison_page, Monitor: monitor_page}
+"""Pages of what is found of several records."""
+
 
 def report(
-    analysis: Analysis | TransferFit | MeasuredTransfer | Survey | Monitor,
+    analysis: Analysis | TransferFit | MeasuredTransfer | Survey | Comparison | Updated | Monitor,
     path: str | PathLike[str],
     *,
     title: str | None = None,
@@ -54,7 +59,7 @@ def report(
     Parameters
     ----------
     analysis
-        What `identify`, `fit_transfer`, `survey` or `monitor` found, or `load` read.
+        What `identify`, `fit_transfer`, `survey`, `compare` or `monitor` found, or `load` read.
     path
         The file, ending in .html; it is replaced, whole or not at all.
     title
@@ -80,12 +85,9 @@ def report(
         case TransferFit():
             _refuse_of_lines(truth, of, brief=brief)
             write = partial(lines_page, analysis, damping=damping_unit)
-        case Survey():
+        case Survey() | Comparison() | Monitor():
             _refuse_of_lines(truth, of, brief=brief)
-            write = partial(survey_page, analysis)
-        case Monitor():
-            _refuse_of_lines(truth, of, brief=brief)
-            write = partial(monitor_page, analysis)
+            write = partial(PAGES[type(analysis)], analysis)
         case MeasuredTransfer():
             remedy = "Fit modes to them: `floquid transfer --lines`."
             raise input_error("analysis", of, "hold modes", "holds transfer functions as measured", remedy)
