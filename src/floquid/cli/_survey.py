@@ -96,8 +96,9 @@ def survey(
     choices = choices_of(settings).with_given(**given(record, OF), **given(model, OF))
     with maybe_folder(out, FILES) as folder:
         with bar(True) as report:
-            jobs = jobs_of(files, choices, over, table, (read or ShapeChoices()).options(OF))
-            found = _surveyed(points_of(jobs, workers, report), over, gap, confidence)
+            shapes = (read or ShapeChoices()).options(OF)
+            points = points_of(jobs_of(files, choices, over, table, shapes), workers, report)
+            found = replace(_surveyed(points, over, gap, confidence), shapes=shapes)
         text, columns = json_text(survey_summary(found)), survey_columns(found)
         if folder is not None and find_spec("pyarrow"):
             import pyarrow as pa
@@ -106,7 +107,10 @@ def survey(
             write_table(pa.table(columns), folder.unfinished / FILES[4])
         keep(folder, found, FILES, [text, columns_text(columns), columns_text(edge_columns(found))])
     json, why = text if format == "json" else None, "to keep the survey, the figures and a page"
-    tell(found, print_survey, out=out, names=FILES, json=json, why=why, options={"damping": {"unit": damping}})
+    page = {"damping_unit": "decrement" if damping == "decrement" else "percent"}
+    tell(
+        found, print_survey, out=out, names=FILES, json=json, why=why, options={"damping": {"unit": damping}}, page=page
+    )
     if all(point.model is None for point in found.points):
         raise IdentificationError(f"No point has a result. The first: {found.points[0].reason}")
 

@@ -44,10 +44,12 @@ def tell(
     json: str | None,
     why: str,
     options: Mapping[str, Mapping[str, Any]] | None = None,
+    page: Mapping[str, Any] | None = None,
 ) -> None:
-    """Print the result, or its `json` alone; then draw it into the folder `out`, with `options` of each figure.
+    """Print the result, or its `json` alone; then draw it into the folder `out`.
 
-    `names` are those of all files of the folder; `why` says what they are kept for.
+    `names` are those of all files of the folder; `why` says what they are kept for. `options` are those of each figure,
+    `page` those of the page.
     """
     if json is None:
         printed(terminal(), found)
@@ -55,14 +57,16 @@ def tell(
         sys.stdout.write(json)
         sys.stdout.flush()
     if out is not None:
-        _draw(out, found, names, options or {})
+        _draw(out, found, names, options or {}, page or {})
     if json is None:
         drawn = [name for name in names if name.startswith(FIGURES)]
         kept = [name for name in names if name not in {PAGE, *drawn} and not name.endswith(".parquet")]
         print_files(out, [PAGE, *kept, FIGURES], why)
 
 
-def _draw(out: Path, found: Any, names: Sequence[str], options: Mapping[str, Mapping[str, Any]]) -> None:
+def _draw(
+    out: Path, found: Any, names: Sequence[str], options: Mapping[str, Mapping[str, Any]], page: Mapping[str, Any]
+) -> None:
     """Draw the figures and the page into the folder."""
     from floquid.plot import save_figure
     from floquid.reporting import report as write_report
@@ -74,5 +78,5 @@ def _draw(out: Path, found: Any, names: Sequence[str], options: Mapping[str, Map
             if name.startswith(FIGURES) and (function := Path(name).stem) in dir(found.plot):
                 save_figure(getattr(found.plot, function)(**options.get(function, {})), folder.unfinished / name)
         report("drawing the report")
-        write_report(found, folder.unfinished / PAGE)
+        write_report(found, folder.unfinished / PAGE, **page)
         folder.publish()

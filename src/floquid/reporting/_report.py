@@ -32,9 +32,6 @@ from floquid.views import speed_unit as unit_of_speed
 
 ENDINGS = (".html", ".htm")
 
-PAGES: dict[type, Callable[..., str]] = {Survey: survey_page, Comparison: comparison_page, Monitor: monitor_page}
-"""Pages of what is found of several records."""
-
 
 def report(
     analysis: Analysis | TransferFit | MeasuredTransfer | Survey | Comparison | Updated | Monitor,
@@ -85,9 +82,12 @@ def report(
         case TransferFit():
             _refuse_of_lines(truth, of, brief=brief)
             write = partial(lines_page, analysis, damping=damping_unit)
-        case Survey() | Comparison() | Monitor():
+        case Survey():
             _refuse_of_lines(truth, of, brief=brief)
-            write = partial(PAGES[type(analysis)], analysis)
+            write = partial(survey_page, analysis, damping=damping_unit)
+        case Comparison() | Monitor():
+            _refuse_of_lines(truth, of, brief=brief)
+            write = partial(comparison_page if isinstance(analysis, Comparison) else monitor_page, analysis)
         case MeasuredTransfer():
             remedy = "Fit modes to them: `floquid transfer --lines`."
             raise input_error("analysis", of, "hold modes", "holds transfer functions as measured", remedy)

@@ -12,7 +12,7 @@ import numpy as np
 
 from floquid._arrays import Floats, Integers
 from floquid._checks import Rebuilt, Sealed, describe, input_error, positive
-from floquid.core import PeriodicModes, Shape, as_point, channels_named, couples_of
+from floquid.core import Channel, PeriodicModes, Shape, as_point, channels_named, couples_of
 from floquid.periodic import CONFIDENT
 from floquid.pipeline import Analysis
 from floquid.shapes._arguments import OF, Blades, Family, Pair, Pairs, families_of, pairs_of
@@ -104,7 +104,7 @@ class ShapeReadings(Rebuilt):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ShapeOptions:
+class ShapeOptions(Rebuilt):
     """The arguments of `read_shapes` by which each point of a survey is read; without any of them none is."""
 
     pairs: Pairs = ()
@@ -113,8 +113,23 @@ class ShapeOptions:
     scales: Mapping[str, float] = field(default_factory=dict)
     words: Words = "en"
 
+    def __post_init__(self) -> None:
+        """Hold tuples and plain mappings: what was given may change, and is kept in files."""
+        pairs, blades = ((own,) if isinstance(own, str) else own for own in (self.pairs, self.blades))
+        if isinstance(blades, Mapping):
+            blades = MappingProxyType({name: tuple(own) for name, own in blades.items()})
+        pairs = tuple(own if isinstance(own, str) else tuple(own) for own in pairs)
+        known = {"pairs": pairs, "blades": blades if isinstance(blades, Mapping) else tuple(blades)}
+        known |= {"fixed": tuple(self.fixed), "scales": MappingProxyType(dict(self.scales))}
+        for name, value in known.items():
+            object.__setattr__(self, name, value)
+
     def __bool__(self) -> bool:
         return bool(self.pairs or self.blades or self.fixed)
+
+    def families(self, channels: Sequence[Channel]) -> tuple[Family, ...]:
+        """The groups of blades and the fixed channels among `channels`; none where no blades are read."""
+        return families_of(self.blades, self.fixed, self.scales, channels) if self.blades or self.fixed else ()
 
     def read(self, result: Analysis | PeriodicModes, *, participation: str | None = None) -> ShapeReadings:
         """The readings of a result."""

@@ -90,6 +90,7 @@ Transfer functions measured line by line have the `kind` "measured", and modes f
 What is found of several records has a `kind` too. A survey, "survey"::
 
     /over, /notes, /warnings, /unlinked     the quantity, sentences, and modes on no track (point and mode)
+    /shapes                         how shapes were read: JSON
     /points/point1, ...             values/, files, passed, weak and names (modes,), reason, whirl (modes, 2), blades
                                     (modes, 4); model/ of one hit
     /tracks/track1, ...             name, and over its places: points, modes (the second -1 of no couple), exponents,

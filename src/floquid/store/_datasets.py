@@ -21,6 +21,7 @@ from floquid.errors import InputError
 from floquid.findings import Finding, as_mapping, from_mapping
 from floquid.io import DamagedError
 from floquid.lti import AbstractIdentifier
+from floquid.shapes import ShapeOptions
 from floquid.store._layout import ABSENT, FLAGS, LAYOUT, TEXTS
 
 KNOWN: dict[str, type[AbstractIdentifier]] = {
@@ -73,7 +74,9 @@ def put_object(group: Any, thing: Any) -> None:
     """Write the fields of `thing` that the layout of its type has."""
     for name, place in LAYOUT[type(thing)].items():
         value = getattr(thing, name)
-        if isinstance(place, str):
+        if place == "json":
+            put(group, name, json.dumps({own.name: getattr(value, own.name) for own in fields(value)}, default=dict))
+        elif isinstance(place, str):
             put(group, name, value, place)
         elif isinstance(place, list):
             for number, one in enumerate(value, start=1):
@@ -160,6 +163,8 @@ def get_fields(group: Any, kind: type) -> dict[str, Any]:
             found[name] = tuple(get_object(group[_one_of(name, number + 1)], place[0]) for number in range(count))
         elif isinstance(place, type) and name not in group and name in optional_fields(kind):
             found[name] = None
+        elif place == "json":
+            found[name] = ShapeOptions(**json.loads(get(group, name, text=True)))
         elif place == "findings":
             found[name] = get_findings(group, name)
         elif isinstance(place, str):
