@@ -58,7 +58,7 @@ class ModeReading(Rebuilt):
         What was asked for; None for the others.
     name
         The name with its ordinal, as `1st flap backward`; of a mode of several patterns these with their shares. None
-        without blades, of a weak mode, and of a result that fails.
+        without blades, of a result that fails, and of a weak mode, unless the share of its first pattern is sure.
     couple
         The other mode of a pair that is locked to the period; None of a mode that is none.
     is_weak
@@ -304,7 +304,7 @@ def _named(readings: Sequence[ModeReading]) -> list[ModeReading]:
     counts: Counter[str] = Counter()
     found = []
     for one in readings:
-        name = None if one.blades is None or one.is_weak else one.blades.words
+        name = None if one.blades is None or (one.is_weak and not one.blades.is_sure) else one.blades.words
         if name is not None and one.blades is not None and one.blades.is_compared and not one.blades.is_mixed:
             first = one.blades.shares[0].name
             counts[first] += 1

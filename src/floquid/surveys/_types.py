@@ -40,7 +40,7 @@ class Point(Sealed):
     names
         The pattern of each mode over the blades, with its family (modes,); empty where it was not read.
     blades
-        The share of the largest pattern, the leak and its deviation, and the harmonic of the fixed frame (modes, 4);
+        The share of the largest pattern, the leak and its deviation, and the harmonic of its line (modes, 4);
         NaN where they were not read, None where no blades were given.
     sidebands
         Lines beside the main line of each mode, where they were asked for; a file of a survey does not keep them.

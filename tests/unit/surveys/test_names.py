@@ -9,10 +9,12 @@ import pytest
 from tests.blades import BLADES, FIXED, coleman, modelled, rotor
 
 import floquid as fq
+from floquid import floquet
 from floquid.errors import InputError
 from floquid.exports import survey_columns, survey_summary
 from floquid.reporting._chosen_shape import shape_columns
 from floquid.shapes import ShapeOptions
+from floquid.shapes._read import _named
 from floquid.surveys import look_of, order_lines
 
 GROUPS = {"flap": BLADES[:3], "edge": BLADES[3:]}
@@ -72,6 +74,30 @@ def test_names_come_back_and_stand_in_the_table(found, tmp_path):
     assert "flap forward" in columns["pattern"]
     told = json.loads(json.dumps(survey_summary(found)))["tracks"][0]
     assert len(told["names"]) == len(told["name_share"]) == len(told["leak"]) == len(found.points)
+
+
+def two_blades(speed):
+    def matrix(t):
+        shear = np.cos(speed * t + np.pi * np.arange(2))
+        stiffness = np.diag(11.0 + 0.5 * speed**2 + 1.5 * shear) - np.array([[0.0, 2.0], [2.0, 0.0]])
+        return np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness, -0.2 * np.eye(2)]])
+
+    return floquet.modes(matrix, 2.0 * np.pi / speed, outputs=np.eye(2, 4), channels=["flap1", "flap2"])
+
+
+def test_a_mode_that_stands_in_the_turning_frame_has_its_frequency_there():
+    """Its two lines in the fixed frame are of one size: either would be taken by chance."""
+    found = fq.survey(two_blades, over="speed", between=(1.2, 1.6), points=5, blades={"flap": ["flap1", "flap2"]})
+    track = next(own for own in found.tracks if own.name == "1st flap differential")
+    assert track.frequency == pytest.approx(np.sqrt(13.0 + 0.5 * found.values**2), rel=0.01)
+
+
+def test_a_weak_mode_has_a_name_where_its_share_is_sure(found):
+    reading = found.shapes.read(at(1.3)).modes[0]
+    for std, named in ((0.05, True), (0.4, False), (None, False)):
+        first = replace(reading.blades.shares[0], std=std)
+        pattern = replace(reading.blades, shares=(first, *reading.blades.shares[1:]))
+        assert (_named([replace(reading, is_weak=True, blades=pattern)])[0].name is not None) is named
 
 
 def test_looks_are_those_of_family_and_direction(found):
