@@ -214,14 +214,15 @@ def identified(records: Sequence[fq.Record], excitation: str, counts: Counts) ->
         counts.seconds.append((process_time() - begin) / len(records))
 
 
-def surveyed(turbine: Turbine, excitation: str, seeds: Sequence[int]) -> Counts:
-    """Surveys of records of a turbine, one a seed, held against that of the turbine itself."""
+def surveyed(turbine: Turbine, excitation: str, seeds: Sequence[int], points: int = POINTS) -> Counts:
+    """Surveys of records of a turbine at the first speeds, one a seed, held against that of the turbine itself."""
     counts = Counts()
-    low, high = turbine.between
-    known = fq.survey(turbine.modes, over="speed", between=turbine.between, points=POINTS, **turbine.read)
+    speeds = np.linspace(*turbine.between, POINTS)[:points]
+    between = (float(speeds[0]), float(speeds[-1]))
+    known = fq.survey(turbine.modes, over="speed", between=between, points=points, **turbine.read)
     for seed in seeds:
         results = []
-        for speed in np.linspace(low, high, POINTS):
+        for speed in speeds:
             results.append(identified(records_of(turbine, float(speed), excitation, seed), excitation, counts))
             sys.stderr.write(f"{excitation} {speed:.3f}: {counts.seconds[-1]:.1f} s a record\n")
         judge(counts, fq.survey(results, over="speed", **turbine.read), known)
@@ -233,6 +234,7 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--only", choices=TURBINES, action="append", help="a turbine")
     parser.add_argument("--excitation", choices=PERIODS, action="append", help="free decays, or outputs alone")
     parser.add_argument("--seeds", type=int, default=1, help="surveys of each")
+    parser.add_argument("--points", type=int, default=POINTS, choices=range(3, POINTS + 1), help="the lowest speeds")
     parser.add_argument("--profile", action="store_true", help="the time of the first point alone, by function")
     options = parser.parse_args(arguments)
     sys.stdout.write("" if options.profile else f"{HEAD}\n")
@@ -244,7 +246,7 @@ def main(arguments: Sequence[str]) -> int:
                 profile.runcall(identified, records, excitation, Counts())
                 pstats.Stats(profile, stream=sys.stdout).sort_stats("cumulative").print_stats(60)
                 continue
-            counts = surveyed(turbine, excitation, range(options.seeds))
+            counts = surveyed(turbine, excitation, range(options.seeds), options.points)
             words = "free decays" if excitation == "free" else "outputs alone"
             sys.stdout.write(counts.row(f"{name}, {words}") + "\n")
             sys.stdout.flush()

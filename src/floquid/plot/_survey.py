@@ -205,11 +205,13 @@ def _references(axes: Axes, found: Survey, orders: tuple[int, ...] | None, top: 
     x = found.values
     for label, hertz in order_lines(found, orders):
         axes.plot(x, hertz, ":", color=GREY, linewidth=0.9)
-        last = int(np.flatnonzero(hertz < top)[-1:].sum())
-        if hertz[last] < top:
-            at = ((3, 0), "left") if last == len(x) - 1 else ((-3, 2), "right")
-            style = {"textcoords": "offset points", "color": GREY, "va": "center", "ha": at[1]}
-            axes.annotate(label, (x[last], hertz[last]), at[0], **style)
+        style: dict[str, Any] = {"textcoords": "offset points", "color": GREY, "va": "center"}
+        inside = np.flatnonzero(hertz < top)
+        if len(inside) and inside[-1] == len(x) - 1:
+            axes.annotate(label, (1.0, hertz[-1]), (3, 0), xycoords=axes.get_yaxis_transform(), **style)
+        elif len(inside):  # it leaves the figure at its top
+            ends = slice(int(inside[-1]), int(inside[-1]) + 2)
+            axes.annotate(label, (float(np.interp(top, hertz[ends], x[ends])), top), (3, -7), **style)
     known = [k for k, point in enumerate(found.points) if point.model is not None]
     axes.plot(x[known], [0.5 / _period(found, k) for k in known], "--", color=GREY, linewidth=0.9, label="half of 1/T")
 
