@@ -26,9 +26,10 @@ from tests import blades
 
 import floquid as fq
 from floquid import floquet
-from floquid.surveys import Point, Survey
+from floquid.surveys import Point, Survey, objects_of, similarities
 
 POINTS, PHASES, NOISE, HITS = 8, 24, 0.01, 2
+FINER = 4  # steps of the true survey from one of the points to the next
 PERIODS, WARM = {"free": 40, "ambient": 200}, 40
 COUPLED = 4.0
 """Stiffness between blades and tower over that of `tests.blades`, where all modes of one family have one multiplier."""
@@ -151,32 +152,37 @@ HEAD = (
 )
 
 
-def matched(model: fq.PeriodicModel, truth: fq.PeriodicModel) -> dict[int, tuple[int, complex]]:
-    """True modes that are found, by the model's upper modes, each with the error of λ."""
-    upper, true = model.upper_modes, truth.upper_modes
-    gaps = []
-    for one in (model.exponents[list(upper)], model.exponents[list(upper)].conj()):
-        gap = np.subtract.outer(one, truth.exponents[list(true)])
-        gaps.append(gap.real + 1j * wrapped(gap.imag, truth.fundamental))
+def matched(point: Point, truth: Point) -> dict[int, tuple[int, complex]]:
+    """True modes that are found, by the model's upper modes, each with the error of λ.
+
+    Of true modes that are near each other modulo iω shapes tell which it is.
+    """
+    seen, known = objects_of((point, truth))
+    macs = np.array([[similarities(own, other).max() for own in known] for other in seen])
+    one, other = (np.array([own.exponents[0] for own in objects]) for objects in (seen, known))
+    fundamental = known[0].fundamental
+    gaps = [np.subtract.outer(lam, other) for lam in (one, one.conj())]
+    gaps = [gap.real + 1j * wrapped(gap.imag, fundamental) for gap in gaps]
     gap = np.where(np.abs(gaps[0]) <= np.abs(gaps[1]), *gaps)
-    rows, columns = linear_sum_assignment(np.abs(gap))
-    near = np.abs(gap[rows, columns]) < FALSE * truth.fundamental
+    far = np.abs(gap) / (FALSE * fundamental)
+    rows, columns = linear_sum_assignment(np.minimum(far, 2.0) + 1.0 - macs)
     return {
-        upper[row]: (true[column], complex(gap[row, column]))
-        for row, column, ok in zip(rows, columns, near, strict=True)
-        if ok
+        seen[row].modes[0]: (known[column].modes[0], complex(gap[row, column]))
+        for row, column in zip(rows, columns, strict=True)
+        if far[row, column] < 1.0
     }
 
 
 def judge(counts: Counts, found: Survey, known: Survey) -> None:
-    """Count what a survey has of the `known` one, at the same points."""
+    """Count what a survey has of the `known` one, which has more points: those between say which mode is which."""
     of_track = {
-        (int(point), int(mode)): number
+        (int(point) // FINER, int(mode)): number
         for number, track in enumerate(known.tracks)
         for point, mode in zip(track.points, track.modes[:, 0], strict=True)
+        if point % FINER == 0
     }
     met: list[dict[int, int]] = []
-    for number, (point, true) in enumerate(zip(found.points, known.points, strict=True)):
+    for number, (point, true) in enumerate(zip(found.points, known.points[::FINER], strict=True)):
         counts.points += 1
         met.append({})
         assert true.model is not None
@@ -187,7 +193,7 @@ def judge(counts: Counts, found: Survey, known: Survey) -> None:
         counts.failed += not point.passed
         std = point.model.exponent_std
         assert std is not None
-        pairs = matched(point.model, true.model)
+        pairs = matched(point, true)
         counts.found += len(pairs)
         counts.false += len(point.model.upper_modes) - len(pairs)
         for mode, (own, error) in pairs.items():
@@ -219,7 +225,8 @@ def surveyed(turbine: Turbine, excitation: str, seeds: Sequence[int], points: in
     counts = Counts()
     speeds = np.linspace(*turbine.between, POINTS)[:points]
     between = (float(speeds[0]), float(speeds[-1]))
-    known = fq.survey(turbine.modes, over="speed", between=between, points=points, **turbine.read)
+    finer = FINER * (points - 1) + 1
+    known = fq.survey(turbine.modes, over="speed", between=between, points=finer, **turbine.read)
     for seed in seeds:
         results = []
         for speed in speeds:

@@ -91,6 +91,9 @@ def report(
         case MeasuredTransfer():
             remedy = "Fit modes to them: `floquid transfer --lines`."
             raise input_error("analysis", of, "hold modes", "holds transfer functions as measured", remedy)
+        case Updated():
+            must, got = "have a page", "holds parameters that were fitted to results"
+            raise input_error("analysis", of, must, got, "Its `summary()` says all there is.")
         case _:
             must, got = "be an Analysis", f"is a {type(analysis).__name__}"
             raise input_error("analysis", of, must, got, "Pass what `identify` or `load` gives.")
