@@ -163,7 +163,7 @@ def stepped(matrix: Callable[[float], Floats], period: float, phases: int) -> Fl
         lambda t, x: (matrix(t) @ x.reshape(size, size)).ravel(),
         (0.0, period),
         np.eye(size).ravel(),
-        t_eval=period * np.arange(phases + 1) / phases,
+        t_eval=np.linspace(0.0, period, phases + 1),
         method="DOP853",
         rtol=1e-10,
         atol=1e-13,

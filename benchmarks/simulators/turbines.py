@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -47,9 +48,13 @@ def soft_blade() -> Machine:
     )
 
 
-@cache
-def two_blades() -> Machine:
-    r"""Two blades that flap and lag, on a tower that sways both ways and nods with its fore-aft motion.
+RADIUS = 20.0  # of the two blades [m]
+
+
+def two_bladed(speed: float) -> Callable[[float], Floats]:
+    r"""A(t) of two blades that flap and lag, on a tower that sways both ways and nods with its fore-aft motion.
+
+    States are the sway to the side and fore and aft, the flap of both blades and their lag; then their rates.
 
     Blades are masses m at the radius l, measured in the rotor; the tower is measured on the ground. With ψ_j = Ωt + πj
     the axial motion of a blade is
@@ -58,7 +63,7 @@ def two_blades() -> Machine:
 
     and its motion in the plane of the rotor is u + l sin(ψ_j + ζ_j), l cos(ψ_j + ζ_j), with aerodynamic damping of ẇ_j.
     """
-    speed, mass, radius, tower = 2.0, 2500.0, 20.0, 60e3
+    mass, radius, tower = 2500.0, RADIUS, 60e3
     nodding, twist, drag = 0.02, 0.15, 600.0
     flap, edge, fore, side = 5.3, 9.1, 3.3, 3.1
     inertia = mass * radius**2
@@ -93,13 +98,19 @@ def two_blades() -> Machine:
         a[6:, :6], a[6:, 6:] = -np.linalg.solve(m, k), -np.linalg.solve(m, d)
         return a
 
-    period, phases = 2.0 * np.pi / speed, 48
+    return matrix
+
+
+@cache
+def two_blades() -> Machine:
+    """Two blades that flap and lag on a tower, at 2 rad/s."""
+    period, phases = np.pi, 48
     return Machine(
         name="two_blades",
         period=period,
         phases=phases,
         periods=60,
-        transitions=stepped(matrix, period, phases),
+        transitions=stepped(two_bladed(2.0), period, phases),
         outputs=np.tile(np.eye(12)[:6], (phases, 1, 1)),
         blow=np.array([0.1, 0.1, 0.02, 0.02, 0.02, 0.02, 0.3, 0.3, 0.15, 0.15, 0.15, 0.15]),
     )

@@ -38,7 +38,7 @@ class Rebuilt(Brief):
         self, *, dtype: DTypeLike = np.float64, finite: bool = True, missing: bool = False, **axes: Sequence[str | int]
     ) -> None:
         """Make the fields named read-only arrays of these axes (`frozen_array`); one that may be None may stay so."""
-        of, optional = type(self).__name__, _optional(type(self))
+        of, optional = type(self).__name__, optional_fields(type(self))
         for name, wanted in axes.items():
             value = getattr(self, name)
             if value is not None or name not in optional:
@@ -47,7 +47,7 @@ class Rebuilt(Brief):
 
 
 @cache
-def _optional(kind: type) -> frozenset[str]:
+def optional_fields(kind: type) -> frozenset[str]:
     """The fields of a class that may be None."""
     return frozenset(field.name for field in fields(cast("Any", kind)) if "None" in str(field.type))
 

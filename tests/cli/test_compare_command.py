@@ -36,7 +36,7 @@ def test_a_result_and_the_true_system(results):
     assert ": the deviations explain the differences." in text
     assert "Warning" not in text
     names = {path.relative_to(results / "c").as_posix() for path in (results / "c").rglob("*") if path.is_file()}
-    assert names == {"comparison.json", "comparison.csv", "figures/comparison.png"}
+    assert names == {"comparison.h5", "comparison.json", "comparison.csv", "report.html", "figures/comparison.png"}
     assert (results / "c" / "comparison.csv").read_text().count("\n") == 3
     printed = strict_json(typed("compare d systems:jeffcott,damping=0.02 --format json"))
     assert printed == json.loads((results / "c" / "comparison.json").read_text())

@@ -16,7 +16,7 @@ import pytest
 from tests.driven import ambient_of, mathieu, record_of
 
 import floquid
-from floquid import _arrays, floquet, identify, monitor, read_shapes, survey, systems
+from floquid import InputError, _arrays, floquet, identify, monitor, read_shapes, survey, systems
 from floquid._checks import Rebuilt
 from floquid.comparison import Parameter, compare, update
 from floquid.core import AzimuthSignal, Channel, ConstantPeriod, PulseTimes, Record, TachometerSignal
@@ -196,6 +196,17 @@ def parts(one):
 
 
 EVERY_WAY = pytest.mark.parametrize("way", list(WAYS.values()), ids=list(WAYS))
+
+
+@pytest.mark.parametrize("name", ["survey", "comparison", "update", "monitor"])
+def test_what_is_found_of_several_records_comes_back_from_a_file(name, tmp_path):
+    found = others()[name]
+    floquid.save(found, tmp_path / "kept.h5")
+    kept = floquid.load(tmp_path / "kept.h5")
+    assert_same(found, kept, name)
+    if name == "update":
+        with pytest.raises(InputError, match="have a page, but holds parameters"):
+            floquid.report(kept, tmp_path / "page.html")
 
 
 @EVERY_WAY

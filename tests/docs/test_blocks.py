@@ -67,6 +67,10 @@ INSTEAD = {
     "floquid survey run0.npz run1.npz run2.npz run3.npz run4.npz run5.npz run6.npz run7.npz "
     "--over speed --channels X,Y --out survey": "floquid survey run0.npz run1.npz run2.npz "
     "--over speed --channels X,Y --out survey",
+    "floquid survey runs --periods-per-rev 2 --pairs X:Y --damping decrement --out survey": "floquid survey runs "
+    "--periods-per-rev 2 --pairs X:Y --damping decrement --out survey --workers 1",
+    "floquid survey wind --over wind_m_s --excitation ambient --blades flap=flap1,flap2 --out survey": "floquid survey "
+    "wind --over wind_m_s --excitation ambient --blades flap=flap1,flap2 --out survey --workers 1",
     "floquid bootstrap result --draws 40 --out draws": "floquid bootstrap result --draws 20 --workers 1 --out draws",
 }
 """What takes long, by what is run instead."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -11,11 +10,12 @@ import numpy as np
 from cyclopts import Parameter
 from rich.console import Console
 
-from floquid._checks import counted, input_error
-from floquid.cli._folder import RESULT, maybe_folder, result_folder, settle
+from floquid._checks import counted
+from floquid.cli._folder import maybe_folder, settle
 from floquid.cli._options import Format, OutputFolder
 from floquid.cli._shapes import scales_of
-from floquid.cli._terminal import json_text, new_table, print_files, print_warnings, print_whole, terminal
+from floquid.cli._terminal import json_text, new_table, print_warnings, print_whole
+from floquid.cli._views import keep, refuse_beside_identified, tell
 from floquid.comparison import Comparison, Updated, headings, missing_words, pair_row, update_words, verdict
 from floquid.comparison import compare as compare_sides
 from floquid.errors import InputError
@@ -23,7 +23,7 @@ from floquid.exports import columns_text, comparison_columns, comparison_summary
 from floquid.views import with_error
 
 OF = "floquid compare"
-FILES = ("comparison.json", "comparison.csv", "figures/comparison.png")
+FILES = ("comparison.h5", "comparison.json", "comparison.csv", "report.html", "figures/comparison.png")
 MOST = 40  # rows that are printed of a survey
 LEFT = 4  # headings at most before the numbers: the point and both modes
 
@@ -49,13 +49,12 @@ def compare(
     scale
         What takes a channel of b to the unit of a, name=1000; may be given several times.
     out
-        A folder for comparison.json, comparison.csv and figures/comparison.png.
+        A folder for comparison.h5, comparison.json, comparison.csv; then for figures/ and report.html, a page for the
+        browser.
     format
         text prints a table; json prints comparison.json alone.
     """
-    if out is not None and (out / RESULT).exists():
-        must = "be a folder without a result of `floquid identify`"
-        raise input_error("--out", OF, must, f"{out} holds {RESULT}", "Choose another folder.")
+    refuse_beside_identified(out, OF)
     for place in (Path(a), Path(b)):
         if place.exists():
             settle(place if place.is_dir() else place.parent)
@@ -65,29 +64,9 @@ def compare(
         raise InputError(_as_typed(str(error))) from None
     text = json_text(comparison_summary(found))
     with maybe_folder(out, FILES) as folder:
-        if folder is not None:
-            folder.write(FILES[0], text)
-            folder.write(FILES[1], columns_text(comparison_columns(found)))
-            folder.publish()
-    if format == "json":
-        sys.stdout.write(text)
-        sys.stdout.flush()
-    else:
-        print_comparison(terminal(), found)
-    if out is not None:
-        _draw(out, found)
-    if format == "text":
-        print_files(out, FILES, "to keep the table and a figure")
-
-
-def _draw(out: Path, found: Comparison) -> None:
-    """Draw the figure into the folder."""
-    from floquid.plot import comparison, save_figure
-
-    with result_folder(out, FILES) as folder:
-        (folder.unfinished / "figures").mkdir()
-        save_figure(comparison(found), folder.unfinished / FILES[2])
-        folder.publish()
+        keep(folder, found, FILES, [text, columns_text(comparison_columns(found))])
+    json, why = text if format == "json" else None, "to keep the table, a figure and a page"
+    tell(found, print_comparison, out=out, names=FILES, json=json, why=why)
 
 
 def _as_typed(message: str) -> str:

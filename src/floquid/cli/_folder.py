@@ -32,7 +32,7 @@ from floquid.pipeline import Analysis
 from floquid.plot import FIGURES as DRAWN
 from floquid.readers import write
 from floquid.store import ENDINGS, is_result, load, save
-from floquid.surveys import Survey
+from floquid.transfer import MeasuredTransfer, TransferFit
 from floquid.views import SHORT, DampingUnit, SpeedUnit
 
 FIGURES = tuple(f"{name}.png" for name in DRAWN)  # the figures that there may be
@@ -104,10 +104,9 @@ def identified_in(path: Path, of: str) -> Analysis:
     """The analysis in a result, or in the folder that it is in."""
     found = load(result_file(path))
     if not isinstance(found, Analysis):
-        remedy = "`floquid transfer --lines` reads it."
-        if isinstance(found, Survey):
-            remedy = "`floquid report` writes its page."
-        holds = "holds a survey" if isinstance(found, Survey) else "holds transfer functions"
+        lines = isinstance(found, (MeasuredTransfer, TransferFit))
+        remedy = "`floquid transfer --lines` reads it." if lines else "`floquid report` writes its page."
+        holds = f"holds {'transfer functions' if lines else 'what was found of several results'}"
         raise input_error("RESULT", of, "be what `floquid identify` wrote", holds, remedy)
     return found
 

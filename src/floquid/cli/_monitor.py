@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 from rich.console import Console
 
 from floquid._bar import bar
 from floquid._checks import counted, input_error
-from floquid.cli._folder import RESULT, maybe_folder, result_folder
+from floquid.cli._folder import maybe_folder
 from floquid.cli._options import (
     Format,
     ModelOptions,
@@ -26,15 +23,17 @@ from floquid.cli._options import (
     given,
 )
 from floquid.cli._survey_points import jobs_of, points_of
-from floquid.cli._terminal import json_text, new_table, print_files, print_title, print_warnings, print_whole, terminal
+from floquid.cli._terminal import json_text, new_table, print_title, print_warnings, print_whole
+from floquid.cli._views import keep, refuse_beside_identified, tell
 from floquid.errors import IdentificationError
 from floquid.exports import columns_text, monitor_columns, monitor_summary
 from floquid.monitoring import Monitor, record_heads, record_rows, sentences
 from floquid.monitoring import monitor as monitored
 
 OF = "floquid monitor"
-DATA = ("monitor.json", "monitor.csv")
-DRAWN = ("report.html", "figures/monitor.png", "figures/periodic_amount.png")
+FILES = (
+    "monitor.h5", "monitor.json", "monitor.csv", "report.html", "figures/monitor.png", "figures/periodic_amount.png",
+)  # fmt: skip
 MOST = 12  # records that are printed beside those of an alarm, the last
 
 
@@ -83,7 +82,7 @@ def monitor(
     workers
         How many processes identify records; one for each processor when not given.
     out
-        A folder for monitor.json and monitor.csv; then for figures/ and report.html, a page for the browser.
+        A folder for monitor.h5, monitor.json, monitor.csv; then for figures/ and report.html, a page for the browser.
     format
         text prints what was found; json prints monitor.json alone.
     settings
@@ -92,12 +91,10 @@ def monitor(
     if not files and table is None:
         example = "For example: floquid monitor results --baseline 0:30 --out monitor"
         raise input_error("FILES", OF, "name results or records", "none was given", example)
-    if out is not None and (out / RESULT).exists():
-        must = "be a folder without a result of `floquid identify`, whose report.html would be replaced"
-        raise input_error("--out", OF, must, f"{out} holds {RESULT}", "Choose another folder.")
+    refuse_beside_identified(out, OF)
     healthy = None if baseline is None else _slice(baseline)
     choices = choices_of(settings).with_given(**given(record, OF), **given(model, OF))
-    with maybe_folder(out, (*DATA, *DRAWN)) as folder:
+    with maybe_folder(out, FILES) as folder:
         with bar(True) as report:
             jobs = [replace(job, sidebands=True) for job in jobs_of(files, choices, None, table)]
             looked_for = [replace(job, sidebands=True) for job in jobs_of([like], choices, None, table)] if like else []
@@ -118,20 +115,9 @@ def monitor(
             over=over,
         )
         text = json_text(monitor_summary(found))
-        if folder is not None:
-            folder.write(DATA[0], text)
-            folder.write(DATA[1], columns_text(monitor_columns(found)))
-            folder.publish()
-    if format == "json":
-        sys.stdout.write(text)
-        sys.stdout.flush()
-    else:
-        print_monitor(terminal(), found)
-    if out is not None:
-        with bar(True) as report:
-            _draw(out, found, report)
-    if format == "text":
-        print_files(out, (*DRAWN[:1], *DATA, "figures/"), "to keep numbers, figures and a page over time")
+        keep(folder, found, FILES, [text, columns_text(monitor_columns(found))])
+    json, why = text if format == "json" else None, "to keep numbers, figures and a page over time"
+    tell(found, print_monitor, out=out, names=FILES, json=json, why=why)
 
 
 def _slice(text: str) -> slice:
@@ -146,22 +132,6 @@ def _slice(text: str) -> slice:
     except ValueError:
         must, got = "be a range of records, counted from 0", f"is {text!r:.40}"
         raise input_error("--baseline", OF, must, got, "Such as 0:30 for the first thirty.") from None
-
-
-def _draw(out: Path, found: Monitor, report: Callable[[str], None]) -> None:
-    """Draw the figures and the page into the folder."""
-    from floquid.plot import save_figure
-    from floquid.reporting import report as write_report
-
-    with result_folder(out, (*DATA, *DRAWN)) as folder:
-        report("drawing the figures")
-        (folder.unfinished / "figures").mkdir()
-        for name in DRAWN[1:]:
-            if (function := Path(name).stem) in dir(found.plot):
-                save_figure(getattr(found.plot, function)(), folder.unfinished / name)
-        report("drawing the report")
-        write_report(found, folder.unfinished / DRAWN[0])
-        folder.publish()
 
 
 def print_monitor(console: Console, found: Monitor) -> None:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
 from dataclasses import replace
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
@@ -14,7 +11,7 @@ from rich.console import Console
 
 from floquid._bar import bar
 from floquid._checks import counted, input_error
-from floquid.cli._folder import RESULT, ResultFolder, maybe_folder, result_folder
+from floquid.cli._folder import maybe_folder
 from floquid.cli._options import (
     OUTPUT,
     Format,
@@ -31,16 +28,18 @@ from floquid.cli._options import (
 )
 from floquid.cli._shapes import ShapeChoices
 from floquid.cli._survey_points import OF, jobs_of, points_of
-from floquid.cli._terminal import json_text, new_table, print_files, print_title, print_warnings, print_whole, terminal
+from floquid.cli._terminal import json_text, new_table, print_title, print_warnings, print_whole
+from floquid.cli._views import keep, refuse_beside_identified, tell
 from floquid.errors import IdentificationError
 from floquid.exports import columns_text, edge_columns, survey_columns, survey_summary
-from floquid.store import save
 from floquid.surveys import Survey, edge_words, point_rows, track_rows
 from floquid.surveys import survey as survey_points
 from floquid.views import over_label, over_unit
 
-DATA = ("survey.h5", "survey.json", "survey.csv", "edges.csv", "survey.parquet")
-DRAWN = ("report.html", "figures/campbell.png", "figures/damping.png", "figures/multipliers.png")
+FILES = (
+    "survey.h5", "survey.json", "survey.csv", "edges.csv", "survey.parquet", "report.html", "figures/campbell.png",
+    "figures/damping.png", "figures/multipliers.png",
+)  # fmt: skip
 MOST = 6  # notes that are printed
 
 
@@ -93,27 +92,25 @@ def survey(
     if not files and table is None:
         example = "For example: floquid survey *.npz --over speed_rpm --out survey"
         raise input_error("FILES", OF, "name records or results", "none was given", example)
-    if out is not None and (out / RESULT).exists():
-        must = "be a folder without a result of `floquid identify`, whose report.html would be replaced"
-        raise input_error("--out", OF, must, f"{out} holds {RESULT}", "Choose another folder.")
+    refuse_beside_identified(out, OF)
     choices = choices_of(settings).with_given(**given(record, OF), **given(model, OF))
-    with maybe_folder(out, (*DATA, *DRAWN)) as folder:
+    with maybe_folder(out, FILES) as folder:
         with bar(True) as report:
-            jobs = jobs_of(files, choices, over, table, (read or ShapeChoices()).options(OF))
-            found = _surveyed(points_of(jobs, workers, report), over, gap, confidence)
-        text = json_text(survey_summary(found))
-        if folder is not None:
-            _write(folder, found, text)
-    if format == "json":
-        sys.stdout.write(text)
-        sys.stdout.flush()
-    else:
-        print_survey(terminal(), found)
-    if out is not None:
-        with bar(True) as report:
-            _draw(out, found, damping, report)
-    if format == "text":
-        print_files(out, (*DRAWN[:1], *DATA[:4], "figures/"), "to keep the survey, the figures and a page")
+            shapes = (read or ShapeChoices()).options(OF)
+            points = points_of(jobs_of(files, choices, over, table, shapes), workers, report)
+            found = replace(_surveyed(points, over, gap, confidence), shapes=shapes)
+        text, columns = json_text(survey_summary(found)), survey_columns(found)
+        if folder is not None and find_spec("pyarrow"):
+            import pyarrow as pa
+            from pyarrow.parquet import write_table
+
+            write_table(pa.table(columns), folder.unfinished / FILES[4])
+        keep(folder, found, FILES, [text, columns_text(columns), columns_text(edge_columns(found))])
+    json, why = text if format == "json" else None, "to keep the survey, the figures and a page"
+    page = {"damping_unit": "decrement" if damping == "decrement" else "percent"}
+    tell(
+        found, print_survey, out=out, names=FILES, json=json, why=why, options={"damping": {"unit": damping}}, page=page
+    )
     if all(point.model is None for point in found.points):
         raise IdentificationError(f"No point has a result. The first: {found.points[0].reason}")
 
@@ -128,39 +125,6 @@ def _surveyed(points: list, over: str, gap: int, confidence: float) -> Survey:
     found = survey_points([point for point in points if point not in lost], over=over, gap=gap, confidence=confidence)
     words = [f"{', '.join(point.files)} is left out: {point.reason}" for point in lost]
     return replace(found, warnings=(*words, *found.warnings))
-
-
-def _write(folder: ResultFolder, found: Survey, text: str) -> None:
-    """Write what programs read."""
-    save(found, folder.unfinished / DATA[0])
-    folder.write(DATA[1], text)
-    columns = survey_columns(found)
-    folder.write(DATA[2], columns_text(columns))
-    folder.write(DATA[3], columns_text(edge_columns(found)))
-    if find_spec("pyarrow"):
-        import pyarrow as pa
-        from pyarrow.parquet import write_table
-
-        write_table(pa.table(columns), folder.unfinished / DATA[4])
-    folder.publish()
-
-
-def _draw(out: Path, found: Survey, damping: str, report: Callable[[str], None]) -> None:
-    """Draw the figures and the page into the folder."""
-    from floquid.plot import save_figure
-    from floquid.reporting import report as write_report
-
-    with result_folder(out, (*DATA, *DRAWN)) as folder:
-        report("drawing the figures")
-        (folder.unfinished / "figures").mkdir()
-        options = {"damping": {"unit": damping}}
-        for name in DRAWN[1:]:
-            function = Path(name).stem
-            figure = getattr(found.plot, function)(**options.get(function, {}))
-            save_figure(figure, folder.unfinished / name)
-        report("drawing the report")
-        write_report(found, folder.unfinished / DRAWN[0])
-        folder.publish()
 
 
 def print_survey(console: Console, found: Survey) -> None:

@@ -1,12 +1,13 @@
 """Models against measurements: two sets of modes compared, and the parameters of a model fitted to results."""
 
 from floquid.comparison._compare import compare
-from floquid.comparison._parameters import Direction, Parameter, Updated
+from floquid.comparison._parameters import Direction, Misfit, Parameter, Updated
 from floquid.comparison._types import ComparedPoint, Comparison, Pair
 from floquid.comparison._update import update
+from floquid.comparison._words import RARE as RARE
 from floquid.comparison._words import headings, missing_words, mode_number, pair_row, update_words, verdict
 
 __all__ = [
-    "ComparedPoint", "Comparison", "Direction", "Pair", "Parameter", "Updated", "compare", "headings", "missing_words",
-    "mode_number", "pair_row", "update", "update_words", "verdict",
+    "ComparedPoint", "Comparison", "Direction", "Misfit", "Pair", "Parameter", "Updated", "compare", "headings",
+    "missing_words", "mode_number", "pair_row", "update", "update_words", "verdict",
 ]  # fmt: skip

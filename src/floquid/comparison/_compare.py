@@ -158,7 +158,7 @@ def _rows(number: int, pair: Match, first: PeriodicModel, second: PeriodicModel,
     values, covariance = joint_parts([pair], first, second)
     lam, mu = (dict(zip(own.modes, own.exponents, strict=True)) for own in (pair.first, pair.second))
     each = pair.first.real and pair.second.real
-    noise = shape_noise(pair.first) + shape_noise(pair.second)
+    noise = float(shape_noise(pair.first) + shape_noise(pair.second))
     rows = []
     for row, (a, b) in enumerate(parts.modes):
         kept = [row] if each else list(range(len(values)))

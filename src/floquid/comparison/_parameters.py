@@ -77,6 +77,26 @@ class Direction(Rebuilt):
         return ", ".join(f"{name} {weight:+.2f}" for name, weight in self.weights.items())
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Misfit(Rebuilt):
+    """The difference that is left of one pair of modes.
+
+    Parameters
+    ----------
+    point, mode
+        The number of the result, and that of its mode, both counted from 0.
+    frequency_hz
+        The frequency of that mode [Hz].
+    z
+        The difference over its deviations.
+    """
+
+    point: int
+    mode: int
+    frequency_hz: float
+    z: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Updated(Told, Rebuilt):
     r"""Parameters of a model fitted to exponents.
@@ -106,7 +126,7 @@ class Updated(Told, Rebuilt):
     used
         Values of all parameters at the end, those that are not determined too, by name.
     misfits
-        The point and its mode, counted from 0, its frequency [Hz], and the difference over its deviation, of each pair.
+        The difference that is left of each pair.
     warnings
         What a reader must know, a sentence each.
     """
@@ -121,7 +141,7 @@ class Updated(Told, Rebuilt):
     steps: int
     is_converged: bool
     used: Mapping[str, float]
-    misfits: tuple[tuple[int, int, float, float], ...]
+    misfits: tuple[Misfit, ...]
     warnings: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:

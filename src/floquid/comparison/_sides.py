@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
+from textwrap import shorten
 from typing import Any
 
 import numpy as np
@@ -63,7 +64,8 @@ def side_of(thing: Any, argument: str, of: str) -> Side:
         points = tuple(point for point in thing.points if point.model is not None)
         return Side(label=f"survey of {len(thing.points)} points", points=points, over=thing.over)
     if callable(thing) and not isinstance(thing, KNOWN):
-        return Side(label=getattr(thing, "__name__", "a system"), system=_function(thing, argument, of))
+        label = getattr(thing, "__name__", "a system").replace("<lambda>", "a function")
+        return Side(label=label, system=_function(thing, argument, of))
     try:
         point = point_of(thing)
     except InputError as error:
@@ -71,7 +73,7 @@ def side_of(thing: Any, argument: str, of: str) -> Side:
             raise
         must = "be a result, a survey, modes, a known system, a file of one of these, or systems:NAME"
         raise input_error(argument, of, must, f"is {thing!r:.60}") from None
-    label = "; ".join(point.files)[:60] or type(thing).__name__
+    label = shorten("; ".join(point.files), 60, placeholder=" …") or type(thing).__name__
     return Side(label=label, points=(point,), rows=_marks(thing) if isinstance(thing, Analysis) else frozenset())
 
 
@@ -138,8 +140,8 @@ def _saved(path: Path, argument: str, of: str) -> Side:
     if path.suffix.lower() in late("store", "ENDINGS") and path.is_file() and late("store", "is_result")(path):
         found = late("store", "load")(path)
         if not isinstance(found, Survey) and not hasattr(found, "model"):
-            must, remedy = "hold modes", "`floquid transfer --out` of a fit keeps modes for other programs only."
-            raise input_error(argument, of, must, f"{path} holds transfer functions", remedy)
+            must, remedy = "be what `floquid identify` or `floquid survey` wrote", "Name that, or its folder."
+            raise input_error(argument, of, must, f"{path} holds something else ({type(found).__name__})", remedy)
         return replace(side_of(found, argument, of), label=label)
     if path.suffix.lower() == ".json" and path.is_file() and '"floquid-' in path.read_text("utf-8", "replace")[:200]:
         remedy = f"Name {path.parent / SAVED[0]}: deviations are kept there."

@@ -129,5 +129,10 @@ class Comparison(Told, Drawn, Rebuilt):
     independent: bool = True
     warnings: tuple[str, ...] = ()
 
+    @property
+    def worst(self) -> Pair | None:
+        """The pair with the largest z among those that count, else of all; None without any."""
+        return max(self.pairs, key=lambda pair: (pair.counted, float(np.nan_to_num(pair.z))), default=None)
+
     def _figures(self) -> Drawings:
         return {"comparison": (self, {})}

@@ -14,7 +14,7 @@ from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import counted, describe, input_error
 from floquid.comparison._compare import joint_parts, set_against
 from floquid.comparison._pairs import Match, chi_square, in_model, parts_of
-from floquid.comparison._parameters import Direction, Parameter, Updated
+from floquid.comparison._parameters import Direction, Misfit, Parameter, Updated
 from floquid.comparison._sides import side_of
 from floquid.core import Channel, PeriodicModel
 from floquid.errors import IdentificationError
@@ -342,7 +342,7 @@ def _told(problem: _Problem, search: _Search) -> Updated:
         is_converged=search.is_converged,
         used=used,
         misfits=tuple(
-            (number, pair.first.modes[0], abs(pair.first.exponent) / (2.0 * np.pi), z)
+            Misfit(point=number, mode=pair.first.modes[0], frequency_hz=abs(pair.first.exponent) / (2.0 * np.pi), z=z)
             for number, own in enumerate(data)
             for pair, z in zip(own.pairs, own.each, strict=True)
         ),

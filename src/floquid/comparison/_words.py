@@ -55,7 +55,8 @@ def verdict(found: Comparison) -> str:
     figures = f"χ² = {found.chi2:.4g} of {found.dof}, {_probability(found.p)}"
     if found.p >= RARE:
         return f"{figures}: the deviations explain the differences."
-    worst = max((pair for pair in found.pairs if pair.counted), key=lambda pair: np.nan_to_num(pair.z))
+    worst = found.worst
+    assert worst is not None
     number = mode_number(found.points[worst.point].model_a, worst.a)
     where = "" if found.over is None else f" at {found.over} = {found.points[worst.point].value:g}"
     return (
@@ -89,9 +90,10 @@ def update_words(found: Updated) -> list[str]:
     if found.p >= RARE:
         words.append(f"{figures}: the model fits.")
         return words
-    point, _, hertz, z = max(found.misfits, key=lambda misfit: misfit[3])
+    worst = max(found.misfits, key=lambda misfit: misfit.z)
     words.append(
-        f"{figures}: the model misses by {z:.3g} deviations, most in the mode at {hertz:.4g} Hz of result {point + 1}. "
+        f"{figures}: the model misses by {worst.z:.3g} deviations, most in the mode at {worst.frequency_hz:.4g} Hz of "
+        f"result {worst.point + 1}. "
         "Deviations of the parameters are not widened by that."
     )
     return words

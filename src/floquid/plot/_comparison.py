@@ -6,13 +6,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from floquid._arrays import Complexes
 from floquid._checks import index, input_error
 from floquid.comparison import ComparedPoint, Comparison, Pair, mode_number
-from floquid.core import PeriodicModel
 from floquid.plot._exponents import short_tick
 from floquid.plot._style import BLACK, BLUE, GREY, ORANGE, VERMILION, Into, drawing
-from floquid.views import exponent_ellipses
+from floquid.views import in_strip, region_on_branch
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -34,8 +32,7 @@ def comparison(found: Comparison, *, point: int | None = None, ax: Into = None) 
     of = "comparison"
     if not isinstance(found, Comparison):
         raise input_error("found", of, "be a Comparison", f"is {found!r:.60}", "Pass floquid.compare(...).")
-    worst = max(found.pairs, key=lambda pair: float(np.nan_to_num(pair.z)), default=None)
-    number = 0 if worst is None else worst.point
+    number = 0 if found.worst is None else found.worst.point
     number = number if point is None else index(point, "point", of, len(found.points))
     here = found.points[number]
     pairs = [pair for pair in found.pairs if pair.point == number][:MOST]
@@ -50,7 +47,7 @@ def comparison(found: Comparison, *, point: int | None = None, ax: Into = None) 
             (here.model_a, here.modes_a, _A, "a"), (here.model_b, here.modes_b, _B, "b"),
         ):  # fmt: skip
             lam = model.exponents[[mode for object_ in modes for mode in object_]]
-            strip.plot(lam.real, np.abs(model.fundamental * _folded(lam, model.fundamental)), **look, label=label)
+            strip.plot(lam.real, in_strip(lam, model.fundamental).imag, **look, label=label)
         strip.axvline(0.0, color=BLACK, linewidth=0.9)
         strip.axhline(0.5 * here.model_a.fundamental, color=ORANGE, linestyle="--", linewidth=0.9, label="ω/2")
         strip.set(xlabel="Re λ [1/s]", ylabel="|Im λ| modulo ω [rad/s]", ylim=(0.0, 0.55 * here.model_a.fundamental))
@@ -64,11 +61,6 @@ def comparison(found: Comparison, *, point: int | None = None, ax: Into = None) 
             if place + ACROSS >= len(pairs):
                 axes.set_xlabel("Re λ − a [1/s]", fontsize=8.0)
     return figure
-
-
-def _folded(lam: Complexes, turn: float) -> Any:
-    """Im λ over ω, on the strip."""
-    return lam.imag / turn - np.rint(lam.imag / turn)
 
 
 def _draw_macs(axes: Axes, here: ComparedPoint) -> None:
@@ -99,7 +91,7 @@ def _draw_close(axes: Axes, here: ComparedPoint, pair: Pair) -> None:
     ):  # fmt: skip
         off = exponent - pair.exponent_a
         axes.plot([off.real], [off.imag], **look)
-        region = _region(model, mode, exponent)
+        region = region_on_branch(model, mode, exponent)
         if region is not None:
             axes.plot((off + region).real, (off + region).imag, color=look["color"], linewidth=1.0)
             reach = max(reach, *np.abs([region.real, region.imag]).max(axis=1))
@@ -114,15 +106,3 @@ def _draw_close(axes: Axes, here: ComparedPoint, pair: Pair) -> None:
     z = "" if np.isnan(pair.z) else f", {pair.z:.3g} deviations"
     numbers = mode_number(here.model_a, pair.a), mode_number(here.model_b, pair.b)
     axes.set_title(f"a {numbers[0]}, b {numbers[1]}{z}", fontsize=8.0)
-
-
-def _region(model: PeriodicModel, mode: int, exponent: complex) -> Complexes | None:
-    """The region of a mode about zero, on the branch, or the mirror image, that `exponent` is on; None without."""
-    regions = exponent_ellipses(model)
-    if regions is None:
-        return None
-    lam = complex(model.exponents[mode])
-    turns = [(exponent.imag - imag) / model.fundamental for imag in (lam.imag, -lam.imag)]
-    off = [abs(turn - round(turn)) for turn in turns]
-    region = regions[mode] - lam
-    return np.asarray(region if off[0] <= off[1] else region.conj(), np.complex128)

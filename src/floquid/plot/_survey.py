@@ -3,38 +3,40 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from floquid._arrays import Floats, Mask
 from floquid._checks import index, input_error
 from floquid.plot._style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, Into, drawing, grid_of
-from floquid.surveys import Survey, Track
+from floquid.surveys import DAMPING, Damping, Survey, Track, damping_of, look_of, order_lines
 from floquid.views import over_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Damping = Literal["decay", "ratio", "decrement"]
-
 COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, BLACK)
-DASHES = ("-", "-.", ":")  # of the tracks behind the first seven
+DASHES = ("solid", "dashdot", "dotted")  # of the tracks behind the first seven
 LEVEL = 1.96  # deviations of a bar of 95 %
 DOUBTFUL = 0.8  # confidence below which a link is dashed
 FAN = 4  # harmonics of a fan on either side
 
 
-def campbell(found: Survey, *, orders: tuple[int, ...] = (1, 2, 3), fan: int | None = None, ax: Into = None) -> Figure:
+def campbell(
+    found: Survey, *, orders: tuple[int, ...] | None = None, fan: int | None = None, ax: Into = None
+) -> Figure:
     """Frequencies over the operating point, a line a mode, with bars of 95 % where they can be seen.
 
     Triangles point up where a mode whirls forward, and down where backward. Weak modes are open marks, locked ones
     squares, and doubtful links dashed. Spans in which a mode is unstable are shaded, the intervals of their edges
-    darker. Dotted are whole orders of the speed, where the points have a `speed_rpm`, and dashed half the fundamental,
-    at which a mode locks with itself.
+    darker. Dotted are whole orders of the speed, where it is known, and dashed half the fundamental, at which a mode
+    locks with itself. Where modes are named by patterns over blades, the tower is blue, flap green, edge red, and the
+    drive train brown; lines are full of what does not turn, dashed backward, dash-dotted forward, and dotted in doubt.
 
-    `found` is what `survey` found, `orders` are those of the speed that are drawn, and `ax` the axes to draw into.
+    `found` is what `survey` found, `orders` are those of the speed that are drawn, by default 1, 2 and 3, and 1, n, 2n
+    and 3n of n blades, and `ax` the axes to draw into.
     `fan` is the number of a track whose lines λ + imω are drawn too, wide where much of the shape is; None for none.
     Raises InputError where `found` is no survey, `fan` no track, or the axes do not fit.
     """
@@ -68,24 +70,26 @@ def damping(found: Survey, *, unit: Damping = "decay", ax: Into = None) -> Figur
     """
     of = "damping"
     _check(found, of)
-    if unit not in (names := {"decay": "Re λ [1/s]", "ratio": "damping ratio ζ [%]", "decrement": "decrement δ"}):
-        raise input_error("unit", of, f"be one of {', '.join(names)}", f"is {unit!r}")
+    if unit not in DAMPING:
+        raise input_error("unit", of, f"be one of {', '.join(DAMPING)}", f"is {unit!r}")
     with drawing(4.2, ax, of) as (figure, (axes,)):
         _spans(axes, found)
         for number, track in enumerate(found.tracks):
             x = found.values[track.points]
-            values, std = _damping(track, unit)
+            values, std = damping_of(track, unit)
             _line(axes, found, number, values, std)
             if unit == "decay":
                 for place in np.flatnonzero(track.locked):
                     ends = track.exponents[place].real
-                    axes.plot(x[[place, place]], ends, "s-", color=_colour(number), markersize=3.5, linewidth=1.6)
+                    axes.plot(
+                        x[[place, place]], ends, "s-", color=_look(found, number)[0], markersize=3.5, linewidth=1.6
+                    )
         axes.axhline(0.0, color=BLACK, linewidth=0.9)
         low, high = axes.get_ylim()
         unstable = (0.0, max(high, 0.0)) if unit == "decay" else (min(low, 0.0), 0.0)
         axes.axhspan(*unstable, facecolor=VERMILION, alpha=0.08, zorder=0)
         _label(axes, found)
-        axes.set(ylabel=names[unit], ylim=(low, high))
+        axes.set(ylabel=DAMPING[unit], ylim=(low, high))
     return figure
 
 
@@ -107,12 +111,12 @@ def multipliers(found: Survey, *, ax: Into = None) -> Figure:
             _line(left, found, number, sizes, sizes * periods * track.growth_std)
             values = np.exp(track.exponents * periods[:, None])
             way = np.where(track.locked, np.nan, values[:, 0])
-            right.plot(way.real, way.imag, color=_colour(number), linewidth=0.9)
+            right.plot(way.real, way.imag, color=_look(found, number)[0], linewidth=0.9)
             for pair in values[track.locked]:
-                right.plot(pair.real, pair.imag, "s", color=_colour(number), markersize=3.0)
+                right.plot(pair.real, pair.imag, "s", color=_look(found, number)[0], markersize=3.0)
             if len(way) > 1 and np.isfinite(way[-2:]).all():
                 ends = [(value.real, value.imag) for value in way[[-1, -2]]]
-                right.annotate("", *ends, arrowprops={"arrowstyle": "->", "color": _colour(number)})
+                right.annotate("", *ends, arrowprops={"arrowstyle": "->", "color": _look(found, number)[0]})
         left.axhline(1.0, color=BLACK, linewidth=0.9)
         _label(left, found)
         left.set_ylabel("|μ|")
@@ -125,18 +129,12 @@ def _check(found: Survey, of: str) -> None:
         raise input_error("found", of, "be a Survey", f"is {found!r:.60}", "Pass floquid.survey(...).")
 
 
-def _colour(number: int) -> str:
-    return COLOURS[number % len(COLOURS)]
-
-
-def _damping(track: Track, unit: Damping) -> tuple[Floats, Floats]:
-    """Values and deviations of a track in a unit."""
-    if unit == "decay":
-        return track.decay, track.decay_std
-    size = np.where(track.locked, np.nan, np.abs(track.frequency))
-    if unit == "ratio":
-        return 100.0 * track.damping_ratio, 100.0 * track.decay_std / size
-    return -2.0 * np.pi * track.decay / size, 2.0 * np.pi * track.decay_std / size
+def _look(found: Survey, number: int) -> tuple[str, str, str]:
+    """Colour and dash of a track, and the dash of its doubtful links: by its name, or by its number."""
+    by_name = look_of(found.tracks[number], found)
+    if by_name is not None:
+        return *by_name, "dotted"
+    return COLOURS[number % len(COLOURS)], DASHES[number // len(COLOURS) % len(DASHES)], "dashed"
 
 
 def _runs(doubtful: Mask) -> Iterator[tuple[slice, bool]]:
@@ -150,11 +148,11 @@ def _runs(doubtful: Mask) -> Iterator[tuple[slice, bool]]:
 
 def _line(axes: Axes, found: Survey, number: int, values: Floats, std: Floats) -> None:
     """One track: its line, dashed where a link is doubtful, and its marks with bars."""
-    track, colour = found.tracks[number], _colour(number)
-    x, dash = found.values[track.points], DASHES[number // len(COLOURS) % len(DASHES)]
+    track, x = found.tracks[number], found.values[found.tracks[number].points]
+    colour, dash, doubt = _look(found, number)
     for run, doubtful in _runs(track.confidence[1:] < DOUBTFUL):
         label = track.name if run.start == 0 else None
-        axes.plot(x[run], values[run], color=colour, linestyle="--" if doubtful else dash, linewidth=1.1, label=label)
+        axes.plot(x[run], values[run], color=colour, linestyle=doubt if doubtful else dash, linewidth=1.1, label=label)
     form: dict[str, Any] = {"color": colour, "linestyle": "none", "capsize": 0.0, "elinewidth": 0.9}
     kinds = [(~track.locked & (track.sense == side), marker) for side, marker in ((0, "o"), (1, "^"), (-1, "v"))]
     for kind, marker in (*kinds, (track.locked, "s")):
@@ -202,15 +200,18 @@ def _end(found: Survey, track: Track, place: int, x: Floats) -> float:
     return float(x[min(place, len(x) - 1)])
 
 
-def _references(axes: Axes, found: Survey, orders: tuple[int, ...], top: float) -> None:
+def _references(axes: Axes, found: Survey, orders: tuple[int, ...] | None, top: float) -> None:
     """Orders of the speed, dotted, and half the fundamental, dashed."""
     x = found.values
-    hertz = np.array([point.values.get("speed_rpm", np.nan) for point in found.points]) / 60.0
-    if np.isfinite(hertz).all():
-        for order in orders:
-            axes.plot(x, order * hertz, ":", color=GREY, linewidth=0.9)
-            if order * hertz[-1] < top:
-                axes.annotate(f"{order}×", (x[-1], order * hertz[-1]), (3, 0), textcoords="offset points", color=GREY)
+    for label, hertz in order_lines(found, orders):
+        axes.plot(x, hertz, ":", color=GREY, linewidth=0.9)
+        style: dict[str, Any] = {"textcoords": "offset points", "color": GREY, "va": "center"}
+        inside = np.flatnonzero(hertz < top)
+        if len(inside) and inside[-1] == len(x) - 1:
+            axes.annotate(label, (1.0, hertz[-1]), (3, 0), xycoords=axes.get_yaxis_transform(), **style)
+        elif len(inside):  # it leaves the figure at its top
+            ends = slice(int(inside[-1]), int(inside[-1]) + 2)
+            axes.annotate(label, (float(np.interp(top, hertz[ends], x[ends])), top), (3, -7), **style)
     known = [k for k, point in enumerate(found.points) if point.model is not None]
     axes.plot(x[known], [0.5 / _period(found, k) for k in known], "--", color=GREY, linewidth=0.9, label="half of 1/T")
 

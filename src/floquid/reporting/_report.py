@@ -11,6 +11,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from floquid._checks import input_error, timed_matrices
+from floquid.comparison import Comparison, Updated
 from floquid.errors import IdentificationError, InputError
 from floquid.io import as_path, atomic_path
 from floquid.monitoring import Monitor
@@ -18,6 +19,7 @@ from floquid.order import OrderScan
 from floquid.pipeline import Analysis, blas_threads
 from floquid.reporting._brief import brief_page
 from floquid.reporting._case import case_of
+from floquid.reporting._comparison_page import comparison_page
 from floquid.reporting._lines_page import lines_page
 from floquid.reporting._monitor_page import monitor_page
 from floquid.reporting._page import page
@@ -32,7 +34,7 @@ ENDINGS = (".html", ".htm")
 
 
 def report(
-    analysis: Analysis | TransferFit | MeasuredTransfer | Survey | Monitor,
+    analysis: Analysis | TransferFit | MeasuredTransfer | Survey | Comparison | Updated | Monitor,
     path: str | PathLike[str],
     *,
     title: str | None = None,
@@ -54,7 +56,7 @@ def report(
     Parameters
     ----------
     analysis
-        What `identify`, `fit_transfer`, `survey` or `monitor` found, or `load` read.
+        What `identify`, `fit_transfer`, `survey`, `compare` or `monitor` found, or `load` read.
     path
         The file, ending in .html; it is replaced, whole or not at all.
     title
@@ -82,13 +84,16 @@ def report(
             write = partial(lines_page, analysis, damping=damping_unit)
         case Survey():
             _refuse_of_lines(truth, of, brief=brief)
-            write = partial(survey_page, analysis)
-        case Monitor():
+            write = partial(survey_page, analysis, damping=damping_unit)
+        case Comparison() | Monitor():
             _refuse_of_lines(truth, of, brief=brief)
-            write = partial(monitor_page, analysis)
+            write = partial(comparison_page if isinstance(analysis, Comparison) else monitor_page, analysis)
         case MeasuredTransfer():
             remedy = "Fit modes to them: `floquid transfer --lines`."
             raise input_error("analysis", of, "hold modes", "holds transfer functions as measured", remedy)
+        case Updated():
+            must, got = "have a page", "holds parameters that were fitted to results"
+            raise input_error("analysis", of, must, got, "Its `summary()` says all there is.")
         case _:
             must, got = "be an Analysis", f"is a {type(analysis).__name__}"
             raise input_error("analysis", of, must, got, "Pass what `identify` or `load` gives.")

@@ -2,17 +2,39 @@
 
 from __future__ import annotations
 
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
 
 from floquid._checks import counted
-from floquid.reporting._look import BLACK, CURVES, DASHES, MARKERS, VERMILION, Figure, hover, legend_above, new_figure
+from floquid.reporting._chosen_shape import channels_of, chosen_figures, shape_columns
+from floquid.reporting._look import (
+    BLACK,
+    CURVES,
+    DASHES,
+    GREY,
+    HEIGHT,
+    ROW,
+    VERMILION,
+    Figure,
+    hover,
+    legend_above,
+    new_figure,
+)
 from floquid.reporting._page import asset, bokeh_scripts, described, embedded, filled
-from floquid.surveys import Point, Survey, edge_words, track_rows
-from floquid.views import over_label, over_unit
+from floquid.surveys import DAMPING, Damping, Point, Survey, damping_of, edge_words, look_of, order_lines, track_rows
+from floquid.views import INTERVAL, DampingUnit, over_label, over_unit
 
-MOST = 8  # channels of a shape, the strongest, and tracks of one look
+MOST = 8  # tracks of one look
+COLUMNS = 4  # of a legend
+SENSES = {0: "circle", 1: "triangle", -1: "inverted_triangle"}
+"""Marks of modes that whirl forward and backward, and of others."""
+
+NAMES = ["track", "name", "x", "colour", "fill", "confidence", "marker", "harmonic"]
+NAMES += [f"{name}{end}" for name in ("frequency", "decay", "damping") for end in ("", "_low", "_high")]
+"""Columns of marks, where there are none."""
+
 STEPS = (
     "Modes were followed from point to point by their shapes, whatever branch of λ modulo iω each result reports.",
     "Each link was made again for 200 draws from the deviations; its confidence is the share that keep it.",
@@ -20,21 +42,14 @@ STEPS = (
 )
 """Sentences on what a survey is."""
 
-CHOSEN = """
-const row = marks.selected.indices[0];
-if (row === undefined) return;
-for (const [k, bars] of shapes.entries()) {
-  bars.data = { harmonic: marks.data.harmonic[row], size: marks.data["size" + k][row] };
-}
-shape.title.text = "Shape of " + marks.data.name[row] + " at " + Number(marks.data.x[row].toPrecision(6));
-"""
-"""A mark that is clicked shows its shape."""
 
-
-def survey_page(found: Survey, *, title: str | None) -> str:
-    """The whole page as text."""
+def survey_page(found: Survey, *, title: str | None, damping: DampingUnit = "percent") -> str:
+    """The whole page as text, with the `damping` beside Re λ in a unit."""
     words, unit = over_unit(found.over)
-    figures = _figures(found)
+    measure: Damping = "decrement" if damping == "decrement" else "ratio"
+    marks = _marks(found, measure)
+    over, chosen = _figures(found, marks, measure), chosen_figures(found, marks)
+    figures = over | chosen
     failed = [point for point in found.points if point.reason is not None]
     unstable = any((track.growth > 0.0).any() for track in found.tracks)
     count = f"{counted(len(found.tracks), 'mode')} followed over {counted(len(found.points), 'point')}"
@@ -54,7 +69,9 @@ def survey_page(found: Survey, *, title: str | None) -> str:
         edges=[edge_words(found, edge) for edge in found.edges],
         points=[_point_row(found, point) for point in found.points],
         sources=[], steps=STEPS, settings=[], hits=[],
-        figures=[{"name": name, "words": described(made)} for name, made in figures.items()],
+        figures=[{"name": name, "words": described(made)} for name, made in over.items()],
+        chosen=[{"name": name, "words": described(made)} for name, made in chosen.items()],
+        orbits="orbits" in chosen, blades="waves-0" in chosen,
         bokeh=bokeh_scripts(),
         embedded=embedded(figures),
         behaviour=asset("page.js"),
@@ -67,103 +84,100 @@ def _point_row(found: Survey, point: Point) -> tuple[str, ...]:
     return f"{point.values[found.over]:g}", "; ".join(point.files), order, state, point.reason or ""
 
 
-def _figures(found: Survey) -> dict[str, Figure]:
-    """The figures by the names of their places, with what links them."""
-    from bokeh.models import ColumnDataSource, CustomJS, SingleIntervalTicker, TapTool
+def _figures(found: Survey, marks: Any, unit: Damping) -> dict[str, Figure]:
+    """The figures over the operating point by the names of their places."""
+    from bokeh.models import TapTool
 
-    marks, channels = _marks(found), _channels(found)
-    source: Any = ColumnDataSource(marks)  # type: ignore[arg-type]
-    shape = new_figure("harmonic m", "size", name="shape")
-    shape.xaxis.ticker = SingleIntervalTicker(interval=1)
-    bars = []
-    for k, name in enumerate(channels):
-        first = {"harmonic": marks["harmonic"][:1], "size": marks[f"size{k}"][:1]}
-        bars.append(ColumnDataSource({axis: own[0] if own else [] for axis, own in first.items()}))
-        style: dict[str, Any] = {"source": bars[-1], "line_color": CURVES[k], "legend_label": name}
-        shape.line("harmonic", "size", line_dash=DASHES[k], **style)
-        shape.scatter("harmonic", "size", marker=MARKERS[k], fill_color="white", size=6, **style)
-    legend_above(shape)
-    shape.title.text = f"Shape of {marks['name'][0]} at {marks['x'][0]:g}" if marks["name"] else "Shape"
     made = {}
-    for name, label in (("frequency", "frequency [Hz]"), ("decay", "Re λ [1/s]")):
-        drawn = new_figure(over_label(found.over), label, name=name)
+    for name, label in (("frequency", "frequency [Hz]"), ("decay", DAMPING["decay"]), ("damping", marks.name)):
+        first = name == "frequency"
+        height = HEIGHT + ROW * (len(found.tracks) // COLUMNS if first else 0)
+        drawn = new_figure(over_label(found.over), label, name=name, height=height)
+        low, high = _range(marks.data[name])
         for number, track in enumerate(found.tracks):
-            y = track.decay if name == "decay" else np.abs(track.frequency) / (2.0 * np.pi)
-            dash = DASHES[number // MOST % len(DASHES)]
-            look: dict[str, Any] = {"line_color": CURVES[number % MOST], "legend_label": track.name}
-            drawn.line(found.values[track.points], y, line_dash=dash, **look)
+            colour, dash = _look(found, number)
+            look: dict[str, Any] = {"line_color": colour, "legend_label": track.name}
+            y = {
+                "frequency": np.abs(track.frequency) / (2.0 * np.pi),
+                "decay": track.decay,
+                "damping": damping_of(track, unit)[0],
+            }
+            drawn.line(found.values[track.points], y[name], line_dash=dash, **look)
             if name == "decay":
                 at, ends = found.values[track.points[track.locked]], track.exponents[track.locked].real
                 drawn.segment(at, ends[:, 0], at, ends[:, 1], **look)
-        drawn.segment("x", f"{name}_low", "x", f"{name}_high", source=source, line_color="colour")
-        dots = drawn.scatter("x", name, source=source, size=8, line_color="colour", fill_color="fill")
-        if name == "decay":
+        drawn.segment("x", f"{name}_low", "x", f"{name}_high", source=marks, line_color="colour")
+        dots = drawn.scatter("x", name, source=marks, size=8, line_color="colour", fill_color="fill", marker="marker")
+        if first:
+            for order, hertz in order_lines(found):
+                drawn.line(
+                    found.values, np.where(hertz > 1.15 * high, np.nan, hertz), line_color=GREY, line_dash="dotted"
+                )
+                last = np.flatnonzero(hertz <= high)[-1:]
+                drawn.text(found.values[last], hertz[last], [order] * len(last), text_color=GREY, text_font_size="12px")
+        else:
             drawn.line(found.values[[0, -1]], [0.0, 0.0], line_color=BLACK)
         for edge in found.edges:
             if edge.value is not None:
-                low, high = _range(marks, name)
                 drawn.line([edge.value] * 2, [low, high], line_color=VERMILION, line_dash="dotted")
         drawn.add_tools(TapTool(renderers=[dots]))
         told = [
             ("", "@name"),
             ("f", "@frequency{%.6g} Hz"),
             ("Re λ", "@decay{%.4g} 1/s"),
+            (marks.name, "@damping{%.4g}"),
             ("link", "@confidence{%.2f}"),
         ]
         hover(drawn, told, [dots])
-        legend_above(drawn, columns=4)
+        if first or len(found.tracks) <= COLUMNS:
+            legend_above(drawn, columns=COLUMNS)
+        else:
+            drawn.legend[0].visible = False  # that of the first figure is of all
         made[name] = drawn
-    source.selected.js_on_change(
-        "indices", CustomJS(args={"marks": source, "shapes": bars, "shape": shape}, code=CHOSEN)
-    )
-    return made | {"shape": shape}
+    return made
 
 
-def _range(marks: dict[str, list[Any]], name: str) -> tuple[float, float]:
+def _look(found: Survey, number: int) -> tuple[str, str]:
+    """Colour and dash of a track: by its name, or by its number."""
+    by_name = look_of(found.tracks[number], found)
+    return by_name or (CURVES[number % MOST], DASHES[number // MOST % len(DASHES)])
+
+
+def _range(values: list[float]) -> tuple[float, float]:
     """The range of the values of a figure."""
-    return min(marks[name], default=0.0), max(marks[name], default=1.0)
+    known = [value for value in values if np.isfinite(value)]
+    return min(known, default=0.0), max(known, default=1.0)
 
 
-def _channels(found: Survey) -> list[str]:
-    """The strongest channels of the first model, as many as a figure shows."""
-    model = next((point.model for point in found.points if point.model is not None), None)
-    if model is None:
-        return []
-    energy = np.sum(np.abs(model.coefficients) ** 2, axis=(0, 2, 3))
-    return [model.channels[k].name for k in sorted(np.argsort(-energy, kind="stable")[:MOST].tolist())]
+def _marks(found: Survey, unit: Damping) -> Any:
+    """A mark a mode of a track, with its shape: a source with the label of the damping for its name."""
+    from bokeh.models import ColumnDataSource
 
-
-def _marks(found: Survey) -> dict[str, list[Any]]:
-    """A mark a mode of a track, with its shape."""
-    channels = _channels(found)
     rows: list[dict[str, Any]] = []
+    shapes = cache(partial(shape_columns, found))
     for number, track in enumerate(found.tracks):
+        values, spread = damping_of(track, unit)
         for place, point in enumerate(track.points.tolist()):
-            model = found.points[point].model
-            assert model is not None
-            names = [channel.name for channel in model.channels]
+            columns = shapes(point)
             for half, mode in enumerate(track.modes[place].tolist()):
                 if mode < 0:
                     continue
-                lam, std = track.exponents[place, half], 1.96 * track.exponent_std[place, half]
-                hertz, bar = abs(lam.imag) / (2.0 * np.pi), std.imag / (2.0 * np.pi)
-                colour = CURVES[number % MOST]
-                sizes = np.abs(model.coefficients[mode, :, 0])
-                used = (sizes > 0.0).any(axis=0)
-                row = {
+                lam, std = track.exponents[place, half], track.exponent_std[place, half]
+                sizes = {
+                    "frequency": (abs(lam.imag) / (2.0 * np.pi), std.imag / (2.0 * np.pi)),
+                    "decay": (lam.real, std.real),
+                    "damping": (values[place], spread[place]),
+                }
+                colour = _look(found, number)[0]
+                rows.append({
                     "track": number, "name": track.name, "x": float(found.values[point]), "colour": colour,
                     "fill": "white" if track.weak[place] else colour, "confidence": float(track.confidence[place]),
-                    "frequency": hertz, "frequency_low": hertz - bar, "frequency_high": hertz + bar,
-                    "decay": lam.real, "decay_low": lam.real - std.real, "decay_high": lam.real + std.real,
-                    "harmonic": model.harmonics[used].tolist(),
-                }  # fmt: skip
-                for k, name in enumerate(channels):
-                    row[f"size{k}"] = sizes[names.index(name), used].tolist() if name in names else []
-                rows.append(row)
-    return {name: [row[name] for row in rows] for name in rows[0]} if rows else _marks_of_none(channels)
-
-
-def _marks_of_none(channels: list[str]) -> dict[str, list[Any]]:
-    names = ["track", "name", "x", "colour", "fill", "confidence", "harmonic"]
-    names += [f"{name}{end}" for name in ("frequency", "decay") for end in ("", "_low", "_high")]
-    return {name: [] for name in [*names, *(f"size{k}" for k in range(len(channels)))]}
+                    "marker": "square" if track.locked[place] else SENSES[int(track.sense[place])],
+                    **{name: float(value) for name, (value, _) in sizes.items()},
+                    **{f"{name}_low": float(value - INTERVAL * bar) for name, (value, bar) in sizes.items()},
+                    **{f"{name}_high": float(value + INTERVAL * bar) for name, (value, bar) in sizes.items()},
+                    **columns(mode, int(track.shifts[place]), mirrored=bool(track.mirrored[place])),
+                })  # fmt: skip
+    names = rows[0] if rows else [*NAMES, *(f"size{k}" for k in range(len(channels_of(found))))]
+    data: Any = {name: [row[name] for row in rows] for name in names}
+    return ColumnDataSource(data, name=DAMPING[unit])

@@ -68,8 +68,11 @@ class BladePattern(Rebuilt):
     ----------
     branch
         The harmonic k = m - n of the fixed frame that has the most energy.
+    line
+        The harmonic with that frequency: the branch; of a reactionless pattern its strongest line on the blades, for it
+        stands in the turning frame, and has two lines of one size in the fixed frame.
     frequency
-        The frequency there, above zero [rad/s]; of a reactionless pattern that of its strongest line on the blades.
+        The frequency there, above zero [rad/s].
     shares
         Shares of patterns on that branch, the largest first: of all motion where `is_compared`, else of each family.
     leak, leak_std
@@ -84,6 +87,7 @@ class BladePattern(Rebuilt):
     """
 
     branch: int
+    line: int
     frequency: float
     shares: tuple[PatternShare, ...]
     leak: float
@@ -118,6 +122,12 @@ class BladePattern(Rebuilt):
             else:
                 found["alternating"] = lines[wave]
         return found
+
+    @property
+    def is_sure(self) -> bool:
+        """True where the first pattern has most of the motion by two deviations of its share."""
+        first = self.shares[0]
+        return first.std is not None and first.share - 2.0 * first.std > CLEAR
 
     @property
     def is_mixed(self) -> bool:
@@ -192,9 +202,11 @@ def pattern_of(
         shares += _shares(shape, part, branch, whole if is_compared else _whole(shape, [part]), turned, words)
     shares.sort(key=lambda pattern: -pattern.share)
     leak, leak_std = _leak(shape, parts, branch, whole)
+    line = _line_of(shares[0], parts, branch, shape)
     return BladePattern(
         branch=branch,
-        frequency=_frequency(shares[0], parts, branch, exponent.imag, fundamental, shape),
+        line=line,
+        frequency=abs(exponent.imag + line * fundamental),
         shares=tuple(shares),
         leak=leak,
         leak_std=leak_std,
@@ -275,16 +287,13 @@ def _leak(shape: Shape, parts: Sequence[_Lines], branch: int, whole: _Whole) -> 
     return max(0.0, 1.0 - (within - whole.noise * own / max(lines, 1)) / (whole.energy - whole.noise)), ratio.std
 
 
-def _frequency(
-    first: PatternShare, parts: Sequence[_Lines], branch: int, rate: float, fundamental: float, shape: Shape
-) -> float:
-    """The frequency of a mode in the fixed frame; of a reactionless pattern that of its strongest line on blades."""
+def _line_of(first: PatternShare, parts: Sequence[_Lines], branch: int, shape: Shape) -> int:
+    """The line of a mode in the fixed frame; of a reactionless pattern its strongest one on the blades."""
     part = next(part for part in parts if part.family.name == first.family)
     count = len(part.beta)
     if first.wave is not None and count % 2 == 0 and abs(first.wave) == count // 2:
-        line = int(part.energy[-1].argmax())
-        return abs(rate + int(shape.harmonics[line]) * fundamental)
-    return abs(rate + branch * fundamental)
+        return int(shape.harmonics[part.energy[-1].argmax()])
+    return branch
 
 
 def _word(wave: int, count: int, words: Words) -> str:

@@ -12,7 +12,7 @@ import numpy as np
 
 from floquid._arrays import Floats, Integers
 from floquid._checks import Rebuilt, Sealed, describe, input_error, positive
-from floquid.core import PeriodicModes, Shape, as_point, channels_named, couples_of
+from floquid.core import Channel, PeriodicModes, Shape, as_point, channels_named, couples_of
 from floquid.periodic import CONFIDENT
 from floquid.pipeline import Analysis
 from floquid.shapes._arguments import OF, Blades, Family, Pair, Pairs, families_of, pairs_of
@@ -58,7 +58,7 @@ class ModeReading(Rebuilt):
         What was asked for; None for the others.
     name
         The name with its ordinal, as `1st flap backward`; of a mode of several patterns these with their shares. None
-        without blades, of a weak mode, and of a result that fails.
+        without blades, of a result that fails, and of a weak mode, unless the share of its first pattern is sure.
     couple
         The other mode of a pair that is locked to the period; None of a mode that is none.
     is_weak
@@ -104,7 +104,7 @@ class ShapeReadings(Rebuilt):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ShapeOptions:
+class ShapeOptions(Rebuilt):
     """The arguments of `read_shapes` by which each point of a survey is read; without any of them none is."""
 
     pairs: Pairs = ()
@@ -113,8 +113,23 @@ class ShapeOptions:
     scales: Mapping[str, float] = field(default_factory=dict)
     words: Words = "en"
 
+    def __post_init__(self) -> None:
+        """Hold tuples and plain mappings: what was given may change, and is kept in files."""
+        pairs, blades = ((own,) if isinstance(own, str) else own for own in (self.pairs, self.blades))
+        if isinstance(blades, Mapping):
+            blades = MappingProxyType({name: tuple(own) for name, own in blades.items()})
+        pairs = tuple(own if isinstance(own, str) else tuple(own) for own in pairs)
+        known = {"pairs": pairs, "blades": blades if isinstance(blades, Mapping) else tuple(blades)}
+        known |= {"fixed": tuple(self.fixed), "scales": MappingProxyType(dict(self.scales))}
+        for name, value in known.items():
+            object.__setattr__(self, name, value)
+
     def __bool__(self) -> bool:
         return bool(self.pairs or self.blades or self.fixed)
+
+    def families(self, channels: Sequence[Channel]) -> tuple[Family, ...]:
+        """The groups of blades and the fixed channels among `channels`; none where no blades are read."""
+        return families_of(self.blades, self.fixed, self.scales, channels) if self.blades or self.fixed else ()
 
     def read(self, result: Analysis | PeriodicModes, *, participation: str | None = None) -> ShapeReadings:
         """The readings of a result."""
@@ -289,7 +304,7 @@ def _named(readings: Sequence[ModeReading]) -> list[ModeReading]:
     counts: Counter[str] = Counter()
     found = []
     for one in readings:
-        name = None if one.blades is None or one.is_weak else one.blades.words
+        name = None if one.blades is None or (one.is_weak and not one.blades.is_sure) else one.blades.words
         if name is not None and one.blades is not None and one.blades.is_compared and not one.blades.is_mixed:
             first = one.blades.shares[0].name
             counts[first] += 1

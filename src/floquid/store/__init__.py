@@ -87,15 +87,35 @@ Transfer functions measured line by line have the `kind` "measured", and modes f
     /fit/modes/mode1, ...           as of measured inputs, with shape (outputs, harmonics)
     /fit/direct0, direct1, ...      the direct term at each harmonic (outputs, inputs)
 
-A survey has the `kind` "survey"::
+What is found of several records has a `kind` too. A survey, "survey"::
 
     /over, /notes, /warnings, /unlinked     the quantity, sentences, and modes on no track (point and mode)
+    /shapes                         how shapes were read: JSON
     /points/point1, ...             values/, files, passed, weak and names (modes,), reason, whirl (modes, 2), blades
                                     (modes, 4); model/ of one hit
     /tracks/track1, ...             name, and over its places: points, modes (the second -1 of no couple), exponents,
                                     exponent_std, shifts, mirrored, weak, confidence, mac, cost, runner_up, whirl,
                                     whirl_std, names, name_share, leak, leak_std
     /edges/edge1, ...               value, std, interval, between, kind, tracks, direction
+
+a comparison, "comparison"::
+
+    /a, /b, /over, /chi2, /dof, /p, /independent, /warnings, /missing_in_a, /missing_in_b   as of `Comparison`
+    /points/point1, ...             value, model_a/ and model_b/ of one hit, modes_a, modes_b, macs
+    /pairs/pair1, ...               as of `Pair`
+
+parameters that were fitted, "update"::
+
+    /values/, /start/, /used/       names and numbers, each (parameters,); covariance (parameters, parameters)
+    /chi2, /dof, /p, /steps, /is_converged, /warnings
+    /unidentifiable/unidentifiable1, ...    weights/ (names and numbers), std
+    /misfits/misfit1, ...           point, mode, frequency_hz, z
+
+and monitored records, "monitor"::
+
+    /files, /x, /baseline, /alarm, /reasons (records,), /over, /rate, /covariates, /conditions, /warnings
+    /charts/, /amounts/, /change/   as of `Charts`, `Amounts` with trend/, and `Change`; absent where there is none
+    /change/carried_by/carried_by1, ...     feature, unit, size, std
 
 Files of earlier versions of the layout, which no release of floquid wrote, are refused.
 """

@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import fields
 from enum import Enum
+from functools import cache
 from numbers import Number
 from typing import Any, cast
 
 import numpy as np
 
 from floquid import lti
-from floquid._checks import input_error
+from floquid._arrays import Integers
+from floquid._checks import input_error, optional_fields
 from floquid.core import Channel, channel_of
 from floquid.errors import InputError
 from floquid.findings import Finding, as_mapping, from_mapping
 from floquid.io import DamagedError
 from floquid.lti import AbstractIdentifier
+from floquid.shapes import ShapeOptions
 from floquid.store._layout import ABSENT, FLAGS, LAYOUT, TEXTS
 
 KNOWN: dict[str, type[AbstractIdentifier]] = {
@@ -70,8 +74,17 @@ def put_object(group: Any, thing: Any) -> None:
     """Write the fields of `thing` that the layout of its type has."""
     for name, place in LAYOUT[type(thing)].items():
         value = getattr(thing, name)
-        if isinstance(place, str):
+        if place == "json":
+            put(group, name, json.dumps({own.name: getattr(value, own.name) for own in fields(value)}, default=dict))
+        elif isinstance(place, str):
             put(group, name, value, place)
+        elif isinstance(place, list):
+            for number, one in enumerate(value, start=1):
+                put_object(group.create_group(_one_of(name, number)), one)
+        elif place is Mapping:
+            inner = group.create_group(name)
+            put(inner, "names", tuple(value), "numbers")
+            put(inner, "numbers", np.array([*value.values()], float), "numbers")
         elif place is Channel:
             inner = group.create_group(name)
             for word, axes in LAYOUT[Channel].items():
@@ -80,6 +93,11 @@ def put_object(group: Any, thing: Any) -> None:
             put_numbers(group.create_group(name), value)
         elif value is not None:
             put_object(group.create_group(name), value)
+
+
+def _one_of(name: str, number: int) -> str:
+    """Place of one of several objects, counted from 1: `points/point1`."""
+    return f"{name}/{name.removesuffix('s')}{number}"
 
 
 def put_numbers(group: Any, numbers: Mapping[str, float]) -> None:
@@ -98,11 +116,11 @@ def put(group: Any, name: str, value: Any, place: str = "") -> None:
         dataset = group.create_dataset(name, data=h5py.Empty(np.float64))
     elif isinstance(texts, str):
         dataset = group.create_dataset(name, data=_storable(texts), dtype=h5py.string_dtype())
-    elif isinstance(value, tuple) and all(isinstance(text, (str, Finding)) for text in value):
-        data = np.array([_storable(_json(text) if isinstance(text, Finding) else text) for text in value], dtype=object)
+    elif isinstance(value, tuple) and "," not in axes and all(isinstance(text, _TEXT) for text in value):
+        data = np.array([_storable(_json(text) if isinstance(text, Finding) else text or "") for text in value], object)
         dataset = group.create_dataset(name, data=data, dtype=h5py.string_dtype())
     elif isinstance(value, (Number, tuple, np.ndarray, np.bool_)):
-        array = np.asarray(value)
+        array = np.asarray(_filled(value) if isinstance(value, tuple) and "," in axes else value)
         array = array.astype(_DTYPES[array.dtype.kind], copy=False)
         # Noise does not compress: more than the lowest level takes time and saves nothing.
         packed = {"compression": "gzip", "compression_opts": 1, "shuffle": True, "fletcher32": True}
@@ -113,6 +131,15 @@ def put(group: Any, name: str, value: Any, place: str = "") -> None:
         dataset.attrs["axes"] = axes
     if unit:
         dataset.attrs["unit"] = unit
+
+
+_TEXT = (str, Finding, type(None))  # what tuples of texts hold; None is an empty text
+
+
+def _filled(rows: tuple[tuple[int, ...], ...]) -> Integers:
+    """Rows of whole numbers, of different lengths, filled up by -1."""
+    longest = max(map(len, rows), default=0)
+    return np.array([[*row, *[-1] * (longest - len(row))] for row in rows], np.int64).reshape(len(rows), longest)
 
 
 def _json(finding: Finding) -> str:
@@ -131,10 +158,20 @@ def get_fields(group: Any, kind: type) -> dict[str, Any]:
     for name, place in LAYOUT[kind].items():
         if name in ABSENT and name not in group:
             continue
-        if place == "findings":
+        if isinstance(place, list):
+            count = len(group[name]) if name in group else 0
+            found[name] = tuple(get_object(group[_one_of(name, number + 1)], place[0]) for number in range(count))
+        elif isinstance(place, type) and name not in group and name in optional_fields(kind):
+            found[name] = None
+        elif place == "json":
+            found[name] = ShapeOptions(**json.loads(get(group, name, text=True)))
+        elif place == "findings":
             found[name] = get_findings(group, name)
         elif isinstance(place, str):
-            found[name] = get(group, name, place)
+            found[name] = _as_declared(group, name, place, _declared(kind).get(name, ""))
+        elif place is Mapping:
+            names, numbers = (get(group[name], part, "numbers") for part in ("names", "numbers"))
+            found[name] = dict(zip(names, numbers.tolist(), strict=True))
         elif place is Channel:
             found[name] = _channels(group[name])
         elif place is dict:
@@ -142,6 +179,24 @@ def get_fields(group: Any, kind: type) -> dict[str, Any]:
         else:
             found[name] = get_object(group[name], place)
     return found
+
+
+@cache
+def _declared(kind: Any) -> dict[str, str]:
+    """The types of the fields of a class, as it writes them."""
+    return {field.name: str(field.type) for field in fields(kind)}
+
+
+def _as_declared(group: Any, name: str, place: str, declared: str) -> Any:
+    """The content of a dataset as a field of a type `declared` holds it: an array, or tuples, None for no text."""
+    plain = re.search(r"\b(str|int|float|bool|complex)\b", declared)  # else by the name: kinds have types of their own
+    value = get(group, name, place, text=None if plain is None else plain[0] == "str")
+    if declared == "tuple[str | None, ...]":
+        return tuple(text or None for text in value)
+    if not isinstance(value, np.ndarray) or not declared.startswith("tuple["):
+        return value
+    whole: list[Any] = value.tolist()
+    return tuple(tuple(one for one in row if one >= 0) if isinstance(row, list) else row for row in whole)
 
 
 def get_object(group: Any, kind: Any) -> Any:
@@ -165,11 +220,12 @@ def _channels(group: Any) -> tuple[Channel, ...]:
     return tuple(channel_of(dict(zip(columns, row, strict=True))) for row in zip(*columns.values(), strict=True))
 
 
-def get(group: Any, name: str, place: str | None = "") -> Any:
+def get(group: Any, name: str, place: str | None = "", *, text: bool | None = None) -> Any:
     """The content of the dataset at a `place`: None, a number, a flag, a text, a tuple of texts or a read-only array.
 
     A dataset with other axes than those of its place, or with numbers for texts, is damage: the types that are made
-    of the content do not all look at it again. None is a place of no one kind.
+    of the content do not all look at it again. None is a place of no one kind; `text` says whether it holds text, by
+    default the name does.
     """
     dataset = group[name]
     if dataset.shape is None:
@@ -179,7 +235,7 @@ def get(group: Any, name: str, place: str | None = "") -> Any:
         axes = place.partition("; ")[0]
         if len(dataset.shape) != (axes.count(", ") + 1 if axes else 0):
             raise DamagedError(f"{dataset.name} has the shape {dataset.shape}, not the axes ({axes})")
-        if dataset.size and (name in TEXTS) != texts:
+        if dataset.size and (name in TEXTS if text is None else text) != texts:
             raise DamagedError(f"{dataset.name} holds {'text' if texts else 'numbers'}")
     if texts:
         found = np.asarray(dataset.asstr()[()]).tolist()

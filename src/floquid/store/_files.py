@@ -13,11 +13,13 @@ import numpy as np
 from floquid._checks import describe, input_error
 from floquid._version import __version__
 from floquid.checks import Criterion, Validation
+from floquid.comparison import Comparison, Updated
 from floquid.core import CLOCKS, Clock, ConstantPeriod, PeriodicModel, Record
 from floquid.innovations import Mode
 from floquid.inputs import InputMode, Uncertainty
 from floquid.io import GUARD, DamagedError, as_path, atomic_path, attribute, readable_file
 from floquid.lti import AbstractIdentifier, ModalModel, Outcome
+from floquid.monitoring import Monitor
 from floquid.order import Choice
 from floquid.periodic import Fit, ForcedResponse, Periodicity
 from floquid.pipeline import (
@@ -43,8 +45,7 @@ from floquid.store._datasets import (
     put_object,
     to_text,
 )
-from floquid.store._layout import DIRECT, FORMAT, LINES, SHAPE, SURVEY, VERSION
-from floquid.store._surveys import put_survey, read_survey
+from floquid.store._layout import DIRECT, FORMAT, LINES, SHAPE, VERSION, VIEWS
 from floquid.surveys import Survey
 from floquid.sync import ShaftAngle
 from floquid.transfer import MeasuredTransfer, Modal, TransferFit
@@ -52,7 +53,7 @@ from floquid.transfer import MeasuredTransfer, Modal, TransferFit
 ENDINGS = (".h5", ".hdf5")
 """Endings of the names of result files."""
 
-Result: TypeAlias = Analysis | MeasuredTransfer | TransferFit | Survey
+Result: TypeAlias = Analysis | MeasuredTransfer | TransferFit | Survey | Comparison | Updated | Monitor
 
 
 def save(analysis: Result, path: str | PathLike[str]) -> None:
@@ -62,9 +63,9 @@ def save(analysis: Result, path: str | PathLike[str]) -> None:
     its own name when it is whole: whatever happens, `path` holds the old file or the new one. The same analysis gives
     the same bytes.
 
-    `analysis` is what `identify`, `measure_transfer`, `fit_transfer` or `survey` found; the file `path`, by custom
-    `result.h5`, may exist. Raises InputError where `analysis` is something else, the name ends otherwise, or the file
-    cannot be written there.
+    `analysis` is what `identify`, `measure_transfer`, `fit_transfer`, `survey`, `compare`, `update` or `monitor`
+    found; the file `path`, by custom `result.h5`, may exist. Raises InputError where `analysis` is something else, the
+    name ends otherwise, or the file cannot be written there.
     """
     if not isinstance(analysis, Result):
         must = "be an Analysis"
@@ -87,17 +88,16 @@ def _write(analysis: Result, stream: BytesIO) -> None:
         file.attrs["format"] = FORMAT
         file.attrs["version"] = VERSION
         file.attrs["floquid"] = __version__
-        if isinstance(analysis, Survey):
-            file.attrs["kind"] = SURVEY
-            put_survey(file, analysis)
-            return
-        if isinstance(analysis, (MeasuredTransfer, TransferFit)):
+        if isinstance(analysis, Analysis):
+            _put_settings(file.create_group("settings"), analysis.settings)
+            for number, record in enumerate(analysis.records, start=1):
+                _put_record(file.create_group(f"records/hit{number}"), record)
+            _put_analysis(file, analysis)
+        elif isinstance(analysis, (MeasuredTransfer, TransferFit)):
             _put_lines(file, analysis)
-            return
-        _put_settings(file.create_group("settings"), analysis.settings)
-        for number, record in enumerate(analysis.records, start=1):
-            _put_record(file.create_group(f"records/hit{number}"), record)
-        _put_analysis(file, analysis)
+        else:
+            file.attrs["kind"] = VIEWS[type(analysis)]
+            put_object(file, analysis)
 
 
 def _put_analysis(file: Any, analysis: Analysis) -> None:
@@ -276,8 +276,9 @@ def _read_lines(file: Any, kind: str) -> MeasuredTransfer | TransferFit:
 
 def _read(file: Any) -> Result:
     kind = str(file.attrs.get("kind", ""))
-    if kind == SURVEY:
-        return read_survey(file)
+    for view, name in VIEWS.items():
+        if kind == name:
+            return get_object(file, view)
     if kind:
         return _read_lines(file, kind)
     settings, found = _settings(file["settings"]), get_fields(file, Analysis)

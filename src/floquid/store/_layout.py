@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import fields
 
 from floquid.checks import Validation
+from floquid.comparison import ComparedPoint, Comparison, Direction, Misfit, Pair, Updated
 from floquid.core import CLOCKS, Channel, Estimates, Gains, ModelInputs, PeriodicModel, Provenance, Record
 from floquid.innovations import Mode
 from floquid.inputs import InputMode, TransferFunctions
 from floquid.lti import Composites, ModalModel
+from floquid.monitoring import Amounts, Change, Charts, Monitor, Part, Trend
 from floquid.order import Choice
 from floquid.periodic import Fit, ForcedResponse, PartialTests, Periodicity
 from floquid.pipeline import Analysis
@@ -20,26 +23,16 @@ from floquid.transfer import MeasuredTransfer, TransferFit
 FORMAT = "floquid-result"
 VERSION = 4
 
-SURVEY = "survey"  # attribute `kind` of the file of a survey
+VIEWS: dict[type, str] = {Survey: "survey", Comparison: "comparison", Updated: "update", Monitor: "monitor"}
+"""Results of several records, by the attribute `kind` of their files; the table of `LAYOUT` has all of them."""
 
 LINES: dict[type, str] = {MeasuredTransfer: "measured", TransferFit: "fitted"}
 """Transfer functions measured line by line, and modes fitted to them, by the attribute `kind` of their files."""
 
-ABSENT = (
-    "later",
-    "estimates",
-    "unselected",
-    "inputs",
-    "gains",
-    "composites",
-    "state",
-    "point",
-    "fitted",
-    "rounded",
-)  # groups that a file does not have for None, and what files did not have before there was one
+ABSENT = ("later", "point", "fitted", "rounded", "shapes")  # what files did not have before there was one
 FLAGS = (
-    "constrained", "cycles", "fitted", "kept", "mirrored", "passed", "real", "shared", "speed_dependent", "steady",
-    "weak",
+    "alarm", "along", "baseline", "constrained", "counted", "cycles", "extrapolated", "fitted", "independent",
+    "is_converged", "kept", "mirrored", "passed", "real", "shared", "speed_dependent", "steady", "weak",
 )  # fmt: skip
 """HDF5 has no truth values: these are 0 and 1."""
 
@@ -48,14 +41,14 @@ TEXTS = (
     "outcome", "coordinates", "jitter_unit", "at_least", "kind", "structure", "findings", "warnings", "method",
     "hold", "place", "files", "reason", "over", "notes",
 )  # fmt: skip
-"""Names of datasets of text."""
+"""Names of datasets of text, beside those of fields that are declared as such."""
 
 _UNIT = "that of the channel"
 
 SHAPE, DIRECT = "outputs, harmonics; that of the output", "outputs, inputs; that of the output over the input"
 """Places of the amplitudes of a mode that was fitted to lines, and of the direct term at one harmonic."""
 
-LAYOUT: dict[type, dict[str, str | type]] = {
+LAYOUT: dict[type, dict[str, str | type | list[type]]] = {
     Channel: dict.fromkeys(("name", "quantity", "unit", "location", "direction", "place"), "channels"),
     Provenance: {"sources": "sources", "steps": "steps"},
     Record: {
@@ -136,7 +129,16 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "degrees": "",
         "findings": "findings",
     },
-    Survey: {"over": "", "notes": "sentences", "warnings": "sentences"},
+    Survey: {
+        "over": "",
+        "notes": "sentences",
+        "warnings": "sentences",
+        "unlinked": "modes, point and mode",
+        "points": [Point],
+        "tracks": [Track],
+        "edges": [Edge],
+        "shapes": "json",
+    },
     Point: {
         "values": dict,
         "files": "files",
@@ -146,6 +148,7 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         "whirl": "modes, two",
         "names": "modes",
         "blades": "modes, four",
+        "model": PeriodicModel,
     },
     Track: {
         "name": "",
@@ -160,6 +163,59 @@ LAYOUT: dict[type, dict[str, str | type]] = {
         **dict.fromkeys(("interval", "between"), "ends"),
         "tracks": "tracks",
     },
+    Comparison: {
+        **dict.fromkeys(("a", "b", "over", "chi2", "dof", "p", "independent"), ""),
+        **dict.fromkeys(("missing_in_a", "missing_in_b"), "modes, point and mode"),
+        "warnings": "sentences",
+        "points": [ComparedPoint],
+        "pairs": [Pair],
+    },
+    ComparedPoint: {
+        "value": "",
+        **dict.fromkeys(("model_a", "model_b"), PeriodicModel),
+        **dict.fromkeys(("modes_a", "modes_b"), "objects, multipliers"),
+        "macs": "objects of a, objects of b",
+    },
+    Pair: {
+        **dict.fromkeys(("point", "a", "b", "z", "mac", "mac_noise", "counted"), ""),
+        **dict.fromkeys(("exponent_a", "exponent_b", "difference", "std"), "; 1/s"),
+    },
+    Updated: {
+        **dict.fromkeys(("values", "start", "used"), Mapping),
+        "covariance": "parameters, parameters",
+        **dict.fromkeys(("chi2", "dof", "p", "steps", "is_converged"), ""),
+        "unidentifiable": [Direction],
+        "misfits": [Misfit],
+        "warnings": "sentences",
+    },
+    Direction: {"weights": Mapping, "std": ""},
+    Misfit: {"point": "", "mode": "", "frequency_hz": "; Hz", "z": ""},
+    Monitor: {
+        **dict.fromkeys(("files", "x", "baseline", "alarm", "reasons"), "records"),
+        **dict.fromkeys(("over", "rate"), ""),
+        "covariates": "covariates",
+        "conditions": "records, covariates",
+        "charts": Charts,
+        "amounts": Amounts,
+        "change": Change,
+        "warnings": "sentences",
+    },
+    Charts: {
+        **dict.fromkeys(("features", "units"), "features"),
+        **dict.fromkeys(("values", "std", "residual", "residual_std"), "records, features; that of the feature"),
+        **dict.fromkeys(("t2", "t2_limit", "ewma", "ewma_limit", "directed", "directed_limit"), "records"),
+        **dict.fromkeys(("leverage", "extrapolated"), "records"),
+        "terms": "terms",
+        "scatter_directions": "",
+    },
+    Amounts: {
+        **dict.fromkeys(("value", "std", "low", "high", "carried_by", "average", "average_limit"), "records"),
+        "along": "",
+        "trend": Trend,
+    },
+    Trend: dict.fromkeys(("slope", "std", "p_value"), ""),
+    Change: {"index": "", "interval": "ends", "kind": "", "gain": "", "carried_by": [Part]},
+    Part: dict.fromkeys(("feature", "unit", "size", "std"), ""),
     InputMode: {
         "exponent": "; 1/s",
         "real": "",

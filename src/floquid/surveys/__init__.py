@@ -2,6 +2,11 @@
 
 from floquid.surveys._known import KNOWN as KNOWN
 from floquid.surveys._known import ObservedSystem, is_linearised, known_exponents, known_modes
+from floquid.surveys._looks import DAMPING as DAMPING
+from floquid.surveys._looks import Damping as Damping
+from floquid.surveys._looks import damping_of as damping_of
+from floquid.surveys._looks import look_of as look_of
+from floquid.surveys._looks import order_lines as order_lines
 from floquid.surveys._objects import BRANCHES as BRANCHES
 from floquid.surveys._objects import Seen as Seen
 from floquid.surveys._objects import branch_of as branch_of

@@ -10,18 +10,22 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid.surveys._edges import Followed
 from floquid.surveys._objects import Seen, similarities
+from floquid.surveys._types import Track
 
 TELL = 0.2  # difference of similarity below which shapes are neither kept nor exchanged
 CLOSE = 0.1  # of ω: frequencies that may veer
 AROUND = 2  # points on either side between which shapes are compared
 
 
-def meetings(tracks: Sequence[Followed], x: Floats, over: str) -> tuple[list[str], list[str]]:
+def meetings(
+    tracks: Sequence[Track], followed: Sequence[Followed], x: Floats, over: str
+) -> tuple[list[str], list[str]]:
     """Sentences on tracks that cross or veer, and warnings where points are too far apart to tell."""
     notes, warnings = [], []
-    for (i, a), (j, b) in combinations(enumerate(tracks), 2):
-        both, shared = f"mode {i + 1} and mode {j + 1}", sorted(a.keys() & b.keys())
-        gaps = np.array([abs(a[point].exponent.imag) - abs(b[point].exponent.imag) for point in shared])
+    heights = [dict(zip(own.points.tolist(), np.abs(own.frequency).tolist(), strict=True)) for own in tracks]
+    for (i, a), (j, b) in combinations(enumerate(followed), 2):
+        both, shared = f"{tracks[i].name} and {tracks[j].name}", sorted(a.keys() & b.keys())
+        gaps = np.array([heights[i][point] - heights[j][point] for point in shared])
         for k in np.flatnonzero(gaps[:-1] * gaps[1:] < 0.0):
             first, last = shared[k], shared[k + 1]
             kept, swapped = _alike(a, b, first, last)

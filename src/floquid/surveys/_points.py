@@ -69,7 +69,7 @@ def _read(result: Any, shapes: ShapeOptions) -> dict[str, Any]:
         if reading.blades is not None:
             own = reading.blades
             leak_std = np.nan if own.leak_std is None else own.leak_std
-            blades[reading.mode] = own.shares[0].share, own.leak, leak_std, own.branch
+            blades[reading.mode] = own.shares[0].share, own.leak, leak_std, own.line
             names[reading.mode] = own.words if reading.name is not None else ""
     return {
         "whirl": whirl if shapes.pairs else None,

@@ -90,12 +90,13 @@ def survey(
             raise input_error("between", OF, "hold the two ends of the range", got, "Such as between=(0.4, 1.2).")
         grid = np.linspace(*between, integer(points, "points", OF, at_least=FEWEST))
         known = [_known(results, over, value, shapes) for value in grid.tolist()]
-        found = _surveyed(known, over, missed, confidence)
+        found = replace(_surveyed(known, over, missed, confidence), shapes=shapes)
         step = positive(edge_tolerance, "edge_tolerance", OF) * (between[1] - between[0])
         edges = tuple(_halved(edge, found, results, step) for edge in found.edges)
         return replace(found, edges=edges)
     given = [late("store", "load")(one) if isinstance(one, (str, PathLike)) else one for one in results]
-    return _surveyed([point_of(one, shapes) for one in given], over, missed, confidence)
+    found = _surveyed([point_of(one, shapes) for one in given], over, missed, confidence)
+    return replace(found, shapes=shapes)
 
 
 def _known(system: Callable[[float], Any], over: str, value: float, shapes: ShapeOptions) -> Point:
@@ -148,7 +149,7 @@ def _followed(given: Sequence[Point], over: str, gap: int, confidence: float) ->
     both.sort(key=lambda own: _height(own[0]))
     tracks, paths = named([track for track, _ in both]), [path for _, path in both]
     followed = [{there[at]: held.own for at, held in zip(path.places, path.objects, strict=True)} for path in paths]
-    notes, doubts = meetings(followed, values, over)
+    notes, doubts = meetings(tracks, followed, values, over)
     edges = tuple(_edge(crossing, values, confidence) for crossing in crossings(followed, values))
     warnings += _doubts(tracks, values)
     return Survey(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
@@ -12,7 +12,7 @@ from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Rebuilt, Sealed
 from floquid._show import Drawings, Drawn, Told
 from floquid.core import PeriodicModel
-from floquid.shapes import CLEAR, Sidebands
+from floquid.shapes import CLEAR, ShapeOptions, Sidebands
 from floquid.surveys._edges import Kind
 
 
@@ -40,7 +40,7 @@ class Point(Sealed):
     names
         The pattern of each mode over the blades, with its family (modes,); empty where it was not read.
     blades
-        The share of the largest pattern, the leak and its deviation, and the harmonic of the fixed frame (modes, 4);
+        The share of the largest pattern, the leak and its deviation, and the harmonic of its line (modes, 4);
         NaN where they were not read, None where no blades were given.
     sidebands
         Lines beside the main line of each mode, where they were asked for; a file of a survey does not keep them.
@@ -233,6 +233,8 @@ class Survey(Told, Drawn, Rebuilt):
         Where they turn unstable and stable again, ascending.
     unlinked
         A point and a mode that is on no track.
+    shapes
+        How shapes were read.
     notes
         Where tracks cross or veer, in words.
     warnings
@@ -244,6 +246,7 @@ class Survey(Told, Drawn, Rebuilt):
     tracks: tuple[Track, ...]
     edges: tuple[Edge, ...]
     unlinked: tuple[tuple[int, int], ...]
+    shapes: ShapeOptions = field(default_factory=ShapeOptions)
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 

@@ -7,9 +7,11 @@ from floquid.views._ellipses import (
     INTERVAL,
     ellipse,
     exponent_ellipses,
+    in_strip,
     magnitude_bands,
     multiplier_ellipses,
     phase_degrees,
+    region_on_branch,
 )
 from floquid.views._expansion import Expansion, ShapeCurves, closed_period, expansion, identified_residue, shape_curves
 from floquid.views._families import Family, families, unfolded
@@ -78,6 +80,7 @@ __all__ = [
     "identified_residue",
     "impedance",
     "in_short",
+    "in_strip",
     "in_unit",
     "input_unit",
     "lifted_points",
@@ -96,6 +99,7 @@ __all__ = [
     "phase_degrees",
     "raw_noise",
     "record_spectrum",
+    "region_on_branch",
     "shape_curves",
     "shortened",
     "spectra_of_modes",

@@ -56,6 +56,27 @@ def exponent_ellipses(model: PeriodicModel, level: float = 0.95) -> Complexes | 
     return _edges(model.exponents, parts, level)
 
 
+def in_strip(exponents: Complexes, fundamental: float) -> Complexes:
+    """The `exponents` at |Im λ| modulo the `fundamental` ω, from zero to ω/2."""
+    turns = exponents.imag / fundamental
+    return np.asarray(exponents.real + 1j * fundamental * np.abs(turns - np.rint(turns)), np.complex128)
+
+
+def region_on_branch(model: PeriodicModel, mode: int, exponent: complex) -> Complexes | None:
+    """The edge of the region of 95 % of a mode about zero (points,) [1/s]; None without deviations.
+
+    It is that on the branch of the `model`'s `mode`, or of its mirror image, that `exponent` is on.
+    """
+    if model.covariance is None:
+        return None
+    rows = [mode, mode + model.order]
+    region = ellipse(0.0, model.covariance[np.ix_(rows, rows)])
+    lam = complex(model.exponents[mode])
+    turns = [(exponent.imag - imag) / model.fundamental for imag in (lam.imag, -lam.imag)]
+    off = [abs(turn - round(turn)) for turn in turns]
+    return region if off[0] <= off[1] else region.conj()
+
+
 def multiplier_ellipses(model: PeriodicModel, level: float = 0.95) -> Complexes | None:
     r"""The regions of the multipliers, to first order.
 

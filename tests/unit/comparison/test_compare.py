@@ -242,3 +242,24 @@ def test_the_figure(speed):
     figure = found.plot.comparison()
     assert isinstance(figure, Figure)
     assert len(figure.axes) == 2 + len(found.pairs)
+
+
+def test_a_kept_comparison_is_no_side(tmp_path):
+    fq.save(fq.compare(known(OUTSIDE), known(OUTSIDE)), tmp_path / "kept.h5")
+    with pytest.raises(
+        InputError, match=r"`b` of `compare` must be what `floquid identify`.*something else .Comparison"
+    ):
+        fq.compare(known(OUTSIDE), tmp_path / "kept.h5")
+
+
+@pytest.mark.pages
+def test_page(tmp_path):
+    less = [Point(values={"v": v}, model=known(v, without=(3,) if v == 17.5 else ())) for v in (17.0, 17.5, 18.0)]
+    survey = fq.survey([Point(values={"v": v}, model=known(v, seed=4, **NOISE)) for v in (17.0, 17.5, 18.0)], over="v")
+    found = fq.compare(survey, fq.survey(less, over="v"))
+    text = fq.report(found, tmp_path / "comparison.html").read_text(encoding="utf-8")
+    assert "Missing in b: mode 4 of a at v = 17.5" in text
+    assert f"11 pairs of modes at 3 points; χ² = {found.chi2:.4g}" in text
+    assert all(f'id="{name}"' in text for name in ("strip", "similarity", "differences"))
+    plain = fq.report(fq.compare(known(17.0), known(17.0)), tmp_path / "plain.html").read_text(encoding="utf-8")
+    assert "No χ²: neither side has deviations." in plain

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from tests.contracts.test_copies import assert_same
 from tests.machines import as_point, machine, shapes_of
 
 import floquid as fq
@@ -234,6 +235,14 @@ def test_tables_and_json(found):
     assert wanted <= set(summary["records"][0])
     assert summary["change"]["interval"][0] <= 45
     assert monitor_summary(monitored(HEALTHY, baseline=None))["change"] is None
+
+
+def test_every_field_comes_back(found, tmp_path):
+    assert found.change.carried_by
+    assert found.amounts.trend
+    for kept in (replace(found, reasons=("Too short.", *found.reasons[1:])), replace(found, charts=None, change=None)):
+        fq.save(kept, tmp_path / "monitor.h5")
+        assert_same(kept, fq.load(tmp_path / "monitor.h5"), "monitor")
 
 
 def test_summary_and_figures(found):

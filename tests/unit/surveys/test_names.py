@@ -1,14 +1,21 @@
 """Surveys of rotors with blades: frequencies in the fixed frame and names, against Coleman's constant form."""
 
 import json
+from dataclasses import replace
+from functools import cache, partial
 
 import numpy as np
 import pytest
 from tests.blades import BLADES, FIXED, coleman, modelled, rotor
 
 import floquid as fq
+from floquid import floquet
 from floquid.errors import InputError
 from floquid.exports import survey_columns, survey_summary
+from floquid.reporting._chosen_shape import shape_columns
+from floquid.shapes import ShapeOptions
+from floquid.shapes._read import _named
+from floquid.surveys import look_of, order_lines
 
 GROUPS = {"flap": BLADES[:3], "edge": BLADES[3:]}
 RANGE = (0.9, 1.6)
@@ -67,6 +74,73 @@ def test_names_come_back_and_stand_in_the_table(found, tmp_path):
     assert "flap forward" in columns["pattern"]
     told = json.loads(json.dumps(survey_summary(found)))["tracks"][0]
     assert len(told["names"]) == len(told["name_share"]) == len(told["leak"]) == len(found.points)
+
+
+def two_blades(speed):
+    def matrix(t):
+        shear = np.cos(speed * t + np.pi * np.arange(2))
+        stiffness = np.diag(11.0 + 0.5 * speed**2 + 1.5 * shear) - np.array([[0.0, 2.0], [2.0, 0.0]])
+        return np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness, -0.2 * np.eye(2)]])
+
+    return floquet.modes(matrix, 2.0 * np.pi / speed, outputs=np.eye(2, 4), channels=["flap1", "flap2"])
+
+
+def test_a_mode_that_stands_in_the_turning_frame_has_its_frequency_there():
+    """Its two lines in the fixed frame are of one size: either would be taken by chance."""
+    found = fq.survey(two_blades, over="speed", between=(1.2, 1.6), points=5, blades={"flap": ["flap1", "flap2"]})
+    track = next(own for own in found.tracks if own.name == "1st flap differential")
+    assert track.frequency == pytest.approx(np.sqrt(13.0 + 0.5 * found.values**2), rel=0.01)
+
+
+def test_a_weak_mode_has_a_name_where_its_share_is_sure(found):
+    reading = found.shapes.read(at(1.3)).modes[0]
+    for std, named in ((0.05, True), (0.4, False), (None, False)):
+        first = replace(reading.blades.shares[0], std=std)
+        pattern = replace(reading.blades, shares=(first, *reading.blades.shares[1:]))
+        assert (_named([replace(reading, is_weak=True, blades=pattern)])[0].name is not None) is named
+
+
+def test_looks_are_those_of_family_and_direction(found):
+    looks = {track.name: look_of(track, found) for track in found.tracks}
+    green, red, blue = looks["1st flap collective"][0], looks["1st edge collective"][0], looks["1st fa"][0]
+    assert len({green, red, blue}) == 3
+    for name, (colour, dash) in looks.items():
+        _, family, *direction = name.split()
+        assert colour == {"flap": green, "edge": red}.get(family, blue)
+        assert dash == {"backward": "dashed", "forward": "dashdot"}.get("".join(direction), "solid")
+    hawc = replace(found, shapes=replace(found.shapes, words="hawc"))
+    assert look_of(replace(found.tracks[0], names=("flap BW",)), hawc) == (green, "dashed")
+    unnamed = replace(found, tracks=tuple(replace(track, names=()) for track in found.tracks), shapes=ShapeOptions())
+    assert look_of(unnamed.tracks[0], unnamed) is None
+    labels, hertz = zip(*order_lines(found), strict=True)
+    assert labels == ("1P", "3P", "6P", "9P")
+    np.testing.assert_allclose(hertz[1], 3.0 * found.values / (2.0 * np.pi))
+    assert not order_lines(unnamed)
+    assert len(found.plot.campbell().axes[0].lines) > len(found.tracks)
+
+
+def test_all_motion_over_equal_blades_is_where_wave_and_harmonic_agree(found):
+    waves, columns = {"collective": 0, "backward": 1, "forward": -1}, cache(partial(shape_columns, found))
+    for track in found.tracks:
+        family, _, direction = track.name.split(maxsplit=1)[1].partition(" ")
+        for place, point in enumerate(track.points.tolist()):
+            mode, shift, mirrored = track.modes[place, 0], int(track.shifts[place]), bool(track.mirrored[place])
+            row = columns(point)(mode, shift, mirrored=mirrored)
+            tables = {name: np.reshape(row[f"waves {name}"], (3, -1)) for name in GROUPS}
+            for table in tables.values():
+                off = [share for (n, m), share in np.ndenumerate(table) if n - 1 != m - table.shape[1] // 2]
+                assert max(off) < 1e-3
+            if direction:
+                n = waves[direction]
+                assert tables[family][n + 1, n + tables[family].shape[1] // 2] > 0.6
+
+
+@pytest.mark.pages
+def test_page(found, tmp_path):
+    text = fq.report(found, tmp_path / "survey.html", damping_unit="decrement").read_text(encoding="utf-8")
+    assert "logarithmic decrement" in text
+    assert all(f'id="{name}"' in text for name in ("frequency", "damping", "waves-0", "waves-1"))
+    assert 'id="orbits"' not in text
 
 
 def test_without_blades_tracks_are_numbered():

@@ -10,6 +10,7 @@ from tests.locks import known
 import floquid as fq
 from floquid.errors import InputError
 from floquid.exports import columns_text, edge_columns, survey_columns, survey_summary
+from floquid.reporting._chosen_shape import _curves, shape_columns
 from floquid.surveys import Point
 
 SPEEDS = np.arange(18.0, 22.1, 0.5)
@@ -67,6 +68,29 @@ def test_whirl_is_read_at_each_point(found):
     assert any((track.sense != 0).any() for track in again.tracks)
     assert again.plot.campbell()
     assert not any((track.sense != 0).any() for track in found.tracks)
+
+
+def test_orbits_go_round_as_their_lines_whirl(found):
+    """By the area that each encloses, and the energy of both directions."""
+    again = fq.survey(found.points, pairs=["a:b"])
+    kinds = set()
+    for point, place in ((3, again.points[3]), (5, again.points[5])):
+        model = place.model
+        for mode in model.upper_modes:
+            row = shape_columns(again, point)(mode, 0, mirrored=False)
+            x, y = model.shape(mode).values[:2]
+            ahead = model.exponents[mode].imag + model.fundamental * model.harmonics > 0.0
+            turning = np.where(ahead, 1.0, -1.0) * (np.abs(x + 1j * y) ** 2 - np.abs(x - 1j * y) ** 2)
+            strongest = int((np.abs(x) ** 2 + np.abs(y) ** 2).argmax())
+            for kind in (0, 1):
+                curves = _curves(row["orbits"], kind)
+                for xs, ys in zip(curves["xs"], curves["ys"], strict=True):
+                    area = np.sum(np.array(xs[:-1]) * np.diff(ys) - np.array(ys[:-1]) * np.diff(xs))
+                    assert np.sign(area) == 1 - 2 * kind
+            if row["orbits"][0][0] < 2:
+                assert row["orbits"][0][0] == (turning[strongest] < 0.0)
+                kinds.add(row["orbits"][0][0])
+    assert kinds == {0.0, 1.0}
 
 
 def test_rows_and_summary(found):
