@@ -92,7 +92,8 @@ def print_comparison(console: Console, found: Comparison) -> None:
     if len(found.pairs) > MOST:
         console.print(f"… and {len(found.pairs) - MOST} more: `--out DIR` keeps all.", style="dim")
     deviations = "" if all(pair.std == 0 for pair in found.pairs) else "in brackets: one deviation of both together; "
-    console.print(f"{deviations}z: the difference of λ over its deviation; mac: similarity of the shapes.", style="dim")
+    mac = "mac: similarity of the shapes in channels that both have, each at its own phase zero."
+    console.print(f"{deviations}z: the difference of λ over its deviation; {mac}", style="dim")
     for sentence in missing_words(found)[:MOST]:
         console.print(sentence)
     console.print(verdict(found))

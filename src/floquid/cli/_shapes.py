@@ -131,6 +131,10 @@ def _print(found: ShapeReadings) -> None:
             texts += [_name(one), _largest(one.blades)]
         table.add_row(str(one.number), *cells, *texts)
     print_whole(console, table)
+    if whirls:
+        meaning = "index: 1 for a forward circle, 0 for a straight line, -1 for a backward circle."
+        console.print(meaning, style="dim")
+    console.print("f: that of the line in the spectrum, |Im λ|/2π; `floquid identify` has |λ|/2π.", style="dim")
     if patterns:
         meaning = "leak: the share of motion off one line in the fixed frame; 0 where all blades are equal."
         console.print(meaning, style="dim")

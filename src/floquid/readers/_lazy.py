@@ -29,7 +29,7 @@ def read_lazily(
     file, of = readable_file(path, of="read"), "read"
     if file.suffix.lower() not in LAZY:
         must, got = f"end in one of {', '.join(LAZY)} with `lazy=True`", f"is {file}"
-        raise input_error("path", of, must, got, "Other formats are read whole.")
+        raise input_error("path", of, must, got, "Other formats are read whole, without it.")
     source = Source(of=of, name=str(file))
     said: dict[str, Any] = {}
     if file.suffix.lower() == ".npy":

@@ -97,6 +97,8 @@ def format_of(path: Path, *, of: str) -> Format:
     for known in FORMATS:
         if path.suffix.lower() == known.suffix:
             return known
+    if path.is_dir():
+        raise input_error("path", of, "be a file", f"{path} is a folder", "Name the files in it.")
     listing = ", ".join(f"{known.suffix} ({known.name})" for known in FORMATS)
     got = f"{path} ends in {path.suffix!r}" if path.suffix else f"{path} has no suffix"
     raise input_error("path", of, f"end in one of {SUFFIXES}", got, f"The formats are: {listing}.")

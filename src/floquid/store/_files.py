@@ -249,7 +249,8 @@ def _load(file: Path) -> Result:
         detail = (str(error) or type(error).__name__).splitlines()[0].rstrip(".")
         raise input_error("path", "load", MUST, f"{file} is damaged or not whole: {detail}", AGAIN) from None
     if str(said.get("format")) != FORMAT:
-        raise input_error("path", "load", MUST, f"{file} has no attribute `format` of {FORMAT!r}", AGAIN)
+        remedy = f"{AGAIN} What `--memory` wrote is read in Python: `fq.open_result(path)`."
+        raise input_error("path", "load", MUST, f"{file} has no attribute `format` of {FORMAT!r}", remedy)
     must = f"be a result file of version {VERSION}, the one that this floquid knows"
     got = f"{file} is of version {said['version']}, written by floquid {said.get('floquid')}"
     raise input_error("path", "load", must, got, "Update floquid." if int(said["version"]) > VERSION else AGAIN)
