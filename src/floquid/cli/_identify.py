@@ -11,6 +11,7 @@ from floquid._checks import input_error
 from floquid.cli._errors import CriteriaNotMetError
 from floquid.cli._folder import NAMES, draw_result, maybe_folder, result_file, write_result
 from floquid.cli._options import (
+    OUTPUT,
     Damping,
     Flag,
     Format,
@@ -44,7 +45,7 @@ def identify(
     model: ModelOptions | None = None,
     enforce: Annotated[bool, Flag, Parameter(group="Checks")] = False,
     out: OutputFolder = None,
-    figures: Annotated[bool, Flag] = False,
+    figures: Annotated[bool, Flag, Parameter(group=OUTPUT)] = False,
     format: Format = "text",  # noqa: A002
     settings: SettingsFile = None,
     verbose: Verbose = False,

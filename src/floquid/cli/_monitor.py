@@ -76,7 +76,8 @@ def monitor(
     over
         A quantity by which records are ordered and drawn, such as days.
     table
-        A text table of the records: a column `file`, then a column a quantity; `period` is that of a record [s].
+        A text table of the records: a column named file, then a column a quantity; one named period
+        is that of each record [s].
     record, model
         The fields of `Settings`, for records.
     workers

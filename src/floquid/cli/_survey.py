@@ -68,7 +68,8 @@ def survey(
         The quantity of the operating point: speed_rpm, temperature, wind_m_s, ... It comes from --table, from single
         numbers in the files, from --point, or, of speed_rpm, from the period.
     table
-        A text table of the points: a column `file`, then a column a quantity; `period` is that of a record [s].
+        A text table of the points: a column named file, then a column a quantity; one named period
+        is that of each record [s].
     read
         How shapes are read: modes have a whirl with pairs, names and frequencies in the fixed frame with blades.
     record, model
