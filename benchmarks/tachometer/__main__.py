@@ -42,6 +42,7 @@ class Row:
     width: float
     rate: float
     wander: float
+    seed: int = 0
     outcome: str
     found: int = 0
     false: int = 0
@@ -66,6 +67,7 @@ class Row:
 def judged(rig: Rig, limit: float) -> Row:
     """The row of one run: `identify` as a user would call it, on one thread."""
     own, record = {"rpm": rig.rpm, "width": rig.width, "rate": rig.rate, "wander": rig.wander}, rig.record()
+    own["seed"] = rig.seed
     begin, analysis, outcome, message = time.process_time(), None, "no answer", ""
     try:
         with threadpool_limits(limits=1), limited(limit):
@@ -110,7 +112,8 @@ def table(rows: Sequence[Row]) -> str:
         said += ["| rpm | " + " | ".join(f"pulse of {100.0 * width:g} %" for width in widths) + " |"]
         said += ["|---" * (len(widths) + 1) + "|"]
         for rpm in sorted({row.rpm for row in part}):
-            cells = [row.brief for width in widths for row in part if (row.rpm, row.width) == (rpm, width)]
+            alike = ([row.brief for row in part if (row.rpm, row.width) == (rpm, width)] for width in widths)
+            cells = ["; ".join(briefs) for briefs in alike]
             said.append(f"| {rpm:g} | " + " | ".join(cells) + " |")
         said.append("")
     return "\n".join(said)
@@ -124,12 +127,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--widths", type=float, nargs="+", default=WIDTHS, help="of the pulse, shares of a revolution")
     parser.add_argument("--rates", type=float, nargs="+", default=RATES, help="[Hz]")
     parser.add_argument("--wanders", type=float, nargs="+", default=WANDERS, help="of the speed, rms over its mean")
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0], help="of the noise")
     parser.add_argument("--limit", type=float, default=120.0, help="processor seconds after which a run is ended")
     parser.add_argument("--jobs", type=int, default=1, help="processes")
     parser.add_argument("--out", type=Path, help="a JSON file, written anew after every run")
     asked = parser.parse_args(arguments)
-    cases = product(asked.rates, asked.wanders, asked.widths, asked.speeds)
-    rigs = [Rig(rpm=rpm, width=width, rate=rate, wander=wander) for rate, wander, width, rpm in cases]
+    cases = product(asked.seeds, asked.rates, asked.wanders, asked.widths, asked.speeds)
+    rigs = [Rig(rpm=rpm, width=width, rate=rate, wander=wander, seed=seed) for seed, rate, wander, width, rpm in cases]
     rows: list[Row] = []
     with ProcessPoolExecutor(asked.jobs) as pool:
         for row in pool.map(judged, rigs, [asked.limit] * len(rigs)):

@@ -11,7 +11,7 @@ from floquid.periodic._refit import instants, line_amplitudes, own_period, refit
 from floquid.periodic._start import Known, distinct_multipliers, generous_poles, groups, held_shapes, without_known
 from floquid.periodic._steady_period import steady_period
 from floquid.periodic.expansion import assemble, participation, physical_exponents, select_bands
-from floquid.periodic.least_squares import ModeParameters
+from floquid.periodic.least_squares import ModeParameters, followed
 from floquid.periodic.period import FSE, Family, PeriodCandidate, PeriodEstimate, estimate_period, fse
 from floquid.periodic.search import combinations_of
 from floquid.periodic.significance import (
@@ -35,7 +35,7 @@ __all__ = [
     "CONFIDENT", "FSE", "NEGLIGIBLE_SLIP", "TURNED", "Family", "Fit",
     "ForcedResponse", "Known", "ModeParameters", "OrderError", "PartialTests", "PeriodCandidate", "PeriodEstimate",
     "Periodicity", "Synchrony", "assemble", "combinations_of", "distinct_multipliers", "drift", "estimate_at",
-    "estimate_period", "fit", "fit_shapes", "fse", "generous_poles", "groups", "held_shapes", "instants",
+    "estimate_period", "fit", "fit_shapes", "followed", "fse", "generous_poles", "groups", "held_shapes", "instants",
     "line_amplitudes", "on_a_mode", "own_period", "participation", "periodicity", "physical_exponents", "refit",
     "select_bands", "spacing", "steady_period", "synchrony", "unexplained", "without_known", "without_lines",
 ]  # fmt: skip

@@ -145,7 +145,7 @@ def fit(
     neither time nor angle alone makes the response one of an LTI system. All modes are fitted together, residues held
     to contiguous bands of harmonics (Allen 2009, eq. 12). Scores of one linearisation decide on bands, on modes to
     split, merge or remove, and on further lines in the spectrum of the residual (section 2.2.3, the FSE view). Missing
-    samples (NaN) take no part. Where the speed wanders, F is let follow it to second order. Returns model, forced
+    samples (NaN) take no part. Where the speed wanders, F is let follow it (`followed`). Returns model, forced
     response and noise.
 
     Raises InputError where records or clocks do not belong together, or the forced response or the harmonics cannot be

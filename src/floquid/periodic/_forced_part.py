@@ -16,10 +16,8 @@ from floquid.errors import IdentificationError
 from floquid.fit import HALF_DIGITS, SLOW, SURE, chi2_limit
 from floquid.periodic._start import Known
 from floquid.periodic.least_squares import (
+    FOLLOWS,
     PLAIN,
-    SPEED,
-    SPEED_RATE,
-    SPEED_SQUARED,
     TREND,
     ModeParameters,
     RecordBlock,
@@ -132,8 +130,10 @@ def forced_base(
     base = forced_entries(turns, fundamental)
     if drift:
         base = base.joined(forced_entries([0.0], fundamental, factor=TREND))
-    for factor in (SPEED, SPEED_SQUARED, SPEED_RATE) if wanders else (TREND,) if turning else ():
-        base = base.joined(forced_entries([turn for turn in turns if turn], fundamental, factor=factor))
+    for factor in FOLLOWS if wanders else (TREND,) if turning else ():
+        base = base.joined(
+            forced_entries(turns if wanders else [turn for turn in turns if turn], fundamental, factor=factor)
+        )
     return base
 
 

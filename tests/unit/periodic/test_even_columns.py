@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from floquid.periodic.least_squares import PLAIN, SPEED, TREND, RecordBlock
+from floquid.periodic.least_squares import FOLLOWS, PLAIN, TREND, RecordBlock
 from floquid.periodic.least_squares._sample_block import Columns
 from floquid.periodic.least_squares._uniform_grid import EvenColumns, step_of
 
@@ -113,7 +113,7 @@ class TestWhereThereAreNoPieces:
 
     def test_a_factor_that_follows_the_speed(self):
         one = block(3000)
-        assert used(one, columns(3000, factors=(PLAIN, PLAIN, PLAIN, SPEED, PLAIN))) is None
+        assert used(one, columns(3000, factors=(PLAIN, PLAIN, PLAIN, FOLLOWS[0], PLAIN))) is None
 
     def test_growth_that_overflows_within_a_piece(self):
         one, some = block(100_000), columns(100_000)

@@ -4,7 +4,7 @@ from floquid.periodic.least_squares._estimates import chosen_bands, estimates_of
 from floquid.periodic.least_squares._lifted_block import KeptCycles, LiftedBlock
 from floquid.periodic.least_squares._one_shape import OneShape
 from floquid.periodic.least_squares._parameters import ModeParameters, forced_entries
-from floquid.periodic.least_squares._record_block import GappyBlock, RecordBlock, record_blocks
+from floquid.periodic.least_squares._record_block import GappyBlock, RecordBlock, followed, record_blocks
 from floquid.periodic.least_squares._residual import (
     Residual,
     filtered_blocks,
@@ -18,11 +18,9 @@ from floquid.periodic.least_squares._residual import (
 )
 from floquid.periodic.least_squares._sample_block import (
     EVEN,
+    FOLLOWS,
     ODD,
     PLAIN,
-    SPEED,
-    SPEED_RATE,
-    SPEED_SQUARED,
     TREND,
     Block,
     complex_of,

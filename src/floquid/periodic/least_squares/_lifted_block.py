@@ -21,7 +21,7 @@ from floquid.lifting import Lifted
 from floquid.lti import TimeResponses
 from floquid.periodic.least_squares._sample_block import (
     EXPONENTIAL,
-    SPEED_RATE,
+    FOLLOWS,
     TREND,
     Block,
     Columns,
@@ -142,7 +142,7 @@ class LiftedBlock(Block):
 
         With the function of the cycle of each term (terms,). Of plain columns, functions of the cycle are μ^n.
         """
-        if ((columns.factors >= TREND) & (columns.factors <= SPEED_RATE)).any():
+        if ((columns.factors >= TREND) & (columns.factors <= FOLLOWS[-1])).any():
             raise input_error("entries", "LiftedBlock", "be exponentials", "one is not", "Fit the record itself.")
         starts = np.asarray(np.arange(self.n_cycles) * self.lifted.period, np.float64)
         terms = Terms.made(columns)

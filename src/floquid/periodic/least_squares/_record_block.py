@@ -14,9 +14,7 @@ from floquid._checks import input_error
 from floquid.core import PhaseClock, Record
 from floquid.fit import CHUNK, HALF_DIGITS, filter_gain, filtered
 from floquid.periodic.least_squares._sample_block import (
-    SPEED,
-    SPEED_RATE,
-    SPEED_SQUARED,
+    FOLLOWS,
     TREND,
     Block,
     Columns,
@@ -38,7 +36,7 @@ class RecordBlock(Block):
     noise: Floats
     angles: Floats | None = None
     speeds: Floats | None = None
-    """The factors `SPEED`, `SPEED_SQUARED` and `SPEED_RATE`, of unit size (3, samples); None for a steady shaft."""
+    """Functions that follow the speed (`followed`) (factors, samples); None for a steady shaft."""
     ends: tuple[float, float] | None = None
     """Origins of growth and trends, where they are not the first and the last of the times [s]."""
     taps: Floats | None = None  # the filter that the values went through (rows, taps); None where there was none
@@ -204,7 +202,7 @@ class RecordBlock(Block):
         for entry in np.flatnonzero(columns.paired):
             decays[entry] = own_function(columns, int(entry), times, growth=self.last)
         if self.speeds is not None:
-            for factor, factors in zip((SPEED, SPEED_SQUARED, SPEED_RATE), self.speeds, strict=True):
+            for factor, factors in zip(FOLLOWS, self.speeds, strict=True):
                 decays[columns.factors == factor] *= factors[chunk]
         turns, where = np.unique(columns.turns, return_inverse=True)
         z: Complexes = decays[columns.modes] * _turned(turns, angles)[where]
@@ -330,10 +328,18 @@ def _speeds(clock: PhaseClock, times: Floats) -> Floats | None:
     deviation = clock.fluctuation(times)
     if deviation is None:
         return None
+    return None if deviation.std() < HALF_DIGITS else followed(deviation)
+
+
+def followed(deviation: Floats) -> Floats:
+    """Functions of a speed's deviation that a response follows (5, samples), each of mean zero and unit size.
+
+    The deviation, its rate, that one's rate, the square of the deviation, and its product with the rate: a response
+    that is almost steady is a series in the speed and in its derivatives.
+    """
     deviation = deviation - deviation.mean()
-    if deviation.std() < HALF_DIGITS:
-        return None
-    square = deviation**2
-    factors = np.array([deviation, square - square.mean(), np.gradient(deviation, times)])
+    rate = np.gradient(deviation)
+    factors = np.array([deviation, rate, np.gradient(rate), deviation**2, deviation * rate])
+    factors -= factors.mean(axis=1, keepdims=True)
     size = factors.std(axis=1, keepdims=True)
-    return factors / np.where(size > 0, size, 1.0)
+    return factors / np.where(size > 0.0, size, 1.0)

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
 
-PLAIN, TREND, SPEED, SPEED_SQUARED, SPEED_RATE, EVEN, ODD, ODD_SLOPE = range(8)
-"""Factors of entries: none; time, from -1 to 1; the speed's deviation from its mean; its square; its rate of change.
+PLAIN, TREND, *FOLLOWS, EVEN, ODD, ODD_SLOPE = range(10)
+"""Factors of entries: none; time, from -1 to 1; and what follows the speed (`followed`).
 
 Those of a pair near an axis, with the squared half-difference q of its exponents: cosh(√q t), even in √q;
 sinh(√q t)/√q; and the derivative of that by q.

@@ -15,7 +15,7 @@ import numpy as np
 
 from floquid._arrays import BLOCK, Complexes, Floats, Integers
 from floquid.lti import LARGEST_GROWTH
-from floquid.periodic.least_squares._sample_block import SPEED, SPEED_RATE, TREND, Columns, Sums, Terms, real_products
+from floquid.periodic.least_squares._sample_block import FOLLOWS, TREND, Columns, Sums, Terms, real_products
 
 UNEVEN = 8.0 * np.finfo(float).eps  # the share of the largest time by which evenly spaced times may be off
 
@@ -63,7 +63,7 @@ class EvenColumns:
         cls, columns: Columns, times: Floats, step: float | None, *, middle: float, half: float, last: float
     ) -> EvenColumns | None:
         """Columns on the grid; None where they cannot be had in pieces."""
-        if step is None or ((columns.factors >= SPEED) & (columns.factors <= SPEED_RATE)).any():
+        if step is None or np.isin(columns.factors, FOLLOWS).any():
             return None
         growth = float(columns.growth.max(initial=0.0))
         if growth * step * _piece(len(times)) > LARGEST_GROWTH:

@@ -17,7 +17,7 @@ from floquid.fit import HALF_DIGITS
 from floquid.lifting import Lifted, lift, whitened
 from floquid.lti import ModalModel
 from floquid.order import Choice
-from floquid.periodic import Known, ModeParameters, without_known
+from floquid.periodic import Known, ModeParameters, followed, without_known
 from floquid.pipeline.free._doubts import quiet
 from floquid.pipeline.free._find_poles import UnsettledError, find_poles, first_filter
 from floquid.preparation import (
@@ -85,7 +85,7 @@ def cut(prepared: Prepared) -> Lifting:
         cycles = resample(filled(prepared.responses, periods), prepared.clocks)
         if prepared.shafts:
             if any(np.ptp(hit.periods) > HALF_DIGITS * hit.period for hit in cycles):
-                speeds = tuple(_followed(hit.periods) for hit in cycles)
+                speeds = tuple(followed(1.0 / hit.periods) for hit in cycles)
             period = float(np.mean([shaft.period for shaft in prepared.shafts]))
             cycles = tuple(replace(hit, periods=np.full(hit.n_cycles, period)) for hit in cycles)
     refuse_impossible(settings, cycles)
@@ -115,14 +115,6 @@ def filled(records: Sequence[Record], longest: Sequence[float]) -> tuple[Record,
             record = replace(record, values=np.where(long, np.nan, values))
         whole.append(record)
     return tuple(whole)
-
-
-def _followed(lengths: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The speed over the cycles, its square and its rate of change (3, cycles), each of unit size."""
-    speed = lengths.mean() / lengths - 1.0
-    found = np.array([speed - speed.mean(), speed**2 - np.mean(speed**2), np.gradient(speed)])
-    size = found.std(axis=1, keepdims=True)
-    return found / np.where(size > 0.0, size, 1.0)
 
 
 def out_of_step(responses: Sequence[Record], clocks: Sequence[PhaseClock]) -> str:
