@@ -102,11 +102,11 @@ def _folded(model: PeriodicModel) -> bool:
     gap = values[:, None] - values[None, :]
     turns = np.rint(gap.imag / model.fundamental)
     width = FOLDED * np.abs(values.real)
-    # Of many modes, or as wide ones, some are near whole fundamentals apart by chance.
-    covered = max(len(model.upper_modes) - 1, 1) * width
-    near = (np.abs(gap.imag - turns * model.fundamental) < width) & (covered < CHANCE * model.fundamental)
     deviation = np.hypot(std.real[:, None], std.real[None, :])
     alike = (np.abs(gap.real) < DEVIATIONS * deviation) & (deviation < EVIDENT * np.abs(values.real))
+    # Of many modes of equal decay, or as wide ones, some are near whole fundamentals apart by chance.
+    covered = width * np.maximum(0.5 * (alike.sum(axis=1) - 1), 1.0)
+    near = (np.abs(gap.imag - turns * model.fundamental) < width) & (covered < CHANCE * model.fundamental)
     itself = np.abs(values[:, None] - values[None, :].conj()) == 0
     pairs = near & alike & ~itself & ~np.eye(model.order, dtype=bool)
     return bool(2 * pairs.any(axis=1).sum() >= model.order)
