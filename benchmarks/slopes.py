@@ -57,7 +57,7 @@ LADDERS = {
     "ambient": {
         "periods": (256, 512, 1024, 2048),
         "phases": (16, 32, 64),
-        "channels": (2, 4, 8, 16),
+        "channels": (2, 4, 8),
         "modes": (1, 2, 3, 4),
     },
 }
