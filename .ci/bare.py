@@ -40,5 +40,5 @@ script = Path(sys.executable).with_name("floquid")
 done = subprocess.run([script, "identify", "run.npz", "--out", "place"], capture_output=True, text=True, check=False)
 assert done.returncode == 0, done.stderr
 names = {path.name for path in Path("place").iterdir()}
-assert names == {"result.h5", "summary.json", "settings.toml", "report.html", "figures"}, names
+assert names == {"result.h5", "summary.json", "settings.toml", "report.html"}, names
 print(f"import floquid: {took:.2f} s")

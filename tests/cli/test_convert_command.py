@@ -63,7 +63,7 @@ def test_the_file_itself_is_refused(out, here):
         ),
         ("convert good.npz run.xyz", "`OUT` must end in one of .npz, .csv"),
         ("convert good.npz nowhere/run.csv", "`OUT` must be a path that can be written, but there is no folder"),
-        ("convert good.npz out", "`OUT` must end in one of .npz"),
+        ("convert good.npz out", "out is a folder"),
         ("convert good.npz good.npz", "`OUT` must be another file, but good.npz is the file that is read"),
         ("convert good.npz run.csv --channels X,Z", "`--channels` must name channels of the record, but has 'Z'"),
         ("convert good.npz run.csv --rate -1", "`--rate` must be positive [Hz]"),
