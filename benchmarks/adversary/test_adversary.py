@@ -53,7 +53,11 @@ def test_coordinates_of_modes_are_those_of_the_response():
     assert_allclose(seen, own.response(inputs), atol=1e-9 * np.abs(seen).max())
 
 
-@pytest.mark.parametrize("kind", KINDS)
+ALIKE = ("alone", "alone: gaps", "alone: hum", "alone: orbit", "alone: drift")
+"""Kinds that are simulated as others are, seconds each."""
+
+
+@pytest.mark.parametrize("kind", [pytest.param(k, marks=[pytest.mark.slow] * (k in ALIKE)) for k in KINDS])
 def test_every_kind_makes_a_case(kind):
     case = KINDS[kind].make(np.random.default_rng(1))
     assert len(case.exponents) == len(case.must)
