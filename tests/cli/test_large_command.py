@@ -33,6 +33,9 @@ def test_a_record_is_identified_within_a_memory():
         ("scan.h5 --memory much --out found", "such as 1GB"),
         ("scan.h5 --memory 100MB --out found", "Allow more."),
         ("scan.h5 --memory 1GB --out found --states x0", "stand alone with --memory"),
+        ("scan.h5 --memory 1GB --out found --enforce", "`--enforce` must stand alone with --memory"),
+        ("scan.h5 --memory 1GB --out found --figures", "`--figures` must stand alone with --memory"),
+        ("scan.h5 --memory 1GB --out found --channels values,x0", "must name one matrix"),
         ("none.h5 --memory 1GB --out found", "none.h5"),
     ],
 )

@@ -85,7 +85,9 @@ def identify(
     if memory is not None:
         from floquid.cli._large import identify_in_blocks
 
-        identify_in_blocks(files, {**given(record, OF), **given(model, OF)}, memory, out, format, OF)
+        more = {"enforce": enforce or None, "figures": figures or None, "settings": settings}
+        more = {name: value for name, value in more.items() if value is not None}
+        identify_in_blocks(files, {**given(record, OF), **given(model, OF), **more}, memory, out, format, OF)
         return
     choices = choices_of(settings).with_given(**given(record, OF), **given(model, OF))
     if enforce and not choices.settings.validate:

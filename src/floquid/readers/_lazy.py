@@ -12,6 +12,7 @@ import numpy as np
 from floquid._checks import input_error
 from floquid.core import Channel, ConstantPeriod, LazyRecord
 from floquid.io import Source, readable_file
+from floquid.readers.variables import refuse_packed
 
 LAZY = (".h5", ".hdf5", ".npy")
 """Suffixes of files whose records may stay on the disk."""
@@ -61,6 +62,9 @@ def _hdf5(source: Source, file: Path, channels: Sequence[str] | None) -> tuple[A
     """The matrix of an HDF5 file, which stays open with it, and what the file says of it."""
     import h5py
 
+    if channels is not None and len(channels) != 1:
+        must, got = "name one matrix of a lazy HDF5 file", f"has {len(channels)} names"
+        raise input_error("channels", "read", must, got, "Its rows are all channels.")
     name = "values" if channels is None else channels[0]
     try:
         opened = h5py.File(file, "r")
@@ -77,4 +81,5 @@ def _hdf5(source: Source, file: Path, channels: Sequence[str] | None) -> tuple[A
         raise source.error(must, f"does not ({str(error).splitlines()[0]})", "Name it by `channels=`.") from None
     if not isinstance(array, h5py.Dataset):
         raise source.error(f"hold a matrix `{name}` (channels, samples)", "has a group there", "Name the matrix.")
+    refuse_packed(source, opened, array)
     return array, said

@@ -140,6 +140,21 @@ def test_files_are_read_in_blocks(chunks, tmp_path):
     assert fq.read(tmp_path / "r.h5", lazy=True).channels == record.channels
 
 
+@pytest.mark.parametrize(
+    ("beside", "attributes", "words"),
+    [({"gain": 0.01}, {}, "counts"), ({}, {"scale_factor": 0.01}, "scale_factor"), ({}, {"_FillValue": -1}, "_Fill")],
+)
+def test_counts_with_a_scale_are_not_taken_for_quantities(beside, attributes, words, tmp_path):
+    with h5py.File(tmp_path / "r.h5", "w") as file:
+        file["values"] = np.rint(100.0 * decay(cycles=300).values).astype(np.int16)
+        file["values"].attrs.update(attributes)
+        file["sample_rate"] = float(PHASES)
+        for name, scale in beside.items():
+            file[name] = scale
+    with pytest.raises(InputError, match=words):
+        fq.read(tmp_path / "r.h5", period=1.0, lazy=True)
+
+
 def test_the_values_as_a_whole_are_refused():
     with pytest.raises(InputError, match=r"`\.blocks\(\)`"):
         _ = lazy(decay(cycles=300)).values

@@ -161,6 +161,12 @@ def numbers(source: Source, file: VariableFile, path: str) -> NDArray[Any]:
 
 def samples(source: Source, file: VariableFile, path: str) -> NDArray[Any]:
     """The array of the variable at `path`, refused where it has counts and a scale stands beside them."""
+    refuse_counts(source, file, path)
+    return file.numbers(path)
+
+
+def refuse_counts(source: Source, file: VariableFile, path: str) -> None:
+    """Refuse the variable at `path` where it has counts and a scale stands beside them."""
     variable = file.variables[path]
     require_numbers(source, variable)
     for one in file.variables.values() if variable.is_counted else ():
@@ -172,7 +178,6 @@ def samples(source: Source, file: VariableFile, path: str) -> NDArray[Any]:
                 got = f"has counts in `{printable(path)}`, and beside them `{printable(one.path)}`"
                 remedy = "Save the quantities themselves, as in counts * gain + offset; or rename it if it is no scale."
                 raise source.error(must, got, remedy)
-    return file.numbers(path)
 
 
 def require_numbers(source: Source, variable: Variable) -> None:

@@ -19,7 +19,7 @@ from floquid._arrays import Floats
 from floquid.core import Record
 from floquid.io import Source, array_in, attribute, is_elsewhere, refuse_wrong_name, texts_in
 from floquid.readers.variables._arrays import Arrays
-from floquid.readers.variables._by_name import HDF5, MATLAB, SCALE, Dialect, Kind, Variable, VariableFile
+from floquid.readers.variables._by_name import HDF5, MATLAB, SCALE, Dialect, Kind, Variable, VariableFile, refuse_counts
 from floquid.readers.variables._by_path import table_of_variables
 from floquid.tables import Table, numbered, numbers_of, orbit_of, says_rate, texts_of
 
@@ -184,12 +184,22 @@ class Hdf5File:
 
 
 _PACKING = {"scale_factor", "add_offset"}
+_MISSING = {"_FillValue", "missing_value"}
+
+
+def refuse_packed(source: Source, opened: h5py.File, dataset: h5py.Dataset) -> None:
+    """Refuse a dataset whose numbers are not the quantities themselves: packed ones, or counts beside their scale."""
+    said = sorted((_PACKING | _MISSING) & set(dataset.attrs))
+    if said:
+        must, got = "hold the quantities themselves, to be read in parts", f"has the attribute `{said[0]}`"
+        raise source.error(must, got, "Read it whole, without `lazy=True`, and write it again.")
+    refuse_counts(source, Hdf5File(opened), str(dataset.name).lstrip("/"))
 
 
 def _quantity(dataset: Any) -> NDArray[Any]:
     """The numbers of a dataset, those that netCDF packs as the quantities that they stand for, NaN where missing."""
     array, attributes = array_in(dataset), dataset.attrs
-    missing = [attributes[name] for name in ("_FillValue", "missing_value") if name in attributes]
+    missing = [attributes[name] for name in sorted(_MISSING) if name in attributes]
     if not missing and not _PACKING & set(attributes):
         return array
     lost = np.isin(array, np.concatenate([np.ravel(value) for value in missing])) if missing else None
