@@ -349,8 +349,8 @@ SAMPLED = [
     Bad(
         name="a random walk, as sampled",
         make=noise("walk", 4, 12.1),
-        answer="doubted",
-        words="weakly determined",
+        answer="refused",
+        words="no mode rises above",
         slow=True,
     ),
     Bad(
