@@ -14,7 +14,8 @@ from floquid.io import readable_file
 
 FORMAT = "floquid-large"
 LACKS = (
-    "There are no A(t), checks and whitening on this path: the residual was not looked at for further modes or colour."
+    "There are no A(t), checks and whitening on this path: the residual was not looked at for further modes or colour. "
+    "Nothing tested the period either: a wrong one makes several modes of equal decay, whose deviations look fine."
 )
 
 
