@@ -64,8 +64,8 @@ def noise_lines(generator):
     return {m: 0.5 ** abs(m) * (generator.standard_normal(4) + 1j * generator.standard_normal(4)) for m in (-1, 0, 1)}
 
 
-def known(speed, *, std=0.0, shape_std=0.0, seed=0, channels=CHANNELS, branch=(), without=(), false=0):
-    """The model at a speed ω of the period; `branch` moves modes by harmonics, std are deviations."""
+def known(speed, *, std=0.0, shape_std=0.0, seed=0, channels=CHANNELS, branch=(), without=(), false=0, turn=0.0):
+    """The model at a speed ω of the period; `branch` moves modes by harmonics, `turn` phase zero by a share of T."""
     generator = np.random.default_rng(seed)
     lam, shapes, real = [], [], []
     made_up = [
@@ -92,6 +92,7 @@ def known(speed, *, std=0.0, shape_std=0.0, seed=0, channels=CHANNELS, branch=()
     coefficients = np.concatenate([coefficients, coefficients[pairs].conj()[..., ::-1]])
     variance = std**2 * np.concatenate([np.ones(len(whole)), ~np.array(real), ~np.array(real)[pairs]])
     deviations = np.where(coefficients != 0.0, shape_std * (1 + 1j), 0.0)
+    coefficients = coefficients * np.exp(2j * np.pi * turn * np.arange(-REACH, REACH + 1))
     rows = [CHANNELS.index(name) for name in channels]
     return PeriodicModel(
         exponents=whole, coefficients=coefficients[:, rows, None], harmonics=np.arange(-REACH, REACH + 1),

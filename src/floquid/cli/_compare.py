@@ -92,7 +92,7 @@ def print_comparison(console: Console, found: Comparison) -> None:
     if len(found.pairs) > MOST:
         console.print(f"… and {len(found.pairs) - MOST} more: `--out DIR` keeps all.", style="dim")
     deviations = "" if all(pair.std == 0 for pair in found.pairs) else "in brackets: one deviation of both together; "
-    mac = "mac: similarity of the shapes in channels that both have, each at its own phase zero."
+    mac = "mac: similarity of the shapes in channels that both have, with phase zero of b moved to that of a."
     console.print(f"{deviations}z: the difference of λ over its deviation; {mac}", style="dim")
     for sentence in missing_words(found)[:MOST]:
         console.print(sentence)

@@ -11,7 +11,7 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid._checks import input_error, positive
-from floquid.comparison._pairs import Match, chi_square, in_model, paired, parts_of, shape_noise
+from floquid.comparison._pairs import Match, Paired, chi_square, in_model, paired, parts_of, shape_noise
 from floquid.comparison._sides import Side, check_periods, matched, scaled, shared_channels, side_of
 from floquid.comparison._types import ComparedPoint, Comparison, Pair
 from floquid.core import PeriodicModel
@@ -27,10 +27,12 @@ def compare(a: Any, b: Any, *, scale: Mapping[str, float] | None = None) -> Comp
     .. math:: \min \sum \min\Big(1, \frac{|\lambda_a - \lambda_b|}{\sigma \oplus 0.02\,\omega}\Big) +
               1 - \mathrm{mac}_{ab}
 
-    over all pairs at once, λ modulo iω and mac at the best shift by harmonics; no pair costs more than 1.5. Jointly
-    χ² = d' (Σ_a + Σ_b)⁻¹ d over all differences d of exponents. Imaginary parts of real multipliers are no data; of a
-    pair beside two real multipliers, into which a lock turns it, the mean and the squared half-difference are compared,
-    which have no kink there. Where two channels at least are not common to both, exponents alone make the pairs.
+    over all pairs at once, λ modulo iω and mac at the best shift by harmonics; no pair costs more than 1.5. Records
+    start at any instant: phase zero of b is moved to where it makes all pairs cheapest, for all modes of a point
+    alike. Jointly χ² = d' (Σ_a + Σ_b)⁻¹ d over all differences d of exponents. Imaginary parts of real multipliers
+    are no data; of a pair beside two real multipliers, into which a lock turns it, the mean and the squared half-
+    difference are compared, which have no kink there. Where two channels at least are not common to both, exponents
+    alone make the pairs.
 
     Points of surveys are paired with the nearest one, within 2 %. An example system without a speed turns with the
     period of the other side. Deviations of both sides must be independent: of results of one record they are not.
@@ -82,8 +84,8 @@ class _Work:
 
 def set_against(
     one: Point, other: Point, scale: Mapping[str, float] = MappingProxyType({}), of: str = OF
-) -> tuple[list[Seen], list[Seen], list[Match], Floats]:
-    """The objects of two points, their pairs, and the similarity of each with each."""
+) -> tuple[list[Seen], list[Seen], Paired]:
+    """The objects of two points, and their pairs."""
     check_periods(one, other, of)
     assert one.model is not None
     assert other.model is not None
@@ -94,8 +96,7 @@ def set_against(
         first, second = objects_of([one, moved])
     else:
         (first,), (second,) = objects_of([one]), objects_of([moved])
-    pairs, macs = paired(first, second, shapes=shapes)
-    return first, second, pairs, macs
+    return first, second, paired(first, second, shapes=shapes)
 
 
 def joint_parts(pairs: Sequence[Match], first: PeriodicModel, second: PeriodicModel) -> tuple[Floats, Floats]:
@@ -122,7 +123,8 @@ def joint_parts(pairs: Sequence[Match], first: PeriodicModel, second: PeriodicMo
 
 def _point(work: _Work, number: int, one: Point, other: Point, scale: Mapping[str, float], over: str | None) -> None:
     """Add what two points have in common, and what one of them alone has."""
-    first, second, pairs, macs = set_against(one, other, scale)
+    first, second, found = set_against(one, other, scale)
+    pairs = found.matches
     assert one.model is not None
     assert other.model is not None
     fails = one.reason is not None or other.reason is not None
@@ -138,7 +140,7 @@ def _point(work: _Work, number: int, one: Point, other: Point, scale: Mapping[st
     if covariance.any():
         chi2, dof = chi_square(values, covariance)
         work.chi2, work.dof = work.chi2 + chi2, work.dof + dof
-    work.shapeless += bool(np.isnan(macs).any())
+    work.shapeless += bool(np.isnan(found.macs).any())
     work.periods = max(work.periods, abs(one.model.period / other.model.period - 1.0))
     if over is not None:
         values = one.values[over], other.values[over]
@@ -146,7 +148,7 @@ def _point(work: _Work, number: int, one: Point, other: Point, scale: Mapping[st
     work.points.append(
         ComparedPoint(
             value=None if over is None else one.values[over],
-            model_a=one.model, model_b=other.model, macs=macs,
+            model_a=one.model, model_b=other.model, macs=found.macs, turn=found.turn,
             modes_a=tuple(thing.modes for thing in first), modes_b=tuple(thing.modes for thing in second),
         )
     )  # fmt: skip

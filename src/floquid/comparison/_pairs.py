@@ -9,7 +9,7 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid.fit import directions, unit_scale
-from floquid.surveys import BRANCHES, Seen, assigned, branch_of, invariants, similarities
+from floquid.surveys import BRANCHES, Seen, assigned, branch_of, invariants, similarities, turn_between
 
 NEAR = 0.02  # of ω: a difference of exponents that costs as much as shapes at right angles, beside the deviations
 DEAREST = 1.5  # cost above which two modes are no pair
@@ -40,11 +40,22 @@ class Parts:
     left: tuple[tuple[int, ...], tuple[int, ...]] = ((), ())  # modes of either object that the other has not
 
 
-def paired(first: Sequence[Seen], second: Sequence[Seen], *, shapes: bool) -> tuple[list[Match], Floats]:
-    """The pairs of two sets of objects, and the similarity of each with each (first, second), NaN without shapes.
+@dataclass(frozen=True, slots=True)
+class Paired:
+    """Two sets of objects against one another."""
+
+    matches: tuple[Match, ...]
+    macs: Floats  # similarity of each with each (first, second); NaN without shapes
+    turn: float = 0.0  # by how much of a period phase zero of the second is the later one
+
+
+def paired(first: Sequence[Seen], second: Sequence[Seen], *, shapes: bool) -> Paired:
+    """The pairs of two sets of objects, the second with phase zero where the first has it.
 
     Cost = min(1, |Δλ| / (deviations ⊕ 0.02 ω)) + 1 - mac; all are assigned at once, none dearer than 1.5.
     """
+    angle = turn_between(first, second, [one.exponent for one in first], NEAR) if shapes else 0.0
+    second = [other.turned(angle) for other in second]
     costs = np.full((len(first), len(second)), 1e6)
     macs = np.full(costs.shape, np.nan)
     branches = np.zeros((*costs.shape, 2), int)
@@ -64,7 +75,7 @@ def paired(first: Sequence[Seen], second: Sequence[Seen], *, shapes: bool) -> tu
         if j >= 0:
             shift, mirrored = int(branches[i, j, 0]), bool(branches[i, j, 1])
             pairs.append(Match(i, j, first[i], second[j].on(shift, mirrored), mirrored, float(macs[i, j])))
-    return pairs, macs
+    return Paired(tuple(pairs), macs, turn=-angle / (2.0 * np.pi) % 1.0)
 
 
 def _nearest(one: Seen, other: Seen) -> tuple[tuple[int, bool], complex]:

@@ -76,6 +76,8 @@ class ComparedPoint(Sealed):
         Modes of the rows and columns of `macs`: one of each pair, both of a couple.
     macs
         The similarity of each mode of a with each of b, NaN without shapes (modes of a, modes of b).
+    turn
+        By how much of a period phase zero of b is later than that of a, as the shapes say; it was moved so far.
     """
 
     value: float | None
@@ -84,6 +86,7 @@ class ComparedPoint(Sealed):
     modes_a: tuple[tuple[int, ...], ...]
     modes_b: tuple[tuple[int, ...], ...]
     macs: Floats
+    turn: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -169,8 +169,8 @@ def _data(problem: _Problem, point: Point, theta: Floats) -> _Data:
     known = problem.modes(point, theta)
     assert point.model is not None
     assert known.model is not None
-    first, _, pairs, _ = set_against(point, known, of=OF)
-    pairs = [pair for pair in pairs if not pair.first.weak]
+    first, _, found = set_against(point, known, of=OF)
+    pairs = [pair for pair in found.matches if not pair.first.weak]
     values, covariance = joint_parts(pairs, point.model, known.model)
     slopes, widened = np.zeros((0, len(theta))), np.zeros(0)
     if pairs:

@@ -101,7 +101,7 @@ What is found of several records has a `kind` too. A survey, "survey"::
 a comparison, "comparison"::
 
     /a, /b, /over, /chi2, /dof, /p, /independent, /warnings, /missing_in_a, /missing_in_b   as of `Comparison`
-    /points/point1, ...             value, model_a/ and model_b/ of one hit, modes_a, modes_b, macs
+    /points/point1, ...             value, model_a/ and model_b/ of one hit, modes_a, modes_b, macs, turn
     /pairs/pair1, ...               as of `Pair`
 
 parameters that were fitted, "update"::

@@ -175,6 +175,7 @@ LAYOUT: dict[type, dict[str, str | type | list[type]]] = {
         **dict.fromkeys(("model_a", "model_b"), PeriodicModel),
         **dict.fromkeys(("modes_a", "modes_b"), "objects, multipliers"),
         "macs": "objects of a, objects of b",
+        "turn": "",
     },
     Pair: {
         **dict.fromkeys(("point", "a", "b", "z", "mac", "mac_noise", "counted"), ""),

@@ -12,6 +12,7 @@ from floquid.surveys._objects import Seen as Seen
 from floquid.surveys._objects import branch_of as branch_of
 from floquid.surveys._objects import invariants as invariants
 from floquid.surveys._objects import similarities as similarities
+from floquid.surveys._objects import turn_between as turn_between
 from floquid.surveys._points import NOT_READ as NOT_READ
 from floquid.surveys._points import objects_of as objects_of
 from floquid.surveys._points import point_of

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +11,7 @@ from floquid._arrays import Complexes, Floats
 
 REAL = 1e-6  # of half a fundamental: frequencies that are whole multiples of it
 SHIFTS = 6  # harmonics by which a branch may differ from the one before, on either side
+TURNED = 1e-6  # fall of the costs of all pairs below which phase zero stays: shapes that do not vary turn for nothing
 ALIKE = 0.8  # share of the best similarity above which a branch may be chosen for its frequency
 
 
@@ -78,6 +80,14 @@ class Seen:
             deviations=moved(deviations, shift),
         )
 
+    def turned(self, angle: float) -> Seen:
+        """The object with phase zero of its record moved by `angle` of the period [rad]."""
+        waves = waves_at(angle, self.shapes.shape[-1])
+        real, imag = self.deviations.real**2, self.deviations.imag**2
+        ahead, across = waves.real**2, waves.imag**2
+        deviations = np.sqrt(ahead * real + across * imag) + 1j * np.sqrt(across * real + ahead * imag)
+        return replace(self, shapes=self.shapes * waves, deviations=deviations)
+
     def drawn(self, count: int, generator: np.random.Generator) -> tuple[Complexes, Complexes]:
         """Exponents (draws, modes) and shapes (draws, modes, channels, harmonics) from their deviations."""
         values, vectors = np.linalg.eigh(self.covariance)
@@ -124,12 +134,81 @@ BRANCHES = [(shift, mirrored) for shift in range(-SHIFTS, SHIFTS + 1) for mirror
 
 def similarities(known: Seen, new: Seen) -> Floats:
     """Similarity of `known`, on its branch, to each branch of `new` (branches,)."""
-    size = known.shapes.shape[-1]
-    both = np.stack([new.shapes, new.shapes.conj()[..., ::-1]])
+    return similarity(flat(known.shapes)[None], flat(_branches(new)))
+
+
+def _branches(thing: Seen) -> Complexes:
+    """The shapes of an object on each branch (branches, modes, channels, harmonics)."""
+    both = np.stack([thing.shapes, thing.shapes.conj()[..., ::-1]])
     padded = np.pad(both, [(0, 0)] * 3 + [(SHIFTS, SHIFTS)])
-    stacked = np.moveaxis(np.lib.stride_tricks.sliding_window_view(padded, size, axis=-1), 3, 0)
-    stacked = stacked.reshape(len(BRANCHES), len(new.exponents), -1)
-    return similarity(known.shapes.reshape(1, len(known.exponents), -1), stacked)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, thing.shapes.shape[-1], axis=-1)
+    return np.moveaxis(windows, 3, 0).reshape(len(BRANCHES), *thing.shapes.shape)
+
+
+def flat(shapes: Complexes) -> Complexes:
+    """Shapes (…, channels, harmonics) with channels and harmonics in one row (…, numbers)."""
+    return shapes.reshape(*shapes.shape[:-2], -1)
+
+
+def waves_at(angles: float | Floats, size: int) -> Complexes:
+    """Factors e^{imφ} of `size` harmonics, from -n to n, where phase zero moves by angles φ (…, harmonics)."""
+    return np.exp(1j * np.multiply.outer(angles, np.arange(size) - size // 2))
+
+
+def turn_between(known: Sequence[Seen], new: Sequence[Seen], wanted: Sequence[complex], near: float) -> float:
+    r"""The angle by which phase zero of `new` objects is moved to that of the `known` ones [rad], one for all.
+
+    .. math:: \min_\varphi \min \sum 1 - \mathrm{mac}_{ab}(\varphi) + \min(1, |\lambda_a - \lambda_b| / \epsilon)
+
+    over all assignments of pairs and all branches, ε `near` fundamentals and λ as `wanted` of the known ones. Records
+    start where they start, at a blow or at any instant, unless they have a clock in common: each harmonic of a shape
+    turns with that instant. Zero where no angle is better than it, as where shapes do not vary.
+    """
+    from scipy.optimize import linear_sum_assignment, minimize_scalar
+
+    if not known or not new:
+        return 0.0
+    size = known[0].shapes.shape[-1]
+    grid = 2.0 * np.pi * np.arange(4 * size) / (4 * size)
+    products = [[_products(one, other) for other in new] for one in known]
+    steps = np.array([[_steps(other, lam, near) for other in new] for lam in wanted])
+
+    def costs(angles: Floats) -> Floats:
+        """Costs of each pair on each branch (angles, known, new, branches)."""
+        waves = waves_at(angles, size).T
+        macs = np.array([[np.sum(np.abs(own @ waves) ** 2, axis=(1, 2)).T for own in row] for row in products])
+        return 1.0 - np.moveaxis(macs, 2, 0) + steps
+
+    totals = []
+    for own in costs(grid).min(axis=-1):
+        rows, columns = linear_sum_assignment(own)
+        totals.append(float(own[rows, columns].sum()))
+    first = int(np.argmin(totals))
+    rows, columns = linear_sum_assignment(costs(grid[[first]])[0].min(axis=-1))
+    near_it = (grid[first] - grid[1], grid[first] + grid[1])
+    found = minimize_scalar(
+        lambda angle: costs(np.array([angle]))[0].min(axis=-1)[rows, columns].sum(), bounds=near_it, method="bounded"
+    )
+    return float(found.x) if totals[0] - found.fun > TURNED else 0.0
+
+
+def _products(known: Seen, new: Seen) -> Complexes:
+    """Inner products of the bases of two objects by harmonic, the new one on each branch.
+
+    (branches, modes, new modes, harmonics), over the root of the modes of the smaller one.
+    """
+    own, others = known.shapes, _branches(new)
+    own = _basis(flat(own)).reshape(own.shape)
+    others = _basis(flat(others)).reshape(others.shape)
+    return np.einsum("acm,kbcm->kabm", own.conj(), others) / np.sqrt(min(len(own), others.shape[1]))
+
+
+def _steps(new: Seen, wanted: complex, near: float) -> Floats:
+    """Costs of the step of an object's exponent from a `wanted` one, on each branch (branches,)."""
+    shifts, mirrored = np.array(BRANCHES).T
+    lam = new.exponent
+    frequencies = np.where(mirrored, -lam.imag, lam.imag) + shifts * new.fundamental
+    return np.minimum(1.0, np.abs(lam.real + 1j * frequencies - wanted) / (near * new.fundamental))
 
 
 def branch_of(found: Floats, new: Seen, wanted: complex) -> tuple[int, complex]:

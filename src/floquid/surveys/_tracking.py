@@ -9,7 +9,7 @@ from typing import TypeAlias
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Indices
-from floquid.surveys._objects import BRANCHES, Seen, branch_of, moved, similarities, similarity
+from floquid.surveys._objects import BRANCHES, Seen, branch_of, flat, moved, similarities, similarity, turn_between
 
 NEAR = 0.05  # of ω: a step of the exponent that costs as much as shapes at right angles
 LEFT_OUT = 0.1  # cost of each point between
@@ -75,9 +75,12 @@ def tracked(points: Sequence[Sequence[Seen]], x: Floats, gap: int, seed: int = 0
     """Tracks through the objects of points, which ascend in `x` (points,); a path of one object is none yet."""
     generator = np.random.default_rng(seed)
     paths: list[Path] = []
-    for point, objects in enumerate(points):
-        drawn = [thing.drawn(DRAWS, generator) for thing in objects]
+    for point, given in enumerate(points):
         active = [path for path in paths if point - path.places[-1] <= 1 + gap]
+        known, wanted = [path.objects[-1].own for path in active], [path.predicted(x, point) for path in active]
+        angle = turn_between(known, given, wanted, NEAR)
+        objects = [thing.turned(angle) for thing in given]
+        drawn = [thing.drawn(DRAWS, generator) for thing in objects]
         matches = [[match_of(path, new, x, point) for new in objects] for path in active]
         waits = np.array([point - path.places[-1] - 1 for path in active], float)
         costs = np.array([[1.0 - match.mac + min(1.0, match.step) for match in row] for row in matches])
@@ -140,7 +143,7 @@ def _stays(
         step = path.predicted(x, point) - last.own.exponent
         for column, (match, thing) in enumerate(zip(matches[row], objects, strict=True)):
             lam, shapes = _on(drawn[column], thing, match)
-            mac = similarity(_flat(path.objects[match.like].drawn[1]), _flat(shapes))
+            mac = similarity(flat(path.objects[match.like].drawn[1]), flat(shapes))
             away = np.abs(lam.mean(axis=1) - last.drawn[0].mean(axis=1) - step) ** 2
             limit = (NEAR * thing.fundamental) ** 2
             costs[:, row, column] = 1.0 - mac + np.minimum(1.0, away / limit) + LEFT_OUT * waits[row]
@@ -153,8 +156,3 @@ def _on(drawn: Drawn, thing: Seen, match: Match) -> Drawn:
     if match.conjugated:
         lam, shapes = lam.conj(), shapes.conj()[..., ::-1]
     return lam + 1j * match.shift * thing.fundamental, moved(shapes, match.shift)
-
-
-def _flat(shapes: Complexes) -> Complexes:
-    """Shapes with channels and harmonics in one row (draws, modes, numbers)."""
-    return shapes.reshape(*shapes.shape[:2], -1)

@@ -61,6 +61,19 @@ def test_branches_and_their_order_do_not_matter(speed, branch):
 
 
 @pytest.mark.parametrize("speed", [OUTSIDE, LOCKED])
+@pytest.mark.parametrize("turn", [0.1, 0.37, 0.8])
+def test_the_instant_at_which_a_record_begins_does_not_matter(speed, turn):
+    """Before: a mode was missing on both sides, and a similarity of one fell to 0.3."""
+    first = known(speed, seed=1, **NOISE)
+    plain, later = (fq.compare(first, known(speed, seed=2, turn=own, **NOISE)) for own in (0.0, turn))
+    assert not later.missing_in_a
+    assert not later.missing_in_b
+    assert np.allclose(differences(plain), differences(later), atol=1e-9)
+    assert [pair.mac for pair in later.pairs] == pytest.approx([pair.mac for pair in plain.pairs], abs=1e-6)
+    assert (later.points[0].turn - plain.points[0].turn) % 1.0 == pytest.approx(turn, abs=1e-5)
+
+
+@pytest.mark.parametrize("speed", [OUTSIDE, LOCKED])
 def test_chi_square_is_that_of_the_deviations(speed):
     """With the true model, and with each other: p is uniform."""
     draws = [known(speed, seed=seed, **NOISE) for seed in range(40)]

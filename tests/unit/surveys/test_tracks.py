@@ -44,6 +44,15 @@ def test_no_other_branch_changes_a_track(plain):
     assert all((track.shifts != 0).any() for track in moved.tracks)
 
 
+def test_the_instants_at_which_records_begin_change_no_track(plain):
+    turns = np.random.default_rng(2).uniform(size=len(SPEEDS))
+    moved = surveyed(turn=lambda k: turns[k])
+    assert not moved.unlinked
+    for one, other in zip(plain.tracks, moved.tracks, strict=True):
+        assert one.frequency == pytest.approx(other.frequency, abs=1e-9)
+        assert one.mac == pytest.approx(other.mac, abs=0.02, nan_ok=True)
+
+
 def test_a_mode_stays_itself_behind_its_lock(plain):
     """Its mirror image, at ω - 10, would be as good by its shape."""
     track = plain.tracks[1]
