@@ -178,8 +178,13 @@ def _compared(rotor: JeffcottRotor, analysis: Analysis) -> dict[str, Table]:
     assert deviations is not None
     pairs = pair_exponents(model.exponents, truth, model.period)
     exponents = new_table([""], ["true", "identified", "error", "in deviations"])
-    for number, r in enumerate(np.flatnonzero(truth.imag > 0), start=1):
-        three = truth[r] + pairs.differences[r], truth[r], deviations[pairs.permutation[r]]
+    # Numbers and order are those of the table of modes above.
+    conjugates = np.abs(np.subtract.outer(model.exponents, model.exponents.conj())).argmin(axis=0)
+    of_mode = {int(mode): int(r) for r, mode in enumerate(pairs.permutation) if truth[r].imag > 0.0}
+    for number, upper in enumerate(model.upper_modes, start=1):
+        mode = upper if upper in of_mode else int(conjugates[upper])
+        r = of_mode[mode]
+        three = truth[r] + pairs.differences[r], truth[r], deviations[mode]
         for part, name in (("real", "Re"), ("imag", "Im")):
             value, exact, std = (getattr(one, part) for one in three)
             numbers = f"{value - exact:+.1e}", f"{(value - exact) / std:+.2f}"

@@ -27,7 +27,7 @@ from floquid.cli._terminal import json_text, new_table, print_title, print_warni
 from floquid.cli._views import keep, refuse_beside_identified, tell
 from floquid.errors import IdentificationError
 from floquid.exports import columns_text, monitor_columns, monitor_summary
-from floquid.monitoring import Monitor, record_heads, record_rows, sentences
+from floquid.monitoring import CHARTED, Monitor, record_heads, record_rows, sentences
 from floquid.monitoring import monitor as monitored
 
 OF = "floquid monitor"
@@ -148,6 +148,8 @@ def print_monitor(console: Console, found: Monitor) -> None:
     for k in shown:
         table.add_row(*rows[k])
     print_whole(console, table)
+    if found.charts is not None:
+        console.print(CHARTED, style="dim")
     if len(shown) < len(rows):
         console.print(f"{len(rows) - len(shown)} more in monitor.csv (--out).", style="dim")
     console.print()

@@ -103,7 +103,7 @@ def print_files(folder: Path | None, names: Sequence[str], kept: str) -> None:
     if folder is None:
         terminal().print(f"Add --out DIR {kept}.", style="dim")
     else:
-        terminal().print(f"Written to {folder}/: {', '.join(names)}", soft_wrap=True)
+        terminal().print(f"Written to {folder}/: {', '.join(names)}", overflow="ignore")
 
 
 def print_analysis(
@@ -185,7 +185,7 @@ def _print_reasons(console: Console, analysis: Analysis) -> None:
 
 def print_folder(folder: Path | None, *others: str, figures: bool) -> None:
     """Print the place of the result, or the option that keeps it."""
-    names = ("report.html", *others, "result.h5", "summary.json", *(("figures/",) if figures else ()))
+    names = ("report.html", *others, "result.h5", "summary.json", "settings.toml", *(("figures/",) if figures else ()))
     print_files(folder, names, "to keep the result and a report for the browser")
 
 

@@ -2,6 +2,7 @@
 
 from floquid.monitoring._monitor import monitor
 from floquid.monitoring._types import Amounts, Change, Charts, Monitor, Part, Trend
+from floquid.monitoring._words import CHARTED as CHARTED
 from floquid.monitoring._words import change_words as change_words
 from floquid.monitoring._words import feature_change as feature_change
 from floquid.monitoring._words import record_heads as record_heads

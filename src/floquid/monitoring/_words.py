@@ -9,6 +9,11 @@ from floquid.monitoring._types import Monitor, Part
 from floquid.views import with_error
 
 HERTZ = "rad/s"
+CHARTED = (
+    "T²: how far the modes of a record are from the baseline, in deviations squared; average: the same of a running "
+    "average, which sees slow changes. Above its limit a record is an alarm."
+)
+"""The columns of charts, for people."""
 
 
 def feature_change(part: Part) -> str:
@@ -82,8 +87,8 @@ def record_heads(found: Monitor) -> list[str]:
     """Names of the columns of `record_rows` of `found`."""
     names = ["record", "file"]
     if found.charts is not None:
-        names += ["T² of limit", "average of limit"]
-        names += ["directed of limit"] if np.isfinite(found.charts.directed).any() else []
+        names += ["T² / limit", "average / limit"]
+        names += ["directed / limit"] if np.isfinite(found.charts.directed).any() else []
     if found.amounts is not None:
         names.append("of the change [%]" if found.amounts.along else "sidebands [%]")
     return [*names, ""]

@@ -8,7 +8,7 @@ import numpy as np
 
 from floquid._checks import counted
 from floquid.fit import WITHIN
-from floquid.monitoring import Monitor, record_heads, record_rows, sentences
+from floquid.monitoring import CHARTED, Monitor, record_heads, record_rows, sentences
 from floquid.reporting._look import BLACK, CURVES, MARKERS, VERMILION, Figure, hover, legend_above, new_figure
 from floquid.reporting._page import asset, bokeh_scripts, described, embedded, filled
 from floquid.views import over_label
@@ -43,6 +43,7 @@ def monitor_page(found: Monitor, *, title: str | None) -> str:
         reasons=(),
         warnings=found.warnings,
         heads=record_heads(found),
+        charted=CHARTED if found.charts is not None else "",
         records=record_rows(found),
         sources=[], steps=STEPS, settings=[("false alarms of each chart", f"{found.rate:g}")], hits=[],
         figures=[{"name": name, "words": described(made)} for name, made in figures.items()],
