@@ -111,7 +111,7 @@ format: $(INSTALLED) ## put the code into the common form
 	$(BIN)/ruff format
 
 docs: $(INSTALLED) ## build the site into docs/_build/html, warnings being errors
-	$(BIN)/sphinx-build -q -j auto -b html -n -W --keep-going -d docs/_build/doctrees docs docs/_build/html
+	$(BIN)/sphinx-build -q -j auto -b html -n -W --keep-going -d docs/_build/doctrees $(SPHINX) docs docs/_build/html
 
 install: $(INSTALLED) ## make .venv with everything in it, and nothing else
 

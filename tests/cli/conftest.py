@@ -48,7 +48,9 @@ def save_figures(analysis, folder, **_):
         (folder / f"{name}.png").write_text(f"{name} {analysis.model.coefficients}")
 
 def report(analysis, path, **_):
-    pathlib.Path(path).write_text(f"report {analysis.model.coefficients if hasattr(analysis, 'model') else analysis}")
+    path = pathlib.Path(path)
+    path.write_text(f"report {analysis.model.coefficients if hasattr(analysis, 'model') else analysis}")
+    return path
 
 floquid.plot.save_figures, floquid.reporting.report = save_figures, report
 """

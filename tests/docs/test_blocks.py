@@ -4,8 +4,8 @@ The blocks of a page run in order, in one empty folder beside a copy of `example
 names. Floquid's own commands run in this process, and figures and the report are files of the right names alone; `make
 slow` runs the README in a shell, pictures and all. A line of a `console` block that begins with "$ " is a command
 and what follows is its output; every line of a `bash` block is a command. Commands that set a machine up (`git clone`,
-`make`, `pip install`) are not run: of `make`, the targets must exist. Pages that the build itself executes
-(`{code-cell}`) are left to it.
+`make`, `pip install`) are not run: of `make`, the targets must exist. Cells that the build of the site executes
+(`{code-cell}`) run here as Python: a kernel a page, and its pictures, would take twice the time.
 """
 
 import os
@@ -15,7 +15,9 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import patch
 
+import matplotlib.pyplot as plt
 import pytest
 from markdown_it import MarkdownIt
 from tests.cli.conftest import nothing_is_identified_twice, quick_pictures
@@ -30,9 +32,13 @@ PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *DOCS]
 
 SHELL = {"console", "bash"}
 # Shown, not run: other languages, and the directives of the documentation's own language.
-SHOWN = {"text", "toml", "json", "csv", "bibtex", "bibliography", "toctree", "eval-rst", "code-cell", "mermaid", "math",
+SHOWN = {"text", "toml", "json", "csv", "bibtex", "bibliography", "toctree", "eval-rst", "mermaid", "math",
          "note", "warning", "tip", "admonition", "figure", "image", "glue",
          "literalinclude"}  # fmt: skip
+
+CELL = "code-cell"
+NO_PYTHON = re.compile(r"^[%:].*$", re.MULTILINE)
+"""Lines of a cell that are none of its code: magic commands, and options such as `:tags: [hide-input]`."""
 
 SETS_UP = ("git clone ", "cd ", "pip install ", "python3 -m venv ", "python -m pip install ")
 
@@ -113,8 +119,9 @@ def run_page(text, name, folder, within=False):
         if language in SHELL:
             for command in commands(language, content):
                 run_command(command, folder, within)
-        elif language == "python":
-            exec(compile(content, f"{name}, block {number}", "exec"), names)
+        elif language in ("python", CELL):
+            code = NO_PYTHON.sub("", content) if language == CELL else content
+            exec(compile(code, f"{name}, block {number}", "exec"), names)
         else:
             assert language in SHOWN, f"block {number} is in «{language}»: neither run nor in the list of what is not"
             continue
@@ -128,7 +135,12 @@ def folder(tmp_path, monkeypatch):
     if (ROOT / "examples").is_dir():
         shutil.copytree(ROOT / "examples", tmp_path / "examples")
     monkeypatch.chdir(tmp_path)
-    return tmp_path
+    monkeypatch.setenv("FLOQUID_ROOT", str(ROOT))
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.setattr(plt, "show", plt.close)
+    with patch.dict(os.environ):
+        yield tmp_path
+    plt.close("all")
 
 
 @pytest.mark.parametrize("path", PAGES, ids=[str(path.relative_to(ROOT)) for path in PAGES])
