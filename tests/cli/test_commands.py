@@ -304,6 +304,7 @@ def test_demo(here, quick_pictures):
     assert [row[0] for row in rows_of_modes(text)] == ["1", "2"]
     for words in ("Principal Floquet exponents, against the truth", "Re λ2 [1/s]", "X_tt, Y_tt", "Written to shown/"):
         assert words in text
+    assert text.endswith("settings.toml, figures/\n")
     assert max(map(len, text.splitlines())) <= 80
     errors = [float(line.split()[-2]) for line in text.splitlines() if re.match(r" X(_tt)?, Y", line)]
     assert len(errors) == 2

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager
 from itertools import compress
 from pathlib import Path
+from textwrap import fill
 from typing import IO, Any
 
 import numpy as np
@@ -99,11 +100,12 @@ def json_text(content: Any) -> str:
 
 
 def print_files(folder: Path | None, names: Sequence[str], kept: str) -> None:
-    """Print the place of the files, or the option that keeps them."""
+    """Print the place of the files, each name whole, or the option that keeps them."""
     if folder is None:
         terminal().print(f"Add --out DIR {kept}.", style="dim")
     else:
-        terminal().print(f"Written to {folder}/: {', '.join(names)}", overflow="ignore")
+        text = f"Written to {folder}/: {', '.join(names)}"
+        terminal().print(fill(text, terminal().width, break_long_words=False, break_on_hyphens=False), soft_wrap=True)
 
 
 def print_analysis(
