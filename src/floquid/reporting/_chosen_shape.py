@@ -26,6 +26,7 @@ from floquid.reporting._look import (
 )
 from floquid.shapes import CLEAR, ModeReading, pairs_of
 from floquid.surveys import Survey
+from floquid.views import over_unit
 
 MOST = 8  # channels of a shape, the strongest
 LINES, LEAST = 3, 0.1  # lines that have an orbit, at most, and the share of the largest that each has
@@ -37,7 +38,7 @@ CHOSEN = """
 const row = marks.selected.indices[0];
 if (row === undefined) return;
 const at = name => marks.data[name][row];
-const where = at("name") + " at " + Number(at("x").toPrecision(6));
+const where = at("name") + " at " + Number(at("x").toPrecision(6)) + unit;
 for (const [k, bars] of shapes.entries()) bars.data = { harmonic: at("harmonic"), size: at("size" + k) };
 shape.title.text = "Shape of " + where;
 for (const [kind, curves] of orbits.entries()) {
@@ -77,6 +78,7 @@ def shape_columns(found: Survey, point: int) -> Any:
 
     def columns(mode: int, shift: int, *, mirrored: bool) -> dict[str, Any]:
         sizes = np.abs(model.coefficients[mode, :, 0])
+        sizes /= max(float(sizes.max()), 1e-300)
         used = (sizes > SEEN * sizes.max()).any(axis=0)
         row: dict[str, Any] = {"harmonic": model.harmonics[used].tolist()}
         row |= {
@@ -150,8 +152,9 @@ def chosen_figures(found: Survey, marks: Any) -> dict[str, Figure]:
     from bokeh.models import AdaptiveTicker, ColumnDataSource, CustomJS
 
     first = {name: own[0] if len(own) else [] for name, own in marks.data.items()}
-    where = f"{first['name']} at {first['x']:g}" if marks.data["name"] else ""
-    shape = new_figure("harmonic m", "size", name="shape")
+    unit = f" {over_unit(found.over)[1]}".rstrip()
+    where = f"{first['name']} at {first['x']:g}{unit}" if marks.data["name"] else ""
+    shape = new_figure("harmonic m", "size, over the largest", name="shape")
     shape.xaxis.ticker = AdaptiveTicker(mantissas=[1, 2, 5], min_interval=1, num_minor_ticks=0)
     bars = []
     for k, name in enumerate(channels_of(found)):
@@ -178,6 +181,7 @@ def chosen_figures(found: Survey, marks: Any) -> dict[str, Figure]:
     }
     sources = {name: own.renderers[0].data_source for name, own in patterns.items()}
     arguments = {"marks": marks, "shapes": bars, "shape": shape, "orbits": orbits, "orbit": made.get("orbits")}
+    arguments["unit"] = unit
     marks.selected.js_on_change(
         "indices", CustomJS(args=arguments | {"tables": sources, "patterns": patterns}, code=CHOSEN)
     )
