@@ -167,7 +167,8 @@ def reach(case: Any, _: Evidence) -> tuple[Finding, ...]:
 
 def _unreached(fit: Uncertainty) -> tuple[Finding, ...]:
     """Findings on modes that no input reaches as far as the record shows: what does not decay there is a line."""
-    findings, longest = [], max(record.stop - record.start for record in fit.samples.records) * fit.samples.step
+    longest = max(record.stop - record.start for record in fit.samples.records) * fit.samples.step
+    hertz: dict[bool, list[float]] = {True: [], False: []}
     for number, mode in enumerate(fit.at.modes):
         place, free = fit.places[number]
         size, starts = mode.gains.size, len(mode.initial)
@@ -184,10 +185,10 @@ def _unreached(fit: Uncertainty) -> tuple[Finding, ...]:
         if wald_rise(flat, spread) < chi2_limit(len(index), SURE):
             half = mode.turns[0] % 1.0 if mode.real else 0.0  # of a negative multiplier
             exponent = mode.exponent + 1j * half * fit.samples.fundamental
-            line = abs(exponent.real) * longest < 1.0
-            report, hertz = failure if line else warning, abs(exponent) / (2.0 * np.pi)
-            findings.append(report("unreached", frequency=hertz, line=line))
-    return tuple(findings)
+            hertz[bool(abs(exponent.real) * longest < 1.0)].append(abs(exponent) / (2.0 * np.pi))
+    return tuple(
+        (failure if line else warning)("unreached", frequencies=own, line=line) for line, own in hertz.items() if own
+    )
 
 
 def _began(parted: Parted) -> tuple[Finding, ...]:

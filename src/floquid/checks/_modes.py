@@ -78,7 +78,7 @@ def steady(case: Any, evidence: Evidence) -> tuple[Finding, ...]:
     if not case.turning or case.model.exponent_std is None:
         return ()
     longest = max(record.duration for record in case.own.records)
-    unreached = [finding.numbers["frequency"] for finding in evidence.findings if finding.code == "unreached"]
+    unreached = [own for one in evidence.findings if one.code == "unreached" for own in one.numbers["frequencies"]]
     return lines_of_revolution(case.model, longest, unreached, case.own.periods_per_revolution)
 
 

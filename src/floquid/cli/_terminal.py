@@ -101,11 +101,9 @@ def json_text(content: Any) -> str:
 
 def print_files(folder: Path | None, names: Sequence[str], kept: str) -> None:
     """Print the place of the files, each name whole, or the option that keeps them."""
-    if folder is None:
-        terminal().print(f"Add --out DIR {kept}.", style="dim")
-    else:
-        text = f"Written to {folder}/: {', '.join(names)}"
-        terminal().print(fill(text, terminal().width, break_long_words=False, break_on_hyphens=False), soft_wrap=True)
+    text = f"Written to {folder}/: {', '.join(names)}" if folder else f"Add --out DIR {kept}."
+    text = fill(text, terminal().width, break_long_words=False, break_on_hyphens=False)
+    terminal().print(text, soft_wrap=True, style=None if folder else "dim")
 
 
 def print_analysis(
@@ -126,7 +124,7 @@ def print_analysis(
 
 def print_warnings(console: Console, warnings: Iterable[object]) -> None:
     """Print a line for each warning."""
-    for warning in warnings:
+    for warning in dict.fromkeys(map(str, warnings)):
         console.print(f"Warning: {warning}", style="yellow")
 
 

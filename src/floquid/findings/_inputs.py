@@ -110,13 +110,16 @@ def _line(frequencies: Sequence[float], periods: int, real: bool, forced: Sequen
     )
 
 
-def _unreached(frequency: float, line: bool) -> str:
+def _unreached(frequencies: Sequence[float], line: bool) -> str:
+    several = len(frequencies) > 1
     if line:
+        decays, may, them = ("they do", "They", "them") if several else ("it does", "It", "it")
         return (
-            f"No input reaches the mode at {frequency:.4g} Hz, and it does not decay within the record. It may be the "
-            "mains or another machine. Take it off before, or measure what drives it."
+            f"No input reaches the {_at(frequencies)}, and {decays} not decay within the record. {may} may be the "
+            f"mains or another machine. Take {them} off before, or measure what drives {them}."
         )
-    return f"No measured input reaches the mode at {frequency:.4g} Hz in this record; only its initial state shows it."
+    shown = "only their initial states show them" if several else "only its initial state shows it"
+    return f"No measured input reaches the {_at(frequencies)} in this record; {shown}."
 
 
 def _began(record: int, seconds: float, channels: Sequence[str] = ()) -> str:

@@ -196,7 +196,7 @@ def _reach(analysis: Analysis, own: ModelInputs) -> str:
     model, driven = analysis.model, analysis.driven
     assert driven is not None
     size = driven.samples.input_size
-    none = [finding.numbers["frequency"] for finding in analysis.findings if finding.code == "unreached"]
+    none = [own for one in analysis.findings if one.code == "unreached" for own in one.numbers["frequencies"]]
     words = []
     for number, mode in enumerate(model.upper_modes, start=1):
         if np.isclose(model.frequencies_hz[mode], none, rtol=1e-9).any():

@@ -62,7 +62,7 @@ SAMPLES = {
     "inputs_instants": {"delay": 0, "hold": "first", "given": "zero"},
     "inputs_untold": {"delay": 0, "hold": "first", "given": "zero", "share": 0.08},
     "line_as_mode": {"frequencies": (15.8, 47.4), "periods": 2, "real": True, "forced": (1, 3)},
-    "unreached": {"frequency": 12.0, "line": True},
+    "unreached": {"frequencies": (12.0, 17.0), "line": True},
     "inputs_began": {"record": 2, "seconds": 1.5, "channels": ("F", "G")},
     "inputs_poor": {"channels": ("F", "G")},
     "inputs_noise": {"squares": 99.0, "limit": 21.0, "sure": False},

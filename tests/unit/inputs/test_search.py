@@ -200,8 +200,8 @@ def test_a_line_of_the_mains_fails():
     times = np.arange(values.shape[1]) * system.period / 20
     line = 0.5 * values.std() * np.cos(0.35 * times + 1.0)
     found = identify(record(system, values + line, inputs, 20), period=system.period, inputs=["F0"])
-    assert [own.numbers["frequency"] for own in found.findings if own.code == "unreached"] == [
-        pytest.approx(0.35 / (2.0 * np.pi), rel=1e-3)
+    assert [own.numbers["frequencies"] for own in found.findings if own.code == "unreached"] == [
+        (pytest.approx(0.35 / (2.0 * np.pi), rel=1e-3),)
     ]
     assert not found.passed
 

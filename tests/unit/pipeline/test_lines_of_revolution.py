@@ -47,7 +47,7 @@ def test_lines_of_the_revolution_are_fitted_beside_the_modes(driven):
     left = identify(record_from(driven), period=SYSTEM.period, inputs=["F"], forced="none", validate=False)
     assert left.model.order > 2
     assert "line_as_mode" not in {own.code for own in left.findings}
-    unreached = [own.numbers["frequency"] for own in left.findings if own.code == "unreached"]
+    unreached = [f for own in left.findings if own.code == "unreached" for f in own.numbers["frequencies"]]
     (said,) = lines_of_revolution(left.model, left.records[0].duration, unreached, 2.0)
     assert '`forced="1"`' in str(said)
     (told,) = lines_of_revolution(left.model, left.records[0].duration, unreached, 1.0)
