@@ -12,7 +12,7 @@ import numpy as np
 from cyclopts import Group, Parameter, Token
 
 from floquid._checks import finite, input_error, positive
-from floquid.core import as_point
+from floquid.core import Branch, as_point
 from floquid.errors import InputError
 from floquid.inputs import Hold
 from floquid.io import readable_file
@@ -160,7 +160,13 @@ READING = {  # what is said of records beside the settings
 RECORD = "Record"
 ORDER = (RECORD, "Model", "State matrix A(t)", "Checks")  # the groups of options, in the order of the help
 
-KINDS: dict[str, Any] = {"form": Form, "hold": Hold, "excitation": Excitation, "identifier": IdentifierName}
+KINDS: dict[str, Any] = {
+    "form": Form,
+    "hold": Hold,
+    "excitation": Excitation,
+    "identifier": IdentifierName,
+    "branch": Branch,
+}
 
 
 def _words() -> dict[str, str]:

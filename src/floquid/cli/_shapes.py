@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from fractions import Fraction
 from math import pi
+from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
@@ -18,7 +19,19 @@ from floquid.cli._folder import identified_in
 from floquid.cli._options import Format, Saved, split
 from floquid.cli._terminal import json_text, new_table, print_title, print_whole, terminal
 from floquid.errors import InputError
-from floquid.shapes import BladePattern, ModeReading, Participation, ShapeOptions, ShapeReadings, Whirl, Words
+from floquid.exports import columns_text, path_columns
+from floquid.io import as_path, atomic_path
+from floquid.shapes import (
+    BladePattern,
+    ModeReading,
+    Participation,
+    PathShapes,
+    ShapeOptions,
+    ShapeReadings,
+    Whirl,
+    Words,
+    path_shapes,
+)
 from floquid.views import with_error
 
 OF = "floquid shapes"
@@ -70,9 +83,12 @@ def shapes(
     *,
     read: ShapeChoices | None = None,
     participation: str | None = None,
+    path: Path | None = None,
     format: Format = "text",  # noqa: A002
 ) -> None:
     """Read the shapes of a saved result: whirl of modes, their names by patterns over blades, shares of their lines.
+
+    Or, with --path, those of a structure over the path of a sensor that runs over it to and fro.
 
     Parameters
     ----------
@@ -82,10 +98,16 @@ def shapes(
         How shapes are read. Without pairs and blades, groups of blades are those that names tell.
     participation
         A channel whose lines are shared out.
+    path
+        A .csv file to write: shapes over the path of a scanning sensor, a row a position, each mode on the branch on
+        which its shape is the same on the way there and back.
     format
         text prints a table; json prints all, the table of each pattern too.
     """
     analysis = identified_in(result, OF)
+    if path is not None:
+        _print_path(path_shapes(analysis), path, format)
+        return
     asked = (read or ShapeChoices()).options(OF)
     try:
         found = asked.read(analysis, participation=participation)
@@ -96,6 +118,25 @@ def shapes(
         sys.stdout.write(json_text(content(found)))
         return
     _print(found)
+
+
+def _print_path(found: PathShapes, path: Path, format: Format) -> None:  # noqa: A002
+    """Write shapes over the path to a file at `path`, and print the poles."""
+    with atomic_path(as_path(path, of=OF), of=OF) as temporary:
+        temporary.write_text(columns_text(path_columns(found)), encoding="utf-8")
+    if format == "json":
+        own = {field.name: getattr(found, field.name) for field in fields(found) if field.name != "channels"}
+        sys.stdout.write(json_text({"format": "floquid-path/1", **own, "channels": [c.name for c in found.channels]}))
+        return
+    console, std = terminal(), found.exponent_std
+    table = new_table([""], ["f [Hz]", "Re λ [1/s]", "Im λ [rad/s]"])
+    for mode, exponent in enumerate(found.exponents.tolist()):
+        error = 0.0j if std is None else complex(std[mode])
+        parts = with_error(exponent.real, error.real), with_error(exponent.imag, error.imag)
+        table.add_row(str(mode + 1), f"{abs(exponent) / (2.0 * pi):.6g}", *parts)
+    print_whole(console, table)
+    console.print(f"The path is x = cos(ωt + φ), φ = {found.phase:.4g} rad after phase zero; -x with φ + π is as good.")
+    console.print(f"Wrote {path}: the shapes over x.")
 
 
 def scales_of(words: Sequence[str], of: str) -> dict[str, float]:

@@ -1,6 +1,7 @@
 """The types that several rooms share: what goes in (`Record`), what it is cut into (`Cycles`), what comes out."""
 
 from floquid.core._axis import NearAxis, kind_open, read_axis, read_blocks, readings, with_deviations
+from floquid.core._branches import Branch, on_branch, turning_point
 from floquid.core._channel import Channel, Quantity, channel_of, channels_named
 from floquid.core._clock import CLOCKS, AzimuthSignal, Clock, ConstantPeriod, PulseTimes, TachometerSignal
 from floquid.core._cycles import Cycles
@@ -18,7 +19,7 @@ from floquid.core._record import Record
 from floquid.core._shape import Shape
 
 __all__ = [
-    "AzimuthSignal", "Channel", "Clock", "ConstantPeriod", "Couple", "Cycles", "Estimates", "LazyRecord", "ModelInputs",
-    "PeriodicModel", "PeriodicModes", "PhaseClock", "Provenance", "PulseTimes", "Quantity", "Record", "Shape",
-    "TachometerSignal", "channels_named", "couples_of", "readings",
+    "AzimuthSignal", "Branch", "Channel", "Clock", "ConstantPeriod", "Couple", "Cycles", "Estimates", "LazyRecord",
+    "ModelInputs", "PeriodicModel", "PeriodicModes", "PhaseClock", "Provenance", "PulseTimes", "Quantity", "Record",
+    "Shape", "TachometerSignal", "channels_named", "couples_of", "on_branch", "readings", "turning_point",
 ]  # fmt: skip

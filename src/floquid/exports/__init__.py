@@ -4,6 +4,7 @@ from floquid.exports._comparison import comparison_columns, comparison_summary
 from floquid.exports._modes import MODE_FORMATS, export_modes, modes_frame
 from floquid.exports._monitor import monitor_columns, monitor_summary
 from floquid.exports._objects import from_periodic_system, to_periodic_system, to_xarray
+from floquid.exports._path import path_columns
 from floquid.exports._summary import summary
 from floquid.exports._survey import columns_text, edge_columns, survey_columns, survey_summary
 from floquid.exports._transfer_tables import (
@@ -19,7 +20,7 @@ from floquid.exports._transfer_tables import (
 __all__ = [
     "MODE_FORMATS", "TRANSFER_FORMATS", "columns_text", "comparison_columns", "comparison_summary", "edge_columns",
     "export_modes", "export_transfer", "fit_entries", "from_periodic_system", "import_transfer", "measured_entries",
-    "modes_frame", "monitor_columns", "monitor_summary", "summary", "survey_columns", "survey_summary",
+    "modes_frame", "monitor_columns", "monitor_summary", "path_columns", "summary", "survey_columns", "survey_summary",
     "to_periodic_system", "to_xarray",
     "transfer_entries", "transfer_rows",
 ]  # fmt: skip

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Unpack
 
-from floquid.core import Record, common_point
+from floquid.core import Record, common_point, on_branch
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, texts
 from floquid.pipeline._analysis import Analysis
@@ -84,7 +84,7 @@ def identify(
         try:
             with own_names(OF), blas_threads(prepared.records):
                 look_for_sums(prepared)
-                found = CHAINS[prepared.settings.kind](prepared, report)
+                found = _reported(CHAINS[prepared.settings.kind](prepared, report))
         except SumError as error:
             report(f"leaving {error.channel} out")
             records, chosen = without(error.channel, records, chosen)
@@ -92,14 +92,15 @@ def identify(
         except IdentificationError as error:
             raise IdentificationError("\n  ".join([str(error), *texts((*left_out, *prepared.faults))])) from None
         else:
-            return replace(_at_point(found), findings=(*left_out, *prepared.faults, *found.findings))
+            return replace(found, findings=(*left_out, *prepared.faults, *found.findings))
 
 
-def _at_point(found: Analysis) -> Analysis:
-    """The result with the operating point of its records, and the speed by the clock where they state none."""
+def _reported(found: Analysis) -> Analysis:
+    """The result on the branch asked for, with the operating point of its records; the clock's speed without one."""
     speed = 60.0 / (found.model.period * found.settings.periods_per_revolution)
     given = common_point(record.point for record in found.records)
-    model = replace(found.model, point={"speed_rpm": speed, **given})
+    model = on_branch(found.model, found.settings.branch)
+    model = replace(model, point={"speed_rpm": speed, **given})
     if found.decay is None:
         return replace(found, model=model)
     return replace(found, model=model, decay=replace(found.decay, fit=replace(found.decay.fit, model=model)))

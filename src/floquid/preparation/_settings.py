@@ -12,7 +12,7 @@ import numpy as np
 
 from floquid._checks import answers_slips, describe, finite, input_error, integer, positive
 from floquid._show import Brief
-from floquid.core import AzimuthSignal
+from floquid.core import AzimuthSignal, Branch
 from floquid.errors import InputError
 from floquid.inputs import Hold
 from floquid.lti import AMI, ERA, LSCF, AbstractIdentifier, MaximumLikelihood, PolyLSCF
@@ -20,8 +20,7 @@ from floquid.reconstruction import MOST_TIMES, AbstractStructure, FirstOrder, Fo
 from floquid.search import SECONDS
 
 ALL = "all"  # name of all channels as states, each state a weighted sum of them
-Excitation: TypeAlias = Literal["none", "ambient"]
-"""Excitation that goes on and that nobody measured."""
+Excitation: TypeAlias = Literal["none", "ambient"]  # that goes on and that nobody measured
 
 IdentifierName = Literal["ml", "ami", "era", "lscf", "poly", "ami-ml", "era-ml", "lscf-ml", "poly-ml"]
 """Words for the algorithms; those that end in -ml are finished by maximum likelihood."""
@@ -131,6 +130,9 @@ class Settings(Brief):
         leaves out first periods of free responses where that explains more.
     repair
         Leave out clipped samples, spikes and channels that stand still, and cut a record where it was hit again.
+    branch
+        The rule for the branch λ + ikω of each mode: strongest has its strongest line as harmonic 0, slowest the least
+        |Im λ|, symmetric a shape that is even about a turning point of a scan.
     validate
         Check the model on cycles left out, on the residual, and on A(t) integrated.
     """
@@ -166,6 +168,7 @@ class Settings(Brief):
     find_hits: bool = False
     skip: float | None = None
     repair: bool = True
+    branch: Branch = "strongest"
     validate: bool = True
 
     def __post_init__(self) -> None:
@@ -210,9 +213,9 @@ class Settings(Brief):
 
     def _check_words(self) -> None:
         """Refuse a word that is none of those that there are."""
-        for name, words in (("hold", get_args(Hold)), ("excitation", get_args(Excitation))):
-            if getattr(self, name) not in words:
-                must = "be one of " + ", ".join(f'"{one}"' for one in words)
+        for name, words in (("hold", Hold), ("excitation", Excitation), ("branch", Branch)):
+            if getattr(self, name) not in get_args(words):
+                must = "be one of " + ", ".join(f'"{one}"' for one in get_args(words))
                 raise input_error(name, "Settings", must, f"is {getattr(self, name)!r}")
 
     def _check_form(self) -> None:
@@ -341,6 +344,7 @@ class Options(RecordOptions, total=False):
     harmonic_false_alarm: float
     seconds: float
     constrained: bool
+    branch: Branch
     validate: bool
 
 

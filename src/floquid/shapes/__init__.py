@@ -2,15 +2,17 @@
 
 `sidebands_of` says how periodic a system is.
 `read_shapes` reads all modes of a result or of a known system; `whirl_of` and `pattern_of` one shape each.
+`path_shapes` reads those that a scanning sensor saw, over its path.
 """
 
 from floquid.shapes._arguments import Blades, Family, Pair, Pairs, families_of, pairs_of
 from floquid.shapes._blades import WORDS, BladePattern, PatternShare, Words, pattern_of
+from floquid.shapes._path import PathShapes, path_shapes
 from floquid.shapes._read import ModeReading, Participation, ShapeOptions, ShapeReadings, ordinal, read_shapes
 from floquid.shapes._sidebands import PeriodicAmount, Sidebands, sidebands_of
 from floquid.shapes._whirl import CLEAR, Whirl, whirl_of
 
 __all__ = [
-    "WORDS", "BladePattern", "ModeReading", "Participation", "PatternShare", "PeriodicAmount", "ShapeReadings",
-    "Sidebands", "Whirl", "read_shapes", "sidebands_of",
+    "WORDS", "BladePattern", "ModeReading", "Participation", "PathShapes", "PatternShare", "PeriodicAmount",
+    "ShapeReadings", "Sidebands", "Whirl", "path_shapes", "read_shapes", "sidebands_of",
 ]  # fmt: skip

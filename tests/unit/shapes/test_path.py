@@ -1,0 +1,161 @@
+"""A sensor that runs to and fro over a structure: its frequencies, its shapes over the path, and on to pycsldv."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import floquid as fq
+from floquid.core import PeriodicModel, on_branch, turning_point
+from floquid.errors import InputError
+from floquid.shapes import path_shapes
+
+PERIOD, PHASES, PHI = 0.1, 32, 0.7
+TURNS, DAMPING = np.array([1.37, 4.42]), np.array([0.012, 0.004])
+SIZE = 2.0 * np.pi / PERIOD * TURNS
+TRUE = -DAMPING * SIZE + 1j * SIZE * np.sqrt(1.0 - DAMPING**2)
+X = np.linspace(-1.0, 1.0, 41)
+
+
+def shapes_at(x):
+    """Bending of a strip held at its ends, which the sensor does not reach (modes, positions)."""
+    return np.sin(np.pi * np.multiply.outer([1, 3], 0.45 + 0.3 * np.asarray(x)))
+
+
+def scanned(x, rate, seed):
+    """The rate of the free response under the sensor at x, with 5 % of noise."""
+    times = np.arange(len(x)) / rate
+    clean = np.einsum("rn,rn->n", shapes_at(x), np.exp(np.multiply.outer(TRUE, times)) * np.array([[1.0], [0.8j]]))
+    noise = 0.05 * clean.real.std() * np.random.default_rng(seed).standard_normal(len(x))
+    return fq.Record(values=[clean.real + noise], sample_rate=rate, channels=[fq.Channel(name="v", unit="m/s")])
+
+
+@pytest.fixture(scope="module")
+def record():
+    times = PERIOD / PHASES * np.arange(50 * PHASES)
+    return scanned(np.cos(2.0 * np.pi * times / PERIOD + PHI), PHASES / PERIOD, 0)
+
+
+@pytest.fixture(scope="module")
+def model(record, tmp_path_factory):
+    """From a file and to a file, as a user would."""
+    folder = tmp_path_factory.mktemp("scan")
+    fq.write(record, folder / "scan.h5")
+    found = fq.identify(fq.read(folder / "scan.h5", period=PERIOD))
+    assert found.passed
+    fq.save(found, folder / "result.h5")
+    return fq.load(folder / "result.h5").model
+
+
+def mac(one, two):
+    return abs(np.vdot(one, two)) ** 2 / (np.vdot(one, one) * np.vdot(two, two)).real
+
+
+def by_truth(found):
+    return [int(np.abs(found.exponents - one).argmin()) for one in TRUE]
+
+
+def test_the_strongest_line_is_not_the_structure_s_and_the_symmetric_branch_is(model):
+    assert np.abs(np.subtract.outer(model.exponents, TRUE)).min(axis=0).max() > 0.4 * model.fundamental
+    found = path_shapes(model)
+    assert found.phase == pytest.approx(PHI, abs=0.01)
+    off, std = found.exponents[by_truth(found)] - TRUE, found.exponent_std[by_truth(found)]
+    assert np.abs([off.real / std.real, off.imag / std.imag]).max() < 4.0
+
+
+def test_shapes_over_the_path_are_those_of_the_structure(model):
+    found = path_shapes(model)
+    for mode, true in zip(by_truth(found), shapes_at(X), strict=True):
+        assert mac(found.at(X)[mode, 0], true) > 0.99
+    fitted = np.polynomial.chebyshev.chebfit(X, shapes_at(X).T, found.coefficients.shape[2] - 1).T
+    for mode, true in zip(by_truth(found), fitted, strict=True):
+        mine, std = found.coefficients[mode, 0], found.std[mode, 0]
+        off = mine - true * np.vdot(true, mine) / np.vdot(true, true)  # its factor is free
+        kept = np.abs(mine) > 0.0
+        assert np.abs([off.real[kept] / std.real[kept], off.imag[kept] / std.imag[kept]]).max() < 4.0
+
+
+def test_on_to_pycsldv_and_back(model, record):
+    """Its shapes by our poles are the structure's and ours; ours of a scan that it laid out are the structure's."""
+    pycsldv = pytest.importorskip("pycsldv")
+    found = path_shapes(model)
+    poles = found.exponents[by_truth(found)]
+    series = pycsldv.demodulate_ods_1d(
+        record.values[0], record.sample_rate, fx=1.0 / PERIOD, poles=poles, order=8, phi_x=found.phase
+    )
+    for mode, peer, true in zip(by_truth(found), series, shapes_at(X), strict=True):
+        theirs = np.polynomial.chebyshev.chebval(X, peer)
+        assert mac(theirs, true) > 0.99
+        assert mac(theirs, found.at(X)[mode, 0]) > 0.99
+    _, path = pycsldv.sinusoidal_scan(1.0 / PERIOD, 50 * PHASES, PHASES / PERIOD)
+    back = path_shapes(fq.identify(scanned(path, PHASES / PERIOD, 1), period=PERIOD, order=4, validate=False))
+    assert back.phase == pytest.approx(0.0, abs=0.01)
+    for mode, true in zip(by_truth(back), shapes_at(X), strict=True):
+        assert mac(back.at(X)[mode, 0], true) > 0.99
+
+
+def of_unknown_period(model):
+    """The model with an error of the period that goes with all others."""
+    parts = len(model.estimates.covariance)
+    root = 0.01 * np.random.default_rng(2).standard_normal((parts, parts))
+    own = replace(model.estimates, covariance=root @ root.T)
+    to = np.zeros((2 * model.order, parts))
+    for mode, exponent in enumerate(model.exponents):
+        slopes = own.exponent_slopes[np.abs(own.exponents.imag - abs(exponent.imag)).argmin()]
+        to[[mode, model.order + mode]] = slopes.real, np.sign(exponent.imag) * slopes.imag
+    return replace(model, covariance=to @ own.covariance @ to.T, estimates=own, unselected=own)
+
+
+@pytest.mark.parametrize("branch", ["slowest", "symmetric"])
+def test_another_branch_is_the_same_response_with_the_same_deviations(model, branch):
+    model = of_unknown_period(model)
+    moved, times = on_branch(model, branch), np.linspace(0.0, 1.0, 50)
+    assert not np.allclose(moved.exponents, model.exponents)
+    np.testing.assert_allclose(moved.response(times), model.response(times), atol=1e-12)
+    np.testing.assert_allclose(moved.multipliers, model.multipliers, rtol=1e-12)
+    for one, two in ((moved.estimates, model.estimates), (moved.unselected, model.unselected)):
+        lines = [np.argsort(np.abs(own.rates.imag)) for own in (one, two)]
+        rates = [
+            np.sqrt(np.einsum("kp,pq,kq->k", own.rate_slopes.imag, own.covariance, own.rate_slopes.imag))[order]
+            for own, order in zip((one, two), lines, strict=True)
+        ]
+        np.testing.assert_allclose(*rates, rtol=1e-9)
+        assert (one.exponents.imag > 0.0).all()
+        std = [own.std()[order] for own, order in zip((one, two), lines, strict=True)]
+        np.testing.assert_allclose(*std, rtol=1e-9)
+    # Deviations of exponents include the error of the period that comes with the branch.
+    slopes = moved.estimates.exponent_slopes.imag
+    expected = np.sqrt(np.einsum("kp,pq,kq->k", slopes, moved.estimates.covariance, slopes))
+    np.testing.assert_allclose(moved.exponent_std.imag[list(moved.upper_modes)], expected, rtol=1e-9)
+
+
+def test_the_slowest_branch_is_within_half_a_fundamental(model):
+    assert (np.abs(on_branch(model, "slowest").exponents.imag) <= 0.5 * model.fundamental).all()
+
+
+def test_identify_takes_the_rule(record):
+    options = {"period": PERIOD, "order": 4, "validate": False}
+    found = fq.identify(record, branch="slowest", **options).model
+    np.testing.assert_allclose(found.exponents, on_branch(fq.identify(record, **options).model, "slowest").exponents)
+
+
+def test_shapes_that_are_even_nowhere_are_refused():
+    """A shape of two equal lines side by side has no line in its middle."""
+    shape = np.array([[[[0.0, 1.0, 1.0]]], [[[1.0, 1.0, 0.0]]]])
+    model = PeriodicModel(
+        exponents=[-1 + 9j, -1 - 9j], coefficients=shape, harmonics=[-1, 0, 1], period=1.0, channels=["v"]
+    )
+    with pytest.raises(InputError, match=r"that at 1\.44121 Hz is not by 50 % of its energy"):
+        turning_point(model)
+    with pytest.raises(InputError, match="sensor that runs to and fro"):
+        path_shapes(model)
+
+
+def test_what_else_is_refused(model):
+    with pytest.raises(InputError, match="`result` of `path_shapes` must be an Analysis or a PeriodicModel"):
+        path_shapes("scan.h5")
+    with pytest.raises(InputError, match=r"must lie between -1 and 1.*has 1\.5"):
+        path_shapes(model).at([0.0, 1.5])
+    record = fq.Record(values=np.zeros((2, 100)), sample_rate=10.0, channels=["x", "F"])
+    with pytest.raises(InputError, match="be left as it is where inputs are measured"):
+        fq.identify(record, period=1.0, inputs=["F"], branch="slowest")
