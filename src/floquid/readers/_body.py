@@ -15,7 +15,7 @@ from floquid._arrays import Floats
 from floquid.io import Source
 from floquid.readers._layout import Layout, is_comment, is_date, without_dates
 from floquid.readers._text import Text
-from floquid.tables import MISSING, number_in
+from floquid.tables import MISSING, cut_note, is_cut, number_in
 
 _ROWS = 1 << 14  # rows that are taken apart at a time
 _DIGITS = "0123456789+-."
@@ -70,6 +70,8 @@ def read_body(text: Text, layout: Layout, columns: Sequence[int], *, dates: int 
     commas, points, decimal = False, False, False
     mark = layout.parting.mark
     while block := list(islice(rows, _ROWS)):
+        if len(layout.labels) - 1 in columns and _is_cut(block, layout):
+            notes.append(cut_note(block.pop()[0]))
         if mark != ",":
             lines = [line if dates is None else without_dates(line) for _, line in block]
             commas, points = commas or any("," in line for line in lines), points or any("." in line for line in lines)
@@ -85,7 +87,7 @@ def read_body(text: Text, layout: Layout, columns: Sequence[int], *, dates: int 
             blocks.append(table[:, columns])
             continue
         if not block[-1][1].endswith("\n") and len(layout.cells(block[-1][1])) < len(layout.labels):
-            notes.append(f"The file ends amid line {block.pop()[0]}: it was read up to there.")
+            notes.append(cut_note(block.pop()[0]))
         blocks.append(_by_cell(source, layout, block, columns, dates, since, decimal=decimal))
     n_rows = sum(map(len, blocks))
     if not n_rows:
@@ -95,6 +97,15 @@ def read_body(text: Text, layout: Layout, columns: Sequence[int], *, dates: int 
         values[:, first : first + len(block)] = block.T
         first, blocks[place] = first + len(block), block[:0].copy()
     return Body(values=values, first_date=since.text, notes=tuple(notes))
+
+
+def _is_cut(block: Sequence[tuple[int, str]], layout: Layout) -> bool:
+    """True where the last number of a `block` is at the end of the file, and may have lost digits there."""
+    last = block[-1][1]
+    if last.endswith("\n"):
+        return False
+    ends = [cells[-1] for _, line in block if len(cells := layout.cells(line)) == len(layout.labels)]
+    return len(layout.cells(last)) == len(layout.labels) and is_cut(ends[-1], ends[:-1])
 
 
 def _parsed(lines: Sequence[str], layout: Layout, dates: int | None, since: _Dates) -> Floats | None:

@@ -1,6 +1,7 @@
 """Columns of samples and of times: what a file or an object says of a record, and the even time axis behind it."""
 
 from floquid.tables._channel_names import numbered, with_names
+from floquid.tables._ends import WholeLines, cut_note, is_cut
 from floquid.tables._names import find_time, name_and_unit, rate_stated, says_rate
 from floquid.tables._nominal_rate import Printed, fit_line, nominal_rate_of_step, printed, rate_of_step
 from floquid.tables._table import (
@@ -30,9 +31,9 @@ from floquid.tables._table import (
 from floquid.tables._time_axis import SECONDS, TimeAxis, TimeColumn, repair
 
 __all__ = [
-    "MISSING", "OPTION", "SECONDS", "Printed", "Table", "TimeAxis", "TimeColumn", "check_distinct", "check_table",
-    "clock_numbers", "counts_rows", "find_time", "fit_line", "make_channel", "make_channels", "name_and_unit",
-    "nominal_rate_of_step", "number_in", "numbered", "numbers_of", "orbit_of", "printed", "rate_of_step",
+    "MISSING", "OPTION", "SECONDS", "Printed", "Table", "TimeAxis", "TimeColumn", "WholeLines", "check_distinct",
+    "check_table", "clock_numbers", "counts_rows", "cut_note", "find_time", "fit_line", "is_cut", "make_channel",
+    "make_channels", "name_and_unit", "nominal_rate_of_step", "number_in", "numbered", "numbers_of", "orbit_of", "printed", "rate_of_step",
     "rate_stated", "real_row", "record_of", "refuse_blurred_times", "repair", "rows_of", "says_rate", "settle_axis",
     "stated_number", "texts_of", "times_of", "with_names", "with_units", "without_counters",
 ]  # fmt: skip

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from floquid._arrays import Floats
 from floquid.io import Source
-from floquid.tables import Table, TimeColumn, make_channels, numbered, rate_of_step, rows_of
+from floquid.tables import Table, TimeColumn, WholeLines, make_channels, numbered, rate_of_step, rows_of
 
 _FIRST = 12  # lines above the channels
 
@@ -86,8 +86,10 @@ def _binary(source: Source, path: Path, n_samples: int, n_channels: int) -> tupl
 def _text(source: Source, path: Path, n_samples: int, n_channels: int) -> tuple[Floats, tuple[str, ...]]:
     """The rows (samples, channels), and a note where some are missing."""
     with source.taken_apart("text output of HAWC2", "Mend that line of the .dat, or leave it out."):
-        table = np.loadtxt(path, ndmin=2)
+        with path.open(encoding="latin-1") as stream:
+            body = WholeLines((number, line) for number, line in enumerate(stream, 1) if line.strip())
+            table = np.loadtxt((line for _, line in body), ndmin=2)
         if table.shape[1] != n_channels:
             raise ValueError(f"{path.name} has {table.shape[1]} columns for {n_channels} channels")
     short = f"The file is cut short: it declares {n_samples} samples, and {len(table)} are there."
-    return table, (short,) * (len(table) < n_samples)
+    return table, (*body.notes, *(short,) * (len(table) < n_samples))

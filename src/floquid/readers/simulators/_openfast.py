@@ -30,7 +30,16 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid.core import Channel
 from floquid.io import Source
-from floquid.tables import Table, TimeColumn, make_channels, number_in, numbered, rate_of_step, rows_of
+from floquid.tables import (
+    Table,
+    TimeColumn,
+    WholeLines,
+    make_channels,
+    number_in,
+    numbered,
+    rate_of_step,
+    rows_of,
+)
 
 _UNITS = {"": "-", "-": "-", "°": "deg"}
 
@@ -79,8 +88,9 @@ def load_out(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
     head = _head(source)
     named = channels_of(source, head.names[1:], head.units[1:])
     rows = rows_of(source, named, channels)
-    values, times = _numbers(source, head, rows)
+    values, times, cut = _numbers(source, head, rows)
     stay, notes = _channel_notes(head.names[1:], named, rows, values, channels)
+    notes += cut
     if ignore_time:
         notes += ("The times in the file were ignored.",)
     return Table(
@@ -124,14 +134,15 @@ def _with_units(source: Source, names: Sequence[str], at: int) -> _Head:
     return _Head(names=tuple(names), units=plain, first=at + 1 + has_units)
 
 
-def _numbers(source: Source, head: _Head, rows: Sequence[int]) -> tuple[Floats, Floats]:
-    """The samples of the channels asked for (channels, samples), and the times (samples,)."""
-    body = (line for line in islice(_lines(source.path), head.first - 1, None) if line.strip())
-    first = next(body, None)
+def _numbers(source: Source, head: _Head, rows: Sequence[int]) -> tuple[Floats, Floats, tuple[str, ...]]:
+    """The samples of the channels asked for (channels, samples), the times (samples,), and a note on a cut end."""
+    body = _rows(source.path, head)
+    lines = (line for _, line in body)
+    first = next(lines, None)
     if first is None:
         raise source.error("hold samples", "holds names and no rows", "Run OpenFAST to its end.")
     try:
-        table = np.loadtxt(chain([first], body), comments=None, ndmin=2)
+        table = np.loadtxt(chain([first], lines), comments=None, ndmin=2)
         if table.shape[1] != len(head.names):
             raise ValueError(table.shape)
     except ValueError:  # something to be named, or a number as Fortran prints it
@@ -139,16 +150,20 @@ def _numbers(source: Source, head: _Head, rows: Sequence[int]) -> tuple[Floats, 
     values = np.empty((len(rows), len(table)))
     for place, row in enumerate(rows):
         values[place] = table[:, row + 1]
-    return values, table[:, 0].copy()
+    return values, table[:, 0].copy(), body.notes
+
+
+def _rows(path: Path, head: _Head) -> WholeLines:
+    """The lines of numbers that are not blank, with their numbers."""
+    lines = enumerate(islice(_lines(path), head.first - 1, None), head.first)
+    return WholeLines((number, line) for number, line in lines if line.strip())
 
 
 def _by_cell(source: Source, head: _Head) -> Floats:
     found = []
     remedy = "Mend that cell, or run OpenFAST again; stars are a number too long for its `OutFmt`."
-    for number, line in enumerate(islice(_lines(source.path), head.first - 1, None), head.first):
+    for number, line in _rows(source.path, head):
         cells, shown = _NO_E.sub(r"\1E\2", _FORTRAN.sub("E", line)).split(), line.split()
-        if not cells:
-            continue
         if len(cells) != len(head.names):
             must = f"have {len(head.names)} numbers in every row, as it has names"
             remedy = "Mend that line, or leave it out: a run that was stopped may end in half a line."
