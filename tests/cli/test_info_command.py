@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from tests.cli.test_commands import typed
 
+import floquid as fq
 from floquid import identify, read
+from floquid.cli import run
 from floquid.core import Channel, Record
 from floquid.preparation import Candidate, propose
 from floquid.readers import describe_file, write
@@ -187,3 +189,23 @@ def test_json_of_a_file_without_a_rate(here):
     assert found["sample_rate"] is None
     assert found["time_axis"] == ["No sampling rate in the file: pass `--rate` [Hz] to read it."]
     assert found["next"] == {"command": "floquid info run.csv --rate HZ", "complete": False, "hints": []}
+
+
+def test_a_result_is_told_with_what_starts_from_it(tmp_path):
+    record = fq.systems.JeffcottRotor().simulate(n_periods=30, noise=0.01, seed=1).select(["X", "Y"])
+    fq.save(fq.identify(record, order=4, validate=False), tmp_path / "result.h5")
+    for place in (tmp_path, tmp_path / "result.h5"):
+        first, *following = typed(["info", str(place)]).splitlines()
+        assert first.startswith(f"{place}: a result of `floquid identify`, 2 modes of 2 channels, period ")
+        assert following[0] == f"Next: floquid report {place}"
+        for line in following[1:]:
+            assert run(line.removeprefix("  or floquid ").replace("modes.csv", str(tmp_path / "m.csv")).split()) == 0
+        found = json.loads(typed(["info", str(place), "--format", "json"]))
+        assert found["next"]["command"] == f"floquid report {place}"
+
+
+def test_names_may_be_given(tmp_path):
+    fq.write(fq.Record(values=np.eye(2, 20), sample_rate=10.0, channels=["x", "y"]), tmp_path / "run.npz")
+    text = typed(["info", str(tmp_path / "run.npz"), "--names", "hip,knee"])
+    assert [line.split()[0] for line in text.splitlines()[2:4]] == ["hip", "knee"]
+    assert " --names hip,knee " in text

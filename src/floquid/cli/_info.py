@@ -13,11 +13,15 @@ import numpy as np
 
 from floquid._checks import counted
 from floquid.cli._errors import in_options
-from floquid.cli._options import Format, Header, Rate, RecordFile, split
+from floquid.cli._folder import is_saved, result_file
+from floquid.cli._options import Format, Header, Names, Rate, RecordFile, split
 from floquid.cli._terminal import json_text, new_table, terminal
 from floquid.core import Record
+from floquid.pipeline import Analysis
 from floquid.preparation import Candidate, Proposal, propose
 from floquid.readers import FileSummary, read_and_describe
+from floquid.store import load
+from floquid.transfer import MeasuredTransfer, TransferFit
 from floquid.views import SHORT
 
 TELLS = (
@@ -32,6 +36,17 @@ PERIODS = (
 )
 """Words on the option that goes with every clock that counts revolutions."""
 
+WHAT = {
+    "Analysis": "a result of `floquid identify`",
+    "MeasuredTransfer": "transfer functions of `floquid transfer`",
+    "TransferFit": "modes fitted to transfer functions by `floquid transfer`",
+    "Survey": "a survey of `floquid survey`",
+    "Comparison": "a comparison of `floquid compare`",
+    "Updated": "a model with parameters fitted to results",
+    "Monitor": "a monitor of `floquid monitor`",
+}
+"""Words for results, by their types."""
+
 MAINS = (50.0, 60.0, 400.0, 50.0 / 3.0)
 """Frequencies of grids [Hz]: Europe and Asia, the Americas, aircraft, railways."""
 
@@ -41,26 +56,33 @@ def info(
     /,
     *,
     channels: str | None = None,
+    names: Names = None,
     rate: Rate = None,
     header: Header = True,
     format: Format = "text",  # noqa: A002
 ) -> None:
     """Show what is in a record file: channels, units, rate, candidates for clock, hits and inputs, what to type next.
 
+    Of a result.h5, or of the folder that it is in: what was found, and the commands that go on from there.
+
     Parameters
     ----------
     file
-        The record.
+        The record, or a result.
     channels
         The channels to show, comma-separated; all when not given.
     format
         text prints a table; json prints the same for a program.
     """
-    named = None if channels is None else split(channels)
-    found, record = read_and_describe(file, rate=rate, channels=named, header=header)
+    if is_saved([file]):
+        _print_result(file, format)
+        return
+    named, called = (None if words is None else split(words) for words in (channels, names))
+    found, record = read_and_describe(file, rate=rate, channels=named, names=called, header=header)
     with np.errstate(all="ignore"):  # damage; what comes of it is no number and proposes nothing
         proposal = Proposal(candidates=(), settings={}) if record is None else propose(record, found.clock_candidates)
         given = "" if channels is None else f" --channels {shlex.quote(channels)}"
+        given += "" if names is None else f" --names {shlex.quote(names)}"
         given += "" if rate is None else f" --rate {rate:.17g}"
         following = _next(found, record, proposal, given + ("" if header else " --no-header"))
     if format == "json":
@@ -69,6 +91,30 @@ def info(
     _print_summary(found, proposal)
     lines = [f"{following['words']}: {following['command']}", *(f"  {line}" for line in following["hints"])]
     terminal().print("\n".join(lines), soft_wrap=True)
+
+
+def _print_result(file: Path, format: Format) -> None:  # noqa: A002
+    """Print what a result is, and the commands that start from it."""
+    found = load(result_file(file))
+    analysis = found if isinstance(found, Analysis) else None
+    words = WHAT.get(type(found).__name__, "what was found of several results")
+    if analysis is not None:
+        verdict = {True: "; it passes", False: "; it fails", None: ""}[analysis.passed]
+        counts = counted(len(analysis.model.upper_modes), "mode"), counted(len(analysis.model.channels), "channel")
+        words += f", {counts[0]} of {counts[1]}"
+        words += f", period {analysis.model.period:.8g} s{verdict}"
+    path = shlex.quote(str(file))
+    lines = isinstance(found, (MeasuredTransfer, TransferFit))
+    following = [f"floquid transfer --lines {path} --method fit" if lines else f"floquid report {path}"]
+    if analysis is not None:
+        following.append(f"floquid convert {path} modes.csv")
+    if format == "json":
+        next_command = {"command": following[0], "complete": True, "hints": following[1:]}
+        content = {"format": "floquid-info/1", "path": str(file), "file_format": words, "next": next_command}
+        sys.stdout.write(json_text(content))
+        return
+    told = [f"{file}: {words}.", f"Next: {following[0]}", *(f"  or {command}" for command in following[1:])]
+    terminal().print("\n".join(told), soft_wrap=True)
 
 
 def options(settings: Mapping[str, Any]) -> str:

@@ -14,6 +14,7 @@ from cyclopts import Group, Parameter, Token
 from floquid._checks import finite, input_error, positive
 from floquid.core import Branch, as_point
 from floquid.errors import InputError
+from floquid.exports import MODE_FORMATS
 from floquid.inputs import Hold
 from floquid.io import readable_file
 from floquid.pipeline import FORBIDDEN, WORDS, Excitation, IdentifierName, Settings
@@ -63,6 +64,11 @@ FleetFiles = Annotated[Path, Parameter(converter=_path, help=_OF_FLEETS)]
 NewRecordFile = Annotated[
     Path, Parameter(converter=_path, help=f"The file to write; its suffix chooses the format: {WRITTEN}.")
 ]
+_CONVERTED = (
+    f"The file to write; its suffix chooses the format: of a record {WRITTEN}; of a result's modes "
+    f"{', '.join(MODE_FORMATS)}."
+)
+Converted = Annotated[Path, Parameter(converter=_path, help=_CONVERTED)]
 OUTPUT = Group("Output", sort_key=9)
 Flag = Parameter(negative="", show_default=False)
 Verbose = Annotated[bool, Flag, Parameter(group=OUTPUT)]

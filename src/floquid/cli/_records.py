@@ -13,15 +13,15 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid._checks import counted, input_error
 from floquid.cli._events import event_files, read_events
-from floquid.cli._folder import identified_in
+from floquid.cli._folder import identified_in, is_saved
 from floquid.cli._info import TELLS, options
 from floquid.cli._options import (
     Choices,
+    Converted,
     Damping,
     Frequency,
     Header,
     Names,
-    NewRecordFile,
     Point,
     Rate,
     RecordFile,
@@ -34,7 +34,7 @@ from floquid.cli._terminal import progress, terminal
 from floquid.core import Record
 from floquid.errors import InputError
 from floquid.exports import MODE_FORMATS, export_modes
-from floquid.io import GUARD, attribute, readable_file
+from floquid.io import readable_file
 from floquid.preparation import propose, with_events
 from floquid.readers import read, read_and_describe, write
 from floquid.views import DampingUnit
@@ -90,7 +90,7 @@ def _likely(file: Path, rate: float | None, header: bool) -> str:
 
 def convert(
     file: RecordFile,
-    out: NewRecordFile,
+    out: Converted,
     /,
     *,
     channels: str | None = None,
@@ -113,8 +113,6 @@ def convert(
     ----------
     file
         The record, or the result.
-    out
-        The file to write: its suffix chooses the format.
     channels
         The channels to keep, comma-separated, in that order; all when not given.
     period
@@ -126,7 +124,7 @@ def convert(
         A line is drawn from row to row; an empty row begins another.
     """
     _refuse_same(file, out)
-    if file.is_dir() or _is_result(file):
+    if file.is_dir() or is_saved([file]):
         options: dict[str, object] = {"channels": channels, "names": names, "rate": rate}
         options |= {"period": period, "frequency": frequency}
         options |= {"origin": origin or None, "no-header": None if header else True, "point": point}
@@ -160,23 +158,6 @@ def _refuse_same(file: Path, out: Path) -> None:
         if out.resolve() == file.resolve() or out.samefile(file):
             got = f"{out} is the file that is read"
             raise input_error("OUT", OF, "be another file", got, "Give the new file a name of its own.")
-
-
-def _is_result(file: Path) -> bool:
-    """True where it is a file that `identify` wrote."""
-    if file.suffix.lower() not in (".h5", ".hdf5"):
-        return False
-    try:
-        return GUARD.call(file, _mark, file) == "floquid-result"
-    except (OSError, RuntimeError, ValueError, KeyError, TypeError):
-        return False  # whatever it is, the reader will say what is wrong with it
-
-
-def _mark(file: Path) -> str:
-    import h5py
-
-    with h5py.File(file, "r") as stored:
-        return attribute(stored, "format")
 
 
 def _write(record: Record, out: Path) -> None:

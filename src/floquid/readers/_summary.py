@@ -16,7 +16,7 @@ from floquid._checks import positive
 from floquid.core import Channel, Quantity, Record
 from floquid.errors import InputError
 from floquid.readers._read import load_table
-from floquid.tables import TimeAxis, record_of, settle_axis
+from floquid.tables import TimeAxis, record_of, settle_axis, with_names
 
 ClockKind: TypeAlias = Literal["period", "pulses", "azimuth", "speed"]
 """Kinds of candidates for the clock: `identify` takes all but a speed, which is only a hint."""
@@ -127,20 +127,31 @@ class FileSummary:
 
 
 def describe_file(
-    path: str | PathLike[str], *, rate: float | None = None, channels: Sequence[str] | None = None, header: bool = True
+    path: str | PathLike[str],
+    *,
+    rate: float | None = None,
+    channels: Sequence[str] | None = None,
+    names: Sequence[str] | None = None,
+    header: bool = True,
 ) -> FileSummary:
     """Summary of a file: channels, units, rate, candidates for the clock.
 
     It is what `floquid info` prints. A file whose time axis cannot be settled is described all the same, without a
     rate, and a note says why. Raises InputError where the file cannot be read, or is not what its format must be; an
     argument is not possible. `path` is the file, `rate` the sampling rate [Hz], overriding what the file says, and
-    `channels` those to describe, in that order; None describes all. `header` is False for a text table without names.
+    `channels` those to describe, in that order; None describes all. `names` are their names, as `read` takes them.
+    `header` is False for a text table without names.
     """
-    return read_and_describe(path, rate=rate, channels=channels, header=header)[0]
+    return read_and_describe(path, rate=rate, channels=channels, names=names, header=header)[0]
 
 
 def read_and_describe(
-    path: str | PathLike[str], *, rate: float | None = None, channels: Sequence[str] | None = None, header: bool = True
+    path: str | PathLike[str],
+    *,
+    rate: float | None = None,
+    channels: Sequence[str] | None = None,
+    names: Sequence[str] | None = None,
+    header: bool = True,
 ) -> tuple[FileSummary, Record | None]:
     """The summary of a file as `describe_file` has it, and its record where it can be read as one."""
     if rate is not None:
@@ -148,6 +159,7 @@ def read_and_describe(
     source, kind, table = load_table(
         path, of="describe_file", channels=channels, ignore_time=rate is not None, header=header
     )
+    table = table if names is None else with_names(table, names, source)
     notes: tuple[str, ...]
     try:
         axis = settle_axis(table, source, rate)

@@ -33,7 +33,7 @@ from floquid.tables._time_axis import SECONDS, TimeAxis, TimeColumn, repair
 __all__ = [
     "MISSING", "OPTION", "SECONDS", "Printed", "Table", "TimeAxis", "TimeColumn", "WholeLines", "check_distinct",
     "check_table", "clock_numbers", "counts_rows", "cut_note", "find_time", "fit_line", "is_cut", "make_channel",
-    "make_channels", "name_and_unit", "nominal_rate_of_step", "number_in", "numbered", "numbers_of", "orbit_of", "printed", "rate_of_step",
-    "rate_stated", "real_row", "record_of", "refuse_blurred_times", "repair", "rows_of", "says_rate", "settle_axis",
-    "stated_number", "texts_of", "times_of", "with_names", "with_units", "without_counters",
+    "make_channels", "name_and_unit", "nominal_rate_of_step", "number_in", "numbered", "numbers_of", "orbit_of",
+    "printed", "rate_of_step", "rate_stated", "real_row", "record_of", "refuse_blurred_times", "repair", "rows_of",
+    "says_rate", "settle_axis", "stated_number", "texts_of", "times_of", "with_names", "with_units", "without_counters",
 ]  # fmt: skip

@@ -34,7 +34,13 @@ def cut_note(line: int) -> str:
 
 
 class WholeLines:
-    """Numbered lines of cells parted by blanks, without the last one where its last number is cut; `notes` say so."""
+    """Lines of cells parted by blanks, without the last one where its last number is cut; `notes` then say so.
+
+    Parameters
+    ----------
+    lines
+        The lines with their numbers.
+    """
 
     def __init__(self, lines: Iterable[tuple[int, str]]) -> None:
         self._lines = lines
