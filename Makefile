@@ -24,7 +24,7 @@ export PYTHONDONTWRITEBYTECODE :=
 export PYTHONPYCACHEPREFIX := $(CURDIR)/$(VENV)/bytecode
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo test slow kill pages bench paper peers order adversary turbine drawn structure methods frozen edge monitoring slopes surveyed simulators fuzz platform lint format docs requirements upgrade clean
+.PHONY: help install demo test slow kill pages bench paper peers order adversary turbine drawn structure methods frozen edge monitoring slopes readers surveyed simulators fuzz platform lint format docs requirements upgrade clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' $(firstword $(MAKEFILE_LIST)) | expand -t 22
@@ -84,6 +84,9 @@ monitoring: $(INSTALLED) ## false alarms, detection, intervals and time of monit
 
 slopes: $(INSTALLED) ## time and memory against each size of a record, for each kind (into build/slopes/; ten minutes)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.slopes
+
+readers: $(INSTALLED) ## time and memory of every reader on a file of 100 MB (ten minutes)
+	$(BIN)/python -m benchmarks.readers
 
 surveyed: $(INSTALLED) ## surveys of turbines of three blades, equal and not, and of two (free decays in two minutes; outputs alone in an hour)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.surveyed

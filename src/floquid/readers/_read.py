@@ -16,7 +16,7 @@ from floquid.io import GUARD, DamagedError, Source, as_path, atomic_path, readab
 from floquid.readers._csv import load_csv, load_xlsx, save_csv
 from floquid.readers._lazy import read_lazily
 from floquid.readers._parquet import load_parquet, save_parquet
-from floquid.readers.recorders import load_comtrade, load_mdf, load_tdms, load_wav
+from floquid.readers.recorders import SAMPLES, load_comtrade, load_mdf, load_tdms, load_wav
 from floquid.readers.simulators import load_out, load_outb, load_sel
 from floquid.readers.uff import load_uff, save_uff
 from floquid.readers.variables import load_hdf5, load_mat, load_npy, load_npz, save_hdf5, save_mat, save_npz
@@ -52,6 +52,8 @@ class Format:
         The extra that it needs, as in `pip install "floquid[tdms]"`; empty where a plain installation has all.
     guarded
         A damaged file can end its decoder, or keep it busy without end: it works in the child process.
+    beside
+        Suffixes of a file with the samples beside it, which counts for how long taking it apart may take.
     """
 
     name: str
@@ -60,6 +62,12 @@ class Format:
     save: Save | None = None
     needs: str = ""
     guarded: bool = False
+    beside: tuple[str, ...] = ()
+
+    def largest(self, path: Path) -> Path:
+        """The larger one of the file at a `path` and that with its samples beside it."""
+        files = [path, *(file for end in self.beside if (file := path.with_suffix(end)).exists())]
+        return max(files, key=lambda file: file.stat().st_size)
 
 
 FORMATS: tuple[Format, ...] = (
@@ -78,7 +86,14 @@ FORMATS: tuple[Format, ...] = (
     Format(name="Parquet file", suffix=".parquet", load=load_parquet, save=save_parquet, needs="parquet", guarded=True),
     Format(name="WAV file", suffix=".wav", load=load_wav),
     Format(name="NumPy array", suffix=".npy", load=load_npy),
-    Format(name="COMTRADE file", suffix=".cfg", load=load_comtrade, needs="comtrade", guarded=True),
+    Format(
+        name="COMTRADE file",
+        suffix=".cfg",
+        load=load_comtrade,
+        needs="comtrade",
+        guarded=True,
+        beside=SAMPLES,
+    ),
     Format(name="COMTRADE file", suffix=".cff", load=load_comtrade, needs="comtrade", guarded=True),
     Format(name="MDF file", suffix=".mf4", load=load_mdf, needs="mdf", guarded=True),
     Format(name="MDF file", suffix=".mdf", load=load_mdf, needs="mdf", guarded=True),
@@ -252,7 +267,7 @@ def load_table(
             raise input_error("header", of, "be False for a text table alone", f"{source.name} is a {kind.name}")
         load = partial(load, header=False)
     try:
-        table = GUARD.call(source.path, load) if kind.guarded else load()
+        table = GUARD.call(kind.largest(source.path), load) if kind.guarded else load()
     except DamagedError as error:
         raise source.error(f"be a whole {kind.name}", f"is damaged: {error}", "Copy it again.") from None
     except (OSError, MemoryError) as error:

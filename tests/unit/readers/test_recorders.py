@@ -90,6 +90,19 @@ def test_comtrade_that_is_not_whole(tmp_path):
     assert_refused(path, ["whole COMTRADE file", "Copy or export it again"])
 
 
+def test_the_time_that_comtrade_may_take_grows_with_its_samples(tmp_path, monkeypatch):
+    seen = []
+
+    def call(path, function):
+        seen.append(path)
+        return function()
+
+    monkeypatch.setattr("floquid.readers._read.GUARD.call", call)
+    read(comtrade(tmp_path, "ASCII"))
+    read(comtrade(tmp_path, "ASCII", cff=True))
+    assert [path.suffix for path in seen] == [".dat", ".cff"]
+
+
 TIMES = np.arange(N) / 50
 WAVES = np.random.default_rng(3).standard_normal((2, N))
 

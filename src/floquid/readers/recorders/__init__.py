@@ -1,8 +1,8 @@
 """Files of recorders and of acquisition systems."""
 
-from floquid.readers.recorders._comtrade import load_comtrade
+from floquid.readers.recorders._comtrade import SAMPLES, load_comtrade
 from floquid.readers.recorders._mdf import load_mdf
 from floquid.readers.recorders._tdms import load_tdms
 from floquid.readers.recorders._wav import load_wav
 
-__all__ = ["load_comtrade", "load_mdf", "load_tdms", "load_wav"]
+__all__ = ["SAMPLES", "load_comtrade", "load_mdf", "load_tdms", "load_wav"]

@@ -14,13 +14,15 @@ from floquid.io import Source, load_package
 from floquid.tables import Table, TimeColumn, make_channels, numbered, rows_of
 
 _AGAIN = "Copy or export it again."
+SAMPLES = (".dat", ".DAT", ".Dat")
+"""Suffixes of the samples beside a head."""
 
 
 def load_comtrade(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
     """The table in a COMTRADE file (.cfg with its .dat, or .cff)."""
     comtrade = load_package("comtrade", source.of)
     path = source.path
-    beside = [path.with_suffix(end) for end in (".dat", ".DAT", ".Dat")] if path.suffix.lower() == ".cfg" else [path]
+    beside = [path.with_suffix(end) for end in SAMPLES] if path.suffix.lower() == ".cfg" else [path]
     samples = next((place for place in beside if place.exists()), None)
     if samples is None:
         got = f"has no {path.with_suffix('.dat').name} beside it"

@@ -49,7 +49,7 @@ def load_wav(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
     )
     rows = rows_of(source, named, channels)
     return Table(
-        values=_scaled(samples[:, rows].T),
+        values=_scaled(samples, rows),
         channels=tuple(named[row] for row in rows),
         sample_rate=float(rate),
         notes=notes,
@@ -121,9 +121,11 @@ def _is_unknown(size: int) -> bool:
     return size == 0 or any(0 <= largest - size <= 64 for largest in (_UNKNOWN, 0x7FFFFFFF, 0x7FFFF000))
 
 
-def _scaled(samples: NDArray[Any]) -> Floats:
-    """Samples over full scale, which is what their type holds (scipy shifts those of 24 bits into 32); or as is."""
-    values = samples.astype(np.float64, order="C")
+def _scaled(samples: NDArray[Any], rows: Sequence[int]) -> Floats:
+    """Channels of samples over full scale, what their type holds (scipy shifts 24 bits into 32); or as is."""
+    values = np.empty((len(rows), len(samples)))
+    for row, column in zip(values, rows, strict=True):  # one at a time: a copy of all would be as large as the file
+        row[:] = samples[:, column]
     if samples.dtype.kind == "u":
         values -= 128.0
     if samples.dtype.kind in "iu":

@@ -375,7 +375,7 @@ def _values(source: Source, file: VariableFile, n_channels: int) -> Floats:
         must = f"have `values` of shape (channels, samples) with {n_channels} channels, as in `channels`"
         raise source.error(must, f"has shape {shape} there", remedy)
     with np.errstate(over="ignore"):  # a long double too large becomes infinite, and is refused as such
-        return samples(source, file, "values").astype(np.float64, order="C")
+        return samples(source, file, "values").astype(np.float64, order="C", copy=False)
 
 
 _NOT_HELD = ("a MATLAB object", "a link", "data of another file", "Python objects")
