@@ -177,6 +177,24 @@ def _moving(model: PeriodicModel, near: float) -> list[Finding]:
     return findings
 
 
+def _repeats(model: PeriodicModel) -> int:
+    """The number of times that the system repeats in a period: the common divisor of the distances of its lines.
+
+    Lines are those that are above the noise of all channels and hits together. One where fewer than two modes have
+    several.
+    """
+    std = model.coefficient_std
+    if std is None:
+        return 1
+    parts = ((model.coefficients.real, std.real), (model.coefficients.imag, std.imag))
+    squares = sum(np.divide(part, noise, out=np.zeros_like(part), where=noise > 0.0) ** 2 for part, noise in parts)
+    seen = np.sum(squares, axis=(1, 2)) > chi2_limit(2 * std.shape[1] * std.shape[2], SURE)
+    distances = [np.diff(model.harmonics[seen[mode]]) for mode in model.upper_modes]
+    if sum(len(own) > 0 for own in distances) < 2:
+        return 1
+    return int(np.gcd.reduce(np.concatenate(distances)))
+
+
 def doubts_of(model: PeriodicModel, *, wanders: bool = False) -> tuple[Finding, ...]:
     """Findings on the modes of a model: hardly determined, without decay, of another period, growing."""
     findings, std = [], model.exponent_std
@@ -187,6 +205,8 @@ def doubts_of(model: PeriodicModel, *, wanders: bool = False) -> tuple[Finding, 
         findings += _still(model, std)
     if model.order and not ((np.abs(model.coefficients).max(axis=(1, 2)) > 0).sum(axis=1) > 1).any():
         findings.append(warning("no_second_harmonic"))
+    elif (times := _repeats(model)) > 1:
+        findings.append(warning("period_multiple", given=model.period, times=times))
     findings += _moving(model, WANDERING if wanders else NEIGHBOURS)
     if std is not None and _halved(model, std):
         findings.append(warning("period_halved"))

@@ -58,6 +58,14 @@ def _twice(given: float, even: float, odd: float, limit: float) -> str:
     )
 
 
+def _multiple(given: float, times: int) -> str:
+    return (
+        f"The system repeats {times} times within the {given:.6g} s given: lines of its modes are {times} harmonics apart. "
+        f"The shortest period needs fewer lines: `period={given / times:.10g}`. For a shaft that turns once in "
+        f"{given:.6g} s, add `periods_per_revolution={times}`."
+    )
+
+
 def _phase(record: int, deviations: float | None = None) -> str:
     how = "by about half a period" if deviations is None else f"by {deviations:.0f} deviations"
     return (
@@ -112,6 +120,7 @@ PERIOD: dict[str, str | Callable[..., str]] = {
     "period_halved": "Modes come in pairs of equal decay, half a fundamental apart. Most likely the true period is "
     "twice the one given, and each mode is listed twice.",
     "period_twice": _twice,
+    "period_multiple": _multiple,
     "records_phase": _phase,
     "period_of_orbit": _of_orbit,
     "orbit_of_two_periods": "The steady response repeats after two periods, with the opposite sign after one. It is a "

@@ -528,3 +528,12 @@ def test_a_filter_has_the_gain_that_is_told():
     out = filtered(values, taps)
     assert out.shape == (1, 18)
     assert_allclose(out[0], (gain * np.exp(rate * np.arange(2, 20) * 0.3)).real)
+
+
+@pytest.mark.parametrize("times", [1, 2, 3])
+def test_a_period_that_holds_several_is_told(times):
+    rotor = JeffcottRotor()
+    record = rotor.simulate(n_periods=48, samples_per_period=16, noise=0.01, seed=1)
+    found = identify(record.with_clock(ConstantPeriod(period=times * rotor.period)), validate=False)
+    told = [own for own in found.findings if own.code == "period_multiple"]
+    assert [own.numbers["times"] for own in told] == [times] * (times > 1)

@@ -106,6 +106,7 @@ FITTED = {
     "constrained": ("plain", {}, False),
     "trust_period": ("wrong", {"channels": ("x0",)}, True),
     "forced": ("plain", {}, "3"),
+    "branch": ("plain", {}, "slowest"),
     "validate": ("plain", {}, True),
 }
 """Options that change the fit or its verdict."""
