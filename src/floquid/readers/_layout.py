@@ -10,7 +10,7 @@ import csv
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import takewhile
+from itertools import takewhile, zip_longest
 
 from floquid.errors import InputError
 from floquid.io import Source
@@ -232,7 +232,10 @@ def _are_units(cells: Sequence[str], names: Sequence[str]) -> bool:
 
 def _named(found: _Names, parting: Parting, first: tuple[int, Sequence[str]], head: _Lines) -> Layout:
     """The layout of rows with names, and what is stated in the lines above them."""
-    bare = [re.sub(r"^[\[(](.*)[\])]$", r"\1", unit).strip() for unit in found.units]
+    below = [re.sub(r"^[\[(](.*)[\])]$", r"\1", unit).strip() for unit in found.units]
+    above = [cells for _, line in head if (cells := parting.cells(line))[:1] == ["Y_Unit_Label"]]  # of LabVIEW
+    labelled = ["", *(above[-1][1:] if above else [])][: len(below)]
+    bare = [unit or label for unit, label in zip_longest(below, labelled, fillvalue="")]
     units = [_UNITS.get(unit.lower(), unit) for unit in bare]
     names = ["Sequence" if unit.lower() == "sequence" else n for n, unit in zip(found.names, bare, strict=True)]
     stated = {}

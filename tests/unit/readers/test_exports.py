@@ -45,6 +45,11 @@ EXPORTS = {  # name: the suffix, the text, the names, the units
         "LabVIEW Measurement\t\nX_Columns\tNo\n***End_of_Header***\t\n\t\nChannels\t2\nDelta_X\t0.02\t0.02\n"
         "***End_of_Header***\t\t\nX_Value\tx\ty\tComment\n" + rows("\t{x}\t{y}"), "xy", "--",
     ),
+    "LabVIEW with units": (
+        ".lvm",
+        "LabVIEW Measurement\t\n***End_of_Header***\t\n\t\nChannels\t2\nY_Unit_Label\tVolts\tN\nDelta_X\t0.02\t0.02\n"
+        "***End_of_Header***\t\t\nX_Value\tx\ty\tComment\n" + rows("{t}\t{x}\t{y}"), "xy", "VN",
+    ),
     "semicolons": (".csv", "Zeit [s];x [m];y [m]\n" + rows("{t};{x};{y}").replace(".", ","), "xy", "mm"),
     "tabs and commas": (".txt", "Zeit [s]\tx [m]\ty [m]\n" + rows("{t}\t{x}\t{y}").replace(".", ","), "xy", "mm"),
     "a rate above": (".csv", "Sampling rate:,50,Hz\nOperator,me\nx [m],y [m]\n" + rows("{x},{y}"), "xy", "mm"),
