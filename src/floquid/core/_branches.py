@@ -18,6 +18,13 @@ from floquid.core._periodic_model import PeriodicModel
 
 Branch: TypeAlias = Literal["strongest", "slowest", "symmetric"]
 
+EVEN = 0.9
+"""Share of what is even less what is odd, from which on a shape is even.
+
+Of two equal lines it is a half about either, of four three quarters. Of scans with 5 % of noise it was above 0.999,
+with 50 % above 0.96.
+"""
+
 
 def on_branch(model: PeriodicModel, branch: Branch) -> PeriodicModel:
     r"""Move the exponents of a model to another branch, and its shapes with them.
@@ -51,7 +58,7 @@ def turning_point(model: PeriodicModel) -> tuple[float, Integers]:
     [rad], from -π/2 to π/2, since either end of the path may be x = 1, and the whole numbers k (modes,), zero for real
     multipliers.
 
-    Raises InputError where a mode has no such branch: half of its energy or more is not even about any of its lines.
+    Raises InputError where a mode has no such branch: too little of its energy is even about any of its lines.
     """
     upper = [mode for mode in model.upper_modes if not model.unpaired[mode]]
     noise = _noise(model)
@@ -69,7 +76,7 @@ def turning_point(model: PeriodicModel) -> tuple[float, Integers]:
     for mode, table in zip(upper, pairs, strict=True):
         shares = _shares(table, np.array([phase]))[:, 0]
         best = int(shares.argmax())
-        if shares[best] <= 0.5:
+        if shares[best] < EVEN:
             must = "have modes whose shapes are even about a turning point of the path"
             odd, hertz = 100.0 * (1.0 - shares[best]), model.frequencies_hz[mode]
             got = f"that at {hertz:.6g} Hz is not by {odd:.0f} % of its energy"

@@ -121,6 +121,8 @@ PERIOD: dict[str, str | Callable[..., str]] = {
     "twice the one given, and each mode is listed twice.",
     "period_twice": _twice,
     "period_multiple": _multiple,
+    "branch_left": "No turning point of a scan makes all shapes even: {why}. Exponents are on the branches of their "
+    "strongest lines.",
     "records_phase": _phase,
     "period_of_orbit": _of_orbit,
     "orbit_of_two_periods": "The steady response repeats after two periods, with the opposite sign after one. It is a "

@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import Unpack
 
 from floquid.core import Record, common_point, on_branch
-from floquid.errors import IdentificationError
-from floquid.findings import Finding, texts
+from floquid.errors import IdentificationError, InputError
+from floquid.findings import Finding, texts, warning
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._sums import SumError, look_for_sums, without
 from floquid.pipeline.excited import identified_ambient, identified_driven
@@ -99,7 +99,11 @@ def _reported(found: Analysis) -> Analysis:
     """The result on the branch asked for, with the operating point of its records; the clock's speed without one."""
     speed = 60.0 / (found.model.period * found.settings.periods_per_revolution)
     given = common_point(record.point for record in found.records)
-    model = on_branch(found.model, found.settings.branch)
+    try:
+        model = on_branch(found.model, found.settings.branch)
+    except InputError as error:  # the modes are found, and stay on the branches of their strongest lines
+        why = str(error).partition(", but ")[2].splitlines()[0].rstrip(".")
+        model, found = found.model, replace(found, findings=(*found.findings, warning("branch_left", why=why)))
     model = replace(model, point={"speed_rpm": speed, **given})
     if found.decay is None:
         return replace(found, model=model)

@@ -70,6 +70,7 @@ SAMPLES = {
     "modes_of_lines_undetermined": {"frequencies": (2.0, 3.0)},
     "modes_of_lines_flattened": {"frequencies": (2.0, 3.0), "window": 0.4},
     "wrong_period": {"given": 0.04, "own": 0.0400005, "std": 3e-7, "slip": 2.1, "rate": 511.97, "whole": 20},
+    "branch_left": {"why": "that at 13.7 Hz is not by 60 % of its energy"},
     "period_multiple": {"given": 0.04, "times": 2},
     "period_twice": {"given": 0.04, "even": 900.0, "odd": 3.0, "limit": 21.0},
     "records_phase": {"record": 2, "deviations": 11.0},

@@ -140,15 +140,30 @@ def test_identify_takes_the_rule(record):
 
 
 def test_shapes_that_are_even_nowhere_are_refused():
-    """A shape of two equal lines side by side has no line in its middle."""
-    shape = np.array([[[[0.0, 1.0, 1.0]]], [[[1.0, 1.0, 0.0]]]])
-    model = PeriodicModel(
-        exponents=[-1 + 9j, -1 - 9j], coefficients=shape, harmonics=[-1, 0, 1], period=1.0, channels=["v"]
-    )
-    with pytest.raises(InputError, match=r"that at 1\.44121 Hz is not by 50 % of its energy"):
+    """A shape of two or four equal lines side by side has no line in its middle."""
+    for lines, odd in (([0.0, 0.0, 1.0, 1.0, 0.0], 50), ([0.0, 1.0, 1.0, 1.0, 1.0], 25)):
+        shape = np.array([[[lines]], [[lines[::-1]]]])
+        model = PeriodicModel(
+            exponents=[-1 + 9j, -1 - 9j], coefficients=shape, harmonics=range(-2, 3), period=1.0, channels=["v"]
+        )
+        with pytest.raises(InputError, match=rf"that at 1\.44121 Hz is not by {odd} % of its energy"):
+            turning_point(model)
+    with pytest.raises(InputError, match=r"is not by 25 % of its energy"):
         turning_point(model)
     with pytest.raises(InputError, match="sensor that runs to and fro"):
         path_shapes(model)
+
+
+def test_a_result_without_a_turning_point_stays_on_the_strongest_branch():
+    """What was found is not lost where the shape has two equal lines side by side."""
+    times = np.arange(1600) / 32.0
+    clean = np.exp((-0.05 + 2j) * times) * (1.0 + np.exp(2j * np.pi * times))
+    noise = 1e-3 * np.random.default_rng(4).standard_normal(len(times))
+    record = fq.Record(values=[clean.real + noise], sample_rate=32.0, channels=["v"])
+    left, usual = (fq.identify(record, period=1.0, validate=False, branch=word) for word in ("symmetric", "strongest"))
+    np.testing.assert_array_equal(left.model.exponents, usual.model.exponents)
+    (told,) = (own for own in left.findings if own.code == "branch_left")
+    assert "is not by 50 % of its energy" in str(told)
 
 
 def test_what_else_is_refused(model):
