@@ -111,7 +111,8 @@ def _products(lines: Complexes, harmonics: Integers) -> Complexes:
             for k in range(count)
         ]
     )
-    return table / max(float(np.sum(np.abs(lines) ** 2)), np.finfo(float).tiny)
+    energy = float(np.sum(np.abs(lines) ** 2))
+    return np.asarray(table / max(energy, np.finfo(float).tiny), np.complex128)
 
 
 def _shares(table: Complexes, phases: Floats) -> Floats:
