@@ -26,7 +26,7 @@ def rows_after(text, title):
 
 def test_the_tables_say_what_the_numbers_say(result):
     text = typed(f"bootstrap kept/result.h5 {COMMON} --seed 3")
-    found = floquid.bootstrap(floquid.load(result / "result.h5"), draws=20, seed=3, workers=1)
+    found = floquid.load(result / "result.h5").bootstrap(20, seed=3, workers=1)
     assert text.startswith("20 records drawn from the model, seed 3: the same modes fitted anew.\n")
     assert max(map(len, text.splitlines())) <= 80
     rows = [line.split() for line in text.splitlines() if re.match(r" *\d? +(Re λ|Im λ|f \[Hz\]|ζ) ", line)]

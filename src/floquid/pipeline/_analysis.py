@@ -378,7 +378,7 @@ class Analysis(Told, Drawn, Brief):
         **options
             Those of `floquid.bootstrap`.
         """
-        return late("pipeline", "bootstrap")(self, draws, **options)
+        return late("pipeline", "bootstrap")(self, draws=draws, **options)
 
     def scan(
         self,
