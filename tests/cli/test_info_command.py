@@ -180,6 +180,7 @@ def test_json_has_all_that_the_text_has(hammer):
     assert (hits["name"], hits["use"], hits["impacts"], hits["options"]) == ("ch1", "hits", 3, "--find-hits")
     assert found["next"]["command"] == next_of(hammer).removeprefix("Next: ")
     assert found["next"]["complete"] is True
+    assert "add --periods-per-rev: 2 of an asymmetric shaft" in found["next"]["hints"][0]
     assert found["settings"] == {"channels": ["x", "y"], "find_hits": True, "tach": "ch4"}
 
 

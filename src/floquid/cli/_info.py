@@ -154,8 +154,8 @@ def _print_summary(found: FileSummary, proposal: Proposal) -> None:
     for own in (*clocks, *proposal.of_use("none"), *_unread(found, proposal)):
         use = f" Use {options(own.settings)}." if own.settings and own.use == "clock" else ""
         console.print(f"Possible clock: {own.name}, {own.why.rstrip('.')}.{use}")
-    if any(own.settings.keys() & {"tach", "azimuth"} for own in clocks):
-        console.print(PERIODS)
+    for words in _of_shaft(proposal):
+        console.print(words)
     if not clocks:
         console.print("No candidate for a clock: give the period with --period or --frequency.", style="dim")
     units = {c.name: "" if c.unit == "-" else f" [{c.unit}]" for c in found.channels}
@@ -168,6 +168,12 @@ def _print_summary(found: FileSummary, proposal: Proposal) -> None:
         console.print(f"Input candidate{'s' * (len(driving) > 1)}: {words} ({option})", soft_wrap=True)
     for own in proposal.of_use("excitation"):
         console.print(f"Excitation: {own.why}. Use {options(own.settings)}.")
+
+
+def _of_shaft(proposal: Proposal) -> list[str]:
+    """Words on the periods in a revolution where a shaft may be the clock."""
+    shafts = any(own.settings.keys() & {"tach", "azimuth"} for own in proposal.of_use("clock"))
+    return [PERIODS] if shafts else []
 
 
 def _unread(found: FileSummary, proposal: Proposal) -> list[Candidate]:
@@ -271,6 +277,9 @@ def _content(found: FileSummary, proposal: Proposal, following: Mapping[str, Any
         **summary,
         **{name: list(map(in_options, getattr(found, name))) for name in ("notes", "time_axis")},
         "candidates": [asdict(own) | {"options": options(own.settings)} for own in candidates],
-        "next": {name: following[name] for name in ("command", "complete", "hints")},
+        "next": {
+            **{name: following[name] for name in ("command", "complete")},
+            "hints": [*_of_shaft(proposal), *following["hints"]],
+        },
         "settings": proposal.settings,
     }

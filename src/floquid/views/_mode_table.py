@@ -24,7 +24,7 @@ MODE_NOTES = {
     "μ<0": "a negative real multiplier, no pair",
     "μ>0": "a positive real multiplier, no pair",
     "grows": "unstable",
-    "f?": "another line is over half as strong, and has another f and ζ",
+    "f?": "another line is over half as strong, and has another f and damping",
 }
 """The words that a mode may deserve and what they mean; they are short, for a table has to fit 80 columns."""
 
