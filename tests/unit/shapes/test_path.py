@@ -154,6 +154,24 @@ def test_shapes_that_are_even_nowhere_are_refused():
         path_shapes(model)
 
 
+def test_a_scan_over_the_middle_keeps_its_period():
+    """Modes of a symmetric strip are even or odd over the middle: the response has lines two harmonics apart."""
+    times = PERIOD / PHASES * np.arange(50 * PHASES)
+    x = np.cos(2.0 * np.pi * times / PERIOD)
+    shapes = np.sin(np.pi * np.multiply.outer([1, 2], 0.5 + 0.3 * x))
+    clean = np.einsum("rn,rn->n", shapes, np.exp(np.multiply.outer(TRUE, times))).real
+    noise = 0.02 * clean.std() * np.random.default_rng(5).standard_normal(len(times))
+    record = fq.Record(values=[clean + noise], sample_rate=PHASES / PERIOD, channels=["v"])
+    usual, even = (
+        fq.identify(record, period=PERIOD, order=4, validate=False, branch=word) for word in ("strongest", "symmetric")
+    )
+    assert [own.code for own in usual.findings].count("period_multiple") == 1
+    assert "period_multiple" not in [own.code for own in even.findings]
+    found = path_shapes(even)
+    off, std = found.exponents[by_truth(found)] - TRUE, found.exponent_std[by_truth(found)]
+    assert np.abs([off.real / std.real, off.imag / std.imag]).max() < 4.0
+
+
 def test_a_result_without_a_turning_point_stays_on_the_strongest_branch():
     """What was found is not lost where the shape has two equal lines side by side."""
     times = np.arange(1600) / 32.0
