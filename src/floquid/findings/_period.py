@@ -61,8 +61,8 @@ def _twice(given: float, even: float, odd: float, limit: float) -> str:
 def _multiple(given: float, times: int) -> str:
     return (
         f"The system repeats {times} times within the {given:.6g} s given: lines of its modes are {times} harmonics "
-        f"apart. Pass `period={given / times:.10g}`, or `periods_per_revolution={times}` with a shaft that turns once in "
-        f'{given:.6g} s. For a sensor that runs to and fro keep the period, and pass `branch="symmetric"`.'
+        f"apart. Pass `period={given / times:.10g}`, or `periods_per_revolution={times}` with a shaft that turns once "
+        f'in {given:.6g} s. For a sensor that runs to and fro keep the period, and pass `branch="symmetric"`.'
     )
 
 
