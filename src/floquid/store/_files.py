@@ -45,7 +45,7 @@ from floquid.store._datasets import (
     put_object,
     to_text,
 )
-from floquid.store._layout import DIRECT, FORMAT, LINES, SHAPE, VERSION, VIEWS
+from floquid.store._layout import ABSENT, DIRECT, FORMAT, LINES, SHAPE, VERSION, VIEWS
 from floquid.surveys import Survey
 from floquid.sync import ShaftAngle
 from floquid.transfer import MeasuredTransfer, Modal, TransferFit
@@ -353,7 +353,7 @@ def _settings(group: Any) -> Settings:
     for name in group:
         if name not in known:
             raise DamagedError(f"it has the setting {name!r}, which this floquid does not know (update floquid)")
-    found = {name: get(group, name, None) for name in known}
+    found = {name: get(group, name, None) for name in known if name in group or name not in ABSENT}
     if isinstance(found["identifier"], str):
         found["identifier"] = from_text(found["identifier"])
     flags = {field.name for field in fields(Settings) if isinstance(field.default, bool)}

@@ -647,3 +647,10 @@ def test_a_damaged_measured_record_is_refused_in_words(rig, tmp_path, name, valu
             file[name] = value
     with pytest.raises(InputError, match=words):
         load(tmp_path / "r.h5")
+
+
+def test_a_file_from_before_there_was_a_choice_of_branch_is_read(bare, tmp_path):
+    save(bare, tmp_path / "r.h5")
+    with h5py.File(tmp_path / "r.h5", "a") as file:
+        del file["settings/branch"]
+    assert list(differences(bare, load(tmp_path / "r.h5"))) == []
