@@ -106,7 +106,7 @@ def misfit_of_gradients(square, half, hold):
     """The largest difference of a gradient from its difference, over the largest gradient, of measured inputs."""
     samples, modes = driven(square, half, hold)
     at, off, place = linearise_driven(samples, modes), [], 0
-    _, gradient = normal_equations(samples, at)
+    _, gradient, _ = normal_equations(samples, at)
     for number, mode in enumerate(modes):
         for index in np.flatnonzero(mode.free):
             step = np.zeros(len(mode.free))

@@ -137,9 +137,9 @@ def _by_powers(scores: Scores) -> tuple[NDArray[np.float64], int]:
     # Less what is linear beside the response that repeats with the period: that is of harmonics of a linear system, and
     # those that were too weak to be kept would pass for squares.
     samples, current = scores.samples, scores.now
-    known = len(current.columns) - len(samples.known)
+    known = current.columns.count - len(samples.known)
     repeated, beside = (
-        current.coefficients[part].T @ current.columns[part] for part in (slice(known, None), slice(known))
+        current.columns.response(current.coefficients, part) for part in (slice(known, None), slice(known))
     )
     size = beside.std(axis=1, keepdims=True)
     size = np.where(size > 0.0, size, 1.0)

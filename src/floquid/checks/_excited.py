@@ -22,7 +22,7 @@ from floquid.checks._residual import STRONG_COLOUR, Colour
 from floquid.core import Channel, PeriodicModel, Record
 from floquid.findings import Finding
 from floquid.fit import SIGNIFICANT, SURE
-from floquid.inputs import Limits, Samples, Scores, Uncertainty, linearise, slopes_of, state_slopes
+from floquid.inputs import Limits, Samples, Scores, Uncertainty, linearise, numbers_of, slopes_in_parts, slopes_of
 from floquid.sync import ShaftAngle
 
 COLOURED = 0.1
@@ -165,18 +165,24 @@ class Driven(Excited):
         first, fitted = without_last(whole)
         part = Uncertainty(first, inputs.solve(first, fitted_model.modes, fitted_model.direct))
         whole_at = linearise(whole, part.at.modes, part.at.direct)
-        states = state_slopes(whole, whole_at)
-        beyond = ~fitted & whole.there
-        columns, errors = whole_at.columns[:, beyond], []
-        for channel, noise in enumerate(part.at.noise):
-            residual = whole.values[channel, beyond] - part.at.coefficients[:, channel] @ columns
-            at = replace(whole_at, coefficients=part.at.coefficients)
-            by_parameters = slopes_of(whole, at, channel, states)[:, beyond]
-            # An error of one parameter goes through all samples: it counts once.
-            untold = part.errors.root(channel, by_parameters.T, columns.T)
-            pull, inner = untold.T @ residual, untold.T @ untold + noise**2 * np.eye(untold.shape[1])
-            square = (residual @ residual - pull @ np.linalg.solve(inner, pull)) / noise**2
-            errors.append(float(np.sqrt(max(square, 0.0) / len(residual))))
+        whole_at = replace(whole_at, coefficients=part.at.coefficients)
+        beyond, outputs = ~fitted & whole.there, range(len(part.at.noise))
+        residual = whole.values - whole_at.columns.response(part.at.coefficients)
+        roots = [part.errors.root(output) for output in outputs]
+        # An error of one parameter goes through all samples: it counts once.
+        pulls, inner = [0.0] * len(outputs), [0.0] * len(outputs)
+        for piece in slopes_in_parts(whole, whole_at.modes, whole_at.states, numbers_of(whole_at)):
+            here, used = piece.alone, beyond[piece.own]
+            columns = whole_at.columns.of(here.samples, piece.own)
+            for output in outputs if used.any() else ():
+                slopes = slopes_of(here.samples, whole_at, output, here.rows)
+                untold = np.concatenate([slopes, columns])[:, used].T @ roots[output]
+                pulls[output] += untold.T @ residual[output, piece.own][used]
+                inner[output] += untold.T @ untold
+        errors = []
+        for own, pull, matrix, noise in zip(residual[:, beyond], pulls, inner, part.at.noise, strict=True):
+            square = (own @ own - pull @ np.linalg.solve(matrix + noise**2 * np.eye(len(pull)), pull)) / noise**2
+            errors.append(float(np.sqrt(max(square, 0.0) / len(own))))
         return np.array(errors)
 
 

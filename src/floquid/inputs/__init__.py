@@ -10,7 +10,8 @@ from floquid.inputs._free import fitted_freely
 from floquid.inputs._modes import RUNAWAY, InputMode, answering, input_gain, runs_away
 from floquid.inputs._result import Uncertainty, sealed
 from floquid.inputs._samples import LEAKAGE, Hold, Samples, samples_of
-from floquid.inputs._solver import Linearisation, linearise, slopes_of, solve, state_slopes
+from floquid.inputs._slopes import slopes_in_parts
+from floquid.inputs._solver import Linearisation, columns_at, linearise, numbers_of, slopes_of, solve
 from floquid.inputs._start import MOST_ROWS, bare_mode, candidates, chosen_together, fitted_together
 from floquid.inputs._transfer import Grid, TransferFunctions, transfer_functions, transfer_of, turning
 from floquid.inputs.search import Limits, Scores, gain_of, nearly_one, period_step, phase_step, read_near_axis, searched

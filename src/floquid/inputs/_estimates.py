@@ -63,18 +63,12 @@ class Errors:
             scales=np.ones(outputs),
         )
 
-    def root(
-        self, output: int, by_parameters: NDArray[np.float64], by_columns: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Root of the covariance of real quantities of one output (quantities, directions).
-
-        By (quantities, parameters) and (quantities, columns): the first of each, where there are more.
-        """
-        columns = slice(by_columns.shape[1])
-        whole = by_columns @ self.slopes[output, columns]
-        whole[:, : by_parameters.shape[1]] += by_parameters
-        own = by_columns @ covariance_root(self.spread[self.blocks[output], columns, columns])
-        return np.concatenate([whole @ covariance_root(self.parameters), own * self.scales[output]], axis=1)
+    def root(self, output: int) -> NDArray[np.float64]:
+        """Root of the covariance of the parameters and the columns of one output (parameters + columns, directions)."""
+        shared = covariance_root(self.parameters)
+        own = covariance_root(self.spread[self.blocks[output]]) * self.scales[output]
+        none = np.zeros((len(shared), own.shape[1]))
+        return np.block([[shared, none], [self.slopes[output] @ shared, own]])
 
     def variance(
         self, output: int, by_parameters: NDArray[np.float64], by_columns: NDArray[np.float64]

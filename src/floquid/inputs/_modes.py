@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import factorial
 
@@ -205,8 +205,29 @@ def state_of(samples: Samples, mode: InputMode) -> NDArray:
 
     Of a block both (2, samples).
     """
+    found = np.empty((mode.states, samples.n_samples), float if mode.real else complex)
+    for parts, state in zip(samples.parts(4 * (1 + len(mode.reach))), mode.initial.reshape(mode.states, -1).T, strict=True):
+        for own in in_turn(mode, parts):
+            wide = joined(own, parts)
+            found[:, wide] = _state_in(samples.part(wide), replace(mode, initial=state))
+            state = np.asarray(found[:, wide.start if mode.backwards else wide.stop - 1], np.complex128)
+    return found if mode.states > 1 else found[0]
+
+
+def joined(own: slice, parts: Sequence[slice]) -> slice:
+    """One of the parts of a record with the first sample of the next, to which it carries the state."""
+    return slice(own.start, min(own.stop + 1, parts[-1].stop))
+
+
+def in_turn(mode: InputMode, parts: Sequence[slice]) -> Sequence[slice]:
+    """Parts of a record in the order in which the state of a mode is followed."""
+    return parts[::-1] if mode.backwards else parts
+
+
+def _state_in(samples: Samples, mode: InputMode) -> NDArray:
+    """The state of a mode in one record ([2,] samples)."""
     if mode.square is not None:
-        return _both(samples, mode, lambda own: state_of(samples, own)).real
+        return _both(samples, mode, lambda own: _state_in(samples, own)).real
     drive = _driven(samples, mode, _shares(samples, mode, mode.exponent))
     initial = mode.initial.real if mode.real else mode.initial
     return followed(samples, mode, drive) + initial @ _begun(samples, mode)
@@ -244,13 +265,13 @@ def _slopes_of_block(samples: Samples, mode: InputMode) -> NDArray:
     gains, initial = (_halves(own)[1] for own in (mode.gains, mode.initial))
 
     def late(own: InputMode) -> NDArray:
-        return _late(samples, own, state_of(samples, own))
+        return _late(samples, own, _state_in(samples, own))
 
     def along(own: InputMode) -> NDArray:
-        return late(own) + state_of(samples, replace(own, gains=gains, initial=initial))
+        return late(own) + _state_in(samples, replace(own, gains=gains, initial=initial))
 
     by_square = slopes_along_square(
-        lambda root: state_of(samples, mode.at(root)),
+        lambda root: _state_in(samples, mode.at(root)),
         lambda root: along(mode.at(root)),
         mode.square,
         _varying(samples, mode),
@@ -300,11 +321,20 @@ def ends_of(samples: Samples, mode: InputMode) -> list[int]:
 
 def _begun(samples: Samples, mode: InputMode) -> NDArray:
     """e^{λt} from the begin of each record (records, samples), or from its end."""
-    rate = mode.exponent.real if mode.real else mode.exponent
+    rate = samples.step * (mode.exponent.real if mode.real else mode.exponent)
     found = np.zeros((len(samples.records), samples.n_samples), type(rate))
-    for number, (own, origin) in enumerate(zip(samples.records, ends_of(samples, mode), strict=True)):
-        found[number, own] = np.exp(rate * samples.step * (np.arange(own.start, own.stop) - origin))
+    for number, own in enumerate(samples.records):
+        length = own.stop - own.start
+        found[number, own] = powers(-rate, length)[::-1] if mode.backwards else powers(rate, length)
     return found
+
+
+def powers(rate: complex, count: int) -> NDArray:
+    """e^{rate k} (count,)."""
+    # By products of few exponentials: each takes as long as fifty products.
+    inner = max(int(count**0.5), 1)
+    steps = np.exp(rate * inner * np.arange(-(-count // inner)))
+    return np.multiply.outer(steps, np.exp(rate * np.arange(inner))).ravel()[:count]
 
 
 def _shares(samples: Samples, mode: InputMode, exponent: complex) -> NDArray[np.complex128]:

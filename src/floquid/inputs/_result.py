@@ -15,16 +15,15 @@ from floquid.core import Channel, Estimates, PeriodicModel, Provenance, modelled
 from floquid.inputs._estimates import Errors, driven_of, estimates_of, selection_of
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import (
+    Equations,
     Linearisation,
-    covariance,
+    covariance_of,
     linearise,
     normal_equations,
-    slopes_of,
     solve,
-    state_slopes,
 )
 from floquid.inputs._transfer import Grid, TransferFunctions, transfer_of
-from floquid.inputs.search import Scores, driving, read_near_axis, through, unmeasured
+from floquid.inputs.search import Passed, Scores, passed, read_near_axis, unmeasured
 from floquid.search import GAP
 
 
@@ -43,9 +42,14 @@ class Uncertainty(Rebuilt):
             sealed(one)
 
     @cached_property
+    def equations(self) -> Equations:
+        """The normal equations of the fit."""
+        return normal_equations(self.samples, self.at)
+
+    @cached_property
     def of_white(self) -> NDArray[np.float64]:
         """Covariance of the free parameters where noise is white: the inverse of their information."""
-        return covariance(self.samples, self.at)
+        return covariance_of(self.samples, self.at, self.equations.matrix)
 
     @cached_property
     def parameters(self) -> NDArray[np.float64]:
@@ -57,13 +61,8 @@ class Uncertainty(Rebuilt):
         """
         if not self._driven:
             return self.of_white
-        drives: list[NDArray] = []
-        for channel in range(len(self.samples.values)):
-            beside = self._beside(channel)
-            own = [driving(self._scores, number, channel, beside) for number, _ in self._driven]
-            drives = [one + more for one, more in zip(drives, own, strict=True)] if drives else own
-        roots = [self.of_white @ self._root(*own, by) for own, by in zip(self._driven, drives, strict=True)]
-        return sum((one @ one.T for one in roots), self.of_white)
+        more = (variance * own.of_parameters for variance, own in self._spreads)
+        return self.of_white + self.of_white @ sum(more) @ self.of_white
 
     @cached_property
     def _scores(self) -> Scores:
@@ -74,30 +73,16 @@ class Uncertainty(Rebuilt):
         """The modes that noise drives, and its variance."""
         return [(number, own) for number, own in enumerate(unmeasured(self._scores).tolist()) if own > 0.0]
 
-    def _root(self, number: int, variance: float, drives: NDArray) -> NDArray[np.float64]:
-        """A root of the covariance of products with noise that drives a mode."""
-        by = through(self._scores, number, drives)
-        return np.asarray(np.sqrt(variance) * np.concatenate([by.real, by.imag], axis=-1), np.float64)
-
-    def _beside(self, channel: int) -> NDArray[np.float64]:
-        """Slopes of a channel by the free parameters over its noise, less what the columns take of them."""
-        own = slopes_of(self.samples, self.at, channel, self._states, 1.0 / self.at.noise[channel])
-        return own - ((own @ self.at.columns.T) @ self.at.inverse) @ self.at.columns
-
     @cached_property
-    def _states(self) -> list[NDArray]:
-        """Derivatives of the states by the parameters."""
-        return state_slopes(self.samples, self.at)
+    def _spreads(self) -> list[tuple[float, Passed]]:
+        """Variances of noise that drives modes, and products of the slopes and columns with what it leaves."""
+        numbers, variances = zip(*self._driven, strict=True)
+        return list(zip(variances, passed(self._scores, self.equations, numbers), strict=True))
 
     @cached_property
     def slopes(self) -> NDArray[np.float64]:
         """Derivatives of the linear coefficients by the free parameters (channels, columns, parameters)."""
-        return np.array(
-            [
-                -self.at.inverse @ (self.at.columns @ slopes_of(self.samples, self.at, channel, self._states).T)
-                for channel in range(len(self.samples.values))
-            ]
-        )
+        return -self.at.inverse @ (self.equations.along * self.at.noise[:, None, None]).swapaxes(1, 2)
 
     def model(
         self,
@@ -133,7 +118,7 @@ class Uncertainty(Rebuilt):
         modes = [replace(mode, exponent=complex(value.real) if mode.real else value) for mode, value in pairs]
         modes = [mode.padded("turns", GAP, highest) for mode in modes]
         here = Uncertainty(self.samples, linearise(self.samples, modes, self.at.direct))
-        step = here.of_white @ normal_equations(here.samples, here.at)[1]
+        step = here.of_white @ here.equations.gradient
         return here.estimates.moved(selection_of(here.at.modes) @ step)
 
     def transfer(
@@ -166,7 +151,7 @@ class Uncertainty(Rebuilt):
 
     def drawn(self, generator: np.random.Generator) -> NDArray[np.float64]:
         """Outputs made of the fit, with noise of its size (outputs, samples)."""
-        clean = self.at.coefficients.T @ self.at.columns
+        clean = self.at.columns.response(self.at.coefficients)
         return np.asarray(clean + self.at.noise[:, None] * generator.standard_normal(clean.shape))
 
     def refitted(self, values: NDArray[np.float64]) -> Uncertainty:
@@ -200,9 +185,8 @@ class Uncertainty(Rebuilt):
 
     def _of_columns(self, channel: int) -> NDArray[np.float64]:
         """Covariance of the coefficients of an output over its noise, beside that of the parameters."""
-        each = [(own, driving(self._scores, own[0], channel, self.at.columns)) for own in self._driven]
-        roots = [self.at.inverse @ self._root(*own, by) for own, by in each]
-        return sum((one @ one.T for one in roots), self.at.inverse)
+        more = sum(variance * own.of_columns[channel] for variance, own in self._spreads)
+        return self.at.inverse + self.at.inverse @ more @ self.at.inverse
 
     @property
     def shapes(self) -> list[NDArray[np.complex128]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -11,8 +11,10 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import BLOCK
 from floquid._checks import Rebuilt
 from floquid.core import BRIDGED, over_gaps, runs_of
+from floquid.fit import CHUNK
 
 Hold: TypeAlias = Literal["zero", "first", "none"]
 """The input between its samples: held, linear, or acting at the samples alone."""
@@ -117,17 +119,52 @@ class Samples(Rebuilt):
         """The largest that each channel is beside an offset and what repeats with the period (channels,)."""
         return np.abs(self.moving).max(axis=1)
 
+    def part(self, own: slice) -> Samples:
+        """Samples that follow one another in a record, as a record of their own; they share the values."""
+        found = replace(
+            self,
+            values=self.values[:, own],
+            inputs=self.inputs[:, own],
+            begins=(0, own.stop - own.start),
+            times=self.times[own],
+            known=self.known[:, own],
+            there=self.there[own],
+        )
+        self.turned(1.0)
+        found._angles.update({turns: angle[own] for turns, angle in self._angles.items()})
+        return found
+
+    def parts(self, numbers: int) -> list[list[slice]]:
+        """Parts of each record, so long that `numbers` of each sample make `BLOCK` of them."""
+        length = max(BLOCK // max(numbers, 1), CHUNK)
+        return [
+            [slice(first, min(first + length, own.stop)) for first in range(own.start, own.stop, length)]
+            for own in self.records
+        ]
+
+    def in_parts(self, numbers: int) -> Iterator[tuple[slice, Samples]]:
+        """Such parts one after another, each with its place among all samples."""
+        for own in (own for parts in self.parts(numbers) for own in parts):
+            yield own, self if own.stop - own.start == self.n_samples else self.part(own)
+
     def turned(self, turns: float) -> NDArray[np.complex128]:
         """e^{i turns ωt} (samples,)."""
-        known = self._angles
-        found = known.get(turns)
+        found = self._angles.get(turns)
         if found is None:
-            found = known[turns] = np.exp(1j * turns * self.fundamental * self.times)
+            if turns < 0.0:
+                found = self.turned(-turns).conj()
+            elif turns > 1.0:
+                found = self.turned(turns - 1.0) * self.turned(1.0)
+            else:
+                found = np.exp(1j * turns * self.fundamental * self.times)
+            # Of many samples those of one turn alone are kept: of each harmonic they take as much as two channels.
+            if turns == 1.0 or (1 + len(self._angles)) * self.n_samples < BLOCK:
+                self._angles[turns] = found
         return found
 
     @cached_property
     def _angles(self) -> dict[float, NDArray[np.complex128]]:
-        """Turned phases by their number of turns, of those that were asked for."""
+        """Turned phases by their number of turns, of those that are kept."""
         return {}
 
     def later(self, number: int, seconds: float) -> Samples:

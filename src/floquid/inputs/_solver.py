@@ -8,8 +8,10 @@ c, D and the offsets are linear, and the same columns serve all channels (Golub 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,23 +31,71 @@ from floquid.fit import (
     scaled_inverse,
     schwarz,
 )
-from floquid.inputs._modes import InputMode, directed, slopes_of_state, state_of
+from floquid.inputs._modes import InputMode, directed, state_of
 from floquid.inputs._samples import Samples
+from floquid.inputs._slopes import slopes_in_parts
 
 EXACT = 1e-5
 """The share of a channel's swing that its noise is taken to be at least: no instrument is better, no hold is exact."""
 
 
+@dataclass(frozen=True, eq=False)
+class Columns(Rebuilt):
+    """The columns of a fit that are linear, formed of a part of the samples at a time."""
+
+    samples: Samples
+    # The modes with their states, and the harmonics of the direct term of each input, ascending (harmonics,)
+    modes: tuple[InputMode, ...]
+    states: tuple[NDArray, ...]
+    direct: tuple[float, ...]
+
+    @cached_property
+    def count(self) -> int:
+        """Columns: of each mode, of the direct term, and those known."""
+        inputs = len(self.samples.inputs)
+        of_direct = sum(inputs * (2 if turn > 0.0 else 1) for turn in self.direct)
+        return sum(mode.states * (len(mode.turns) + int(turning_of(mode).sum())) for mode in self.modes) + of_direct + len(
+            self.samples.known
+        )
+
+    def of(self, samples: Samples, own: slice) -> NDArray[np.float64]:
+        """Columns of a part of the samples (columns, samples): of each mode, of the direct term, and those known."""
+        states = [state[..., own] for state in self.states]
+        parts = [columns_of(samples, mode, state) for mode, state in zip(self.modes, states, strict=True)]
+        parts += [samples.kept(_modulated(samples.turned(turn), samples.inputs, turn > 0.0)) for turn in self.direct]
+        return np.concatenate([*parts, samples.known])
+
+    def __iter__(self) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+        """Parts of the samples, and the columns there (columns, samples)."""
+        if self._all is not None:
+            yield self._all
+            return
+        for own, part in self.samples.in_parts(4 * self.count):
+            yield own, self.of(part, own)
+
+    @cached_property
+    def _all(self) -> tuple[slice, NDArray[np.float64]] | None:
+        """The columns of all samples where these make one part: they need not be formed again."""
+        own = slice(0, self.samples.n_samples)
+        return (own, self.of(self.samples, own)) if self.samples.parts(4 * self.count) == [[own]] else None
+
+    def response(self, coefficients: NDArray[np.float64], own: slice = slice(None)) -> NDArray[np.float64]:
+        """The response by some of the columns (channels, samples) with coefficients of all (columns, channels)."""
+        found = np.empty((coefficients.shape[1], self.samples.n_samples))
+        for part, columns in self:
+            found[:, part] = coefficients[own].T @ columns[own]
+        return found
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Linearisation(Rebuilt):
-    """The fit at some modes: what is linear, what is left, and the slopes by the parameters."""
+    """The fit at some modes: what is linear, and what is left."""
 
     # The modes, and the harmonics of the direct term of each input, ascending (harmonics,)
     modes: tuple[InputMode, ...]
     direct: tuple[float, ...]
     states: tuple[NDArray, ...]  # The state of each mode
-    # The columns that are linear (columns, samples): of each mode, of the direct term, and those known
-    columns: NDArray[np.float64]
+    columns: Columns  # The columns that are linear
     inverse: NDArray[np.float64]  # The inverse of their Gram matrix (columns, columns)
     coefficients: NDArray[np.float64]  # Those of each channel (columns, channels)
     left: NDArray[np.float64]  # The residual (channels, samples)
@@ -91,7 +141,7 @@ class Linearisation(Rebuilt):
         """Place of the columns of each mode, and mask of its turns that have an imaginary part (turns,)."""
         found, place = [], 0
         for mode in self.modes:
-            turning = np.ones(len(mode.turns), bool) if not mode.real else mode.turns > 0.0
+            turning = turning_of(mode)
             stop = place + mode.states * (len(turning) + int(turning.sum()))
             found.append((slice(place, stop), turning))
             place = stop
@@ -108,32 +158,48 @@ class Linearisation(Rebuilt):
 
 def linearise(samples: Samples, modes: Sequence[InputMode], direct: Sequence[float] = ()) -> Linearisation:
     """The columns of these modes, the coefficients that fit them to the samples, and what is left."""
-    states = tuple(state_of(samples, mode) for mode in modes)
-    parts = [columns_of(samples, mode, own) for mode, own in zip(modes, states, strict=True)]
-    parts += [samples.kept(_modulated(samples.turned(turn), samples.inputs, turn > 0.0)) for turn in direct]
-    columns = np.concatenate([*parts, samples.known])
-    root = inverse_root(columns @ columns.T, ROUNDING)
+    columns = columns_at(samples, modes, direct)
+    gram, seen = np.zeros((columns.count,) * 2), np.zeros((columns.count, len(samples.values)))
+    for own, part in columns:
+        gram += part @ part.T
+        seen += part @ samples.values[:, own].T
+    root = inverse_root(gram, ROUNDING)
     inverse, rank = root @ root.T, root.shape[1]
-    coefficients = inverse @ (columns @ samples.values.T)
-    left = samples.values - coefficients.T @ columns
+    coefficients, left = inverse @ seen, np.empty(samples.values.shape)
+    again = np.zeros(seen.shape)
+    for own, part in columns:
+        left[:, own] = samples.values[:, own] - coefficients.T @ part
+        again += part @ left[:, own].T
     # A second pass takes what rounding left.
-    again = inverse @ (columns @ left.T)
-    coefficients, left = coefficients + again, left - again.T @ columns
+    again = inverse @ again
+    for own, part in columns:
+        left[:, own] -= again.T @ part
+    coefficients = coefficients + again
     noise = np.sqrt(np.sum(left**2, axis=1) / max(samples.count - rank, 1))
     least = max(samples.floor, ROUNDING) * np.abs(samples.values).max(axis=1)
     floor = np.maximum(EXACT * samples.swing, least) + np.finfo(float).tiny
     noise = np.maximum(noise, floor)
     count = samples.count
-    return Linearisation(tuple(modes), tuple(direct), states, columns, inverse, coefficients, left, noise, rank, count)
+    modes, direct, states = columns.modes, columns.direct, columns.states
+    return Linearisation(modes, direct, states, columns, inverse, coefficients, left, noise, rank, count)
+
+
+def columns_at(samples: Samples, modes: Sequence[InputMode], direct: Sequence[float]) -> Columns:
+    """The columns of modes and of harmonics of the direct term."""
+    return Columns(samples, tuple(modes), tuple(state_of(samples, mode) for mode in modes), tuple(direct))
 
 
 def columns_of(samples: Samples, mode: InputMode, state: NDArray) -> NDArray[np.float64]:
     """Columns of a mode with this state: real parts at each turn, then the imaginary ones (columns, samples)."""
     # Of a block those of the second state follow.
-    angles = np.array([samples.turned(turn) for turn in mode.turns.tolist()])
-    turning = np.ones(len(mode.turns), bool) if not mode.real else mode.turns > 0.0
+    angles, turning = np.array([samples.turned(turn) for turn in mode.turns.tolist()]), turning_of(mode)
     turned = [angles * own for own in state.reshape(mode.states, -1)]
     return samples.kept(np.concatenate([part for own in turned for part in (own.real, -own.imag[turning])]))
+
+
+def turning_of(mode: InputMode) -> NDArray[np.bool_]:
+    """Mask of the turns of a mode that have an imaginary part (turns,)."""
+    return np.ones(len(mode.turns), bool) if not mode.real else mode.turns > 0.0
 
 
 def _modulated(turned: NDArray[np.complex128], inputs: NDArray[np.float64], turning: bool) -> NDArray[np.float64]:
@@ -141,14 +207,12 @@ def _modulated(turned: NDArray[np.complex128], inputs: NDArray[np.float64], turn
     return np.concatenate([both.real, -both.imag]) if turning else both.real
 
 
-def state_slopes(samples: Samples, at: Linearisation) -> list[NDArray]:
-    """Derivatives of the state of each mode by its parameters (parts, samples), complex parts once."""
-    return [slopes_of_state(samples, mode, own) for mode, own in zip(at.modes, at.states, strict=True)]
-
-
 def carried(samples: Samples, shape: NDArray[np.complex128], turns: Sequence[float]) -> NDArray[np.complex128]:
     """The shape of a mode over the samples: amplitudes (…, turns) at harmonics (…, samples)."""
-    return samples.kept(shape @ np.array([samples.turned(turn) for turn in turns]))
+    found = np.empty((*shape.shape[:-1], samples.n_samples), complex)
+    for own, part in samples.in_parts(4 * len(turns)):
+        found[..., own] = part.kept(shape @ np.array([part.turned(turn) for turn in turns]))
+    return found
 
 
 def slopes_of(
@@ -176,32 +240,58 @@ def slopes_of(
     return found
 
 
-def normal_equations(
-    samples: Samples, at: Linearisation, *, rough: bool = False
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Gauss-Newton matrix and gradient of the free parameters, of all channels over their noise."""
-    # A rough one is made in single precision, slopes as multiples of their size.
-    states, columns, left = state_slopes(samples, at), at.columns, at.left / at.noise[:, None]
-    sizes = [np.sqrt(np.mean(np.abs(own.reshape(len(own), -1)) ** 2, axis=1)) + 1e-300 for own in states]
-    scale = np.concatenate(
-        [(own if mode.real else np.tile(own, 2))[mode.free] for mode, own in zip(at.modes, sizes, strict=True)]
-    )
+class Equations(NamedTuple):
+    """Sums over the samples of products of the slopes, of all channels over their noise."""
+
+    matrix: NDArray[np.float64]  # Gauss-Newton matrix of the free parameters, c and D moving along
+    gradient: NDArray[np.float64]
+    along: NDArray[np.float64]  # slopes by columns (channels, parameters, columns)
+
+
+def normal_equations(samples: Samples, at: Linearisation, *, rough: bool = False) -> Equations:
+    """Gauss-Newton matrix and gradient of the free parameters, and what the columns take, over the noise."""
+    # A rough one is made in single precision, slopes as multiples of about their size.
+    sizes = [np.where(own > 0.0, own, 1.0) for own in sizes_of(samples, at)]
+    each = [(own if mode.real else np.tile(own, 2))[mode.free] for mode, own in zip(at.modes, sizes, strict=True)]
+    scale = np.concatenate([np.zeros(0), *each])
     of_columns = np.sqrt(np.einsum("kk->k", at.inverse))
     of_columns = np.where(of_columns > 0.0, of_columns, 1.0)  # of an input that is silent there is nothing
     number = np.float32 if rough else np.float64
-    states = [
-        (own.T / size).T.astype(np.result_type(number, 1j) if np.iscomplexobj(own) else number)
-        for own, size in zip(states, sizes, strict=True)
-    ]
-    columns = (columns * of_columns[:, None]).astype(number)
-    inverse = at.inverse / np.outer(of_columns, of_columns)
     matrix, gradient = np.zeros((len(scale), len(scale))), np.zeros(len(scale))
-    for channel in range(len(samples.values)):
-        slopes = slopes_of(samples, at, channel, states, 1.0 / at.noise[channel])
-        along = (slopes @ columns.T).astype(float)
-        matrix += slopes @ slopes.T - along @ inverse @ along.T
-        gradient += slopes @ left[channel].astype(number)
-    return matrix * np.outer(scale, scale), gradient * scale
+    along = np.zeros((len(samples.values), len(scale), len(of_columns)))
+    for part in slopes_in_parts(samples, at.modes, at.states, numbers_of(at)):
+        here = part.alone
+        states = [
+            (own.T / size).T.astype(np.result_type(number, 1j) if np.iscomplexobj(own) else number)
+            for own, size in zip(here.rows, sizes, strict=True)
+        ]
+        columns = (at.columns.of(here.samples, part.own) * of_columns[:, None]).astype(number)
+        left = (at.left[:, part.own] / at.noise[:, None]).astype(number)
+        for channel, taken in enumerate(along):
+            slopes = slopes_of(here.samples, at, channel, states, 1.0 / at.noise[channel])
+            taken += slopes @ columns.T
+            matrix += slopes @ slopes.T
+            gradient += slopes @ left[channel]
+    inverse = at.inverse / np.outer(of_columns, of_columns)
+    for taken in along:
+        matrix -= taken @ inverse @ taken.T
+    return Equations(matrix * np.outer(scale, scale), gradient * scale, along * scale[:, None] / of_columns)
+
+
+def numbers_of(at: Linearisation) -> int:
+    """Numbers of each sample that are held where slopes are formed."""
+    return at.columns.count + sum(4 * len(mode.free) for mode in at.modes)
+
+
+def sizes_of(samples: Samples, at: Linearisation) -> list[NDArray[np.float64]]:
+    """About the size of each derivative of the state of each mode, zero of an input that is silent (parts,)."""
+    found, period = [], 2.0 * np.pi / samples.fundamental
+    for mode, state in zip(at.modes, at.states, strict=True):
+        size = float(np.sqrt(np.mean(np.abs(state) ** 2)) + 1e-300)
+        gains, begun = np.split(mode.strengths, [mode.gains.size])
+        by_square = [] if mode.square is None else [period * size / max(abs(mode.exponent.real), 1e-300)]
+        found.append(np.concatenate([[period * size], *[gains] * (2 if mode.real else 1), begun, by_square]))
+    return found
 
 
 def solve(
@@ -224,7 +314,7 @@ def solve(
         return now
 
     def normal(at: Linearisation) -> Normal:
-        matrix, gradient = normal_equations(samples, at, rough=rough)
+        matrix, gradient, _ = normal_equations(samples, at, rough=rough)
         return Normal(matrix=matrix, gradient=gradient, given=scale_of(samples, at, matrix))
 
     def enough(at: Linearisation, gains: list[float]) -> bool:
@@ -246,13 +336,9 @@ def scale_of(samples: Samples, at: Linearisation, matrix: NDArray[np.float64]) -
     """The root of the diagonal of a matrix of products; of what is rounding, that of rounding (parameters,)."""
     # Parameters are compared by what they do to the state over its own size: inputs have units of their own.
     units = []
-    for mode, state in zip(at.modes, at.states, strict=True):
-        own, gains = mode.strengths / np.sqrt(np.mean(np.abs(state) ** 2) + 1e-300), mode.gains.size
-        period = 2.0 * np.pi / samples.fundamental
-        own = np.concatenate([[period], own])
-        both = np.concatenate([own[: 1 + gains], own[1:]]) if mode.real else np.tile(own, 2)
-        both = both if mode.square is None else np.append(both, period / max(abs(mode.exponent.real), 1e-300))
-        units.append(both[mode.free])
+    for mode, state, own in zip(at.modes, at.states, sizes_of(samples, at), strict=True):
+        both = own / (np.sqrt(np.mean(np.abs(state) ** 2)) + 1e-300)
+        units.append((both if mode.real else np.tile(both, 2))[mode.free])
     weights = np.concatenate([np.zeros(0), *units])
     weights[weights == 0.0] = 1.0  # of an input that is silent
     own = np.diag(matrix) / weights**2
@@ -280,5 +366,9 @@ def _limited(at: Linearisation, step: NDArray[np.float64], period: float) -> NDA
 
 def covariance(samples: Samples, at: Linearisation) -> NDArray[np.float64]:
     """Covariance of the free parameters (parameters, parameters); what the record says nothing of is infinite."""
-    matrix, _ = normal_equations(samples, at)
+    return covariance_of(samples, at, normal_equations(samples, at).matrix)
+
+
+def covariance_of(samples: Samples, at: Linearisation, matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Covariance of the free parameters by their Gauss-Newton matrix (parameters, parameters)."""
     return scaled_inverse(matrix, floor=True, scale=scale_of(samples, at, matrix))

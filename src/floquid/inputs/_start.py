@@ -9,7 +9,7 @@ filter in time commutes with that system, so that all is thinned to the band tha
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
@@ -18,9 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.fit import HALF_DIGITS, MODES, SURE, chi2_limit, inverse_root, scaled_inverse
-from floquid.inputs._modes import RUNAWAY, InputMode, reached_by, runs_away
+from floquid.inputs._modes import RUNAWAY, InputMode, runs_away
 from floquid.inputs._samples import Samples
-from floquid.inputs._solver import columns_of
+from floquid.inputs._slopes import slopes_in_parts
+from floquid.inputs._solver import columns_of, turning_of
 from floquid.search import GAP
 
 THINNED = (1, 2, 4, 8)  # samples are thinned by these factors
@@ -231,11 +232,12 @@ def conjugated(mode: InputMode) -> InputMode:
     )
 
 
-def split_products(bare: InputMode, drives: NDArray, products: NDArray[np.float64], channels: int) -> InputMode:
+def split_products(
+    bare: InputMode, strength: NDArray[np.float64], products: NDArray[np.float64], channels: int
+) -> InputMode:
     """A mode by its products c b (drives · columns, channels): b is their first left singular vector."""
-    # Each drive counts by what it does to the state.
-    strength = np.sqrt(np.mean(np.abs(drives) ** 2, axis=1))
-    shapes = _shapes(bare, products.reshape(len(drives), -1), channels) * strength[:, None]
+    # Each drive counts by what it does to the state: by the rms of that (drives,).
+    shapes = _shapes(bare, products.reshape(len(strength), -1), channels) * strength[:, None]
     left, _, _ = np.linalg.svd(shapes, full_matrices=False)
     weights = left[:, 0] / np.where(strength > 0.0, strength, np.inf)
     inner = bare.gains.size
@@ -262,10 +264,10 @@ def chosen_together(
     enter by the gain in likelihood (orthogonal matching pursuit, Pati et al. 1993; Swirszcz et al. 2009 for groups).
     The first inputs, `acting` of them, act on the response at once as well: all by default.
     """
-    columns, places, _ = _columns(samples, bare, acting)
-    columns /= _size(columns)[:, None]
-    gram, seen, energy = columns @ columns.T, columns @ samples.values.T, np.sum(samples.values**2, axis=1)
-    gram, seen, energy = _less(gram, seen, energy, slice(0, places[0].start if places else len(columns)))
+    columns, energy = _Products(samples, bare, acting), np.sum(samples.values**2, axis=1)
+    gram, seen, _, _ = columns.sums(samples.values)
+    places = columns.places
+    gram, seen, energy = _less(gram, seen, energy, slice(0, places[0].start if places else len(gram)))
     taken: list[int] = []
     while len(taken) < min(most, len(bare)):
         gains = [-np.inf if k in taken else _gain(gram, seen, energy, own, samples) for k, own in enumerate(places)]
@@ -285,39 +287,60 @@ def fitted_together(
     With the gain in twice the logarithm of the likelihood, the products free. The first inputs, `acting` of them, act
     on the response at once as well: all by default.
     """
-    columns, places, drives = _columns(samples, bare, acting)
-    size = _size(columns)
-    columns /= size[:, None]
-    solved = scaled_inverse(columns @ columns.T, HALF_DIGITS) @ (columns @ response.T)
-    left = response - solved.T @ columns
-    gain = samples.count * float(np.sum(np.log(np.mean(response**2, axis=1) / np.mean(left**2, axis=1))))
-    products = solved / size[:, None]
+    columns = _Products(samples, bare, acting)
+    gram, seen, size, strengths = columns.sums(response)
+    products = scaled_inverse(gram, HALF_DIGITS) @ seen / size[:, None]
+    squares = np.zeros(len(response))
+    for own, part, _ in columns:
+        squares += np.sum((response[:, own] - products.T @ part) ** 2, axis=1)
+    gain = samples.count * float(np.sum(np.log(np.sum(response**2, axis=1) / squares)))
     modes = [
-        split_products(mode, own, products[place], len(response))
-        for mode, own, place in zip(bare, drives, places, strict=True)
+        split_products(mode, strength, products[place], len(response))
+        for mode, strength, place in zip(bare, strengths, columns.places, strict=True)
     ]
     return gain, modes
 
 
-def _columns(
-    samples: Samples, bare: Sequence[InputMode], acting: int | None = None
-) -> tuple[NDArray[np.float64], list[slice], list[NDArray[np.complex128]]]:
-    """Columns of the inputs, of what is known and of the products of modes; the place, and the drives, of each mode."""
-    drives = [reached_by(samples, mode) for mode in bare]
-    groups = [
-        np.concatenate([columns_of(samples, mode, state) for state in own])
-        for mode, own in zip(bare, drives, strict=True)
-    ]
-    inputs = samples.kept(samples.inputs[:acting])
-    first = len(inputs) + len(samples.known)
-    ends = np.cumsum([first, *(len(own) for own in groups)]).tolist()
-    return np.concatenate([inputs, samples.known, *groups]), [slice(a, b) for a, b in pairwise(ends)], drives
+class _Products:
+    """Columns of the inputs, of what is known and of the products of modes, formed part by part of the samples."""
 
+    def __init__(self, samples: Samples, bare: Sequence[InputMode], acting: int | None = None) -> None:
+        self._samples, self._bare, self._acting = samples, bare, acting
+        drives = [(1 + mode.real) * mode.gains.size + len(mode.initial) for mode in bare]
+        counts = [own * (len(mode.turns) + int(turning_of(mode).sum())) for mode, own in zip(bare, drives, strict=True)]
+        ends = np.cumsum([len(samples.inputs[:acting]) + len(samples.known), *counts]).tolist()
+        self.places, self.count = [slice(a, b) for a, b in pairwise(ends)], ends[-1]  # those of each mode, and of all
 
-def _size(columns: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The length of each column, infinite of one that is nothing, as the imaginary part of turn zero (columns,)."""
-    size = np.sqrt(np.einsum("kn,kn->k", columns, columns))
-    return np.where(size > 0.0, size, np.inf)
+    def __iter__(self) -> Iterator[tuple[slice, NDArray[np.float64], list[NDArray]]]:
+        """Parts of the samples with the columns (columns, samples) and the drives of each mode (drives, samples)."""
+        samples, bare = self._samples, self._bare
+        for part in slopes_in_parts(samples, bare, [None] * len(bare), 2 * self.count):
+            here = part.alone
+            groups = [
+                columns_of(here.samples, mode, state)
+                for mode, rows in zip(bare, here.rows, strict=True)
+                for state in rows
+            ]
+            inputs = here.samples.kept(here.samples.inputs[: self._acting])
+            yield part.own, np.concatenate([inputs, here.samples.known, *groups]), here.rows
+
+    def sums(
+        self, response: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], list[NDArray[np.float64]]]:
+        """Products of the columns, over their lengths, with one another and a response, the lengths, the drives' rms.
+
+        A column that is nothing, as the imaginary part of turn zero, has an infinite length.
+        """
+        gram, seen = np.zeros((self.count, self.count)), np.zeros((self.count, len(response)))
+        squares = [0.0] * len(self._bare)
+        for own, columns, drives in self:
+            gram += columns @ columns.T
+            seen += columns @ response[:, own].T
+            squares = [one + np.sum(np.abs(rows) ** 2, axis=1) for one, rows in zip(squares, drives, strict=True)]
+        size = np.sqrt(np.diag(gram))
+        size = np.where(size > 0.0, size, np.inf)
+        strengths = [np.sqrt(own / self._samples.n_samples) for own in squares]
+        return gram / size / size[:, None], seen / size[:, None], size, strengths
 
 
 def _taken(gram: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -53,7 +53,7 @@ class Driven:
         """The deviations of the noise are unbiased there: those of the likelihood are the rms of the residual."""
         count = self.samples.n_samples
         share = count / (count - self.now.rank)
-        matrix, gradient = normal_equations(self.samples, self.now)
+        matrix, gradient, _ = normal_equations(self.samples, self.now)
         return Normal(names_of(self.now.modes), share * gradient, share * matrix)
 
     def moved(self, step: np.ndarray) -> Driven:
@@ -72,7 +72,8 @@ class Driven:
         if side == "driven":
             return float(scores.by_inputs([(number, harmonic)])[0])
         alone = replace(self.now.modes[number], turns=np.array([harmonic]))
-        return float(scores.by_columns([columns_of(self.samples, alone, self.now.states[number])])[0])
+        state = self.now.states[number]
+        return float(scores.by_columns([lambda part, own: columns_of(part, alone, state[..., own])])[0])
 
     def wald(self, group: Group) -> float:
         number, side, harmonic = group

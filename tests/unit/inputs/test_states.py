@@ -10,7 +10,7 @@ from scipy import linalg
 from scipy.integrate import solve_ivp
 
 from floquid.core import Provenance
-from floquid.inputs import InputMode, Uncertainty, linearise, samples_of, slopes_of, state_slopes
+from floquid.inputs import InputMode, Uncertainty, columns_at, linearise, samples_of, slopes_in_parts, slopes_of
 from floquid.inputs._modes import directed, reached_by, runs_away, state_of
 from floquid.inputs.search._near_axis import block_of_pair, block_of_reals, ordinary
 
@@ -80,13 +80,14 @@ def test_a_mode_that_a_feedback_holds_ends_where_it_is_said(real):
 def test_slopes_of_a_mode_that_a_feedback_holds_are_those_of_the_response(real):
     own, wanted = samples("zero"), mode(real=real, rate=2.5)
     at = linearise(own, [wanted])
-    slopes = slopes_of(own, at, 1, state_slopes(own, at))
+    (part,) = slopes_in_parts(own, at.modes, at.states, 1)
+    slopes = slopes_of(own, at, 1, part.rows)
     free = np.flatnonzero(wanted.free)
     for row, index in enumerate(free):
         step = np.zeros(len(wanted.free))
         step[index] = 1e-5
-        moved = [linearise(own, [wanted.moved(sign * step)]).columns for sign in (1.0, -1.0)]
-        slope = at.coefficients[:, 1] @ (moved[0] - moved[1]) / 2e-5
+        moved = [columns_at(own, [wanted.moved(sign * step)], ()).response(at.coefficients) for sign in (1.0, -1.0)]
+        slope = (moved[0] - moved[1])[1] / 2e-5
         assert np.abs(slopes[row] - slope).max() < 1e-6 * max(np.abs(slope).max(), 1.0), index
 
 

@@ -4,6 +4,6 @@ from floquid.inputs.search._near_axis import read_near_axis
 from floquid.inputs.search._scores import Scores, gain_of, period_step, phase_step
 from floquid.inputs.search._search import nearly_one, searched
 from floquid.inputs.search._structure import Limits
-from floquid.inputs.search._unmeasured import driving, through, unmeasured
+from floquid.inputs.search._unmeasured import Passed, passed, unmeasured
 
 __all__: list[str] = []

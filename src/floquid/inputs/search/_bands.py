@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,7 +88,7 @@ def _move(point: Point, edits: Iterable[Edit], name: str, least: float) -> Move[
 
 def _growths(point: Point, bands: Sequence[str] = ("turns", "reach"), most: int = GAP) -> Iterator[Edit]:
     """Harmonics beyond the ends of bands that scores show, as far as they pay for those between."""
-    at, samples, price = point.at, point.samples, point.price
+    at, price = point.at, point.price
     ends = []
     for number, mode in enumerate(at.modes):
         for band in bands:
@@ -96,15 +97,11 @@ def _growths(point: Point, bands: Sequence[str] = ("turns", "reach"), most: int 
                 beyond = end + way * np.arange(1.0, most + 1.0)
                 ends.append((number, band, beyond[np.abs(beyond) <= point.limits.highest].tolist()))
     columns = [
-        columns_of(samples, replace(at.modes[number], turns=np.array([turn])), at.states[number])
-        for number, band, beyond in ends
-        if band == "turns"
-        for turn in beyond
+        partial(_seen_at, at, number, turn) for number, band, beyond in ends if band == "turns" for turn in beyond
     ]
     turn = float(len(at.direct))
     if turn <= point.limits.highest:
-        both = samples.kept(samples.turned(turn) * samples.inputs)
-        columns.append(np.concatenate([both.real, both.imag]) if turn else both.real)
+        columns.append(partial(_direct_at, turn))
     seen = point.scores.by_columns(columns).tolist()
     asked = [(number, turn) for number, band, beyond in ends if band == "reach" for turn in beyond]
     driven = point.scores.by_inputs(asked).tolist()
@@ -119,6 +116,17 @@ def _growths(point: Point, bands: Sequence[str] = ("turns", "reach"), most: int 
         if len(changes) and changes.min() < 0.0:
             best = int(np.argmin(changes))
             yield Edit(float(changes[best]), number, band, tuple(beyond[: best + 1]), True)
+
+
+def _seen_at(at: Linearisation, number: int, turn: float, samples: Samples, own: slice) -> NDArray[np.float64]:
+    """Columns of a harmonic of the outputs that a mode may have, in a part of the samples."""
+    return columns_of(samples, replace(at.modes[number], turns=np.array([turn])), at.states[number][..., own])
+
+
+def _direct_at(turn: float, samples: Samples, _: slice) -> NDArray[np.float64]:
+    """Columns of a harmonic of the direct term, in a part of the samples."""
+    both = samples.kept(samples.turned(turn) * samples.inputs)
+    return np.concatenate([both.real, both.imag]) if turn else both.real
 
 
 def _shrinkages(point: Point) -> Iterator[Edit]:

@@ -65,7 +65,7 @@ def kinds(point: Point) -> Iterator[Move[Structure]]:
         if near_axis(mode, samples.fundamental):
             block, rest = block_of_pair(samples, mode), now.without([number])
             columns, squares = point.at.slices()[number][0], point.at.noise**2
-            alone = point.at.left + point.at.coefficients[columns].T @ point.at.columns[columns]
+            alone = point.at.left + point.at.columns.response(point.at.coefficients, columns)
             share = np.sum(alone**2, axis=1) / samples.count / squares
             loss = samples.count * float(np.sum(np.log(np.maximum(share, 1.0))))
             for name, shares in (("single", (1.0,)), ("two", APART)):

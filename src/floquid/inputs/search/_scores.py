@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
@@ -11,10 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.fit import HALF_DIGITS, ROUNDING, chi2_limit, inverse_root, score_gain, wald_rise
-from floquid.inputs._modes import InputMode, followed, reached_by
+from floquid.inputs._modes import InputMode, followed
 from floquid.inputs._samples import Samples
-from floquid.inputs._solver import Linearisation, carried, linearise, scale_of, slopes_of, state_slopes
+from floquid.inputs._slopes import slopes_in_parts
+from floquid.inputs._solver import (
+    Linearisation,
+    carried,
+    columns_at,
+    normal_equations,
+    numbers_of,
+    scale_of,
+    slopes_of,
+)
 from floquid.inputs.search._structure import Limits
+
+Group = Callable[[Samples, slice], NDArray[np.float64]]
+"""Columns in a part of the samples, by that part and its place among all (columns, samples)."""
 
 SIDES = (HALF_DIGITS, -HALF_DIGITS)
 
@@ -33,50 +45,55 @@ class Scores:
         self.samples, self.now = samples, now
         self.precision = np.float32 if rough else np.float64
         least = ROUNDING * float(np.finfo(self.precision).eps / np.finfo(float).eps)
-        inner = np.complex64 if rough else np.complex128
-        states = [own.astype(inner if np.iscomplexobj(own) else self.precision) for own in state_slopes(samples, now)]
         self.weights = 1.0 / now.noise
-        self.columns = now.columns.astype(self.precision)
         self.left = (now.left * self.weights[:, None]).astype(self.precision)
-        self.slopes = [slopes_of(samples, now, c, states, w) for c, w in enumerate(self.weights)] if now.modes else []
-        self.along = [(own @ self.columns.T).astype(float) @ now.inverse for own in self.slopes]
-        matrix = np.zeros((len(self.slopes[0]),) * 2) if self.slopes else np.zeros((0, 0))
-        for own, along in zip(self.slopes, self.along, strict=True):
-            matrix += own @ own.T - along @ (self.columns @ own.T)
+        matrix, pull, along = normal_equations(samples, now, rough=rough)
+        self.along = along @ now.inverse
         self.root = inverse_root(matrix, least, scale=scale_of(samples, now, matrix))
         self.matrix, self.least = matrix, least
-        pull = np.sum([own @ left for own, left in zip(self.slopes, self.left, strict=bool(now.modes))], axis=0)
-        self.promised = float(
-            np.sum((self.root.T @ pull) ** 2) if now.modes else 0.0
-        )  # the gain that the fit itself may still have
+        self.promised = float(np.sum((self.root.T @ pull) ** 2))  # the gain that the fit itself may still have
 
-    def by_columns(self, groups: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
-        """The gains by groups of columns, each linear in every channel (columns, samples) (groups,)."""
+    def by_columns(self, groups: Sequence[Group]) -> NDArray[np.float64]:
+        """The gains by groups of columns, each linear in every channel (groups,)."""
         if not groups:
             return np.zeros(0)
         # Columns of a trial that grows beyond all bounds gain nothing.
         with np.errstate(over="ignore", invalid="ignore"):
             return np.array(self._gains(groups))
 
-    def _gains(self, groups: Sequence[NDArray[np.float64]]) -> list[float]:
-        extra = np.concatenate(groups).astype(self.precision)
-        beyond = (
-            extra - ((extra @ self.columns.T).astype(float) @ self.now.inverse).astype(self.precision) @ self.columns
-        )
-        pull = (beyond @ self.left.T).astype(float)
-        size = np.einsum("kn,kn->k", extra, extra).astype(float)
-        mixed = [self.root.T @ (own @ beyond.T) for own in self.slopes]
-        found, place, channels = [], 0, len(self.left)
-        for own in groups:
-            rows = slice(place, place + len(own))
-            place += len(own)
-            information = (beyond[rows] @ beyond[rows].T).astype(float)
-            left = np.asarray(np.kron(np.eye(channels), information), np.float64)
-            if mixed:
-                both = np.concatenate([part[:, rows] for part in mixed], axis=1)
-                left -= both.T @ both
-            found.append(score_gain(pull[rows].T.ravel(), left, self.least, before=np.tile(size[rows], channels)))
-        return found
+    def _gains(self, groups: Sequence[Group]) -> list[float]:
+        now, channels, taken = self.now, len(self.left), 0.0
+        for own, part in self.samples.in_parts(numbers_of(now)):
+            extra = np.concatenate([of(part, own) for of in groups])
+            taken = taken + (extra.astype(self.precision) @ now.columns.of(part, own).astype(self.precision).T).astype(float)
+        taken = (taken @ now.inverse).astype(self.precision)
+        count = len(taken)
+        pull, size, both = np.zeros((count, channels)), np.zeros(count), np.zeros((count, count))
+        mixed = np.zeros((channels, len(self.root), count))
+        for own, part, columns, states in self._parts():
+            each = [of(part, own) for of in groups]
+            extra = np.concatenate(each).astype(self.precision)
+            size += np.einsum("kn,kn->k", extra, extra)
+            beyond = extra - taken @ columns
+            pull += beyond @ self.left[:, own].T
+            both += beyond @ beyond.T
+            for channel, found in enumerate(mixed if now.modes else ()):
+                found += slopes_of(part, now, channel, states, self.weights[channel]) @ beyond.T
+        mixed, gains = self.root.T @ mixed, []
+        for rows in np.split(np.arange(count), np.cumsum([len(own) for own in each])[:-1]):
+            left = np.asarray(np.kron(np.eye(channels), both[np.ix_(rows, rows)]), np.float64)
+            through = np.concatenate(list(mixed[:, :, rows]), axis=1)
+            left -= through.T @ through
+            gains.append(score_gain(pull[rows].T.ravel(), left, self.least, before=np.tile(size[rows], channels)))
+        return gains
+
+    def _parts(self) -> Iterator[tuple[slice, Samples, NDArray, list[NDArray]]]:
+        """Parts of the samples with the columns and the derivatives of the states there."""
+        now, inner = self.now, np.result_type(self.precision, 1j)
+        for part in slopes_in_parts(self.samples, now.modes, now.states, numbers_of(now)):
+            here = part.alone
+            states = [own.astype(inner if np.iscomplexobj(own) else self.precision) for own in here.rows]
+            yield part.own, here.samples, now.columns.of(here.samples, part.own).astype(self.precision), states
 
     def by_inputs(
         self, asked: Sequence[tuple[int, float]], inputs: NDArray[np.float64] | None = None
@@ -87,36 +104,43 @@ class Scores:
         """
         if not asked:
             return np.zeros(0)
-        now, samples, drives = self.now, self.samples, []
+        now, samples, alone = self.now, self.samples, []
         if inputs is not None:
             samples = replace(samples, inputs=inputs)
         many, inner = len(samples.inputs), np.result_type(self.precision, 1j)
         for mode, turn in asked:
             own = now.modes[mode]
-            alone = replace(own, reach=np.array([turn]), gains=np.ones((many, 1), complex))
-            driven = reached_by(samples, alone)[: (2 if own.real else 1) * many]
-            drives.append(driven.astype(self.precision if own.real else inner))
-        counts = [len(own) if now.modes[m].real else 2 * len(own) for own, (m, _) in zip(drives, asked, strict=True)]
-        ends = np.cumsum([0, *counts])
+            alone.append(replace(own, reach=np.array([turn]), gains=np.ones((many, 1), complex)))
+        ends = np.cumsum([0, *[2 * many] * len(asked)])
         places = [slice(a, b) for a, b in pairwise(ends.tolist())]
-        information, pull, size = [np.zeros((count, count)) for count in counts], np.zeros(ends[-1]), np.zeros(ends[-1])
-        mixed = np.zeros((self.root.shape[1], ends[-1]))
-        for channel, (own, along) in enumerate(zip(self.slopes, self.along, strict=True)):
-            rows = np.empty((ends[-1], samples.n_samples), self.precision)
-            shapes = {
-                mode: self.weights[channel]
-                * carried(samples, now.shape(mode)[:, channel], now.modes[mode].turns.tolist())
-                for mode in {mode for mode, _ in asked}
-            }
-            for place, part, (mode, _) in zip(places, drives, asked, strict=True):
-                moved = shapes[mode].astype(inner) * part
-                rows[place] = moved.real if now.modes[mode].real else np.concatenate([moved.real, -moved.imag])
-            seen = (rows @ self.columns.T).astype(float)
-            size += np.einsum("kn,kn->k", rows, rows)
+        information, pull, size = np.zeros((len(asked), 2 * many, 2 * many)), np.zeros(ends[-1]), np.zeros(ends[-1])
+        mixed, channels = np.zeros((len(self.root), ends[-1])), range(len(self.weights))
+        seen = np.zeros((len(channels), ends[-1], now.columns.count))
+        driven = slopes_in_parts(samples, alone, [None] * len(asked), numbers_of(now))
+        for (own, part, columns, states), other in zip(self._parts(), driven, strict=True):
+            drives = [
+                rows[: (2 if mode.real else 1) * many].astype(self.precision if mode.real else inner)
+                for mode, rows in zip(alone, other.alone.rows, strict=True)
+            ]
+            for channel, taken in zip(channels, seen, strict=True):
+                rows, shapes = np.empty((ends[-1], part.n_samples), self.precision), {}
+                for place, drive, (mode, _) in zip(places, drives, asked, strict=True):
+                    if mode not in shapes:
+                        shape = self.weights[channel] * now.shape(mode)[:, channel]
+                        shapes[mode] = carried(part, shape, now.modes[mode].turns.tolist()).astype(inner)
+                    moved = shapes[mode] * drive
+                    rows[place] = moved.real if now.modes[mode].real else np.concatenate([moved.real, -moved.imag])
+                taken += rows @ columns.T
+                size += np.einsum("kn,kn->k", rows, rows)
+                for place, block in zip(places, information, strict=True):
+                    block += rows[place] @ rows[place].T
+                mixed += slopes_of(part, now, channel, states, self.weights[channel]) @ rows.T
+                pull += rows @ self.left[channel, own]
+        for along, taken in zip(self.along, seen, strict=True):
+            mixed -= along @ taken.T
             for place, block in zip(places, information, strict=True):
-                block += rows[place] @ rows[place].T - seen[place] @ now.inverse @ seen[place].T
-            mixed += self.root.T @ (own @ rows.T - along @ seen.T)
-            pull += rows @ self.left[channel]
+                block -= taken[place] @ now.inverse @ taken[place].T
+        mixed = self.root.T @ mixed
         return np.array(
             [
                 score_gain(pull[place], block - mixed[:, place].T @ mixed[:, place], self.least, before=size[place])
@@ -134,11 +158,14 @@ class Scores:
             return 0.0
         pulls, sizes, beyond = self._by_noise
         generator, drawn = np.random.default_rng(0), np.zeros((4, draws, len(pulls)))
-        for draw in range(draws):
-            whole = self.samples.kept(generator.standard_normal(self.left.shape, self.precision))
-            for place, own in ((0, self.unfitted(whole)), (2, whole)):
-                drawn[place, draw], found = self._pulls(own)
-                drawn[place + 1, draw] = np.einsum("mcn,mcn->m", found, found) + TINY
+        for first in range(0, draws, FEW):
+            some = slice(first, min(first + FEW, draws))
+            whole = np.empty((some.stop - first, *self.left.shape), self.precision)
+            for own in whole:
+                own[:] = self.samples.kept(generator.standard_normal(own.shape, self.precision))
+            drawn[2:, some] = self._pulls(whole)
+            drawn[:2, some] = self._pulls(self.unfitted(whole))
+        drawn[1::2] += TINY
         # Of a whole draw the mean is none: less that, what is taken is told three times as well.
         taken = drawn[0] / np.sqrt(drawn[1]) - drawn[2] / np.sqrt(drawn[3].mean(axis=0))
         return max(float(np.sum(pulls / sizes - taken.mean(axis=0)) / (beyond + TINY)), 0.0) ** 2
@@ -146,46 +173,83 @@ class Scores:
     @cached_property
     def _by_noise(self) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
         """The gradient by noise that drives each mode, the size of its slopes, and that of their sum beside the fit."""
-        pulls, slopes = self._pulls(self.left)
-        sizes = np.sqrt(np.einsum("mcn,mcn->m", slopes, slopes)) + TINY
-        return pulls, sizes, float(np.linalg.norm(self.unfitted(np.tensordot(1.0 / sizes, slopes, 1))))
+        pulls, squares = self._pulls(self.left[None])[:, 0]
+        sizes, total = np.sqrt(squares) + TINY, np.zeros(self.left.shape)
+        for number, size in enumerate(sizes):
+            heard, shape = self.shape_heard(self.samples, number)
+            total[heard] += self._by_noise_of(number, shape, self.left[heard]) / size
+        return pulls, sizes, float(np.linalg.norm(self.unfitted(total[None])))
 
-    @cached_property
-    def shapes_heard(self) -> list[tuple[NDArray[np.bool_], NDArray[np.complex128]]]:
-        """Mask of the channels heard, and the shape of each mode over the noise in these (channels heard, samples)."""
+    def shape_heard(self, samples: Samples, number: int) -> tuple[NDArray[np.bool_], NDArray[np.complex128]]:
+        """Mask of the channels heard, and the shape of a mode over the noise in these (channels heard, samples)."""
         heard = self.now.heard
-        return [
-            (
-                heard,
-                carried(self.samples, self.now.shape(number).T[heard] * self.weights[heard, None], mode.turns.tolist()),
-            )
-            for number, mode in enumerate(self.now.modes)
-        ]
+        shape = self.now.shape(number).T[heard] * self.weights[heard, None]
+        return heard, carried(samples, shape, self.now.modes[number].turns.tolist())
 
-    def _pulls(self, left: NDArray) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """The gradient by noise that drives each mode, of what is left (channels, samples) (modes,), and its slopes.
+    def _by_noise_of(self, number: int, shape: NDArray[np.complex128], left: NDArray) -> NDArray[np.float64]:
+        """Slopes by noise that drives a mode, of what is left in the channels heard (channels heard, samples)."""
+        drive = np.einsum("cn,cn->n", shape.conj(), left)
+        return (shape * followed(self.samples, self.now.modes[number], drive)).real
 
-        Those are (modes, channels, samples), nothing where what is left is no noise.
+    def _pulls(self, lefts: NDArray) -> NDArray[np.float64]:
+        """Gradients by noise that drives each mode, of what is left, and squares of the slopes (2, draws, modes).
+
+        What is left is (draws, channels, samples); there is nothing where it is no noise.
         """
-        slopes = np.zeros((len(self.now.modes), *left.shape))
-        for number, (mode, (heard, shape)) in enumerate(zip(self.now.modes, self.shapes_heard, strict=True)):
-            slopes[number, heard] = (
-                shape * followed(self.samples, mode, np.sum(shape.conj() * left[heard], axis=0))
-            ).real
-        return np.einsum("mcn,cn->m", slopes, left), slopes
+        found = np.empty((2, len(lefts), len(self.now.modes)))
+        for number in range(len(self.now.modes)):
+            heard, shape = self.shape_heard(self.samples, number)
+            for draw, left in enumerate(lefts):
+                slopes = self._by_noise_of(number, shape, left[heard])
+                found[0, draw, number] = np.einsum("cn,cn->", slopes, left[heard])
+                found[1, draw, number] = np.einsum("cn,cn->", slopes, slopes)
+        return found
 
-    def unfitted(self, values: NDArray) -> NDArray:
-        """Residual of a response after this fit, to first order, over its noise (channels, samples)."""
-        own = (values @ self.columns.T) @ self.now.inverse
-        values, step = values - own.astype(self.precision) @ self.columns, np.zeros(self.root.shape[1])
-        for slopes, left in zip(self.slopes, values, strict=True):
-            step += self.root.T @ (slopes @ left)
-        by = (self.root @ step).astype(self.precision)
-        taken = [
-            by @ slopes - (by @ along).astype(self.precision) @ self.columns
-            for slopes, along in zip(self.slopes, self.along, strict=True)
-        ]
-        return values - np.array(taken)
+    def unfitted(self, draws: NDArray) -> NDArray:
+        """Residuals of responses after this fit, to first order, over its noise (draws, channels, samples)."""
+        now, found, count = self.now, np.empty_like(draws), len(draws) * len(self.weights)
+        taken, pull = np.zeros((count, now.columns.count)), np.zeros((len(self.root), len(draws)))
+        for own, part, columns, states in self._parts():
+            taken += draws[..., own].reshape(count, -1) @ columns.T
+            pull += self._pulled(part, states, draws[..., own])
+        taken = taken.reshape(*draws.shape[:2], -1)
+        pull -= np.einsum("cpk,dck->pd", self.along, taken, optimize=True)
+        by = (self.root @ (self.root.T @ pull)).T
+        beside = taken @ now.inverse - np.einsum("dp,cpk->dck", by, self.along, optimize=True)
+        beside = beside.reshape(count, -1).astype(self.precision)
+        for own, part, columns, states in self._parts():
+            response = (beside @ columns).reshape(*draws.shape[:2], -1)
+            found[..., own] = draws[..., own] - response - self._moved(part, states, by)
+        return found
+
+    def _pulled(self, samples: Samples, states: Sequence[NDArray], signals: NDArray) -> NDArray[np.float64]:
+        """Products of the slopes with signals (draws, channels, samples), summed over both (parameters, draws)."""
+        # Channels are summed first: a derivative of the response is the shape times that of the state.
+        found = [np.zeros((0, len(signals)))]
+        for number, (mode, rows) in enumerate(zip(self.now.modes, states, strict=True)):
+            driven = np.einsum("csn,dcn->dsn", self._shape(samples, number), signals)
+            product = rows.reshape(len(rows), -1) @ driven.reshape(len(signals), -1).T
+            both = product.real if mode.real else np.concatenate([product.real, -product.imag])
+            found.append(both[mode.free])
+        return np.concatenate(found)
+
+    def _moved(self, samples: Samples, states: Sequence[NDArray], by: NDArray[np.float64]) -> NDArray:
+        """The response to steps of the parameters (draws, parameters), over the noise (draws, channels, samples)."""
+        found, place = np.zeros((len(by), len(self.weights), samples.n_samples), self.precision), 0
+        for number, (mode, rows) in enumerate(zip(self.now.modes, states, strict=True)):
+            step = np.zeros((len(by), len(mode.free)))
+            step[:, mode.free] = by[:, place : place + int(mode.free.sum())]
+            place += int(mode.free.sum())
+            along = step if mode.real else step[:, : len(rows)] + 1j * step[:, len(rows) :]
+            moved = (along.astype(rows.dtype) @ rows.reshape(len(rows), -1)).reshape(len(by), mode.states, -1)
+            found += np.einsum("csn,dsn->dcn", self._shape(samples, number), moved).real
+        return found
+
+    def _shape(self, samples: Samples, number: int) -> NDArray:
+        """The shape of a mode over the noise in a part of the samples (channels, states, samples)."""
+        mode = self.now.modes[number]
+        shape = (self.now.shape(number) * self.weights).T.reshape(len(self.weights), mode.states, -1)
+        return carried(samples, shape, mode.turns.tolist()).astype(np.result_type(self.precision, 1j))
 
     @cached_property
     def spread_root(self) -> NDArray[np.float64]:
@@ -210,15 +274,18 @@ class Scores:
 
         Infinite where nothing is known of it.
         """
-        now, own, pull, mixed = self.now, 0.0, 0.0, np.zeros(self.root.shape[1])
-        for channel, weight in enumerate(self.weights):
-            slope = weight * slopes[channel]
-            beyond = slope - (now.columns @ slope) @ now.inverse @ now.columns
-            own += float(beyond @ slope)
-            pull += float(beyond @ self.left[channel])
-            mixed += self.root.T @ (self.slopes[channel] @ beyond)
-        information = own - float(mixed @ mixed)
-        if not information > ROUNDING * own:
+        now, size, pull, mixed = self.now, 0.0, 0.0, np.zeros(len(self.root))
+        slopes = self.weights[:, None] * slopes
+        taken = sum(columns @ slopes[:, own].T for own, columns in now.columns)
+        taken = (now.inverse @ taken).T
+        for own, part, _, states in self._parts():
+            beyond = slopes[:, own] - taken @ now.columns.of(part, own)
+            size += float(np.einsum("cn,cn->", beyond, slopes[:, own]))
+            pull += float(np.einsum("cn,cn->", beyond, self.left[:, own]))
+            mixed += self._pulled(part, states, beyond[None])[:, 0]
+        mixed = self.root.T @ mixed
+        information = size - float(mixed @ mixed)
+        if not information > ROUNDING * size:
             return 0.0, float(np.inf)
         return pull / information, information**-0.5
 
@@ -239,7 +306,7 @@ def phase_step(scores: Scores, number: int) -> tuple[float, float]:
 def _step(scores: Scores, moved: Sequence[Samples]) -> tuple[float, float]:
     """The step of what was moved by half the digits to either side, to first order, and its deviation."""
     now = scores.now
-    one, other = (now.coefficients.T @ linearise(own, now.modes, now.direct).columns for own in moved)
+    one, other = (columns_at(own, now.modes, now.direct).response(now.coefficients) for own in moved)
     return scores.step_along((one - other) / (2.0 * HALF_DIGITS))
 
 
@@ -247,7 +314,8 @@ def gain_of(scores: Scores, samples: Samples, modes: Sequence[InputMode]) -> flo
     """The gain by modes that answer to other inputs nearly alike, to first order; zero where the record tells none."""
     # A step of 0 along the difference of both responses is what was fitted, one of 1 is the other.
     now = scores.now
-    apart = now.coefficients.T @ (linearise(samples, modes, now.direct).columns - now.columns)
+    other, own = columns_at(samples, modes, now.direct), now.columns
+    apart = other.response(now.coefficients) - own.response(now.coefficients)
     step, std = scores.step_along(apart)
     return (2.0 * step - 1.0) / std**2
 

@@ -27,7 +27,7 @@ from floquid.innovations import (
     searched,
     solve,
 )
-from floquid.inputs import InputMode, Samples, Uncertainty, linearise
+from floquid.inputs import InputMode, Samples, Uncertainty, columns_at, linearise
 from floquid.inputs import solve as solve_driven
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline.excited._identify import finished, limits_of, unchecked
@@ -163,8 +163,8 @@ def predicted_rest(analysis: Analysis) -> tuple[NDArray[np.float64], NDArray[np.
     with blas_threads(analysis.records):
         if isinstance(fit, Uncertainty):
             own = fit.at if mask.all() else solve_driven(without_last(samples)[0], fit.at.modes, fit.at.direct)
-            columns = linearise(samples, own.modes, own.direct).columns
-            return np.where(samples.there, own.coefficients.T @ columns, np.nan), mask
+            response = columns_at(samples, own.modes, own.direct).response(own.coefficients)
+            return np.where(samples.there, response, np.nan), mask
         own, whole = fit.at, None
         start = None if mask.all() else predicted(part, own.modes, own.columns, own.initial, own.whitening[mask])
         if start is not None:

@@ -1,0 +1,99 @@
+"""Derivatives of the states of modes, formed of a part of the samples at a time: all of them take no more memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid.fit import ROUNDING
+from floquid.inputs._modes import InputMode, in_turn, joined, reached_by, slopes_of_state
+from floquid.inputs._samples import Samples
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Part:
+    """Samples that follow one another in a record, and the first of the next part, with derivatives of states."""
+
+    own: slice  # its samples among all, without that of the next part
+    record: int  # its record
+    samples: Samples  # with that of the next part
+    rows: list[NDArray]  # of each mode, as `Followed.rows` has them
+
+    @property
+    def joined(self) -> slice:
+        """Its samples among all, with that of the next part."""
+        return slice(self.own.start, self.own.start + self.samples.n_samples)
+
+    @property
+    def alone(self) -> Part:
+        """Without the sample of the next part."""
+        inner = slice(0, self.own.stop - self.own.start)
+        if inner.stop == self.samples.n_samples:
+            return self
+        return replace(self, samples=self.samples.part(inner), rows=[rows[..., inner] for rows in self.rows])
+
+
+class Followed:
+    """Derivatives of a mode's state by λ, b and its first values, followed from part to part of the records."""
+
+    def __init__(
+        self, samples: Samples, mode: InputMode, state: NDArray | None, parts: Sequence[Sequence[slice]]
+    ) -> None:
+        """Of b and the first values alone where no state is given: these do not depend on it ([2,] samples)."""
+        self._mode, self._records = mode, len(parts)
+        self._state = None if state is None else state.reshape(mode.states, -1)
+        self._carried: dict[int, NDArray] = {}  # those at the sample from which a part is followed, by its first one
+        if mode.backwards:
+            for record, cuts in enumerate(parts):
+                for own in cuts[:0:-1]:
+                    rows = self.rows(samples.part(joined(own, cuts)), own.start, record)
+                    self._carried[cuts[cuts.index(own) - 1].start] = rows[..., 0]
+
+    def rows(self, part: Samples, start: int, record: int) -> NDArray:
+        """The derivatives in a part that begins with a sample of a record, as `slopes_of_state` has them ([2,] samples).
+
+        Or as `reached_by`, of first values of all records.
+        """
+        mode, width = self._mode, self._mode.states
+        if self._state is None:
+            rows, behind = reached_by(part, replace(mode, initial=np.ones(width, complex))), 0
+        else:
+            own = self._state[:, start : start + part.n_samples]
+            alone = replace(mode, initial=np.asarray(own[:, -1 if mode.backwards else 0], np.complex128))
+            rows, behind = slopes_of_state(part, alone, own if width > 1 else own[0]), int(width > 1)
+        # The response to first values of this part alone carries on all derivatives from those with which it begins.
+        first = len(rows) - width - behind
+        begun, size = rows[first : first + width].copy(), first + width * self._records
+        carried = self._carried.get(start)
+        if carried is None:
+            carried = np.zeros((size + behind, *rows.shape[1:-1]), rows.dtype)
+            for state in range(width):
+                carried[(first + state * self._records + record, *(state,) * (width - 1))] = 1.0
+        else:
+            firsts = carried[first:size]
+            firsts[np.abs(firsts) < ROUNDING] = 0.0
+        rows[first : first + width] = 0.0
+        found = rows if self._records == 1 else np.insert(rows, [first + width] * (size - first - width), 0.0, axis=0)
+        moving = np.flatnonzero(carried.reshape(len(carried), -1).any(axis=1))
+        found[moving] += np.tensordot(carried[moving].reshape(len(moving), width), begun, 1)
+        if not mode.backwards:
+            self._carried[start + part.n_samples - 1] = found[..., -1].copy()
+        return found
+
+
+def slopes_in_parts(
+    samples: Samples, modes: Sequence[InputMode], states: Sequence[NDArray | None], numbers: int
+) -> Iterator[Part]:
+    """Derivatives of the states of modes, part by part of the samples.
+
+    Parts are so long that `numbers` of each sample make a block.
+    """
+    parts = samples.parts(numbers)
+    followed = [Followed(samples, mode, state, parts) for mode, state in zip(modes, states, strict=True)]
+    for record, cuts in enumerate(parts):
+        for own in cuts:
+            wide = samples.part(joined(own, cuts))
+            yield Part(own, record, wide, [each.rows(wide, own.start, record) for each in followed])

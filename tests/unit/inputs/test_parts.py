@@ -1,0 +1,68 @@
+"""Sums over parts of the samples are those over all at once, and all slopes are never held."""
+
+from __future__ import annotations
+
+import tracemalloc
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.unit.inputs.test_states import OMEGA, STEP, block, mode
+
+from floquid.checks import Driven
+from floquid.inputs import Uncertainty, linearise, samples_of
+from floquid.inputs._solver import columns_of, normal_equations
+from floquid.inputs._start import bare_mode, fitted_together
+from floquid.inputs.search import Scores, passed
+
+MODES = {
+    "a pair": mode(),
+    "a real multiplier": mode(real=True),
+    "a mode that grows": mode(rate=2.5),
+    "a block": block(-1e-2),
+}
+
+
+def samples(hold="first"):
+    generator = np.random.default_rng(2)
+    parts = [generator.standard_normal((2, 2, n)) for n in (60, 43)]
+    parts[0][1, :, 30:33] = np.nan
+    outputs, inputs = [own[1] for own in parts], [own[0] for own in parts]
+    return samples_of(outputs, inputs, [0.4, 1.1], step=STEP, fundamental=OMEGA, hold=hold, turns=(1,))
+
+
+def with_two_records(own):
+    return replace(own, initial=np.repeat(own.initial.reshape(own.states, -1), 2, axis=1).ravel())
+
+
+def sums(own, wanted):
+    at = linearise(own, [wanted, replace(with_two_records(mode()), exponent=-0.1 + 0.3j)], (0.0, 1.0))
+    scores, equations = Scores(own, at, rough=False), normal_equations(own, at)
+    further = replace(at.modes[0], turns=at.modes[0].turns[-1:] + 1.0)
+    draws = np.random.default_rng(5).standard_normal((3, *at.left.shape))
+    found = {
+        "the residual": at.left,
+        "the normal equations": np.concatenate([np.ravel(part) for part in equations]),
+        "the response": at.columns.response(at.coefficients, slice(2)),
+        "the residual of draws": scores.unfitted(draws),
+        "a step": scores.step_along(draws[0]),
+        "gains by columns": scores.by_columns([lambda part, here: columns_of(part, further, at.states[0][..., here])]),
+        "products": fitted_together(own, own.values, [bare_mode(own, -0.2 + 0.5j, np.arange(3.0), np.arange(2.0))])[0],
+    }
+    if wanted.square is None:
+        found["gains by inputs"] = scores.by_inputs([(0, float(at.modes[0].reach[-1]) + 1.0), (1, 3.0)])
+        found["noise that drives"] = [scores.by_noise(2)]
+        for number, both in enumerate(passed(scores, equations, [0, 1])):
+            found[f"noise through mode {number}"] = np.concatenate([np.ravel(both.of_parameters), *map(np.ravel, both.of_columns)])
+    return found
+
+
+@pytest.mark.parametrize("name", MODES)
+def test_parts_of_the_samples_add_up_to_all(name, monkeypatch):
+    wanted = with_two_records(MODES[name])
+    whole = sums(samples(), wanted)
+    monkeypatch.setattr("floquid.inputs._samples.BLOCK", 1)
+    monkeypatch.setattr("floquid.inputs._samples.CHUNK", 7)
+    for what, found in sums(samples(), wanted).items():
+        size = np.abs(whole[what]).max()
+        assert np.abs(np.asarray(found) - whole[what]).max() < 1e-9 * max(size, 1e-12), what
