@@ -77,8 +77,9 @@ class Followed:
             firsts[np.abs(firsts) < ROUNDING] = 0.0
         rows[first : first + width] = 0.0
         found = rows if self._records == 1 else np.insert(rows, [first + width] * (size - first - width), 0.0, axis=0)
-        moving = np.flatnonzero(carried.reshape(len(carried), -1).any(axis=1))
-        found[moving] += np.tensordot(carried[moving].reshape(len(moving), width), begun, 1)
+        for row, own in zip(found, carried.reshape(-1, width), strict=True):
+            if own.any():
+                row += own[0] * begun[0] if width == 1 else np.tensordot(own, begun, 1)
         if not mode.backwards:
             self._carried[start + part.n_samples - 1] = found[..., -1].copy()
         return found

@@ -87,7 +87,7 @@ class Columns(Rebuilt):
         return found
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Linearisation(Rebuilt):
     """The fit at some modes: what is linear, and what is left."""
 
@@ -147,8 +147,20 @@ class Linearisation(Rebuilt):
             place = stop
         return found
 
+    @cached_property
+    def free(self) -> list[NDArray[np.bool_]]:
+        """Masks of the parameters of each mode that are free."""
+        return [mode.free for mode in self.modes]
+
     def shape(self, mode: int) -> NDArray[np.complex128]:
         """2 c of a mode, of real states at turn zero c (turns, channels); of a block the second state's follow."""
+        return self._shapes[mode]
+
+    @cached_property
+    def _shapes(self) -> list[NDArray[np.complex128]]:
+        return [self._shape(number) for number in range(len(self.modes))]
+
+    def _shape(self, mode: int) -> NDArray[np.complex128]:
         own, turning = self.slices()[mode]
         both = self.coefficients[own].reshape(self.modes[mode].states, -1, self.coefficients.shape[1])
         found = both[:, : len(turning)].astype(complex)
@@ -222,7 +234,7 @@ def slopes_of(
 
     Of the precision that the derivatives of the states have.
     """
-    masks = [mode.free for mode in at.modes]
+    masks = at.free
     precision = np.float32 if all(own.dtype in (np.float32, np.complex64) for own in states) else np.float64
     found, place = np.empty((sum(int(own.sum()) for own in masks), samples.n_samples), precision), 0
     for number, (mode, slopes, free) in enumerate(zip(at.modes, states, masks, strict=True)):
@@ -252,7 +264,7 @@ def normal_equations(samples: Samples, at: Linearisation, *, rough: bool = False
     """Gauss-Newton matrix and gradient of the free parameters, and what the columns take, over the noise."""
     # A rough one is made in single precision, slopes as multiples of about their size.
     sizes = [np.where(own > 0.0, own, 1.0) for own in sizes_of(samples, at)]
-    each = [(own if mode.real else np.tile(own, 2))[mode.free] for mode, own in zip(at.modes, sizes, strict=True)]
+    each = [(own if len(own) == len(free) else np.tile(own, 2))[free] for free, own in zip(at.free, sizes, strict=True)]
     scale = np.concatenate([np.zeros(0), *each])
     of_columns = np.sqrt(np.einsum("kk->k", at.inverse))
     of_columns = np.where(of_columns > 0.0, of_columns, 1.0)  # of an input that is silent there is nothing
@@ -280,7 +292,7 @@ def normal_equations(samples: Samples, at: Linearisation, *, rough: bool = False
 
 def numbers_of(at: Linearisation) -> int:
     """Numbers of each sample that are held where slopes are formed."""
-    return at.columns.count + sum(4 * len(mode.free) for mode in at.modes)
+    return at.columns.count + 2 * sum(map(len, at.free))
 
 
 def sizes_of(samples: Samples, at: Linearisation) -> list[NDArray[np.float64]]:

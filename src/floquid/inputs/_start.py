@@ -289,11 +289,14 @@ def fitted_together(
     """
     columns = _Products(samples, bare, acting)
     gram, seen, size, strengths = columns.sums(response)
-    products = scaled_inverse(gram, HALF_DIGITS) @ seen / size[:, None]
-    squares = np.zeros(len(response))
-    for own, part, _ in columns:
-        squares += np.sum((response[:, own] - products.T @ part) ** 2, axis=1)
-    gain = samples.count * float(np.sum(np.log(np.sum(response**2, axis=1) / squares)))
+    solved, energy = scaled_inverse(gram, HALF_DIGITS) @ seen, np.sum(response**2, axis=1)
+    products = solved / size[:, None]
+    squares = energy - np.sum(solved * (2.0 * seen - gram @ solved), axis=0)
+    if np.any(squares < HALF_DIGITS * energy):  # all but nothing is left: of the difference half the digits are rounding
+        squares = np.zeros(len(response))
+        for own, part, _ in columns:
+            squares += np.sum((response[:, own] - products.T @ part) ** 2, axis=1)
+    gain = samples.count * float(np.sum(np.log(energy / squares)))
     modes = [
         split_products(mode, strength, products[place], len(response))
         for mode, strength, place in zip(bare, strengths, columns.places, strict=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import BLOCK
 from floquid.fit import HALF_DIGITS, ROUNDING, chi2_limit, inverse_root, score_gain, wald_rise
 from floquid.inputs._modes import InputMode, followed
 from floquid.inputs._samples import Samples
@@ -28,6 +29,7 @@ from floquid.inputs.search._structure import Limits
 Group = Callable[[Samples, slice], NDArray[np.float64]]
 """Columns in a part of the samples, by that part and its place among all (columns, samples)."""
 
+MOST_KEPT = 8 * BLOCK  # numbers up to which the derivatives of the states are kept from one test to the next
 SIDES = (HALF_DIGITS, -HALF_DIGITS)
 
 TINY = float(np.finfo(float).tiny)  # added where nothing may be divided by: a channel that says nothing of a mode
@@ -87,8 +89,16 @@ class Scores:
             gains.append(score_gain(pull[rows].T.ravel(), left, self.least, before=np.tile(size[rows], channels)))
         return gains
 
-    def _parts(self) -> Iterator[tuple[slice, Samples, NDArray, list[NDArray]]]:
-        """Parts of the samples with the columns and the derivatives of the states there."""
+    def _parts(self) -> Iterable[tuple[slice, Samples, NDArray, list[NDArray]]]:
+        """Parts of the samples with the columns and the derivatives of the states there, kept where these are few."""
+        few = numbers_of(self.now) * self.samples.n_samples < MOST_KEPT
+        return self._kept if few else self._formed()
+
+    @cached_property
+    def _kept(self) -> list[tuple[slice, Samples, NDArray, list[NDArray]]]:
+        return list(self._formed())
+
+    def _formed(self) -> Iterator[tuple[slice, Samples, NDArray, list[NDArray]]]:
         now, inner = self.now, np.result_type(self.precision, 1j)
         for part in slopes_in_parts(self.samples, now.modes, now.states, numbers_of(now)):
             here = part.alone
@@ -156,29 +166,44 @@ class Scores:
         # them.
         if not (self.now.heard.any() and self.now.modes):
             return 0.0
-        pulls, sizes, beyond = self._by_noise
-        generator, drawn = np.random.default_rng(0), np.zeros((4, draws, len(pulls)))
-        for first in range(0, draws, FEW):
-            some = slice(first, min(first + FEW, draws))
-            whole = np.empty((some.stop - first, *self.left.shape), self.precision)
-            for own in whole:
-                own[:] = self.samples.kept(generator.standard_normal(own.shape, self.precision))
-            drawn[2:, some] = self._pulls(whole)
-            drawn[:2, some] = self._pulls(self.unfitted(whole))
-        drawn[1::2] += TINY
+        pulls, sizes, beyond, generator, each = self._by_noise
+        while len(each) < draws:
+            each += self._drawn(generator)[0]
+        drawn = np.moveaxis(each[:draws], 0, 1)
         # Of a whole draw the mean is none: less that, what is taken is told three times as well.
         taken = drawn[0] / np.sqrt(drawn[1]) - drawn[2] / np.sqrt(drawn[3].mean(axis=0))
         return max(float(np.sum(pulls / sizes - taken.mean(axis=0)) / (beyond + TINY)), 0.0) ** 2
 
     @cached_property
-    def _by_noise(self) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-        """The gradient by noise that drives each mode, the size of its slopes, and that of their sum beside the fit."""
+    def _by_noise(
+        self,
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], float, np.random.Generator, list[NDArray[np.float64]]]:
+        """The gradient by noise that drives each mode, the size of its slopes, that of their sum beside the fit, draws."""
         pulls, squares = self._pulls(self.left[None])[:, 0]
-        sizes, total = np.sqrt(squares) + TINY, np.zeros(self.left.shape)
+        sizes, total = np.sqrt(squares) + TINY, np.zeros(self.left.shape, self.precision)
         for number, size in enumerate(sizes):
             heard, shape = self.shape_heard(self.samples, number)
             total[heard] += self._by_noise_of(number, shape, self.left[heard]) / size
-        return pulls, sizes, float(np.linalg.norm(self.unfitted(total[None])))
+        generator = np.random.default_rng(0)
+        drawn, beside = self._drawn(generator, total)
+        return pulls, sizes, float(np.linalg.norm(beside[-1])), generator, drawn
+
+    def _drawn(
+        self, generator: np.random.Generator, *beside: NDArray
+    ) -> tuple[list[NDArray[np.float64]], NDArray]:
+        """Of a few draws of noise gradients and squares as `_pulls` has them, after the fit and before (4, modes).
+
+        With the residuals of all, and of other responses (responses, channels, samples).
+        """
+        whole = np.empty((FEW + len(beside), *self.left.shape), self.precision)
+        for own in whole[:FEW]:
+            own[:] = self.samples.kept(generator.standard_normal(own.shape, self.precision))
+        for row, own in enumerate(beside, FEW):
+            whole[row] = own
+        before, after = self._pulls(whole[:FEW]), self.unfitted(whole)
+        drawn = np.concatenate([self._pulls(after[:FEW]), before])
+        drawn[1::2] += TINY
+        return list(np.moveaxis(drawn, 1, 0)), after
 
     def shape_heard(self, samples: Samples, number: int) -> tuple[NDArray[np.bool_], NDArray[np.complex128]]:
         """Mask of the channels heard, and the shape of a mode over the noise in these (channels heard, samples)."""
