@@ -167,22 +167,23 @@ class Driven(Excited):
         whole_at = linearise(whole, part.at.modes, part.at.direct)
         whole_at = replace(whole_at, coefficients=part.at.coefficients)
         beyond, outputs = ~fitted & whole.there, range(len(part.at.noise))
-        residual = whole.values - whole_at.columns.response(part.at.coefficients)
         roots = [part.errors.root(output) for output in outputs]
         # An error of one parameter goes through all samples: it counts once.
-        pulls, inner = [0.0] * len(outputs), [0.0] * len(outputs)
+        squares, pulls, inner = ([0.0] * len(outputs) for _ in range(3))
         for piece in slopes_in_parts(whole, whole_at.modes, whole_at.states, numbers_of(whole_at)):
             here, used = piece.alone, beyond[piece.own]
             columns = whole_at.columns.of(here.samples, piece.own)
             for output in outputs if used.any() else ():
                 slopes = slopes_of(here.samples, whole_at, output, here.rows)
                 untold = np.concatenate([slopes, columns])[:, used].T @ roots[output]
-                pulls[output] += untold.T @ residual[output, piece.own][used]
+                residual = whole.values[output, piece.own] - whole_at.coefficients[:, output] @ columns
+                squares[output] += float(np.sum(residual[used] ** 2))
+                pulls[output] += untold.T @ residual[used]
                 inner[output] += untold.T @ untold
         errors = []
-        for own, pull, matrix, noise in zip(residual[:, beyond], pulls, inner, part.at.noise, strict=True):
-            square = (own @ own - pull @ np.linalg.solve(matrix + noise**2 * np.eye(len(pull)), pull)) / noise**2
-            errors.append(float(np.sqrt(max(square, 0.0) / len(own))))
+        for square, pull, matrix, noise in zip(squares, pulls, inner, part.at.noise, strict=True):
+            left = square - pull @ np.linalg.solve(matrix + noise**2 * np.eye(len(pull)), pull)
+            errors.append(float(np.sqrt(max(left, 0.0) / noise**2 / beyond.sum())))
         return np.array(errors)
 
 

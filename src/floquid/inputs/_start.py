@@ -17,7 +17,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.fit import HALF_DIGITS, MODES, SURE, chi2_limit, inverse_root, scaled_inverse
+from floquid._arrays import BLOCK
+from floquid.fit import CHUNK, HALF_DIGITS, MODES, SURE, chi2_limit, inverse_root, scaled_inverse
 from floquid.inputs._modes import RUNAWAY, InputMode, runs_away
 from floquid.inputs._samples import Samples
 from floquid.inputs._slopes import slopes_in_parts
@@ -112,17 +113,13 @@ def _poles(samples: Samples, response: NDArray[np.float64], thinned: int) -> lis
     if not looks:
         return []
     sidebands, depth = max(looks, key=lambda own: min(own[1] - 1, -(-ORDERS[1] // count)))
-    turned = [samples.turned(turn) * samples.inputs for turn in range(1, sidebands + 1)]
-    signals = np.concatenate([samples.inputs, *(part for own in turned for part in (own.real, own.imag)), response])
-    size = signals.std(axis=1, keepdims=True)
-    signals = signals / np.where(size > 0.0, size, 1.0)
-    rows = 2 * depth * len(signals)
+    looked = _Looked(samples, response, range(1, sidebands + 1), taps, thinned)
+    rows = 2 * depth * looked.count
     gram = np.zeros((rows, rows))
     for own, length in zip(samples.stretches, lengths, strict=True):
         if length > 2 * depth:
-            part = np.array([np.convolve(row, taps, "valid")[::thinned] for row in signals[:, own]])
-            gram += _products_of_lags(part, 2 * depth)
-    place = np.arange(2 * depth)[:, None] * len(signals) + np.arange(len(signals))
+            gram += _products_of_lags(looked.parts(own.start, length), looked.count, 2 * depth)
+    place = np.arange(2 * depth)[:, None] * looked.count + np.arange(looked.count)
     past, inputs, outputs = place[:depth].ravel(), place[depth:, :-count].ravel(), place[depth:, -count:].ravel()
     order = np.concatenate([inputs, past, outputs])
     gram = gram[np.ix_(order, order)]
@@ -174,14 +171,47 @@ def _lower(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     return np.asarray(np.linalg.qr((vectors * np.sqrt(np.maximum(values, 1e-6))).T)[1].T, np.float64), 1e-3
 
 
-def _products_of_lags(signals: NDArray[np.float64], lags: int) -> NDArray[np.float64]:
-    """Products of signals at lags, summed over the samples (lags · signals, lags · signals)."""
+class _Looked:
+    """Inputs, as they are and modulated, and a response, of rms 1 and thinned, formed part by part of the samples."""
+
+    def __init__(
+        self, samples: Samples, response: NDArray[np.float64], turns: Sequence[int], taps: NDArray, thinned: int
+    ) -> None:
+        self._samples, self._response, self._turns = samples, response, turns
+        self._taps, self._thinned = taps, thinned
+        self.count = len(samples.inputs) * (1 + 2 * len(turns)) + len(response)
+        size = [samples.inputs.std(axis=1)]
+        for turn in turns:
+            turned = [samples.turned(turn) * own for own in samples.inputs]
+            size += [np.array([own.real.std() for own in turned]), np.array([own.imag.std() for own in turned])]
+        size = np.concatenate([*size, response.std(axis=1)])
+        self._size = np.where(size > 0.0, size, 1.0)[:, None]
+
+    def parts(self, start: int, length: int) -> Iterator[NDArray[np.float64]]:
+        """Parts one after another of as many thinned samples, of which the first needs those from `start` on."""
+        step = max(BLOCK // (4 * self.count * self._thinned), CHUNK)
+        for first in range(0, length, step):
+            last = min(first + step, length) - 1
+            own = slice(start + first * self._thinned, start + last * self._thinned + len(self._taps))
+            part = self._samples.part(own)
+            turned = [part.turned(turn) * part.inputs for turn in self._turns]
+            signals = [part.inputs, *(each for both in turned for each in (both.real, both.imag)), self._response[:, own]]
+            signals = np.concatenate(signals) / self._size
+            yield np.array([np.convolve(row, self._taps, "valid")[:: self._thinned] for row in signals])
+
+
+def _products_of_lags(parts: Iterator[NDArray[np.float64]], count: int, lags: int) -> NDArray[np.float64]:
+    """Products of signals at lags, summed over the samples (lags · signals, lags · signals), by parts of these."""
     # The block one lag later of both is the block less its first sample, and one sample more.
-    count, columns = len(signals), signals.shape[1] - lags + 1
-    found = np.zeros((lags, count, lags, count))
-    for lag in range(lags):
-        found[0, :, lag] = signals[:, :columns] @ signals[:, lag : lag + columns].T
-    ends = np.stack([signals[:, : lags - 1], signals[:, columns : columns + lags - 1]], axis=1)
+    found, joined, begin = np.zeros((lags, count, lags, count)), np.zeros((count, 0)), np.zeros((count, 0))
+    for part in parts:
+        begin = np.concatenate([begin, part[:, : lags - 1 - begin.shape[1]]], axis=1)
+        joined = np.concatenate([joined, part], axis=1)
+        columns = max(joined.shape[1] - lags + 1, 0)
+        for lag in range(lags):
+            found[0, :, lag] += joined[:, :columns] @ joined[:, lag : lag + columns].T
+        joined = joined[:, columns:]
+    ends = np.stack([begin, joined], axis=1)
     for row in range(1, lags):
         gone = np.tensordot(ends[:, :, row - 1] * [1.0, -1.0], ends[:, :, row - 1 :], (1, 1))
         found[row, :, row:] = found[row - 1, :, row - 1 : -1] - np.moveaxis(gone, 1, 2)

@@ -61,7 +61,8 @@ def test_modes_are_chosen_before_what_is_none():
 def test_products_of_lags_are_those_of_the_table():
     signals = np.random.default_rng(0).standard_normal((3, 50))
     table = np.concatenate([signals[:, lag : lag + 45] for lag in range(6)])
-    assert np.abs(_products_of_lags(signals, 6) - table @ table.T).max() < 1e-12
+    for parts in ([signals], np.split(signals, [3, 7, 20], axis=1)):
+        assert np.abs(_products_of_lags(iter(parts), 3, 6) - table @ table.T).max() < 1e-12
 
 
 def test_the_factor_of_products_that_are_rounding():

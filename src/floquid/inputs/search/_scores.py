@@ -231,8 +231,8 @@ class Scores:
         return found
 
     def unfitted(self, draws: NDArray) -> NDArray:
-        """Residuals of responses after this fit, to first order, over its noise (draws, channels, samples)."""
-        now, found, count = self.now, np.empty_like(draws), len(draws) * len(self.weights)
+        """Residuals of responses after this fit, to first order, in their place (draws, channels, samples)."""
+        now, count = self.now, len(draws) * len(self.weights)
         taken, pull = np.zeros((count, now.columns.count)), np.zeros((len(self.root), len(draws)))
         for own, part, columns, states in self._parts():
             taken += draws[..., own].reshape(count, -1) @ columns.T
@@ -244,8 +244,8 @@ class Scores:
         beside = beside.reshape(count, -1).astype(self.precision)
         for own, part, columns, states in self._parts():
             response = (beside @ columns).reshape(*draws.shape[:2], -1)
-            found[..., own] = draws[..., own] - response - self._moved(part, states, by)
-        return found
+            draws[..., own] -= response + self._moved(part, states, by)
+        return draws
 
     def _pulled(self, samples: Samples, states: Sequence[NDArray], signals: NDArray) -> NDArray[np.float64]:
         """Products of the slopes with signals (draws, channels, samples), summed over both (parameters, draws)."""
