@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,33 +47,58 @@ def _least(samples: Samples, tried: Sequence[int], acting: int) -> NDArray[np.fl
     for harmonics in HARMONICS:
         before = np.inf
         for lags in tried:
-            rows = _regressors(samples, lags, harmonics, acting)
+            width = _width(samples, lags, harmonics, acting)
             used = whole_past(samples, lags)
             count = int(used.sum())
-            if len(rows) > MOST * count:
+            if width > MOST * count:
                 break
-            rows, values = rows[:, used], samples.values[:, used]
-            gram = rows @ rows.T
+            gram, seen = np.zeros((width, width)), np.zeros((width, len(samples.values)))
+            for own, rows in _regressors(samples, lags, harmonics, acting):
+                kept = rows * used[own]
+                gram += kept @ kept.T
+                seen += kept @ samples.values[:, own].T
             size = np.sqrt(np.maximum(np.diag(gram), np.finfo(float).tiny))
             system = gram / np.outer(size, size) + 1e-10 * np.eye(len(size))
-            left = values - (np.linalg.solve(system, rows @ values.T / size[:, None]) / size[:, None]).T @ rows
-            criterion = count * np.linalg.slogdet(left @ left.T / count)[1] + len(rows) * len(values) * np.log(count)
+            fitted, left = np.linalg.solve(system, seen / size[:, None]) / size[:, None], np.zeros_like(samples.values)
+            for own, rows in _regressors(samples, lags, harmonics, acting):
+                left[:, own] = (samples.values[:, own] - fitted.T @ rows) * used[own]
+            criterion = count * np.linalg.slogdet(left @ left.T / count)[1] + fitted.size * np.log(count)
             if criterion / count > before:
                 break
             before = criterion / count
             if before < best:
-                best, found = before, np.zeros_like(samples.values)
-                found[:, used] = left
+                best, found = before, left
     return found
 
 
-def _regressors(samples: Samples, lags: int, harmonics: int, acting: int) -> NDArray[np.float64]:
-    """Known columns, inputs that act at once, and samples and inputs before, all but the first turned (…, samples)."""
-    signals = np.concatenate([samples.values, samples.inputs])
-    rows = [samples.each(signals, lambda own, lag=lag: delayed(own, lag)) for lag in range(1, lags + 1)]
-    late = np.concatenate([samples.inputs[:acting], *rows])
-    turned = [samples.turned(turn) for turn in range(1, harmonics + 1)]
-    return np.concatenate([samples.known, late, *(part * late for own in turned for part in (own.real, own.imag))])
+def _width(samples: Samples, lags: int, harmonics: int, acting: int) -> int:
+    """The number of the rows of `_regressors`."""
+    late = len(samples.inputs[:acting]) + lags * (len(samples.values) + len(samples.inputs))
+    return len(samples.known) + (1 + 2 * harmonics) * late
+
+
+def _regressors(
+    samples: Samples, lags: int, harmonics: int, acting: int
+) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+    """Known columns, inputs that act at once, and samples and inputs before, all but the first turned (…, samples).
+
+    They are formed part by part of the samples.
+    """
+    for parts in samples.parts(_width(samples, lags, harmonics, acting)):
+        for own in parts:
+            part, past = samples.part(own), past_of(samples, own, parts[0].start, lags)
+            late = np.concatenate([part.inputs[:acting], past])
+            turned = [part.turned(turn) for turn in range(1, harmonics + 1)]
+            modulated = (each * late for both in turned for each in (both.real, both.imag))
+            yield own, np.concatenate([part.known, late, *modulated])
+
+
+def past_of(samples: Samples, own: slice, begin: int, lags: int) -> NDArray[np.float64]:
+    """Samples and inputs 1 to `lags` samples before those of a part, zero before a record begins (…, samples)."""
+    first, count = max(own.start - lags, begin), own.stop - own.start
+    before = [signals[:, first : own.stop - 1] for signals in (samples.values, samples.inputs)]
+    signals = np.pad(np.concatenate(before), ((0, 0), (lags - (own.start - first), 0)))
+    return np.concatenate([signals[:, lags - lag : lags - lag + count] for lag in range(1, lags + 1)])
 
 
 def whole_past(samples: Samples, lags: int) -> NDArray[np.bool_]:
@@ -83,11 +108,4 @@ def whole_past(samples: Samples, lags: int) -> NDArray[np.bool_]:
         for lag in range(1, lags + 1):
             found[own.start + lag : own.stop] &= samples.there[own.start : own.stop - lag]
         found[own.start : min(own.start + lags, own.stop)] = False
-    return found
-
-
-def delayed(values: NDArray, lag: int) -> NDArray:
-    """Values some samples ago, zero where there were none (…, samples)."""
-    found = np.zeros_like(values)
-    found[:, lag:] = values[:, :-lag] if lag < values.shape[1] else 0.0
     return found

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.fit import FEW_STEPS, IN_VAIN, LAGS
+from floquid._arrays import BLOCK
+from floquid._checks import Rebuilt
+from floquid.fit import CHUNK, FEW_STEPS, IN_VAIN, LAGS
 from floquid.innovations._predictor import Predictor
 from floquid.inputs import MOST_ROWS, Samples
 
@@ -18,8 +21,48 @@ def reweighed(samples: Samples, at: Predictor) -> Predictor:
     return replace(at, whitening=whitening_of(samples, at.level))
 
 
-def whitening_of(samples: Samples, innovations: NDArray[np.float64]) -> NDArray[np.float64]:
-    r"""W (samples, channels, channels) of innovations (channels, samples): that of W e is constant along a period.
+@dataclass(frozen=True, eq=False)
+class Whitening(Rebuilt):
+    """W of samples (samples, channels, channels), formed where it is asked for by a slice or a mask."""
+
+    angle: NDArray[np.complex128]  # e^{iωt} (samples,)
+    there: NDArray[np.bool_]  # Mask of the samples that were measured (samples,)
+    # φ of each channel (columns, channels before it), and log d (columns,), of the columns of `_columns`
+    shares: tuple[NDArray[np.float64], ...]
+    deviations: tuple[NDArray[np.float64], ...]
+
+    def __getitem__(self, own: slice | NDArray[np.bool_]) -> NDArray[np.float64]:
+        if len(self.there) * len(self.shares) ** 2 < BLOCK:
+            return self._all[own]
+        return self._of(self.angle[own], self.there[own])
+
+    @cached_property
+    def _all(self) -> NDArray[np.float64]:
+        return self._of(self.angle, self.there)
+
+    def _of(self, angle: NDArray[np.complex128], there: NDArray[np.bool_]) -> NDArray[np.float64]:
+        found = np.zeros((len(angle), len(self.shares), len(self.shares)))
+        columns = _columns(angle, max(map(len, self.deviations)) // 2)
+        for channel, (shares, deviations) in enumerate(zip(self.shares, self.deviations, strict=True)):
+            inner = columns[: len(deviations)]
+            size = np.exp(-deviations @ inner)
+            found[:, channel, :channel] = -(inner.T @ shares) * size[:, None]
+            found[:, channel, channel] = size
+        found[~there] = np.eye(len(self.shares))
+        return found
+
+
+def _columns(angle: NDArray[np.complex128], harmonics: int) -> NDArray[np.float64]:
+    """One, and real and imaginary part of each harmonic (columns, samples)."""
+    found, turned = np.ones((1 + 2 * harmonics, len(angle))), angle
+    for place in range(1, 2 * harmonics, 2):
+        found[place], found[place + 1] = turned.real, turned.imag
+        turned = turned * angle
+    return found
+
+
+def whitening_of(samples: Samples, innovations: NDArray[np.float64]) -> Whitening:
+    r"""W of innovations (channels, samples): that of W e is constant along a period.
 
     .. math:: e_i = \sum_{j < i} \varphi_{ij}(t)\, e_j + d_i(t)\, \varepsilon_i, \qquad W = D^{-1} (1 - \Phi)
 
@@ -27,55 +70,57 @@ def whitening_of(samples: Samples, innovations: NDArray[np.float64]) -> NDArray[
     (Pourahmadi 1999). The geometric mean of each d is 1: the likelihood needs no more than the covariance of W e.
     W is 1 at samples that were not measured.
     """
-    count, there = len(innovations), samples.there
-    innovations = innovations[:, there]
-    found = np.zeros((samples.count, count, count))
+    there, angle = samples.there, samples.turned(1.0)
+    innovations, measured = innovations[:, there], angle[there]
     highest = int(np.pi / (samples.fundamental * samples.step))
-    basis = [np.ones((1, samples.count))]
+    columns, fits = _columns(measured, 0), []
     for channel, own in enumerate(innovations):
-        best, found_at = np.inf, 0
+        best, found_at, fit = np.inf, 0, (np.zeros((1, channel)), np.zeros(1))
         for harmonics in range(highest + 1):
-            if harmonics == len(basis):
-                angle = samples.turned(harmonics)[there]
-                basis.append(np.array([angle.real, angle.imag]))
-            columns = np.concatenate(basis[: harmonics + 1])
-            if harmonics > found_at + IN_VAIN or (harmonics and len(columns) * channel > MOST_ROWS * samples.count):
+            count = 1 + 2 * harmonics
+            if harmonics > found_at + IN_VAIN or (harmonics and count * channel > MOST_ROWS * samples.count):
                 break
-            shares, log_variance = _fitted(own, innovations[:channel], columns)
-            parameters = shares.size + len(columns)
-            criterion = log_variance.sum() + parameters * np.log(samples.count)
+            columns = columns if len(columns) >= count else _columns(measured, harmonics)
+            shares, logs = _fitted(own, innovations[:channel], columns[:count])
+            mean = float(np.mean(logs @ columns[:count]))
+            criterion = samples.count * mean + (shares.size + count) * np.log(samples.count)
             if criterion < best:
                 best, found_at = criterion, harmonics
-                deviation = np.exp(0.5 * (log_variance - log_variance.mean()))
-                found[:, channel, :channel] = -(columns.T @ shares) / deviation[:, None]
-                found[:, channel, channel] = 1.0 / deviation
-    whole = np.broadcast_to(np.eye(count), (samples.n_samples, count, count)).copy()
-    whole[there] = found
-    return whole
+                fit = shares, 0.5 * (logs - mean * (np.arange(count) == 0))
+        fits.append(fit)
+    shares, deviations = zip(*fits, strict=True)
+    return Whitening(angle, there, shares, deviations)
 
 
 def _fitted(
     own: NDArray[np.float64], others: NDArray[np.float64], columns: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Shares of other signals (columns, others) in a signal, and the logarithm of the variance beside (samples,)."""
-    rows = (columns[:, None] * others).reshape(-1, len(own))
-    log_variance = np.zeros_like(own)
-    shares = np.zeros(len(rows))
+    """Shares of other signals (columns, others) in a signal, and the logarithm of the variance beside (columns,)."""
+    logs, count = np.zeros(len(columns)), len(columns) * len(others)
+    shares, length = np.zeros((len(columns), len(others))), max(BLOCK // max(count, 1), CHUNK)
+    parts = [slice(first, first + length) for first in range(0, len(own), length)]
     for _ in range(2):
-        weights = np.exp(-log_variance)
-        shares = np.linalg.solve((rows * weights) @ rows.T, (rows * weights) @ own)
-        log_variance = _log_variance((own - shares @ rows) ** 2, columns)
-    return np.asarray(shares.reshape(len(columns), -1), np.float64), log_variance
+        gram, seen = np.zeros((count, count)), np.zeros(count)
+        for part in parts:
+            rows = (columns[:, None, part] * others[:, part]).reshape(count, len(own[part]))
+            weighted = rows * np.exp(-logs @ columns[:, part])
+            gram += weighted @ rows.T
+            seen += weighted @ own[part]
+        shares = np.linalg.solve(gram, seen).reshape(shares.shape)
+        left = own - np.einsum("kn,kj,jn->n", columns, shares, others, optimize=True)
+        logs = _log_variance(left**2, columns)
+    return shares, logs
 
 
 def _log_variance(squares: NDArray[np.float64], columns: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The logarithm of a variance that is a sum of columns, by squares (samples,)."""
-    inverse = np.linalg.inv(columns @ columns.T)
-    found = np.full_like(squares, np.log(squares.mean()))
+    """The logarithm of a variance that is a sum of columns, by squares (columns,)."""
+    inverse, found = np.linalg.inv(columns @ columns.T), np.zeros(len(columns))
+    found[0], logs = np.log(squares.mean()), np.log(squares + 1e-300)
     for _ in range(FEW_STEPS):
-        found = found + (inverse @ (columns @ np.expm1(np.log(squares + 1e-300) - found))) @ columns
-    # At the maximum the mean of the squares over the variance is 1.
-    return np.asarray(found + np.log(np.mean(squares * np.exp(-found))), np.float64)
+        found = found + inverse @ (columns @ np.expm1(logs - found @ columns))
+    # At the maximum the mean of the squares over the variance is 1: the first column is one.
+    found[0] += np.log(np.mean(squares * np.exp(-found @ columns)))
+    return found
 
 
 def colour(samples: Samples, found: Predictor) -> tuple[float, float]:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from floquid._checks import Rebuilt
 from floquid.fit import CHUNK, DEVIATIONS, LAGS, SURE, chi2_limit, inverse_root
-from floquid.innovations._autoregression import delayed, whole_past
+from floquid.innovations._autoregression import past_of, whole_past
 from floquid.inputs import Samples
 
 HARMONICS = 3  # harmonics of a period that count together
@@ -54,13 +55,14 @@ def repetition(samples: Samples) -> Repetition:
     time-invariant system χ², and large at the harmonics of ω of a periodic one (Hurd and Gerr 1991, of correlation
     in place of residuals). Records of one rate at a constant speed; their phases need not be known.
     """
-    left, past = _products(samples)
+    left, past = _residuals(samples)
     longest = max(own.stop - own.start for own in samples.records)
     padded, scores = FINE * longest, np.zeros(FINE * longest // 2 + 1)
-    for place in samples.records:
-        for row in left[:, place]:
-            for other in past[:, place]:
-                scores += 2.0 / (place.stop - place.start) * np.abs(np.fft.rfft(row * other, padded)) ** 2
+    for some in past.few_at_a_time():
+        for place in samples.records:
+            for row in left[:, place]:
+                for other in some[:, place]:
+                    scores += 2.0 / (place.stop - place.start) * np.abs(np.fft.rfft(row * other, padded)) ** 2
     per_turn = 2.0 * np.pi / (samples.fundamental * samples.step)
     highest = max(min(HARMONICS, int(0.5 * per_turn / (1.0 + WIDEST))), 1)
     step = per_turn / (FINE * longest * highest)
@@ -73,7 +75,7 @@ def repetition(samples: Samples) -> Repetition:
     shifts, turns = step * np.arange(-count, count + 1), range(1, highest + 1)
     both = at(turns, shifts)
     best, none = int(np.argmax(both)), np.zeros(1)
-    one = 2 * len(left) * len(past) * len(samples.records)
+    one = 2 * len(left) * past.count * len(samples.records)
     degrees = one * highest
     harmonics = np.arange(len(scores)) * per_turn / padded
     beside = (np.abs(harmonics - np.rint(harmonics)) * padded / per_turn > 2 * FINE) & (harmonics > SLOWEST)
@@ -98,17 +100,56 @@ def repetition(samples: Samples) -> Repetition:
     )
 
 
-def _products(samples: Samples) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Residuals of an autoregression of constant coefficients, and its regressors, each white (signals, samples)."""
-    values = samples.values - np.linalg.lstsq(samples.known.T, samples.values.T, rcond=None)[0].T @ samples.known
-    signals = np.concatenate([values, samples.inputs])
-    lags = max(min(LAGS, CHUNK // (len(values) * len(signals))), 2)
-    past = np.concatenate([samples.each(signals, lambda own, lag=lag: delayed(own, lag)) for lag in range(1, lags + 1)])
+class _Past:
+    """Signals of all samples before, combined to be independent of one another, formed part by part of the samples."""
+
+    def __init__(self, samples: Samples, values: NDArray[np.float64], lags: int) -> None:
+        self._samples, self._lags, self.used = replace(samples, values=values), lags, np.ones(samples.n_samples, bool)
+        if samples.count < samples.n_samples:
+            self.used = whole_past(samples, lags)
+        rows = lags * (len(values) + len(samples.inputs))
+        self._root, gram = np.eye(rows), np.zeros((rows, rows))
+        for _, past in self:
+            gram += past @ past.T
+        self._root = _whitener(gram / samples.n_samples)
+
+    @property
+    def count(self) -> int:
+        """Number of the signals."""
+        return self._root.shape[1]
+
+    def __iter__(self) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+        """Parts of the samples, and the signals there (signals, samples)."""
+        return self._of(self._root)
+
+    def _of(self, root: NDArray[np.float64]) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+        for parts in self._samples.parts(2 * len(root)):
+            for own in parts:
+                past = past_of(self._samples, own, parts[0].start, self._lags)
+                yield own, root.T @ (past * self.used[own])
+
+    def few_at_a_time(self) -> Iterator[NDArray[np.float64]]:
+        """Few of the signals over all samples, as many as there are outputs, then the next (signals, samples)."""
+        step = len(self._samples.values)
+        for first in range(0, self.count, step):
+            root = self._root[:, first : first + step]
+            found = np.empty((root.shape[1], self._samples.n_samples))
+            for own, past in self._of(root):
+                found[:, own] = past
+            yield found
+
+
+def _residuals(samples: Samples) -> tuple[NDArray[np.float64], _Past]:
+    """Residuals of an autoregression of constant coefficients, each white (outputs, samples), and its regressors."""
+    values, signals = samples.moving, len(samples.values) + len(samples.inputs)
+    past = _Past(samples, values, max(min(LAGS, CHUNK // (len(values) * signals)), 2))
     if samples.count < samples.n_samples:
-        used = whole_past(samples, lags)
-        values, past = values * used, past * used
-    past = _white(past)
-    return _white(values - values @ past.T @ past / samples.n_samples), past
+        values = values * past.used
+    along = sum(values[:, own] @ rows.T for own, rows in past) / samples.n_samples
+    left = np.empty(values.shape)
+    for own, rows in past:
+        left[:, own] = values[:, own] - along @ rows
+    return _white(left), past
 
 
 def left_over(samples: Samples, innovations: NDArray[np.float64], frequency: float) -> bool:
@@ -117,21 +158,26 @@ def left_over(samples: Samples, innovations: NDArray[np.float64], frequency: flo
     # lines alone are narrow leaves nothing.
     from scipy.special import chdtrc
 
-    left, past = _white(innovations), _products(samples)[1]
-    score = 2.0 / samples.n_samples * np.sum(np.abs((left * np.exp(-1j * frequency * samples.times)) @ past.T) ** 2)
-    return float(chdtrc(2 * len(left) * len(past), score)) < SURE
+    left, past = _white(innovations), _residuals(samples)[1]
+    turned = left * np.exp(-1j * frequency * samples.times)
+    score = 2.0 / samples.n_samples * np.sum(np.abs(sum(turned[:, own] @ rows.T for own, rows in past)) ** 2)
+    return float(chdtrc(2 * len(left) * past.count, score)) < SURE
 
 
 def turned_records(samples: Samples) -> list[int]:
     """Records that are about half a period off the first, by their numbers from 0."""
     # The products of residuals and the past turn with ω at one phase in all records (as in `repetition`): where those
     # of two are above noise and have opposite signs, they are not.
-    left, past = _products(samples)
-    line = np.exp(-1j * samples.fundamental * samples.times)
-    found, each = [], []
-    for place in samples.records:
-        both = (left[:, place] * line[place]) @ past[:, place].T * np.sqrt(2.0 / (place.stop - place.start))
-        each.append(both.ravel())
+    left, past = _residuals(samples)
+    turned = left * np.exp(-1j * samples.fundamental * samples.times)
+    found, sums = [], {place.start: 0.0 for place in samples.records}
+    for own, rows in past:
+        begin = max(start for start in sums if start <= own.start)
+        sums[begin] = sums[begin] + turned[:, own] @ rows.T
+    each = [
+        np.ravel(both * np.sqrt(2.0 / (place.stop - place.start)))
+        for both, place in zip(sums.values(), samples.records, strict=True)
+    ]
     limit = chi2_limit(2 * each[0].size, SURE)
     strong = [float(np.sum(np.abs(own) ** 2)) > limit for own in each]
     for number in range(1, len(each)):
@@ -143,6 +189,9 @@ def turned_records(samples: Samples) -> list[int]:
 
 def _white(signals: NDArray[np.float64]) -> NDArray[np.float64]:
     """Signals combined to be independent of one another, with an rms of 1, without directions that are rounding."""
-    size = np.sqrt(np.mean(signals**2, axis=1, keepdims=True))
-    scaled = signals / np.where(size > 0.0, size, 1.0)
-    return inverse_root(scaled @ scaled.T / scaled.shape[1], 1e-12).T @ scaled
+    return _whitener(signals @ signals.T / signals.shape[1]).T @ signals
+
+
+def _whitener(squares: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Combinations that make signals white, by the means of their products (signals, combinations)."""
+    return inverse_root(squares, 1e-12)

@@ -30,9 +30,7 @@ def stable_gains(
     from scipy.linalg import solve_discrete_lyapunov
 
     phases = min(round(2.0 * np.pi / (samples.fundamental * samples.step)), samples.records[0].stop)
-    own = slice(0, phases)
-    system, gains, seen, _ = matrices(samples, modes)
-    gains, seen = gains[own], seen[own]
+    system, gains, seen, _ = matrices(samples.part(slice(0, phases)), modes)
     driven = np.einsum("kij,jl->kil", gains, covariance)
     added = driven @ gains.swapaxes(1, 2)
     # What grows has no variance of its own: that of its mirror image is a start.
@@ -64,7 +62,7 @@ def _expanded(samples: Samples, mode: Mode, gains: NDArray, highest: float) -> M
     """A mode with gains of the innovations along a period in harmonics (samples, channels)."""
     ends = (mode.reach[0] % 1.0 if mode.real else -highest, highest)
     wide = np.arange(ends[0], ends[1] + 0.25)
-    basis = turning(samples, wide, slice(0, len(gains))).T
+    basis = turning(samples.part(slice(0, len(gains))), wide).T
     if mode.real:
         both = np.linalg.lstsq(np.concatenate([basis.real, -basis.imag], axis=1), gains, rcond=None)[0]
         harmonics = both[: len(wide)] + 1j * both[len(wide) :]

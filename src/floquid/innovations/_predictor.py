@@ -8,13 +8,15 @@ term (Ljung 1999, section 4.3; Verhaegen and Yu 1995 of periodic systems).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import BLOCK
 from floquid._checks import Rebuilt
 from floquid.fit import CHUNK, LAGS, ROUNDING, schwarz
 from floquid.innovations._mode import Mode
@@ -22,6 +24,12 @@ from floquid.inputs import RUNAWAY, Samples
 
 LARGEST = 1e3  # innovations over the response from which on the predictor diverges
 MEMORY = 64  # samples after a gap at which it is taken for forgotten, beside its own length
+
+
+class Weights(Protocol):
+    """Matrices of samples, of some of these by a slice or a mask (samples, channels, channels)."""
+
+    def __getitem__(self, own: slice | NDArray[np.bool_], /) -> NDArray[np.float64]: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +41,8 @@ class Predictor(Rebuilt):
     initial: NDArray[np.float64]  # The state at the first sample of each record (records, states)
     innovations: NDArray[np.float64]  # e (channels, samples)
     states: NDArray[np.float64]  # s (samples, states)
-    # W (samples, channels, channels), of a determinant with the geometric mean 1: that of e varies, of W e it is R
-    whitening: NDArray[np.float64]
+    # W of some samples (samples, channels, channels), of a determinant with the geometric mean 1: that of e varies, of W e it is R
+    whitening: Weights
     count: int  # Samples that were measured; at others e is zero: the state goes on without an innovation
     # T (samples, channels, channels), by which innovations after gaps are as small as others; None without gaps
     scales: NDArray[np.float64] | None = None
@@ -53,18 +61,21 @@ class Predictor(Rebuilt):
     @cached_property
     def covariance(self) -> NDArray[np.float64]:
         """R, of W e (channels, channels)."""
-        white = np.einsum("kij,jk->ik", self.whitening, self.level)
+        white = _weighted(self.whitening.__getitem__, self.level)
         return white @ white.T / self.count
 
     @cached_property
-    def root(self) -> NDArray[np.float64]:
-        """Factor that makes innovations white and of variance 1 (samples, channels, channels)."""
-        root = np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance)) @ self.whitening, np.float64)
-        return root if self.scales is None else root @ self.scales
+    def _factor(self) -> NDArray[np.float64]:
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(self.covariance)), np.float64)
+
+    def root(self, own: slice = slice(None)) -> NDArray[np.float64]:
+        """Factor that makes innovations white and of variance 1, of some samples (samples, channels, channels)."""
+        root = np.asarray(self._factor @ self.whitening[own], np.float64)
+        return root if self.scales is None else root @ self.scales[own]
 
     def white(self, signals: NDArray[np.float64]) -> NDArray[np.float64]:
         """Signals as weighted in the likelihood (channels, samples)."""
-        return np.einsum("kij,jk->ik", self.root, signals)
+        return _weighted(self.root, signals)
 
     @property
     def log_likelihood(self) -> float:
@@ -88,6 +99,15 @@ class Predictor(Rebuilt):
         return self.columns.size + self.initial.size + sum(_free(mode) for mode in self.modes)
 
 
+def _weighted(of: Callable[[slice], NDArray[np.float64]], signals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The product of matrices of each sample, formed of some at a time, with signals (channels, samples)."""
+    found, length = np.empty(signals.shape), max(BLOCK // len(signals) ** 2, 1)
+    for first in range(0, signals.shape[1], length):
+        own = slice(first, first + length)
+        found[:, own] = np.einsum("kij,jk->ik", of(own), signals[:, own])
+    return found
+
+
 def _free(mode: Mode) -> int:
     fixed = np.count_nonzero(mode.turns == 0.0) * len(mode.shape) + np.count_nonzero(mode.reach == 0.0) * len(
         mode.gains
@@ -100,7 +120,7 @@ def predicted(
     modes: Sequence[Mode],
     columns: NDArray[np.float64],
     initial: NDArray[np.float64],
-    whitening: NDArray[np.float64] | None = None,
+    whitening: Weights | None = None,
     *,
     growing: bool = False,
     scales: NDArray[np.float64] | None = None,
@@ -110,49 +130,54 @@ def predicted(
     With `growing` it may have grown over the records, as long as its innovations have not: nothing is fitted then.
     What makes up for gaps is given, or that of these modes.
     """
-    system, gains, seen, drive = matrices(samples, modes)
-    beside, past = samples.values - columns @ samples.known, (system, gains, seen)
-    gains = samples.gained(gains)
-    moved = system - gains @ seen
-    drive = drive + np.einsum("kni,ik->kn", gains, beside)
     limit = LARGEST * np.abs(samples.values).max()
+    states, innovations = np.empty((samples.n_samples, initial.shape[1])), np.empty(samples.values.shape)
+    ends = np.empty((len(initial), initial.shape[1], initial.shape[1]))
     with np.errstate(all="ignore"):
-        parts, ends = zip(
-            *[
-                _carried(first, moved[own][:-1], drive[own][:-1])
-                for first, own in zip(initial, samples.records, strict=True)
-            ],
-            strict=True,
-        )
-        states = np.concatenate(parts)
-        innovations = samples.kept(beside - np.einsum("kin,kn->ik", seen, states))
+        for place, (state, parts) in enumerate(zip(initial, samples.parts(_numbers(samples, modes)), strict=True)):
+            ends[place] = np.eye(len(state))
+            for own in parts:
+                part = samples.part(own)
+                system, gains, seen, drive = matrices(part, modes)
+                gains, beside = part.gained(gains), part.values - columns @ part.known
+                drive = drive + np.einsum("kni,ik->kn", gains, beside)
+                own_states, whole = _carried(state, system - gains @ seen, drive)
+                states[own], state = own_states[:-1], own_states[-1]
+                ends[place] = whole @ ends[place]
+                innovations[:, own] = part.kept(beside - np.einsum("kin,kn->ik", seen, states[own]))
         # One that grows may leave innovations that are small: its derivatives would be none.
-        grown = float(np.linalg.norm(np.array(ends), axis=(1, 2)).max(initial=0.0))
+        grown = float(np.linalg.norm(ends, axis=(1, 2)).max(initial=0.0))
     if not (np.abs(innovations).max() <= limit and (growing or grown <= RUNAWAY)):
         return None
     if whitening is None:
         whitening = np.broadcast_to(np.eye(len(samples.values)), (samples.n_samples, *[len(samples.values)] * 2))
     if scales is None and samples.gaps:
-        scales = scales_of(samples, past, innovations)
+        scales = scales_of(samples, matrices(samples, modes)[:3], innovations)
     return Predictor(tuple(modes), columns, initial, innovations, states, whitening, samples.count, scales)
 
 
 def responding(samples: Samples, at: Predictor, innovations: NDArray[np.float64]) -> NDArray[np.float64]:
     """Outputs of the modes of a predictor with other innovations (channels, samples), from its first states on."""
-    system, gains, seen, drive = matrices(samples, at.modes)
-    drive = drive + np.einsum("kni,ik->kn", gains, innovations)
-    transitions = np.broadcast_to(system, (samples.n_samples, *system.shape))
-    states = [
-        _carried(first, transitions[own][:-1], drive[own][:-1])[0]
-        for first, own in zip(at.initial, samples.records, strict=True)
-    ]
-    return np.einsum("kin,kn->ik", seen, np.concatenate(states)) + at.columns @ samples.known + innovations
+    found = at.columns @ samples.known + innovations
+    for state, parts in zip(at.initial, samples.parts(_numbers(samples, at.modes)), strict=True):
+        for own in parts:
+            system, gains, seen, drive = matrices(samples.part(own), at.modes)
+            drive = drive + np.einsum("kni,ik->kn", gains, innovations[:, own])
+            states, _ = _carried(state, np.broadcast_to(system, (len(drive), *system.shape)), drive)
+            found[:, own] += np.einsum("kin,kn->ik", seen, states[:-1])
+            state = states[-1]
+    return found
+
+
+def _numbers(samples: Samples, modes: Sequence[Mode]) -> int:
+    """Numbers of each sample that the matrices of these modes have, and what is made of them."""
+    return 2 * (sum(mode.rows for mode in modes) + len(samples.values)) ** 2
 
 
 def _carried(
     first: NDArray[np.float64], transitions: NDArray[np.float64], drive: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """States of x_{k+1} = T_k x_k + f_k from the first one on (samples + 1, states), and the product of T of blocks."""
+    """States of x_{k+1} = T_k x_k + f_k from the first one on (samples + 1, states), and the product of all T."""
     # Blocks of samples go side by side: each is run from zero for what it adds and what it carries over, the states at
     # their begins follow one from the other, and each is run again from its own.
     count = len(drive) + 1
@@ -168,6 +193,8 @@ def _carried(
     for number, begin in enumerate(begins[:-1]):
         states[begin + length] = carried[number] @ states[begin] + added[number]
         whole = carried[number] @ whole
+    for transition in transitions[begins[-1] :]:
+        whole = transition @ whole
     for step in range(length - 1):
         own = begins + step
         own = own[own + 1 < count]
@@ -206,23 +233,20 @@ def matrices(
     return system, gains, seen, drive
 
 
-def turning(samples: Samples, turns: NDArray[np.float64], own: slice = slice(None)) -> NDArray[np.complex128]:
+def turning(samples: Samples, turns: NDArray[np.float64]) -> NDArray[np.complex128]:
     """e^{imωt} of some harmonics (turns, samples)."""
-    return np.array([samples.turned(turn)[own] for turn in turns.tolist()]).reshape(len(turns), -1)
+    return np.array([samples.turned(turn) for turn in turns.tolist()]).reshape(len(turns), -1)
 
 
-def slopes(samples: Samples, at: Predictor, root: NDArray[np.float64]) -> Iterator[tuple[slice, NDArray[np.float64]]]:
+def slopes(
+    samples: Samples, at: Predictor, root: Callable[[slice], NDArray[np.float64]]
+) -> Iterator[tuple[slice, NDArray[np.float64]]]:
     """Derivatives of W e by all parameters (samples, channels, parameters), in parts.
 
-    W is (samples, channels, channels). Parameters are those of `Mode.moved` of each mode, the coefficients of the known
+    `root` is W of some samples (samples, channels, channels). Parameters are those of `Mode.moved` of each mode, the coefficients of the known
     columns by channel, and the first states of each record.
     """
-    system, gains, seen, _ = matrices(samples, at.modes)
-    gains, root = samples.gained(gains), samples.gained(root)
-    size, channels = len(system), len(samples.values)
-    # Below the derivatives of the states are those of what each channel holds beside them: one product serves for both.
-    ahead = np.concatenate([system - gains @ seen, -gains], axis=2)
-    white = -np.concatenate([root @ seen, root], axis=2)
+    size, channels = at.initial.shape[1], len(samples.values)
     width = sum(sum(mode.sizes) for mode in at.modes) + at.columns.size + at.initial.size
     states = np.zeros((CHUNK + 1, size + channels, width))
     for place, record in enumerate(samples.records):
@@ -231,34 +255,40 @@ def slopes(samples: Samples, at: Predictor, root: NDArray[np.float64]) -> Iterat
         states[0, :size, first : first + size] = np.eye(size)
         for begin in range(record.start, record.stop, CHUNK):
             own = slice(begin, min(begin + CHUNK, record.stop))
-            count = own.stop - own.start
-            for start, part in _signals(samples, at, own):
+            part, count = samples.part(own), own.stop - own.start
+            system, gains, seen, _ = matrices(part, at.modes)
+            gains, weights = part.gained(gains), part.gained(root(own))
+            # Below the derivatives of the states are those of what each channel holds beside them: one product serves
+            # for both.
+            ahead = np.concatenate([system - gains @ seen, -gains], axis=2)
+            white = -np.concatenate([weights @ seen, weights], axis=2)
+            for start, signals in _signals(part, at, own):
                 for channel in range(channels):
-                    where = slice(start + channel * len(part), start + (channel + 1) * len(part))
-                    states[:count, size + channel, where] = part.T
-            _force(states[1 : count + 1, :size], samples, at, own)
-            for before, after, transition in zip(states[:count], states[1 : count + 1, :size], ahead[own], strict=True):
+                    where = slice(start + channel * len(signals), start + (channel + 1) * len(signals))
+                    states[:count, size + channel, where] = signals.T
+            _force(states[1 : count + 1, :size], part, at, own)
+            for before, after, transition in zip(states[:count], states[1 : count + 1, :size], ahead, strict=True):
                 after += transition @ before
-            yield own, white[own] @ states[:count]
+            yield own, white @ states[:count]
             begun = states[count, :size, width - at.initial.size :]
             begun[np.abs(begun) < ROUNDING] = 0.0
             states[0, :size] = states[count, :size]
 
 
-def _signals(samples: Samples, at: Predictor, own: slice) -> Iterator[tuple[int, NDArray[np.float64]]]:
-    """Signals that each channel holds a share of, and the place of the shares, channels first (signals, samples)."""
+def _signals(part: Samples, at: Predictor, own: slice) -> Iterator[tuple[int, NDArray[np.float64]]]:
+    """Signals of a part of the samples that each channel holds a share of, and the place of the shares, channels first (signals, samples)."""
     place = row = 0
     for mode in at.modes:
         place += mode.rows + 2 * mode.gains.size
         states = _states(mode, at.states[own, row : row + mode.rows])
         for number, state in enumerate(states):
-            carried = turning(samples, mode.turns, own) * state
+            carried = turning(part, mode.turns) * state
             first = place + number * (mode.shape.size // len(states))
             yield first, carried.real
             yield first + mode.shape.size, -carried.imag
         place += 2 * mode.shape.size
         row += mode.rows
-    yield place, samples.known[:, own]
+    yield place, part.known
 
 
 def _states(mode: Mode, rows: NDArray[np.float64]) -> list[NDArray]:
@@ -266,16 +296,16 @@ def _states(mode: Mode, rows: NDArray[np.float64]) -> list[NDArray]:
     return list(rows.T) if mode.real else [rows[:, 0] + 1j * rows[:, 1]]
 
 
-def _force(forcing: NDArray, samples: Samples, at: Predictor, own: slice) -> None:
+def _force(forcing: NDArray, part: Samples, at: Predictor, own: slice) -> None:
     """Put the derivatives of the next state by exponents and gains into an array (samples, states, parameters)."""
     forcing[:] = 0.0
-    drives = np.concatenate([samples.inputs[:, own], at.innovations[:, own]])
+    drives = np.concatenate([part.inputs, at.innovations[:, own]])
     place = row = 0
     for mode in at.modes:
-        late = np.einsum("pij,kj->kip", mode.transition_slopes(samples.step), at.states[own, row : row + mode.rows])
+        late = np.einsum("pij,kj->kip", mode.transition_slopes(part.step), at.states[own, row : row + mode.rows])
         forcing[:, row : row + mode.rows, place : place + mode.rows] = late
         place += mode.rows
-        driven = (drives[:, None] * turning(samples, mode.reach, own)).reshape(-1, late.shape[0]).T
+        driven = (drives[:, None] * turning(part, mode.reach)).reshape(-1, late.shape[0]).T
         width, whole = driven.shape[1], mode.gains.size
         for number in range(whole // width):  # a block has gains of each of its states
             real = slice(place + number * width, place + number * width + width)
@@ -290,30 +320,47 @@ def _force(forcing: NDArray, samples: Samples, at: Predictor, own: slice) -> Non
 def gradient(samples: Samples, at: Predictor, of: NDArray[np.float64]) -> NDArray[np.float64]:
     """-JᵀR⁻¹v by all parameters, of the innovations or of other signals v (channels, samples) (parameters,)."""
     # The adjoint of the predictor runs backwards once, whatever the number of parameters.
-    system, gains, seen, _ = matrices(samples, at.modes)
-    gains = samples.gained(gains)
-    moved, weighted = system - gains @ seen, np.einsum("kji,jk->ik", at.root, at.white(of))
-    pull = -np.einsum("kin,ik->kn", seen, weighted)
-    behind, begun = np.zeros((samples.n_samples, len(system))), []
-    for own in samples.records:
-        back = moved[own][:-1][::-1].swapaxes(1, 2)
-        adjoint = _carried(pull[own][-1], back, pull[own][:-1][::-1])[0][::-1]
-        behind[own][:-1] = adjoint[1:]
-        begun.append(-adjoint[0])
-    shares = weighted + np.einsum("kni,kn->ik", gains, behind)
-    drives = np.concatenate([samples.inputs, at.innovations])
-    found: list[NDArray[np.float64]] = []
-    row = 0
-    for mode in at.modes:
+    found, begun = [np.zeros(sum(mode.sizes)) for mode in at.modes], np.zeros(at.initial.shape)
+    by_columns = np.zeros(at.columns.shape)
+    for place, parts in enumerate(samples.parts(_numbers(samples, at.modes))):
+        adjoint = np.zeros((1, at.initial.shape[1]))
+        for own in parts[::-1]:
+            part, root = samples.part(own), at.root(own)
+            system, gains, seen, _ = matrices(part, at.modes)
+            gains = part.gained(gains)
+            weighted = np.einsum("kji,jk->ik", root, np.einsum("kij,jk->ik", root, of[:, own]))
+            pull = -np.einsum("kin,ik->kn", seen, weighted)
+            back = (system - gains @ seen)[::-1].swapaxes(1, 2)
+            adjoint = _carried(adjoint[0], back, pull[::-1])[0][::-1]
+            shares = weighted + np.einsum("kni,kn->ik", gains, adjoint[1:])
+            _pulled(found, part, at, own, adjoint[1:], shares)
+            by_columns += shares @ part.known.T
+        begun[place] = -adjoint[0]
+    return np.concatenate([*found, by_columns.ravel(), begun.ravel()])
+
+
+def _pulled(
+    found: Sequence[NDArray[np.float64]],
+    part: Samples,
+    at: Predictor,
+    own: slice,
+    behind: NDArray[np.float64],
+    shares: NDArray[np.float64],
+) -> None:
+    """Add a part's share to the gradient by the parameters of each mode, by the adjoint (samples, states).
+
+    `shares` are pulls on the signals that each channel holds (channels, samples).
+    """
+    drives, row = np.concatenate([part.inputs, at.innovations[:, own]]), 0
+    for mode, gradient_of_mode in zip(at.modes, found, strict=True):
         rows = slice(row, row + mode.rows)
-        slopes = mode.transition_slopes(samples.step)
-        found += [-np.einsum("pij,kj,ki->p", slopes, at.states[:, rows], behind[:, rows], optimize=True)]
-        states, pulls = _states(mode, at.states[:, rows]), _states(mode, behind[:, rows])
-        driven = -np.ravel([(drives * own.conj()) @ turning(samples, mode.reach).T for own in pulls])
-        seen_by = np.ravel([shares @ (turning(samples, mode.turns) * state).T for state in states])
-        found += [driven.real, -driven.imag, seen_by.real, -seen_by.imag]
+        slopes = mode.transition_slopes(part.step)
+        by_exponent = -np.einsum("pij,kj,ki->p", slopes, at.states[own, rows], behind[:, rows], optimize=True)
+        states, pulls = _states(mode, at.states[own, rows]), _states(mode, behind[:, rows])
+        driven = -np.ravel([(drives * pull.conj()) @ turning(part, mode.reach).T for pull in pulls])
+        seen_by = np.ravel([shares @ (turning(part, mode.turns) * state).T for state in states])
+        gradient_of_mode += np.concatenate([by_exponent, driven.real, -driven.imag, seen_by.real, -seen_by.imag])
         row += mode.rows
-    return np.concatenate([*found, (shares @ samples.known.T).ravel(), np.ravel(begun)])
 
 
 def scales_of(

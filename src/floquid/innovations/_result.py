@@ -130,7 +130,7 @@ class Fit(Rebuilt):
         samples, at = self.samples, self.at
         if any(runs_away(samples, mode.exponent) for mode in at.modes):
             raise IdentificationError("A mode grows over the record by more than a record made of the model can show.")
-        colour = np.linalg.inv(at.root)
+        colour = np.linalg.inv(at.root())
         colour = colour if at.scales is None else at.scales @ colour
         white = generator.standard_normal((samples.n_samples, len(samples.values)))
         innovations = np.einsum("kij,kj->ik", colour, white)

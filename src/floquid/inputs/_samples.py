@@ -108,11 +108,16 @@ class Samples(Rebuilt):
         """The rms of each input (inputs,)."""
         return np.sqrt(np.mean(self.inputs**2, axis=1))
 
+    @property
+    def moving(self) -> NDArray[np.float64]:
+        """The values less the offset, and what repeats with the period, that fit them best (channels, samples)."""
+        steady = np.linalg.lstsq(self.known.T, self.values.T, rcond=None)[0]
+        return self.values - steady.T @ self.known
+
     @cached_property
     def swing(self) -> NDArray[np.float64]:
         """The largest that each channel is beside an offset and what repeats with the period (channels,)."""
-        steady = np.linalg.lstsq(self.known.T, self.values.T, rcond=None)[0]
-        return np.array([np.abs(own - by @ self.known).max() for own, by in zip(self.values, steady.T, strict=True)])
+        return np.abs(self.moving).max(axis=1)
 
     def part(self, own: slice) -> Samples:
         """Samples that follow one another in a record, as a record of their own; they share the values."""

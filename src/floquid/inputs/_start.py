@@ -124,7 +124,9 @@ def _poles(samples: Samples, response: NDArray[np.float64], thinned: int) -> lis
     order = np.concatenate([inputs, past, outputs])
     gram = gram[np.ix_(order, order)]
     scale = np.sqrt(np.maximum(np.diag(gram), 1e-12 * np.diag(gram).max()))
-    lower, rounding = _lower(gram / np.outer(scale, scale))
+    gram /= scale
+    gram /= scale[:, None]
+    lower, rounding = _lower(gram)
     lower *= scale[:, None]
     first, last = len(inputs), len(inputs) + len(past)
     left, values, _ = np.linalg.svd(lower[last:, first:last], full_matrices=False)
@@ -165,7 +167,9 @@ def _lower(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     # With the root of that: what the factor holds below it is rounding.
     for more in (1e-12, 1e-9, 1e-6):
         with suppress(np.linalg.LinAlgError):
-            return np.asarray(np.linalg.cholesky(matrix + more * np.eye(len(matrix))), np.float64), more**0.5
+            larger = matrix.copy()
+            np.fill_diagonal(larger, np.diag(matrix) + more)
+            return np.asarray(np.linalg.cholesky(larger), np.float64), more**0.5
     # Of inputs that are zero at most lags, as of blows, some products are rounding of those of others.
     values, vectors = np.linalg.eigh(matrix)
     return np.asarray(np.linalg.qr((vectors * np.sqrt(np.maximum(values, 1e-6))).T)[1].T, np.float64), 1e-3

@@ -81,7 +81,7 @@ def test_innovations_are_what_drove_the_response(case):
 
 def test_derivatives_are_those_of_differences(case):
     samples, at, _ = case
-    whole = np.concatenate([part for _, part in slopes(samples, at, at.whitening)])
+    whole = np.concatenate([part for _, part in slopes(samples, at, at.whitening.__getitem__)])
     generator = np.random.default_rng(2)
     for _ in range(3):
         step = 1e-6 * generator.standard_normal(whole.shape[2])
@@ -322,7 +322,7 @@ def test_the_covariance_along_a_period_is_found():
     share, deviation = 0.5 + 0.4 * np.cos(angle), np.exp(0.6 * np.sin(angle))
     signals = np.array([3.0 * white[0], 3.0 * share * white[0] + deviation * white[1]])
     samples = samples_of([signals], [np.zeros((0, len(times)))], [0.0], step=STEP, fundamental=OMEGA)
-    found = whitening_of(samples, signals)
+    found = whitening_of(samples, signals)[:]
     assert np.abs(found[:, 0, 0] - 1.0).max() < 1e-12
     assert np.abs(found[:, 1, 1] * deviation - 1.0).max() < 0.1
     assert np.abs(found[:, 1, 0] / found[:, 1, 1] + share).max() < 0.1

@@ -11,7 +11,7 @@ from floquid import Channel, ConstantPeriod, IdentificationError, InputError, Re
 from floquid.findings import Severity
 from floquid.innovations import predicted
 from floquid.innovations._predictor import gradient, slopes
-from floquid.inputs import linearise, samples_of
+from floquid.inputs import columns_at, linearise, samples_of
 from floquid.inputs._solver import normal_equations as driven_equations
 from floquid.preparation import prepare
 
@@ -105,9 +105,10 @@ def test_a_sample_that_is_not_there_is_no_equation_of_measured_inputs(whole):
     values, inputs, there = of_values("inputs")
     modes, direct = whole["inputs"].driven.at.modes, (0.0,)
     fit = linearise(samples_with(values, inputs, there, None), modes, direct)
-    columns = linearise(samples_with(values, inputs, there | True, None), modes, direct).columns[:, there]
+    whole_samples = samples_with(values, inputs, there | True, None)
+    columns = columns_at(whole_samples, modes, direct).of(whole_samples, slice(0, len(there)))[:, there]
     expected, squares, rank, _ = np.linalg.lstsq(columns.T, values[:, there].T, rcond=None)
-    assert_allclose(fit.coefficients.T @ fit.columns[:, there], expected.T @ columns, atol=1e-9)
+    assert_allclose(fit.columns.response(fit.coefficients)[:, there], expected.T @ columns, atol=1e-9)
     assert_allclose(fit.noise**2 * (there.sum() - rank), squares, rtol=1e-9)
     assert fit.count == there.sum()
 
