@@ -71,7 +71,8 @@ def whitening_of(samples: Samples, innovations: NDArray[np.float64]) -> Whitenin
     W is 1 at samples that were not measured.
     """
     there, angle = samples.there, samples.turned(1.0)
-    innovations, measured = innovations[:, there], angle[there]
+    used = slice(None) if there.all() else there
+    innovations, measured = innovations[:, used], angle[used]
     highest = int(np.pi / (samples.fundamental * samples.step))
     columns, fits = _columns(measured, 0), []
     for channel, own in enumerate(innovations):
@@ -107,7 +108,9 @@ def _fitted(
             gram += weighted @ rows.T
             seen += weighted @ own[part]
         shares = np.linalg.solve(gram, seen).reshape(shares.shape)
-        left = own - np.einsum("kn,kj,jn->n", columns, shares, others, optimize=True)
+        left = own.copy()
+        for part in parts:
+            left[part] -= np.einsum("jn,jn->n", shares.T @ columns[:, part], others[:, part])
         logs = _log_variance(left**2, columns)
     return shares, logs
 

@@ -41,7 +41,8 @@ class Predictor(Rebuilt):
     initial: NDArray[np.float64]  # The state at the first sample of each record (records, states)
     innovations: NDArray[np.float64]  # e (channels, samples)
     states: NDArray[np.float64]  # s (samples, states)
-    # W of some samples (samples, channels, channels), of a determinant with the geometric mean 1: that of e varies, of W e it is R
+    # W of some samples (samples, channels, channels): the covariance of e varies, that of W e is R. The geometric mean of
+    # its determinants is 1.
     whitening: Weights
     count: int  # Samples that were measured; at others e is zero: the state goes on without an innovation
     # T (samples, channels, channels), by which innovations after gaps are as small as others; None without gaps
@@ -243,8 +244,8 @@ def slopes(
 ) -> Iterator[tuple[slice, NDArray[np.float64]]]:
     """Derivatives of W e by all parameters (samples, channels, parameters), in parts.
 
-    `root` is W of some samples (samples, channels, channels). Parameters are those of `Mode.moved` of each mode, the coefficients of the known
-    columns by channel, and the first states of each record.
+    `root` is W of some samples (samples, channels, channels). Parameters are those of `Mode.moved` of each mode, the
+    coefficients of the known columns by channel, and the first states of each record.
     """
     size, channels = at.initial.shape[1], len(samples.values)
     width = sum(sum(mode.sizes) for mode in at.modes) + at.columns.size + at.initial.size
@@ -276,7 +277,8 @@ def slopes(
 
 
 def _signals(part: Samples, at: Predictor, own: slice) -> Iterator[tuple[int, NDArray[np.float64]]]:
-    """Signals of a part of the samples that each channel holds a share of, and the place of the shares, channels first (signals, samples)."""
+    """Signals that each channel holds a share of in a part, and the place of the shares (signals, samples)."""
+    # Shares of the first channel come first.
     place = row = 0
     for mode in at.modes:
         place += mode.rows + 2 * mode.gains.size

@@ -206,7 +206,9 @@ def state_of(samples: Samples, mode: InputMode) -> NDArray:
     Of a block both (2, samples).
     """
     found = np.empty((mode.states, samples.n_samples), float if mode.real else complex)
-    for parts, state in zip(samples.parts(4 * (1 + len(mode.reach))), mode.initial.reshape(mode.states, -1).T, strict=True):
+    for parts, state in zip(
+        samples.parts(4 * (1 + len(mode.reach))), mode.initial.reshape(mode.states, -1).T, strict=True
+    ):
         for own in in_turn(mode, parts):
             wide = joined(own, parts)
             found[:, wide] = _state_in(samples.part(wide), replace(mode, initial=state))

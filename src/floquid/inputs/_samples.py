@@ -131,7 +131,7 @@ class Samples(Rebuilt):
             there=self.there[own],
         )
         self.turned(1.0)
-        found._angles.update({turns: angle[own] for turns, angle in self._angles.items()})
+        found.angles.update({turns: angle[own] for turns, angle in self.angles.items()})
         return found
 
     def parts(self, numbers: int) -> list[list[slice]]:
@@ -149,7 +149,7 @@ class Samples(Rebuilt):
 
     def turned(self, turns: float) -> NDArray[np.complex128]:
         """e^{i turns ωt} (samples,)."""
-        found = self._angles.get(turns)
+        found = self.angles.get(turns)
         if found is None:
             if turns < 0.0:
                 found = self.turned(-turns).conj()
@@ -158,12 +158,12 @@ class Samples(Rebuilt):
             else:
                 found = np.exp(1j * turns * self.fundamental * self.times)
             # Of many samples those of one turn alone are kept: of each harmonic they take as much as two channels.
-            if turns == 1.0 or (1 + len(self._angles)) * self.n_samples < BLOCK:
-                self._angles[turns] = found
+            if turns == 1.0 or (1 + len(self.angles)) * self.n_samples < BLOCK:
+                self.angles[turns] = found
         return found
 
     @cached_property
-    def _angles(self) -> dict[float, NDArray[np.complex128]]:
+    def angles(self) -> dict[float, NDArray[np.complex128]]:
         """Turned phases by their number of turns, of those that are kept."""
         return {}
 

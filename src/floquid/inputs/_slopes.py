@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.fit import ROUNDING
-from floquid.inputs._modes import InputMode, in_turn, joined, reached_by, slopes_of_state
+from floquid.inputs._modes import InputMode, joined, reached_by, slopes_of_state
 from floquid.inputs._samples import Samples
 
 
@@ -53,9 +53,9 @@ class Followed:
                     self._carried[cuts[cuts.index(own) - 1].start] = rows[..., 0]
 
     def rows(self, part: Samples, start: int, record: int) -> NDArray:
-        """The derivatives in a part that begins with a sample of a record, as `slopes_of_state` has them ([2,] samples).
+        """The derivatives in a part that begins with a sample of a record ([2,] samples).
 
-        Or as `reached_by`, of first values of all records.
+        They are as `slopes_of_state` has them, or `reached_by`, of the first values of all records.
         """
         mode, width = self._mode, self._mode.states
         if self._state is None:

@@ -54,8 +54,10 @@ class Columns(Rebuilt):
         """Columns: of each mode, of the direct term, and those known."""
         inputs = len(self.samples.inputs)
         of_direct = sum(inputs * (2 if turn > 0.0 else 1) for turn in self.direct)
-        return sum(mode.states * (len(mode.turns) + int(turning_of(mode).sum())) for mode in self.modes) + of_direct + len(
-            self.samples.known
+        return (
+            sum(mode.states * (len(mode.turns) + int(turning_of(mode).sum())) for mode in self.modes)
+            + of_direct
+            + len(self.samples.known)
         )
 
     def of(self, samples: Samples, own: slice) -> NDArray[np.float64]:

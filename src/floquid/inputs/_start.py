@@ -199,7 +199,11 @@ class _Looked:
             own = slice(start + first * self._thinned, start + last * self._thinned + len(self._taps))
             part = self._samples.part(own)
             turned = [part.turned(turn) * part.inputs for turn in self._turns]
-            signals = [part.inputs, *(each for both in turned for each in (both.real, both.imag)), self._response[:, own]]
+            signals = [
+                part.inputs,
+                *(each for both in turned for each in (both.real, both.imag)),
+                self._response[:, own],
+            ]
             signals = np.concatenate(signals) / self._size
             yield np.array([np.convolve(row, self._taps, "valid")[:: self._thinned] for row in signals])
 
@@ -326,7 +330,9 @@ def fitted_together(
     solved, energy = scaled_inverse(gram, HALF_DIGITS) @ seen, np.sum(response**2, axis=1)
     products = solved / size[:, None]
     squares = energy - np.sum(solved * (2.0 * seen - gram @ solved), axis=0)
-    if np.any(squares < HALF_DIGITS * energy):  # all but nothing is left: of the difference half the digits are rounding
+    if np.any(
+        squares < HALF_DIGITS * energy
+    ):  # all but nothing is left: of the difference half the digits are rounding
         squares = np.zeros(len(response))
         for own, part, _ in columns:
             squares += np.sum((response[:, own] - products.T @ part) ** 2, axis=1)

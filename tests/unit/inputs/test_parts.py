@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import tracemalloc
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from tests.unit.inputs.test_states import OMEGA, STEP, block, mode
 
-from floquid.checks import Driven
-from floquid.inputs import Uncertainty, linearise, samples_of
+from floquid.inputs import linearise, samples_of
 from floquid.inputs._solver import columns_of, normal_equations
 from floquid.inputs._start import bare_mode, fitted_together
 from floquid.inputs.search import Scores, passed
@@ -53,7 +51,9 @@ def sums(own, wanted):
         found["gains by inputs"] = scores.by_inputs([(0, float(at.modes[0].reach[-1]) + 1.0), (1, 3.0)])
         found["noise that drives"] = [scores.by_noise(2)]
         for number, both in enumerate(passed(scores, equations, [0, 1])):
-            found[f"noise through mode {number}"] = np.concatenate([np.ravel(both.of_parameters), *map(np.ravel, both.of_columns)])
+            found[f"noise through mode {number}"] = np.concatenate(
+                [np.ravel(both.of_parameters), *map(np.ravel, both.of_columns)]
+            )
     return found
 
 

@@ -67,7 +67,9 @@ class Scores:
         now, channels, taken = self.now, len(self.left), 0.0
         for own, part in self.samples.in_parts(numbers_of(now)):
             extra = np.concatenate([of(part, own) for of in groups])
-            taken = taken + (extra.astype(self.precision) @ now.columns.of(part, own).astype(self.precision).T).astype(float)
+            taken = taken + (extra.astype(self.precision) @ now.columns.of(part, own).astype(self.precision).T).astype(
+                float
+            )
         taken = (taken @ now.inverse).astype(self.precision)
         count = len(taken)
         pull, size, both = np.zeros((count, channels)), np.zeros(count), np.zeros((count, count))
@@ -178,7 +180,10 @@ class Scores:
     def _by_noise(
         self,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], float, np.random.Generator, list[NDArray[np.float64]]]:
-        """The gradient by noise that drives each mode, the size of its slopes, that of their sum beside the fit, draws."""
+        """The gradient by noise that drives each mode, the size of its slopes, and that of their sum beside the fit.
+
+        With a generator and the draws that were made by it, which may be more later.
+        """
         pulls, squares = self._pulls(self.left[None])[:, 0]
         sizes, total = np.sqrt(squares) + TINY, np.zeros(self.left.shape, self.precision)
         for number, size in enumerate(sizes):
@@ -188,9 +193,7 @@ class Scores:
         drawn, beside = self._drawn(generator, total)
         return pulls, sizes, float(np.linalg.norm(beside[-1])), generator, drawn
 
-    def _drawn(
-        self, generator: np.random.Generator, *beside: NDArray
-    ) -> tuple[list[NDArray[np.float64]], NDArray]:
+    def _drawn(self, generator: np.random.Generator, *beside: NDArray) -> tuple[list[NDArray[np.float64]], NDArray]:
         """Of a few draws of noise gradients and squares as `_pulls` has them, after the fit and before (4, modes).
 
         With the residuals of all, and of other responses (responses, channels, samples).
