@@ -41,8 +41,8 @@ class Predictor(Rebuilt):
     initial: NDArray[np.float64]  # The state at the first sample of each record (records, states)
     innovations: NDArray[np.float64]  # e (channels, samples)
     states: NDArray[np.float64]  # s (samples, states)
-    # W of some samples (samples, channels, channels): the covariance of e varies, that of W e is R. The geometric mean of
-    # its determinants is 1.
+    # W of some samples (samples, channels, channels): the covariance of e varies, that of W e is R. The geometric mean
+    # of its determinants is 1.
     whitening: Weights
     count: int  # Samples that were measured; at others e is zero: the state goes on without an innovation
     # T (samples, channels, channels), by which innovations after gaps are as small as others; None without gaps

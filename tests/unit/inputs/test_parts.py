@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -66,3 +67,32 @@ def test_parts_of_the_samples_add_up_to_all(name, monkeypatch):
     for what, found in sums(samples(), wanted).items():
         size = np.abs(whole[what]).max()
         assert np.abs(np.asarray(found) - whole[what]).max() < 1e-9 * max(size, 1e-12), what
+
+
+def peak_of(of, data):
+    """The most memory that a function takes, over that of the data."""
+    tracemalloc.start()
+    of()
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return peak / data
+
+
+def test_memory_does_not_grow_with_the_parameters(monkeypatch):
+    """The slopes of one channel by all parameters, or of all states, would each take 15 times the data."""
+    monkeypatch.setattr("floquid.inputs._samples.BLOCK", 2**16)
+    monkeypatch.setattr("floquid.inputs._samples.CHUNK", 256)
+    monkeypatch.setattr("floquid.inputs.search._scores.MOST_KEPT", 0)
+    outputs, inputs = np.random.default_rng(3).standard_normal((2, 2, 9000))
+    own, turns = samples_of([outputs], [inputs], [0.0], step=STEP, fundamental=OMEGA), np.arange(-3.0, 4.0)
+    modes = [bare_mode(own, exponent, turns, turns) for exponent in (-0.1 + 0.5j, -0.2 + 0.2j)]
+
+    def everything():
+        fitted_together(own, own.values, [bare_mode(own, -0.3 + 0.1j, turns[2:5], turns[2:5])])
+        at = linearise(own, modes)
+        scores = Scores(own, at)
+        scores.by_inputs([(0, 5.0), (1, 5.0)])
+        scores.by_noise(5)
+        passed(scores, normal_equations(own, at), [0, 1])
+
+    assert peak_of(everything, outputs.nbytes + inputs.nbytes) < 16.0
