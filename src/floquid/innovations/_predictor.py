@@ -250,19 +250,12 @@ def slopes(
     size, channels = at.initial.shape[1], len(samples.values)
     width = sum(sum(mode.sizes) for mode in at.modes) + at.columns.size + at.initial.size
     states = np.zeros((CHUNK + 1, size + channels, width))
-    for place, record in enumerate(samples.records):
+    for place, parts in enumerate(samples.parts(_numbers(samples, at.modes))):
         states[0, :size] = 0.0
         first = width - at.initial.size + place * size
         states[0, :size, first : first + size] = np.eye(size)
-        for begin in range(record.start, record.stop, CHUNK):
-            own = slice(begin, min(begin + CHUNK, record.stop))
-            part, count = samples.part(own), own.stop - own.start
-            system, gains, seen, _ = matrices(part, at.modes)
-            gains, weights = part.gained(gains), part.gained(root(own))
-            # Below the derivatives of the states are those of what each channel holds beside them: one product serves
-            # for both.
-            ahead = np.concatenate([system - gains @ seen, -gains], axis=2)
-            white = -np.concatenate([weights @ seen, weights], axis=2)
+        for own, part, ahead, white in _chunks(samples, at, root, parts):
+            count = own.stop - own.start
             for start, signals in _signals(part, at, own):
                 for channel in range(channels):
                     where = slice(start + channel * len(signals), start + (channel + 1) * len(signals))
@@ -274,6 +267,23 @@ def slopes(
             begun = states[count, :size, width - at.initial.size :]
             begun[np.abs(begun) < ROUNDING] = 0.0
             states[0, :size] = states[count, :size]
+
+
+def _chunks(
+    samples: Samples, at: Predictor, root: Callable[[slice], NDArray[np.float64]], parts: Sequence[slice]
+) -> Iterator[tuple[slice, Samples, NDArray[np.float64], NDArray[np.float64]]]:
+    """Few samples of a record at a time, with the matrices that carry derivatives on, and those that weigh them."""
+    # Below the derivatives of the states are those of what each channel holds beside them: one product serves for both.
+    for wide in parts:
+        whole = samples.part(wide)
+        system, gains, seen, _ = matrices(whole, at.modes)
+        gains, weights = whole.gained(gains), whole.gained(root(wide))
+        ahead = np.concatenate([system - gains @ seen, -gains], axis=2)
+        white = -np.concatenate([weights @ seen, weights], axis=2)
+        for first in range(0, whole.n_samples, CHUNK):
+            inner = slice(first, min(first + CHUNK, whole.n_samples))
+            own = slice(wide.start + inner.start, wide.start + inner.stop)
+            yield own, whole.part(inner), ahead[inner], white[inner]
 
 
 def _signals(part: Samples, at: Predictor, own: slice) -> Iterator[tuple[int, NDArray[np.float64]]]:

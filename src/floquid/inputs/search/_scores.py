@@ -66,10 +66,8 @@ class Scores:
     def _gains(self, groups: Sequence[Group]) -> list[float]:
         now, channels, taken = self.now, len(self.left), 0.0
         for own, part in self.samples.in_parts(numbers_of(now)):
-            extra = np.concatenate([of(part, own) for of in groups])
-            taken = taken + (extra.astype(self.precision) @ now.columns.of(part, own).astype(self.precision).T).astype(
-                float
-            )
+            extra = np.concatenate([of(part, own) for of in groups]).astype(self.precision)
+            taken = taken + (extra @ now.columns.of(part, own).astype(self.precision).T).astype(float)
         taken = (taken @ now.inverse).astype(self.precision)
         count = len(taken)
         pull, size, both = np.zeros((count, channels)), np.zeros(count), np.zeros((count, count))
