@@ -13,8 +13,9 @@ from floquid._checks import Rebuilt
 from floquid.core import Channel, Estimates, PeriodicModel, Provenance, modelled
 from floquid.errors import IdentificationError
 from floquid.fit import HALF_DIGITS, Normal, wald_rise
+from floquid.innovations._derivatives import gradient
 from floquid.innovations._mode import Mode
-from floquid.innovations._predictor import Predictor, gradient, predicted, responding
+from floquid.innovations._predictor import Predictor, predicted, responding
 from floquid.innovations._solve import inverse_of, normal_of, places, solve
 from floquid.innovations.search import read_near_axis
 from floquid.inputs import (

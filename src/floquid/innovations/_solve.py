@@ -24,8 +24,9 @@ from floquid.fit import (
     levenberg_marquardt,
     scaled_inverse,
 )
+from floquid.innovations._derivatives import gradient, slopes
 from floquid.innovations._mode import Mode
-from floquid.innovations._predictor import Predictor, gradient, predicted, slopes
+from floquid.innovations._predictor import Predictor, predicted
 from floquid.inputs import Samples
 
 Step = NDArray[np.float64]

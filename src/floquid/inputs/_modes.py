@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt
-from floquid.inputs._block import by_root, parts_of, slopes_along_square
+from floquid.inputs._block import parts_of
 from floquid.inputs._samples import Hold, Samples
 from floquid.search import longer
 
@@ -128,7 +128,7 @@ class InputMode(Rebuilt):
 
     def at(self, root: complex) -> InputMode:
         """The mode of one exponent, as it drives a complex state, of a block where j is `root`."""
-        gains, initial = (first + root * second for first, second in map(_halves, (self.gains, self.initial)))
+        gains, initial = (first + root * second for first, second in map(halves, (self.gains, self.initial)))
         exponent = self.exponent.real + root
         return replace(self, exponent=exponent, real=False, gains=gains, initial=initial, square=None)
 
@@ -159,12 +159,12 @@ class InputMode(Rebuilt):
         """A block with its states divided by a + b j: the same block."""
         assert self.square is not None
         norm, both = (a**2 - self.square * b**2) or 1.0, []
-        for first, second in map(_halves, (self.gains, self.initial)):
+        for first, second in map(halves, (self.gains, self.initial)):
             both.append(np.concatenate([a * first - self.square * b * second, a * second - b * first]) / norm)
         return replace(self, gains=both[0], initial=both[1])
 
 
-def _halves(values: NDArray) -> list[NDArray]:
+def halves(values: NDArray) -> list[NDArray]:
     """Parts of numbers that belong to each state of a block."""
     return np.split(values, 2)
 
@@ -211,7 +211,7 @@ def state_of(samples: Samples, mode: InputMode) -> NDArray:
     ):
         for own in in_turn(mode, parts):
             wide = joined(own, parts)
-            found[:, wide] = _state_in(samples.part(wide), replace(mode, initial=state))
+            found[:, wide] = state_in(samples.part(wide), replace(mode, initial=state))
             state = np.asarray(found[:, wide.start if mode.backwards else wide.stop - 1], np.complex128)
     return found if mode.states > 1 else found[0]
 
@@ -226,80 +226,25 @@ def in_turn(mode: InputMode, parts: Sequence[slice]) -> Sequence[slice]:
     return parts[::-1] if mode.backwards else parts
 
 
-def _state_in(samples: Samples, mode: InputMode) -> NDArray:
+def state_in(samples: Samples, mode: InputMode) -> NDArray:
     """The state of a mode in one record ([2,] samples)."""
     if mode.square is not None:
-        return _both(samples, mode, lambda own: _state_in(samples, own)).real
-    drive = _driven(samples, mode, _shares(samples, mode, mode.exponent))
+        return of_both(samples, mode, lambda own: state_in(samples, own)).real
+    drive = driven_by(samples, mode, shares_of(samples, mode, mode.exponent))
     initial = mode.initial.real if mode.real else mode.initial
-    return followed(samples, mode, drive) + initial @ _begun(samples, mode)
+    return followed(samples, mode, drive) + initial @ begun_by(samples, mode)
 
 
-def reached_by(samples: Samples, mode: InputMode) -> NDArray:
-    """The state by each part of b and z at the start alone (parts, samples): of a real multiplier by Re b, Im b, z.
-
-    Of a block both states, in that order (parts, 2, samples).
-    """
-    if mode.square is not None:
-        # A state by the second part of b is j times that by the first.
-        alone, size = _both(samples, mode, lambda own: reached_by(samples, own)), mode.gains.size // 2
-        both = np.concatenate([alone[:, :size], by_root(alone[:, :size], mode.square)], axis=1)
-        begun = np.concatenate([alone[:, size:], by_root(alone[:, size:], mode.square)], axis=1)
-        return np.moveaxis(np.concatenate([both.real, -both.imag, begun.real], axis=1), 0, 1)
-    drives = _drives(samples, mode)
-    # A real state has the real part of each drive by the real part of b, less the imaginary one by the other.
-    parts = np.concatenate([drives.real, -drives.imag]) if mode.real else drives
-    return np.concatenate([followed(samples, mode, parts), _begun(samples, mode)])
-
-
-def slopes_of_state(samples: Samples, mode: InputMode, state: NDArray) -> NDArray:
-    """Derivatives of a mode's state by λ and by the parts of `reached_by` (1 + parts, samples).
-
-    Of a block those of both states by σ, the parts and q (2 + parts, 2, samples).
-    """
-    if mode.square is not None:
-        return _slopes_of_block(samples, mode)
-    return np.concatenate([_late(samples, mode, state)[None], reached_by(samples, mode)])
-
-
-def _slopes_of_block(samples: Samples, mode: InputMode) -> NDArray:
-    assert mode.square is not None
-    gains, initial = (_halves(own)[1] for own in (mode.gains, mode.initial))
-
-    def late(own: InputMode) -> NDArray:
-        return _late(samples, own, _state_in(samples, own))
-
-    def along(own: InputMode) -> NDArray:
-        return late(own) + _state_in(samples, replace(own, gains=gains, initial=initial))
-
-    by_square = slopes_along_square(
-        lambda root: _state_in(samples, mode.at(root)),
-        lambda root: along(mode.at(root)),
-        mode.square,
-        _varying(samples, mode),
-    )
-    return np.concatenate([_both(samples, mode, late).real[None], reached_by(samples, mode), by_square.real[None]])
-
-
-def _both(samples: Samples, mode: InputMode, of: Callable[[InputMode], NDArray]) -> NDArray:
+def of_both(samples: Samples, mode: InputMode, of: Callable[[InputMode], NDArray]) -> NDArray:
     """Parts of a function of a block's mode of one exponent (2, …)."""
     assert mode.square is not None
-    return parts_of(lambda root: of(mode.at(root)), mode.square, _varying(samples, mode))
+    return parts_of(lambda root: of(mode.at(root)), mode.square, varying(samples, mode))
 
 
-def _varying(samples: Samples, mode: InputMode) -> float:
+def varying(samples: Samples, mode: InputMode) -> float:
     """The rate on which the response of a block varies: its decay, or over the longest record [1/s]."""
     longest = samples.step * max(own.stop - own.start for own in samples.records)
     return max(abs(mode.exponent.real), 1.0 / longest)
-
-
-def _late(samples: Samples, mode: InputMode, state: NDArray) -> NDArray:
-    """The derivative of a mode's state by λ (samples,)."""
-    nudge = 1e-6 / samples.step
-    up, down = (_shares(samples, mode, mode.exponent + sign * nudge) for sign in (1.0, -1.0))
-    drive = _driven(samples, mode, (up - down) / (2.0 * nudge))
-    decay = complex(np.exp(mode.exponent * samples.step))
-    return followed(samples, mode, samples.step * decay * state + drive)
 
 
 def runs_away(samples: Samples, exponent: complex) -> bool:
@@ -321,7 +266,7 @@ def ends_of(samples: Samples, mode: InputMode) -> list[int]:
     return [own.stop - 1 if mode.backwards else own.start for own in samples.records]
 
 
-def _begun(samples: Samples, mode: InputMode) -> NDArray:
+def begun_by(samples: Samples, mode: InputMode) -> NDArray:
     """e^{λt} from the begin of each record (records, samples), or from its end."""
     rate = samples.step * (mode.exponent.real if mode.real else mode.exponent)
     found = np.zeros((len(samples.records), samples.n_samples), type(rate))
@@ -339,13 +284,13 @@ def powers(rate: complex, count: int) -> NDArray:
     return np.multiply.outer(steps, np.exp(rate * np.arange(inner))).ravel()[:count]
 
 
-def _shares(samples: Samples, mode: InputMode, exponent: complex) -> NDArray[np.complex128]:
+def shares_of(samples: Samples, mode: InputMode, exponent: complex) -> NDArray[np.complex128]:
     """Shares of each modulated input in the next state, by its sample and by the next one (reach, 2)."""
     of = samples.fundamental, samples.step, samples.hold
     return np.array([input_gain(exponent, turn, *of) for turn in mode.reach.tolist()], np.complex128).reshape(-1, 2)
 
 
-def _driven(samples: Samples, mode: InputMode, shares: NDArray[np.complex128]) -> NDArray[np.complex128]:
+def driven_by(samples: Samples, mode: InputMode, shares: NDArray[np.complex128]) -> NDArray[np.complex128]:
     """Sum the effects of all modulated inputs, by their shares and b, on the state at the next sample (samples,)."""
     sums = np.zeros((2, samples.n_samples), complex)
     for turn, gains, own in zip(mode.reach.tolist(), mode.gains.T, shares, strict=True):
@@ -355,19 +300,6 @@ def _driven(samples: Samples, mode: InputMode, shares: NDArray[np.complex128]) -
             sums[1] += own[1] * turned
     sums[0, :-1] += sums[1, 1:]
     return sums[0]
-
-
-def _drives(samples: Samples, mode: InputMode) -> NDArray[np.complex128]:
-    """Effect of each modulated input on the state at the next sample (inputs · reach, samples)."""
-    found = np.empty((len(samples.inputs), len(mode.reach), samples.n_samples), complex)
-    for place, (turn, (now, then)) in enumerate(
-        zip(mode.reach.tolist(), _shares(samples, mode, mode.exponent), strict=True)
-    ):
-        turned = samples.turned(turn) * samples.inputs
-        np.multiply(turned, now, out=found[:, place])
-        if then:  # the sample after the last of a record drives nothing that is there
-            found[:, place, :-1] += then * turned[:, 1:]
-    return found.reshape(-1, samples.n_samples)
 
 
 def followed(samples: Samples, mode: InputMode, drives: NDArray) -> NDArray:

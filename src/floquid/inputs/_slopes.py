@@ -9,7 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.fit import ROUNDING
-from floquid.inputs._modes import InputMode, joined, reached_by, slopes_of_state
+from floquid.inputs._block import by_root, slopes_along_square
+from floquid.inputs._modes import (
+    InputMode,
+    begun_by,
+    driven_by,
+    followed,
+    halves,
+    joined,
+    of_both,
+    shares_of,
+    state_in,
+    varying,
+)
 from floquid.inputs._samples import Samples
 
 
@@ -24,7 +36,7 @@ class Part:
 
     @property
     def joined(self) -> slice:
-        """Its samples among all, with that of the next part."""
+        """The samples among all, with that of the next part."""
         return slice(self.own.start, self.own.start + self.samples.n_samples)
 
     @property
@@ -42,7 +54,7 @@ class Followed:
     def __init__(
         self, samples: Samples, mode: InputMode, state: NDArray | None, parts: Sequence[Sequence[slice]]
     ) -> None:
-        """Of b and the first values alone where no state is given: these do not depend on it ([2,] samples)."""
+        """Follow those by b and the first values alone where no state is given: they do not depend on it."""
         self._mode, self._records = mode, len(parts)
         self._state = None if state is None else state.reshape(mode.states, -1)
         self._carried: dict[int, NDArray] = {}  # those at the sample from which a part is followed, by its first one
@@ -98,3 +110,71 @@ def slopes_in_parts(
         for own in cuts:
             wide = samples.part(joined(own, cuts))
             yield Part(own, record, wide, [each.rows(wide, own.start, record) for each in followed])
+
+
+def reached_by(samples: Samples, mode: InputMode) -> NDArray:
+    """The state by each part of b and z at the start alone (parts, samples): of a real multiplier by Re b, Im b, z.
+
+    Of a block both states, in that order (parts, 2, samples).
+    """
+    if mode.square is not None:
+        # A state by the second part of b is j times that by the first.
+        alone, size = of_both(samples, mode, lambda own: reached_by(samples, own)), mode.gains.size // 2
+        both = np.concatenate([alone[:, :size], by_root(alone[:, :size], mode.square)], axis=1)
+        begun = np.concatenate([alone[:, size:], by_root(alone[:, size:], mode.square)], axis=1)
+        return np.moveaxis(np.concatenate([both.real, -both.imag, begun.real], axis=1), 0, 1)
+    drives = _drives(samples, mode)
+    # A real state has the real part of each drive by the real part of b, less the imaginary one by the other.
+    parts = np.concatenate([drives.real, -drives.imag]) if mode.real else drives
+    return np.concatenate([followed(samples, mode, parts), begun_by(samples, mode)])
+
+
+def slopes_of_state(samples: Samples, mode: InputMode, state: NDArray) -> NDArray:
+    """Derivatives of a mode's state by λ and by the parts of `reached_by` (1 + parts, samples).
+
+    Of a block those of both states by σ, the parts and q (2 + parts, 2, samples).
+    """
+    if mode.square is not None:
+        return _slopes_of_block(samples, mode)
+    return np.concatenate([_late(samples, mode, state)[None], reached_by(samples, mode)])
+
+
+def _slopes_of_block(samples: Samples, mode: InputMode) -> NDArray:
+    assert mode.square is not None
+    gains, initial = (halves(own)[1] for own in (mode.gains, mode.initial))
+
+    def late(own: InputMode) -> NDArray:
+        return _late(samples, own, state_in(samples, own))
+
+    def along(own: InputMode) -> NDArray:
+        return late(own) + state_in(samples, replace(own, gains=gains, initial=initial))
+
+    by_square = slopes_along_square(
+        lambda root: state_in(samples, mode.at(root)),
+        lambda root: along(mode.at(root)),
+        mode.square,
+        varying(samples, mode),
+    )
+    return np.concatenate([of_both(samples, mode, late).real[None], reached_by(samples, mode), by_square.real[None]])
+
+
+def _late(samples: Samples, mode: InputMode, state: NDArray) -> NDArray:
+    """The derivative of a mode's state by λ (samples,)."""
+    nudge = 1e-6 / samples.step
+    up, down = (shares_of(samples, mode, mode.exponent + sign * nudge) for sign in (1.0, -1.0))
+    drive = driven_by(samples, mode, (up - down) / (2.0 * nudge))
+    decay = complex(np.exp(mode.exponent * samples.step))
+    return followed(samples, mode, samples.step * decay * state + drive)
+
+
+def _drives(samples: Samples, mode: InputMode) -> NDArray[np.complex128]:
+    """Effect of each modulated input on the state at the next sample (inputs · reach, samples)."""
+    found = np.empty((len(samples.inputs), len(mode.reach), samples.n_samples), complex)
+    for place, (turn, (now, then)) in enumerate(
+        zip(mode.reach.tolist(), shares_of(samples, mode, mode.exponent), strict=True)
+    ):
+        turned = samples.turned(turn) * samples.inputs
+        np.multiply(turned, now, out=found[:, place])
+        if then:  # the sample after the last of a record drives nothing that is there
+            found[:, place, :-1] += then * turned[:, 1:]
+    return found.reshape(-1, samples.n_samples)

@@ -17,8 +17,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._arrays import BLOCK
-from floquid.fit import CHUNK, HALF_DIGITS, MODES, SURE, chi2_limit, inverse_root, scaled_inverse
+from floquid.fit import HALF_DIGITS, MODES, SURE, chi2_limit, inverse_root, scaled_inverse
+from floquid.inputs._lags import Thinned, low_pass, products_of_lags
 from floquid.inputs._modes import RUNAWAY, InputMode, runs_away
 from floquid.inputs._samples import Samples
 from floquid.inputs._slopes import slopes_in_parts
@@ -90,7 +90,7 @@ def candidates(
 
 def _poles(samples: Samples, response: NDArray[np.float64], thinned: int) -> list[NDArray[np.complex128]]:
     """Poles of several orders, by past outputs and inputs as instruments (Verhaegen 1994); none of too few samples."""
-    taps = _low_pass(thinned)
+    taps = low_pass(thinned)
     lengths = [(own.stop - own.start - len(taps) + thinned) // thinned for own in samples.stretches]
     most = MOST_ROWS * sum(max(n - 2 * FEWEST + 1, 0) for n in lengths) / (2 * FEWEST)
     room = int(most) - len(samples.inputs) * (1 + 2)
@@ -113,12 +113,12 @@ def _poles(samples: Samples, response: NDArray[np.float64], thinned: int) -> lis
     if not looks:
         return []
     sidebands, depth = max(looks, key=lambda own: min(own[1] - 1, -(-ORDERS[1] // count)))
-    looked = _Looked(samples, response, range(1, sidebands + 1), taps, thinned)
+    looked = Thinned(samples, response, range(1, sidebands + 1), taps, thinned)
     rows = 2 * depth * looked.count
     gram = np.zeros((rows, rows))
     for own, length in zip(samples.stretches, lengths, strict=True):
         if length > 2 * depth:
-            gram += _products_of_lags(looked.parts(own.start, length), looked.count, 2 * depth)
+            gram += products_of_lags(looked.parts(own.start, length), looked.count, 2 * depth)
     place = np.arange(2 * depth)[:, None] * looked.count + np.arange(looked.count)
     past, inputs, outputs = place[:depth].ravel(), place[depth:, :-count].ravel(), place[depth:, -count:].ravel()
     order = np.concatenate([inputs, past, outputs])
@@ -155,13 +155,6 @@ def _sums(signals: NDArray[np.float64], most: int) -> NDArray[np.float64]:
     return np.asarray(np.linalg.eigh(scaled @ scaled.T)[1][:, -most:].T @ scaled, np.float64)
 
 
-def _low_pass(thinned: int) -> NDArray[np.float64]:
-    """Taps that let through what is below nine tenths of half the thinned rate (taps,): a sinc, Hamming's window."""
-    half = 4 * thinned if thinned > 1 else 0
-    taps = np.sinc(0.9 / thinned * np.arange(-half, half + 1)) * np.hamming(2 * half + 1)
-    return taps / taps.sum()
-
-
 def _lower(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     """The triangular factor of a matrix of products, with as much more on its diagonal as rounding needs."""
     # With the root of that: what the factor holds below it is rounding.
@@ -173,59 +166,6 @@ def _lower(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     # Of inputs that are zero at most lags, as of blows, some products are rounding of those of others.
     values, vectors = np.linalg.eigh(matrix)
     return np.asarray(np.linalg.qr((vectors * np.sqrt(np.maximum(values, 1e-6))).T)[1].T, np.float64), 1e-3
-
-
-class _Looked:
-    """Inputs, as they are and modulated, and a response, of rms 1 and thinned, formed part by part of the samples."""
-
-    def __init__(
-        self, samples: Samples, response: NDArray[np.float64], turns: Sequence[int], taps: NDArray, thinned: int
-    ) -> None:
-        self._samples, self._response, self._turns = samples, response, turns
-        self._taps, self._thinned = taps, thinned
-        self.count = len(samples.inputs) * (1 + 2 * len(turns)) + len(response)
-        size = [samples.inputs.std(axis=1)]
-        for turn in turns:
-            turned = [samples.turned(turn) * own for own in samples.inputs]
-            size += [np.array([own.real.std() for own in turned]), np.array([own.imag.std() for own in turned])]
-        size = np.concatenate([*size, response.std(axis=1)])
-        self._size = np.where(size > 0.0, size, 1.0)[:, None]
-
-    def parts(self, start: int, length: int) -> Iterator[NDArray[np.float64]]:
-        """Parts one after another of as many thinned samples, of which the first needs those from `start` on."""
-        step = max(BLOCK // (4 * self.count * self._thinned), CHUNK)
-        for first in range(0, length, step):
-            last = min(first + step, length) - 1
-            own = slice(start + first * self._thinned, start + last * self._thinned + len(self._taps))
-            part = self._samples.part(own)
-            turned = [part.turned(turn) * part.inputs for turn in self._turns]
-            signals = [
-                part.inputs,
-                *(each for both in turned for each in (both.real, both.imag)),
-                self._response[:, own],
-            ]
-            signals = np.concatenate(signals) / self._size
-            yield np.array([np.convolve(row, self._taps, "valid")[:: self._thinned] for row in signals])
-
-
-def _products_of_lags(parts: Iterator[NDArray[np.float64]], count: int, lags: int) -> NDArray[np.float64]:
-    """Products of signals at lags, summed over the samples (lags · signals, lags · signals), by parts of these."""
-    # The block one lag later of both is the block less its first sample, and one sample more.
-    found, joined, begin = np.zeros((lags, count, lags, count)), np.zeros((count, 0)), np.zeros((count, 0))
-    for part in parts:
-        begin = np.concatenate([begin, part[:, : lags - 1 - begin.shape[1]]], axis=1)
-        joined = np.concatenate([joined, part], axis=1)
-        columns = max(joined.shape[1] - lags + 1, 0)
-        for lag in range(lags):
-            found[0, :, lag] += joined[:, :columns] @ joined[:, lag : lag + columns].T
-        joined = joined[:, columns:]
-    ends = np.stack([begin, joined], axis=1)
-    for row in range(1, lags):
-        gone = np.tensordot(ends[:, :, row - 1] * [1.0, -1.0], ends[:, :, row - 1 :], (1, 1))
-        found[row, :, row:] = found[row - 1, :, row - 1 : -1] - np.moveaxis(gone, 1, 2)
-    for row in range(1, lags):
-        found[row, :, :row] = found[:row, :, row].transpose(2, 0, 1)
-    return found.reshape(lags * count, lags * count)
 
 
 def bare_mode(

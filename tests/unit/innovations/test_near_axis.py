@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from floquid.innovations._derivatives import gradient, slopes
 from floquid.innovations._mode import Mode
-from floquid.innovations._predictor import gradient, matrices, predicted, slopes
+from floquid.innovations._predictor import matrices, predicted
 from floquid.innovations._solve import moved, solve
 from floquid.innovations.search._near_axis import block_of_pair, block_of_reals, ordinary, read_near_axis
 from floquid.inputs import Limits, samples_of

@@ -12,7 +12,8 @@ from tests.unit.inputs.test_parts import peak_of
 from floquid.innovations import first_innovations, repetition
 from floquid.innovations._covariance import reweighed
 from floquid.innovations._cyclic import left_over, turned_records
-from floquid.innovations._predictor import gradient, predicted, responding
+from floquid.innovations._derivatives import gradient
+from floquid.innovations._predictor import predicted, responding
 from floquid.innovations._solve import normal_of
 from floquid.inputs import samples_of
 

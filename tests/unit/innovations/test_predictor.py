@@ -8,9 +8,10 @@ import pytest
 from floquid.fit import CHUNK, LONGEST_STEP, ROUNDING
 from floquid.innovations import _products, _result
 from floquid.innovations._covariance import colour, whitening_of
+from floquid.innovations._derivatives import gradient, slopes
 from floquid.innovations._gain import stable_gains
 from floquid.innovations._mode import Mode
-from floquid.innovations._predictor import gradient, matrices, predicted, slopes
+from floquid.innovations._predictor import matrices, predicted
 from floquid.innovations._products import as_real, merged
 from floquid.innovations._result import Fit, period_step, sized
 from floquid.innovations._solve import held, moved, normal_of, places, solve

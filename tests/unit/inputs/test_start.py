@@ -5,7 +5,8 @@ import pytest
 from tests.driven import mathieu, record_of, two_masses
 
 from floquid.inputs import samples_of
-from floquid.inputs._start import _lower, _products_of_lags, bare_mode, candidates, chosen_together
+from floquid.inputs._lags import products_of_lags
+from floquid.inputs._start import _lower, bare_mode, candidates, chosen_together
 
 
 def samples_from(system, periods, phases, noise, seed=0):
@@ -58,11 +59,11 @@ def test_modes_are_chosen_before_what_is_none():
     assert gaps(system, np.array([mode.exponent for mode in found])).max() < 1e-9
 
 
-def test_products_of_lags_are_those_of_the_table():
+def testproducts_of_lags_are_those_of_the_table():
     signals = np.random.default_rng(0).standard_normal((3, 50))
     table = np.concatenate([signals[:, lag : lag + 45] for lag in range(6)])
     for parts in ([signals], np.split(signals, [3, 7, 20], axis=1)):
-        assert np.abs(_products_of_lags(iter(parts), 3, 6) - table @ table.T).max() < 1e-12
+        assert np.abs(products_of_lags(iter(parts), 3, 6) - table @ table.T).max() < 1e-12
 
 
 def test_the_factor_of_products_that_are_rounding():

@@ -10,7 +10,7 @@ from tests.driven import ambient_of, mathieu, pulls, record_of
 from floquid import Channel, ConstantPeriod, IdentificationError, InputError, Record, identify
 from floquid.findings import Severity
 from floquid.innovations import predicted
-from floquid.innovations._predictor import gradient, slopes
+from floquid.innovations._derivatives import gradient, slopes
 from floquid.inputs import columns_at, linearise, samples_of
 from floquid.inputs._solver import normal_equations as driven_equations
 from floquid.preparation import prepare

@@ -29,7 +29,7 @@ from floquid.inputs.search._structure import Limits
 Group = Callable[[Samples, slice], NDArray[np.float64]]
 """Columns in a part of the samples, by that part and its place among all (columns, samples)."""
 
-MOST_KEPT = 8 * BLOCK  # numbers up to which the derivatives of the states are kept from one test to the next
+MOST_KEPT = 2 * BLOCK  # numbers up to which the derivatives of the states are kept from one test to the next
 SIDES = (HALF_DIGITS, -HALF_DIGITS)
 
 TINY = float(np.finfo(float).tiny)  # added where nothing may be divided by: a channel that says nothing of a mode
@@ -192,7 +192,7 @@ class Scores:
         return pulls, sizes, float(np.linalg.norm(beside[-1])), generator, drawn
 
     def _drawn(self, generator: np.random.Generator, *beside: NDArray) -> tuple[list[NDArray[np.float64]], NDArray]:
-        """Of a few draws of noise gradients and squares as `_pulls` has them, after the fit and before (4, modes).
+        """Gradients and squares of a few draws of noise as `_pulls` has them, after the fit and before (4, modes).
 
         With the residuals of all, and of other responses (responses, channels, samples).
         """
