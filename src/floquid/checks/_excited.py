@@ -169,7 +169,8 @@ class Driven(Excited):
         beyond, outputs = ~fitted & whole.there, range(len(part.at.noise))
         roots = [part.errors.root(output) for output in outputs]
         # An error of one parameter goes through all samples: it counts once.
-        squares, pulls, inner = ([0.0] * len(outputs) for _ in range(3))
+        squares, pulls = np.zeros(len(outputs)), [np.zeros(own.shape[1]) for own in roots]
+        inner = [np.zeros((len(own), len(own))) for own in pulls]
         for piece in slopes_in_parts(whole, whole_at.modes, whole_at.states, numbers_of(whole_at)):
             here, used = piece.alone, beyond[piece.own]
             columns = whole_at.columns.of(here.samples, piece.own)

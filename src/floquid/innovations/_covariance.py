@@ -112,7 +112,7 @@ def _fitted(
         for part in parts:
             left[part] -= np.einsum("jn,jn->n", shares.T @ columns[:, part], others[:, part])
         logs = _log_variance(left**2, columns)
-    return shares, logs
+    return np.asarray(shares, np.float64), np.asarray(logs, np.float64)
 
 
 def _log_variance(squares: NDArray[np.float64], columns: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -170,7 +170,8 @@ def turned_records(samples: Samples) -> list[int]:
     # of two are above noise and have opposite signs, they are not.
     left, past = _residuals(samples)
     turned = left * np.exp(-1j * samples.fundamental * samples.times)
-    found, sums = [], {place.start: 0.0 for place in samples.records}
+    found, none = [], np.zeros((len(left), past.count), complex)
+    sums = {place.start: none for place in samples.records}
     for own, rows in past:
         begin = max(start for start in sums if start <= own.start)
         sums[begin] = sums[begin] + turned[:, own] @ rows.T

@@ -64,17 +64,17 @@ class Scores:
             return np.array(self._gains(groups))
 
     def _gains(self, groups: Sequence[Group]) -> list[float]:
-        now, channels, taken = self.now, len(self.left), 0.0
+        now, channels, taken, each = self.now, len(self.left), 0.0, []
         for own, part in self.samples.in_parts(numbers_of(now)):
-            extra = np.concatenate([of(part, own) for of in groups]).astype(self.precision)
+            each = [of(part, own) for of in groups]
+            extra = np.concatenate(each).astype(self.precision)
             taken = taken + (extra @ now.columns.of(part, own).astype(self.precision).T).astype(float)
         taken = (taken @ now.inverse).astype(self.precision)
         count = len(taken)
         pull, size, both = np.zeros((count, channels)), np.zeros(count), np.zeros((count, count))
         mixed = np.zeros((channels, len(self.root), count))
         for own, part, columns, states in self._parts():
-            each = [of(part, own) for of in groups]
-            extra = np.concatenate(each).astype(self.precision)
+            extra = np.concatenate([of(part, own) for of in groups]).astype(self.precision)
             size += np.einsum("kn,kn->k", extra, extra)
             beyond = extra - taken @ columns
             pull += beyond @ self.left[:, own].T
@@ -169,7 +169,7 @@ class Scores:
         pulls, sizes, beyond, generator, each = self._by_noise
         while len(each) < draws:
             each += self._drawn(generator)[0]
-        drawn = np.moveaxis(each[:draws], 0, 1)
+        drawn = np.moveaxis(np.array(each[:draws]), 0, 1)
         # Of a whole draw the mean is none: less that, what is taken is told three times as well.
         taken = drawn[0] / np.sqrt(drawn[1]) - drawn[2] / np.sqrt(drawn[3].mean(axis=0))
         return max(float(np.sum(pulls / sizes - taken.mean(axis=0)) / (beyond + TINY)), 0.0) ** 2
@@ -198,7 +198,7 @@ class Scores:
         """
         whole = np.empty((FEW + len(beside), *self.left.shape), self.precision)
         for own in whole[:FEW]:
-            own[:] = self.samples.kept(generator.standard_normal(own.shape, self.precision))
+            own[:] = self.samples.kept(np.asarray(generator.standard_normal(own.shape, self.precision)))
         for row, own in enumerate(beside, FEW):
             whole[row] = own
         before, after = self._pulls(whole[:FEW]), self.unfitted(whole)
