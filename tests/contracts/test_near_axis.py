@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from floquid.core import Channel, Provenance, readings
-from floquid.inputs import InputMode, _modes, samples_of
+from floquid.inputs import InputMode, _modes, _slopes, samples_of
 from floquid.inputs import linearise as linearise_driven
 from floquid.inputs._solver import normal_equations
 from floquid.lifting import Lifted
@@ -137,11 +137,12 @@ def test_the_gradient_with_inputs_is_a_difference_through_the_edge(square, hold,
     ids=["a slope along q", "the product with j", "no interpolation"],
 )
 def test_a_wrong_derivative_with_inputs_is_found(name, wrong, monkeypatch):
-    monkeypatch.setattr(_modes, name, wrong)
+    monkeypatch.setattr(USED[name], name, wrong)
     assert not max(misfit_of_gradients(square, 1, "zero") for square in (-1e-3, 1e-16)) < 1e-5
 
 
-RIGHT = {name: getattr(_modes, name) for name in ("slopes_along_square", "by_root", "parts_of")}
+USED = {"slopes_along_square": _slopes, "by_root": _slopes, "parts_of": _modes}
+RIGHT = {name: getattr(room, name) for name, room in USED.items()}
 
 
 @pytest.mark.parametrize("square", [-1e-2, 1e-2])
