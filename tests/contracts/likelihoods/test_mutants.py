@@ -128,14 +128,14 @@ PLANTED = {
     "inputs drive without their harmonic": (
         "branch", "driven", _modes, "input_gain", lambda exponent, turn, *rest: input_gain(exponent, 0.0, *rest)),
     "first states fade too slowly": (
-        "split", "driven", _modes, "_begun", lambda samples, mode: np.abs(BEGUN(samples, mode)) ** 0.5),
+        "split", "driven", _modes, "begun_by", lambda samples, mode: np.abs(BEGUN(samples, mode)) ** 0.5),
     "harmonics of either sign are one": (
         "conjugate", "innovations", _predictor, "turning",
         lambda samples, turns, *rest: TURNING(samples, abs(turns), *rest)),
     "a derivative by differences that are too wide": ("gradient", "lines", _transfer, "HALF_DIGITS", 0.1),
     "the conjugate is left out": ("conjugate", "lines", _transfer, "terms_of", lambda *args: TERMS(*args)[:1]),
 }  # fmt: skip
-BEGUN, TURNING, TERMS = _modes._begun, _predictor.turning, _transfer.terms_of
+BEGUN, TURNING, TERMS = _modes.begun_by, _predictor.turning, _transfer.terms_of
 
 
 @pytest.mark.parametrize("mistake", PLANTED)
