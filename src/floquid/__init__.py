@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from floquid.errors import FloquidError, IdentificationError, InputError
     from floquid.exports import export_modes, to_xarray
     from floquid.fleets import Fleet, fleet
-    from floquid.large import LargeResult, identify_large, open_result
+    from floquid.large import LargeResult, identify_large
     from floquid.monitoring import Monitor, monitor
     from floquid.pipeline import Analysis, Bootstrap, bootstrap, identify, measure_transfer
     from floquid.preparation import Settings
@@ -38,7 +38,7 @@ __all__ = [
     "IdentificationError", "InputError", "LargeResult", "Monitor", "Parameter", "PeriodicModel", "PulseTimes", "Record",
     "Refinement", "Settings", "StateModel", "Survey", "TachometerSignal", "Updated", "bootstrap", "compare",
     "export_modes", "fit_transfer", "fleet", "floquet", "from_pandas", "from_sep005", "from_xarray", "identify",
-    "identify_large", "load", "measure_transfer", "monitor", "multisine", "open_result", "read", "read_shapes",
+    "identify_large", "load", "measure_transfer", "monitor", "multisine", "read", "read_shapes",
     "reconstruct", "refine", "report", "save", "survey", "systems", "to_pandas", "to_sep005", "to_xarray", "update",
     "write",
 ]  # fmt: skip
@@ -49,7 +49,7 @@ _ROOMS = {
     "errors": "FloquidError IdentificationError InputError",
     "exports": "export_modes to_xarray",
     "fleets": "Fleet fleet",
-    "large": "LargeResult identify_large open_result",
+    "large": "LargeResult identify_large",
     "monitoring": "Monitor monitor",
     "pipeline": "Analysis Bootstrap bootstrap identify measure_transfer",
     "preparation": "Settings",

@@ -19,7 +19,7 @@ def test_a_record_is_identified_within_a_memory():
     text = typed("identify scan.h5 --memory 1GB --out found")
     assert "no A(t), checks and whitening" in text
     assert "Written to found/: result.h5" in text
-    found = fq.open_result("found/result.h5")
+    found = fq.load("found/result.h5")
     assert len(found.exponents) == 3
     modes = strict_json(typed("identify scan.h5 --memory 1GB --out found --format json"))["modes"]
     assert [mode["exponent"] for mode in modes] == [[value.real, value.imag] for value in found.exponents]
@@ -41,3 +41,14 @@ def test_a_record_is_identified_within_a_memory():
 )
 def test_what_cannot_be_is_said_in_a_sentence(words, message):
     typed(f"identify {words}", code=2, message=message)
+
+
+@pytest.mark.usefixtures("scan")
+def test_commands_take_the_result_or_say_which_do():
+    typed("identify scan.h5 --memory 1GB --out found")
+    typed("identify scan.h5 --period 1 --no-validate --out whole")
+    assert "3" in typed("compare found whole")
+    readings = strict_json(typed("shapes found --pairs x0:x1 --format json"))
+    assert len(readings["modes"]) == 3
+    for command in ("report found", "bootstrap found", "scan found", "transfer found --at 0.1"):
+        typed(command, code=2, message="`floquid compare`, `survey` and `shapes` take it.")

@@ -20,6 +20,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
@@ -28,12 +29,15 @@ from floquid.cli._terminal import json_text
 from floquid.core import Record
 from floquid.exports import summary, transfer_rows
 from floquid.io import flush, flush_folder
+from floquid.large import LargeResult
 from floquid.pipeline import Analysis
 from floquid.plot import FIGURES as DRAWN
 from floquid.readers import write
 from floquid.store import ENDINGS, is_result, load, save
 from floquid.transfer import MeasuredTransfer, TransferFit
 from floquid.views import SHORT, DampingUnit, SpeedUnit
+
+Kept = TypeVar("Kept")
 
 FIGURES = tuple(f"{name}.png" for name in DRAWN)  # the figures that there may be
 RESULT = "result.h5"  # the file of an identification: figures beside it are of it
@@ -100,14 +104,28 @@ def result_file(path: Path) -> Path:
     return folder / RESULT if path.is_dir() else path
 
 
-def identified_in(path: Path, of: str) -> Analysis:
-    """The analysis in a result, or in the folder that it is in."""
+def modes_in(path: Path, of: str) -> Analysis | LargeResult:
+    """The result with identified modes at a path, or in the folder there."""
     found = load(result_file(path))
-    if not isinstance(found, Analysis):
+    if not isinstance(found, (Analysis, LargeResult)):
         lines = isinstance(found, (MeasuredTransfer, TransferFit))
         remedy = "`floquid transfer --lines` reads it." if lines else "`floquid report` writes its page."
         holds = f"holds {'transfer functions' if lines else 'what was found of several results'}"
         raise input_error("RESULT", of, "be what `floquid identify` wrote", holds, remedy)
+    return found
+
+
+def identified_in(path: Path, of: str) -> Analysis:
+    """The analysis at a path, or in the folder there."""
+    return in_memory(modes_in(path, of), of)
+
+
+def in_memory(found: Kept | LargeResult, of: str) -> Kept:
+    """A result with all that it was made of; refused where that stayed on the disk."""
+    if isinstance(found, LargeResult):
+        must, got = "be of a record in memory", "is of one that was read in blocks (`--memory`)"
+        remedy = "`floquid compare`, `survey` and `shapes` take it."
+        raise input_error("RESULT", of, must, got, remedy)
     return found
 
 

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from floquid._checks import input_error
 from floquid.cli._errors import CriteriaNotMetError
-from floquid.cli._folder import NAMES, draw_result, maybe_folder, result_file, write_result
+from floquid.cli._folder import NAMES, draw_result, in_memory, maybe_folder, result_file, write_result
 from floquid.cli._options import (
     OUTPUT,
     Damping,
@@ -151,7 +151,7 @@ def report(
     with progress(3) as stage:
         stage("reading the result")
         write_report(
-            load(file),
+            in_memory(load(file), "floquid report"),
             page,
             title=title,
             brief=brief,

@@ -54,7 +54,8 @@ def identify_in_blocks(
         return
     terminal().print(found.summary(), soft_wrap=True, highlight=False)
     print_files(out, (RESULT,), "to keep the result")
-    terminal().print("`fq.open_result` reads it in Python; `report`, `shapes` and `compare` do not.", style="dim")
+    text = "`fq.load` reads it in Python; `floquid compare`, `survey` and `shapes` take it, too."
+    terminal().print(text, style="dim")
 
 
 def _summary(found: LargeResult) -> dict[str, Any]:

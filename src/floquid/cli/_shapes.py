@@ -15,7 +15,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from floquid._checks import input_error
-from floquid.cli._folder import identified_in
+from floquid.cli._folder import identified_in, modes_in
 from floquid.cli._options import Format, Saved, split
 from floquid.cli._terminal import json_text, new_table, print_title, print_whole, terminal
 from floquid.errors import InputError
@@ -104,13 +104,13 @@ def shapes(
     format
         text prints a table; json prints all, the table of each pattern too.
     """
-    analysis = identified_in(result, OF)
     if path is not None:
-        _print_path(path_shapes(analysis), path, format)
+        _print_path(path_shapes(identified_in(result, OF)), path, format)
         return
+    identified = modes_in(result, OF)
     asked = (read or ShapeChoices()).options(OF)
     try:
-        found = asked.read(analysis, participation=participation)
+        found = asked.read(identified, participation=participation)
     except InputError as error:
         message = str(error).replace("`scales`", "`scale`")
         raise InputError(re.sub(r"Argument `(\w+)` of `read_shapes`", r"`--\1`", message)) from None

@@ -11,7 +11,7 @@ from time import monotonic
 
 from floquid._checks import input_error
 from floquid.cli._errors import in_a_line
-from floquid.cli._folder import RESULT, identified_in, is_saved
+from floquid.cli._folder import RESULT, is_saved, modes_in
 from floquid.cli._options import Choices
 from floquid.cli._records import check_files, read_records
 from floquid.core import as_point
@@ -188,11 +188,11 @@ def made(job: Job) -> Point:
                 found = point_of(read_matrix(job.files[0]), job.shapes)
                 return replace(found, values={**found.values, **job.values}, files=(str(job.files[0]),))
             if job.saved:
-                analysis = identified_in(job.files[0], OF)
+                found = modes_in(job.files[0], OF)
             else:
                 records, choices = read_records(job.files, job.choices, OF, lambda _: None)
-                analysis = identify(records, choices.resolved())
-            found = point_of(analysis, job.shapes, sidebands=job.sidebands)
+                found = identify(records, choices.resolved())
+            point = point_of(found, job.shapes, sidebands=job.sidebands)
     except Exception as error:  # noqa: BLE001  # one bad point costs one point
         return job.lost(in_a_line(error))
-    return replace(found, values={**found.values, **job.values}, files=tuple(map(str, job.files)))
+    return replace(point, values={**point.values, **job.values}, files=tuple(map(str, job.files)))

@@ -10,7 +10,7 @@ from floquid.core._gaps import BRIDGED, longest_run, over_gaps, runs_of
 from floquid.core._lazy_record import LazyRecord
 from floquid.core._model_inputs import ModelInputs
 from floquid.core._modelled import Driven, modelled
-from floquid.core._periodic_model import PeriodicModel
+from floquid.core._periodic_model import Identified, PeriodicModel
 from floquid.core._periodic_modes import Couple, PeriodicModes, couples_of
 from floquid.core._phase_clock import PhaseClock
 from floquid.core._point import as_point, common_point, point_of
@@ -19,7 +19,7 @@ from floquid.core._record import Record
 from floquid.core._shape import Shape
 
 __all__ = [
-    "AzimuthSignal", "Branch", "Channel", "Clock", "ConstantPeriod", "Couple", "Cycles", "Estimates", "LazyRecord",
-    "ModelInputs", "PeriodicModel", "PeriodicModes", "PhaseClock", "Provenance", "PulseTimes", "Quantity", "Record",
-    "Shape", "TachometerSignal", "channels_named", "couples_of", "on_branch", "readings", "turning_point",
+    "AzimuthSignal", "Branch", "Channel", "Clock", "ConstantPeriod", "Couple", "Cycles", "Estimates", "Identified",
+    "LazyRecord", "ModelInputs", "PeriodicModel", "PeriodicModes", "PhaseClock", "Provenance", "PulseTimes", "Quantity",
+    "Record", "Shape", "TachometerSignal", "channels_named", "couples_of", "on_branch", "readings", "turning_point",
 ]  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -365,6 +366,18 @@ class PeriodicModel(Drawn, Rebuilt):
         modes, there = self.modes_of(estimates)[estimates.modes], np.isin(estimates.harmonics, self.harmonics)
         place = np.clip(np.searchsorted(self.harmonics, estimates.harmonics), 0, len(self.harmonics) - 1)
         return there & kept[modes, place]
+
+
+class Identified(Protocol):
+    """Interface of a result with identified modes: an `Analysis`, or that of a record larger than memory."""
+
+    @property
+    def model(self) -> PeriodicModel:
+        """The modes."""
+
+    @property
+    def failed(self) -> bool:
+        """True where something was found that makes the model wrong."""
 
 
 def _real_imag_std(estimates: Estimates, straight: Complexes, mirrored: Complexes) -> Complexes:

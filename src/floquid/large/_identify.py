@@ -6,7 +6,7 @@ import errno
 import os
 import re
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -14,18 +14,19 @@ from typing import BinaryIO
 
 import numpy as np
 
-from floquid._arrays import Floats
+from floquid._arrays import Complexes, Floats
 from floquid._checks import describe, input_error
 from floquid._version import __version__
 from floquid.core import LazyRecord
 from floquid.errors import IdentificationError
 from floquid.findings import failure
-from floquid.fit import HALF_DIGITS, SLOW
+from floquid.fit import HALF_DIGITS, SLOW, chi2_limit
 from floquid.io import as_path, atomic_path
 from floquid.large._modes import Basis, Modes
-from floquid.large._result import FORMAT, LargeResult, open_result
+from floquid.large._result import LARGE, LARGE_VERSION, LargeResult, opened
 from floquid.large._sweeps import OF, Plan, Sums, sketched, summed
-from floquid.lti import ERA, MaximumLikelihood, ModalModel, Outcome, TimeResponses
+from floquid.lti import ERA, MaximumLikelihood, Outcome, TimeResponses
+from floquid.periodic import strongest_branch
 
 COLUMNS = 64  # of the sketch: enough for some 30 modes
 SMALL = 0.1  # deviations: the error of a step is its square, so a step of that needs no other
@@ -92,11 +93,11 @@ def identify_large(
     path = as_path(out, of=OF, argument="out")
     sketch = sketched(plan, report)
     report("searching the sketch for modes")
-    modal = _found(sketch, plan.period, order, false_alarm)
+    modes = _found(sketch, plan.clock.period, order, false_alarm)
     del sketch
     with atomic_path(path, of=OF, argument="out") as temporary:
-        _write(plan, Modes.of(modal.multipliers), temporary, report)
-    return open_result(path)
+        _write(plan, modes, temporary, report)
+    return opened(path)
 
 
 def memory_of(value: float | str) -> float:
@@ -138,15 +139,15 @@ def planned(record: LazyRecord, memory: float) -> Plan:
             f"is {memory / 1e6:.0f} MB",
         )
         raise input_error("memory", OF, must, got, "Allow more.")
-    return Plan(record, record.clock.period, phases, cycles, block, columns)
+    return Plan(record, record.clock, phases, cycles, block, columns)
 
 
 SKETCH = 40.0  # bytes of a number of the sketch, with the copies that the search makes
 BLOCK = 2.0**26  # bytes of a block at most: larger ones are read no faster
 
 
-def _found(sketch: Floats, period: float, order: int | None, false_alarm: float) -> ModalModel:
-    """The poles of a sketch by maximum likelihood, its noise being what generous poles leave, and then these.
+def _found(sketch: Floats, period: float, order: int | None, false_alarm: float) -> Modes:
+    """The modes of a sketch by maximum likelihood, its noise being what generous poles leave, and then these.
 
     What repeats in each period is fitted beside generous poles and taken off: a mean would take a part of each mode.
     """
@@ -171,8 +172,25 @@ def _found(sketch: Floats, period: float, order: int | None, false_alarm: float)
         assert found.residual_std is not None
         std = found.residual_std
         if last:
-            return found
+            modes = Modes.of(found.multipliers)
+            return modes if order is not None else _risen(modes, sketch / std, false_alarm)
         length = min(cycles, LONGER * length)
+
+
+def _risen(modes: Modes, responses: Floats, false_alarm: float) -> Modes:
+    """The modes that rise above the noise of responses (columns, cycles) in units of it, with constants beside them.
+
+    What an estimate of the constants has wrong is left in each response, and passes for a slow real mode.
+    """
+    while len(modes.logs):
+        basis = Basis.of(modes, responses.shape[1])
+        sums = basis.columns.T @ responses.T
+        limits = [chi2_limit(len(responses) * (1 if real else 2), false_alarm) for real in modes.real]
+        share = basis.rises(sums @ sums.T) / limits
+        if share.min() > 1.0:
+            return modes
+        modes = modes.picked(np.arange(len(share)) != share.argmin())
+    raise IdentificationError(f"{failure(Outcome.NO_MODE.value).clause}.")
 
 
 def _write(plan: Plan, modes: Modes, path: Path, report: Callable[[str], None]) -> None:
@@ -218,27 +236,56 @@ def _put(
     """Write the result: exponents on the branch that carries most energy, and residues channel by channel."""
     import h5py
 
-    record, period, width = plan.record, plan.period, basis.columns.shape[1]
+    record, clock = plan.record, plan.clock
+    modes, exponents, covariance = _physical(plan, basis, modes, sums, covariance, kept)
+    inverse = basis.pseudoinverse(modes)
     shape = (record.n_channels, len(modes.logs), plan.phases)
-    energy, decay = np.zeros(shape[1:]), np.exp(-np.outer(modes.logs, np.arange(plan.phases) / plan.phases))
-    step = max(1, int(BLOCK // (8 * width * plan.phases)))
-    kept.seek(0)
     with h5py.File(path, "w") as file:
         target = file.create_dataset("residues", shape, np.complex128, chunks=(1, *shape[1:]))
-        for first in range(0, shape[0], step):
-            count = min(step, shape[0] - first)
-            own = np.frombuffer(kept.read(8 * count * width * plan.phases)).reshape(count, width, plan.phases)
-            both = basis.residues(modes, own.transpose(1, 0, 2).reshape(width, -1))
-            found = both.reshape(shape[1], count, plan.phases).transpose(1, 0, 2)
-            rows = slice(first, first + count)
+        for rows, found in _residues(plan, inverse[modes.places], kept):
             target[rows] = found
-            energy += np.sum(np.abs(np.fft.fft(found * decay, axis=2) / sums.noise[rows, None, None]) ** 2, axis=0)
-        turns = np.fft.fftfreq(plan.phases, 1.0 / plan.phases)[np.argmax(energy, axis=1)]
-        exponents = (modes.logs + 2j * np.pi * np.where(modes.real, 0.0, turns)) / period
-        file.attrs.update({"format": FORMAT, "version": 1, "floquid": __version__, "source": record.source})
-        file.attrs.update({"period": period, "sample_rate": record.sample_rate, "start": record.start})
-        file.attrs.update({"phases": plan.phases, "cycles": plan.cycles, **more})
+        file.attrs.update({"format": LARGE, "version": LARGE_VERSION, "floquid": __version__, "source": record.source})
+        file.attrs.update({"period": clock.period, "sample_rate": record.sample_rate, "start": record.start})
+        file.attrs.update({"origin": clock.origin, "phases": plan.phases, "cycles": plan.cycles, **more})
         file["exponents"], file["real"] = exponents, np.array(modes.real)
-        file["exponent_std"] = modes.deviations(covariance) / period
-        file["covariance"], file["noise"] = covariance / period**2, sums.noise
-        file["channels"] = np.array([channel.name for channel in record.channels], dtype=h5py.string_dtype())
+        file["exponent_std"] = modes.deviations(covariance) / clock.period
+        file["covariance"], file["noise"] = covariance / clock.period**2, sums.noise
+        file["residue_spread"] = inverse @ inverse.conj().T
+        file["residue_slope"] = basis.slope(modes, inverse)
+        for name in ("name", "unit"):
+            words = [getattr(channel, name) for channel in record.channels]
+            file[f"channels/{name}"] = np.array(words, dtype=h5py.string_dtype())
+
+
+def _residues(plan: Plan, inverse: Complexes, kept: BinaryIO) -> Iterator[tuple[slice, Complexes]]:
+    """Residues (channels, modes, phases) of some channels after the other, from their sums in a file."""
+    width = inverse.shape[1]
+    step = max(1, int(BLOCK // (8 * width * plan.phases)))
+    kept.seek(0)
+    for first in range(0, plan.record.n_channels, step):
+        count = min(step, plan.record.n_channels - first)
+        own = np.frombuffer(kept.read(8 * count * width * plan.phases)).reshape(count, width, plan.phases)
+        yield slice(first, first + count), inverse @ own
+
+
+def _physical(
+    plan: Plan, basis: Basis, modes: Modes, sums: Sums, covariance: Floats, kept: BinaryIO
+) -> tuple[Modes, Complexes, Floats]:
+    """The modes of positive frequency on the branch whose zeroth harmonic is strongest, exponents and covariance."""
+    phases = plan.phases
+    energy, decay = np.zeros((len(modes.logs), phases)), np.exp(-np.outer(modes.logs, np.arange(phases) / phases))
+    for rows, found in _residues(plan, basis.pseudoinverse(modes)[modes.places], kept):
+        energy += np.sum(np.abs(np.fft.fft(found * decay, axis=2) / sums.noise[rows, None, None]) ** 2, axis=0)
+    turns = np.arange(-(phases // 2), phases // 2 + 1)
+    principal = modes.logs.imag / (2.0 * np.pi)
+    of = [
+        turns[strongest_branch(own[turns % phases], angle + turns, phases)]
+        for own, angle in zip(energy, principal, strict=True)
+    ]
+    logs = modes.logs + 2j * np.pi * np.array(of)
+    flipped = (logs.imag < 0.0) & ~np.array(modes.real)
+    sign = np.array(
+        [s for flip, real in zip(flipped, modes.real, strict=True) for s in ((1,) if real else (1, 1 - 2 * flip))]
+    )
+    exponents = Modes(logs, modes.real).mirrored(flipped).logs / plan.clock.period
+    return modes.mirrored(flipped), exponents, covariance * np.outer(sign, sign)

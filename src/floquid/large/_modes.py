@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from floquid._arrays import Complexes, Floats, Mask
+from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid.fit import scaled_inverse
 
 
@@ -76,6 +76,34 @@ class Modes:
             at += 1 if real else 2
         return Modes(logs, self.real)
 
+    def mirrored(self, flipped: Mask) -> Modes:
+        """The modes with the conjugate in the place of some (modes,)."""
+        return Modes(np.where(flipped, self.logs.conj(), self.logs), self.real)
+
+    @property
+    def places(self) -> Integers:
+        """The place of each mode among the multipliers (modes,)."""
+        return np.cumsum([0, *(1 if real else 2 for real in self.real)])[:-1]
+
+    @property
+    def multipliers(self) -> Complexes:
+        """Multipliers μ, each conjugate after its partner (order,); those of real modes are exactly real."""
+        values = [
+            [np.exp(log.real) * np.cos(log.imag)] if real else [np.exp(log), np.exp(log.conjugate())]
+            for log, real in zip(self.logs, self.real, strict=True)
+        ]
+        return np.concatenate([np.zeros(0), *values]).astype(complex)
+
+    @property
+    def by_parameters(self) -> Complexes:
+        """Derivatives of the logarithms of all multipliers by decays and angles (order, order)."""
+        found, at = np.zeros((self.order, self.order), complex), 0
+        for real in self.real:
+            block = np.ones((1, 1)) if real else np.array([[1.0, 1.0j], [1.0, -1.0j]])
+            found[at : at + len(block), at : at + len(block)] = block
+            at += len(block)
+        return found
+
     def deviations(self, covariance: Floats) -> Complexes:
         """Deviations of the logarithms (modes,), of real and imaginary part."""
         std, at, found = np.sqrt(np.diag(covariance)), 0, []
@@ -107,15 +135,33 @@ class Basis:
         """The columns of 1 and Z: those that a fit at these modes takes."""
         return 1 + self.modes.order
 
-    def residues(self, modes: Modes, sums: Floats) -> Complexes:
-        """Residues at other modes near these (modes, responses), from the sums of the basis (columns, responses)."""
+    def pseudoinverse(self, modes: Modes) -> Complexes:
+        """The matrix from the sums of the basis to residues (order, columns), at other modes near these."""
         cycles = len(self.columns)
         system = self.columns.T @ np.concatenate([np.ones((cycles, 1)), modes.columns(cycles)], axis=1)
-        values, at, found = np.linalg.lstsq(system, sums)[0][1:], 0, []
+        values, at, found = np.linalg.pinv(system)[1:], 0, []
         for real, scale in zip(modes.real, modes.scales(cycles), strict=True):
-            found.append(scale * (values[at] if real else 0.5 * (values[at] - 1j * values[at + 1])))
+            own = scale * (values[at] if real else 0.5 * (values[at] - 1j * values[at + 1]))
+            found += [own] if real else [own, own.conj()]
             at += 1 if real else 2
         return np.array(found)
+
+    def slope(self, modes: Modes, inverse: Complexes) -> Complexes:
+        """G (order, order): an error δs of the logarithms of multipliers moves residues by -G diag(δs) R."""
+        cycles = np.arange(len(self.columns))
+        late = cycles[:, None] * np.exp(np.outer(cycles, np.log(modes.multipliers)))
+        return inverse @ (self.columns.T @ late)
+
+    def rises(self, gram: Floats) -> Floats:
+        """Rises of χ² where one mode is left out and the others and the constants are fitted again (modes,).
+
+        `gram` are the products of the sums of all responses over their noise (columns, columns).
+        """
+        kept = slice(0, self.fitted)
+        inverse = np.linalg.inv(self.triangle[kept, kept])
+        squares, unit = ((inverse @ middle @ inverse.T)[1:, 1:] for middle in (gram[kept, kept], np.eye(self.fitted)))
+        parts = [slice(at, at + (1 if r else 2)) for at, r in zip(self.modes.places, self.modes.real, strict=True)]
+        return np.array([np.trace(np.linalg.solve(unit[part, part], squares[part, part])) for part in parts])
 
     def step(self, gram: Floats, responses: int) -> tuple[Floats, Floats]:
         """The step of maximum likelihood, and the covariance of decays and angles.

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from os import PathLike
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from floquid._arrays import Complexes, Floats
 from floquid._checks import Sealed, input_error
-from floquid.io import readable_file
+from floquid.core import Channel, ConstantPeriod, PeriodicModel
+from floquid.large._model import modelled
+from floquid.large._modes import Modes
 
-FORMAT = "floquid-large"
+LARGE, LARGE_VERSION = "floquid-large", 2
+LARGEST = 2.0**28  # bytes of a model in memory: the least that machines which need `identify_large` have to spare
 LACKS = (
     "There are no A(t), checks and whitening on this path: the residual was not looked at for further modes or colour. "
     "Nothing tested the period either: a wrong one makes several modes of equal decay, whose deviations look fine."
@@ -39,11 +41,18 @@ class LargeResult(Sealed):
     noise
         The deviation of the noise (channels,) [units of the channels].
     channels
-        The names of the channels.
+        One `Channel` a row of the residues.
+    phase
+        The phase of the first sample, in periods.
+    residue_spread, residue_slope
+        The covariance of the residues of all multipliers, each conjugate after its partner, for unit noise and known
+        exponents, and G: errors δs of ln μ move the residues R by -G diag(δs) R (order, order).
     n_phases, n_cycles, sweeps
         Samples a period, periods, and sweeps over the record.
     last_step
         The last step of the exponents over their deviations, the largest: its square is left.
+    source
+        Where the record came from.
     """
 
     path: Path
@@ -53,11 +62,15 @@ class LargeResult(Sealed):
     covariance: Floats
     real: np.ndarray
     noise: Floats
-    channels: tuple[str, ...]
+    channels: tuple[Channel, ...]
+    phase: float
+    residue_spread: Complexes
+    residue_slope: Complexes
     n_phases: int
     n_cycles: int
     sweeps: int
     last_step: float
+    source: str = ""
 
     @property
     def multipliers(self) -> Complexes:
@@ -76,6 +89,51 @@ class LargeResult(Sealed):
         with h5py.File(self.path, "r") as file:
             return np.asarray(file["residues"][channels])
 
+    @property
+    def failed(self) -> bool:
+        """True where something was found that makes the model wrong."""
+        return False
+
+    @property
+    def model(self) -> PeriodicModel:
+        """The periodic model of all channels, made of the residues in the file each time (`model_of`).
+
+        Raises InputError where it has no room in memory.
+        """
+        return self.model_of()
+
+    def model_of(self, channels: slice = slice(None)) -> PeriodicModel:
+        r"""The periodic model of some `channels`, with phase zero that of the clock: what `identify` makes of them.
+
+        .. math:: B_{r,m} = \frac1P \sum_k R_{r,k}\, e^{-(\lambda_r + i m \omega) t_k}
+
+        t_k are the times of the phases after phase zero [s]. Deviations hold the noise of each channel and the errors
+        of the exponents. Bands of harmonics and branches are those of these channels.
+
+        Raises InputError where it has no room in memory.
+        """
+        places = range(*channels.indices(len(self.channels)))
+        modes = Modes(np.log(self.multipliers), tuple(self.real.tolist()))
+        size = 32.0 * modes.order**2 * self.n_phases * len(places)
+        if size > LARGEST or not places:
+            most = int(len(places) * LARGEST / max(size, 1.0))
+            got = f"are {len(places)} of {modes.order} modes and {self.n_phases} phases"
+            remedy = f"Take some: `result.model_of(slice(0, {max(most, 1)}))`."
+            raise input_error("channels", "LargeResult.model_of", f"be 1 to {most}", got, remedy)
+        found = modelled(
+            modes,
+            self.residues(channels),
+            spread=self.residue_spread,
+            slope=self.residue_slope,
+            covariance=self.covariance,
+            noise=self.noise[channels],
+            period=self.period,
+            phase=self.phase,
+            channels=self.channels[channels],
+            source=self.source,
+        )
+        return replace(found, point={"speed_rpm": 60.0 / self.period})
+
     def summary(self) -> str:
         """The modes with deviations, the noise, and what this path does not do: the text of the terminal."""
         periods = f"{self.n_cycles} periods of {self.period:.6g} s"
@@ -92,30 +150,23 @@ class LargeResult(Sealed):
         return "\n".join([*lines, "", f"Noise: {low:.3g} to {high:.3g} in the units of the channels.", LACKS])
 
 
-def open_result(path: str | PathLike[str]) -> LargeResult:
-    """The result that `identify_large` wrote to a file, its residues left there.
-
-    `path` is by custom `result.h5`. Raises InputError where it is no such file.
-    """
+def opened(file: Path) -> LargeResult:
+    """The result that `identify_large` wrote to a file, its residues left there."""
     import h5py
 
-    file = readable_file(path, of="open_result")
-    try:
-        with h5py.File(file, "r") as opened:
-            if str(opened.attrs.get("format")) != FORMAT:
-                raise OSError(f"its format is not {FORMAT}")
-            said = opened.attrs
-            arrays = {name: opened[name][()] for name in ("exponents", "exponent_std", "covariance", "real", "noise")}
-            return LargeResult(
-                path=file,
-                period=float(said["period"]),
-                channels=tuple(opened["channels"].asstr()[()].tolist()),
-                n_phases=int(said["phases"]),
-                n_cycles=int(said["cycles"]),
-                sweeps=int(said["sweeps"]),
-                last_step=float(said["last_step"]),
-                **arrays,
-            )
-    except (OSError, KeyError, ValueError) as error:
-        must = "be a result that `identify_large` wrote"
-        raise input_error("path", "open_result", must, f"{file} is none ({str(error).splitlines()[0]})") from None
+    with h5py.File(file, "r") as stored:
+        said = stored.attrs
+        names = ("exponents", "exponent_std", "covariance", "real", "noise", "residue_spread", "residue_slope")
+        words = zip(*(stored[f"channels/{name}"].asstr()[()].tolist() for name in ("name", "unit")), strict=True)
+        return LargeResult(
+            path=file,
+            period=float(said["period"]),
+            channels=tuple(Channel(name=name, unit=unit) for name, unit in words),
+            phase=ConstantPeriod(period=said["period"], origin=said["origin"]).phase(float(said["start"])),
+            n_phases=int(said["phases"]),
+            n_cycles=int(said["cycles"]),
+            sweeps=int(said["sweeps"]),
+            last_step=float(said["last_step"]),
+            source=str(said["source"]),
+            **{name: stored[name][()] for name in names},
+        )

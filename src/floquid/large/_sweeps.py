@@ -13,7 +13,7 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid._checks import input_error
-from floquid.core import LazyRecord
+from floquid.core import ConstantPeriod, LazyRecord
 from floquid.large._modes import Basis
 
 Log = Callable[[str], None]
@@ -27,7 +27,7 @@ class Plan:
     """The cycles of a record, and how it is read."""
 
     record: LazyRecord
-    period: float
+    clock: ConstantPeriod
     phases: int
     cycles: int
     block: float  # bytes of a block

@@ -12,7 +12,7 @@ import numpy as np
 
 from floquid._arrays import Floats, Integers
 from floquid._checks import Rebuilt, Sealed, describe, input_error, positive
-from floquid.core import Channel, PeriodicModes, Shape, as_point, channels_named, couples_of
+from floquid.core import Channel, Identified, PeriodicModes, Shape, as_point, channels_named, couples_of
 from floquid.periodic import CONFIDENT
 from floquid.pipeline import Analysis
 from floquid.shapes._arguments import OF, Blades, Family, Pair, Pairs, families_of, pairs_of
@@ -131,7 +131,7 @@ class ShapeOptions(Rebuilt):
         """The groups of blades and the fixed channels among `channels`; none where no blades are read."""
         return families_of(self.blades, self.fixed, self.scales, channels) if self.blades or self.fixed else ()
 
-    def read(self, result: Analysis | PeriodicModes, *, participation: str | None = None) -> ShapeReadings:
+    def read(self, result: Identified | PeriodicModes, *, participation: str | None = None) -> ShapeReadings:
         """The readings of a result."""
         return read_shapes(
             result,
@@ -145,7 +145,7 @@ class ShapeOptions(Rebuilt):
 
 
 def read_shapes(
-    result: Analysis | PeriodicModes,
+    result: Identified | PeriodicModes,
     *,
     pairs: Pairs = (),
     blades: Blades = (),
@@ -167,7 +167,8 @@ def read_shapes(
     Parameters
     ----------
     result
-        What `identify` gave, a `PeriodicModel`, or modes of a known A(t): `floquet.modes(..., outputs=C)`.
+        What `identify` or `identify_large` gave, a `PeriodicModel`,
+        or modes of a known A(t): `floquet.modes(..., outputs=C)`.
     pairs
         Pairs of channels at right angles in a plane of the fixed frame, "x:y" each: from x to y the shaft turns.
     blades
@@ -185,7 +186,7 @@ def read_shapes(
     words
         Words for directions: "en" (forward, backward), "openfast" (progressive, regressive) or "hawc" (FW, BW).
     """
-    modes = result.model if isinstance(result, Analysis) else result
+    modes = getattr(result, "model", result)
     if not isinstance(modes, PeriodicModes):
         must = "be an Analysis or modes in channels"
         remedy = "Pass what `identify` gave, or `floquet.modes(..., outputs=C)`."
@@ -202,7 +203,7 @@ def read_shapes(
     row = None
     if participation is not None:
         row = channels_named(modes.channels, [participation], argument="participation", of=OF)[0]
-    failed = isinstance(result, Analysis) and result.failed
+    failed = bool(getattr(result, "failed", False))
     compared = len({modes.channels[own].unit for one in families for own in one.rows}) < 2 or bool(scales)
     readings = _readings(modes, pairs_read, families, row, compared=compared, words=words)
     couples, numbers = couples_of(modes), {one.mode: one.number for one in readings}

@@ -18,6 +18,7 @@ from floquid.core import CLOCKS, Clock, ConstantPeriod, PeriodicModel, Record
 from floquid.innovations import Mode
 from floquid.inputs import InputMode, Uncertainty
 from floquid.io import GUARD, DamagedError, as_path, atomic_path, attribute, readable_file
+from floquid.large import LARGE, LARGE_VERSION, LargeResult, opened
 from floquid.lti import AbstractIdentifier, ModalModel, Outcome
 from floquid.monitoring import Monitor
 from floquid.order import Choice
@@ -202,11 +203,12 @@ MUST = "be a result file that `save` wrote"
 AGAIN = "Write it again: `floquid identify ... --out DIR`, or `save(analysis, path)`."
 
 
-def load(path: str | PathLike[str]) -> Result:
-    """The analysis in a file that `save` wrote, every intermediate included.
+def load(path: str | PathLike[str]) -> Result | LargeResult:
+    """The analysis in a file that `save` wrote, every intermediate included; or what `identify_large` wrote.
 
     The free response is cut into periods and lifted again. Where the excitation goes on the fit is linearised at its
-    modes again, with the same numbers; nothing is identified again.
+    modes again, with the same numbers; nothing is identified again. Residues of a record larger than memory stay in the
+    file.
 
     It is equal to the one saved, field by field. The `path` is by custom `result.h5`. Raises InputError where there is
     no such file, it is no result file, it is of another version of the layout, or it is damaged.
@@ -219,7 +221,7 @@ def load(path: str | PathLike[str]) -> Result:
 
 
 def is_result(path: Path) -> bool:
-    """True where the file at a `path` is one that `save` wrote, of whatever version."""
+    """True where the file at a `path` is one that `save` or `identify_large` wrote, of whatever version."""
     try:
         return GUARD.call(path, _is_result, path)
     except (OSError, DamagedError):
@@ -231,29 +233,29 @@ def _is_result(file: Path) -> bool:
 
     if not h5py.is_hdf5(file):
         return False
-    with h5py.File(file, "r") as opened:
-        return attribute(opened, "format") == FORMAT
+    with h5py.File(file, "r") as stored:
+        return attribute(stored, "format") in (FORMAT, LARGE)
 
 
-def _load(file: Path) -> Result:
+def _load(file: Path) -> Result | LargeResult:
     import h5py
 
     if not h5py.is_hdf5(file):
         raise input_error("path", "load", MUST, f"{file} is no HDF5 file", AGAIN)
     try:
-        with h5py.File(file, "r") as opened:
-            said: dict[str, Any] = dict(opened.attrs)
-            if str(said.get("format")) == FORMAT and int(said["version"]) == VERSION:
-                return _read(opened)
+        with h5py.File(file, "r") as stored:
+            said: dict[str, Any] = dict(stored.attrs)
+            known = {FORMAT: VERSION, LARGE: LARGE_VERSION}.get(str(said.get("format")))
+            if known is not None and int(said["version"]) == known:
+                return opened(file) if said["format"] == LARGE else _read(stored)
     except Exception as error:  # noqa: BLE001  # damage raises anything: OSError, KeyError, OverflowError, ...
         detail = (str(error) or type(error).__name__).splitlines()[0].rstrip(".")
         raise input_error("path", "load", MUST, f"{file} is damaged or not whole: {detail}", AGAIN) from None
-    if str(said.get("format")) != FORMAT:
-        remedy = f"{AGAIN} What `--memory` wrote is read in Python: `fq.open_result(path)`."
-        raise input_error("path", "load", MUST, f"{file} has no attribute `format` of {FORMAT!r}", remedy)
-    must = f"be a result file of version {VERSION}, the one that this floquid knows"
+    if known is None:
+        raise input_error("path", "load", MUST, f"{file} has no attribute `format` of {FORMAT!r}", AGAIN)
+    must = f"be a result file of version {known}, the one that this floquid knows"
     got = f"{file} is of version {said['version']}, written by floquid {said.get('floquid')}"
-    raise input_error("path", "load", must, got, "Update floquid." if int(said["version"]) > VERSION else AGAIN)
+    raise input_error("path", "load", must, got, "Update floquid." if int(said["version"]) > known else AGAIN)
 
 
 def _read_lines(file: Any, kind: str) -> MeasuredTransfer | TransferFit:

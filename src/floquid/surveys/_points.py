@@ -13,7 +13,6 @@ from floquid._checks import input_error
 from floquid.core import PeriodicModel
 from floquid.floquet import FloquetModes
 from floquid.periodic import CONFIDENT
-from floquid.pipeline import Analysis
 from floquid.shapes import ShapeOptions, sidebands_of
 from floquid.surveys._known import KNOWN, known_modes
 from floquid.surveys._objects import SHIFTS, Seen, moved
@@ -37,30 +36,30 @@ def point_of(result: Any, shapes: ShapeOptions = NOT_READ, *, sidebands: bool = 
         return replace(result, **_read(result.model, shapes)) if again else result
     if isinstance(result, KNOWN):
         result = known_modes(result)
-    if not isinstance(result, (Analysis, PeriodicModel, FloquetModes)):
+    modes, judged = getattr(result, "model", result), hasattr(result, "passed")
+    if not isinstance(modes, (PeriodicModel, FloquetModes)):
         must, got = "hold results of `identify`, files of such, or modes of known systems", f"holds {result!r:.60}"
         raise input_error("results", OF, must, got, "Pass what `identify` or `load` gives.")
-    analysis = result if isinstance(result, Analysis) else None
-    model = one_hit(result.model if isinstance(result, Analysis) else result)
+    model, known = one_hit(modes), isinstance(modes, FloquetModes)
     weak = np.zeros(model.order, bool)
-    if analysis is not None:
+    if judged:
         std = model.exponent_std
         weak[:] = True if std is None else np.maximum(std.real, std.imag) > CONFIDENT * model.fundamental
     return Point(
-        values={} if isinstance(result, FloquetModes) else result.point,
-        files=() if analysis is None else analysis.provenance.sources,
+        values=model.point,
+        files=model.provenance.sources if judged else (),
         model=model,
-        passed=analysis is None or analysis.passed,
+        passed=not judged or bool(result.passed),
         weak=weak,
-        reason=analysis.reasons[0] if analysis is not None and analysis.failed else None,
-        **(_read(model if isinstance(result, FloquetModes) else result, shapes) if shapes else {}),
-        sidebands=None if isinstance(result, FloquetModes) or not sidebands else sidebands_of(result),
+        reason=result.reasons[0] if judged and result.failed else None,
+        **(_read(model if known else result, shapes) if shapes else {}),
+        sidebands=sidebands_of(modes) if sidebands and isinstance(modes, PeriodicModel) else None,
     )
 
 
 def _read(result: Any, shapes: ShapeOptions) -> dict[str, Any]:
     """Whirl and patterns over blades of each mode, as fields of a point; conjugates are not read."""
-    readings, count = shapes.read(result).modes, (result.model if isinstance(result, Analysis) else result).order
+    readings, count = shapes.read(result).modes, getattr(result, "model", result).order
     whirl, blades, names = np.full((count, 2), np.nan), np.full((count, 4), np.nan), [""] * count
     for reading in readings:
         if reading.whirl is not None:

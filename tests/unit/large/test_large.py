@@ -1,6 +1,7 @@
 """Records larger than memory: the same exponents, deviations, noise and residues as of the record in memory."""
 
 import errno
+from dataclasses import replace
 from types import SimpleNamespace
 
 import h5py
@@ -11,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import floquid as fq
 from floquid.core import ConstantPeriod, LazyRecord, Record
 from floquid.errors import IdentificationError, InputError
-from floquid.large import _identify
+from floquid.large import _identify, _result
 from floquid.large._sweeps import Plan
 from floquid.lti import fit_residues
 
@@ -60,6 +61,13 @@ def test_it_agrees_with_the_fit_in_memory(constrained, tmp_path):
     assert_allclose(found.noise, whole.noise[:, 0], rtol=0.005)
 
 
+@pytest.mark.parametrize("draw", range(3))
+def test_constants_leave_no_mode(draw, tmp_path):
+    """At this level of noise the constants of the sketch are off by more than it, in most draws."""
+    found = fq.identify_large(lazy(decay(noise=0.05, draw=draw)), tmp_path / "r.h5")
+    assert len(found.exponents) == 3
+
+
 def test_a_growing_mode_and_real_multipliers(tmp_path):
     record = decay([0.001 + 1.3j, -0.006 + 0j, -0.01 + 1j * np.pi], noise=0.05)
     found = fq.identify_large(lazy(record), tmp_path / "r.h5")
@@ -82,6 +90,71 @@ def test_residues_are_those_of_least_squares(tmp_path):
     assert_array_equal(found.residues(slice(1, 3)), own[1:3])
 
 
+SHIFTED = ConstantPeriod(period=1.0, origin=-0.3)
+
+
+@pytest.mark.parametrize("exponents", [MODES, [-0.003 + 1.3j, -0.01 + 1j * np.pi]])
+def test_the_model_is_that_of_the_record_in_memory(exponents, tmp_path):
+    record = decay(exponents, noise=0.05).with_clock(SHIFTED)
+    model = fq.identify_large(lazy(record, clock=SHIFTED), tmp_path / "r.h5").model
+    whole = fq.identify(record, constrained=False, validate=False).model
+    assert_array_equal(model.harmonics, whole.harmonics)
+    assert_allclose(model.exponents, whole.exponents, atol=1e-7)
+    assert_allclose(np.sqrt(np.diag(model.covariance)), np.sqrt(np.diag(whole.covariance)), rtol=0.01, atol=1e-12)
+    assert (np.abs(model.coefficients - whole.coefficients) <= 0.01 * np.abs(whole.coefficient_std)).all()
+    assert_allclose(model.coefficient_std, whole.coefficient_std, rtol=0.01, atol=1e-9)
+    assert model.point == whole.point
+
+
+def test_the_model_makes_the_response(tmp_path):
+    """Phase zero is 0.3 s before the first sample: a wrong sign of the phase or of a conjugate is far off."""
+    record = decay([-0.003 + 1.3j, -0.006 + 0j, -0.01 + 1j * np.pi], noise=0.05).with_clock(SHIFTED)
+    found = fq.identify_large(lazy(record, clock=SHIFTED), tmp_path / "r.h5")
+    rest = record.values - found.model.response(np.arange(record.n_samples) / PHASES + 0.3)[:, 0]
+    assert_allclose(rest.std(axis=1), found.noise, rtol=0.01)
+    part = found.model_of(slice(1, 3))
+    assert [channel.name for channel in part.channels] == ["x1", "x2"]
+    assert_allclose(part.response([0.4, 20.2]), found.model.response([0.4, 20.2])[1:3], atol=0.05)
+
+
+@pytest.mark.slow
+def test_deviations_of_coefficients_hold_over_draws(tmp_path):
+    models = [
+        fq.identify_large(lazy(decay(MODES[:1], cycles=300, draw=draw)), tmp_path / "r.h5").model for draw in range(60)
+    ]
+    places = [np.searchsorted(model.harmonics, np.arange(-2, 3)) for model in models]
+    values = np.array([model.coefficients[..., own] for model, own in zip(models, places, strict=True)])
+    std = models[0].coefficient_std[..., places[0]]
+    for spread, told in ((values.real.std(axis=0), std.real), (values.imag.std(axis=0), std.imag)):
+        assert 0.9 < np.sqrt(np.mean((spread / told) ** 2)) < 1.1
+
+
+def test_a_model_that_has_no_room_is_refused(tmp_path, monkeypatch):
+    found = fq.identify_large(lazy(decay(cycles=300)), tmp_path / "r.h5")
+    monkeypatch.setattr(_result, "LARGEST", 4e4)
+    with pytest.raises(InputError, match=r"model_of\(slice\(0, 2\)\)"):
+        _ = found.model
+    assert len(found.model_of(slice(0, 2)).channels) == 2
+
+
+def test_results_are_loaded_compared_and_followed(tmp_path):
+    results = []
+    for number, rate in enumerate((12.0, 12.5, 13.0)):
+        record = lazy(decay(), sample_rate=rate, clock=ConstantPeriod(period=PHASES / rate))
+        fq.identify_large(record, tmp_path / f"{number}.h5")
+        results.append(fq.load(tmp_path / f"{number}.h5"))
+    assert isinstance(results[0], fq.LargeResult)
+    whole = fq.identify(decay(), validate=False)
+    pairs = fq.compare(results[0], whole).pairs
+    assert len(pairs) == 3
+    assert all(pair.mac > 0.999 for pair in pairs)
+    followed = fq.survey([tmp_path / f"{number}.h5" for number in range(3)])
+    assert [len(track.points) for track in followed.tracks] == [3, 3, 3]
+    (tmp_path / "cut.h5").write_bytes((tmp_path / "0.h5").read_bytes()[:3000])
+    with pytest.raises(InputError, match="damaged or not whole"):
+        fq.load(tmp_path / "cut.h5")
+
+
 def test_parts_of_channels_and_of_cycles_give_the_same(tmp_path, monkeypatch):
     record = lazy(decay())
     whole = fq.identify_large(record, tmp_path / "a.h5")
@@ -98,8 +171,8 @@ def test_deviations_hold_a_wrong_start(tmp_path, monkeypatch):
     right = fq.identify_large(record, tmp_path / "a.h5")
 
     def off(*args):
-        modal = found(*args)
-        return SimpleNamespace(multipliers=modal.multipliers * np.exp(-2e-5))
+        modes = found(*args)
+        return replace(modes, logs=modes.logs - 2e-5)
 
     monkeypatch.setattr(_identify, "_found", off)
     wrong = fq.identify_large(record, tmp_path / "b.h5")

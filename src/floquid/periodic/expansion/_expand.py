@@ -317,9 +317,14 @@ def _physical_turn(modal: ModalModel, lifted: Lifted, mode: int) -> int:
     shapes = np.einsum("mk,ckh->chm", kernel, residues) / lifted.gain(rates)[:, None]
     energy = np.sum(np.abs(shapes) ** 2, axis=(0, 1))
     imag = modal.poles[mode].imag * lifted.period / (2 * np.pi) + turns
-    energy = np.where(share_of_nyquist(imag, lifted.n_phases) > 0, energy, 0.0)
+    return int(turns[strongest_branch(energy, imag, lifted.n_phases)])
+
+
+def strongest_branch(energy: Floats, turns: Floats, n_phases: int) -> int:
+    """The place of the largest `energy` at `turns` a period below the Nyquist frequency; of ties the fastest turn."""
+    energy = np.where(share_of_nyquist(turns, n_phases) > 0, energy, 0.0)
     ties = np.flatnonzero(energy > (1.0 - 1e-6) * energy.max())
-    return int(turns[ties[np.argmax(np.abs(imag[ties]) + 1e-9 * np.sign(imag[ties]))]])
+    return int(ties[np.argmax(np.abs(turns[ties]) + 1e-9 * np.sign(turns[ties]))])
 
 
 def _coefficients(
