@@ -1,6 +1,10 @@
 """`floquid identify --memory`: a record that is read in blocks, and what cannot go with it."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
+import scipy.signal
 from tests.cli.test_commands import strict_json, typed
 from tests.unit.large.test_large import decay
 
@@ -17,12 +21,14 @@ def scan(tmp_path, monkeypatch):
 @pytest.mark.usefixtures("scan")
 def test_a_record_is_identified_within_a_memory():
     text = typed("identify scan.h5 --memory 1GB --out found")
-    assert "no A(t), checks and whitening" in text
+    assert "Checks of a part (5 of 5 channels, 400 of 400 periods): passes." in text
     assert "Written to found/: result.h5" in text
     found = fq.load("found/result.h5")
     assert len(found.exponents) == 3
-    modes = strict_json(typed("identify scan.h5 --memory 1GB --out found --format json"))["modes"]
+    content = strict_json(typed("identify scan.h5 --memory 1GB --out found --format json --enforce"))
+    modes, checked = content["modes"], content["validation"]
     assert [mode["exponent"] for mode in modes] == [[value.real, value.imag] for value in found.exponents]
+    assert checked == {"passed": True, "reasons": [], "channels": 5, "periods": 400}
 
 
 @pytest.mark.usefixtures("scan")
@@ -33,7 +39,6 @@ def test_a_record_is_identified_within_a_memory():
         ("scan.h5 --memory much --out found", "such as 1GB"),
         ("scan.h5 --memory 100MB --out found", "Allow more."),
         ("scan.h5 --memory 1GB --out found --states x0", "stand alone with --memory"),
-        ("scan.h5 --memory 1GB --out found --enforce", "`--enforce` must stand alone with --memory"),
         ("scan.h5 --memory 1GB --out found --figures", "`--figures` must stand alone with --memory"),
         ("scan.h5 --memory 1GB --out found --channels values,x0", "must name one matrix"),
         ("none.h5 --memory 1GB --out found", "none.h5"),
@@ -52,3 +57,14 @@ def test_commands_take_the_result_or_say_which_do():
     assert len(readings["modes"]) == 3
     for command in ("report found", "bootstrap found", "scan found", "transfer found --at 0.1"):
         typed(command, code=2, message="`floquid compare`, `survey` and `shapes` take it.")
+
+
+@pytest.mark.usefixtures("scan")
+def test_checks_of_a_part_end_as_those_of_a_record():
+    wrong = "identify scan.h5 --period 1.0833333333333333 --memory 1GB --out wrong"
+    typed(wrong, code=1, message="does not repeat with the period given")
+    assert not fq.load("wrong/result.h5").passed
+    colour = scipy.signal.lfilter([1.0], [1.0, -0.6], np.random.default_rng(0).standard_normal((5, 4800)))
+    fq.write(replace(decay(cycles=400, noise=0.0), values=decay(cycles=400, noise=0.0).values + 0.3 * colour), "c.h5")
+    typed("identify c.h5 --memory 1GB --out found --enforce", code=3, message="The noise is not white")
+    typed("identify c.h5 --memory 1GB --out found")

@@ -78,16 +78,17 @@ def identify(
         Print the reasons too: the noise of each channel, why the order is what it is, what the columns are.
     memory
         Identify a free decay that is larger than memory within that much, such as 1GB. The .h5 or .npy file is read
-        two or three times in blocks. Exponents and residues go to OUT/result.h5. There are no A(t), checks, gaps and
-        tachometers.
+        two or three times in blocks. Exponents and residues go to OUT/result.h5. Checks look at a part of it. There are
+        no A(t), gaps and tachometers.
     """
     check_files(files, OF)
     if memory is not None:
         from floquid.cli._large import identify_in_blocks
 
-        more = {"enforce": enforce or None, "figures": figures or None, "settings": settings}
+        more = {"figures": figures or None, "settings": settings}
         more = {name: value for name, value in more.items() if value is not None}
-        identify_in_blocks(files, {**given(record, OF), **given(model, OF), **more}, memory, out, format, OF)
+        chosen = {**given(record, OF), **given(model, OF), **more}
+        identify_in_blocks(files, chosen, memory, out, format, OF, enforce=enforce)
         return
     choices = choices_of(settings).with_given(**given(record, OF), **given(model, OF))
     if enforce and not choices.settings.validate:

@@ -9,18 +9,31 @@ from typing import Any
 
 from floquid._bar import bar
 from floquid._checks import input_error
+from floquid.cli._errors import CriteriaNotMetError
 from floquid.cli._terminal import json_text, print_files, terminal
+from floquid.errors import IdentificationError
 from floquid.large import LargeResult, identify_large
 from floquid.readers import read
+from floquid.views import for_command
 
 TAKEN = ("period", "rate", "origin", "channels", "order", "mode_false_alarm")
 RESULT = "result.h5"
 
 
 def identify_in_blocks(
-    files: Sequence[Path], given: Mapping[str, Any], memory: str, out: Path | None, format_: str, of: str
+    files: Sequence[Path],
+    given: Mapping[str, Any],
+    memory: str,
+    out: Path | None,
+    format_: str,
+    of: str,
+    *,
+    enforce: bool,
 ) -> None:
-    """Identify one record within a memory, write the result into a folder, and print it."""
+    """Identify one record within a memory, write the result into a folder, and print it.
+
+    As `identify` ends in an error where a model fails, so does this, and with `enforce` where it does not pass.
+    """
     if len(files) != 1:
         raise input_error("FILES", of, "be one file with --memory", f"are {len(files)}", "Give one.")
     if out is None:
@@ -51,11 +64,15 @@ def identify_in_blocks(
     if format_ == "json":
         sys.stdout.write(json_text(_summary(found)))
         sys.stdout.flush()
-        return
-    terminal().print(found.summary(), soft_wrap=True, highlight=False)
-    print_files(out, (RESULT,), "to keep the result")
-    text = "`fq.load` reads it in Python; `floquid compare`, `survey` and `shapes` take it, too."
-    terminal().print(text, style="dim")
+    else:
+        terminal().print(for_command(found.summary()), soft_wrap=True, highlight=False)
+        print_files(out, (RESULT,), "to keep the result")
+        text = "`fq.load` reads it in Python; `floquid compare`, `survey` and `shapes` take it, too."
+        terminal().print(text, style="dim")
+    if found.failed:
+        raise IdentificationError(found.reasons[0])
+    if enforce and not found.passed:
+        raise CriteriaNotMetError("\n  ".join(["The model does not pass its checks.", *found.reasons]))
 
 
 def _summary(found: LargeResult) -> dict[str, Any]:
@@ -71,5 +88,7 @@ def _summary(found: LargeResult) -> dict[str, Any]:
             found.exponents, found.exponent_std, found.multipliers, found.real, strict=True
         )
     ]
+    channels, periods = found.part
+    checked = {"passed": found.passed, "reasons": found.reasons, "channels": channels, "periods": periods}
     size = {"period": found.period, "n_cycles": found.n_cycles, "n_phases": found.n_phases, "sweeps": found.sweeps}
-    return {"format": "floquid-large/1", **size, "modes": modes, "system": None, "validation": None}
+    return {"format": "floquid-large/1", **size, "modes": modes, "system": None, "validation": checked}

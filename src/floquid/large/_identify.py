@@ -23,6 +23,7 @@ from floquid.findings import failure
 from floquid.fit import HALF_DIGITS, SLOW, chi2_limit
 from floquid.io import as_path, atomic_path
 from floquid.large._modes import Basis, Modes
+from floquid.large._part import FEWEST, Verdict, judged, part_of
 from floquid.large._result import LARGE, LARGE_VERSION, LargeResult, opened
 from floquid.large._sweeps import OF, Plan, Sums, sketched, summed
 from floquid.lti import ERA, MaximumLikelihood, Outcome, TimeResponses
@@ -35,6 +36,7 @@ SEARCHED = 8192  # cycles in which the order is looked for: the search takes tim
 LONGER = (
     4  # times as many cycles in which the poles are fitted next: they are known to a small part of a turn over these
 )
+COPIES = 80.0  # bytes of a sample of the part that is checked: the checks take up to nine times the data
 PROGRAM = 2.0e8  # bytes that floquid takes without any record, with what it imports
 UNITS = {"": 1.0, "K": 1e3, "M": 1e6, "G": 1e9, "T": 1e12}
 
@@ -96,7 +98,8 @@ def identify_large(
     modes = _found(sketch, plan.clock.period, order, false_alarm)
     del sketch
     with atomic_path(path, of=OF, argument="out") as temporary:
-        _write(plan, modes, temporary, report)
+        loud = _write(plan, modes, temporary, report)
+        _check(plan, temporary, loud, (memory_of(memory) - PROGRAM) / COPIES, false_alarm, report)
     return opened(path)
 
 
@@ -193,8 +196,11 @@ def _risen(modes: Modes, responses: Floats, false_alarm: float) -> Modes:
     raise IdentificationError(f"{failure(Outcome.NO_MODE.value).clause}.")
 
 
-def _write(plan: Plan, modes: Modes, path: Path, report: Callable[[str], None]) -> None:
-    """Sweeps of exact sums until the step is small, and the result written to a path."""
+def _write(plan: Plan, modes: Modes, path: Path, report: Callable[[str], None]) -> Floats:
+    """Sweeps of exact sums until the step is small, and the result written to a path.
+
+    Gives the energy of each mode in each channel over its noise (channels, modes).
+    """
     # A plain file for the sums: where a disk is full, HDF5 does not end with an error that can be caught.
     with TemporaryFile(dir=path.parent) as kept:
         number = 2
@@ -210,7 +216,26 @@ def _write(plan: Plan, modes: Modes, path: Path, report: Callable[[str], None]) 
             number += 1
         report("writing the residues")
         _reserve(path, 16 * len(modes.logs) * plan.responses)
-        _put(plan, basis, modes, sums, covariance, {"sweeps": number, "last_step": size}, kept, path)
+        return _put(plan, basis, modes, sums, covariance, {"sweeps": number, "last_step": size}, kept, path)
+
+
+def _check(
+    plan: Plan, path: Path, loud: Floats, room: float, false_alarm: float, report: Callable[[str], None]
+) -> None:
+    """Identify a part of the record, and write what it says of the result at a path into it."""
+    import h5py
+
+    found = opened(path)
+    verdict = Verdict(reasons=(f"There is no memory to check {FEWEST} periods of a channel. Allow more.",))
+    if room >= FEWEST * plan.phases:
+        rows, part = part_of(plan, loud, room)
+        both = found.exponents, found.exponent_std
+        verdict = judged(part, found.modes, *both, found.noise[rows], plan.phases, false_alarm, report)
+    with h5py.File(path, "r+") as file:
+        passed = -1 if verdict.passed is None else int(verdict.passed)
+        file.attrs.update({"passed": passed, "failed": int(verdict.failed)})
+        file.attrs.update({"part_channels": verdict.channels, "part_cycles": verdict.cycles})
+        file["reasons"] = np.array(verdict.reasons, dtype=h5py.string_dtype())
 
 
 def _reserve(path: Path, size: int) -> None:
@@ -232,12 +257,15 @@ def _put(
     more: Mapping[str, float],
     kept: BinaryIO,
     path: Path,
-) -> None:
-    """Write the result: exponents on the branch that carries most energy, and residues channel by channel."""
+) -> Floats:
+    """Write the result: exponents on the branch that carries most energy, and residues channel by channel.
+
+    Gives the energy of each mode in each channel over its noise (channels, modes).
+    """
     import h5py
 
     record, clock = plan.record, plan.clock
-    modes, exponents, covariance = _physical(plan, basis, modes, sums, covariance, kept)
+    modes, exponents, covariance, loud = _physical(plan, basis, modes, sums, covariance, kept)
     inverse = basis.pseudoinverse(modes)
     shape = (record.n_channels, len(modes.logs), plan.phases)
     with h5py.File(path, "w") as file:
@@ -255,6 +283,7 @@ def _put(
         for name in ("name", "unit"):
             words = [getattr(channel, name) for channel in record.channels]
             file[f"channels/{name}"] = np.array(words, dtype=h5py.string_dtype())
+    return loud
 
 
 def _residues(plan: Plan, inverse: Complexes, kept: BinaryIO) -> Iterator[tuple[slice, Complexes]]:
@@ -270,12 +299,17 @@ def _residues(plan: Plan, inverse: Complexes, kept: BinaryIO) -> Iterator[tuple[
 
 def _physical(
     plan: Plan, basis: Basis, modes: Modes, sums: Sums, covariance: Floats, kept: BinaryIO
-) -> tuple[Modes, Complexes, Floats]:
-    """The modes of positive frequency on the branch whose zeroth harmonic is strongest, exponents and covariance."""
-    phases = plan.phases
+) -> tuple[Modes, Complexes, Floats, Floats]:
+    """The modes of positive frequency on the branch whose zeroth harmonic is strongest, exponents and covariance.
+
+    With them the energy of each mode in each channel over its noise (channels, modes).
+    """
+    phases, loud = plan.phases, np.zeros((plan.record.n_channels, len(modes.logs)))
     energy, decay = np.zeros((len(modes.logs), phases)), np.exp(-np.outer(modes.logs, np.arange(phases) / phases))
     for rows, found in _residues(plan, basis.pseudoinverse(modes)[modes.places], kept):
-        energy += np.sum(np.abs(np.fft.fft(found * decay, axis=2) / sums.noise[rows, None, None]) ** 2, axis=0)
+        scaled = found / sums.noise[rows, None, None]
+        energy += np.sum(np.abs(np.fft.fft(scaled * decay, axis=2)) ** 2, axis=0)
+        loud[rows] = np.sum(np.abs(scaled) ** 2, axis=2)
     turns = np.arange(-(phases // 2), phases // 2 + 1)
     principal = modes.logs.imag / (2.0 * np.pi)
     of = [
@@ -288,4 +322,4 @@ def _physical(
         [s for flip, real in zip(flipped, modes.real, strict=True) for s in ((1,) if real else (1, 1 - 2 * flip))]
     )
     exponents = Modes(logs, modes.real).mirrored(flipped).logs / plan.clock.period
-    return modes.mirrored(flipped), exponents, covariance * np.outer(sign, sign)
+    return modes.mirrored(flipped), exponents, covariance * np.outer(sign, sign), loud

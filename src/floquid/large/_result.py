@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -15,10 +16,7 @@ from floquid.large._modes import Modes
 
 LARGE, LARGE_VERSION = "floquid-large", 2
 LARGEST = 2.0**28  # bytes of a model in memory: the least that machines which need `identify_large` have to spare
-LACKS = (
-    "There are no A(t), checks and whitening on this path: the residual was not looked at for further modes or colour. "
-    "Nothing tested the period either: a wrong one makes several modes of equal decay, whose deviations look fine."
-)
+ANSWERS = {True: "passes", False: "fails", None: "no answer"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -53,6 +51,15 @@ class LargeResult(Sealed):
         The last step of the exponents over their deviations, the largest: its square is left.
     source
         Where the record came from.
+    passed
+        True where a part of the record passed all checks of `identify` and has these modes; None where it shows none,
+        or had no room in memory.
+    failed
+        True where the part was refused or failed, or a mode that it should show is none there.
+    reasons
+        What speaks against the model, a sentence each.
+    part
+        The channels and periods of that part.
     """
 
     path: Path
@@ -71,11 +78,20 @@ class LargeResult(Sealed):
     sweeps: int
     last_step: float
     source: str = ""
+    passed: bool | None = None
+    failed: bool = False
+    reasons: tuple[str, ...] = ()
+    part: tuple[int, int] = (0, 0)
 
     @property
     def multipliers(self) -> Complexes:
         """Floquet multipliers e^{λT} (modes,)."""
         return np.exp(self.exponents * self.period)
+
+    @property
+    def modes(self) -> Modes:
+        """Logarithms of the multipliers, as the columns of the fit have them."""
+        return Modes(np.log(self.multipliers), tuple(self.real.tolist()))
 
     def residues(self, channels: slice | int = slice(None)) -> Complexes:
         r"""Residues of some channels, read from the file (channels, modes, phases) [units of the channels].
@@ -88,11 +104,6 @@ class LargeResult(Sealed):
 
         with h5py.File(self.path, "r") as file:
             return np.asarray(file["residues"][channels])
-
-    @property
-    def failed(self) -> bool:
-        """True where something was found that makes the model wrong."""
-        return False
 
     @property
     def model(self) -> PeriodicModel:
@@ -113,7 +124,7 @@ class LargeResult(Sealed):
         Raises InputError where it has no room in memory.
         """
         places = range(*channels.indices(len(self.channels)))
-        modes = Modes(np.log(self.multipliers), tuple(self.real.tolist()))
+        modes = self.modes
         size = 32.0 * modes.order**2 * self.n_phases * len(places)
         if size > LARGEST or not places:
             most = int(len(places) * LARGEST / max(size, 1.0))
@@ -135,7 +146,7 @@ class LargeResult(Sealed):
         return replace(found, point={"speed_rpm": 60.0 / self.period})
 
     def summary(self) -> str:
-        """The modes with deviations, the noise, and what this path does not do: the text of the terminal."""
+        """The modes with deviations, the noise, and the verdict of the checks of a part: the text of the terminal."""
         periods = f"{self.n_cycles} periods of {self.period:.6g} s"
         lines = [
             f"{len(self.channels)} channels, {self.n_phases} samples a period, {periods}; {self.sweeps} sweeps.",
@@ -147,7 +158,9 @@ class LargeResult(Sealed):
             size = abs(value)
             lines.append(f"{exponent:>34}   {size / (2 * np.pi):>12.6g} {-100 * value.real / size:>10.4g}")
         low, high = self.noise.min(), self.noise.max()
-        return "\n".join([*lines, "", f"Noise: {low:.3g} to {high:.3g} in the units of the channels.", LACKS])
+        size = f"{self.part[0]} of {len(self.channels)} channels, {self.part[1]} of {self.n_cycles} periods"
+        lines += ["", f"Noise: {low:.3g} to {high:.3g} in the units of the channels, taken for white."]
+        return "\n".join([*lines, f"Checks of a part ({size}): {ANSWERS[self.passed]}.", *self.reasons])
 
 
 def opened(file: Path) -> LargeResult:
@@ -168,5 +181,19 @@ def opened(file: Path) -> LargeResult:
             sweeps=int(said["sweeps"]),
             last_step=float(said["last_step"]),
             source=str(said["source"]),
+            **_verdict(stored),
             **{name: stored[name][()] for name in names},
         )
+
+
+def _verdict(stored: Any) -> dict[str, Any]:
+    """The verdict of the checks of a part in a file; none of one that was not checked yet."""
+    if "reasons" not in stored:
+        return {}
+    said = stored.attrs
+    return {
+        "passed": {1: True, 0: False}.get(int(said["passed"])),
+        "failed": bool(said["failed"]),
+        "reasons": tuple(stored["reasons"].asstr()[()].tolist()),
+        "part": (int(said["part_channels"]), int(said["part_cycles"])),
+    }
