@@ -209,7 +209,10 @@ def _write(plan: Plan, modes: Modes, path: Path, report: Callable[[str], None]) 
             sums = summed(plan, basis, kept, number, report)
             step, covariance = basis.step(sums.gram, plan.responses)
             if not np.isfinite(step).all() or np.abs(step).max() > 1.0:
-                raise IdentificationError("The exponents of the sketch are none of the record: the step diverges.")
+                raise IdentificationError(
+                    "The exponents of the sketch are none of the record: the step diverges, as where the channels "
+                    "drift. `identify` says more of a part of it that fits into memory."
+                )
             modes, size = modes.moved(step), float(np.max(np.abs(step) / np.sqrt(np.diag(covariance))))
             if size < SMALL or number > SWEEPS:
                 break

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import floquid as fq
 from floquid.core import ConstantPeriod, LazyRecord, Record
 from floquid.errors import IdentificationError, InputError
-from floquid.large import _identify, _result
+from floquid.large import _identify, _part, _result
 from floquid.large._sweeps import Plan
 from floquid.lti import fit_residues
 
@@ -138,21 +138,72 @@ def test_a_model_that_has_no_room_is_refused(tmp_path, monkeypatch):
 
 
 def test_results_are_loaded_compared_and_followed(tmp_path):
-    results = []
-    for number, rate in enumerate((12.0, 12.5, 13.0)):
-        record = lazy(decay(), sample_rate=rate, clock=ConstantPeriod(period=PHASES / rate))
-        fq.identify_large(record, tmp_path / f"{number}.h5")
-        results.append(fq.load(tmp_path / f"{number}.h5"))
-    assert isinstance(results[0], fq.LargeResult)
-    whole = fq.identify(decay(), validate=False)
-    pairs = fq.compare(results[0], whole).pairs
+    path = tmp_path / "r.h5"
+    fq.identify_large(lazy(decay(cycles=400)), path)
+    found = fq.load(path)
+    assert isinstance(found, fq.LargeResult)
+    pairs = fq.compare(found, fq.identify(decay(cycles=400), validate=False)).pairs
     assert len(pairs) == 3
     assert all(pair.mac > 0.999 for pair in pairs)
-    followed = fq.survey([tmp_path / f"{number}.h5" for number in range(3)])
+    slower = [replace(found, period=period, exponents=found.exponents / period) for period in (1.05, 1.1)]
+    followed = fq.survey([path, *slower])
     assert [len(track.points) for track in followed.tracks] == [3, 3, 3]
-    (tmp_path / "cut.h5").write_bytes((tmp_path / "0.h5").read_bytes()[:3000])
+    assert all(point.passed for point in followed.points)
+    path.write_bytes(path.read_bytes()[:3000])
     with pytest.raises(InputError, match="damaged or not whole"):
-        fq.load(tmp_path / "cut.h5")
+        fq.load(path)
+
+
+def checked(record, tmp_path, *, period=1.0, order=None):
+    """The result of a record."""
+    return fq.identify_large(lazy(record, clock=ConstantPeriod(period=period)), tmp_path / "r.h5", order=order)
+
+
+@pytest.fixture
+def small_part(monkeypatch):
+    monkeypatch.setattr(_part, "CHANNELS", 6)
+    monkeypatch.setattr(_part, "SAMPLES", 6 * 300 * PHASES)
+
+
+@pytest.mark.usefixtures("small_part")
+def test_modes_in_no_single_channel_and_loud_noise_pass(tmp_path):
+    """A slow decay in loud noise is random to whoever looks at a part of it; a mode that it hides is no reason."""
+    record = decay(channels=40, cycles=600, noise=3.0)
+    weak = decay(MODES[:1] - 0.4j, channels=40, cycles=600, noise=0.0, seed=9).values - 0.7
+    found = checked(replace(record, values=record.values + 0.2 * weak), tmp_path)
+    assert len(found.exponents) == 4
+    assert (found.passed, found.failed, found.reasons, found.part) == (True, False, (), (6, 300))
+    assert "(6 of 40 channels, 300 of 600 periods): passes." in found.summary()
+
+
+@pytest.mark.usefixtures("small_part")
+def test_a_line_is_no_mode(tmp_path):
+    record, sizes = decay(cycles=500), np.random.default_rng(3).standard_normal((5, 1))
+    line = np.cos(2.0 * np.pi * 0.371 * np.arange(record.n_samples) / PHASES)
+    found = checked(replace(record, values=record.values + 0.4 * sizes * line), tmp_path)
+    assert (found.passed, found.failed) == (False, True)
+    assert "steady tone at 0.371" in found.reasons[0]
+
+
+@pytest.mark.usefixtures("small_part")
+def test_half_the_period_is_told(tmp_path):
+    found = checked(decay(cycles=500), tmp_path, period=0.5)
+    assert any("true period is twice the one given" in reason for reason in found.reasons)
+
+
+@pytest.mark.usefixtures("small_part")
+def test_a_mode_that_was_left_out_is_missed(tmp_path):
+    found = checked(decay(), tmp_path, order=4)
+    assert (found.passed, found.failed) == (False, False)
+    assert any("was not found. Try `order=6`." in reason for reason in found.reasons)
+    assert fq.load(found.path).reasons == found.reasons
+
+
+def test_checks_need_memory(tmp_path, monkeypatch):
+    monkeypatch.setattr(_identify, "COPIES", 1e6)
+    found = checked(decay(cycles=300), tmp_path)
+    assert (found.passed, found.failed, found.part) == (None, False, (0, 0))
+    assert "no memory to check" in found.summary()
 
 
 def test_parts_of_channels_and_of_cycles_give_the_same(tmp_path, monkeypatch):
