@@ -93,7 +93,7 @@ def judged(
     ours, theirs = _unmatched(exponents, std, found.model, false_alarm)
     ours &= shown
     none_there, missing = exponents[ours], found.model.exponents[theirs]
-    colour, coloured = _colour(found, exponents)
+    colour, coloured = _colour(found)
     reasons = [
         *(_none_there(value, found) for value in none_there),
         *found.reasons,
@@ -159,17 +159,25 @@ def _hertz(exponent: complex) -> str:
     return f"{abs(exponent) / (2.0 * np.pi):.4g} Hz"
 
 
-def _colour(part: Analysis, exponents: Complexes) -> tuple[tuple[str, ...], bool]:
-    """A sentence on noise that is not white, and whether deviations are too far off by it."""
+def _colour(part: Analysis) -> tuple[tuple[str, ...], bool]:
+    r"""A sentence on noise that is not white, and whether deviations are too far off by it.
+
+    .. math:: \sum_{c,m} |B_{c,m}|^2 S_c(\omega_m) / \sigma_c^2 \Big/ \sum_{c,m} |B_{c,m}|^2
+
+    is the factor of a variance, with B over the noise σ of its channel and S the spectrum at the lines of the mode.
+    """
     taps = part.decay.fit.whitening if part.decay is not None else None
     if taps is None:
         return (), False
-    rate = part.records[0].sample_rate
+    model, rate = part.model, part.records[0].sample_rate
     delays = np.arange(taps.shape[1]) / rate
-    every = np.asarray(2j * np.pi * rate * np.linspace(0.0, 0.5, GRID), np.complex128)
-    lines = np.asarray(1j * exponents.imag, np.complex128)
-    at, mean = (np.abs(filter_gain(taps, delays, rates)) ** -2.0 for rates in (lines, every))
-    share = np.sqrt(np.mean(at / mean.mean(axis=1, keepdims=True), axis=0))
-    low, high = share.min(), share.max()
-    words = f"The noise is not white: true deviations are {low:.2g} to {high:.2g} times those given."
+    lines = model.exponents.imag[:, None] + model.fundamental * model.harmonics
+    at, every = (
+        np.abs(filter_gain(taps, delays, np.asarray(1j * frequencies, np.complex128))) ** -2.0
+        for frequencies in (lines, 2.0 * np.pi * rate * np.linspace(0.0, 0.5, GRID))
+    )
+    weights = np.abs(model.coefficients[:, :, 0] / part.noise[:, :1]).transpose(1, 0, 2) ** 2
+    share = np.sum(weights * at / every.mean(axis=1)[:, None, None], axis=(0, 2)) / np.sum(weights, axis=(0, 2))
+    low, high = np.sqrt(share.min()), np.sqrt(share.max())
+    words = f"The noise is not white: true deviations are about {low:.2g} to {high:.2g} times those given."
     return (words,), bool(high > MISFIT or low < 1.0 / MISFIT)
