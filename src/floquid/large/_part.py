@@ -26,7 +26,7 @@ GRID = 512  # frequencies at which the spectrum of the noise is averaged
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """What the checks of a part say of the modes of the whole record.
+    """Verdict of the checks of a part on the modes of the whole record.
 
     Parameters
     ----------
