@@ -13,7 +13,7 @@ from floquid._arrays import BLOCK
 from floquid._checks import Rebuilt
 from floquid.fit import CHUNK, FEW_STEPS, IN_VAIN, LAGS
 from floquid.innovations._predictor import Predictor
-from floquid.inputs import MOST_ROWS, Samples
+from floquid.inputs import MOST_ROWS, Samples, sealed
 
 
 def reweighed(samples: Samples, at: Predictor) -> Predictor:
@@ -30,6 +30,9 @@ class Whitening(Rebuilt):
     # φ of each channel (columns, channels before it), and log d (columns,), of the columns of `_columns`
     shares: tuple[NDArray[np.float64], ...]
     deviations: tuple[NDArray[np.float64], ...]
+
+    def __post_init__(self) -> None:
+        sealed(self)
 
     def __getitem__(self, own: slice | NDArray[np.bool_]) -> NDArray[np.float64]:
         if len(self.there) * len(self.shares) ** 2 < BLOCK:

@@ -145,7 +145,7 @@ def test_of_a_mode_that_grows_beyond_all_bounds_nothing_is_drawn():
 
 def test_what_is_drawn_is_the_response_with_noise_of_its_size():
     right = found("inputs").fit
-    left = right.drawn(default_rng(3)) - right.at.coefficients.T @ right.at.columns
+    left = right.drawn(default_rng(3)) - right.at.columns.response(right.at.coefficients)
     assert left.std() == pytest.approx(right.at.noise[0], rel=0.05)
     ambient = found("outputs alone").fit
     values = ambient.drawn(default_rng(3))

@@ -47,22 +47,27 @@ def test_lines_of_the_revolution_are_fitted_beside_the_modes(driven):
     left = identify(record_from(driven), period=SYSTEM.period, inputs=["F"], forced="none", validate=False)
     assert left.model.order > 2
     assert "line_as_mode" not in {own.code for own in left.findings}
-    unreached = [f for own in left.findings if own.code == "unreached" for f in own.numbers["frequencies"]]
-    (said,) = lines_of_revolution(left.model, left.records[0].duration, unreached, 2.0)
-    assert '`forced="1"`' in str(said)
-    (told,) = lines_of_revolution(left.model, left.records[0].duration, unreached, 1.0)
+    (told,) = [own for own in left.findings if own.code == "unreached"]
     assert told.severity is Severity.FAILURE
-    assert told.numbers["periods"] == 2
-    assert "does not decay and is at a multiple of 1/2 of the period's frequency" in str(told)
+    assert told.numbers["frequencies"] == pytest.approx((0.5 / SYSTEM.period,), rel=1e-3)
 
 
-def told_of(turns, deviations, real, unreached=()):
+def told_of(turns, deviations, real, unreached=(), periods_of_turn=1.0):
     """What is told of modes that do not decay, at these turns a period, known to these deviations."""
     exponents = 1e-6 + 2j * np.array(turns)
     model = SimpleNamespace(
         exponents=exponents, exponent_std=1e-3 + 2j * np.array(deviations), fundamental=2.0, real=np.array(real)
     )
-    return lines_of_revolution(model, 400.0, unreached, 1.0)
+    return lines_of_revolution(model, 400.0, unreached, periods_of_turn)
+
+
+def test_a_line_of_half_a_turn_is_told_with_what_takes_it():
+    (said,) = told_of([0.5], [1e-5], [False], periods_of_turn=2.0)
+    assert '`forced="1"`' in str(said)
+    (told,) = told_of([0.5], [1e-5], [False])
+    assert told.severity is Severity.FAILURE
+    assert told.numbers["periods"] == 2
+    assert "does not decay and is at a multiple of 1/2 of the period's frequency" in str(told)
 
 
 def test_a_real_multiplier_at_its_limit_may_be_one():

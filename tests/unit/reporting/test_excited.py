@@ -118,7 +118,7 @@ def test_samples_left_out_are_predicted_by_the_first_three_quarters_alone(driven
     left = samples.values - found
     assert np.std(left[0, ~fitted]) < 1.3 * driven.noise[0, 0]
     # The fit to all is another one.
-    whole = driven.fit.at.coefficients.T @ driven.fit.at.columns
+    whole = driven.fit.at.columns.response(driven.fit.at.coefficients)
     assert np.abs(found - whole).max() > 1e-6 * np.abs(whole).max()
 
 
