@@ -14,6 +14,7 @@ from floquid.surveys._objects import BRANCHES, Seen, branch_of, flat, moved, sim
 NEAR = 0.05  # of ω: a step of the exponent that costs as much as shapes at right angles
 LEFT_OUT = 0.1  # cost of each point between
 DEAREST = 0.9  # cost above which there is no link
+TURN = 0.02  # fall of the cost a link from which records have phases of their own: of one phase, false modes make 0.005
 MEMORY = 6  # objects of a path that a new one is compared with: two modes that lock with each other share their shapes
 DRAWS = 200  # of exponents and shapes from their covariances
 
@@ -72,13 +73,28 @@ class Match:
 
 
 def tracked(points: Sequence[Sequence[Seen]], x: Floats, gap: int, seed: int = 0) -> list[Path]:
-    """Tracks through the objects of points, which ascend in `x` (points,); a path of one object is none yet."""
+    """Tracks through the objects of points, which ascend in `x` (points,); a path of one object is none yet.
+
+    Records have one phase zero in common, or each has its own, whichever links their modes: one for all of them.
+    """
+    common, own = (_tracked(points, x, gap, seed, turns=turns) for turns in (False, True))
+    links = sum(len(path.steps) for path in own)
+    return own if _cost(own) < _cost(common) - TURN * links else common
+
+
+def _cost(paths: Sequence[Path]) -> float:
+    """The cost of all links, and of each path that begins."""
+    return sum(DEAREST + sum(step.cost for step in path.steps) for path in paths)
+
+
+def _tracked(points: Sequence[Sequence[Seen]], x: Floats, gap: int, seed: int, *, turns: bool) -> list[Path]:
+    """Tracks where all points have one phase zero, or each has its own and turns to that of the one before."""
     generator = np.random.default_rng(seed)
     paths: list[Path] = []
     for point, given in enumerate(points):
         active = [path for path in paths if point - path.places[-1] <= 1 + gap]
         known, wanted = [path.objects[-1].own for path in active], [path.predicted(x, point) for path in active]
-        angle = turn_between(known, given, wanted, NEAR)
+        angle = turn_between(known, given, wanted, NEAR) if turns else 0.0
         objects = [thing.turned(angle) for thing in given]
         drawn = [thing.drawn(DRAWS, generator) for thing in objects]
         matches = [[match_of(path, new, x, point) for new in objects] for path in active]
