@@ -102,7 +102,8 @@ def _reported(found: Analysis) -> Analysis:
     try:
         model = on_branch(found.model, found.settings.branch)
         if found.settings.branch == "symmetric":  # over the middle of a symmetric structure a scan repeats twice
-            found = replace(found, findings=tuple(own for own in found.findings if own.code != "period_multiple"))
+            kept = (own for own in found.findings if own.code != "period_multiple" or own.numbers["times"] != 2)
+            found = replace(found, findings=tuple(kept))
     except InputError as error:  # the modes are found, and stay on the branches of their strongest lines
         why = str(error).partition(", but ")[2].splitlines()[0].rstrip(".")
         model, found = found.model, replace(found, findings=(*found.findings, warning("branch_left", why=why)))

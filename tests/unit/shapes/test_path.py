@@ -192,3 +192,11 @@ def test_what_else_is_refused(model):
     record = fq.Record(values=np.zeros((2, 100)), sample_rate=10.0, channels=["x", "F"])
     with pytest.raises(InputError, match="be left as it is where inputs are measured"):
         fq.identify(record, period=1.0, inputs=["F"], branch="slowest")
+
+
+def test_three_periods_in_one_are_told_of_a_scan_too():
+    """Two may be a path over the middle of a symmetric structure; three are none."""
+    rotor = fq.systems.JeffcottRotor()
+    record = rotor.simulate(n_periods=120, samples_per_period=12, noise=0.01, seed=0)
+    found = fq.identify(record, period=3.0 * rotor.period, channels=["X", "Y"], branch="symmetric", validate=False)
+    assert [own.numbers["times"] for own in found.findings if own.code == "period_multiple"] == [3]
