@@ -117,7 +117,11 @@ def similarity(a: Complexes, b: Complexes) -> Floats:
 
     with Q orthonormal bases: of a pair and a couple the norm of the pair's projection onto the couple's span.
     """
-    a, b = _basis(a), _basis(b)
+    return _overlap(_basis(a), _basis(b))
+
+
+def _overlap(a: Complexes, b: Complexes) -> Floats:
+    """The squared cosine between the spans of bases (…, modes, numbers)."""
     overlap = np.abs(a.conj() @ np.swapaxes(b, -1, -2)) ** 2
     return overlap.sum(axis=(-2, -1)) / min(a.shape[-2], b.shape[-2])
 
@@ -134,7 +138,13 @@ BRANCHES = [(shift, mirrored) for shift in range(-SHIFTS, SHIFTS + 1) for mirror
 
 def similarities(known: Seen, new: Seen) -> Floats:
     """Similarity of `known`, on its branch, to each branch of `new` (branches,)."""
-    return similarity(flat(known.shapes)[None], flat(_branches(new)))
+    return similarities_of_all([known], new)[0]
+
+
+def similarities_of_all(known: Sequence[Seen], new: Seen) -> Floats:
+    """Similarity of each of the `known`, on its branch, to each branch of `new` (known, branches)."""
+    bases = _basis(flat(_branches(new)))
+    return np.array([_overlap(_basis(flat(one.shapes)[None]), bases) for one in known])
 
 
 def _branches(thing: Seen) -> Complexes:

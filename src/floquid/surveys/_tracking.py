@@ -9,7 +9,16 @@ from typing import TypeAlias
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Indices
-from floquid.surveys._objects import BRANCHES, Seen, branch_of, flat, moved, similarities, similarity, turn_between
+from floquid.surveys._objects import (
+    BRANCHES,
+    Seen,
+    branch_of,
+    flat,
+    moved,
+    similarities_of_all,
+    similarity,
+    turn_between,
+)
 
 NEAR = 0.05  # of ω: a step of the exponent that costs as much as shapes at right angles
 LEFT_OUT = 0.1  # cost of each point between
@@ -123,7 +132,7 @@ def _tracked(points: Sequence[Sequence[Seen]], x: Floats, gap: int, seed: int, *
 
 def match_of(path: Path, new: Seen, x: Floats, point: int) -> Match:
     """The branch of `new` that continues a path: of those that are alike, the one nearest to the prediction."""
-    remembered = np.array([similarities(known.own, new) for known in path.objects[-MEMORY:]])
+    remembered = similarities_of_all([known.own for known in path.objects[-MEMORY:]], new)
     found = remembered.max(axis=0)
     best, away = branch_of(found, new, path.predicted(x, point))
     like = int(remembered[:, best].argmax()) - len(remembered)
