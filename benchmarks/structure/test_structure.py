@@ -84,7 +84,8 @@ def test_intervals_hold_over_many_mechanisms():
             assert np.mean(held) > least
         assert max(row.auto[name].worst for row in rows) < 8.0
         ratio = np.median([row.auto[name].deviation / row.free[name].deviation for row in rows])
-        assert ratio < 0.6, f"the {name} gains nothing from its structure"
+        # 0.37 while the free A(t) counted every harmonic beyond its band as large as its noise (decision 0028).
+        assert ratio < 0.7, f"the {name} gains nothing from its structure"
 
 
 def test_the_command_says_how_many_hold(capsys):

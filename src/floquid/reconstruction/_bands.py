@@ -10,9 +10,7 @@ from floquid._arrays import Floats, Integers, Mask
 from floquid.core import Estimates, PeriodicModel
 from floquid.errors import IdentificationError
 from floquid.fit import chi2_limit, scaled_inverse, unit_scale
-from floquid.reconstruction._hidden import hidden_share
 from floquid.reconstruction._modal_matrix import Jacobian, Shapes, Terms, at_once, by_system, modal_at
-from floquid.reconstruction._structure import HIDDEN
 
 FALSE_ALARM = 1e-3
 """The probability at which noise may pass for a harmonic, over all that are tried: one that is false is multiplied by
@@ -21,6 +19,8 @@ the square of its frequency in A(t), and one that is missing leaves out its own 
 GAP = 3  # harmonics of no significance that a band may go on over, to one that the model keeps
 INSTANTS = 16  # instants of the period at which the error is looked at
 MOST = 8  # choices that are compared
+RATIOS, FIRST = np.geomspace(0.01, 0.9, 24), np.geomspace(0.01, 10.0, 24)
+"""Ratios by which a shape may fall from harmonic to harmonic, and sizes of the first step beside that fall."""
 
 
 def chosen(model: PeriodicModel, shapes: Shapes, terms: Terms) -> Mask:
@@ -163,27 +163,56 @@ def _risk(shapes: Shapes, terms: Terms, candidate: Mask, largest: tuple, band: M
 
 
 def sizes_left_out(estimates: Estimates, kept: Mask, rows: Mask) -> Floats:
-    r"""The size that the first harmonics left out on each side of a band may have (terms, channels, hits).
+    r"""The size that the harmonics left out beyond a band may have (terms, channels, hits).
 
-    .. math:: b^2 = E(1 - B)\, \sigma^2 + E(1 - B)^2\, |\hat B|^2
+    On either side of its strongest harmonic, of size a, a shape falls by a ratio of its own (decision 0028),
 
-    by what was seen there, as `hidden_share` has it, in all channels of the states together. `kept` are the terms that
-    are kept (terms,), `rows` the channels of the states (channels,).
+    .. math:: B_k \sim N(0, v_k), \quad v_k = (a\, q\, r^k)^2, \qquad
+              p(q, r) \propto \frac{1}{q\, r} \prod_k \frac{e^{-|\hat B_k|^2 / (v_k + \sigma_k^2)}}{v_k + \sigma_k^2}
+
+    by all that was seen on that side in the channels of the states, kept or not, and of one left out
+
+    .. math:: b_k^2 = E\left[ h\, \sigma_k^2 + h^2\, |\hat B_k|^2 \right], \qquad h = v_k / (v_k + \sigma_k^2)
+
+    `kept` are the terms that are kept (terms,), `rows` the channels of the states (channels,).
     """
-    beyond = []
+    own, sizes = np.flatnonzero(rows), np.zeros(estimates.coefficients.shape)
+    seen, noise = (np.abs(values[:, own]) ** 2 for values in (estimates.coefficients, estimates.std()))
+    noise = np.maximum(noise, np.finfo(float).tiny)
     for mode in range(len(estimates.exponents)):
-        own = np.flatnonzero(estimates.modes == mode)
-        inside = estimates.harmonics[own[kept[own]]]
-        if len(inside):
-            off = np.maximum(inside.min() - estimates.harmonics[own], estimates.harmonics[own] - inside.max())
-            beyond += own[(off > 0) & (off <= HIDDEN)].tolist()
-    sizes, std = np.zeros(estimates.coefficients.shape), estimates.std()
-    squares, numbers = _squares(estimates, rows, [np.array([term]) for term in beyond])
-    for term, square in zip(beyond, squares.tolist(), strict=True):
-        share, share_of_square = hidden_share(square, numbers)
-        seen, noise = np.abs(estimates.coefficients[term]), np.abs(std[term])
-        sizes[term] = np.sqrt(share * noise**2 + share_of_square * seen**2)
+        inside = np.flatnonzero(kept & (estimates.modes == mode))
+        if not len(inside):
+            continue
+        strongest = inside[np.argmax((seen[inside] / noise[inside]).sum(axis=(1, 2)))]
+        for side in (-1, 1):
+            steps = side * (estimates.harmonics - estimates.harmonics[strongest])
+            part = np.flatnonzero((estimates.modes == mode) & (steps > 0))
+            beyond = steps[part] > steps[inside].max()
+            if beyond.any():
+                falls = (FIRST * RATIOS[:, None] ** steps[part, None, None]) ** 2
+                found = _moments(seen[strongest], falls, seen[part], noise[part], shared=estimates.shared)
+                sizes[np.ix_(part[beyond], own)] = np.sqrt(found[beyond])
     return sizes
+
+
+def _moments(strongest: Floats, falls: Floats, seen: Floats, noise: Floats, *, shared: bool) -> Floats:
+    """Squares that terms may have by what was seen of all, over ratios and first steps (terms, channels, hits)."""
+    # Where hits share their shapes, a hit tells no more than the one that tells most.
+    hits = range(strongest.shape[1])
+    told = [int(np.argmax((strongest / noise.max(axis=0)).sum(axis=0)))] if shared else hits
+    logs = 0.0
+    for hit in told:
+        total = falls[..., None] * strongest[:, hit] + noise[:, None, None, :, hit]
+        logs = logs - np.sum(np.log(total) + seen[:, None, None, :, hit] / total, axis=(0, -1))
+    weights = np.exp(logs - np.max(logs))
+    weights /= weights.sum()
+    found = np.empty(seen.shape)
+    for hit in hits:
+        large = falls[..., None] * strongest[:, hit]
+        share = large / (large + noise[:, None, None, :, hit])
+        square = share * noise[:, None, None, :, hit] + share**2 * seen[:, None, None, :, hit]
+        found[..., hit] = np.einsum("rq,krqc->kc", weights, square)
+    return found
 
 
 def spread_of(sizes: Floats, slopes: Jacobian, estimates: Estimates) -> Floats:

@@ -193,8 +193,8 @@ def reconstruct(
 
     (Allen 2009, eqs. 13-21; the factor s belongs to the velocity half alone, and the Vandermonde matrix of eqs. 16-19
     cancels: L(t0) = Ψ(t0)⁻¹ exactly.) Several hits give one shape a mode, up to a factor that cancels too. Standard
-    deviations are those of the estimates, to first order. They include the next two harmonics on either side of each
-    band, by what the record says of these (decision 0028).
+    deviations are those of the estimates, to first order. They include the harmonics beyond each band, by what the
+    record says of these and of how the shape falls (decision 0028).
 
     With measured inputs, of a model that has them, also
 

@@ -17,7 +17,6 @@ from floquid.errors import IdentificationError, InputError
 from floquid.fit import chi2_limit
 from floquid.reconstruction import StateModel, reconstruct
 from floquid.reconstruction._bands import FALSE_ALARM, scores, sizes_left_out, spread_of
-from floquid.reconstruction._hidden import hidden_share
 from floquid.reconstruction._modal_matrix import by_system, modal_at, shapes_of, terms_of
 from floquid.reconstruction._reconstruct import coordinates_of
 from floquid.systems import JeffcottRotor
@@ -391,22 +390,42 @@ def test_a_harmonic_that_is_left_out_makes_the_deviation_larger(oracle):
 
 
 def test_sizes_of_what_is_left_out(wide):
-    """The first two harmonics on either side: by what was seen there, over the noise of both channels together."""
+    """The root mean square of harmonics drawn as the law has them, weighed by what was seen of all on their side."""
     own, rows = wide.estimates, np.array([True, True])
-    sizes, std = sizes_left_out(own, np.abs(own.harmonics) <= 2, rows), own.std()
-    for term in np.flatnonzero(np.isin(np.abs(own.harmonics), [3, 4])):
-        square, part = 0.0, [term, term + len(own.modes)]
-        for channel in range(2):
-            value = own.coefficients[term, channel, 0]
-            spread = own.row_covariance(channel, 0)[np.ix_(part, part)]
-            square += np.array([value.real, value.imag]) @ np.linalg.solve(spread, [value.real, value.imag])
-        share, share_of_square = hidden_share(square, 4)
-        assert_allclose(
-            sizes[term] ** 2, share * np.abs(std[term]) ** 2 + share_of_square * np.abs(own.coefficients[term]) ** 2
-        )
-    outside = ~np.isin(np.abs(own.harmonics), [3, 4])
-    assert_array_equal(sizes[outside], 0.0)
+    band = np.abs(own.harmonics) <= 2
+    sizes, generator = sizes_left_out(own, band, rows), np.random.default_rng(1)
+    seen, noise = own.coefficients[..., 0], np.abs(own.std()[..., 0])
+    first, ratio = np.exp(generator.uniform(np.log([0.01, 0.01]), np.log([10.0, 0.9]), (40_000, 2))).T
+    for mode, side in [(mode, side) for mode in range(len(own.exponents)) for side in (-1, 1)]:
+        inside = np.flatnonzero(band & (own.modes == mode))
+        strongest = inside[np.argmax(np.sum(np.abs(seen[inside] / noise[inside]) ** 2, axis=1))]
+        steps = side * (own.harmonics - own.harmonics[strongest])
+        part = np.flatnonzero((own.modes == mode) & (steps > 0))
+        weight, squares = np.ones(len(first)), []
+        for term in part:
+            large = np.abs(seen[strongest]) * (first * ratio ** steps[term])[:, None]
+            both = np.hypot(large, noise[term])
+            weight = weight * np.prod(np.exp(-((np.abs(seen[term]) / both) ** 2)) / both**2, axis=1)
+            mean, spread = (large / both) ** 2 * np.abs(seen[term]), large * noise[term] / both
+            squares.append(mean**2 + spread**2)
+        for term, square in zip(part, squares, strict=True):
+            expected = np.sqrt(np.average(square, axis=0, weights=weight)) if not band[term] else 0.0
+            assert_allclose(sizes[term, :, 0], expected, rtol=0.2)  # a grid against draws
+    assert_array_equal(sizes[band], 0.0)
     assert_array_equal(sizes_left_out(own, np.ones(len(own.modes), bool), rows), 0.0)
+
+
+@pytest.mark.parametrize(("ratio", "least", "most"), [(0.03, 0.0, 0.4), (0.6, 0.8, 1.3)], ids=["fast", "slow"])
+def test_a_shape_that_falls_fast_hides_little(oracle, ratio, least, most):
+    """Beyond a band that falls fast less than the noise is hidden, beyond one that goes on what is seen."""
+    own = oracle.known(oracle.systems["one"], oracle.displacements(1), width=6, size=1e-3).model.estimates
+    noise, steps = np.abs(own.std()), np.abs(own.harmonics)[:, None, None]
+    own = dataclasses.replace(own, coefficients=1e3 * noise.max() * ratio**steps + 0j)
+    sizes = sizes_left_out(own, np.abs(own.harmonics) <= 1, np.array([True]))
+    outer = np.abs(own.harmonics) == 3
+    limit = np.maximum(np.abs(own.coefficients), noise)[outer]
+    assert (least * limit <= sizes[outer]).all()
+    assert (sizes[outer] <= most * limit).all()
 
 
 @pytest.mark.slow
