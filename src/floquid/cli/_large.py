@@ -14,9 +14,10 @@ from floquid.cli._terminal import json_text, print_files, terminal
 from floquid.errors import IdentificationError
 from floquid.large import LargeResult, identify_large
 from floquid.readers import read
+from floquid.search import SECONDS
 from floquid.views import for_command
 
-TAKEN = ("period", "rate", "origin", "channels", "order", "mode_false_alarm")
+TAKEN = ("period", "rate", "origin", "channels", "order", "mode_false_alarm", "seconds")
 RESULT = "result.h5"
 
 
@@ -59,6 +60,7 @@ def identify_in_blocks(
             memory=memory,
             order=given.get("order"),
             false_alarm=given.get("mode_false_alarm", 1e-9),
+            seconds=given.get("seconds", SECONDS),
             report=report,
         )
     if format_ == "json":

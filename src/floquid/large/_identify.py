@@ -7,6 +7,7 @@ import os
 import re
 import shutil
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -19,7 +20,7 @@ from floquid._checks import describe, input_error
 from floquid._version import __version__
 from floquid.core import LazyRecord
 from floquid.errors import IdentificationError
-from floquid.findings import failure
+from floquid.findings import failure, texts
 from floquid.fit import HALF_DIGITS, SLOW, chi2_limit
 from floquid.io import as_path, atomic_path
 from floquid.large._modes import Basis, Modes
@@ -28,6 +29,7 @@ from floquid.large._result import LARGE, LARGE_VERSION, LargeResult, opened
 from floquid.large._sweeps import OF, Plan, Sums, sketched, summed
 from floquid.lti import ERA, MaximumLikelihood, Outcome, TimeResponses
 from floquid.periodic import strongest_branch
+from floquid.search import SECONDS
 
 COLUMNS = 64  # of the sketch: enough for some 30 modes
 SMALL = 0.1  # deviations: the error of a step is its square, so a step of that needs no other
@@ -48,6 +50,7 @@ def identify_large(
     memory: float | str = "1GB",
     order: int | None = None,
     false_alarm: float = 1e-9,
+    seconds: float = SECONDS,
     report: Callable[[str], None] = lambda _: None,
 ) -> LargeResult:
     r"""Identify the Floquet exponents of a free response that is read in blocks, with residues on the disk.
@@ -75,6 +78,9 @@ def identify_large(
         The number of poles, conjugates one by one; None finds it.
     false_alarm
         The probability that noise passes for a mode.
+    seconds
+        Processor time of the search for modes in the sketch [s], after which it goes on with those found, and the
+        result fails; the part that is checked has as long.
     report
         Is told what is being done, with the time left of each sweep.
 
@@ -95,11 +101,11 @@ def identify_large(
     path = as_path(out, of=OF, argument="out")
     sketch = sketched(plan, report)
     report("searching the sketch for modes")
-    modes = _found(sketch, plan.clock.period, order, false_alarm)
+    modes, late = _found(sketch, plan.clock.period, order, false_alarm, seconds)
     del sketch
     with atomic_path(path, of=OF, argument="out") as temporary:
         loud = _write(plan, modes, temporary, report)
-        _check(plan, temporary, loud, (memory_of(memory) - PROGRAM) / COPIES, false_alarm, report)
+        _check(plan, temporary, loud, (memory_of(memory) - PROGRAM) / COPIES, false_alarm, late, report)
     return opened(path)
 
 
@@ -149,12 +155,16 @@ SKETCH = 40.0  # bytes of a number of the sketch, with the copies that the searc
 BLOCK = 2.0**26  # bytes of a block at most: larger ones are read no faster
 
 
-def _found(sketch: Floats, period: float, order: int | None, false_alarm: float) -> Modes:
+def _found(
+    sketch: Floats, period: float, order: int | None, false_alarm: float, seconds: float
+) -> tuple[Modes, tuple[str, ...]]:
     """The modes of a sketch by maximum likelihood, its noise being what generous poles leave, and then these.
+
+    With the reason why there may be more, where the search was at the end of its time.
 
     What repeats in each period is fitted beside generous poles and taken off: a mean would take a part of each mode.
     """
-    era, search, cycles = ERA(), MaximumLikelihood(false_alarm=false_alarm), sketch.shape[1]
+    era, search, cycles = ERA(), MaximumLikelihood(false_alarm=false_alarm, seconds=seconds), sketch.shape[1]
     raw = TimeResponses(values=(sketch - sketch.mean(axis=1, keepdims=True))[:, None], dt=period)
     generous = Modes.of(era.extract(era.prepare(raw), COLUMNS // 2).multipliers)
     apart = generous.picked(np.abs(generous.logs) * cycles > SLOW)
@@ -170,13 +180,14 @@ def _found(sketch: Floats, period: float, order: int | None, false_alarm: float)
         state = search.prepare(TimeResponses(values=part, dt=period, taken=ones[:length], noise=noise))
         last = found is not None and length == cycles
         found = search.extract(state, order) if found is None else search.refine(state, found)
-        if found.outcome is not Outcome.SUCCESS:
+        late = () if found.outcome is not Outcome.OUT_OF_TIME else texts([failure(found.outcome.value)])
+        if found.outcome is not Outcome.SUCCESS and not late:
             raise IdentificationError(f"{failure(found.outcome.value).clause}.")
         assert found.residual_std is not None
         std = found.residual_std
         if last:
             modes = Modes.of(found.multipliers)
-            return modes if order is not None else _risen(modes, sketch / std, false_alarm)
+            return modes if order is not None else _risen(modes, sketch / std, false_alarm), late
         length = min(cycles, LONGER * length)
 
 
@@ -223,7 +234,13 @@ def _write(plan: Plan, modes: Modes, path: Path, report: Callable[[str], None]) 
 
 
 def _check(
-    plan: Plan, path: Path, loud: Floats, room: float, false_alarm: float, report: Callable[[str], None]
+    plan: Plan,
+    path: Path,
+    loud: Floats,
+    room: float,
+    false_alarm: float,
+    late: tuple[str, ...],
+    report: Callable[[str], None],
 ) -> None:
     """Identify a part of the record, and write what it says of the result at a path into it."""
     import h5py
@@ -234,6 +251,8 @@ def _check(
         rows, part = part_of(plan, loud, room)
         both = found.exponents, found.exponent_std
         verdict = judged(part, found.modes, *both, found.noise[rows], plan.phases, false_alarm, report)
+    if late:
+        verdict = replace(verdict, passed=False, failed=True, reasons=(*late, *verdict.reasons))
     with h5py.File(path, "r+") as file:
         passed = -1 if verdict.passed is None else int(verdict.passed)
         file.attrs.update({"passed": passed, "failed": int(verdict.failed)})

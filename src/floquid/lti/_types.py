@@ -26,6 +26,7 @@ class Outcome(Enum):
     TOO_FEW_SAMPLES = "too_few_samples"
     NOT_WHITE = "modes_without_end"
     ORDER_UNREACHED = "order_unreached"
+    OUT_OF_TIME = "poles_without_end"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

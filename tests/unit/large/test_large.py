@@ -102,6 +102,18 @@ def test_residues_are_those_of_least_squares(tmp_path):
     assert_array_equal(found.residues(slice(1, 3)), own[1:3])
 
 
+def test_a_search_without_time_goes_on_with_what_it_has_and_fails(tmp_path):
+    """After a second blow there is no end to modes: 5 min were over without a result."""
+    record = decay(noise=0.05)
+    values, blow = record.values.copy(), 450 * PHASES
+    values[:, blow:] += decay(noise=0.0, seed=5).values[:, :-blow]
+    assert fq.identify_large(lazy(record), tmp_path / "r.h5").failed is False
+    found = fq.identify_large(lazy(record, array=values), tmp_path / "r.h5", seconds=1.0)
+    assert found.failed
+    assert len(found.exponents) > 0
+    assert "second blow" in found.reasons[0]
+
+
 SHIFTED = ConstantPeriod(period=1.0, origin=-0.3)
 
 
@@ -253,8 +265,8 @@ def test_deviations_hold_a_wrong_start(tmp_path, monkeypatch):
     right = fq.identify_large(record, tmp_path / "a.h5")
 
     def off(*args):
-        modes = found(*args)
-        return replace(modes, logs=modes.logs - 2e-5)
+        modes, late = found(*args)
+        return replace(modes, logs=modes.logs - 2e-5), late
 
     monkeypatch.setattr(_identify, "_found", off)
     wrong = fq.identify_large(record, tmp_path / "b.h5")

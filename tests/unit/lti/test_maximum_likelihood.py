@@ -260,6 +260,15 @@ def test_fewer_samples_than_the_modes_need_are_an_outcome(pairs, samples, noise)
     assert found.outcome is Outcome.TOO_FEW_SAMPLES
 
 
+def test_a_search_ends_with_the_poles_so_far_when_its_time_is_over():
+    values = np.random.default_rng(0).standard_normal((3, 1, 400)).cumsum(axis=2)
+    data = TimeResponses(values=values, dt=1.0, noise=np.ones((3, 1)))
+    method = MaximumLikelihood(seconds=0.0)
+    found = method.extract(method.prepare(data))
+    assert found.outcome is Outcome.OUT_OF_TIME
+    assert found.order > 0
+
+
 @pytest.mark.parametrize("pairs", [26, pytest.param(30, marks=pytest.mark.slow)])
 def test_many_modes_are_no_residual_that_is_not_white(pairs):
     generator = np.random.default_rng(pairs)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, final
@@ -210,6 +211,8 @@ class MaximumLikelihood(AbstractIdentifier):
         The fit looks at samples out to this many time constants of the slowest pole; what comes later is noise.
     initial
         The identifier that gives the start; None for ERA.
+    seconds
+        Processor time of a search [s], after which it ends with the poles so far, and that outcome.
     rank_one
         Whether a mode's residues are an outer product of outputs and inputs, as they are for one system started in
         different ways: a pole with residues of higher rank then is that of several modes. False leaves the inputs
@@ -223,6 +226,7 @@ class MaximumLikelihood(AbstractIdentifier):
     starts: tuple[int, ...] = (16, 32, 64)
     time_constants: float = 6.0
     initial: AbstractIdentifier | None = None
+    seconds: float = np.inf
     rank_one: bool = True
 
     def prepare(self, data: TimeResponses) -> Prepared:
@@ -239,15 +243,13 @@ class MaximumLikelihood(AbstractIdentifier):
             fit = self.initial.extract(state.initial, order, report=report)
             return self.refine(state, fit) if fit.order else fit
         fit, blocks, ended, residual = self._choose(state, most, report)
-        outcome = Outcome.SUCCESS
+        outcome = ended
         if order is not None:
             fit = force_order(fit, blocks, order, self.false_alarm)
             outcome = reached(order, fit.poles.order)
         elif not len(fit.poles):
             outcome = Outcome.NO_MODE
-        elif not ended:
-            outcome = Outcome.NOT_WHITE
-        elif fit.poles.order >= most:
+        elif ended is Outcome.SUCCESS and fit.poles.order >= most:
             outcome = Outcome.TOO_FEW_SAMPLES
         model = _model(state, polish(fit, blocks, tolerance=AT_REST), blocks, outcome, residual)
         several = self.rank_one and order is None and min(state.data.n_inputs, state.data.n_outputs) > 1
@@ -305,13 +307,14 @@ class MaximumLikelihood(AbstractIdentifier):
         residual = Residual.of(poles, blocks)
         return Noise.whitened_by(taps, model, residual.independent, residual.variance)
 
-    def _choose(self, state: Prepared, most: int, report: Report) -> tuple[Fit, tuple[Factor, ...], bool, Residual]:
+    def _choose(self, state: Prepared, most: int, report: Report) -> tuple[Fit, tuple[Factor, ...], Outcome, Residual]:
         """The poles from the samples that hold energy, and again from more when a mode lasts longer than those."""
-        # With the samples used, whether the search ended, and what is left.
+        # With the samples used, how the search ended, and what is left.
         # Coloured noise is whitened before the search, judged by what generous poles leave. They take the peaks of the
         # noise with them, so it is judged again by what the poles found leave, until their number stays.
         start, noise = self._looked_at(state, state.factors)
         taps, looks, before = whitening_of(noise), 0, None
+        until = time.process_time() + self.seconds
         while True:
             looks += 1
             blocks = state.whitened(taps)
@@ -327,12 +330,13 @@ class MaximumLikelihood(AbstractIdentifier):
                 most=most,
                 starts=self._starts(blocks),
                 noise=noise,
+                until=until,
                 report=report,
             )
-            if looks == LOOKS:
+            if looks == LOOKS or ended is Outcome.OUT_OF_TIME:
                 return fit, blocks, ended, residual
             needed = horizon(fit.poles, state.whole, self.time_constants)
-            if ended and needed > len(state.factors[0].values):
+            if ended is Outcome.SUCCESS and needed > len(state.factors[0].values):
                 state = replace(state, factors=state.first(needed))
                 start, noise = self._looked_at(state, state.factors)
                 continue

@@ -18,6 +18,7 @@ across them for z².
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -31,7 +32,7 @@ from floquid.lti._exponentials import Fit, fit, polish, real_powers
 from floquid.lti._factor import Factor
 from floquid.lti._poles import NEGATIVE, PAIR, POSITIVE, PoleSet
 from floquid.lti._significance import Removal, prune_linear, rise_limit
-from floquid.lti._types import Report, silent
+from floquid.lti._types import Outcome, Report, silent
 from floquid.lti.likelihood._residual import Residual
 
 
@@ -164,11 +165,13 @@ def choose(
     most: int,
     starts: Sequence[int],
     noise: Residual,
+    until: float = np.inf,
     report: Report = silent,
-) -> tuple[Fit, bool, Residual]:
-    """The poles that the data support, fitted by maximum likelihood; whether the search ended; and what is left.
+) -> tuple[Fit, Outcome, Residual]:
+    """The poles that the data support, fitted by maximum likelihood; how the search ended; and what is left.
 
-    `noise` is what more poles than there are modes leave; it is judged again by what the poles found leave.
+    `noise` is what more poles than there are modes leave; it is judged again by what the poles found leave. When the
+    processor time `until` [s] is over, the poles so far are given.
 
     A start of less than twice the order that it leads to is left for the next, which tells more; one of more needs no
     other beside it, since its poles all pass and nothing that would is left.
@@ -184,20 +187,22 @@ def choose(
             if order < starts[-1]:
                 continue
             report(f"start of order {order}: {begin.order} poles, and what they leave is no noise")
-            return (best, ended, Residual.of(best.poles, factors)) if ended else (polished, False, noise)
-        settled = _settle(polished, factors, threshold, most)
+            if not ended:
+                return polished, Outcome.NOT_WHITE, noise
+            return best, Outcome.SUCCESS, Residual.of(best.poles, factors)
+        settled = _settle(polished, factors, threshold, most, until)
         report(f"start of order {order}: {settled.poles.order} poles kept")
         if not ended or threshold.penalised(settled) < threshold.penalised(best) - 1e-6 * abs(best.cost):
             best, ended = settled, True
-        if 2 * settled.poles.order <= order:
+        if 2 * settled.poles.order <= order or time.process_time() > until:
             break
     residual = Residual.of(best.poles, factors)
     again = Threshold.for_(factors, false_alarm, residual)
     if again.of(2) > 1.1 * threshold.of(2):
         report(f"the noise is worth {residual.independent:.0%} of the responses")
-        best = _settle(best, factors, again, most)
+        best = _settle(best, factors, again, most, until)
         residual = Residual.of(best.poles, factors)
-    return best, ended, residual
+    return best, Outcome.OUT_OF_TIME if time.process_time() > until else Outcome.SUCCESS, residual
 
 
 def possible(fit: Fit) -> bool:
@@ -205,12 +210,14 @@ def possible(fit: Fit) -> bool:
     return len(fit.poles.plausible()) == len(fit.poles)
 
 
-def _settle(fit: Fit, factors: Sequence[Factor], threshold: Threshold, most: int) -> Fit:
-    """Prune, try the real axis and add from the residual, until nothing gets better."""
+def _settle(fit: Fit, factors: Sequence[Factor], threshold: Threshold, most: int, until: float) -> Fit:
+    """Prune, try the real axis and add from the residual, until nothing gets better or the time is over."""
     lowest = np.inf
     while True:
         before = fit.poles
-        fit = _prune(fit, factors, threshold)
+        fit = _prune(fit, factors, threshold, until)
+        if time.process_time() > until:
+            return fit
         fit = _straighten(fit, factors, threshold)
         if fit.poles.order < most:
             fit = _add(fit, factors, threshold)
@@ -220,10 +227,10 @@ def _settle(fit: Fit, factors: Sequence[Factor], threshold: Threshold, most: int
         lowest = score
 
 
-def _prune(fit: Fit, factors: Sequence[Factor], threshold: Threshold) -> Fit:
+def _prune(fit: Fit, factors: Sequence[Factor], threshold: Threshold, until: float) -> Fit:
     """Take away each entry whose absence, the others refitted, the noise could explain."""
     changed = True
-    while changed and len(fit.poles):
+    while changed and len(fit.poles) and time.process_time() < until:
         changed = False
         if not possible(fit):
             fit, changed = polish(fit.poles.plausible(), factors), True

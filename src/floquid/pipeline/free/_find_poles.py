@@ -21,6 +21,9 @@ from floquid.preparation import Settings
 ENOUGH_CYCLES = 3  # cycles a pole that a hit must hold for a noise estimate of its own
 
 
+ENDLESS = (Outcome.NOT_WHITE, Outcome.OUT_OF_TIME)
+
+
 class UnsettledError(IdentificationError):
     """The residual is no noise: its estimate does not settle, or there are modes without an end."""
 
@@ -77,7 +80,9 @@ def find_poles(
 
 def _settled(lifted: Lifted, settings: Settings, report: Callable[[str], None]) -> tuple[Lifted, ModalModel]:
     """The poles, and the responses with the noise that they leave."""
-    identifier = settings.identifier or MaximumLikelihood(false_alarm=settings.mode_false_alarm)
+    identifier = settings.identifier or MaximumLikelihood(
+        false_alarm=settings.mode_false_alarm, seconds=settings.seconds
+    )
     modal: ModalModel | None = None
     for _ in range(ROUNDS):
         refined = modal is not None
@@ -96,7 +101,7 @@ def _settled(lifted: Lifted, settings: Settings, report: Callable[[str], None]) 
                     "poles, or a conjugate pair, which counts as two, would be halved. Ask for that order, or let it "
                     "be found."
                 )
-            kind = UnsettledError if modal.outcome is Outcome.NOT_WHITE else IdentificationError
+            kind = UnsettledError if modal.outcome in ENDLESS else IdentificationError
             raise kind(f"Identification ended without a result: {words}")
         noise = _noise_left(lifted, modal, pooled=isinstance(identifier, Ensemble))
         again = lifted.with_noise(noise)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Unpack
@@ -140,6 +141,7 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
     settings, lifted = prepared.settings, cutting.lifted
     by_default = settings.identifier is None and settings.order is None and settings.constrained
     floors = [None, *(floor for floor in FLOORS if by_default and quiet(lifted))]
+    until = time.process_time() + settings.seconds
     while True:
         chosen = settings if floors[0] is None else replace(settings, noise_floor=floors[0])
         whole = lifted if floors[0] is None else lift(cutting.cycles, floor=floors[0])
@@ -152,7 +154,7 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
         try:
             free, modal, choice = find_poles(raw, chosen, report, taps=taps)
         except UnsettledError:
-            if len(floors) > 1:
+            if len(floors) > 1 and time.process_time() < until:
                 floors = floors[1:]
                 continue
             if cutting.synchronous or not by_default:
