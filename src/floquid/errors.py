@@ -36,5 +36,29 @@ class NotSynchronousError(InputError):
         return self.args[0]
 
 
+class UnevenError(InputError):
+    """A model with a mode whose shape is even about no turning point of a path.
+
+    Parameters
+    ----------
+    frequency
+        Where the mode is, |λ|/2π [Hz].
+    share
+        The share of its energy that is odd, at the best.
+    """
+
+    def __init__(self, frequency: float, share: float) -> None:
+        super().__init__(frequency, share)
+        self.frequency, self.share = frequency, share
+
+    def __str__(self) -> str:
+        """The message."""
+        return (
+            "Argument `model` of `turning_point` must have modes whose shapes are even about a turning point of the "
+            f"path, but that at {self.frequency:.6g} Hz is not by {100.0 * self.share:.0f} % of its energy.\n"
+            '  Only a sensor that runs to and fro sees such shapes: pass `branch="strongest"` or "slowest".'
+        )
+
+
 class IdentificationError(FloquidError):
     """The record was read, but identification failed or its result was refused."""

@@ -1,7 +1,7 @@
 """The types that several rooms share: what goes in (`Record`), what it is cut into (`Cycles`), what comes out."""
 
 from floquid.core._axis import NearAxis, kind_open, read_axis, read_blocks, readings, with_deviations
-from floquid.core._branches import Branch, on_branch, turning_point
+from floquid.core._branches import Branch, on_branch, turning_point, unevenness
 from floquid.core._channel import Channel, Quantity, channel_of, channels_named
 from floquid.core._clock import CLOCKS, AzimuthSignal, Clock, ConstantPeriod, PulseTimes, TachometerSignal
 from floquid.core._cycles import Cycles

@@ -11,10 +11,12 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from floquid._arrays import Complexes, Floats, Integers
-from floquid._checks import input_error
-from floquid.core._estimates import Estimates
+from floquid._arrays import Complexes, Floats, Integers, Mask
+from floquid.core._estimates import Estimates, Gains
+from floquid.core._model_inputs import ModelInputs
 from floquid.core._periodic_model import PeriodicModel
+from floquid.errors import UnevenError
+from floquid.fit import covariance_root, inverse_root
 
 Branch: TypeAlias = Literal["strongest", "slowest", "symmetric"]
 
@@ -29,20 +31,19 @@ with 50 % above 0.96.
 def on_branch(model: PeriodicModel, branch: Branch) -> PeriodicModel:
     r"""Move the exponents of a model to another branch, and its shapes with them.
 
-    .. math:: \lambda' = \lambda + i k \omega, \qquad B'_m = B_{m + k}
+    .. math:: \lambda' = \lambda + i k \omega, \qquad B'_m = B_{m + k}, \qquad b'_l = b_{l - k}, \qquad
+              z'(t) = e^{i k \omega t} z(t)
 
-    Deviations move along: where the period was estimated, that of Im λ' has the error of kω in it. The response is the
-    same. `model` is what was identified, `branch` the rule by which each pair has its k: "strongest" leaves the model
-    as it is, its zeroth harmonics being the strongest; "slowest" makes \|Im λ\| at most ω/2; "symmetric" makes all
-    shapes even about one turning point, as `turning_point` finds it.
+    with b and z the gains and the first states of a model with measured inputs. Deviations move along: where the period
+    was estimated, that of Im λ' has the error of kω in it. The response and the transfer functions are the same.
+    `model` is what was identified, `branch` the rule by which each pair has its k: "strongest" leaves the model as it
+    is, its zeroth harmonics being the strongest; "slowest" makes \|Im λ\| at most ω/2; "symmetric" makes all shapes
+    even about one turning point, as `turning_point` finds it.
 
-    Raises InputError where the model has measured inputs, or a mode has no symmetric branch.
+    Raises UnevenError where a mode has no symmetric branch.
     """
     if branch == "strongest":
         return model
-    if model.inputs is not None:
-        must, remedy = 'be "strongest" with measured inputs', "Leave it out."
-        raise input_error("branch", "on_branch", must, f"is {branch!r}", remedy)
     if branch == "slowest":
         return _moved(model, np.rint((model.principal() - model.exponents).imag / model.fundamental).astype(np.int64))
     return _moved(model, turning_point(model)[1])
@@ -58,7 +59,7 @@ def turning_point(model: PeriodicModel) -> tuple[float, Integers]:
     [rad], from -π/2 to π/2, since either end of the path may be x = 1, and the whole numbers k (modes,), zero for real
     multipliers.
 
-    Raises InputError where a mode has no such branch: too little of its energy is even about any of its lines.
+    Raises UnevenError where a mode has no such branch: too little of its energy is even about any of its lines.
     """
     upper = [mode for mode in model.upper_modes if not model.unpaired[mode]]
     noise = _noise(model)
@@ -77,15 +78,78 @@ def turning_point(model: PeriodicModel) -> tuple[float, Integers]:
         shares = _shares(table, np.array([phase]))[:, 0]
         best = int(shares.argmax())
         if shares[best] < EVEN:
-            must = "have modes whose shapes are even about a turning point of the path"
-            odd, hertz = 100.0 * (1.0 - shares[best]), model.frequencies_hz[mode]
-            got = f"that at {hertz:.6g} Hz is not by {odd:.0f} % of its energy"
-            remedy = 'Only a sensor that runs to and fro sees such shapes: pass `branch="strongest"` or "slowest".'
-            raise input_error("model", "turning_point", must, got, remedy)
+            raise UnevenError(float(model.frequencies_hz[mode]), float(1.0 - shares[best]))
         turns[mode] = model.harmonics[0] + best
         partner = int(np.abs(model.exponents - model.exponents[mode].conj()).argmin())
         turns[partner] = -turns[mode]
     return (phase + 0.5 * np.pi) % np.pi - 0.5 * np.pi, turns
+
+
+def unevenness(model: PeriodicModel) -> tuple[float, int]:
+    r"""The squared deviations of all shapes from being even, and how many numbers they are of.
+
+    .. math:: d_m = B_m\, e^{-i m \varphi} - B_{-m}\, e^{i m \varphi}, \qquad
+              \min_\varphi d^T\, \mathrm{cov}(d)^{-1} d
+
+    over channels, modes and harmonics m > 0, those included that were fitted and not kept; hits are added, each by its
+    state. Noise makes it χ². `model` is one on its symmetric branch; without deviations both are 0.
+
+    Raises UnevenError where a mode has no such branch.
+    """
+    estimates = model.estimates if model.unselected is None else model.unselected
+    if estimates is None:
+        return 0.0, 0
+    terms = {both: term for term, both in enumerate(zip(estimates.modes, estimates.harmonics, strict=True))}
+    pairs = [
+        (term, terms[mode, -m])
+        for (mode, m), term in terms.items()
+        if m > 0 and (mode, -m) in terms and not estimates.real[mode]
+    ]
+    if not pairs:
+        return 0.0, 0
+    places, rows = np.transpose(pairs), np.arange(len(pairs))
+    turned = np.exp(-1j * estimates.harmonics * turning_point(model)[0])
+    weights = _hit_weights(estimates, _noise(model)[..., 0])[estimates.modes] * turned[:, None, None]
+    root = covariance_root(estimates.covariance)
+    apart, by = [], []  # d, and its slopes by errors that all share and by φ, over the noise of each channel
+    for channel in range(len(model.channels)):
+        to = np.zeros((model.n_hits, len(pairs), len(weights)), complex)
+        for place, sign in zip(places, (1.0, -1.0), strict=True):
+            to[:, rows, place] = sign * weights[place, channel].T
+        values = estimates.coefficients[:, channel].T[:, :, None]
+        shared, turning = (
+            estimates.slopes[:, channel].swapaxes(0, 1) @ root,
+            -1j * estimates.harmonics[:, None] * values,
+        )
+        inner = inverse_root(_spread(estimates, to, channel)).T
+        whole = (to @ np.concatenate([values, shared, turning], axis=2)).sum(axis=0)
+        whole = inner @ np.concatenate([whole.real, whole.imag])
+        apart.append(whole[:, 0])
+        by.append(whole[:, 1:])
+    size = root.shape[1]
+    known = np.concatenate([*by, np.eye(size, size + 1)])
+    wanted = np.concatenate([*apart, np.zeros(size)])
+    left = wanted - known @ np.linalg.lstsq(known, wanted, rcond=None)[0]
+    return float(left @ left), sum(map(len, apart)) - 1
+
+
+def _hit_weights(estimates: Estimates, noise: Floats) -> Complexes:
+    """Weights of the hits by which a shape is seen best (modes, channels, hits); `noise` (channels, hits)."""
+    found = np.zeros((len(estimates.exponents), *noise.shape), complex)
+    for mode, weights in enumerate(found):
+        lines = estimates.coefficients[estimates.modes == mode] / noise
+        weights[:] = np.linalg.svd(lines.reshape(-1, noise.shape[1]), full_matrices=False)[2][0].conj() / noise
+    return found
+
+
+def _spread(estimates: Estimates, to: Complexes, channel: int) -> Floats:
+    """Covariance by the noise of a channel of sums of its coefficients by `to` (hits, sums, terms): real, imaginary."""
+    by = to * estimates.scales[:, channel].T[:, None]
+    parts = np.concatenate([np.concatenate([by.real, -by.imag], 2), np.concatenate([by.imag, by.real], 2)], 1)
+    spread = estimates.spread[estimates.blocks[channel]]
+    if estimates.shared:  # the hits of a channel have one error
+        parts, spread = parts.sum(axis=0, keepdims=True), spread[:1]
+    return np.asarray((parts @ spread @ parts.swapaxes(1, 2)).sum(axis=0), np.float64)
 
 
 def _noise(model: PeriodicModel) -> Floats:
@@ -144,8 +208,32 @@ def _moved(model: PeriodicModel, turns: Integers) -> PeriodicModel:
         estimates=_estimates(model, model.estimates, turns),
         unselected=_estimates(model, model.unselected, turns),
         provenance=model.provenance,
+        inputs=None if model.inputs is None else _inputs(model.inputs, turns, model.fundamental),
         point=model.point,
     )
+
+
+def _inputs(inputs: ModelInputs, turns: Integers, fundamental: float) -> ModelInputs:
+    """The inputs of a model moved by `turns` of iω (modes,)."""
+    lines = np.add.outer(turns, inputs.harmonics)
+    harmonics, coefficients = _spread_out(lines, inputs.coefficients)
+    std = inputs.coefficient_std
+    return replace(
+        inputs,
+        harmonics=harmonics,
+        coefficients=coefficients,
+        coefficient_std=None if std is None else _spread_out(lines, std)[1],
+        initial=inputs.initial * np.exp(1j * fundamental * np.multiply.outer(turns, inputs.begins)),
+    )
+
+
+def _spread_out(lines: Integers, values: Complexes) -> tuple[Integers, Complexes]:
+    """All harmonics of modes with `lines` of their own (modes, lines), and values there (modes, inputs, lines, ...)."""
+    harmonics = np.unique(lines)
+    found = np.zeros((*values.shape[:2], len(harmonics), *values.shape[3:]), complex)
+    for of_mode, own, value in zip(found, lines, values, strict=True):
+        of_mode[:, np.searchsorted(harmonics, own)] = value
+    return harmonics, found
 
 
 def _covariance(model: PeriodicModel, turns: Integers) -> Floats | None:
@@ -184,10 +272,15 @@ def _estimates(model: PeriodicModel, estimates: Estimates | None, turns: Integer
     turned = np.concatenate([np.ones(terms), np.where(flipped, -1.0, 1.0)])
     both = np.multiply.outer(turned, turned)
 
-    def mirrored(values: Complexes) -> Complexes:
+    def mirrored(values: Complexes, flipped: Mask = flipped) -> Complexes:
         return np.where(flipped.reshape(-1, *[1] * (values.ndim - 1)), values.conj(), values)
 
-    lines = estimates.harmonics - own[estimates.modes]
+    lines, gains = estimates.harmonics - own[estimates.modes], estimates.gains
+    if gains is not None:
+        reach = np.where(below, -1, 1)[:, None] * np.add.outer(own, gains.harmonics)
+        driven, values = _spread_out(reach, mirrored(gains.coefficients, below))
+        _, by = _spread_out(reach, mirrored(gains.slopes @ old, below))
+        gains = Gains(harmonics=driven, coefficients=values, slopes=by)
     return replace(
         estimates,
         exponents=np.where(below, exponents.conj(), exponents),
@@ -199,4 +292,5 @@ def _estimates(model: PeriodicModel, estimates: Estimates | None, turns: Integer
         scales=mirrored(estimates.scales),
         drift=None if estimates.drift is None else estimates.drift * both,
         bend=None if estimates.bend is None else mirrored(estimates.bend),
+        gains=gains,
     )

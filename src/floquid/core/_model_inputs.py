@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
-from floquid._arrays import Complexes, Integers
+from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import Rebuilt
 from floquid.core._channel import Channel
 from floquid.core._record import as_channels
@@ -35,8 +35,8 @@ class ModelInputs(Rebuilt):
     direct, direct_harmonics
         D (outputs, inputs, direct harmonics) [units of the outputs over those of the inputs], and the integers n,
         ascending (direct harmonics,); empty without a direct term.
-    initial
-        z at the first sample of each record (modes, records).
+    initial, begins
+        z at the first sample of each record (modes, records), and t there (records,) [s]; zero where not given.
     """
 
     channels: tuple[Channel, ...]
@@ -46,6 +46,7 @@ class ModelInputs(Rebuilt):
     direct: Complexes
     direct_harmonics: Integers
     initial: Complexes
+    begins: Floats = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "channels", as_channels(self.channels, "ModelInputs"))
@@ -55,3 +56,6 @@ class ModelInputs(Rebuilt):
         self._freeze(dtype=np.complex128, coefficient_std=self.coefficients.shape)
         self._freeze(dtype=np.complex128, direct=("outputs", number, len(self.direct_harmonics)))
         self._freeze(dtype=np.complex128, initial=(len(self.coefficients), "records"))
+        if not len(self.begins):
+            object.__setattr__(self, "begins", np.zeros(self.initial.shape[1]))
+        self._freeze(begins=self.initial.shape[1:])

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from floquid._arrays import Complexes, Integers, Mask
+from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid.core._axis import with_deviations
 from floquid.core._channel import Channel
 from floquid.core._estimates import Estimates
@@ -26,6 +26,7 @@ class Driven:
     direct: Complexes
     direct_harmonics: Integers
     initial: Complexes  # z at the first sample of each record (modes of the estimates, records)
+    begins: Floats  # t there (records,) [s]
 
 
 def modelled(
@@ -124,4 +125,5 @@ def _inputs(estimates: Estimates, driven: Driven, own: Integers, back: Mask) -> 
         direct=driven.direct,
         direct_harmonics=driven.direct_harmonics,
         initial=np.where(back[:, None], initial.conj(), initial),
+        begins=driven.begins,
     )

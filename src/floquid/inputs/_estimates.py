@@ -240,5 +240,9 @@ def driven_of(
             found[:, :, turns == -turn] += value.conj()[:, :, None]
     initial = [mode.initial * np.exp(1j * mode.axis * fundamental * begins) for mode in modes]
     return Driven(
-        channels=inputs, direct=found, direct_harmonics=turns, initial=np.array(initial).reshape(len(modes), -1)
+        channels=inputs,
+        direct=found,
+        direct_harmonics=turns,
+        initial=np.array(initial).reshape(len(modes), -1),
+        begins=begins,
     )

@@ -6,9 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Unpack
 
-from floquid.core import Record, common_point, on_branch
-from floquid.errors import IdentificationError, InputError
+from floquid.core import PeriodicModel, Record, common_point, on_branch, unevenness
+from floquid.errors import IdentificationError, UnevenError
 from floquid.findings import Finding, texts, warning
+from floquid.fit import RARE, chi2_limit
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._sums import SumError, look_for_sums, without
 from floquid.pipeline.excited import identified_ambient, identified_driven
@@ -101,13 +102,40 @@ def _reported(found: Analysis) -> Analysis:
     given = common_point(record.point for record in found.records)
     try:
         model = on_branch(found.model, found.settings.branch)
+    except UnevenError as error:  # the modes are found, and stay on the branches of their strongest lines
+        told = warning("branch_left", frequency=error.frequency, share=error.share)
+        model, found = found.model, replace(found, findings=(*found.findings, told))
+    else:
+        found = _named(found, model)
         if found.settings.branch == "symmetric":  # over the middle of a symmetric structure a scan repeats twice
             kept = (own for own in found.findings if own.code != "period_multiple" or own.numbers["times"] != 2)
-            found = replace(found, findings=tuple(kept))
-    except InputError as error:  # the modes are found, and stay on the branches of their strongest lines
-        why = str(error).partition(", but ")[2].splitlines()[0].rstrip(".")
-        model, found = found.model, replace(found, findings=(*found.findings, warning("branch_left", why=why)))
+            found = replace(found, findings=(*kept, *_uneven(model)))
     model = replace(model, point={"speed_rpm": speed, **given})
     if found.decay is None:
         return replace(found, model=model)
     return replace(found, model=model, decay=replace(found.decay, fit=replace(found.decay.fit, model=model)))
+
+
+def _uneven(model: PeriodicModel) -> tuple[Finding, ...]:
+    """The finding on shapes that are no mirror images about a turning point, as those of a scan are."""
+    squares, degrees = unevenness(model)
+    limit = chi2_limit(degrees, RARE) if degrees else 0.0
+    return (warning("branch_uneven", squares=squares, limit=limit),) if squares > limit else ()
+
+
+def _named(found: Analysis, model: PeriodicModel) -> Analysis:
+    """The result with findings that name modes by the frequencies of a `model`, whose branches are others."""
+    hertz = dict(zip(found.model.frequencies_hz.tolist(), model.frequencies_hz.tolist(), strict=True))
+
+    def renamed(finding: Finding) -> Finding:
+        numbers = dict(finding.numbers)
+        if "frequency" in numbers:
+            numbers["frequency"] = hertz.get(numbers["frequency"], numbers["frequency"])
+        if "frequencies" in numbers:
+            numbers["frequencies"] = tuple(hertz.get(own, own) for own in numbers["frequencies"])
+        return replace(finding, numbers=numbers)
+
+    checked = found.validation
+    if checked is not None:
+        checked = replace(checked, findings=tuple(map(renamed, checked.findings)))
+    return replace(found, findings=tuple(map(renamed, found.findings)), validation=checked)

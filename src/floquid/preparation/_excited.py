@@ -32,7 +32,6 @@ GOES_ON = {
     "find_hits": "a blow that was measured is an input",
     "identifier": "it takes samples a period apart for a free response",
     "constrained": "residues that are free at each phase are those of lifted responses",
-    "branch": "the harmonics by which inputs and innovations drive a mode are those of its strongest line",
 }
 """Settings that no record can have whose excitation goes on, each with the reason of mathematics."""
 

@@ -70,8 +70,8 @@ def path_shapes(result: Analysis | PeriodicModel) -> PathShapes:
 
     `result` is what `identify` found, or its `model`, on any branch. Each mode is moved to the branch on which its
     shape is even about a turning point of the path (`turning_point`): that has the frequency of the structure. One of
-    each pair is given, real multipliers are left out. Raises InputError where `result` is something else, has measured
-    inputs, or has a mode without such a branch.
+    each pair is given, real multipliers are left out. Raises InputError where `result` is something else, or has a mode
+    without such a branch.
     """
     model = result.model if isinstance(result, Analysis) else result
     if not isinstance(model, PeriodicModel):

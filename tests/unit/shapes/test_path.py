@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 import floquid as fq
-from floquid.core import PeriodicModel, on_branch, turning_point
+from floquid.core import PeriodicModel, on_branch, turning_point, unevenness
 from floquid.errors import InputError
+from floquid.fit import chi2_limit
+from floquid.inputs import transfer_functions
 from floquid.shapes import path_shapes
 
 PERIOD, PHASES, PHI = 0.1, 32, 0.7
@@ -184,14 +186,86 @@ def test_a_result_without_a_turning_point_stays_on_the_strongest_branch():
     assert "is not by 50 % of its energy" in str(told)
 
 
+SHAKEN = SIZE[0] * 1.77 * (-0.01 + 1j)  # of the third bending mode, which the sensor sees best on another line
+
+
+def shaken(kind):
+    """A scan of one mode under random excitation, measured or not, that begins within a period and rings at first."""
+    options = {"inputs": {"inputs": ["F"]}, "ambient": {"excitation": "ambient"}}[kind]
+    count = {"inputs": 30, "ambient": 80}[kind] * PHASES // 2
+    step, rng = 2.0 * PERIOD / PHASES, np.random.default_rng(0)
+    times, force = 0.53 + step * np.arange(count), rng.standard_normal(count)
+    state, ahead = np.full(count, 0.02 + 0j), np.exp(SHAKEN * step)
+    for k in range(count - 1):
+        state[k + 1] = ahead * state[k] + (ahead - 1.0) / SHAKEN * force[k]
+    clean = (shapes_at(np.cos(2.0 * np.pi * times / PERIOD + PHI))[1] * state).real
+    values = np.array([clean + 0.02 * clean.std() * rng.standard_normal(count), force])[: 1 + (kind == "inputs")]
+    record = fq.Record(values=values, sample_rate=1.0 / step, channels=["v", "F"][: len(values)], start=times[0])
+    return record, {"period": PERIOD, "order": 2, "validate": False, **options}
+
+
+@pytest.mark.parametrize("kind", ["inputs", "ambient"])
+def test_a_scan_of_what_goes_on_has_the_structure_s_exponent_too(kind):
+    record, options = shaken(kind)
+    found = fq.identify(record, branch="symmetric", **options)
+    assert not any(own.code.startswith("branch") for own in found.findings)
+    mode = int(np.abs(found.model.exponents - SHAKEN).argmin())
+    off, std = found.model.exponents[mode] - SHAKEN, found.model.exponent_std[mode]
+    assert np.abs([off.real / std.real, off.imag / std.imag]).max() < 4.0
+    assert mac(path_shapes(found).at(X)[0, 0], shapes_at(X)[1]) > 0.99
+    slow = on_branch(found.model, "slowest")
+    assert abs(slow.exponents[mode].imag) < 0.5 * slow.fundamental < abs(found.model.exponents[mode].imag)
+
+
+def test_of_measured_inputs_nothing_else_depends_on_the_branch(tmp_path):
+    """The transfer functions, the state at first and the deviations of gains are those of the strongest branch."""
+    record, options = shaken("inputs")
+    usual, even = (fq.identify(record, branch=word, **options) for word in ("strongest", "symmetric"))
+    one, two = usual.model, even.model
+    assert one.inputs.begins == pytest.approx([0.03])
+    np.testing.assert_allclose(one.multipliers, two.multipliers, rtol=1e-9)
+    turned = np.rint((two.exponents - one.exponents).imag / one.fundamental)
+    assert turned.any()
+    hertz = [3.0, 20.0, 25.0]
+    sides = [transfer_functions(own, hertz, (-2, -1, 0, 1, 2)).values for own in (one, two)]
+    np.testing.assert_allclose(*sides, rtol=1e-9, atol=1e-12 * np.abs(sides[0]).max())
+    np.testing.assert_allclose(*(own.transfer(hertz).std for own in (usual, even)), rtol=1e-12)
+    first = [np.einsum("rc,rk->c", own.shapes(0.03)[:, :, 0, 0], own.inputs.initial) for own in (one, two)]
+    np.testing.assert_allclose(*first, rtol=1e-9)
+    for own in (two.estimates, two.unselected):  # which name the pair by its upper half alone
+        mode = two.modes_of(own)[0]
+        lines = np.isin(two.inputs.harmonics, own.gains.harmonics)
+        np.testing.assert_allclose(two.inputs.coefficients[mode][:, lines], own.gains.coefficients[0], atol=1e-3)
+    std = [np.sort_complex(own.gains.std(own.covariance).ravel()) for own in (one.estimates, two.estimates)]
+    np.testing.assert_allclose(*std, rtol=1e-9)
+    fq.save(even, tmp_path / "result.h5")
+    again = fq.load(tmp_path / "result.h5")
+    np.testing.assert_array_equal(again.model.inputs.begins, two.inputs.begins)
+
+
+def test_shapes_that_are_no_mirror_images_are_told(model):
+    """Noise makes what is told of a scan χ²; of a shape with one line stronger than its image it is far off."""
+    squares, degrees = unevenness(on_branch(model, "symmetric"))
+    assert 0.3 * degrees < squares < chi2_limit(degrees, 1e-3)
+    rotor = fq.systems.JeffcottRotor()
+    record = rotor.simulate(n_periods=60, samples_per_period=16, noise=0.01, seed=0)
+    times = np.arange(1600) / 32.0
+    lines = np.exp(np.multiply.outer((-0.05 + 2j) + 2j * np.pi * np.arange(-1, 2), times))
+    clean = (np.array([0.10, 1.0, 0.12]) @ lines).real
+    noise = 1e-3 * np.random.default_rng(4).standard_normal(len(times))
+    near = fq.Record(values=[clean + noise], sample_rate=32.0, channels=["v"])
+    for own, period in ((record, rotor.period), (near, 1.0)):
+        found = fq.identify(own, period=period, validate=False, branch="symmetric")
+        assert sum(one.code in {"branch_left", "branch_uneven"} for one in found.findings) == 1
+    (told,) = (one for one in found.findings if one.code == "branch_uneven")
+    assert told.numbers["squares"] > 10.0 * told.numbers["limit"]
+
+
 def test_what_else_is_refused(model):
     with pytest.raises(InputError, match="`result` of `path_shapes` must be an Analysis or a PeriodicModel"):
         path_shapes("scan.h5")
     with pytest.raises(InputError, match=r"must lie between -1 and 1.*has 1\.5"):
         path_shapes(model).at([0.0, 1.5])
-    record = fq.Record(values=np.zeros((2, 100)), sample_rate=10.0, channels=["x", "F"])
-    with pytest.raises(InputError, match="be left as it is where inputs are measured"):
-        fq.identify(record, period=1.0, inputs=["F"], branch="slowest")
 
 
 def test_three_periods_in_one_are_told_of_a_scan_too():

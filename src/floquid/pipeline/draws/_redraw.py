@@ -132,6 +132,7 @@ class ExcitedRedrawn:
             mixed[[[channel.name for channel in record.channels].index(name) for name in names]] = values[:, own]
             records.append(replace(record, values=mixed))
         settings = replace(without_states(self.settings), channels=tuple(names), skip=None, validate=False)
+        settings = replace(settings, branch="strongest")  # that of the fit, which is linearised at the exponents found
         return identify(records, settings)
 
 
