@@ -1,4 +1,4 @@
-"""The end of a text table: whether its last number may have lost digits where the file was cut short."""
+"""The end of a text table: whether its last row or number is whole where the file was cut short."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def cut_note(line: int) -> str:
 
 
 class WholeLines:
-    """Lines of cells parted by blanks, without the last one where its last number is cut; `notes` then say so.
+    """Lines of cells parted by blanks, without the last one where cells or digits are missing; `notes` then say so.
 
     Parameters
     ----------
@@ -54,7 +54,8 @@ class WholeLines:
                 before = line
             number, line = following
         cells, usual = line.split(), before.split()
-        if usual and not line.endswith("\n") and len(cells) == len(usual) and is_cut(cells[-1], usual[-1:]):
+        missing = len(usual) - len(cells)
+        if not line.endswith("\n") and (missing > 0 or (usual and missing == 0 and is_cut(cells[-1], usual[-1:]))):
             self.notes = (cut_note(number),)
         elif line:
             yield number, line
