@@ -15,11 +15,11 @@ from __future__ import annotations
 import struct
 import warnings
 from collections.abc import Iterator
-from io import BytesIO
+from io import RawIOBase
 from itertools import product
 from math import prod
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,23 +63,57 @@ def load_variables(path: Path) -> dict[str, Any]:
     if not order:
         found = scipy.io.loadmat(path, chars_as_strings=False, appendmat=False)  # of version 4
         return {name: value for name, value in found.items() if not name.startswith("__")}
-    data = memoryview(path.read_bytes())
-    codec = "utf-16-le" if order == "<" else "utf-16-be"
+    tags = memoryview(np.memmap(path, np.uint8, "r"))[_HEAD:]  # of which few pages are ever in memory
+    codec, at = "utf-16-le" if order == "<" else "utf-16-be", _HEAD
     variables: dict[str, Any] = {}
-    for kind, inner, element in _elements(data[_HEAD:], order):
-        _check(kind, inner, order)
-        whole = BytesIO(bytes(data[:_HEAD]) + element)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", FutureWarning)  # of sparse arrays
-            found = scipy.io.loadmat(whole, chars_as_strings=False, uint16_codec=codec)
-        for name, value in found.items():
-            if isinstance(value, MatlabOpaque):
-                name = value["s0"].item().decode("latin-1")
-            if name in variables:
-                raise ValueError(f"it has `{name}` twice")
-            if name and not name.startswith("__"):  # MATLAB keeps the content of its objects without a name
-                variables[name] = value
+    with path.open("rb") as stream:
+        for kind, inner, element in _elements(tags, order):
+            _check(kind, inner, order)
+            alone, at = _Alone(stream, at, len(element)), at + len(element)
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", FutureWarning)  # of sparse arrays
+                found = scipy.io.loadmat(alone, chars_as_strings=False, uint16_codec=codec)
+            for name, value in found.items():
+                if isinstance(value, MatlabOpaque):
+                    name = value["s0"].item().decode("latin-1")
+                if name in variables:
+                    raise ValueError(f"it has `{name}` twice")
+                if name and not name.startswith("__"):  # MATLAB keeps the content of its objects without a name
+                    variables[name] = value
     return variables
+
+
+class _Alone(RawIOBase):
+    """A MATLAB file of one element of another, in a `stream`: the head, and `length` bytes from `start` on."""
+
+    def __init__(self, stream: BinaryIO, start: int, length: int) -> None:
+        self._stream, self._start, self._end, self._at = stream, start, _HEAD + length, 0
+
+    def readable(self) -> bool:
+        """Always true."""
+        return True
+
+    def seekable(self) -> bool:
+        """Always true."""
+        return True
+
+    def tell(self) -> int:
+        """The place that is read next."""
+        return self._at
+
+    def seek(self, offset: int, whence: int = 0, /) -> int:
+        """Go to a place, counted from the beginning, from here or from the end."""
+        self._at = max(offset + (0, self._at, self._end)[whence], 0)
+        return self._at
+
+    def readinto(self, buffer: Any, /) -> int:
+        """Read into a buffer; the number of bytes."""
+        in_head = self._at < _HEAD
+        self._stream.seek(self._at if in_head else self._start + self._at - _HEAD)
+        left = max((_HEAD if in_head else self._end) - self._at, 0)
+        count = self._stream.readinto(memoryview(buffer)[:left])  # type: ignore[attr-defined]
+        self._at += count
+        return int(count)
 
 
 def _elements(data: memoryview, order: str) -> Iterator[tuple[int, memoryview, memoryview]]:

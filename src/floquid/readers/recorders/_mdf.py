@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from floquid._arrays import Floats
 from floquid.io import Source, load_package
 from floquid.tables import Table, TimeColumn, make_channels, numbered, rows_of
 
 _TIME = 1  # of MDF's kinds of a master channel; 0 is none said, those above are angles, distances and numbers
+_PART = 1 << 18  # samples that are asked for at a time
 
 
 def load_mdf(source: Source, *, channels: Sequence[str] | None, ignore_time: bool) -> Table:
@@ -29,26 +31,22 @@ def load_mdf(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
         ]
         names = _mdf_names(file, places)
         rows = rows_of(source, make_channels(source, names), channels)
-        signals = [(names[row], file.get(group=places[row][0], index=places[row][1])) for row in rows]
+        found = _signals(file, {names[row]: places[row] for row in rows})
         start = file.start_time
-    others = [name for name, signal in signals if not _is_plain(signal)]
-    signals = [(name, signal) for name, signal in signals if _is_plain(signal)]
-    if not signals or (others and channels is not None):
+    others, lengths = found.others, found.lengths
+    if not lengths or (others and channels is not None):
         got = f"has other things in {', '.join(others[:10])}" if others else "holds no channel"
         raise source.error("hold a channel of numbers", got, "Name channels of numbers by `channels=`.")
-    first = signals[0][1]
-    if not all(np.array_equal(signal.timestamps, first.timestamps) for _, signal in signals):
-        words = ", ".join(f"{name} has {len(signal)}" for name, signal in signals[:10])
+    if not found.together:
+        words = ", ".join(f"{name} has {length}" for name, length in list(lengths.items())[:10])
         got = f"does not: {words} samples"
         remedy = "Choose channels of one group with `channels=`, by the names above."
         raise source.error("hold channels that were sampled together", got, remedy)
-    label, kind = first.master_metadata or ("time", _TIME)
-    column = TimeColumn(values=first.timestamps, scale=1.0, label=label) if kind <= _TIME else None
+    label, kind = found.master or ("time", _TIME)
+    column = TimeColumn(values=found.times, scale=1.0, label=label) if kind <= _TIME else None
     return Table(
-        values=np.array([_mdf_samples(signal) for _, signal in signals]),
-        channels=make_channels(
-            source, [name for name, _ in signals], [signal.unit.strip() or "-" for _, signal in signals]
-        ),
+        values=found.values,
+        channels=make_channels(source, list(lengths), found.units),
         time=None if ignore_time else column,
         notes=(
             f"The first sample was taken at {start}.",
@@ -57,8 +55,48 @@ def load_mdf(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
     )
 
 
-def _is_plain(signal: Any) -> bool:
-    return signal.samples.ndim == 1 and signal.samples.dtype.kind in "biuf"
+@dataclass(slots=True)
+class _Signals:
+    """Samples (channels, samples) of those that hold numbers, with what the first says of its times."""
+
+    values: Floats = field(default_factory=lambda: np.empty((0, 0)))
+    times: Floats = field(default_factory=lambda: np.empty(0))
+    master: tuple[str, int] | None = None
+    lengths: dict[str, int] = field(default_factory=dict)  # of the channels, by name
+    units: list[str] = field(default_factory=list)
+    others: list[str] = field(default_factory=list)  # names of what is no number
+    together: bool = True
+
+
+def _signals(file: Any, places: Mapping[str, tuple[int, int]]) -> _Signals:
+    """The signals at `places` by name, in parts: asammdf makes several copies of what it is asked for at once."""
+    found = _Signals()
+    for name, (group, index) in places.items():
+        count, row, length = file.groups[group].channel_group.cycles_nr, len(found.lengths), 0
+        for begin in range(0, count, _PART):
+            part = file.get(group=group, index=index, record_offset=begin, record_count=min(_PART, count - begin))
+            if part.samples.ndim != 1 or part.samples.dtype.kind not in "biuf":
+                found.others.append(name)
+                break
+            if not begin:
+                found.units.append(part.unit.strip() or "-")
+            if not row and not begin:
+                found.values, found.times = np.empty((len(places), count)), np.empty(count)
+                found.master = part.master_metadata
+            place, length = slice(begin, begin + len(part)), begin + len(part)
+            if not row:
+                found.times[place] = part.timestamps
+            found.together = found.together and np.array_equal(part.timestamps, found.times[place])
+            if found.together:
+                found.values[row, place] = part.samples
+            if found.together and part.invalidation_bits is not None:
+                found.values[row, place][np.asarray(part.invalidation_bits)] = np.nan
+        else:
+            found.lengths[name] = length
+    shortest = min(found.lengths.values(), default=0)
+    found.together = found.together and shortest == max(found.lengths.values(), default=0)
+    found.values, found.times = found.values[: len(found.lengths), :shortest], found.times[:shortest]
+    return found
 
 
 def _mdf_names(file: Any, places: Sequence[tuple[int, int]]) -> list[str]:
@@ -68,11 +106,3 @@ def _mdf_names(file: Any, places: Sequence[tuple[int, int]]) -> list[str]:
     groups = {group: getattr(file.groups[group].channel_group, "acq_name", "") or str(group) for group, _ in places}
     pairs = zip(names, places, strict=True)
     return numbered([name if count[name] == 1 else f"{groups[group]}/{name}" for name, (group, _) in pairs])
-
-
-def _mdf_samples(signal: Any) -> NDArray[np.float64]:
-    """The samples, NaN where the file marks them as invalid."""
-    values = signal.samples.astype(np.float64)
-    if signal.invalidation_bits is not None:
-        values[np.asarray(signal.invalidation_bits)] = np.nan
-    return values
