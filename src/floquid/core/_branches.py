@@ -92,14 +92,16 @@ def unevenness(model: PeriodicModel) -> tuple[float, int]:
               \min_\varphi d^T\, \mathrm{cov}(d)^{-1} d
 
     over channels, modes and harmonics m > 0, those included that were fitted and not kept; hits are added, each by its
-    state. Noise makes it χ². `model` is one on its symmetric branch; without deviations both are 0.
+    state. Lines that another mode has too are left out. Noise makes it χ². `model` is one on its symmetric branch;
+    without deviations both are 0.
 
     Raises UnevenError where a mode has no such branch.
     """
     estimates = model.estimates if model.unselected is None else model.unselected
     if estimates is None:
         return 0.0, 0
-    terms = {both: term for term, both in enumerate(zip(estimates.modes, estimates.harmonics, strict=True))}
+    sure = _determined(estimates)
+    terms = {(estimates.modes[term], estimates.harmonics[term]): term for term in np.flatnonzero(sure).tolist()}
     pairs = [
         (term, terms[mode, -m])
         for (mode, m), term in terms.items()
@@ -131,6 +133,13 @@ def unevenness(model: PeriodicModel) -> tuple[float, int]:
     wanted = np.concatenate([*apart, np.zeros(size)])
     left = wanted - known @ np.linalg.lstsq(known, wanted, rcond=None)[0]
     return float(left @ left), sum(map(len, apart)) - 1
+
+
+def _determined(estimates: Estimates) -> Mask:
+    """Mask of the terms that are known better than to the largest of their mode (terms,)."""
+    size, std = (np.abs(values).max(axis=(1, 2), initial=0.0) for values in (estimates.coefficients, estimates.std()))
+    largest = np.array([size[estimates.modes == mode].max(initial=0.0) for mode in range(len(estimates.exponents))])
+    return np.asarray(std < largest[estimates.modes], bool)
 
 
 def _hit_weights(estimates: Estimates, noise: Floats) -> Complexes:
