@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 
 from floquid._checks import describe, index, input_error
+from floquid.fit import WITHIN
 from floquid.inputs import TransferFunctions
 from floquid.plot._style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, Into, drawing, grid_of, plain
 from floquid.views import in_unit, magnitude_bands, phase_degrees
@@ -88,8 +89,8 @@ def nyquist(
 ) -> Figure:
     r"""Harmonic transfer functions :math:`G_m(\Omega)` in the complex plane, a panel for each path.
 
-    A curve a harmonic m, its lowest frequency marked. Where G has no unit a cross is at -1: what a
-    closed loop goes around.
+    A curve a harmonic m, its lowest frequency marked. A panel is as large as the 95 % intervals at least, so that noise
+    does not look like a curve. Where G has no unit a cross is at -1: what a closed loop goes around.
 
     Raises InputError where there is no such output or input, or the axes do not fit.
 
@@ -113,8 +114,11 @@ def nyquist(
         for axes, (row, column) in zip(panels, paths, strict=True):
             for place, harmonic in _inner_first(own):
                 curve = own.values[place, row, column]
-                curve = curve[np.isfinite(curve)]
+                std = np.zeros_like(curve) if own.std is None else own.std[place, row, column]
+                there = np.isfinite(curve) & np.isfinite(std)
+                curve, std = curve[there], WITHIN * std[there]
                 if curve.any():
+                    axes.update_datalim(np.concatenate([curve - std, curve + std]).view(float).reshape(-1, 2))
                     look = _look(harmonic)
                     axes.plot(curve.real, curve.imag, **look, linewidth=0.9, label=f"m = {harmonic}")
                     axes.plot(*curve[:1].view(float), color=look["color"], marker="o", markersize=3.5, linestyle="none")
@@ -123,6 +127,7 @@ def nyquist(
             axes.set_title(f"{plain(own.inputs[column].name)} to {plain(own.outputs[row].name)}", loc="left")
             axes.set(xlabel=in_unit("Re $G_m$", unit), ylabel=in_unit("Im $G_m$", unit))
             axes.set_aspect("equal", adjustable="datalim")
+            axes.locator_params(nbins=5)
     return figure
 
 

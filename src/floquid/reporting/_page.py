@@ -41,9 +41,11 @@ from floquid.reporting._record_figures import (
 from floquid.reporting._stabilisation_figures import indicator_figures, stabilisation_figures
 from floquid.reporting._system_figures import Truth, system_figures
 from floquid.views import (
+    BRANCHES,
     DAMPING_WORDS,
     DampingUnit,
     SpeedUnit,
+    branch_of,
     for_command,
     mode_table,
     note_meanings,
@@ -222,7 +224,11 @@ def modes_of(analysis: Analysis, unit: DampingUnit = "percent") -> dict[str, Any
     """The table of modes as the templates have it, damping in a `unit`."""
     table, bands = mode_table(analysis, damping_unit=unit), analysis.model.exponent_std is not None
     damping, meanings = words.minus(DAMPING_WORDS[unit]), note_meanings(table)
-    return {"table": table, "damping": damping, "meanings": meanings, "bands": bands, "fails": analysis.failed}
+    branch = BRANCHES[branch_of(analysis)]
+    return {
+        "table": table, "damping": damping, "meanings": meanings, "bands": bands, "fails": analysis.failed,
+        "branch": branch,
+    }  # fmt: skip
 
 
 def _with_code(text: str) -> Any:

@@ -11,7 +11,7 @@ import numpy as np
 
 from floquid._arrays import Floats, Integers, Mask
 from floquid._checks import describe, input_error
-from floquid.core import PeriodicModel
+from floquid.core import Branch, PeriodicModel
 from floquid.periodic import CONFIDENT, participation
 from floquid.pipeline import Analysis
 from floquid.views._modes import grows
@@ -27,6 +27,13 @@ MODE_NOTES = {
     "f?": "another line is over half as strong, and has another f and damping",
 }
 """The words that a mode may deserve and what they mean; they are short, for a table has to fit 80 columns."""
+
+BRANCHES = {
+    "strongest": "of its strongest line",
+    "slowest": "of the least |Im λ|",
+    "symmetric": "on which its shape is even",
+}
+"""The branch on which an exponent is given, by the rule that chose it."""
 
 RIVAL = 0.5  # share of the energy of the strongest line from which on another makes the branch a choice
 CLEAR = 3.0  # deviations from which on a harmonic of a fit with one more at either end is shown
@@ -45,19 +52,25 @@ def with_error(value: float, std: float) -> str:
     return f"{value:.{digits}f}({round(std * 10**digits)})" if digits <= MOST_DIGITS else f"{value:.10g}"
 
 
+def branch_of(analysis: Analysis) -> Branch:
+    """The rule by which the exponents of an `analysis` are on their branches: that asked for, where there is such."""
+    left = any(own.code == "branch_left" for own in analysis.findings)
+    return "strongest" if left else analysis.settings.branch
+
+
 def mode_notes(analysis: Analysis, mode: int) -> list[str]:
     """The words of `MODE_NOTES` that a `mode` of an `analysis` deserves: none for an ordinary one."""
     model = analysis.model
     error = complex(np.nan, np.nan) if model.exponent_std is None else model.exponent_std[mode]
     real, multiplier = model.real[mode], model.multipliers[mode]
     _, shares = participation(model, mode, 1.0 / analysis.noise)
-    strongest = np.sort(shares)[::-1]
+    strongest, chosen = np.sort(shares)[::-1], branch_of(analysis) == "strongest"
     deserved = {
         "weak": max(error.real, error.imag) > CONFIDENT * model.fundamental,
         "μ<0": real and multiplier.real < 0,
         "μ>0": real and multiplier.real >= 0,
         "grows": grows(model, mode),
-        "f?": not real and len(strongest) > 1 and strongest[1] > RIVAL * strongest[0],
+        "f?": chosen and not real and len(strongest) > 1 and strongest[1] > RIVAL * strongest[0],
     }
     return [word for word in MODE_NOTES if deserved[word]]
 

@@ -11,6 +11,7 @@ from floquid.errors import InputError
 from floquid.fit import chi2_limit
 from floquid.inputs import transfer_functions
 from floquid.shapes import path_shapes
+from floquid.views import branch_of, mode_notes
 
 PERIOD, PHASES, PHI = 0.1, 32, 0.7
 TURNS, DAMPING = np.array([1.37, 4.42]), np.array([0.012, 0.004])
@@ -137,8 +138,12 @@ def test_the_slowest_branch_is_within_half_a_fundamental(model):
 
 def test_identify_takes_the_rule(record):
     options = {"period": PERIOD, "order": 4, "validate": False}
-    found = fq.identify(record, branch="slowest", **options).model
-    np.testing.assert_allclose(found.exponents, on_branch(fq.identify(record, **options).model, "slowest").exponents)
+    found, usual = (fq.identify(record, branch=word, **options) for word in ("slowest", "strongest"))
+    np.testing.assert_allclose(found.model.exponents, on_branch(usual.model, "slowest").exponents)
+    # Another line that is nearly as strong makes the strongest a choice, and no other rule.
+    notes = [[word for mode in own.model.upper_modes for word in mode_notes(own, mode)] for own in (found, usual)]
+    assert notes == [[], ["f?"]]
+    assert [branch_of(own) for own in (found, usual)] == ["slowest", "strongest"]
 
 
 def test_shapes_that_are_even_nowhere_are_refused():
@@ -184,6 +189,7 @@ def test_a_result_without_a_turning_point_stays_on_the_strongest_branch():
     np.testing.assert_array_equal(left.model.exponents, usual.model.exponents)
     (told,) = (own for own in left.findings if own.code == "branch_left")
     assert "is not by 50 % of its energy" in str(told)
+    assert branch_of(left) == "strongest"
 
 
 SHAKEN = SIZE[0] * 1.77 * (-0.01 + 1j)  # of the third bending mode, which the sensor sees best on another line
