@@ -149,14 +149,30 @@ def test_the_start_is_kept():
     assert repaired(np.arange(-50, 50) / 8.0).start == -6.25
 
 
-def test_scatter_within_a_hundredth_of_a_step_is_passed_over_and_told():
+def test_scatter_beyond_the_rounding_is_uneven():
+    """Whatever its share of a step: of a good record false modes come of a thousandth."""
     rng = np.random.default_rng(1)
-    jitter = rng.uniform(-1, 1, 2000) * 1e-3
-    axis = repaired(0.008 * jitter + np.arange(2000) * 1e-3)
-    assert abs(axis.sample_rate - 1000.0) < 1e-3
-    assert "The times scatter by up to 0.8 % of a step about even ones; taken as even." in axis.notes
+    even, jitter = np.arange(2000) * 1e-3, rng.uniform(-1, 1, 2000) * 1e-3
+    for share in (0.0005, 0.008, 0.03):
+        with pytest.raises(InputError, match="evenly spaced"):
+            repaired(share * jitter + even)
     with pytest.raises(InputError, match="evenly spaced"):
-        repaired(0.03 * jitter + np.arange(2000) * 1e-3)
+        repaired(0.008e-3 * np.sin(0.01 * np.arange(2000)) + even)
+    assert repaired(np.round(0.0004 * jitter + even, 6)).sample_rate == 1000.0  # less than the digits show
+
+
+def test_a_clock_that_adds_up_its_step_in_single_precision_is_even():
+    """A simulator's: each step is even within the rounding, and the sum wanders."""
+    times = np.cumsum(np.full(2000, np.float32(0.01)), dtype=np.float32)
+    axis = repaired(times)
+    assert abs(axis.sample_rate - 100.0) < 0.01
+    assert any(note.startswith("The times scatter by up to 0.") for note in axis.notes)
+    odd = times.copy()
+    odd[1000] += np.float32(5e-5)  # half a hundredth of a step, and many times the rounding
+    with pytest.raises(InputError, match="evenly spaced"):
+        repaired(odd)
+    for whole in (np.arange(100_000) * 0.01, np.float32(0.01) * np.arange(100_000, dtype=np.float32)):
+        assert repaired(whole.astype(np.float32)).sample_rate == pytest.approx(100.0, rel=1e-7)
 
 
 @pytest.mark.parametrize("n", [5, 20, 100, 3000])
