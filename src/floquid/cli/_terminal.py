@@ -25,11 +25,10 @@ from floquid.findings import Severity
 from floquid.pipeline import Analysis
 from floquid.reconstruction import Refinement
 from floquid.views import (
-    BRANCHES,
     DAMPING_WORDS,
     DampingUnit,
     SpeedUnit,
-    branch_of,
+    branch_words,
     cycle_words,
     done_words,
     for_command,
@@ -45,8 +44,7 @@ from floquid.views import (
 
 LEGEND = (
     "λ: Floquet exponent, known up to multiples of iω; the branch shown is that {branch}. f = |λ|/2π and "
-    "{damping} go with it. |μ| = e^(Re λ T), the decay in one period, and folded, |Im λ| modulo ω over ω, "
-    "do not"
+    "{damping} go with it. |μ| = e^(Re λ T), the decay in one period, and folded, |Im λ| modulo ω over ω, do not"
 )
 DEVIATIONS = "in brackets: one standard deviation, in the last digits"
 NO_DEVIATIONS = "this identifier gives no standard deviations (its -ml form does)"
@@ -172,10 +170,8 @@ def _print_legend(console: Console, analysis: Analysis, unit: DampingUnit, *, ve
     if verbose:
         kept = ", as asked for" if analysis.settings.harmonics is not None else " that rise above the noise"
         kept += ", the residues held to them" if analysis.constrained else ""
-        parts += [
-            LEGEND.format(damping=DAMPING_WORDS[unit], branch=BRANCHES[branch_of(analysis)]),
-            f"m: harmonics of the shape{kept}",
-        ]
+        legend = LEGEND.format(damping=DAMPING_WORDS[unit], branch=branch_words(analysis))
+        parts += [legend, f"m: harmonics of the shape{kept}"]
     console.print("; ".join([*parts, *meanings]) + ".", style="dim")
 
 

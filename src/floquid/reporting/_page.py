@@ -41,11 +41,10 @@ from floquid.reporting._record_figures import (
 from floquid.reporting._stabilisation_figures import indicator_figures, stabilisation_figures
 from floquid.reporting._system_figures import Truth, system_figures
 from floquid.views import (
-    BRANCHES,
     DAMPING_WORDS,
     DampingUnit,
     SpeedUnit,
-    branch_of,
+    branch_words,
     for_command,
     mode_table,
     note_meanings,
@@ -224,7 +223,7 @@ def modes_of(analysis: Analysis, unit: DampingUnit = "percent") -> dict[str, Any
     """The table of modes as the templates have it, damping in a `unit`."""
     table, bands = mode_table(analysis, damping_unit=unit), analysis.model.exponent_std is not None
     damping, meanings = words.minus(DAMPING_WORDS[unit]), note_meanings(table)
-    branch = BRANCHES[branch_of(analysis)]
+    branch = branch_words(analysis)
     return {
         "table": table, "damping": damping, "meanings": meanings, "bands": bands, "fails": analysis.failed,
         "branch": branch,

@@ -17,12 +17,12 @@ from floquid.views._expansion import Expansion, ShapeCurves, closed_period, expa
 from floquid.views._families import Family, families, unfolded
 from floquid.views._harmonic_spectra import SpectraOfModes, spectra_of_modes
 from floquid.views._mode_table import (
-    BRANCHES,
     DAMPING_WORDS,
     MODE_NOTES,
     DampingUnit,
     ModeTable,
     branch_of,
+    branch_words,
     check_damping_unit,
     decrement,
     mode_notes,
@@ -51,7 +51,6 @@ from floquid.views._synthesis import Synthesis, lifted_points, raw_noise, synthe
 from floquid.views._three_phase import to_alpha_beta, to_dq, to_sequence
 
 __all__ = [
-    "BRANCHES",
     "DAMPING_WORDS",
     "INTERVAL",
     "MODE_NOTES",
@@ -67,6 +66,7 @@ __all__ = [
     "Synchronisation",
     "Synthesis",
     "branch_of",
+    "branch_words",
     "check_analysis",
     "check_damping_unit",
     "closed_period",

@@ -58,6 +58,11 @@ def branch_of(analysis: Analysis) -> Branch:
     return "strongest" if left else analysis.settings.branch
 
 
+def branch_words(analysis: Analysis) -> str:
+    """The branch on which the exponents of an `analysis` are given, as in "the branch of its strongest line"."""
+    return BRANCHES[branch_of(analysis)]
+
+
 def mode_notes(analysis: Analysis, mode: int) -> list[str]:
     """The words of `MODE_NOTES` that a `mode` of an `analysis` deserves: none for an ordinary one."""
     model = analysis.model
