@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from floquid._checks import counted
+from floquid.core import Branch
 from floquid.findings import Severity, texts
 from floquid.reporting import _words as words
 from floquid.reporting._case import case_of
@@ -16,7 +17,7 @@ from floquid.reporting._driven_figures import matrix_rows, measured_figures, pat
 from floquid.reporting._modes_figures import mode_figures, mode_source
 from floquid.reporting._page import rendered
 from floquid.transfer import TransferFit
-from floquid.views import DAMPING_WORDS, DampingUnit, mode_table, note_meanings
+from floquid.views import DAMPING_WORDS, DampingUnit, branch_words, mode_table, note_meanings
 
 POINTS = 600  # frequencies of a curve, beside those measured
 
@@ -28,6 +29,7 @@ class _Settings:
     period: float
     hold: str
     harmonics: None = None  # of the shapes: found, not given
+    branch: Branch = "strongest"
 
 
 def lines_page(fit: TransferFit, *, title: str | None, damping: DampingUnit) -> str:
@@ -65,6 +67,7 @@ def lines_page(fit: TransferFit, *, title: str | None, damping: DampingUnit) -> 
         table=table,
         damping=DAMPING_WORDS[damping].replace("-", "−"),
         meanings=note_meanings(table),
+        branch=branch_words(case.analysis),
         bands=True,
         summary=(
             f"{counted(len(case.modes), 'mode')} (order {model.order}) fitted to {np.count_nonzero(there)} lines from "
