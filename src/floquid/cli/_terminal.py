@@ -44,7 +44,7 @@ from floquid.views import (
 
 LEGEND = (
     "λ: Floquet exponent, known up to multiples of iω; the branch shown is that {branch}. f = |λ|/2π and "
-    "{damping} go with it. |μ| = e^(Re λ T), the decay in one period, and folded, |Im λ| modulo ω over ω, do not"
+    "{damping} go with that line. |μ| = e^(Re λ T), the decay in one period, and folded, |Im λ| modulo ω over ω, do not"
 )
 DEVIATIONS = "in brackets: one standard deviation, in the last digits"
 NO_DEVIATIONS = "this identifier gives no standard deviations (its -ml form does)"
