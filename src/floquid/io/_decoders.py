@@ -63,7 +63,7 @@ def load_variables(path: Path) -> dict[str, Any]:
     if not order:
         found = scipy.io.loadmat(path, chars_as_strings=False, appendmat=False)  # of version 4
         return {name: value for name, value in found.items() if not name.startswith("__")}
-    tags = memoryview(np.memmap(path, np.uint8, "r"))[_HEAD:]  # few of its pages are ever in memory
+    tags = np.memmap(path, np.uint8, "r").data[_HEAD:]  # few of its pages are ever in memory
     codec, at = "utf-16-le" if order == "<" else "utf-16-be", _HEAD
     variables: dict[str, Any] = {}
     with path.open("rb") as stream:

@@ -192,7 +192,7 @@ def test_a_result_without_a_turning_point_stays_on_the_strongest_branch():
     assert branch_of(left) == "strongest"
 
 
-SHAKEN = SIZE[0] * 1.77 * (-0.01 + 1j)  # of the third bending mode, which the sensor sees best on another line
+SHAKEN = 2.0 * np.pi / PERIOD * 2.62 * (-0.01 + 1j)  # of the third bending mode, seen best on another line
 
 
 def shaken(kind):
@@ -238,10 +238,13 @@ def test_of_measured_inputs_nothing_else_depends_on_the_branch(tmp_path):
     np.testing.assert_allclose(*(own.transfer(hertz).std for own in (usual, even)), rtol=1e-12)
     first = [np.einsum("rc,rk->c", own.shapes(0.03)[:, :, 0, 0], own.inputs.initial) for own in (one, two)]
     np.testing.assert_allclose(*first, rtol=1e-9)
-    for own in (two.estimates, two.unselected):  # which name the pair by its upper half alone
-        mode = two.modes_of(own)[0]
-        lines = np.isin(two.inputs.harmonics, own.gains.harmonics)
-        np.testing.assert_allclose(two.inputs.coefficients[mode][:, lines], own.gains.coefficients[0], atol=1e-3)
+    below = on_branch(one, "slowest")  # where the other half of the pair is above the axis
+    assert below.exponents[below.modes_of(below.estimates)[0]] != below.exponents[one.modes_of(one.estimates)[0]]
+    for moved in (two, below):
+        for own in (moved.estimates, moved.unselected):  # which name the pair by its upper half alone
+            values = moved.inputs.coefficients[moved.modes_of(own)[0]]
+            lines = np.isin(moved.inputs.harmonics, own.gains.harmonics)
+            np.testing.assert_allclose(values[:, lines], own.gains.coefficients[0], atol=1e-3)
     std = [np.sort_complex(own.gains.std(own.covariance).ravel()) for own in (one.estimates, two.estimates)]
     np.testing.assert_allclose(*std, rtol=1e-9)
     fq.save(even, tmp_path / "result.h5")
