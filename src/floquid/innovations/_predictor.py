@@ -181,25 +181,26 @@ def carried_on(
     """States of x_{k+1} = T_k x_k + f_k from the first one on (samples + 1, states), and the product of all T."""
     # Blocks of samples go side by side: each is run from zero for what it adds and what it carries over, the states at
     # their begins follow one from the other, and each is run again from its own.
-    count = len(drive) + 1
-    length = max(int(0.5 * count**0.5), 1)
-    begins = np.arange(0, count, length)
-    added, carried = np.zeros((len(begins) - 1, len(first))), np.eye(len(first))
+    size, length = len(first), max(int(0.5 * (len(drive) + 1) ** 0.5), 1)
+    count = len(drive) // length
+    even = count * length
+    ahead, driven = (part[:even].reshape(count, length, *part.shape[1:]) for part in (transitions, drive))
+    states, whole = np.empty((len(drive) + 1, size)), np.eye(size)
+    blocks, carried = states[:even].reshape(count, length, size), np.zeros((count, size, size + 1))
+    carried[:, :, :size] = whole
     for step in range(length):
-        own = begins[:-1] + step
-        added = np.einsum("bij,bj->bi", transitions[own], added) + drive[own]
-        carried = transitions[own] @ carried
-    states = np.empty((count, len(first)))
-    states[0], whole = first, np.eye(len(first))
-    for number, begin in enumerate(begins[:-1]):
-        states[begin + length] = carried[number] @ states[begin] + added[number]
-        whole = carried[number] @ whole
-    for transition in transitions[begins[-1] :]:
-        whole = transition @ whole
+        carried = ahead[:, step] @ carried
+        carried[..., size] += driven[:, step]
+    state = first
+    for block, over in zip(blocks, carried, strict=True):
+        block[0] = state
+        state, whole = over[:, :size] @ state + over[:, size], over[:, :size] @ whole
     for step in range(length - 1):
-        own = begins + step
-        own = own[own + 1 < count]
-        states[own + 1] = np.einsum("bij,bj->bi", transitions[own], states[own]) + drive[own]
+        blocks[:, step + 1] = np.einsum("bij,bj->bi", ahead[:, step], blocks[:, step]) + driven[:, step]
+    states[even] = state
+    for place in range(even, len(drive)):
+        states[place + 1] = transitions[place] @ states[place] + drive[place]
+        whole = transitions[place] @ whole
     return states, whole
 
 
@@ -217,21 +218,32 @@ def matrices(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Λ (states, states), K (samples, states, channels), C (samples, channels, states), Bu (samples, states)."""
     count, size = samples.n_samples, sum(mode.rows for mode in modes)
-    channels, inputs = len(samples.values), len(samples.inputs)
-    system = np.zeros((size, size))
-    gains, seen = np.zeros((count, size, channels)), np.zeros((count, channels, size))
-    drive, place = np.zeros((count, size)), 0
+    inputs, channels = len(samples.inputs), len(samples.values)
+    # One product for all modes, of what turns with the period and coefficients, real parts and imaginary ones.
+    turns = np.unique(np.concatenate([np.zeros(1), *(band for mode in modes for band in (mode.turns, mode.reach))]))
+    gains, seen = (np.zeros((len(turns), *shape), complex) for shape in ((size, inputs + channels), (channels, size)))
+    system, place = np.zeros((size, size)), 0
     for mode in modes:
         own = slice(place, place + mode.rows)
-        gain = np.tensordot(turning(samples, mode.reach), mode.gains, (0, 1))
-        shape = np.tensordot(turning(samples, mode.turns), mode.shape, (0, 1))
-        gain = np.stack([gain.real] if mode.real else [gain.real, gain.imag], axis=1).reshape(count, mode.rows, -1)
-        shape = np.stack([shape.real] if mode.real else [shape.real, -shape.imag], axis=1).reshape(count, mode.rows, -1)
         system[own, own] = mode.transition(samples.step)
-        gains[:, own], seen[:, :, own] = gain[..., inputs:], shape.swapaxes(1, 2)
-        drive[:, own] = np.einsum("kri,ik->kr", gain[..., :inputs], samples.inputs)
+        gain, shape = _by_state(mode, mode.gains, -1j), _by_state(mode, mode.shape, 1j)
+        gains[np.searchsorted(turns, mode.reach), own] = gain.transpose(2, 0, 1)
+        seen[np.searchsorted(turns, mode.turns), :, own] = shape.transpose(2, 1, 0)
         place += mode.rows
-    return system, gains, seen, drive
+    angle = turning(samples, turns)
+    basis = np.concatenate([angle.real, -angle.imag]).T
+    along, shapes = (
+        (basis @ np.concatenate([part.real, part.imag]).reshape(len(basis[0]), -1)).reshape(count, *part.shape[1:])
+        for part in (gains, seen)
+    )
+    return system, along[..., inputs:], shapes, np.einsum("kri,ik->kr", along[..., :inputs], samples.inputs)
+
+
+def _by_state(mode: Mode, values: NDArray[np.complex128], second: complex) -> NDArray[np.complex128]:
+    """Gains or a shape of each real state (rows, signals, turns); that of a pair's second one is `second` times it."""
+    if mode.real:
+        return values.reshape(mode.rows, -1, values.shape[1])
+    return np.array([values, second * values])
 
 
 def turning(samples: Samples, turns: NDArray[np.float64]) -> NDArray[np.complex128]:
