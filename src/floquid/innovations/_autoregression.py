@@ -17,7 +17,7 @@ SHORT = (1, 2)
 """Samples of the past where the record is too short for all: many outputs tell the state by less of the past."""
 
 HARMONICS = (0, 1, 2)  # harmonics of the coefficients that are tried
-MOST = 0.05  # coefficients of one channel over the samples, at most
+MOST = 0.05  # numbers that are fitted over the rows that tell them, at most: of one channel for coefficients
 
 
 def first_innovations(samples: Samples, acting: int = 0) -> NDArray[np.float64]:

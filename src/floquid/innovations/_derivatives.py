@@ -21,8 +21,7 @@ def slopes(
     `root` is W of some samples (samples, channels, channels). Parameters are those of `Mode.moved` of each mode, the
     coefficients of the known columns by channel, and the first states of each record.
     """
-    size, channels = at.initial.shape[1], len(samples.values)
-    width = sum(sum(mode.sizes) for mode in at.modes) + at.columns.size + at.initial.size
+    size, width, channels = at.initial.shape[1], width_of(at), len(samples.values)
     states = np.zeros((CHUNK + 1, size + channels, width))
     for place, parts in enumerate(samples.parts(numbers_of(samples, at.modes))):
         states[0, :size] = 0.0
@@ -30,17 +29,25 @@ def slopes(
         states[0, :size, first : first + size] = np.eye(size)
         for own, part, ahead, white in _chunks(samples, at, root, parts):
             count = own.stop - own.start
-            for start, signals in _signals(part, at, own):
+            for start, signals in held_signals(part, at, own):
                 for channel in range(channels):
                     where = slice(start + channel * len(signals), start + (channel + 1) * len(signals))
                     states[:count, size + channel, where] = signals.T
-            _force(states[1 : count + 1, :size], part, at, own)
-            for before, after, transition in zip(states[:count], states[1 : count + 1, :size], ahead, strict=True):
+            forced = states[1 : count + 1, :size]
+            forced[:] = 0.0
+            for row, columns, signals in forces(part, at, own):
+                forced[:, row, columns] = signals
+            for before, after, transition in zip(states[:count], forced, ahead, strict=True):
                 after += transition @ before
             yield own, white @ states[:count]
             begun = states[count, :size, width - at.initial.size :]
             begun[np.abs(begun) < ROUNDING] = 0.0
             states[0, :size] = states[count, :size]
+
+
+def width_of(at: Predictor) -> int:
+    """The number of all parameters, those that are no information as well."""
+    return sum(sum(mode.sizes) for mode in at.modes) + at.columns.size + at.initial.size
 
 
 def _chunks(
@@ -60,7 +67,7 @@ def _chunks(
             yield own, whole.part(inner), ahead[inner], white[inner]
 
 
-def _signals(part: Samples, at: Predictor, own: slice) -> Iterator[tuple[int, NDArray[np.float64]]]:
+def held_signals(part: Samples, at: Predictor, own: slice) -> Iterator[tuple[int, NDArray[np.float64]]]:
     """Signals that each channel holds a share of in a part, and the place of the shares (signals, samples)."""
     # Shares of the first channel come first.
     place = row = 0
@@ -82,24 +89,22 @@ def _states(mode: Mode, rows: NDArray[np.float64]) -> list[NDArray]:
     return list(rows.T) if mode.real else [rows[:, 0] + 1j * rows[:, 1]]
 
 
-def _force(forcing: NDArray, part: Samples, at: Predictor, own: slice) -> None:
-    """Put the derivatives of the next state by exponents and gains into an array (samples, states, parameters)."""
-    forcing[:] = 0.0
+def forces(part: Samples, at: Predictor, own: slice) -> Iterator[tuple[int, slice, NDArray[np.float64]]]:
+    """Signals that exponents and gains add to the next state in a part: its row, the parameters, (samples, those)."""
     drives = np.concatenate([part.inputs, at.innovations[:, own]])
     place = row = 0
     for mode in at.modes:
-        late = np.einsum("pij,kj->kip", mode.transition_slopes(part.step), at.states[own, row : row + mode.rows])
-        forcing[:, row : row + mode.rows, place : place + mode.rows] = late
+        late = np.einsum("pij,kj->ikp", mode.transition_slopes(part.step), at.states[own, row : row + mode.rows])
+        for number in range(mode.rows):
+            yield row + number, slice(place, place + mode.rows), late[number]
         place += mode.rows
-        driven = (drives[:, None] * turning(part, mode.reach)).reshape(-1, late.shape[0]).T
-        width, whole = driven.shape[1], mode.gains.size
-        for number in range(whole // width):  # a block has gains of each of its states
-            real = slice(place + number * width, place + number * width + width)
-            imag = slice(real.start + whole, real.stop + whole)
-            forcing[:, row + number, real], forcing[:, row + number, imag] = driven.real, -driven.imag
-            if not mode.real:
-                forcing[:, row + 1, real], forcing[:, row + 1, imag] = driven.imag, driven.real
-        place += 2 * (whole + mode.shape.size)
+        driven = (drives[:, None] * turning(part, mode.reach)).reshape(-1, part.n_samples).T
+        # A pair has a state that is complex; a block has gains of each of its states.
+        for number, shares in enumerate(np.eye(mode.rows) if mode.real else np.array([[1.0], [-1j]])):
+            each = (shares[:, None] * driven[:, None]).reshape(part.n_samples, -1)
+            columns = slice(place, place + 2 * mode.gains.size)
+            yield row + number, columns, np.concatenate([each.real, -each.imag], axis=1)
+        place += 2 * (mode.gains.size + mode.shape.size)
         row += mode.rows
 
 
@@ -141,7 +146,7 @@ def _pulled(
     for mode, gradient_of_mode in zip(at.modes, found, strict=True):
         rows = slice(row, row + mode.rows)
         slopes = mode.transition_slopes(part.step)
-        by_exponent = -np.einsum("pij,kj,ki->p", slopes, at.states[own, rows], behind[:, rows], optimize=True)
+        by_exponent = -np.einsum("pij,ij->p", slopes, behind[:, rows].T @ at.states[own, rows])
         states, pulls = _states(mode, at.states[own, rows]), _states(mode, behind[:, rows])
         driven = -np.ravel([(drives * pull.conj()) @ turning(part, mode.reach).T for pull in pulls])
         seen_by = np.ravel([shares @ (turning(part, mode.turns) * state).T for state in states])

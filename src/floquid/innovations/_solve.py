@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import BLOCK
 from floquid.fit import (
     AT_REST,
     FEW_STEPS,
@@ -24,9 +25,11 @@ from floquid.fit import (
     levenberg_marquardt,
     scaled_inverse,
 )
-from floquid.innovations._derivatives import gradient, slopes
+from floquid.innovations._autoregression import MOST
+from floquid.innovations._derivatives import gradient, slopes, width_of
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted
+from floquid.innovations._thinned import thinned
 from floquid.inputs import Samples
 
 Step = NDArray[np.float64]
@@ -41,6 +44,19 @@ def normal_of(samples: Samples, at: Predictor) -> Normal:
         flat = part.reshape(-1, part.shape[2])
         matrix += flat.T @ flat
     return Normal(matrix=matrix, gradient=found)
+
+
+def roughly(samples: Samples, at: Predictor) -> Normal:
+    """The linearisation for the steps and the tests of a search: of few of the samples where they are many."""
+    # Of m rows chance moves a test by √(2/m), and a step of p parameters by √(p/m). Samples next to each other say
+    # nearly the same of a mode that lasts.
+    width = width_of(at)
+    stride = samples.count * len(samples.values) // int(max(width / MOST, BLOCK / max(width, 1)))
+    if stride <= 1:
+        return normal_of(samples, at)
+    with np.errstate(over="ignore", invalid="ignore"):
+        flat = (part.reshape(-1, part.shape[2]) for _, part in thinned(samples, at, stride))
+        return Normal(matrix=sum(own.T @ own for own in flat), gradient=gradient(samples, at, at.innovations))
 
 
 def inverse_of(normal: Normal, free: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
@@ -83,7 +99,7 @@ def _solve(samples: Samples, start: Predictor, *, rough: bool, least: float) -> 
         return at.log_likelihood + (iterations - len(gains)) * gains[-2] < least
 
     steps = Steps(
-        normal=lambda at: normal_of(samples, at),
+        normal=lambda at: (roughly if rough else normal_of)(samples, at),
         moved=lambda at, step: moved(samples, at, step, period),
         limited=lambda at, step, normal, damping: held(at, step, normal.root(damping), period),
         gradient=lambda at: gradient(samples, at, at.innovations),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from floquid.fit import FEW_STEPS, HALF_DIGITS, Normal, chi2_limit, scaled_inverse, score_gain, wald_rise
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted, rebuilt
-from floquid.innovations._solve import inverse_of, moved, normal_of, places, solve
+from floquid.innovations._solve import inverse_of, moved, places, roughly, solve
 from floquid.inputs import Limits, Samples
 
 STRIDE = 2  # harmonics beyond the end of a band that are looked at: each costs a state
@@ -24,7 +24,7 @@ def grown(samples: Samples, now: Predictor, limits: Limits, rounds: int = FEW_ST
             break
         padded = rebuilt(samples, now, [mode.padded(STRIDE, limits.highest) for mode in now.modes])
         assert padded is not None
-        normal = normal_of(samples, padded)
+        normal = roughly(samples, padded)
         bands = [
             tuple(np.isin(new, old) for new, old in ((wide.turns, own.turns), (wide.reach, own.reach)))
             for wide, own in zip(padded.modes, now.modes, strict=True)
@@ -61,7 +61,7 @@ def narrowed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     period, most = 2.0 * np.pi / samples.fundamental, sum(len(mode.turns) + len(mode.reach) for mode in now.modes)
     spread: NDArray[np.float64] | None = None
     while most and not limits.over:
-        spread = inverse_of(normal_of(samples, now), anchored(now)) if spread is None else spread
+        spread = inverse_of(roughly(samples, now), anchored(now)) if spread is None else spread
         bands, step = _narrower(now, spread, limits, most)
         gone = sum(int(np.sum(~kept)) for band in bands for kept in band)
         if not gone:

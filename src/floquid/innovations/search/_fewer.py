@@ -13,7 +13,7 @@ from floquid.innovations._gain import stable_gains
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted
 from floquid.innovations._products import as_real, gap_of, merged
-from floquid.innovations._solve import climbed, inverse_of, normal_of, places, solve
+from floquid.innovations._solve import climbed, inverse_of, places, roughly, solve
 from floquid.innovations.search._bands import anchored, grown, narrowed
 from floquid.inputs import Limits, Samples
 from floquid.search import NEAR, REACH
@@ -105,7 +105,7 @@ def _fewer(samples: Samples, now: Predictor, limits: Limits) -> Iterator[Predict
     """Starts with a mode less: fewer for some that are alike, then without one that is not needed to first order."""
     # Of modes that are nearly one the linearisation does not hold: shapes are large and cancel. Nor does it where one
     # of several real multipliers on an axis makes up for what others lack.
-    inverse = inverse_of(normal_of(samples, now), anchored(now))
+    inverse = inverse_of(roughly(samples, now), anchored(now))
     starts: list[tuple[float, list[Mode]]] = []
     axes = [mode.axis for mode in now.modes if mode.real]
     for group in alike(now.modes, samples.fundamental):

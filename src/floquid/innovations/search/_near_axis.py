@@ -17,7 +17,7 @@ from floquid.fit import begun_off, block_stands, couples, half_of, near_axis, wi
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted
 from floquid.innovations._products import as_real, folded
-from floquid.innovations._solve import inverse_of, moved, normal_of, places, solve
+from floquid.innovations._solve import inverse_of, moved, normal_of, places, roughly, solve
 from floquid.innovations.search._bands import anchored, centred, grown, narrowed
 from floquid.innovations.search._fewer import least, stable
 from floquid.inputs import Limits, Samples
@@ -30,7 +30,7 @@ def read_near_axis(samples: Samples, now: Predictor, limits: Limits) -> NearAxis
     omega = samples.fundamental
     now = with_blocks(
         now,
-        lambda own: couples(own.modes, inverse_of(normal_of(samples, own)), _exponents(own.modes), omega),
+        lambda own: couples(own.modes, inverse_of(roughly(samples, own)), _exponents(own.modes), omega),
         lambda own, numbers: _as_block(samples, own, numbers, limits),
     )
     if all(mode.square is None for mode in now.modes):
@@ -201,7 +201,7 @@ def _rows(modes: Sequence[Mode]) -> list[slice]:
 
 def with_real_ones(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     """With one real multiplier for each pair near an axis where the criterion prefers that: a state less."""
-    spread = np.diag(inverse_of(normal_of(samples, now), anchored(now)))
+    spread = np.diag(inverse_of(roughly(samples, now), anchored(now)))
     omega = samples.fundamental
     for number, (mode, place) in enumerate(zip(now.modes, places(now.modes), strict=True)):
         std = float(max(spread[place.start + mode.rows - 1], 0.0) ** 0.5)
