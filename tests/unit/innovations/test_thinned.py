@@ -17,7 +17,8 @@ from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import predicted
 from floquid.innovations._solve import normal_of, roughly, solve
 from floquid.innovations._thinned import thinned
-from floquid.inputs import samples_of
+from floquid.innovations.search import _fewer
+from floquid.inputs import Limits, samples_of
 
 
 def block(generator):
@@ -70,3 +71,20 @@ def test_fits_by_few_samples_end_where_those_by_all_do(monkeypatch):
     assert np.array_equal(few.gradient, whole.gradient)
     assert 1e-3 < np.abs(few.matrix - whole.matrix).max() / np.abs(whole.matrix).max() < 0.3
     assert abs(solve(own, start, rough=True).log_likelihood - by_all.log_likelihood) < 3.0 * REST
+
+
+def test_modes_gone_within_a_period_that_noise_explains_go_at_once(monkeypatch):
+    generator, lasting = np.random.default_rng(5), modes_of(np.random.default_rng(5))[0]
+    lasting = replace(lasting, gains=15.0 * lasting.gains)
+    silent = replace(modes_of(generator)[1], gains=np.zeros((3, 1), complex))
+    own = record(7, 3000, [lasting, silent])
+    brief = [replace(lasting, exponent=at, shape=1e-3 * lasting.shape) for at in (-0.7 + 0.1j, -0.5 - 0.2j)]
+    found = predicted(own, [lasting, *brief], np.zeros((2, 1)), np.zeros((1, 6)))
+
+    def none(*_):
+        raise AssertionError
+
+    monkeypatch.setattr(_fewer, "as_real", none)
+    left = _fewer.needed(own, found, Limits(highest=3))
+    assert len(left.modes) == 1
+    assert abs(left.modes[0].exponent - lasting.exponent) < 0.03

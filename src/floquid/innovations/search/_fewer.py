@@ -7,13 +7,13 @@ from itertools import islice
 
 import numpy as np
 
-from floquid.fit import chi2_limit, wald_rise
+from floquid.fit import chi2_limit, scaled_inverse, wald_rise
 from floquid.innovations._covariance import white
 from floquid.innovations._gain import stable_gains
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted
 from floquid.innovations._products import as_real, gap_of, merged
-from floquid.innovations._solve import climbed, inverse_of, places, roughly, solve
+from floquid.innovations._solve import climbed, inverse_of, moved, places, roughly, solve
 from floquid.innovations.search._bands import anchored, grown, narrowed
 from floquid.inputs import Limits, Samples
 from floquid.search import NEAR, REACH
@@ -85,12 +85,27 @@ def _few(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     if rows <= FEW:
         return now
     rest = [mode for mode in now.modes if mode not in gone]
-    trial = stable(samples, now, [*rest, *as_real(samples, now, gone, half, FEW)], limits)
+    # Where noise explains all of them none is needed in their place: fits of real multipliers that are none creep.
+    trial = _without(samples, now, gone, limits)
+    trial = trial or stable(samples, now, [*rest, *as_real(samples, now, gone, half, FEW)], limits)
     trial = None if trial is None else climbed(samples, trial)
     if trial is None or trial.log_likelihood < least(trial, now, limits):
         return now
     trial = narrowed(samples, grown(samples, trial, limits), limits)
     return trial if _explains(samples, trial, now, limits) else now
+
+
+def _without(samples: Samples, now: Predictor, gone: Sequence[Mode], limits: Limits) -> Predictor | None:
+    """The predictor without some modes, the others moved to where they are best; None unless noise explains those."""
+    inverse, own = inverse_of(roughly(samples, now), anchored(now)), zip(now.modes, places(now.modes), strict=True)
+    rows = np.concatenate([np.arange(at.stop - 2 * mode.shape.size, at.stop) for mode, at in own if mode in gone])
+    values, among = np.concatenate([mode.parameters for mode in now.modes])[rows], inverse[np.ix_(rows, rows)]
+    if len(gone) == len(now.modes) or wald_rise(values, among) > chi2_limit(len(rows), limits.mode_alarm):
+        return None
+    step = -inverse[:, rows] @ scaled_inverse(among) @ values
+    start = moved(samples, now, step, 2.0 * np.pi / samples.fundamental) or now
+    rest = [mode for mode, before in zip(start.modes, now.modes, strict=True) if before not in gone]
+    return stable(samples, start, rest, limits)
 
 
 def _off_axis(mode: Mode, half: float, omega: float) -> float:
