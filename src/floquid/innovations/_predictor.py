@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,11 @@ class Predictor(Rebuilt):
     count: int  # Samples that were measured; at others e is zero: the state goes on without an innovation
     # T (samples, channels, channels), by which innovations after gaps are as small as others; None without gaps
     scales: NDArray[np.float64] | None = None
+
+    @cached_property
+    def kept(self) -> dict[str, Any]:
+        """Gradient and linearisations, by name, once they are formed: steps, scores and weights share them."""
+        return {}
 
     @property
     def level(self) -> NDArray[np.float64]:

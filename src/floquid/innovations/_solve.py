@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,30 +34,43 @@ from floquid.innovations._thinned import thinned
 from floquid.inputs import Samples
 
 Step = NDArray[np.float64]
+T = TypeVar("T")
 
 
-@np.errstate(over="ignore", invalid="ignore")  # of a start that all but diverges: no step is found then
 def normal_of(samples: Samples, at: Predictor) -> Normal:
     """The linearisation of a predictor by all of its parameters, zero ones as well."""
-    found = gradient(samples, at, at.innovations)
-    matrix = np.zeros((len(found), len(found)))
-    for _, part in slopes(samples, at, at.root):
-        flat = part.reshape(-1, part.shape[2])
-        matrix += flat.T @ flat
-    return Normal(matrix=matrix, gradient=found)
+    return _once(at, "normal", lambda: _summed(samples, at, (part for _, part in slopes(samples, at, at.root))))
 
 
 def roughly(samples: Samples, at: Predictor) -> Normal:
     """The linearisation for the steps and the tests of a search: of few of the samples where they are many."""
     # Of m rows chance moves a test by √(2/m), and a step of p parameters by √(p/m). Samples next to each other say
     # nearly the same of a mode that lasts.
-    width = width_of(at)
-    stride = samples.count * len(samples.values) // int(max(width / MOST, BLOCK / max(width, 1)))
+    width = max(width_of(at), 1)
+    stride = samples.count * len(samples.values) // int(max(width / MOST, BLOCK / width))
     if stride <= 1:
         return normal_of(samples, at)
-    with np.errstate(over="ignore", invalid="ignore"):
-        flat = (part.reshape(-1, part.shape[2]) for _, part in thinned(samples, at, stride))
-        return Normal(matrix=sum(own.T @ own for own in flat), gradient=gradient(samples, at, at.innovations))
+    return _once(at, "rough", lambda: _summed(samples, at, (part for _, part in thinned(samples, at, stride))))
+
+
+@np.errstate(over="ignore", invalid="ignore")  # of a start that all but diverges: no step is found then
+def _summed(samples: Samples, at: Predictor, parts: Iterable[NDArray[np.float64]]) -> Normal:
+    matrix = np.zeros((width_of(at), width_of(at)))
+    for part in parts:
+        flat = part.reshape(-1, part.shape[2])
+        matrix += flat.T @ flat
+    return Normal(matrix=matrix, gradient=pull_of(samples, at))
+
+
+def pull_of(samples: Samples, at: Predictor) -> NDArray[np.float64]:
+    """Half the steepest descent from a predictor (parameters,)."""
+    return _once(at, "pull", lambda: gradient(samples, at, at.innovations))
+
+
+def _once(at: Predictor, name: str, formed: Callable[[], T]) -> T:
+    if name not in at.kept:
+        at.kept[name] = formed()
+    return at.kept[name]
 
 
 def inverse_of(normal: Normal, free: NDArray[np.bool_] | None = None) -> NDArray[np.float64]:
@@ -102,7 +116,7 @@ def _solve(samples: Samples, start: Predictor, *, rough: bool, least: float) -> 
         normal=lambda at: (roughly if rough else normal_of)(samples, at),
         moved=lambda at, step: moved(samples, at, step, period),
         limited=lambda at, step, normal, damping: held(at, step, normal.root(damping), period),
-        gradient=lambda at: gradient(samples, at, at.innovations),
+        gradient=lambda at: pull_of(samples, at),
         enough=hopeless,
     )
     return levenberg_marquardt(start, steps, Ends(steps=iterations, gain=at_rest, patience=IN_VAIN))
