@@ -18,6 +18,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from unittest.mock import patch
 
@@ -174,13 +175,16 @@ def quick(quick_pictures, monkeypatch):
 
     def remembered(kind, chain):
         def found(prepared, report):
+            period = prepared.settings.period  # the records have it, whether it is an option or the clock of a file
+            settings = replace(prepared.settings, period=None)
             try:
-                key = kind, pickle.dumps(prepared)
+                key = kind, pickle.dumps(replace(prepared, settings=settings))
             except pickle.PicklingError:  # with an identifier of the page's own
                 return chain(prepared, report)
             if key not in FOUND:
                 FOUND[key] = chain(prepared, report)
-            return FOUND[key]
+            own = FOUND[key]
+            return replace(own, settings=replace(own.settings, period=period))
 
         return found
 
