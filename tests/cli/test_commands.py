@@ -231,6 +231,7 @@ def test_settings_read_back_give_the_same_result(here, quick_pictures):
     assert contents(here / "three")["summary.json"] != one["summary.json"]
 
 
+@pytest.mark.slow
 def test_options_come_before_settings(here):
     Path("settings.toml").write_text(f'period = {PERIOD}\norder = 2\nstates = ["X"]\nchannels = ["X", "Y"]\n')
     low = {"code": 1, "message": "The model fails"}
@@ -243,6 +244,7 @@ def test_options_come_before_settings(here):
     assert typed("identify good.npz --settings settings.toml --frequency 0.0001", code=2, message="shorter than") == ""
 
 
+@pytest.mark.slow
 def test_frequency_is_one_over_the_period(here):
     by_period = strict_json(typed("identify good.npz --period 6.25 --rate 1.28 --format json"))
     by_frequency = strict_json(typed("identify good.npz --frequency 0.16 --rate 1.28 --format json"))
@@ -431,6 +433,7 @@ def test_a_terminal_that_cannot_show_greek(here, monkeypatch):
     assert "Re \\u03bb [1/s]" in ended.stdout
 
 
+@pytest.mark.slow
 def test_the_legend_says_how_it_was_finished(here):
     free, held = (" ".join(typed(f"{GOOD}{option} --verbose").split()) for option in (" --no-constrained", ""))
     assert "harmonics of the shape that rise above the noise." in free

@@ -108,6 +108,7 @@ def test_states_that_are_too_few_lose_no_search(file, capsys):
     assert "A(t) [" not in said
 
 
+@pytest.mark.slow
 def test_lines_of_a_revolution_of_two_periods(tmp_path, capsys):
     values, inputs = record_of(mathieu(), 100, 20, 0.02, 0)
     values += 20.0 * values.std() * imbalance_of(mathieu(), 100, 20)
@@ -124,6 +125,7 @@ def test_lines_of_a_revolution_of_two_periods(tmp_path, capsys):
     assert "Warning" not in said
 
 
+@pytest.mark.slow
 def test_a_model_that_was_found_to_be_wrong_is_exit_code_one(tmp_path, capsys):
     """The force is measured with noise; the result is printed all the same."""
     values, inputs = record_of(mathieu(), 40, 20, 0.02, 0)

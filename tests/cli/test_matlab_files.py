@@ -26,6 +26,7 @@ def exponents(words):
     return np.array([mode["exponent"] for mode in modes])
 
 
+@pytest.mark.slow
 def test_the_rotor_of_the_paper_saved_by_matlab(here):
     """`save run.mat values sample_rate channels`, then one command."""
     record = JeffcottRotor().simulate(n_periods=128, noise=0.02, seed=0)

@@ -62,6 +62,7 @@ def test_the_structure_is_printed_with_its_fit_and_its_parameters(rotor):
     assert max(len(line) for line in text.splitlines()) <= 80
 
 
+@pytest.mark.slow
 def test_every_element_has_its_largest_deviation_below_it(rotor):
     text = typed(f"{IDENTIFY} --states X,Y --out new")
     state = floquid.load("new/result.h5").state
@@ -119,6 +120,7 @@ def test_delayed_states_say_what_they_are(rotor):
     assert max(len(line) for line in text.splitlines()) <= 80
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("options", "words"),
     [

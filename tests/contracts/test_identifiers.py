@@ -46,10 +46,16 @@ WITHOUT_COVARIANCE = (ERA, LSCF, PolyLSCF)
 TWICE = {"AMI, any rank", "AMI, then ML", "LSCF, then ML", "PolyLSCF, any rank"}
 """Each identifier takes part, and a start of each kind for ML: other options have a turn with the slow tests."""
 
-EVERY = pytest.mark.parametrize(
-    "identifier",
-    [pytest.param(own, id=name, marks=[pytest.mark.slow] * (name in TWICE)) for name, own in TABLE.items()],
-)
+
+def each(*slow):
+    """All identifiers; those that are named `slow` here, whose law others show in less time, with the slow tests."""
+    marks = {name: [pytest.mark.slow] * (name in {*TWICE, *slow}) for name in TABLE}
+    return pytest.mark.parametrize(
+        "identifier", [pytest.param(own, id=name, marks=marks[name]) for name, own in TABLE.items()]
+    )
+
+
+EVERY = each()
 DECIDES = pytest.mark.parametrize("identifier", [i for i in IDENTIFIERS if i.decides])
 DOES_NOT = pytest.mark.parametrize("identifier", [i for i in IDENTIFIERS if not i.decides])
 
@@ -254,7 +260,7 @@ def test_the_unit_of_time_does_not_matter(identifier):
     assert_allclose(other.poles, found.poles / 8.0, rtol=1e-12)
 
 
-@EVERY
+@each("AMI")
 def test_the_order_of_the_responses_does_not_matter(identifier):
     full, data, found = exact(identifier, SETS["mixed"])
     turned = TimeResponses(values=data.values[::-1, ::-1], dt=DT, noise=data.noise[::-1, ::-1])

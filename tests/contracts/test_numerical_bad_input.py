@@ -151,6 +151,7 @@ def test_three_phases_that_add_up_to_zero_are_found_at_once(settings, monkeypatc
     assert names == ["a", "b"]
 
 
+@pytest.mark.slow
 def test_channels_that_modes_without_noise_make_sums_of_are_kept():
     """Twelve terms make thirteen of 24 channels sums of the others, but none of noise."""
     values = response(channels=24, noise=0.0)
@@ -158,6 +159,7 @@ def test_channels_that_modes_without_noise_make_sums_of_are_kept():
     assert len(fq.identify(given, period=2.0).model.channels) == 24
 
 
+@pytest.mark.slow
 def test_channels_that_share_half_of_their_noise_are_let_pass():
     v = response()
     own = NOISE * np.abs(v[0]).max() * np.random.default_rng(5).standard_normal(v.shape[1])
@@ -199,6 +201,7 @@ def test_a_decay_in_noise_that_the_structure_makes_itself_is_no_noise(seed):
     assert np.abs(np.abs(found.model.exponents.imag) / (2.0 * np.pi) - 3.1).min() < 0.05
 
 
+@pytest.mark.slow
 def test_sensors_that_share_most_of_their_noise_are_warned_of_and_kept():
     found = fq.identify(struck(ambient=0.0, own=5e-4, common=0.01, second=1.0))
     assert any("deviations are too small" in words for words in found.warnings)

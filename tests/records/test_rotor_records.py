@@ -76,6 +76,7 @@ def check(name, seed):
     return model
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["rotor_1900rpm", pytest.param("rotor_650rpm", marks=pytest.mark.slow)])
 def test_every_mode_that_can_be_seen_is_found_and_no_confident_one_is_false(name):
     check(name, 0)

@@ -158,6 +158,7 @@ def test_a_harmonic_left_out():
     assert found.lines[:, 0, line].max() > 10.0
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("per_revolution", "turn", "words"), [(1.0, 3.0, "3"), (2.0, 1.5, "3"), (0.5, 1.0, "1/2")])
 def test_a_forced_response_left(per_revolution, turn, words):
     tone = np.zeros((4, 1))
@@ -210,6 +211,7 @@ def test_coloured_noise_is_named_and_a_filter_makes_it_white():
     assert np.abs(after.colour).max() < 0.02
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("first", [0.0, 0.9])
 def test_a_filter_may_take_phase_zero_away(first):
     """Records that begin just before phase zero: what the filter needs lies before, and the model counts from there."""
@@ -227,6 +229,7 @@ def test_a_clipped_record():
     assert "in the first part. Likely: modes" in said(found).replace("most ", "")
 
 
+@pytest.mark.slow
 def test_a_wrong_period_that_was_trusted():
     record = noisy()
     wrong = replace(record, sample_rate=record.sample_rate / 1.0027)
@@ -397,6 +400,7 @@ def test_a_mistake_of_ours_is_not_swallowed(monkeypatch):
         identify(ROTOR.simulate(n_periods=40, samples_per_period=8, noise=0.02, seed=1))
 
 
+@pytest.mark.slow
 def test_records_as_they_were_sampled():
     """Missing samples, and a period that is no whole number of samples."""
     values = noisy().values[:, : 60 * PHASES].copy()
@@ -530,6 +534,7 @@ def test_a_filter_has_the_gain_that_is_told():
     assert_allclose(out[0], (gain * np.exp(rate * np.arange(2, 20) * 0.3)).real)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("times", [1, 2, 3])
 def test_a_period_that_holds_several_is_told(times):
     rotor = JeffcottRotor()

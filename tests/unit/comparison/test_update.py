@@ -111,6 +111,7 @@ def test_a_direction_that_exponents_do_not_depend_on_is_named():
     assert found.p > 1e-3
 
 
+@pytest.mark.slow
 def test_a_prior_holds_such_a_direction_and_is_in_the_deviations():
     """Of what the data cannot tell the deviation is that of the prior, carried to the others along the direction."""
     given = start(np.random.default_rng(0), off=0.002) | {"support_x": Parameter(value=1.01, prior_std=0.01)}

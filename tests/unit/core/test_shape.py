@@ -65,6 +65,7 @@ def test_the_free_factor_is_fixed(unequal):
         model.shape(2)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", ["pairs", "locked", "blade"])
 def test_deviations_are_those_of_brute_force(oracle, name):
     """Of shares of lines, which no factor moves, for a pair and its conjugate, and for real multipliers."""

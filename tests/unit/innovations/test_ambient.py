@@ -52,6 +52,7 @@ def test_exponents_of_outputs_alone_are_within_their_deviations(analysis):
     assert np.array_equal(analysis.model.coefficient_std[0].max(axis=-1) > 0.0, [[True]])
 
 
+@pytest.mark.slow
 def test_settings_and_options_say_the_same(values, analysis):
     found = identify(record_from(values), Settings(excitation="ambient"))
     assert np.array_equal(found.model.exponents, analysis.model.exponents)
@@ -104,6 +105,7 @@ def test_a_copy_of_a_mode_that_outlasts_a_period_fails(analysis, decay, severity
     assert not [own for own in told if own.code == "ambient_alike"]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("decay", "turn", "reached", "told"),
     [
@@ -190,6 +192,7 @@ def test_a_line_at_the_speed_is_taken_off(values):
     assert "steady_beside_inputs" in {finding.code for finding in found.findings}
 
 
+@pytest.mark.slow
 def test_a_measured_shaft_gives_the_angle(values):
     turned = np.arange(values.shape[1]) * 360.0 / PHASES % 360.0
     record = record_from(np.concatenate([values, turned[None]]), names=("x", "shaft"))
@@ -228,6 +231,7 @@ def test_a_period_of_two_is_refused_with_the_half(values):
         identify(record_from(values), period=2.0 * SYSTEM.period, excitation="ambient")
 
 
+@pytest.mark.slow
 def test_a_period_that_is_slightly_off_fails_with_its_own(values):
     found = identify(record_from(values), period=SYSTEM.period * 1.0008, validate=False, excitation="ambient")
     told = [own for own in found.findings if own.code == "wrong_period"]
@@ -435,7 +439,7 @@ def test_a_prediction_that_grows_fails(values, monkeypatch):
     assert "of samples left out of the fit grows" in " ".join(found.summary().split())
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("short", "told"), [(2.5, Severity.FAILURE), (0.9, Severity.WARNING), (0.4, None)])
 def test_a_fit_that_is_not_at_its_maximum_isexcitation_of(short, told, values, monkeypatch):
     monkeypatch.setattr(Fit, "short", lambda self, number: short)
@@ -443,6 +447,7 @@ def test_a_fit_that_is_not_at_its_maximum_isexcitation_of(short, told, values, m
     assert [one.severity for one in found.findings if one.code == "ambient_short"] == [told] * (told is not None)
 
 
+@pytest.mark.slow
 def test_measured_inputs_without_other_forces_are_predicted():
     """The gain of the innovations is next to none, and a period of the predictor not normal: it does not grow."""
     forces = np.random.default_rng(0).standard_normal((1, 60 * PHASES))

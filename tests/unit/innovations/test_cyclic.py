@@ -20,6 +20,7 @@ def samples_in(*records):
     return samples_of(list(records), inputs, [0.0] * len(records), step=0.125, fundamental=2.0 * np.pi)
 
 
+@pytest.mark.slow
 def test_innovations_turn_with_the_past_as_often_as_the_probability_says(monkeypatch):
     monkeypatch.setattr(_cyclic, "SURE", 0.5)
     values, drive = response_of(np.random.default_rng(0), 4000)

@@ -62,6 +62,7 @@ def test_parts_of_the_samples_add_up_to_all(monkeypatch):
         assert np.abs(np.asarray(found, float) - whole[what]).max(initial=0.0) < 1e-8 * size, what
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("of", [first_innovations, repetition, lambda own: normal_of(own, at_start(own))])
 def test_memory_does_not_grow_with_the_parameters(of, monkeypatch):
     """Regressors of all lags would take over 100 times the data, slopes by all parameters, too, matrices 20 times."""

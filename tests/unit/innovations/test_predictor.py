@@ -159,7 +159,7 @@ def test_a_fit_from_beside_comes_back_within_its_deviations(case):
     assert (np.abs([gap.real, gap.imag]) < 4.0 * spread).all()
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [5, 6, 7])
 def test_a_fit_that_has_ended_gains_nothing_more_and_one_that_has_not_is_told(seed):
     generator, times = np.random.default_rng(seed), 0.4 + STEP * np.arange(3000)
@@ -178,6 +178,7 @@ def test_a_fit_that_has_ended_gains_nothing_more_and_one_that_has_not_is_told(se
     assert off.short(0) > 0.5
 
 
+@pytest.mark.slow
 def test_a_fit_that_will_not_come_as_far_as_it_must_is_given_up(case):
     samples, at, _ = case
     aside = [replace(mode, exponent=mode.exponent - 0.3, shape=0.3 * mode.shape) for mode in at.modes]

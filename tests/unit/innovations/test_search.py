@@ -48,6 +48,7 @@ def test_of_many_outputs_there_are_candidates():
     assert (gap.min(axis=0) < 1.5 * np.abs(system.exponents().real)).all()
 
 
+@pytest.mark.slow
 def test_many_outputs_in_a_short_record_are_predicted_by_less_of_the_past():
     """Four samples of the past were too many: innovations were zero, their correlations no numbers."""
     _, samples = many(100)

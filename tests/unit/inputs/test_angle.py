@@ -71,6 +71,7 @@ def test_an_azimuth_beside_an_orbit_is_as_good_as_it_needs_to_be(wandering, meas
     assert not {"vague_angle", "angle_alike"} & set(told(found))
 
 
+@pytest.mark.slow
 def test_inputs_that_act_at_once_are_no_steady_response(wandering):
     values, inputs, angle = wandering
     channels = [Channel(name="y", unit="m/s^2", quantity="acceleration"), Channel(name="F", unit="N"), "shaft"]

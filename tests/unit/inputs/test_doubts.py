@@ -36,6 +36,7 @@ def test_inputs_at_other_instants_are_named(moved, hold, words):
     assert any(words in text for text in found.warnings)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("moved", "seed"), [(1, 6), (-1, 1)])
 def test_short_and_noisy_records_do_not_take_up_a_delay_without_a_word(moved, seed):
     system = mathieu()
@@ -46,6 +47,7 @@ def test_short_and_noisy_records_do_not_take_up_a_delay_without_a_word(moved, se
     assert not found.passed
 
 
+@pytest.mark.slow
 def test_two_real_multipliers_that_may_be_a_pair_are_told():
     # From 0.0142 on both come so near each other that rounding decides whether their decays are determined.
     system = creeping(0.01415)
@@ -67,6 +69,7 @@ def test_outputs_too_noisy_to_show_the_first_samples_of_an_answer_do_not_tell_th
     assert "b would differ by" in found.warnings[0]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("hold", ["zero", "first"])
 def test_a_smooth_force_does_not_tell_what_it_is_between_the_samples(hold):
     """A direct term takes up half a sample: G was a tenth off, and nothing said so."""
@@ -127,6 +130,7 @@ def test_a_spring_that_hardens_is_named(steady, seed, late):
     assert ("inputs_instants" in codes(found)) == late
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [6, pytest.param(7, marks=pytest.mark.slow)])
 def test_noise_on_an_input_is_told_of_many_outputs_too(seed):
     """Squares gain by chance the more the more outputs there are, and kept that noise from being told."""
@@ -167,6 +171,7 @@ def test_what_drives_the_system_beside_the_inputs_is_named(on_input, beside):
     assert any("noise on the measured inputs" in text for text in found.warnings)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("share", "told"), [(0.003, {"inputs_noise"}), (0.0, set())])
 def test_a_little_noise_on_inputs_is_a_warning(share, told):
     system = mathieu()
@@ -177,7 +182,7 @@ def test_a_little_noise_on_inputs_is_a_warning(share, told):
     assert codes(found) == told
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "share"), [(3, 0.2), (1, 0.1)])
 def test_noise_on_inputs_is_named_first_and_no_other_instants_are(seed, share):
     """Samples of the inputs at other instants explained more of these records, too, and were named beside."""
@@ -191,6 +196,7 @@ def test_noise_on_inputs_is_named_first_and_no_other_instants_are(seed, share):
     assert "inputs_instants" not in told
 
 
+@pytest.mark.slow
 def test_what_rounding_leaves_is_no_noise_that_drives():
     """Inputs written to six digits, and no noise: what is left has the colour of the modes, and is no noise."""
     system = mathieu()
@@ -200,6 +206,7 @@ def test_what_rounding_leaves_is_no_noise_that_drives():
     assert not codes(found)
 
 
+@pytest.mark.slow
 def test_one_blow_does_not_tell_how_the_input_reaches_the_modes():
     system = mathieu()
     forces = np.zeros((1, PERIODS * PHASES))
@@ -238,6 +245,7 @@ def test_a_blow_after_a_rest_came_in_time():
     assert "inputs_began" not in codes(found)
 
 
+@pytest.mark.slow
 def test_an_input_of_a_constant_system_is_told():
     """Its one b is the scale of the mode, and has no deviation."""
     system = mathieu()
@@ -276,6 +284,7 @@ def test_inputs_that_were_measured_from_later_on_alone_fail(share, seed):
     assert "inputs_began" in codes(found)
 
 
+@pytest.mark.slow
 def test_inputs_that_begin_late_after_rest_pass():
     system = mathieu()
     inputs = np.random.default_rng(30).standard_normal((1, 60 * PHASES))

@@ -118,6 +118,7 @@ def test_a_pair_that_stands_for_one_real_multiplier_becomes_it():
     )
 
 
+@pytest.mark.slow
 def test_a_real_multiplier_beside_a_pair_is_found():
     found, unfinished = searched(samples_from(mathieu_and_lag(), 160, 20, 0.02), LIMITS)
     assert not unfinished
@@ -134,6 +135,7 @@ def test_a_strong_harmonic_beyond_weak_ones_is_found():
     assert point.tried(far).value < point.value + 0.5 * far.change
 
 
+@pytest.mark.slow
 def test_a_move_that_promises_less_than_noise_that_drives_is_none(monkeypatch):
     point = begun(two_masses())[1]
     promised = -min(move.change for move in additions(point))

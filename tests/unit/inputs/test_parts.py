@@ -78,6 +78,7 @@ def peak_of(of, data):
     return peak / data
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_parameters(monkeypatch):
     """The slopes of one channel by all parameters, or of all states, would each take 15 times the data."""
     monkeypatch.setattr("floquid.inputs._samples.BLOCK", 2**16)

@@ -70,6 +70,7 @@ def test_the_variance_of_a_force_beside_is_that_of_the_force():
     assert unmeasured(with_force_beside(0.0)) == 0.0
 
 
+@pytest.mark.slow
 def test_deviations_count_a_force_beside():
     """Errors of 30 exponents over their deviations: those of white noise are too small."""
     true, pulls = mathieu().exponents(), []

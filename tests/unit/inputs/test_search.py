@@ -40,7 +40,7 @@ def test_a_pair_of_conjugates():
     assert found.passed
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("outputs", [4, 20, 6])
 def test_a_short_record_of_many_outputs(outputs):
     seen, system = np.random.default_rng(1).standard_normal((outputs, 4)), two_masses()
@@ -71,7 +71,7 @@ def test_a_record_without_noise_ends_and_is_right():
     assert pulls(mathieu(), found.model).max() < 1.0
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "offset"), [(1, 1.1e6), (0, 1e6)])
 def test_an_offset_however_large_is_no_mode_and_no_reason_for_more_noise(seed, offset):
     system = mathieu()
@@ -84,7 +84,7 @@ def test_an_offset_however_large_is_no_mode_and_no_reason_for_more_noise(seed, o
     assert beside.model.exponent_std == pytest.approx(alone.model.exponent_std, rel=0.05)
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("damping", [-0.01, -0.0125, -0.03])
 def test_a_mode_that_grows_by_several_nepers_passes(damping):
     """By 3.6 to 11: a fit that begins below three goes on beyond, and what is left out is predicted."""
@@ -136,6 +136,7 @@ def test_a_direct_term():
     assert pulls(system, found.model).max() < 4.0
 
 
+@pytest.mark.slow
 def test_a_free_decay_after_a_measured_blow():
     system = mathieu()
     blow = np.zeros((1, 40 * 24))
@@ -145,6 +146,7 @@ def test_a_free_decay_after_a_measured_blow():
     assert pulls(system, found.model).max() < 4.0
 
 
+@pytest.mark.slow
 def test_several_records_of_one_system():
     system = mathieu()
     records = []
@@ -157,6 +159,7 @@ def test_several_records_of_one_system():
     assert pulls(system, found.model).max() < 4.0
 
 
+@pytest.mark.slow
 def test_first_states_of_negative_multipliers_are_those_at_the_phase_where_a_record_begins():
     system = Driven(
         A=lambda t: np.array([[0.0, 1.0], [-(1.0 - 0.96 * np.cos(2.0 * t)), -0.48]]),
@@ -182,6 +185,7 @@ def test_first_states_of_negative_multipliers_are_those_at_the_phase_where_a_rec
     assert first == pytest.approx(values[0, begin], abs=0.1 * values.std())
 
 
+@pytest.mark.slow
 def test_an_orbit_beside_the_inputs_is_no_mode():
     system = mathieu()
     values, inputs = record_of(system, 60, 20, 0.02, 3)
@@ -193,6 +197,7 @@ def test_an_orbit_beside_the_inputs_is_no_mode():
     assert "steady_beside_inputs" in [own.code for own in found.findings]
 
 
+@pytest.mark.slow
 def test_a_line_of_the_mains_fails():
     """It came out as a mode that hardly decays, and passed."""
     system = mathieu()
@@ -219,7 +224,7 @@ def test_a_mode_that_no_input_reaches_is_named():
     assert "No measured input reaches the mode" in found.warnings[0]
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("outputs", "forces"), [(1e-9, 1e6), (1e6, 1.0), (1e-9, 1.0), (1.0, 1e6), (1.0, 1e-9)])
 def test_units_change_nothing(outputs, forces):
     system = mathieu()

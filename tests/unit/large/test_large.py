@@ -60,6 +60,7 @@ def small_part(monkeypatch):
     monkeypatch.setattr(_part, "SAMPLES", 6 * 300 * PHASES)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("constrained", [False, True])
 def test_it_agrees_with_the_fit_in_memory(constrained, tmp_path):
     record = decay()
@@ -117,6 +118,7 @@ def test_a_search_without_time_goes_on_with_what_it_has_and_fails(tmp_path):
 SHIFTED = ConstantPeriod(period=1.0, origin=-0.3)
 
 
+@pytest.mark.slow
 def test_the_model_is_that_of_the_record_in_memory(tmp_path):
     record = decay([-0.003 + 4.98j, -0.003 + 4.99j, -0.01 + 1j * np.pi], cycles=300, noise=0.05).with_clock(SHIFTED)
     found = fq.identify_large(lazy(record, clock=SHIFTED), tmp_path / "r.h5")
@@ -164,6 +166,7 @@ def test_a_model_that_has_no_room_is_refused(tmp_path, monkeypatch):
     assert len(found.model_of(slice(0, 2)).channels) == 2
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small_part")
 def test_results_are_loaded_compared_and_followed(tmp_path):
     path = tmp_path / "r.h5"
@@ -187,6 +190,7 @@ def checked(record, tmp_path, *, period=1.0, order=None):
     return fq.identify_large(lazy(record, clock=ConstantPeriod(period=period)), tmp_path / "r.h5", order=order)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small_part")
 def test_modes_in_no_single_channel_and_loud_noise_pass(tmp_path):
     """A slow decay in loud noise is random to whoever looks at a part of it; a mode that it hides is no reason."""
@@ -198,6 +202,7 @@ def test_modes_in_no_single_channel_and_loud_noise_pass(tmp_path):
     assert "(6 of 40 channels, 300 of 600 periods): passes." in found.summary()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("small_part")
 def test_a_mode_that_the_part_cannot_show_is_no_reason(tmp_path, monkeypatch):
     monkeypatch.setattr(_part, "CHANNELS", 1)
@@ -259,6 +264,7 @@ def test_parts_of_channels_and_of_cycles_give_the_same(tmp_path, monkeypatch):
     assert_allclose(parts.residues(), whole.residues(), rtol=1e-5, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_deviations_hold_a_wrong_start(tmp_path, monkeypatch):
     """A mutant of the start: poles that are off by many deviations take a further sweep, and end at the same."""
     record, found = lazy(decay()), _identify._found

@@ -74,6 +74,7 @@ def found_filter(responses, model):
     return whitening_filter(responses, fit_residues(model.multipliers, responses.responses))
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None)
 @given(
     taps=st.lists(st.floats(-0.8, 0.8), min_size=1, max_size=5),
@@ -301,6 +302,7 @@ def test_what_is_scanned_is_whitened():
     assert lifted_of(records(model, noise=0.1)).whitening is None
 
 
+@pytest.mark.slow
 def test_the_filter_is_stored(tmp_path):
     found = identify(records(system(), noise=0.05, colour=(-0.9,)), noise_floor=1e-6)
     save(found, tmp_path / "r.h5")

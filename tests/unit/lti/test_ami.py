@@ -156,7 +156,7 @@ def slow_composites(data, model):
     return curves / (outputs * inputs)
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("lengths", [(30, 30), (30, 21), (12, 29)])
 def test_composites_are_the_mean_magnitudes_of_data_model_and_difference(lengths):
     _, data = ringing([-0.05 + 1.0j, -0.1], outputs=3, inputs=2, samples=30, lengths=lengths)
@@ -384,7 +384,7 @@ def test_two_modes_of_equal_poles_are_two_where_two_inputs_tell_their_shapes_apa
     assert farthest(anyhow.multipliers, full[:2]) < 1e-3
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("lengths", [None, [200, 90, 150]])
 def test_residues_of_several_inputs_are_outer_products(lengths):
     _, data = ringing(SYSTEMS["a pair and both real kinds"], inputs=3, lengths=lengths)
@@ -455,6 +455,7 @@ def test_more_modes_than_are_allowed_are_an_outcome():
 # A fixed order.
 
 
+@pytest.mark.slow
 def test_fewer_poles_than_there_are():
     """The strongest stay."""
     full, data = ringing([-0.02 + 1.0j, -0.03 + 2.0j, -0.1], sizes=[1.0, 0.3, 0.2])
@@ -466,7 +467,7 @@ def test_fewer_poles_than_there_are():
     assert (alone.order, alone.outcome) == (2, Outcome.ORDER_UNREACHED), "a clear pair cannot be halved"
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("order", [4, 5, 6])
 def test_more_poles_than_there_are_leave_the_true_ones_where_they_were(order):
     full, data = ringing([-0.02 + 1.0j, -0.03], sizes=[1.0, 0.5])
@@ -503,7 +504,7 @@ def test_refining_keeps_the_outcome_and_the_order_zero():
     assert (refined.order, refined.outcome) == (0, Outcome.NO_MODE)
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", ["three pairs", "a pair and both real kinds", "a half-power width apart"])
 @pytest.mark.parametrize("inputs", [1, 2])
 def test_the_finish_of_maximum_likelihood_has_its_own_poles(name, inputs):

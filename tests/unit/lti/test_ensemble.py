@@ -36,7 +36,7 @@ def test_four_poles_of_responses_that_last_three_samples():
     assert free.extract(free.prepare(data)).order < 4
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seeds", [5, 20])
 def test_errors_are_as_large_as_their_deviations(seeds):
     pulls = []

@@ -367,7 +367,7 @@ def test_the_directions_above_the_noise_are_those_of_the_modes(kind, factor):
     assert found.rank(15) == 15
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @BOTH
 def test_an_undamped_mode_is_one_root(kind):
     """Both denominators are asked at the unit circle, and what they answer is one mode."""

@@ -269,6 +269,7 @@ def test_a_search_ends_with_the_poles_so_far_when_its_time_is_over():
     assert found.order > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pairs", [26, pytest.param(30, marks=pytest.mark.slow)])
 def test_many_modes_are_no_residual_that_is_not_white(pairs):
     generator = np.random.default_rng(pairs)
@@ -280,6 +281,7 @@ def test_many_modes_are_no_residual_that_is_not_white(pairs):
     assert farthest(found.multipliers, truth) < 1e-2
 
 
+@pytest.mark.slow
 def test_a_mode_that_outlasts_the_energy_of_the_others_is_fitted_to_its_end():
     """5000 samples: the first pair is gone after 100, the second is a third of the noise and lasts for 3000."""
     slow, fast = np.exp(-0.001 + 2.0j), np.exp(-0.05 + 1.0j)

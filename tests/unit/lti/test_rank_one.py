@@ -95,6 +95,7 @@ def test_no_mode_is_made_where_the_multipliers_differ(logs, noise):
         assert model.order == len(full(logs))
 
 
+@pytest.mark.slow
 def test_no_mode_is_made_of_coloured_noise():
     """At the frequency of a mode red noise is stronger than its mean says."""
     for seed in range(6):
@@ -195,6 +196,7 @@ def test_refining_on_another_noise_keeps_them_apart():
     assert farthest(refined.multipliers, model.multipliers) < 1e-6
 
 
+@pytest.mark.slow
 def test_the_chain_finds_both_from_two_records_and_one_from_one():
     """A symmetric rotor: two modes of one exponent, each with its own periodic shape."""
     generator = np.random.default_rng(0)

@@ -130,6 +130,7 @@ def test_bad_records_cost_one_record_each(found):
     assert len(record_rows(bad)) == 60
 
 
+@pytest.mark.slow
 def test_scatter_of_the_baseline_is_allowed_for():
     """Of three deviations in one feature, in any order, a mode missing now and then."""
     scatter = np.random.default_rng(5).standard_normal(RECORDS)
@@ -162,6 +163,7 @@ def test_order_by_a_quantity_and_a_survey(found):
     np.testing.assert_allclose(followed.charts.t2, found.charts.t2, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_amounts_grow_with_the_crack():
     points = points_of(lambda k: 2.0 * max(0, k - 30))
     found = monitored(points)

@@ -73,6 +73,7 @@ def test_noise_alone_holds_no_mode(kind):
         assert identifier.extract(identifier.prepare(data)).outcome is Outcome.NO_MODE
 
 
+@pytest.mark.slow
 def test_without_whitening_coloured_noise_passes_for_modes(monkeypatch):
     """What the right estimator is spared."""
     monkeypatch.setattr("floquid.lti.likelihood._maximum_likelihood.whitening_of", lambda _: None)

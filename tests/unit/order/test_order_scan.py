@@ -72,6 +72,7 @@ def shares_that_stay(seeds=range(5), **changes):
 # Stability.
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("inputs", "noise"), [(1, 0.02), (2, 0.02), (1, 0.1)])
 def test_true_poles_stay_and_poles_of_noise_mostly_do_not(inputs, noise):
     true, false = shares_that_stay(inputs=inputs, noise=noise)
@@ -213,6 +214,7 @@ def test_any_identifier_is_scanned_and_prepared_once(identifier, monkeypatch):
     assert found.n_stable[-1] >= 7
 
 
+@pytest.mark.slow
 def test_an_identifier_of_rank_one_is_given_residues_of_rank_one():
     """Weights that differ from hit to hit would turn the shapes: AMI, which relies on them, would not end."""
     data = decays(inputs=2, samples=100)

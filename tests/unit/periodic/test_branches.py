@@ -27,7 +27,7 @@ def synthetic(*, strongest=1, wander=2e-3, noise=1e-3, seed=0, second=0.0):
     return exponent, Record(values=values, sample_rate=24.3, channels=names, clock=AzimuthSignal(channel="azimuth"))
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("strongest", [1, -1])
 def test_a_mode_is_on_the_branch_that_does_not_follow_the_speed(strongest, monkeypatch):
     exponent, record = synthetic(strongest=strongest)

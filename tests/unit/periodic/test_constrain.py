@@ -275,6 +275,7 @@ def test_what_right_bands_leave_is_noise():
     assert np.std(misfits) > 1e-3
 
 
+@pytest.mark.slow
 def test_harmonics_that_are_held_out_are_warned_of():
     made = records(system(channels=3), noise=0.03)
     assert not any("times the noise" in words for words in identify(made, constrained=True).warnings)
@@ -290,6 +291,7 @@ def test_a_fit_that_runs_away_is_refused():
         refit(near(model, lifted, off=0.0), lifted=lifted)
 
 
+@pytest.mark.slow
 def test_a_constrained_result_is_stored(tmp_path):
     found = identify(records(system(real=[(-0.05, 1)]), noise=0.02), constrained=True)
     save(found, tmp_path / "r.h5")

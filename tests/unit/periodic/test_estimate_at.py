@@ -80,6 +80,7 @@ def test_samples_and_lifted_samples_say_the_same(found, known):
     assert sampled.covariance == pytest.approx(lifted.covariance, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_real_multipliers_stay_real():
     """A negative and a positive one beside a pair: their imaginary parts are no parameters."""
     t = np.arange(80 * 10) / 10.0

@@ -99,6 +99,7 @@ def test_the_forced_response_subtracted_before_would_bend_the_modes():
     assert np.abs(pulls(bent.model, std=joint.model.exponent_std)).max() > 4.0
 
 
+@pytest.mark.slow
 def test_missing_samples_have_exact_weights():
     given = record(noise=0.02)
     values = np.array(given.values)
@@ -136,6 +137,7 @@ def test_a_free_period_comes_with_its_deviation():
     assert np.sqrt(np.mean(np.square(every))) == pytest.approx(1.0, abs=0.5)
 
 
+@pytest.mark.slow
 def test_it_says_when_the_period_is_another():
     off = 1e-3
     found = fit([record(noise=0.02)], [ConstantPeriod(period=PERIOD * (1.0 + off))], forced="none", order=4)
@@ -248,6 +250,7 @@ def test_a_mode_of_as_many_harmonics_as_a_period_has_samples_is_one(samples):
     assert np.abs(pulls(model, [exponent])).max() < 4.0
 
 
+@pytest.mark.slow
 def test_times_far_from_zero_lose_no_digits():
     """Where time itself is known to 0.1 ms only, samples are as far apart as ever."""
     here = record(n=300, noise=1e-3)

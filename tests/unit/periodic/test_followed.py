@@ -36,6 +36,7 @@ def test_small_deviations_are_held_to_the_second_power_of_their_pace(pace):
     assert least < most / 6.0
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("pace", [0.2, 0.4])
 def test_their_squares_are_held_to_the_first_power(pace):
     def squares(pace):

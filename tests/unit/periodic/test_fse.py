@@ -67,6 +67,7 @@ class TestRotor:
             assert family.exponent_std.real < family.line_std.real.min()
             assert family.exponent_std.imag < family.line_std.imag.min()
 
+    @pytest.mark.slow
     def test_the_families_agree_with_the_spacing(self, rotor):
         right = fse([rotor], period=2 * np.pi)
         assert right.degrees == 8

@@ -92,6 +92,7 @@ def test_the_residual_has_the_cost(one):
         assert np.sum(residual**2, axis=1) == pytest.approx(left, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_brief_hits_reach_the_truth_where_residues_of_their_own_are_not_determined():
     """Twelve hits of two periods, five numbers a channel and mode: each hit alone determines nothing."""
     hits = Hits.drawn([-1.2 + 2.1j, -0.9 + 4.0j], 12, 2, width=2, noise=0.01)

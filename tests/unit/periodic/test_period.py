@@ -56,7 +56,7 @@ class TestTold:
         assert found.model.order == 6
         assert found.model.period == found.period
 
-    @pytest.mark.first(1)
+    @pytest.mark.slow
     @pytest.mark.parametrize("unit", [1e-3, 1e3])
     def test_the_unit_of_time_does_not_matter(self, unit):
         record, one = of_three()
@@ -66,6 +66,7 @@ class TestTold:
         assert scaled.told
         assert scaled.period == pytest.approx(unit * one.period, rel=1e-9)
 
+    @pytest.mark.slow
     def test_the_declared_period_is_not_looked_at(self):
         record, one = of_three()
         found = estimate_period([record.with_clock(ConstantPeriod(period=0.8))])
@@ -73,6 +74,7 @@ class TestTold:
         assert abs(found.period - 1.0) < 5.0 * found.period_std
         assert found.period == one.period
 
+    @pytest.mark.slow
     def test_the_half_revolution_of_a_shaft_with_two_equal_halves(self):
         # Counted by a revolution of 2 s, only even harmonics are there: the largest fundamental is the one.
         twofold = record_of(THREE, width=2)
@@ -81,6 +83,7 @@ class TestTold:
         assert found.candidates[1].period == pytest.approx(2.0, abs=1e-3)
         assert found.candidates[0].evidence > found.candidates[1].evidence
 
+    @pytest.mark.slow
     def test_every_second_harmonic_missing_doubles_the_fundamental(self):
         found = estimate_period([record_of(THREE, width=2, empty=(-1, 1))])
         assert found.told
@@ -108,12 +111,14 @@ class TestTold:
         with pytest.raises(InputError, match="`level`"):
             found.interval(1.0)
 
+    @pytest.mark.slow
     def test_bounds_leave_out_what_is_outside(self):
         found = estimate_period([record_of(THREE, width=2)], shortest=1.5, longest=2.5)
         assert found.period == pytest.approx(2.0, abs=1e-3)
 
 
 class TestForced:
+    @pytest.mark.slow
     def test_tones_are_told_apart_and_do_no_harm(self):
         record = record_of(THREE, width=1)
         tones = 4.0 + 5.0 * np.cos(np.pi * record.times + 0.3) + np.cos(2 * np.pi * record.times)

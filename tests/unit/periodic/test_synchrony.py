@@ -85,6 +85,7 @@ def test_a_period_wrong_by_1e_4_is_refused_and_the_true_one_named(rotor, wrong):
     assert std < 2e-4
 
 
+@pytest.mark.slow
 def test_a_period_that_is_trusted_is_warned_of_instead(rotor):
     record = sampled(rotor, TRUE_PERIOD / 50 * (1.0 + 1e-4))
     analysis = identify(record, trust_period=True, validate=False)
@@ -92,6 +93,7 @@ def test_a_period_that_is_trusted_is_warned_of_instead(rotor):
     assert "does not repeat with the period given" in analysis.warnings[0]
 
 
+@pytest.mark.slow
 def test_the_papers_step_taken_literally_is_refused_and_the_true_period_named(rotor):
     """Δt = 0.126 is 2π/50 rounded: a period wrong by 0.27 %, which tears each harmonic into a mode of its own."""
     with pytest.raises(IdentificationError, match="does not repeat with the period given") as error:
@@ -117,7 +119,7 @@ def analysed(record, *, harmonics=None):
     return assemble(modal, lifted, harmonics=harmonics), lifted
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("relative", [-1e-3, -2e-4, 2e-4, 1e-3])
 def test_drift_estimates_a_small_difference_without_bias(relative):
     """(own - given)/given, over draws of the noise: the mean within what the deviation of the mean allows."""

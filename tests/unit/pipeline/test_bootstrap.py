@@ -111,7 +111,7 @@ STRUCTURED = ["refined", "output error as given", "refined with gaps"]
 # Draws.
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", ["lifted", "two hits", "gaps", "tachometer"])
 def test_what_is_drawn_from_is_what_the_model_makes_of_the_record(name):
     """The records less it are noise, of the size that was found: the samples are those of the record."""
@@ -270,6 +270,7 @@ def test_deviations_of_a_t_said_too_large_are_a_fault_only_with_a_structure(name
     assert ("exceed the spread of the draws" in said) == holds
 
 
+@pytest.mark.slow
 def test_the_harmonics_of_a_t_and_the_delay_are_held():
     """A fifth of the draws would choose others for the free A(t), and each draw another delay."""
     for name, settings in (("lifted", {}), ("delayed", {"states": ["X"], "form": "delayed"})):
@@ -292,6 +293,7 @@ def test_states_that_come_out_otherwise_are_a_failure():
     assert failure == "The states of A(t) came out as X, Y, d/dt X, d/dt Y, and not as X, Y, d/dt X, d/dt Z."
 
 
+@pytest.mark.slow
 def test_a_structure_that_was_found_is_held():
     whole = analysis("output error")
     assert whole.settings.structure == "auto"
@@ -439,6 +441,7 @@ def test_the_numbers_do_not_depend_on_the_workers():
     assert told == [f"drawing: {n} of 20" for n in range(21)]
 
 
+@pytest.mark.slow
 def test_more_draws_begin_with_the_same_and_another_seed_is_another():
     short, other = (bootstrap(analysis(), draws=20, seed=seed, workers=1) for seed in (5, 6))
     assert_array_equal(short.exponents.draws, found().exponents.draws[:20])
@@ -563,6 +566,7 @@ def test_the_whole_again_has_clock_and_forced_response_as_they_were():
     assert 0.1 < np.abs(off).max() < 6.0
 
 
+@pytest.mark.slow
 def test_a_draw_of_the_whole_is_an_identification_of_its_record():
     plan = plan_of(analysis("gaps"), True)
     (seed,) = SeedSequence(5).spawn(1)

@@ -138,6 +138,7 @@ def test_a_first_value_may_be_given():
     assert abs(analysis.model.period - ROTOR.period) < 5.0 * analysis.period_std
 
 
+@pytest.mark.slow
 def test_a_level_is_straight_within_its_rounding_alone():
     """Edges are within half a sample of those of a steady shaft, whatever pattern the rounding makes."""
     rng = np.random.default_rng(1)

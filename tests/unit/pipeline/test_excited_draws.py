@@ -63,7 +63,7 @@ def test_the_deviations_of_a_right_fit_hold(kind, structure):
         assert np.median(checked.system.ratios()) == pytest.approx(1.0, abs=0.2)
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["inputs", "outputs alone"])
 def test_deviations_said_too_small_are_found(kind):
     right = found(kind)
@@ -153,6 +153,7 @@ def test_what_is_drawn_is_the_response_with_noise_of_its_size():
     assert ambient.refitted(values).at.noise[0, 0] == pytest.approx(ambient.at.noise[0, 0], rel=0.05)
 
 
+@pytest.mark.slow
 def test_a_search_ends_with_its_time_and_says_so():
     found = floquid.identify(record("inputs"), inputs=["F"], period=mathieu().period, seconds=1e-6)
     assert found.model.order

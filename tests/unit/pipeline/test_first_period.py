@@ -55,12 +55,13 @@ def test_modes_that_are_gone_after_a_period_do_not_bend_the_others(seed):
     assert analysis.records[0].start == pytest.approx(PERIOD)
 
 
+@pytest.mark.slow
 def test_all_is_kept_where_that_is_asked_for():
     with pytest.raises(IdentificationError, match="does not repeat with the period given"):
         identify(decays(SLOW, *FAST), skip=0, validate=False)
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("seed", range(6))
 def test_a_first_period_like_the_others_promises_nothing(seed):
     records = decays(SLOW, seed=seed)
@@ -69,6 +70,7 @@ def test_a_first_period_like_the_others_promises_nothing(seed):
     assert analysis.records[0].start == 0.0
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("left", [(1.0, 0.5), (30.0, 15.0)], ids=["beside noise", "far above it"])
 def test_a_residual_that_decays_on_promises_nothing(left, monkeypatch):
     """A share of the response itself: each period stands out against the next, and none would be the last."""

@@ -168,7 +168,7 @@ def test_a_channel_that_is_hardly_there_is_named():
         identify(both, excitation="ambient")
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_faults_are_mended_of_every_kind(kind, whole):
     """A spike, and a stretch at which the response stands still."""

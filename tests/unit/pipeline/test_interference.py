@@ -44,7 +44,7 @@ def test_mains_hum_is_named_and_no_mode(size, frequency):
     assert summary(found)["interference"] == [dict(tone.numbers)]
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [3, 19])
 def test_modes_that_do_not_decay_stay_modes_where_all_stand_still(seed):
     """Two of three were held as columns without a word, since their decay is not known to a share of itself."""

@@ -121,7 +121,7 @@ def test_an_orbit_of_two_periods_is_no_mode_where_the_period_is_given():
     assert not {"multiplier_one", "multiplier_minus_one"} & {own.code for own in analysis.findings}
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("decay", [1.4, 0.05])
 def test_a_mode_near_minus_one_that_decays_is_no_orbit(decay):
     # A real negative multiplier that hardly decays over the record: a parametric resonance near its edge.

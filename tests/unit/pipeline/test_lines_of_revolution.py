@@ -35,6 +35,7 @@ def turns_of(values, **options):
     return parted([record], Settings(inputs=("F",), **options))
 
 
+@pytest.mark.slow
 def test_lines_of_the_revolution_are_fitted_beside_the_modes(driven):
     found = identify(record_from(driven), period=SYSTEM.period, inputs=["F"], periods_per_revolution=2)
     assert found.model.order == 2
@@ -98,6 +99,7 @@ def test_a_line_that_nobody_told_of_is_told_with_the_remedy(driven):
     assert "`--forced none` leaves them to the modes" in for_command(found.warnings[0])
 
 
+@pytest.mark.slow
 def test_outputs_alone_of_a_tachometer_with_a_pulse_a_turn(monkeypatch):
     given = []
     monkeypatch.setattr("floquid.checks._modes.lines_of_revolution", lambda *own: given.append(own[-1]) or ())
@@ -141,6 +143,7 @@ def test_revolutions_of_more_periods_are_told_apart(turn, told):
     assert 1.0 / turn in finding.numbers["harmonics"]
 
 
+@pytest.mark.slow
 def test_lines_of_two_revolutions_are_none_of_one_that_holds_both():
     values, inputs = record_of(SYSTEM, 120, PHASES, 0.02, 0)
     for turn in (4, 5, 6):

@@ -191,6 +191,7 @@ def test_a_step_that_no_fit_can_tell_is_overruled(monkeypatch):
     assert "its own is 6.4 " in str(_doubts.wrong_period_fitted(many, lifted, prepared))
 
 
+@pytest.mark.slow
 def test_an_imbalance_that_is_left_in_is_named():
     """Half a revolution a period: the revolution is a multiplier of -1."""
     record = steady(60, imbalance=5.0)

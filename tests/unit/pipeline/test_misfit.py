@@ -89,6 +89,7 @@ def test_a_small_misfit_widens_every_deviation_alike(bent):
     assert not wide.failed
 
 
+@pytest.mark.slow
 def test_what_is_fitted_to_the_model_is_as_much_wider():
     """A(t) with a structure, also with the step on the record linearised anew."""
     structure = "stiffness 2 symmetric; damping 0"
@@ -142,6 +143,7 @@ def test_a_bootstrap_takes_wider_deviations_for_bounds(bent):
     assert any("they also count the residual's excess over noise" in reason for reason in wide.reasons)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("which", ["failing", "forced"])
 def test_a_model_that_fails_has_no_deviations(which, request):
     found = request.getfixturevalue(which)

@@ -25,7 +25,7 @@ def record(kind, which="plain"):
     """A record of a kind: two outputs, pulses and the angle of a shaft, and the force that was measured."""
     several = which == "several"
     if kind == "free":
-        found = ROTOR.simulate(n_periods=48, samples_per_period=PHASES, noise=0.01, seed=1)
+        found = ROTOR.simulate(n_periods=36, samples_per_period=PHASES, noise=0.01, seed=1)
         values, inputs, period = found.values, found.values[:0], ROTOR.period
     elif kind == "inputs":
         values, inputs = record_of(MASSES if several else SYSTEM, 40, PHASES, 0.05, 0)
@@ -240,6 +240,7 @@ def test_an_option_changes_the_state_matrix(kind, name):
     assert plain != built(kind, {**beside, name: value})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [pytest.param("inputs"), pytest.param("ambient", marks=pytest.mark.slow)])
 def test_a_search_stops_at_the_order(kind):
     plain = identify(record(kind, "several"), **KINDS[kind], validate=False)

@@ -35,7 +35,7 @@ def test_keywords_signature_and_settings_are_the_same():
     assert [found[name].default for name in named] == [field.default for field in fields(Settings)]
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_first_periods_are_left_out_and_the_orbit_is_taken_off(kind):
     record = of(kind, 40)

@@ -153,6 +153,7 @@ def test_an_option_that_is_not_possible_is_refused(option, wrong, words):
         Settings(**{option: wrong})
 
 
+@pytest.mark.slow
 def test_the_period_given_goes_before_the_records_clock(analysis):
     (record,) = ringing(pairs(TWO))
     unclocked = Record(values=record.values, sample_rate=record.sample_rate, channels=record.channels)
@@ -308,6 +309,7 @@ def test_an_offset_is_told_apart_from_the_modes():
     assert found.warnings == ()
 
 
+@pytest.mark.slow
 def test_an_offset_that_is_left_in_is_warned_of():
     found = identify(ringing(pairs(TWO), offset=0.5), forced="none")
     assert found.model.order == 5
@@ -319,6 +321,7 @@ def test_an_offset_that_is_left_in_is_warned_of():
     assert_exponents_close(others, pairs(TWO).exponents, PERIOD, atol=2e-3)
 
 
+@pytest.mark.slow
 def test_a_real_mode_that_decays_is_not_taken_for_an_offset():
     truth = pairs(TWO)
     generator = np.random.default_rng(1)
@@ -382,6 +385,7 @@ def mathieu(damping=0.06, q=0.1):
     return system
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("noise", "atol", "system_atol"), [(0.0, 1e-8, 1e-6), (1e-4, 1e-3, 0.05)])
 def test_a_locked_system_with_real_negative_multipliers(noise, atol, system_atol):
     """Both exponents of the damped Mathieu equation, and its A(t), from x alone."""
@@ -408,6 +412,7 @@ def test_a_hit_too_short_to_judge_its_noise_is_refused_beside_a_long_one():
         identify([record, short])
 
 
+@pytest.mark.slow
 def test_half_of_the_true_period_is_warned_of():
     record = JeffcottRotor().simulate(n_periods=200, samples_per_period=16, noise=0.02, seed=0)
     warned = identify(record, period=np.pi).warnings
@@ -415,6 +420,7 @@ def test_half_of_the_true_period_is_warned_of():
     assert not any("is listed twice" in words for words in identify(record).warnings)
 
 
+@pytest.mark.slow
 def test_an_order_that_is_too_low_is_warned_of_and_its_modes_are_not_whitened_away():
     records = ringing(pairs([-0.03 + 0.85j, -0.02 + 0.32j]), n_cycles=200)
     low = identify(records, order=2)
@@ -440,6 +446,7 @@ def test_an_identifier_of_a_part_of_the_band_is_refused():
         identify(records, identifier=LSCF(band=(0.2, 0.4)), harmonics=2)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("quantity", ["force", "pulse"])
 def test_what_is_no_response_is_left_out(quantity):
     """A hammer's force and a tachometer's pulses beside the responses: neither is one, unless it is named."""

@@ -72,7 +72,7 @@ def test_a_structure_is_fitted_on_both_routes(structured, free, route, output_er
     assert worst(found.state, np.s_[2:]) < 1e-3
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("route", ["lifted", "as sampled"])
 def test_the_output_error_step_is_made_on_the_record(record, structured, route):
     """It moves the parameters by far less than their deviations, and not by nothing."""
@@ -120,6 +120,7 @@ def without_state(found, words):
     assert [own for own in found.warnings if own.startswith("A(t) was not rebuilt") and words in own]
 
 
+@pytest.mark.slow
 def test_a_structure_that_contradicts_the_record_is_refused(record):
     found = identify(record, channels=["X", "Y"], states=["X", "Y"], structure="stiffness 0", validate=False)
     without_state(found, "The structure contradicts the data")
@@ -167,6 +168,7 @@ def test_all_channels_are_weighed_together(record):
     assert every.system_std[:, 2:].mean() < 0.95 * two.system_std[:, 2:].mean()
 
 
+@pytest.mark.slow
 def test_several_channels_of_one_motion(record):
     """A velocity beside its displacement: both in one state."""
     both = record.select(["X", "Y"])

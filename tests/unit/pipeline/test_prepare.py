@@ -108,7 +108,7 @@ def names(record):
     return [channel.name for channel in record.channels]
 
 
-@pytest.mark.first(3)
+@pytest.mark.first(1)
 @EVERY
 def test_identify_starts_from_what_is_prepared(case):
     record, options, analysis = found(case)
@@ -192,6 +192,7 @@ def test_a_loaded_result_has_the_clocks_that_were_found(tmp_path):
     np.testing.assert_allclose(again.clocks[0].angle(times), plan.clocks[0].angle(times), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_a_force_that_was_named_for_a_response_stays_one_in_a_draw():
     """Each draw identified from the beginning: the force would be left out of it for being no response."""
     record = ringing()
@@ -346,6 +347,7 @@ def test_a_period_that_is_found_takes_the_place_of_any_other_clock():
     assert prepared.shafts == ()
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("facts", [{"name": "Azimuth", "unit": "deg"}, {"name": "tacho"}])
 def test_two_runs_at_one_speed_share_their_clock_channel(facts):
     """Simulated runs have one azimuth to the last digit: it is no response, whatever ties the records to the phase."""

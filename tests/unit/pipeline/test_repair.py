@@ -70,6 +70,7 @@ def test_a_second_blow_makes_two_hits_where_the_first_lasted():
     assert any("hit again" in warning for warning in found.warnings)
 
 
+@pytest.mark.slow
 def test_a_strong_first_response_is_kept_before_a_longer_weak_one():
     first, second = ringing(periods=130), ringing(periods=80, noise=0.0)
     values = np.array(first.values)

@@ -65,6 +65,7 @@ def test_cycles_in_which_nothing_rings_move_nothing(name, seed, monkeypatch):
     assert_allclose(short.noise, whole.noise, rtol=1e-6)
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize(
     "changes",
     [
@@ -83,6 +84,7 @@ def test_a_record_that_says_something_to_its_end_is_untouched(changes, monkeypat
     assert_array_equal(short.model.covariance, whole.model.covariance)
 
 
+@pytest.mark.slow
 def test_the_later_cycles_tell_the_noise():
     (record,) = decays(tail=3.0)
     analysis = fq.identify(record, validate=False)

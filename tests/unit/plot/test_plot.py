@@ -119,6 +119,7 @@ def test_time_record_labels(found):
     assert legend(figure) == ["X, hit 2", "phase 0 of 20, once a period"]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("factor", "unit", "label", "ticks"),
     [
@@ -162,6 +163,7 @@ def test_time_record_refuses(found, arguments, words):
         time_record(found, **arguments)
 
 
+@pytest.mark.slow
 def test_the_inset_never_covers_the_record(found):
     """Also when the response does not decay: the record then gets the lower part of the axes."""
     steady = tuple(
@@ -259,6 +261,7 @@ def test_the_difference_of_a_right_model_lies_on_the_level_of_white_noise(found)
     assert got.data.max() > 20 * WHITE
 
 
+@pytest.mark.slow
 def test_composites_do_not_depend_on_units(found):
     records = tuple(replace(r, values=r.values * np.array([[1e-6], [1.0], [1e3], [1.0]])) for r in found.records)
     one, other = (composites(a.lifted.responses, a.modal) for a in (found, identify(records, validate=False)))

@@ -99,6 +99,7 @@ def test_the_truth_is_moved_to_the_branch_of_the_estimate(found):
     assert abs(at(cross)[0]) < 6.0 * abs(found.model.exponent_std[0])
 
 
+@pytest.mark.slow
 def test_a_truth_far_off_widens_the_close_up(found):
     truth = found.model.exponents + 40.0 * found.model.exponent_std.real
     axes = titled(plot.exponents(found.model, truth=truth), "mode 1:")
@@ -217,6 +218,7 @@ def test_channels_share_axes_with_those_of_their_unit_alone(found):
     assert len(only.axes) == 3
 
 
+@pytest.mark.slow
 def test_bands_are_left_out_where_they_are_not_known(found):
     figure = plot.periodic_shapes(replace(found.model, estimates=None))
     assert "95 % intervals" not in legend(figure)
@@ -288,6 +290,7 @@ def test_what_a_wrong_model_leaves_is_seen(found):
     assert steps[0] > 3.0 * steps[-1]
 
 
+@pytest.mark.slow
 def test_missing_samples_are_no_end(found):
     record = pair()
     values = np.array(record.values)
@@ -321,6 +324,7 @@ def test_synchronisation_draws_slips_and_phases(locked):
     assert upper.get_ylabel() == "ahead of the clock\n[deg of the period]"
 
 
+@pytest.mark.slow
 def test_the_verdict_is_on_the_figure():
     good = plot.synchronisation(identify(pair(), validate=False)).axes[0].get_title(loc="left")
     assert "no other period" in good
@@ -440,6 +444,7 @@ def test_every_result_has_its_figures(locked, tmp_path):
         assert [path.stem for path in written] == list(plot.FIGURES[:10])
 
 
+@pytest.mark.slow
 def test_coefficients_are_of_the_strongest_mode(found, tmp_path, monkeypatch):
     asked = {}
     monkeypatch.setattr(plot, "coefficients", lambda analysis, **how: asked.update(how) or plot.composite(analysis))

@@ -353,6 +353,7 @@ def test_coordinates_of_time():
     assert from_xarray(other, time="t").sample_rate == 250.0
 
 
+@pytest.mark.slow
 def test_netcdf_in_between(tmp_path):
     pytest.importorskip("scipy")
     record = example(clock=ConstantPeriod(period=0.3, origin=0.1), orbit=np.ones((4, 3)))

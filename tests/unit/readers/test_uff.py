@@ -530,6 +530,7 @@ def test_a_rate_given_makes_a_bad_step_good(tmp_path, step):
     assert (record.sample_rate, record.n_samples) == (500.0, 30)
 
 
+@pytest.mark.slow
 def test_a_truncated_header_is_refused_at_every_byte(tmp_path):
     whole = function() + function(VALUES, node=13, binary=False)
     first = len(function())

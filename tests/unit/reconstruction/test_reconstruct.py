@@ -166,7 +166,7 @@ def test_the_branch_of_an_exponent_does_not_matter(model):
     )
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "noise"), [(1, 0.02), (2, 0.1), (3, 0.1)])
 def test_units_of_the_channels_do_not_matter_to_the_harmonics_of_a(seed, noise):
     record = JeffcottRotor(damping=0.02).simulate(n_periods=40, samples_per_period=12, noise=noise, seed=seed)
@@ -469,6 +469,7 @@ def replace_values(own):
     return dataclasses.replace(own, coefficients=0.0 * own.coefficients, slopes=0.0 * own.slopes)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", ["pairs", "pair and real", "locked"])
 def test_errors_and_their_deviations_agree_over_draws(oracle, name):
     """Of A(t) and Φ at every element and instant: mean squares of error over deviation."""

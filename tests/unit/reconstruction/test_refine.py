@@ -177,7 +177,7 @@ def test_a_first_order_system_in_other_units_and_order(first):
 # What it says of its own errors.
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["one", "locked", "overdamped", "blade"])
 @pytest.mark.parametrize("free_period", [False, True])
 def test_deviations_are_those_of_the_fit_by_differences(oracle, name, free_period):
@@ -274,7 +274,7 @@ WRONG = {
 }
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("case", WRONG)
 def test_a_structure_that_is_wrong_in_one_way_is_refused(oracle, case):
     name, structure = WRONG[case]
@@ -439,6 +439,7 @@ def test_joint_quantities_are_better_than_each_alone(mixed):
     assert found["joint"].degrees - found["displacement"].degrees == 4 * 2 * terms
 
 
+@pytest.mark.slow
 def test_joint_quantities_that_agree_are_not_refused(mixed):
     generator = np.random.default_rng(2)
     found = [refine(mixed.drawn(generator), QUANTITIES["joint"], RIGHT["pairs"], times=1) for _ in range(12)]

@@ -92,7 +92,7 @@ def test_any_quantities_are_exact(exact, states):
     assert len(found.states) == 4
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("states", STATES.values(), ids=STATES)
 def test_deviations_of_any_quantities(rough, states):
     deviates_as_it_says(rough("gyroscopic", JOINT), states)
@@ -373,6 +373,7 @@ def test_all_channels_deviate_nearly_as_they_say(five, seed):
     deviates_as_it_says(five(width=2, size=1e-6, seed=seed), "all", rtol=2e-3)
 
 
+@pytest.mark.slow
 def test_all_channels_of_a_constant_system_deviate_as_they_say(oracle):
     """Two modes of one harmonic: the gains are no better known than the shapes, and make A(t) twice as uncertain."""
     system = oracle.System.second_order([[[14.0, 3.0], [3.0, 29.0]]], [[[0.2, 0.03], [0.03, 0.32]]])

@@ -223,6 +223,7 @@ def test_the_right_structure_is_found(oracle, name, seed):
     assert found.reasons[0] == f"Structure found: {FOUND[name].words()}."
 
 
+@pytest.mark.slow
 def test_the_right_structure_of_two_displacements_is_found(oracle):
     known, found = found_in(oracle, "pairs", 0)
     assert found.structure == FOUND["pairs"]
@@ -299,6 +300,7 @@ def test_little_is_hidden_by_a_structure_that_is_right(oracle):
     assert given.conditional_on == (structure.words(),)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("options", [{"free_period": True}, {"hits": 2}])
 def test_gains_and_an_estimated_period_have_their_place_in_what_is_hidden(oracle, options):
     """With all channels, as with those of the states: same parameters, larger deviations, and errors within them."""
@@ -327,6 +329,7 @@ def test_deviations_are_those_of_the_wider_structure_where_it_is_far_from_none()
         assert left[-1] > 0.999
 
 
+@pytest.mark.slow
 def test_what_a_record_does_not_tell_is_said_to_be_taken_for_granted(oracle):
     """Of a response without a harmonic beside the mode's own, none tells a small stiffness that swings from none."""
     known = oracle.known(oracle.System.second_order([[[14.0]]], [[[0.3]]]), oracle.displacements(1), width=0)

@@ -115,6 +115,7 @@ def test_deviations_are_those_of_the_joint_errors(found):
         assert (getattr(less, name) < 0.9 * getattr(one, name)).any()
 
 
+@pytest.mark.slow
 def test_deviations_are_those_of_differences_along_the_errors(found):
     """What parameters and amplitudes do to A, Φ and B, one error after another, by a model rebuilt for each."""
     _, outputs, analysis = found[1]

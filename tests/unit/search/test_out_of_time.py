@@ -37,7 +37,7 @@ def ambient(system=None, seed=0):
     return record, {"excitation": "ambient", "validate": False}
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("made", "module", "late"),
     [

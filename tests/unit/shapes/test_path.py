@@ -161,6 +161,7 @@ def test_shapes_that_are_even_nowhere_are_refused():
         path_shapes(model)
 
 
+@pytest.mark.slow
 def test_a_scan_over_the_middle_keeps_its_period():
     """Modes of a symmetric strip are even or odd over the middle: the response has lines two harmonics apart."""
     times = PERIOD / PHASES * np.arange(50 * PHASES)

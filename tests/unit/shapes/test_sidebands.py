@@ -97,6 +97,7 @@ def test_estimates_are_near_the_system(model):
     assert off @ np.linalg.solve(found.covariance, off) < 60.0  # of 32 degrees of freedom: once in 500
 
 
+@pytest.mark.slow
 def test_an_amount_has_no_bias_and_its_interval_holds_it():
     for size in (0.0, 0.01, 0.05):
         held, energies = 0, []

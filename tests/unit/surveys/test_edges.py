@@ -37,7 +37,7 @@ def test_without_noise_edges_are_exact():
     assert [edge.value for edge in edges] == pytest.approx(EDGES, abs=2e-5)
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("partner", ["below the noise", "uncertain"])
 def test_partners_below_the_noise_do_not_matter(partner):
     """What decays faster in a lock is soon below the noise: its mean with the other one is that of the pair."""
@@ -59,6 +59,7 @@ def test_partners_below_the_noise_do_not_matter(partner):
         assert abs(edge.value - truth) < 4.0 * edge.std < 0.1
 
 
+@pytest.mark.slow
 def test_weak_modes_hold_no_edge():
     own = points(last=21.6)
     weak = [

@@ -50,6 +50,7 @@ def test_every_field_comes_back(found, tmp_path):
     np.testing.assert_equal(back.points[2].model.covariance, found.points[2].model.covariance)
 
 
+@pytest.mark.slow
 def test_a_survey_of_its_own_points_is_the_same(found):
     assert fq.survey(found.points).edges == found.edges
 

@@ -34,6 +34,7 @@ def test_all_modes_are_followed_through_both_locks(plain):
     assert np.median(frequencies(plain), axis=1) == pytest.approx([6.45, 10.05, 16.36, 16.4], abs=0.1)
 
 
+@pytest.mark.slow
 def test_no_other_branch_changes_a_track(plain):
     """Every mode, each of a couple, is reported up to three harmonics away from the point before."""
     moves = np.random.default_rng(1).integers(-3, 4, (len(SPEEDS), 5))
@@ -44,6 +45,7 @@ def test_no_other_branch_changes_a_track(plain):
     assert all((track.shifts != 0).any() for track in moved.tracks)
 
 
+@pytest.mark.slow
 def test_the_instants_at_which_records_begin_change_no_track(plain):
     turns = np.random.default_rng(2).uniform(size=len(SPEEDS))
     moved = surveyed(turn=lambda k: turns[k])

@@ -90,6 +90,7 @@ def test_one_free_response_has_no_hit_in_fifty_seeds(imbalance):
     assert counts == [0] * 50
 
 
+@pytest.mark.slow
 def test_a_response_that_is_over_long_before_the_record_has_no_hit_and_a_late_one_is_seen():
     """The predictor is fitted where it rings, too: rows at even distances hold noise alone."""
     times, generator, turns = np.arange(150_000) / PHASES, np.random.default_rng(0), np.arange(-3, 4)
@@ -108,6 +109,7 @@ def test_neither_a_record_without_noise_nor_one_of_noise_alone_has_a_hit():
     assert find_hits(measured(HITS[:1], noise=3.0)) == ()
 
 
+@pytest.mark.slow
 def test_errors_that_grow_and_fall_with_the_response_are_not_hits():
     """As where the system is not quite linear: an error of 5 % of a response that dies away, and all the same a hit."""
     for seed in range(10):
@@ -121,6 +123,7 @@ def test_errors_that_grow_and_fall_with_the_response_are_not_hits():
             assert_allclose(samples(faulty, find_hits(faulty)), found, atol=2)
 
 
+@pytest.mark.slow
 def test_noise_that_comes_and_goes_raises_the_limit():
     """What is usual is as scattered as the record shows: noise whose level changes every 60 samples, by up to four."""
     for seed in range(5):
@@ -150,6 +153,7 @@ def test_one_channel_without_noise_or_with_it_shows_the_hits():
         assert_allclose(samples(record, find_hits(record)), [3317, 6504], atol=3)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("first", [5, 20, 100])
 def test_a_record_that_begins_shortly_before_its_only_hit_shows_it(first):
     for seed in range(5):
@@ -172,6 +176,7 @@ def test_missing_stretches_and_samples_do_not_look_like_hits():
     assert_allclose(samples(record, second.start), 6504, atol=2)
 
 
+@pytest.mark.slow
 def test_an_impact_that_lasts_has_an_end_after_which_the_response_is_free():
     """Blows 30 samples long: a hit begins in each of them."""
     length = 30

@@ -441,7 +441,7 @@ def test_what_cannot_be_resampled_is_refused():
 # Bandwidth
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("samples", [1500, 6000, 40000])
 def test_white_noise_holds_no_response(samples):
     """False alarms in 1 of 1000 records, by the statement: none or one in 200 (two, 1 time in 60)."""

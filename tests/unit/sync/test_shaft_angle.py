@@ -67,7 +67,7 @@ def said(shaft, words):
 # The estimate and its deviation.
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("lines", [1, 4])
 @pytest.mark.parametrize("wander", [0.0, 0.0002, 0.002, 0.02])
 def test_the_deviations_are_the_errors(wander, lines):
@@ -344,6 +344,7 @@ def test_an_azimuth_is_unwrapped_whatever_its_unit(change, unit):
     assert shaft.jitter_unit == "rad"
 
 
+@pytest.mark.slow
 def test_the_deviations_of_an_azimuth_are_the_errors():
     z = [
         standardised(of_azimuth(np.degrees(azimuth(seed)) % 360.0), lambda t: 1.0 + theta(t, 0.002))

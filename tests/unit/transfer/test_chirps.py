@@ -72,6 +72,7 @@ def test_what_repeats_with_the_period_is_no_answer():
     assert same.transfer.values == pytest.approx(found.transfer.values, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_two_inputs_of_other_sizes():
     system = two_masses()
     found = measured(chirped(system, 24, 240, np.arange(6) / 6, sources=2), most=2, curvature=1e-3)

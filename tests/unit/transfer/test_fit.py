@@ -77,7 +77,7 @@ def test_deviations_hold_and_the_fit_is_five_times_as_near_as_the_lines():
     assert before > 5.0 * after
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 3])
 def test_six_lines_have_their_mode_and_its_harmonics(seed):
     system = mathieu()
@@ -100,6 +100,7 @@ def test_two_modes_two_inputs_of_lines_measured_by_others():
         found.transfer(sampled=True)
 
 
+@pytest.mark.slow
 def test_a_real_multiplier_is_one():
     system = lag()
     given = of_equations(system, np.linspace(0.02, 0.4, 20), harmonics=np.arange(-1, 2))

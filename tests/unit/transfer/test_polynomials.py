@@ -117,6 +117,7 @@ def test_units_of_two_inputs_may_be_far_apart():
     assert found[1][:, :, 1] * 1e4 == pytest.approx(found[0][:, :, 1], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_a_resonance_that_is_too_narrow_is_told():
     found = measured(mathieu(damping=0.02), 20, 400, 0.05, 0)
     assert any("flattened" in words for words in found.warnings)

@@ -159,6 +159,7 @@ def test_sequences_of_transfer_functions_couple_two_fundamentals_apart(lines):
     np.testing.assert_allclose(own[0][0, 0], 0.5 * (together[0] + 1j * together[1]), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_deviations_are_those_of_many_draws(lines):
     generator = np.random.default_rng(0)
     std = (

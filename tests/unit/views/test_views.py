@@ -91,6 +91,7 @@ def test_of_a_real_multiplier_a_line_is_one_line(locked):
     assert family.share == pytest.approx(sizes / sizes.sum(), abs=0.005)
 
 
+@pytest.mark.slow
 def test_shares_do_not_depend_on_units(found):
     records = [replace(r, values=r.values * np.array([[1e-6], [1.0], [1e3], [1.0]])) for r in found.records]
     for one, other in zip(views.families(found), views.families(identify(records, validate=False)), strict=True):
@@ -294,6 +295,7 @@ def test_residues_of_a_record_that_begins_later_are_the_models(odd):
     assert odd.cycles[0].first_cycle > 0
 
 
+@pytest.mark.slow
 def test_points_of_lifted_responses_begin_at_the_first_phase():
     """A record that begins in the middle of a period, beside a forced response."""
     record = ROTOR.simulate(n_periods=80, samples_per_period=P, noise=0.01, seed=1, first_phase=0.25)
@@ -374,6 +376,7 @@ def test_a_wrong_period_is_a_slope(make, off):
     assert abs(seen.relative) > 4.0 * seen.relative_std
 
 
+@pytest.mark.slow
 def test_a_wandering_speed_is_a_curve():
     straight = views.synchronisation(identify(pair(), order=2, trust_period=True, validate=False))
     wanders = views.synchronisation(identify(pair(wander=0.05), order=2, trust_period=True, validate=False))

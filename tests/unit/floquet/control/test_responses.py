@@ -94,6 +94,7 @@ def random_times(count=40):
     return np.sort(np.random.default_rng(0).uniform(-3.0, 9.0, count))
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("make", [smooth_system, jumping_system])
 @pytest.mark.parametrize("between", ["linear", "held"])
 def test_samples_at_any_instants_are_that_function_of_time(make, between):

@@ -395,6 +395,7 @@ def test_a_file_cut_short_is_a_message(tmp_path, kind):
             read_matrix(tmp_path / name)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", ["npz", "mat", "packed mat", "json"])
 def test_damage_is_a_message_or_does_no_harm(tmp_path, kind):
     """scipy's own reader ends the process on some of these."""

@@ -698,6 +698,7 @@ def floating(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 @REAL
 def test_twelve_azimuths_of_a_real_turbine(floating):
     model = read_openfast(floating, n_azimuths=12)
@@ -714,6 +715,7 @@ def test_twelve_azimuths_of_a_real_turbine(floating):
     assert not model.every_other().resolution().resolved
 
 
+@pytest.mark.slow
 @REAL
 def test_the_azimuth_kept_brings_an_instability_that_is_not_there(floating):
     """The files' own column of the azimuth does not agree with their orbit: no model for exponents."""

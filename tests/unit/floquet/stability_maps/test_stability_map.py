@@ -160,6 +160,7 @@ def test_kinds_of_mathieu_tongues_alternate():
     assert (found.kind[found.multiplier.real < -1.001] == Instability.PERIOD_DOUBLING).all()
 
 
+@pytest.mark.slow
 def test_strutt_diagram():
     found = stability_map(
         mathieu, np.pi, {"a": np.linspace(-1.0, 10.0, 23), "q": np.linspace(0.0, 5.0, 11)}, vectorised=True
@@ -299,6 +300,7 @@ def test_growth_out_of_the_range_of_floating_point():
     assert found.bands == pytest.approx(np.array([[0.0, 500.0]]), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_exponents_are_those_of_one_system():
     found = stability_map(rotor(), half_turn, {"speed": [0.5, 0.73, 1.1]}, vectorised=True, refinements=0)
     assert len(found.points) > 3
