@@ -102,11 +102,9 @@ def read_body(text: Text, layout: Layout, columns: Sequence[int], *, dates: int 
 def _is_cut(block: Sequence[tuple[int, str]], layout: Layout) -> bool:
     """True where the last number of a `block` is at the end of the file, and may have lost digits there, or all."""
     last = block[-1][1]
-    if last.endswith("\n"):
+    if last.endswith("\n") or len(layout.cells(last)) != len(layout.labels):
         return False
     ends = [cells[-1] for _, line in block if len(cells := layout.cells(line)) == len(layout.labels)]
-    if len(layout.cells(last)) < len(layout.labels):
-        return False
     *others, end = ends
     return is_cut(end, others) or (not end and bool(others) and all(others))
 
