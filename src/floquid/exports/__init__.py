@@ -1,12 +1,19 @@
 """Results for other programs: modes as CSV, MAT, JSON and universal files, `summary.json`, and xarray."""
 
-from floquid.exports._comparison import comparison_columns, comparison_summary
 from floquid.exports._modes import MODE_FORMATS, export_modes, modes_frame
-from floquid.exports._monitor import monitor_columns, monitor_summary
 from floquid.exports._objects import from_periodic_system, to_periodic_system, to_xarray
-from floquid.exports._path import path_columns
 from floquid.exports._summary import summary
-from floquid.exports._survey import columns_text, edge_columns, survey_columns, survey_summary
+from floquid.exports._tables import (
+    columns_text,
+    comparison_columns,
+    comparison_summary,
+    edge_columns,
+    monitor_columns,
+    monitor_summary,
+    path_columns,
+    survey_columns,
+    survey_summary,
+)
 from floquid.exports._transfer_tables import (
     TRANSFER_FORMATS,
     export_transfer,

@@ -17,11 +17,10 @@ from floquid.fit import HALF_DIGITS, RARE
 from floquid.inputs import Hold, samples_of
 from floquid.preparation._before import faults_of
 from floquid.preparation._clocks import check_states, clocks_of, refuse_no_clock, shafts_of
-from floquid.preparation._lines import Lines
+from floquid.preparation._lines import Lines, Tone, tones_of
 from floquid.preparation._mended import MOST_ABSENT, NO_RESPONSE
 from floquid.preparation._refuse import LEAST, NAMED, refuse_period
 from floquid.preparation._settings import Settings
-from floquid.preparation._tones import Tone, tones_of
 from floquid.sync import ShaftAngle, refuse_unlike
 
 OF = "identify"

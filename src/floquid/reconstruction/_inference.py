@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from floquid.core import Estimates
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, warning
-from floquid.reconstruction._hidden import hidden_share
 from floquid.reconstruction._invariance import Point, Problem, at, covariance_of
 from floquid.reconstruction._modal_matrix import condition_of
 from floquid.reconstruction._structure import Basis
@@ -135,3 +134,14 @@ def hidden_in(problem: Problem, name: str, chosen: Point, basis: Basis) -> tuple
     nearest[:n, : n + more], nearest[n:, n + more :] = seen, np.eye(count - n - more)
     finding = note("structure_tested", name=name, gain=gain, more=more, p_value=float(chdtrc(more, gain)))
     return Hidden(wide, point, moment, nearest @ moment[:count, :count] @ nearest.T), finding
+
+
+SHARES = np.linspace(0.0, 1.0, 2001)[1:]  # values of B that are summed over
+
+
+def hidden_share(square: float, numbers: int) -> tuple[float, float]:
+    """E(1 - B) and E(1 - B)² after a χ² of some numbers."""
+    logs = 0.5 * (numbers - 1.0) * np.log(SHARES) - 0.5 * square * SHARES
+    weights = np.exp(logs - logs.max())
+    weights /= weights.sum()
+    return float(weights @ (1.0 - SHARES)), float(weights @ (1.0 - SHARES) ** 2)

@@ -23,7 +23,7 @@ from floquid.reporting._driven_figures import (
     transfer_figures,
 )
 from floquid.reporting._look import Figure
-from floquid.reporting._modes_figures import mode_figures, mode_source
+from floquid.reporting._modes_figures import Truth, mode_figures, mode_source, system_figures
 from floquid.reporting._record_figures import (
     composite_figure,
     record_figures,
@@ -39,7 +39,6 @@ from floquid.reporting._record_figures import (
     synchronisation_figure,
 )
 from floquid.reporting._stabilisation_figures import indicator_figures, stabilisation_figures
-from floquid.reporting._system_figures import Truth, system_figures
 from floquid.views import (
     DAMPING_WORDS,
     DampingUnit,

@@ -2,32 +2,49 @@
 
 from __future__ import annotations
 
+from base64 import b64encode
 from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
 from functools import partial
+from io import BytesIO
 from os import PathLike
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
-from floquid._checks import input_error, timed_matrices
+from floquid._checks import counted, input_error, timed_matrices
 from floquid.comparison import Comparison, Updated
+from floquid.core import Branch
 from floquid.errors import IdentificationError, InputError
+from floquid.findings import Severity, texts
 from floquid.io import as_path, atomic_path
 from floquid.monitoring import Monitor
 from floquid.order import OrderScan
 from floquid.pipeline import Analysis, blas_threads
-from floquid.reporting._brief import brief_page
-from floquid.reporting._case import case_of
+from floquid.plot import figure_of_fit, style
+from floquid.reporting import _words as words
+from floquid.reporting._case import Case, case_of
 from floquid.reporting._comparison_page import comparison_page
-from floquid.reporting._lines_page import lines_page
+from floquid.reporting._driven_figures import matrix_rows, measured_figures, paths_of
+from floquid.reporting._modes_figures import Truth, mode_figures, mode_source
 from floquid.reporting._monitor_page import monitor_page
-from floquid.reporting._page import page
+from floquid.reporting._page import filled, modes_of, page, rendered, title_of, verdict_of
 from floquid.reporting._survey_page import survey_page
-from floquid.reporting._system_figures import Truth
 from floquid.surveys import Survey
 from floquid.transfer import MeasuredTransfer, TransferFit
-from floquid.views import DampingUnit, SpeedUnit, check_damping_unit
+from floquid.views import (
+    DAMPING_WORDS,
+    DampingUnit,
+    SpeedUnit,
+    branch_words,
+    check_damping_unit,
+    mode_table,
+    note_meanings,
+    speed_texts,
+)
 from floquid.views import speed_unit as unit_of_speed
 
 ENDINGS = (".html", ".htm")
@@ -156,3 +173,106 @@ def _scan(analysis: Analysis, progress: Callable[[str], None]) -> tuple[OrderSca
             return analysis.scan(), ""
     except (InputError, IdentificationError) as error:
         return None, str(error)
+
+
+MOST_MODES, MOST_SENTENCES = 14, 4  # rows and sentences that leave room for the picture on a sheet of A4
+DPI = 200  # sharp on paper
+
+
+def brief_page(case: Case, *, title: str | None, unit: SpeedUnit) -> str:
+    """The page as text: nothing in it moves, and nothing is loaded."""
+    analysis: Analysis = case.analysis
+    found = modes_of(analysis, case.damping)
+    table = found["table"]
+    sentences = [*analysis.reasons, *speed_texts(analysis.findings, unit, Severity.WARNING)]
+    reasons, shown = len(analysis.reasons), sentences[:MOST_SENTENCES]
+    name, figure = figure_of_fit(analysis)
+    stream = BytesIO()
+    with style():
+        figure.savefig(stream, format="png", dpi=DPI)
+    content: dict[str, Any] = verdict_of(analysis) | found
+    content |= {
+        "table": replace(table, rows=table.rows[:MOST_MODES]),
+        "modes_left": max(0, len(table.rows) - MOST_MODES),
+        "reasons": shown[:reasons],
+        "warnings": shown[reasons:],
+        "sentences_left": len(sentences) - len(shown),
+        "picture": b64encode(stream.getvalue()).decode("ascii"),
+        "described": name,
+        "summary": words.summary_line(case, unit),
+        "sources": words.sources(analysis),
+        "settings": _given(analysis),
+    }
+    return filled("brief.html.jinja", title=title or title_of(case), **content)
+
+
+def _given(analysis: Analysis) -> list[tuple[str, str]]:
+    """The options that differ from those of a run without any."""
+    usual = {field.name: field.default for field in fields(analysis.settings)}
+    rows = words.settings_rows(analysis)
+    return [(name, value) for name, value in rows if getattr(analysis.settings, name) != usual[name]]
+
+
+POINTS = 600  # frequencies of a curve, beside those measured
+
+
+@dataclass(frozen=True, slots=True)
+class _Settings:
+    """Settings of a fit of lines."""
+
+    period: float
+    hold: str
+    harmonics: None = None  # of the shapes: found, not given
+    branch: Branch = "strongest"
+
+
+def lines_page(fit: TransferFit, *, title: str | None, damping: DampingUnit) -> str:
+    """The whole page as text, damping in a unit."""
+    lines, model = fit.measured, fit.model
+    sampled = lines.step is not None
+    at = fit.transfer(sampled=sampled)
+    hertz = lines.frequencies_hz
+    drawn = fit.transfer(np.union1d(hertz, np.linspace(hertz[0], hertz[-1], POINTS)), sampled=sampled)
+    assert lines.std is not None
+    noise = np.sqrt(np.nanmean(np.abs(lines.std) ** 2, axis=(0, 2, 3)))[:, None]
+    shown: Any = SimpleNamespace(
+        model=model, noise=noise, records=(), settings=_Settings(model.period, fit.hold), findings=fit.findings,
+        decay=None, whitening=None, lengths=None,
+    )  # fmt: skip
+    case, paths = case_of(shown, damping=damping), paths_of(at, noise, np.ones(len(lines.inputs)))
+    measured = measured_figures(lines, at, drawn, paths, each=True)
+    table, ratio = mode_table(shown, damping_unit=damping), fit.chi_square / max(fit.degrees, 1)
+    worst = max((finding.severity for finding in fit.findings), key=list(Severity).index, default=Severity.NOTE)
+    mark, sentence = {
+        Severity.NOTE: ("passed", "The modes explain the lines."),
+        Severity.WARNING: ("remainder", "The modes do not explain all of the lines."),
+        Severity.FAILURE: ("failed", "The fit fails."),
+    }[worst]
+    there = np.isfinite(lines.values).any(axis=(0, 1, 2))
+    return rendered(
+        case,
+        mode_figures(case, mode_source(case)) | {"measured": measured},
+        title or "Modes of measured transfer functions",
+        mark=mark,
+        sentence=sentence,
+        under=f"They leave {ratio:.3g} times the variance of the lines, {fit.degrees} degrees of freedom.",
+        reasons=texts(fit.findings, Severity.FAILURE),
+        warnings=texts(fit.findings, Severity.WARNING),
+        table=table,
+        damping=DAMPING_WORDS[damping].replace("-", "−"),
+        meanings=note_meanings(table),
+        branch=branch_words(case.analysis),
+        bands=True,
+        summary=(
+            f"{counted(len(case.modes), 'mode')} (order {model.order}) fitted to {np.count_nonzero(there)} lines from "
+            f"{hertz[there][0]:.5g} to {hertz[there][-1]:.5g} Hz of {counted(len(lines.inputs), 'input')} and "
+            f"{counted(len(lines.outputs), 'output')}, {counted(len(lines.harmonics), 'harmonic')}, at a period of "
+            f"{model.period:.8g} s (ω/2π = {1.0 / model.period:.6g} Hz)."
+        ),
+        inputs=lines.inputs,
+        matrix=matrix_rows(at, paths),
+        harmonics=at.harmonics.tolist(),
+        paths_shown=len(paths),
+        paths_left=len(lines.inputs) * len(lines.outputs) - len(paths),
+        steps=words.steps(shown),
+    )

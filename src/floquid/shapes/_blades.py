@@ -13,7 +13,7 @@ from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Rebuilt
 from floquid.core import Shape
 from floquid.shapes._arguments import Family
-from floquid.shapes._shares import Ratio
+from floquid.shapes._whirl import Ratio
 
 Words: TypeAlias = Literal["en", "openfast", "hawc"]
 

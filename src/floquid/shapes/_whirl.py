@@ -11,7 +11,6 @@ from floquid._arrays import Complexes, Floats
 from floquid._checks import Sealed
 from floquid.core import Shape
 from floquid.shapes._arguments import Pair
-from floquid.shapes._shares import Ratio
 
 CLEAR = 0.2
 """The index from which a mode whirls one way, by two deviations; without unit. A circle has 1, a straight line 0."""
@@ -98,3 +97,24 @@ def _axis(x: Complexes, y: Complexes) -> float:
     largest = int((np.abs(x) ** 2 + np.abs(y) ** 2).argmax())
     ahead, back = x[largest] + 1j * y[largest], np.conj(x[largest] - 1j * y[largest])
     return float(0.5 * np.angle(ahead * back) % np.pi)
+
+
+@dataclass(frozen=True, slots=True)
+class Ratio:
+    """Part over whole."""
+
+    value: float
+    std: float | None
+
+    @staticmethod
+    def of(shape: Shape, part: float, whole: float, by_part: Complexes, by_whole: Complexes, noise: float) -> Ratio:
+        """The ratio of two quadratic forms of the lines of a `shape`, and its deviation.
+
+        `by_part` and `by_whole` are their slopes (channels, harmonics). `noise`, what errors add to the whole on
+        average, counts too: at a bound, a circle or a share of nothing, there is no slope.
+        """
+        if not whole > 0.0:
+            return Ratio(0.0, None)
+        value = part / whole
+        variance = shape.variance(((by_part - value * by_whole) / whole)[None])
+        return Ratio(value, None if variance is None else float(np.hypot(np.sqrt(variance[0]), noise / whole)))

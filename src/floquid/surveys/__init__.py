@@ -2,11 +2,6 @@
 
 from floquid.surveys._known import KNOWN as KNOWN
 from floquid.surveys._known import ObservedSystem, is_linearised, known_exponents, known_modes
-from floquid.surveys._looks import DAMPING as DAMPING
-from floquid.surveys._looks import Damping as Damping
-from floquid.surveys._looks import damping_of as damping_of
-from floquid.surveys._looks import look_of as look_of
-from floquid.surveys._looks import order_lines as order_lines
 from floquid.surveys._objects import BRANCHES as BRANCHES
 from floquid.surveys._objects import Seen as Seen
 from floquid.surveys._objects import branch_of as branch_of
@@ -22,7 +17,12 @@ from floquid.surveys._records import matches_of as matches_of
 from floquid.surveys._survey import survey
 from floquid.surveys._tracking import assigned as assigned
 from floquid.surveys._types import Edge, Link, Point, Survey, Track
+from floquid.surveys._words import DAMPING as DAMPING
+from floquid.surveys._words import Damping as Damping
+from floquid.surveys._words import damping_of as damping_of
 from floquid.surveys._words import edge_words, point_rows, track_rows
+from floquid.surveys._words import look_of as look_of
+from floquid.surveys._words import order_lines as order_lines
 
 __all__ = [
     "Edge", "Link", "ObservedSystem", "Point", "Survey", "Track", "edge_words", "is_linearised", "known_exponents",

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations
 from os import PathLike
 from types import MappingProxyType
 from typing import Any
@@ -13,11 +15,10 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid._checks import counted, input_error, integer, positive
 from floquid._show import late
-from floquid.shapes import Blades, Pairs, ShapeOptions, Words
-from floquid.surveys._edges import Crossing, crossings
+from floquid.shapes import Blades, Pairs, ShapeOptions, Words, ordinal
+from floquid.surveys._edges import Crossing, Followed, crossings
 from floquid.surveys._known import known_modes
-from floquid.surveys._meetings import meetings
-from floquid.surveys._names import in_fixed_frame, named
+from floquid.surveys._objects import Seen, similarities
 from floquid.surveys._points import OF, check_points, objects_of, point_of
 from floquid.surveys._tracking import Path, tracked
 from floquid.surveys._types import Edge, Point, Survey, Track
@@ -236,3 +237,94 @@ def _edge(crossing: Crossing, values: Floats, confidence: float) -> Edge:
         value=value, std=std, interval=interval, between=crossing.between, kind=crossing.kind, tracks=crossing.tracks,
         direction="onset" if crossing.onset else "end",
     )  # fmt: skip
+
+
+SEVERAL = (":", ";")
+"""Signs in the name of several patterns."""
+
+
+def named(tracks: Sequence[Track]) -> tuple[Track, ...]:
+    """The tracks with names: the pattern that they have at most points and an ordinal by frequency, else a number."""
+    counts: Counter[str] = Counter()
+    found = []
+    for number, track in enumerate(tracks, start=1):
+        name = f"mode {number}"
+        seen = Counter(word for word in track.names if word)
+        if seen:
+            pattern = seen.most_common(1)[0][0]
+            counts[pattern] += 1
+            several = any(sign in pattern for sign in SEVERAL)
+            name = f"{name}, {pattern}" if several else f"{ordinal(counts[pattern])} {pattern}"
+        found.append(replace(track, name=name))
+    return tuple(found)
+
+
+def in_fixed_frame(track: Track, branches: Floats, fundamentals: Floats) -> Track:
+    """The track on the branch of the fixed frame, by that of its modes (`branches`, places,) at most points.
+
+    λ of the track is that of the model or its mirror image, moved by `shifts`: the line k of the model is k - shift of
+    the track, of a mirror image -k - shift. Without any branch it stays as it is.
+    """
+    own = np.where(track.mirrored, -branches, branches) - track.shifts
+    own = own[np.isfinite(own)].astype(int)
+    if not len(own):
+        return track
+    turns = Counter(own.tolist()).most_common(1)[0][0]
+    exponents = track.exponents + 1j * turns * fundamentals[:, None]
+    shifts, mirrored = track.shifts + turns, track.mirrored
+    if np.median(exponents[:, 0].imag) < 0.0:
+        exponents, shifts, mirrored = exponents.conj(), -shifts, ~mirrored
+    return replace(track, exponents=exponents, shifts=shifts, mirrored=mirrored)
+
+
+TELL = 0.2  # difference of similarity below which shapes are neither kept nor exchanged
+CLOSE = 0.1  # of ω: frequencies that may veer
+AROUND = 2  # points on either side between which shapes are compared
+
+
+def meetings(
+    tracks: Sequence[Track], followed: Sequence[Followed], x: Floats, over: str
+) -> tuple[list[str], list[str]]:
+    """Sentences on tracks that cross or veer, and warnings where points are too far apart to tell."""
+    notes, warnings = [], []
+    heights = [dict(zip(own.points.tolist(), np.abs(own.frequency).tolist(), strict=True)) for own in tracks]
+    for (i, a), (j, b) in combinations(enumerate(followed), 2):
+        both, shared = f"{tracks[i].name} and {tracks[j].name}", sorted(a.keys() & b.keys())
+        gaps = np.array([heights[i][point] - heights[j][point] for point in shared])
+        for k in np.flatnonzero(gaps[:-1] * gaps[1:] < 0.0):
+            first, last = shared[k], shared[k + 1]
+            kept, swapped = _alike(a, b, first, last)
+            place = f"between {over} = {x[first]:g} and {x[last]:g}"
+            if kept - swapped < TELL:
+                words = f"similarity {kept:.2f} as they are, {swapped:.2f} exchanged"
+                warnings.append(
+                    f"{place}, {both} meet: points are too far apart to tell crossing from veering ({words})."
+                )
+            else:
+                notes.append(f"{both} cross {place}: their shapes are kept (similarity {kept:.2f}).")
+        for k in _nearest(gaps):
+            ends = shared[max(k - AROUND, 0)], shared[min(k + AROUND, len(shared) - 1)]
+            kept, swapped = _alike(a, b, *ends)
+            if abs(gaps[k]) < CLOSE * a[shared[k]].fundamental and swapped > kept + TELL:
+                apart = abs(gaps[k]) / (2.0 * np.pi)
+                notes.append(
+                    f"{both} veer at {over} = {x[shared[k]]:g}, {apart:.3g} Hz apart: their shapes are exchanged."
+                )
+    return notes, [words[0].upper() + words[1:] for words in warnings]
+
+
+def _nearest(gaps: Floats) -> Iterator[int]:
+    """Places where two frequencies are nearest without crossing."""
+    for k in range(1, len(gaps) - 1):
+        here = np.abs(gaps[k - 1 : k + 2])
+        if here.argmin() == 1 and np.ptp(np.sign(gaps[k - 1 : k + 2])) == 0:
+            yield k
+
+
+def _alike(a: Followed, b: Followed, first: int, last: int) -> tuple[float, float]:
+    """Similarity of shapes between two points, the lesser of both tracks: as they are, and exchanged."""
+
+    def least(*pairs: tuple[Seen, Seen]) -> float:
+        return min(float(similarities(one, other).max()) for one, other in pairs)
+
+    return least((a[first], a[last]), (b[first], b[last])), least((a[first], b[last]), (b[first], a[last]))

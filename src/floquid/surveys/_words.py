@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
+from typing import Literal, TypeAlias
+
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid.surveys._types import Edge, Survey
+from floquid.shapes import WORDS
+from floquid.surveys._types import Edge, Survey, Track
 from floquid.views import with_error
 
 KINDS = {"lock": "{}, locked with itself", "sum": "{}, locked with each other", "single": "{}, alone"}
@@ -61,3 +66,67 @@ def _spans(values: Floats, inside: np.ndarray) -> str:
     places = np.flatnonzero(inside)
     parts = np.split(places, np.flatnonzero(np.diff(places) > 1) + 1) if len(places) else []
     return ", ".join(f"{values[p[0]]:g}" if len(p) == 1 else f"{values[p[0]]:g} to {values[p[-1]]:g}" for p in parts)
+
+
+Damping: TypeAlias = Literal["decay", "ratio", "decrement"]
+
+DAMPING = {"decay": "Re λ [1/s]", "ratio": "damping ratio ζ [%]", "decrement": "logarithmic decrement δ"}
+"""Labels of an axis of damping."""
+
+FAMILIES = {
+    "flap": ("#009E73", ("flap",)),
+    "edge": ("#D55E00", ("edge", "lag", "lead")),
+    "drive train": ("#8C510A", ("drive", "gen", "shaft", "torsion")),
+    "tower": ("#0072B2", ()),
+}
+"""Colours of families of a turbine, and parts of the names of their channels; any other in the fixed frame is tower."""
+
+OTHER = "#CC79A7"
+STANDING = ("differential", "reactionless")
+DASHES = ("solid", "dashed", "dashdot")
+"""Lines of what does not turn, turns against the rotor, and turns with it."""
+
+
+def look_of(track: Track, found: Survey) -> tuple[str, str] | None:
+    """Colour and dash of a `track` by the family and the direction that it has at most points of `found`.
+
+    Of several patterns the first counts. None where modes have no names.
+    """
+    seen = Counter(word for word in track.names if word)
+    if not seen:
+        return (OTHER, "dotted") if any(word for own in found.tracks for word in own.names) else None
+    words = WORDS[found.shapes.words]
+    pattern = seen.most_common(1)[0][0].removeprefix("mixed: ")
+    told = re.match(rf"(.+?) ({'|'.join(words + STANDING)})\b", pattern)
+    name = (pattern if told is None else told[1]).lower()
+    known = [colour for colour, parts in FAMILIES.values() if any(part in name for part in parts)]
+    other = FAMILIES["tower"][0] if told is None else OTHER
+    return (known or [other])[0], DASHES[words.index(told[2])] if told and told[2] in words else "solid"
+
+
+def order_lines(found: Survey, orders: tuple[int, ...] | None = None) -> list[tuple[str, Floats]]:
+    """Whole `orders` of the speed over the points (points,) [Hz], with labels: 1×, or 1P of a rotor with blades.
+
+    By default they are 1, 2 and 3, and of a rotor with n blades 1, n, 2n and 3n. Without a `speed_rpm` the period is
+    that of a revolution where blades were read; else there are none.
+    """
+    models = [point.model for point in found.points if point.model is not None]
+    groups = [len(own.rows) for own in found.shapes.families(models[0].channels) if not own.is_fixed] if models else []
+    hertz = np.array([point.values.get("speed_rpm", np.nan) for point in found.points]) / 60.0
+    if groups and not np.isfinite(hertz).any():
+        hertz = np.array([np.nan if point.model is None else 1.0 / point.model.period for point in found.points])
+    if not np.isfinite(hertz).any():
+        return []
+    default = (1, 2, 3) if not groups else (1, groups[0], 2 * groups[0], 3 * groups[0])
+    sign = "P" if groups else "×"
+    return [(f"{order}{sign}", order * hertz) for order in (default if orders is None else orders)]
+
+
+def damping_of(track: Track, unit: Damping) -> tuple[Floats, Floats]:
+    """Values and deviations of the damping of a `track` in a `unit`; NaN of a couple where that needs a frequency."""
+    if unit == "decay":
+        return track.decay, track.decay_std
+    size = np.where(track.locked, np.nan, np.abs(track.frequency))
+    if unit == "ratio":
+        return 100.0 * track.damping_ratio, 100.0 * track.decay_std / size
+    return -2.0 * np.pi * track.decay / size, 2.0 * np.pi * track.decay_std / size

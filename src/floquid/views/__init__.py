@@ -15,7 +15,6 @@ from floquid.views._ellipses import (
 )
 from floquid.views._expansion import Expansion, ShapeCurves, closed_period, expansion, identified_residue, shape_curves
 from floquid.views._families import Family, families, unfolded
-from floquid.views._harmonic_spectra import SpectraOfModes, spectra_of_modes
 from floquid.views._mode_table import (
     DAMPING_WORDS,
     MODE_NOTES,
@@ -44,7 +43,14 @@ from floquid.views._outcome import (
 )
 from floquid.views._over import over_label, over_unit
 from floquid.views._sidebands import impedance
-from floquid.views._spectra import Spectrum, envelope, lifted_spectrum, record_spectrum
+from floquid.views._spectra import (
+    SpectraOfModes,
+    Spectrum,
+    envelope,
+    lifted_spectrum,
+    record_spectrum,
+    spectra_of_modes,
+)
 from floquid.views._speed import SpeedUnit, speed_texts, speed_unit, speed_words
 from floquid.views._synchronisation import Synchronisation, synchronisation
 from floquid.views._synthesis import Synthesis, lifted_points, raw_noise, synthesis

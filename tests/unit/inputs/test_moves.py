@@ -10,8 +10,8 @@ from tests.unit.inputs.test_start import samples_from
 from floquid.fit import chi2_limit
 from floquid.inputs import Limits, bare_mode, fitted_together, linearise, searched
 from floquid.inputs.search._bands import far_growths, growths, helpful, shrinkages
-from floquid.inputs.search._changes import additions, kinds, removals
 from floquid.inputs.search._point import Point
+from floquid.inputs.search._search import additions, kinds, removals
 from floquid.inputs.search._structure import Structure
 
 LIMITS = Limits()
@@ -140,5 +140,5 @@ def test_a_move_that_promises_less_than_noise_that_drives_is_none(monkeypatch):
     point = begun(two_masses())[1]
     promised = -min(move.change for move in additions(point))
     for least, there in ((1.9 * promised, True), (2.1 * promised, False)):
-        monkeypatch.setattr("floquid.inputs.search._changes.by_noise_beyond", lambda *_, least=least: least)
+        monkeypatch.setattr("floquid.inputs.search._search.by_noise_beyond", lambda *_, least=least: least)
         assert bool(list(additions(point))) == there

@@ -12,7 +12,7 @@ from rich.console import Console
 from scipy.integrate import solve_ivp
 
 from floquid import ConstantPeriod, InputError, PulseTimes, Record, identify, load, save
-from floquid.cli._events import event_files, read_events
+from floquid.cli._records import event_files, read_events
 from floquid.cli._terminal import print_found
 from floquid.exports import summary
 from floquid.preparation import in_phase

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import floquid as fq
 from floquid.core import ConstantPeriod, Record
-from floquid.pipeline.free import _ringing
+from floquid.pipeline.free import _starts
 
 PHASES = 16
 MODES = (-0.05 + 1.3j, -0.03 + 2.5j)
@@ -37,7 +37,7 @@ def decays(exponents=MODES, *, cycles=2000, hits=1, noise=0.3, seed=0, red=0.0, 
 def by_all(monkeypatch, records):
     """The analysis by all cycles."""
     with monkeypatch.context() as patched:
-        patched.setattr(_ringing, "SHORT", 10**9)
+        patched.setattr(_starts, "SHORT", 10**9)
         return fq.identify(records)
 
 
@@ -100,10 +100,10 @@ def test_modes_that_are_slower_than_the_first_ones_are_fitted_anew(monkeypatch):
         first=kept.append,
     )
     start = SimpleNamespace(whole=lifted, modal=SimpleNamespace(multipliers=np.exp([-0.05])), known=None)
-    monkeypatch.setattr(_ringing, "_first", lambda records, *_: records)
-    monkeypatch.setattr(_ringing, "replace", lambda fitted, **_: fitted)
+    monkeypatch.setattr(_starts, "_first", lambda records, *_: records)
+    monkeypatch.setattr(_starts, "replace", lambda fitted, **_: fitted)
     found = SimpleNamespace(model=slow, forced=None, findings=())
-    assert _ringing.fitted_ringing(start, (), lambda *_: found) is found
+    assert _starts.fitted_ringing(start, (), lambda *_: found) is found
     assert kept == [900, 2400]
 
 

@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 from tests.driven import mathieu, record_of
 
 from floquid import Record, identify
-from floquid.preparation._tones import tones_of
+from floquid.preparation._lines import tones_of
 
 FUNDAMENTAL = 0.047
 

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from floquid.errors import IdentificationError, InputError
 from floquid.reconstruction import Block, FirstOrder, SecondOrder, refine
-from floquid.reconstruction._hidden import hidden_share
+from floquid.reconstruction._inference import hidden_share
 from floquid.reconstruction._invariance import _tried
 from floquid.reconstruction._refine import _Fit
 

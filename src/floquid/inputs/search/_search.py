@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
+from itertools import combinations, pairwise
 
+import numpy as np
+
+from floquid.fit import chi2_limit, half_of, near_axis, wald_rise
 from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, linearise, solve
+from floquid.inputs._start import bare_mode, candidates, conjugated, fitted_together
 from floquid.inputs.search._bands import centred, far_growths, growths, helpful, shrinkages
-from floquid.inputs.search._changes import additions, afresh, apart, kinds, merges, removals
-from floquid.inputs.search._point import REST, Point
+from floquid.inputs.search._near_axis import block_of_pair, block_of_reals, ordinary
+from floquid.inputs.search._point import HOPE, REST, Point
+from floquid.inputs.search._scores import by_noise_beyond
 from floquid.inputs.search._structure import Limits, Structure
-from floquid.search import LOOSE, Move, descended
+from floquid.search import LOOSE, NEAR, REACH, Move, descended
 
 
 def searched(
@@ -62,3 +69,153 @@ def nearly_one(samples: Samples, now: Linearisation) -> bool:
 def _padded(mode: InputMode, highest: float) -> InputMode:
     """A mode with one harmonic more at each end of its bands: what is left out has no deviation."""
     return mode.padded("turns", 1.0, highest).padded("reach", 1.0, highest)
+
+
+START = (1, 2)  # harmonics of input and output on either side that a candidate has
+APART = (0.7, 1.4)  # decays of two real multipliers, over that of a pair, from which those far from it are found
+
+
+def removals(point: Point) -> Iterator[Move[Structure]]:
+    """Without one mode that may cost more than the others lose by it, once they have the harmonics that they need."""
+    now = point.structure
+    for number, weight in enumerate(point.scores.of_modes.tolist()):
+        price = point.price.of_mode(now.modes[number])
+        if weight < REACH * price:
+            yield Move(weight - price, "remove", now.without([number]))
+
+
+def merges(point: Point) -> Iterator[Move[Structure]]:
+    """Two pairs as the stronger one where their exponents agree modulo the fundamental (Wald 1943)."""
+    now, root, omega = point.structure, point.scores.spread_root, point.samples.fundamental
+    ends = np.cumsum([0, *(int(mode.free.sum()) for mode in now.modes)])
+    rows = [np.array([a, a + (b - a) // 2]) for a, b in pairwise(ends)]
+    weights = point.scores.of_modes
+    for pair in combinations([k for k, mode in enumerate(now.modes) if not mode.real], 2):
+        two, one = sorted(pair, key=lambda number: weights[number])
+        for sign in (1.0, -1.0):
+            first, second = now.modes[one], now.modes[two] if sign > 0.0 else conjugated(now.modes[two])
+            gap = second.exponent - first.exponent
+            turn = round(gap.imag / omega)
+            gap -= 1j * turn * omega
+            between = root[rows[two]] * np.array([[1.0], [sign]]) - root[rows[one]]
+            whole = first
+            for band, shift in (("turns", turn), ("reach", -turn)):
+                both = np.concatenate([getattr(first, band), getattr(second, band) + shift])
+                whole = whole.with_band(band, np.arange(both.min(), both.max() + 1.0))
+            change = wald_rise(np.array([gap.real, gap.imag]), between @ between.T) + point.price.of_mode(whole)
+            change -= point.price.of_mode(first) + point.price.of_mode(second)
+            if change < 0.0:
+                yield Move(change, "merge", now.without([one, two]).joined([whole]))
+
+
+def kinds(point: Point) -> Iterator[Move[Structure]]:
+    """A pair near an axis as one real multiplier or two, and two real multipliers of one sign as a pair."""
+    # A pair and two real multipliers are one block of two states: a step of its fit tells the sign of its q.
+    now, samples = point.structure, point.samples
+    for number, mode in enumerate(now.modes):
+        if near_axis(mode, samples.fundamental):
+            block, rest = block_of_pair(samples, mode), now.without([number])
+            columns, squares = point.at.slices()[number][0], point.at.noise**2
+            alone = point.at.left + point.at.columns.response(point.at.coefficients, columns)
+            share = np.sum(alone**2, axis=1) / samples.count / squares
+            loss = samples.count * float(np.sum(np.log(np.maximum(share, 1.0))))
+            for name, shares in (("single", (1.0,)), ("two", APART)):
+                decays = [complex(share * mode.exponent.real) for share in shares]
+                bare = [bare_mode(samples, own, block.reach, block.turns, real=True) for own in decays]
+                gain, real = fitted_together(samples, alone, bare)
+                move = _kind(point, name, rest.joined(real), point.at.cost + loss - gain)
+                if move.change < 0.0:
+                    yield move
+            yield from _other_kind(point, rest, block)
+    for two in _twins(now.modes):
+        block = block_of_reals([now.modes[number] for number in two], samples.fundamental)
+        yield from _other_kind(point, now.without(two), block)
+
+
+def _other_kind(point: Point, rest: Structure, block: InputMode) -> Iterator[Move[Structure]]:
+    """A block as the other kind than it is, where q changes its sign in a step."""
+    samples, square = point.samples, block.square
+    with suppress(np.linalg.LinAlgError):
+        at = solve(samples, [*rest.modes, block], rest.direct, iterations=1, rough=True)
+        *modes, moved = at.modes
+        assert square is not None
+        assert moved.square is not None
+        if (moved.square > 0.0) != (square > 0.0):
+            trial = replace(rest, modes=(*modes, *ordinary(samples, moved)))
+            yield _kind(point, "kind", trial, at.cost)
+
+
+def _kind(point: Point, name: str, structure: Structure, cost: float) -> Move[Structure]:
+    change = point.price.of(structure) - point.price.of(point.structure) + cost - point.at.cost
+    return Move(change, name, structure)
+
+
+def _twins(modes: Sequence[InputMode]) -> Iterator[list[int]]:
+    """The two real multipliers of each sign that are nearest to each other."""
+    for lowest in (0.0, 0.5):
+        alike = [number for number, mode in enumerate(modes) if mode.real and mode.axis == lowest]
+        alike.sort(key=lambda number: modes[number].exponent.real)
+        gaps = np.diff([modes[number].exponent.real for number in alike])
+        if len(gaps):
+            first = int(np.argmin(gaps))
+            yield alike[first : first + 2]
+
+
+def afresh(point: Point) -> Iterator[Move[Structure]]:
+    """Modes with few harmonics and all products fitted together: all, the stronger half, or pairs near an axis as real.
+
+    A fit may have ended beside the least J, with harmonics and modes that make up for one another.
+    """
+    samples, modes, omega = point.samples, point.structure.modes, point.samples.fundamental
+    strong = sorted(np.argsort(-point.scores.of_modes)[: (len(modes) + 1) // 2].tolist())
+    near = [mode for mode in modes if near_axis(mode, omega)]
+    least = max(1e-3, by_noise_beyond(point.scores, point.limits))
+    for own, real in ((modes, ()), ([modes[number] for number in strong], ()), (modes if near else (), near)):
+        bare = [_bare(samples, mode, axis=any(mode is one for one in real)) for mode in own]
+        if bare:
+            with suppress(np.linalg.LinAlgError):
+                gain, fitted = fitted_together(samples, samples.values, bare)
+                structure = replace(point.structure, modes=tuple(fitted))
+                yield Move(point.price.of(structure) - gain, "afresh", structure, least, helped=True)
+
+
+def _bare(samples: Samples, mode: InputMode, *, axis: bool) -> InputMode:
+    """A mode with one harmonic on either side, and no products yet; on the axis that it is nearest to if so said."""
+    real = mode.real or axis
+    low = half_of(mode, samples.fundamental) % 1.0
+    turns = np.arange(low if real else -1.0, 2.0)
+    return bare_mode(samples, complex(mode.exponent.real) if real else mode.exponent, turns, turns, real=real)
+
+
+def additions(point: Point) -> Iterator[Move[Structure]]:
+    """With one mode more, of the candidates that explain most of the residual."""
+    samples, now, alarm = point.samples, point.structure, point.limits.mode_alarm
+    reach, turns = (np.arange(-most, most + 1.0) for most in START)
+    ranked = []
+    for exponent in candidates(samples, point.at.left)[0].tolist():
+        bare = bare_mode(samples, exponent, reach, turns)
+        with suppress(np.linalg.LinAlgError):
+            gain, (mode,) = fitted_together(samples, point.at.left, [bare])
+            numbers = 2 * (mode.gains.size + len(mode.initial)) * len(turns) * len(samples.values)
+            if gain >= chi2_limit(numbers, alarm):  # what noise may take, all products free
+                ranked.append((gain, mode))
+    if not ranked:
+        return
+    ranked.sort(key=lambda each: -each[0])
+    least = max(1e-3, by_noise_beyond(point.scores, point.limits, ranked[0][0])) if now.modes else 1e-3
+    tried: list[complex] = []
+    for gain, mode in ranked:
+        change = point.price.of_mode(mode) - gain
+        if change * HOPE < -least and apart(mode.exponent, tried, samples.fundamental):
+            tried.append(mode.exponent)
+            yield Move(change, "add", now.joined([mode]), least)
+
+
+def apart(exponent: complex, others: Iterable[complex], omega: float) -> bool:
+    """True where an exponent is further than half a decay from others, modulo the fundamental."""
+    for other in others:
+        gaps = [exponent - other, exponent - other.conjugate()]
+        near = min(abs(gap - 1j * omega * round(gap.imag / omega)) for gap in gaps)
+        if near < NEAR * min(abs(exponent.real), abs(other.real)):
+            return False
+    return True

@@ -31,9 +31,16 @@ from floquid.periodic import (
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline.free._complete import completed, free_residues, samples_of, validated
 from floquid.pipeline.free._doubts import of_sums, order_too_low, wrong_period_fitted, wrong_period_lifted
-from floquid.pipeline.free._ringing import fitted_ringing, later_samples
 from floquid.pipeline.free._start import Lifting, Start, cut, start_of
-from floquid.pipeline.free._starts import OPENINGS, criterion, determined, explains, poles
+from floquid.pipeline.free._starts import (
+    OPENINGS,
+    criterion,
+    determined,
+    explains,
+    fitted_ringing,
+    later_samples,
+    poles,
+)
 from floquid.preparation import Prepared, Settings, clocks_of, from_sample
 
 
