@@ -74,16 +74,16 @@ def _inputs(own: ModelInputs, hold: str) -> dict[str, Any]:
     return {
         "channels": [{"name": channel.name, "unit": channel.unit} for channel in own.channels],
         "hold": hold,
-        **_of(own, "harmonics", "coefficients"),
+        **attributes(own, "harmonics", "coefficients"),
         "coefficients_std": own.coefficient_std,
-        **_of(own, "direct_harmonics", "direct", "initial"),
+        **attributes(own, "direct_harmonics", "direct", "initial"),
     }
 
 
 def _forced(forced: ForcedResponse) -> dict[str, Any]:
     """Harmonics of the revolution; coefficients [re, im] (channels, hits, harmonics); offset and drift a second."""
-    found = _of(forced, "revolution", "harmonics", "coefficients")
-    return found | {"coefficients_std": forced.coefficient_std} | _of(forced, "offset", "drift")
+    found = attributes(forced, "revolution", "harmonics", "coefficients")
+    return found | {"coefficients_std": forced.coefficient_std} | attributes(forced, "offset", "drift")
 
 
 def _periodicity(found: Periodicity) -> dict[str, Any]:
@@ -95,15 +95,17 @@ def _periodicity(found: Periodicity) -> dict[str, Any]:
     return {
         "periodic": found.periodic,
         "p": found.p_value,
-        **_of(found, "statistic", "degrees", "level", "power", "spacing_p", "harmonics", "exponents", "channels"),
+        **attributes(
+            found, "statistic", "degrees", "level", "power", "spacing_p", "harmonics", "exponents", "channels"
+        ),
         **{name: parts(getattr(found, name)) for name in ("by_harmonic", "by_mode", "by_channel")},
-        **_of(found, "sizes", "limits", "untested", "locked", "sentences"),
+        **attributes(found, "sizes", "limits", "untested", "locked", "sentences"),
     }
 
 
 def _choice(choice: Choice) -> dict[str, Any]:
     findings = [as_mapping(own) for own in choice.findings]
-    return _of(choice, "ambiguous", "reasons", "doubts") | {"findings": findings}
+    return attributes(choice, "ambiguous", "reasons", "doubts") | {"findings": findings}
 
 
 def mode_entries(model: PeriodicModel, weights: Floats) -> list[dict[str, Any]]:
@@ -128,28 +130,28 @@ def mode_entries(model: PeriodicModel, weights: Floats) -> list[dict[str, Any]]:
     return for_json(listed)
 
 
-def _of(thing: object, *names: str) -> dict[str, Any]:
+def attributes(thing: object, *names: str) -> dict[str, Any]:
     """Attributes of a result by their names."""
     return {name: getattr(thing, name) for name in names}
 
 
 def _system(state: StateModel, refinement: Refinement | None) -> dict[str, Any]:
     found = {
-        **_of(state, "states", "coordinates", "times"),
+        **attributes(state, "states", "coordinates", "times"),
         "values": state.system,
         "std": state.system_std,
         "structure": None if refinement is None else _structure(refinement),
     }
-    return found if state.inputs is None else found | _of(state, "inputs", "inputs_std", "outputs", "direct")
+    return found if state.inputs is None else found | attributes(state, "inputs", "inputs_std", "outputs", "direct")
 
 
 def _structure(found: Refinement) -> dict[str, Any]:
     parameters = zip(found.names, found.parameters, found.std, strict=True)
     return {
         "text": text_of(found.structure),
-        **_of(found, "chi_square", "degrees", "p_value"),
+        **attributes(found, "chi_square", "degrees", "p_value"),
         "parameters": [{"name": name, "value": value, "std": std} for name, value, std in parameters],
-        **_of(found, "reasons", "conditional_on"),
+        **attributes(found, "reasons", "conditional_on"),
     }
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from floquid._json import for_json
 from floquid.comparison import Comparison
+from floquid.exports._summary import attributes
 from floquid.monitoring import Monitor
 from floquid.shapes import PathShapes
 from floquid.surveys import Edge, Survey, Track
@@ -51,24 +52,13 @@ def survey_summary(found: Survey) -> dict[str, Any]:
     points = [
         {
             **point.values,
-            "files": point.files,
-            "passed": point.passed,
+            **attributes(point, "files", "passed"),
             "order": None if point.model is None else point.model.order,
             "reason": point.reason,
         }
         for point in found.points
     ]
-    edges = [
-        {
-            "value": edge.value,
-            "std": edge.std,
-            "interval": edge.interval,
-            "kind": edge.kind,
-            "direction": edge.direction,
-            "tracks": edge.tracks,
-        }
-        for edge in found.edges
-    ]
+    edges = [attributes(edge, "value", "std", "interval", "kind", "direction", "tracks") for edge in found.edges]
     return for_json(
         {
             "format": "floquid-survey/1",
@@ -76,35 +66,19 @@ def survey_summary(found: Survey) -> dict[str, Any]:
             "points": points,
             "tracks": [_track(track) for track in found.tracks],
             "edges": edges,
-            "unlinked": found.unlinked,
-            "notes": found.notes,
-            "warnings": found.warnings,
+            **attributes(found, "unlinked", "notes", "warnings"),
         }
     )
 
 
 def _track(track: Track) -> dict[str, Any]:
     return {
-        "name": track.name,
-        "points": track.points,
+        **attributes(track, "name", "points"),
         "mode": [[mode for mode in modes if mode >= 0] for modes in track.modes.tolist()],
         "frequency_rad_s": track.frequency,
         "frequency_std_rad_s": track.frequency_std,
-        "decay": track.decay,
-        "decay_std": track.decay_std,
-        "growth": track.growth,
-        "growth_std": track.growth_std,
-        "damping_ratio": track.damping_ratio,
-        "whirl": track.whirl,
-        "whirl_std": track.whirl_std,
-        "names": track.names,
-        "name_share": track.name_share,
-        "leak": track.leak,
-        "leak_std": track.leak_std,
-        "locked": track.locked,
-        "weak": track.weak,
-        "confidence": track.confidence,
-        "mac": track.mac,
+        **attributes(track, "decay", "decay_std", "growth", "growth_std", "damping_ratio", "whirl", "whirl_std"),
+        **attributes(track, "names", "name_share", "leak", "leak_std", "locked", "weak", "confidence", "mac"),
     }
 
 
@@ -190,17 +164,11 @@ def monitor_records(found: Monitor) -> list[dict[str, Any]]:
     charts, amounts = found.charts, found.amounts
     nothing = np.full(len(found.files), np.nan)
     columns: Mapping[str, Any] = {
-        "t2": nothing if charts is None else charts.t2,
-        "t2_limit": nothing if charts is None else charts.t2_limit,
-        "ewma": nothing if charts is None else charts.ewma,
-        "ewma_limit": nothing if charts is None else charts.ewma_limit,
-        "directed": nothing if charts is None else charts.directed,
-        "directed_limit": nothing if charts is None else charts.directed_limit,
-        "leverage": nothing if charts is None else charts.leverage,
-        "periodic_amount": nothing if amounts is None else amounts.value,
-        "periodic_amount_std": nothing if amounts is None else amounts.std,
-        "periodic_amount_low": nothing if amounts is None else amounts.low,
-        "periodic_amount_high": nothing if amounts is None else amounts.high,
+        name: nothing if charts is None else getattr(charts, name)
+        for name in ("t2", "t2_limit", "ewma", "ewma_limit", "directed", "directed_limit", "leverage")
+    } | {
+        f"periodic_amount{end}": nothing if amounts is None else getattr(amounts, name)
+        for end, name in (("", "value"), ("_std", "std"), ("_low", "low"), ("_high", "high"))
     }
     for k, file in enumerate(found.files):
         numbers = {name: float(own[k]) for name, own in columns.items()}
@@ -222,20 +190,17 @@ def monitor_columns(found: Monitor) -> Columns:
         for ending, values in (("", charts.values), ("_std", charts.std), ("_residual", charts.residual)):
             columns[word + ending] = values[:, k].tolist()
     reasons = columns.pop("reason")
-    return {
-        name: [None if isinstance(cell, float) and not np.isfinite(cell) else cell for cell in column]
-        for name, column in {**columns, "reason": reasons}.items()
-    }
+    return {name: [_plain(cell) for cell in column] for name, column in {**columns, "reason": reasons}.items()}
 
 
 def monitor_summary(found: Monitor) -> dict[str, Any]:
     """The content of `monitor.json`: the records of `found`, the change, the trend; None where there is nothing."""
     change, amounts = found.change, found.amounts
     parts = [] if change is None else change.carried_by
-    carried = [{"feature": own.feature, "unit": own.unit, "size": own.size, "std": own.std} for own in parts]
+    carried = [attributes(own, "feature", "unit", "size", "std") for own in parts]
     whole = None
     if change is not None:
-        whole = {"index": change.index, "interval": change.interval, "kind": change.kind, "carried_by": carried}
+        whole = attributes(change, "index", "interval", "kind") | {"carried_by": carried}
     trend = None
     if amounts is not None and amounts.trend is not None:
         own = amounts.trend
@@ -265,14 +230,10 @@ def comparison_summary(found: Comparison) -> dict[str, Any]:
     pairs = [
         {
             **({"point": pair.point} if several else {}),
-            "a": pair.a,
-            "b": pair.b,
+            **attributes(pair, "a", "b"),
             "difference": np.complex128(pair.difference),
             "std": np.complex128(pair.std),
-            "z": pair.z,
-            "mac": pair.mac,
-            "mac_noise": pair.mac_noise,
-            "counted": pair.counted,
+            **attributes(pair, "z", "mac", "mac_noise", "counted"),
         }
         for pair in found.pairs
     ]
@@ -288,10 +249,7 @@ def comparison_summary(found: Comparison) -> dict[str, Any]:
             **points,
             "pairs": pairs,
             **missing,
-            "chi2": found.chi2,
-            "dof": found.dof,
-            "p": found.p,
-            "warnings": found.warnings,
+            **attributes(found, "chi2", "dof", "p", "warnings"),
         }
     )
 
@@ -320,11 +278,7 @@ def comparison_columns(found: Comparison) -> dict[str, list[Any]]:
             rows.append({found.over or "point": point.value, side: mode, **exponent})
     names = dict.fromkeys(name for row in rows for name in row)
     cells = {name: [row.get(name) for row in rows] for name in names}
-    return {name: [None if _empty(cell) else cell for cell in column] for name, column in cells.items()}
-
-
-def _empty(cell: Any) -> bool:
-    return isinstance(cell, float) and not np.isfinite(cell)
+    return {name: [_plain(cell) for cell in column] for name, column in cells.items()}
 
 
 _POSITIONS = 201  # a hundredth of the path's amplitude apart

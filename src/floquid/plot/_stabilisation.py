@@ -2,47 +2,36 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from floquid._arrays import Floats
 from floquid._checks import input_error, integer
-from floquid.lti import Outcome
-from floquid.order import OrderScan, Stability
+from floquid.lti import WHITE, Outcome, composites
+from floquid.order import Indicators, OrderScan, Stability
 from floquid.pipeline import Analysis
 from floquid.plot._style import (
     BLACK,
     BLUE,
     GREEN,
     GREY,
+    ORANGE,
     POINTS,
+    PURPLE,
     SKY,
     VERMILION,
     Into,
     drawing,
-    plain_decades,
-    whole_numbers,
-)
-from floquid.views import envelope, families, record_spectrum, unfolded
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
-
-from floquid.lti import WHITE, composites
-from floquid.order import Indicators
-from floquid.plot._style import (
-    ORANGE,
-    PURPLE,
     frequency_unit,
     grid_of,
     plain,
+    plain_decades,
     several,
+    whole_numbers,
 )
+from floquid.views import envelope, families, record_spectrum, unfolded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
