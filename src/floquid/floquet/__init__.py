@@ -34,7 +34,6 @@ from floquid.floquet.matrices import (
     PiecewiseMatrix,
     SampledMatrix,
     StateMatrix,
-    common_period,
 )
 from floquid.floquet.monodromy_matrix import (
     FloquetLyapunov,
@@ -61,7 +60,7 @@ __all__ = [
     "FloquetModes", "FunctionMatrix", "HarmonicMatrix", "HarmonicSystem", "HarmonicTransfer", "HillModes",
     "HillOutcome", "Instability", "LiftedSystem", "LinFile", "LinSignals", "MatrixFile", "ModesOutcome",
     "OpenFastLinearisation", "PeriodicSystem", "PiecewiseMatrix", "SampledMatrix",
-    "Stability", "StabilityMap", "StateMatrix", "Verdict", "common_period", "compare", "discretise", "exponents",
+    "Stability", "StabilityMap", "StateMatrix", "Verdict", "compare", "discretise", "exponents",
     "floquet_lyapunov", "harmonic_transfer", "hill", "lift", "modes",
     "monodromy", "multiplier_is_real", "multipliers", "read_lin", "read_matrix", "read_openfast", "realise", "simulate",
     "stability", "stability_map", "state_participation", "transition", "upper_modes",

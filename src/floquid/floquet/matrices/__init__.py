@@ -4,7 +4,6 @@ from floquid.floquet.matrices._arithmetic import (
     Operand,
     added,
     assembled,
-    common_period,
     constant_of,
     declared,
     joint_breaks,
@@ -22,8 +21,6 @@ from floquid.floquet.matrices._conversion import (
     of_function,
     reach,
     to_harmonics,
-    to_pieces,
-    to_samples,
 )
 from floquid.floquet.matrices._forms import FunctionMatrix, PiecewiseMatrix
 from floquid.floquet.matrices._matrix import (

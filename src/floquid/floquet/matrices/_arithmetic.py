@@ -25,16 +25,6 @@ _GOLDEN = 0.3819660112501051
 _PROBES = 32
 
 
-def common_period(*periods: float) -> float:
-    r"""The least common multiple of several `periods` [s], to within 1e-12 of it.
-
-    .. math:: T = a\,p = b\,q, \qquad a, b \in \mathbb{N} \text{ without a common divisor}
-
-    Raises InputError where a period is not positive, or there is no such time within 1000 periods of each.
-    """
-    return multiples(periods, "floquet.common_period")[0]
-
-
 def multiples(periods: tuple[float, ...], of: str) -> tuple[float, list[int]]:
     """The least common period [s] and how many of each are in it."""
     if not periods:

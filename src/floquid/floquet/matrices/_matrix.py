@@ -14,7 +14,6 @@ from floquid._arrays import Floats
 from floquid._checks import frozen_array, input_error, integer, positive
 
 if TYPE_CHECKING:
-    from floquid.floquet.matrices._forms import PiecewiseMatrix
     from floquid.floquet.matrices._series import HarmonicMatrix, SampledMatrix
 
 _STEPS, _MOVED = 50, 1e-9
@@ -233,28 +232,6 @@ class AbstractPeriodicMatrix(ABC):
         `n_harmonics` is not given; or a function does not repeat itself after its period.
         """
         return _operations().to_harmonics(self, n_harmonics, tolerance)
-
-    def to_samples(self, n_samples: int) -> SampledMatrix:
-        """The `n_samples` values at equal steps from t = 0, with the trigonometric polynomial between them.
-
-        Harmonics from half of `n_samples` up are folded, unseen. At a jump the sample is the value after it.
-
-        Raises InputError where a function does not repeat itself after its period.
-        """
-        return _operations().to_samples(self, n_samples)
-
-    def to_pieces(self, n_pieces: int) -> PiecewiseMatrix:
-        r"""The means over `n_pieces` equal pieces from t = 0.
-
-        .. math:: M_i = \frac{P}{T} \int_{iT/P}^{(i + 1)T/P} M(t)\, dt
-
-        The mean, rather than the value in the middle, keeps the integral over the period. So the product of the
-        multipliers of A(t) stays. Exponents are right to second order in the length of a piece.
-
-        Raises InputError where the means are not found, as of a function that jumps where it names no break; or a
-        function does not repeat itself after its period.
-        """
-        return _operations().to_pieces(self, n_pieces)
 
     def repeated(self, count: int) -> AbstractPeriodicMatrix:
         """Matrix in the same form, declared over `count` of its periods."""

@@ -10,8 +10,8 @@ from floquid.floquet import (
     PeriodicSystem,
     PiecewiseMatrix,
     SampledMatrix,
-    common_period,
 )
+from floquid.floquet.matrices import after_jumps
 
 A = HarmonicMatrix.from_cosines(
     [[0.0, 1.0], [-2.0, -0.3]], [[[0.0], [0.0]], [[0.8], [0.0]]], [[[0.0], [0.1]], [[0.0], [0.0]]], period=2.0
@@ -21,6 +21,14 @@ JUMPING = FunctionMatrix(
     period=1.0,
     breaks=[0.0, 0.3],
 )
+
+
+def joint(*periods):
+    """The least common period, as a sum has it."""
+    first, *rest = (HarmonicMatrix.from_cosines([[0.0]], [[[1.0]]], [[[0.0]]], period=own) for own in periods)
+    return sum(rest, start=first).period
+
+
 TIMES = np.mod(0.3819660112501051 * np.arange(1, 120), 1.0) * 12.0 - 3.0
 
 
@@ -34,14 +42,10 @@ TIMES = np.mod(0.3819660112501051 * np.arange(1, 120), 1.0) * 12.0 - 3.0
         (lambda: np.ones((1, 3)) @ A, r"`right` of `@` must have as many rows.*3, but has shape \(2, 2\)"),
         (lambda: A + A.repeated(1000).repeated(2), r"`periods` of `\+` must have a common multiple within 1000"),
         (lambda: A + JUMPING.at, r"`right` of `\+` must be an array of numbers"),
-        (lambda: common_period(1.0, np.pi), "are 1 s and 3.14159265358979 s, which have none to within 1e-12"),
-        (lambda: common_period(1.0, 1.0 + 1e-9), "must have a common multiple within 1000 of each"),
-        (lambda: common_period(37.0, 41.0, 1.0), "must have a common multiple within 1000 of each"),
-        (lambda: common_period(1.0, 0.0), "`period` of `floquet.common_period` must be positive"),
-        (common_period, "`periods` of `floquet.common_period` must hold a period"),
+        (lambda: joint(1.0, np.pi), "are 1 s and 3.14159265358979 s, which have none to within 1e-12"),
+        (lambda: joint(1.0, 1.0 + 1e-9), "must have a common multiple within 1000 of each"),
+        (lambda: joint(37.0, 41.0, 1.0), "must have a common multiple within 1000 of each"),
         (lambda: A.repeated(0), "`count` of `AbstractPeriodicMatrix.repeated` must be an integer of at least 1"),
-        (lambda: A.to_samples(0), "`n_samples` of `AbstractPeriodicMatrix.to_samples` must be an integer"),
-        (lambda: A.to_pieces(0), "`n_pieces` of `AbstractPeriodicMatrix.to_pieces` must be an integer"),
         (lambda: A.to_harmonics(-1), "`n_harmonics` of `AbstractPeriodicMatrix.to_harmonics` must be an integer"),
         (lambda: A.to_harmonics(tolerance=1e-20), r"`tolerance` of .*to_harmonics` must lie in \[1e-14, 1\)"),
         (
@@ -55,18 +59,10 @@ def test_what_cannot_be_is_refused(attempt, message):
         attempt()
 
 
-def test_means_across_an_unnamed_jump_are_refused():
-    unnamed = FunctionMatrix(function=JUMPING.function, period=1.0)
-    with pytest.raises(InputError, match=r"means are found to 1e-12.*\n.*`breaks`"):
-        unnamed.to_pieces(3)
-    assert JUMPING.to_pieces(3).values[0, 1] == pytest.approx([1.7, -1.0, -1.0], abs=1e-13)
-
-
-@pytest.mark.parametrize("name", ["to_harmonics", "to_samples", "to_pieces"])
-def test_a_function_of_another_period_is_refused(name):
+def test_a_function_of_another_period_is_refused():
     other = FunctionMatrix(function=lambda t: np.array([[np.cos(2.0 * np.pi * t)]]), period=0.7)
-    with pytest.raises(InputError, match=rf"`period` of `AbstractPeriodicMatrix\.{name}` must be a period of A"):
-        getattr(other, name)(8)
+    with pytest.raises(InputError, match=r"`period` of `AbstractPeriodicMatrix\.to_harmonics` must be a period of A"):
+        other.to_harmonics(8)
 
 
 @pytest.mark.parametrize(
@@ -74,7 +70,7 @@ def test_a_function_of_another_period_is_refused(name):
     [((0.3, 0.2), 0.6), ((1.0, 1.0 / 3.0, 0.25), 1.0), ((2.0,), 2.0), ((0.1 + 0.2, 0.3), 0.3), ((1.0, 0.999), 999.0)],
 )
 def test_common_periods(periods, expected):
-    assert common_period(*periods) == pytest.approx(expected, rel=1e-14)
+    assert joint(*periods) == pytest.approx(expected, rel=1e-14)
 
 
 def test_what_repeats_is_reduced():
@@ -104,7 +100,7 @@ def test_a_sample_on_a_jump_is_the_value_after_it():
     """3 * 0.1 is not 0.3: rounding must not choose the side."""
     edges = np.array([1, 3, 6, 7]) * 0.1
     pieces = PiecewiseMatrix(values=np.arange(1.0, 5.0)[None, None], edges=edges, period=1.0)
-    assert pieces.to_samples(10).values[0, 0].tolist() == [4, 1, 1, 2, 2, 2, 3, 4, 4, 4]
+    assert after_jumps(pieces, 0.1 * np.arange(10))[:, 0, 0].tolist() == [4, 1, 1, 2, 2, 2, 3, 4, 4, 4]
 
 
 def test_rounding_makes_no_series_complex():
