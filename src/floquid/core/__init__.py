@@ -4,7 +4,6 @@ from floquid.core._axis import NearAxis, kind_open, read_axis, read_blocks, read
 from floquid.core._branches import Branch, on_branch, turning_point, unevenness
 from floquid.core._channel import Channel, Quantity, channel_of, channels_named
 from floquid.core._clock import CLOCKS, AzimuthSignal, Clock, ConstantPeriod, PhaseClock, PulseTimes, TachometerSignal
-from floquid.core._cycles import Cycles
 from floquid.core._estimates import Estimates, Gains
 from floquid.core._lazy_record import LazyRecord
 from floquid.core._model_inputs import ModelInputs
@@ -12,7 +11,7 @@ from floquid.core._modelled import Driven, modelled
 from floquid.core._periodic_model import Identified, PeriodicModel
 from floquid.core._periodic_modes import Couple, PeriodicModes, couples_of
 from floquid.core._provenance import Provenance, as_point, common_point, point_of
-from floquid.core._record import BRIDGED, Record, longest_run, over_gaps, runs_of
+from floquid.core._record import BRIDGED, Cycles, Record, longest_run, over_gaps, runs_of
 from floquid.core._shape import Shape
 
 __all__ = [

@@ -1,55 +1,63 @@
 """Algebra, steps and tests that all fits share."""
 
-from floquid.fit._algebra import HALF_DIGITS as HALF_DIGITS
-from floquid.fit._algebra import ROUNDING as ROUNDING
-from floquid.fit._algebra import covariance_root as covariance_root
-from floquid.fit._algebra import directions as directions
-from floquid.fit._algebra import inverse_root as inverse_root
-from floquid.fit._algebra import positive_part as positive_part
-from floquid.fit._algebra import sandwich as sandwich
-from floquid.fit._algebra import scaled_inverse as scaled_inverse
-from floquid.fit._algebra import unit_scale as unit_scale
-from floquid.fit._filters import LAGS as LAGS
-from floquid.fit._filters import filter_gain as filter_gain
-from floquid.fit._filters import filtered as filtered
-from floquid.fit._filters import yule_walker as yule_walker
-from floquid.fit._near_axis import OFF as OFF
-from floquid.fit._near_axis import AxisFit as AxisFit
-from floquid.fit._near_axis import AxisMode as AxisMode
-from floquid.fit._near_axis import begun_off as begun_off
-from floquid.fit._near_axis import block_stands as block_stands
-from floquid.fit._near_axis import correlation as correlation
-from floquid.fit._near_axis import couples as couples
-from floquid.fit._near_axis import half_of as half_of
-from floquid.fit._near_axis import near_axis as near_axis
-from floquid.fit._near_axis import off_axis as off_axis
-from floquid.fit._near_axis import with_blocks as with_blocks
-from floquid.fit._solver import AT_REST as AT_REST
-from floquid.fit._solver import CHUNK as CHUNK
-from floquid.fit._solver import FARTHEST as FARTHEST
-from floquid.fit._solver import FEW_STEPS as FEW_STEPS
-from floquid.fit._solver import LONGEST_STEP as LONGEST_STEP
-from floquid.fit._solver import REST as REST
-from floquid.fit._solver import ROUNDS as ROUNDS
-from floquid.fit._solver import STEPS as STEPS
-from floquid.fit._solver import Ends as Ends
-from floquid.fit._solver import Normal as Normal
-from floquid.fit._solver import Steps as Steps
-from floquid.fit._solver import levenberg_marquardt as levenberg_marquardt
-from floquid.fit._tests import DEVIATIONS as DEVIATIONS
-from floquid.fit._tests import EVIDENT as EVIDENT
-from floquid.fit._tests import IN_VAIN as IN_VAIN
-from floquid.fit._tests import MODES as MODES
-from floquid.fit._tests import QUIET as QUIET
-from floquid.fit._tests import RARE as RARE
-from floquid.fit._tests import SIGNIFICANT as SIGNIFICANT
-from floquid.fit._tests import SLOW as SLOW
-from floquid.fit._tests import SURE as SURE
-from floquid.fit._tests import WITHIN as WITHIN
-from floquid.fit._tests import chi2_limit as chi2_limit
-from floquid.fit._tests import is_vague as is_vague
-from floquid.fit._tests import schwarz as schwarz
-from floquid.fit._tests import score_gain as score_gain
-from floquid.fit._tests import wald_rise as wald_rise
+from floquid.fit._algebra import (
+    HALF_DIGITS,
+    LAGS,
+    ROUNDING,
+    covariance_root,
+    directions,
+    filter_gain,
+    filtered,
+    inverse_root,
+    positive_part,
+    sandwich,
+    scaled_inverse,
+    unit_scale,
+    yule_walker,
+)
+from floquid.fit._near_axis import (
+    OFF,
+    AxisFit,
+    AxisMode,
+    begun_off,
+    block_stands,
+    correlation,
+    couples,
+    half_of,
+    near_axis,
+    off_axis,
+    with_blocks,
+)
+from floquid.fit._solver import (
+    AT_REST,
+    CHUNK,
+    FARTHEST,
+    FEW_STEPS,
+    LONGEST_STEP,
+    REST,
+    ROUNDS,
+    STEPS,
+    Ends,
+    Normal,
+    Steps,
+    levenberg_marquardt,
+)
+from floquid.fit._tests import (
+    DEVIATIONS,
+    EVIDENT,
+    IN_VAIN,
+    MODES,
+    QUIET,
+    RARE,
+    SIGNIFICANT,
+    SLOW,
+    SURE,
+    WITHIN,
+    chi2_limit,
+    is_vague,
+    schwarz,
+    score_gain,
+    wald_rise,
+)
 
 __all__: list[str] = []

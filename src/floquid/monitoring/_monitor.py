@@ -12,9 +12,19 @@ from floquid._arrays import Floats, Indices, Mask
 from floquid._checks import counted, input_error, integer, positive
 from floquid.fit import WITHIN
 from floquid.monitoring._amounts import aligned, amounts_along, amounts_without_model, template_of, trend_of
-from floquid.monitoring._baseline import Baseline, Chart, chart, fit_baseline, one_sided
+from floquid.monitoring._baseline import (
+    Baseline,
+    Chart,
+    Features,
+    chart,
+    common,
+    direction_of,
+    features_of,
+    fit_baseline,
+    one_sided,
+    tell_missing,
+)
 from floquid.monitoring._change import change_of, check_quiet, check_size
-from floquid.monitoring._features import Features, common, direction_of, features_of, tell_missing
 from floquid.monitoring._least_squares import squared_distances
 from floquid.monitoring._types import Amounts, Change, Charts, Monitor, Part
 from floquid.monitoring._work import (

@@ -4,8 +4,7 @@
 why. Knows nothing of channels and periods, as `lti`.
 """
 
-from floquid.order._choose import Choice, choose, judge
-from floquid.order._choose import judge_products as judge_products
+from floquid.order._choose import Choice, choose, judge, judge_products
 from floquid.order._scan import scan, stability
 from floquid.order._types import Criteria, Indicators, OrderScan, Stability, Tolerances, indicators
 

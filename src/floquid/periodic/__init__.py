@@ -10,8 +10,7 @@ from floquid.periodic._output_error_step import estimate_at
 from floquid.periodic._refit import instants, line_amplitudes, own_period, refit, unexplained, without_lines
 from floquid.periodic._start import Known, distinct_multipliers, generous_poles, groups, held_shapes, without_known
 from floquid.periodic._steady_period import steady_period
-from floquid.periodic.expansion import assemble, participation, physical_exponents, select_bands
-from floquid.periodic.expansion import strongest_branch as strongest_branch
+from floquid.periodic.expansion import assemble, participation, physical_exponents, select_bands, strongest_branch
 from floquid.periodic.least_squares import ModeParameters, followed
 from floquid.periodic.period import FSE, Family, PeriodCandidate, PeriodEstimate, estimate_period, fse
 from floquid.periodic.search import combinations_of

@@ -10,13 +10,12 @@ from floquid.plot._exponents import exponents
 from floquid.plot._monitor import monitor, periodic_amount
 from floquid.plot._record import synthesis, time_record
 from floquid.plot._residues import coefficients, residues
-from floquid.plot._save import FIGURES, save_figure, save_figures
-from floquid.plot._save import figure_of_fit as figure_of_fit
+from floquid.plot._save import FIGURES, figure_of_fit, save_figure, save_figures
 from floquid.plot._shapes import periodic_shapes
 from floquid.plot._spectra import harmonic_spectra, spectra
 from floquid.plot._stabilisation import composite, indicators, stabilisation
 from floquid.plot._stability_map import stability_map
-from floquid.plot._style import style as style
+from floquid.plot._style import style
 from floquid.plot._survey import campbell, damping, multipliers
 from floquid.plot._synchronisation import speed, synchronisation
 from floquid.plot._system_elements import system_elements

@@ -7,8 +7,14 @@ the contract tests take it from there.
 from floquid.readers._labelled import from_pandas, from_xarray, record_to_xarray, to_pandas
 from floquid.readers._read import FORMATS, SUFFIXES, WRITTEN, Format, read, write
 from floquid.readers._sep005 import from_sep005, to_sep005
-from floquid.readers._summary import ChannelSummary, ClockCandidate, ClockKind, FileSummary, describe_file
-from floquid.readers._summary import read_and_describe as read_and_describe
+from floquid.readers._summary import (
+    ChannelSummary,
+    ClockCandidate,
+    ClockKind,
+    FileSummary,
+    describe_file,
+    read_and_describe,
+)
 from floquid.readers.uff import KINDS as UFF_KINDS
 
 __all__ = [

@@ -6,8 +6,7 @@ structure to all that the record says.
 
 from floquid.reconstruction._reconstruct import MOST_TIMES, Form, Refinement, StateModel, choices, reconstruct
 from floquid.reconstruction._refine import refine
-from floquid.reconstruction._states import Names as Names
-from floquid.reconstruction._states import displacement_rows as displacement_rows
+from floquid.reconstruction._states import Names, displacement_rows
 from floquid.reconstruction._structure import AbstractStructure, Block, FirstOrder, SecondOrder, structure_of, text_of
 
 __all__ = [

@@ -3,8 +3,7 @@
 `report` writes it. bokeh draws and jinja2 fills the page; both are loaded when the first page is made.
 """
 
-from floquid.reporting._page import fragment as fragment
-from floquid.reporting._report import ENDINGS as ENDINGS
-from floquid.reporting._report import report
+from floquid.reporting._page import fragment
+from floquid.reporting._report import ENDINGS, report
 
 __all__ = ["report"]

@@ -6,15 +6,10 @@ from floquid.sync._faults import clipped, dropouts, gaps, wrapped
 from floquid.sync._hits import Impact, find_hits, find_impacts, split_hits
 from floquid.sync._interpolation import half_width, interpolate, interpolation_error
 from floquid.sync._pulse_times import pulse_times
-from floquid.sync._read_clock import divisible as divisible
+from floquid.sync._read_clock import divisible
 from floquid.sync._resample import bandwidth, resample
-from floquid.sync._segment import LARGEST_DRIFT as LARGEST_DRIFT
-from floquid.sync._segment import refuse_unlike as refuse_unlike
-from floquid.sync._segment import rejoin, samples_per_period, segment
-from floquid.sync._shaft_angle import STEADY as STEADY
-from floquid.sync._shaft_angle import ShaftAngle, shaft_angle
-from floquid.sync._shaft_angle import speed_verdict as speed_verdict
-from floquid.sync._shaft_angle import tied as tied
+from floquid.sync._segment import LARGEST_DRIFT, refuse_unlike, rejoin, samples_per_period, segment
+from floquid.sync._shaft_angle import STEADY, ShaftAngle, shaft_angle, speed_verdict, tied
 
 __all__ = [
     "AngleSpline", "Impact", "ShaftAngle", "bandwidth", "between_events", "clipped", "dropouts",

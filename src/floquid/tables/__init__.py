@@ -1,7 +1,6 @@
 """Columns of samples and of times: what a file or an object says of a record, and the even time axis behind it."""
 
-from floquid.tables._channel_names import numbered, with_names
-from floquid.tables._names import find_time, name_and_unit, rate_stated, says_rate
+from floquid.tables._names import find_time, name_and_unit, numbered, rate_stated, says_rate, with_names
 from floquid.tables._nominal_rate import Printed, fit_line, nominal_rate_of_step, printed, rate_of_step
 from floquid.tables._rows import WholeLines, cut_note, is_cut
 from floquid.tables._table import (

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
+from floquid._checks import counted, input_error
 from floquid.core import Channel
+from floquid.errors import InputError
 from floquid.io import Source
 from floquid.tables._nominal_rate import rate_of_step
+from floquid.tables._table import Table, check_distinct
 from floquid.tables._time_axis import SECONDS
 
 _TIME_NAME = re.compile(
@@ -107,3 +111,37 @@ def rate_stated(name: str, value: float, unit: str | None = None) -> float | Non
     if kind is None or scale is None:
         return None
     return value * scale if kind == "rate" else rate_of_step(value * scale)
+
+
+def numbered(names: Sequence[str]) -> list[str]:
+    """The `names` of columns, those that come again with their number: x, x_2, x_3."""
+    found: list[str] = []
+    for name in names:
+        number, new = 1, name
+        while new in found:
+            number += 1
+            new = f"{name}_{number}"
+        found.append(new)
+    return found
+
+
+def with_names(table: Table, names: Sequence[str], source: Source) -> Table:
+    """The `table` of a `source`, its first channels renamed: to the `names`, or to the labels that one names."""
+    if isinstance(names, str) or not names or not all(isinstance(name, str) for name in names):
+        raise input_error("names", source.of, "be a list of names, at least one", f"is {names!r}")
+    chosen = table.labels[names[0]] if len(names) == 1 and names[0] in table.labels else names
+    count = len(table.channels)
+    if len(chosen) > count:
+        listing = f" Texts in the file: {', '.join(table.labels)}." if table.labels else ""
+        got = f"are {len(chosen)} for {counted(count, 'channel')} of {source.name}"
+        raise input_error("names", source.of, "be as many as the channels", got, f"Leave some out.{listing}")
+    channels = []
+    for channel, name in zip(table.channels, chosen, strict=False):
+        is_plain = Channel(name=channel.name, unit=channel.unit).quantity == channel.quantity
+        try:
+            channels.append(replace(channel, name=name, quantity=None if is_plain else channel.quantity))
+        except InputError as error:
+            raise source.wrapped(error) from None
+    channels += table.channels[len(channels) :]
+    check_distinct(source, [channel.name for channel in channels])
+    return replace(table, channels=tuple(channels))

@@ -41,7 +41,6 @@ from floquid.views._outcome import (
     period_words,
     whitening_words,
 )
-from floquid.views._over import over_label, over_unit
 from floquid.views._sidebands import impedance
 from floquid.views._spectra import (
     SpectraOfModes,
@@ -51,7 +50,7 @@ from floquid.views._spectra import (
     record_spectrum,
     spectra_of_modes,
 )
-from floquid.views._speed import SpeedUnit, speed_texts, speed_unit, speed_words
+from floquid.views._speed import SpeedUnit, over_label, over_unit, speed_texts, speed_unit, speed_words
 from floquid.views._synchronisation import Synchronisation, synchronisation
 from floquid.views._synthesis import Synthesis, lifted_points, raw_noise, synthesis
 from floquid.views._three_phase import to_alpha_beta, to_dq, to_sequence

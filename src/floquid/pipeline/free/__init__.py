@@ -1,9 +1,6 @@
 """Identification of free responses, lifted and as they were sampled."""
 
-from floquid.pipeline.free._complete import again_of as again_of
-from floquid.pipeline.free._complete import by_cycles as by_cycles
-from floquid.pipeline.free._complete import lifted_views, samples_of, validated
-from floquid.pipeline.free._complete import why_sampled as why_sampled
+from floquid.pipeline.free._complete import again_of, by_cycles, lifted_views, samples_of, validated, why_sampled
 from floquid.pipeline.free._find_poles import find_poles
 from floquid.pipeline.free._identify import identified_free
 from floquid.pipeline.free._start import lifted

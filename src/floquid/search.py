@@ -1,4 +1,4 @@
-"""Descent of J over structures: each tried once, the best predicted move first, accepted where J falls."""
+"""Search over structures by one objective: descent of J, each structure tried once, the best predicted move first."""
 
 from __future__ import annotations
 
