@@ -22,8 +22,9 @@ from floquid.core import PeriodicModel, PhaseClock, Record
 from floquid.errors import FloquidError
 from floquid.findings import Finding
 from floquid.fit import SIGNIFICANT, filter_gain, filtered
-from floquid.periodic import NEGLIGIBLE_SLIP, TURNED, ForcedResponse, instants, own_period, unexplained
+from floquid.periodic import TURNED, ForcedResponse, instants, own_period, unexplained
 from floquid.reconstruction import StateModel
+from floquid.sync import LARGEST_DRIFT
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,7 +117,7 @@ class Decays(Subject):
             return None  # a step of many radians is none that one linearisation can tell
         # A model that fails has no deviations: then what it leaves says nothing of that of the period either.
         known = self.model.covariance is not None
-        deviations = abs(relative) / std if slip > NEGLIGIBLE_SLIP else 0.0
+        deviations = abs(relative) / std if slip > LARGEST_DRIFT else 0.0
         return Off(relative=relative, std=std if known else None, deviations=deviations, limit=SIGNIFICANT)
 
     def vague_angles(self) -> tuple[Finding, ...]:

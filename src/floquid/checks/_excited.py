@@ -21,12 +21,9 @@ from floquid.checks._period import Off, shaken
 from floquid.checks._residual import STRONG_COLOUR, Colour
 from floquid.core import Channel, PeriodicModel, Record
 from floquid.findings import Finding
-from floquid.fit import SIGNIFICANT, SURE
+from floquid.fit import NOT_WHITE, SIGNIFICANT, SURE
 from floquid.inputs import Limits, Samples, Scores, Uncertainty, linearise, numbers_of, slopes_in_parts, slopes_of
 from floquid.sync import ShaftAngle
-
-COLOURED = 0.1
-"""The sum of squared correlations from which on the residual is no white noise."""
 
 PREDICTABLE = 0.03
 """The share of the variance of the innovations that is predictable from those before, from which on a model fails."""
@@ -129,7 +126,7 @@ class Driven(Excited):
     @property
     def coloured(self) -> bool:
         """True where the residual is not white."""
-        return self.fit.at.colour > COLOURED
+        return self.fit.at.colour > NOT_WHITE
 
     def vague_angles(self) -> tuple[Finding, ...]:
         """Findings on errors of the angle, over the variance of the residual."""
@@ -148,7 +145,7 @@ class Driven(Excited):
         """The most correlations of one output."""
         size = float(self.fit.at.colour)
         numbers = {"squares": [size]} if self.coloured else {}
-        return Colour(size=size, limit=COLOURED, failing=STRONG_COLOUR, numbers=numbers)
+        return Colour(size=size, limit=NOT_WHITE, failing=STRONG_COLOUR, numbers=numbers)
 
     def undetermined(self) -> tuple[Finding, ...]:
         """Finding on decays that are not determined."""

@@ -3,6 +3,7 @@
 from floquid.fit._algebra import (
     HALF_DIGITS,
     LAGS,
+    NOT_WHITE,
     ROUNDING,
     covariance_root,
     directions,

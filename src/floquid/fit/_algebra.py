@@ -58,10 +58,10 @@ def scaled_inverse(
     return root @ root.T
 
 
-def covariance_root(covariance: Floats, least: float = ROUNDING) -> Floats:
+def covariance_root(covariance: Floats) -> Floats:
     """A root R of a covariance, R Rᵀ = C (n, directions), which may be singular."""
     scale = unit_scale(covariance)
-    values, vectors = directions(covariance, least, scale=scale)
+    values, vectors = directions(covariance, ROUNDING, scale=scale)
     return scale[:, None] * vectors * np.sqrt(values)
 
 
@@ -88,6 +88,8 @@ def positive_part(whole: Floats, reduced: Floats) -> Floats:
 
 LAGS = 16
 """Lags of a correlation that tell coloured noise: what modes leave has some a period apart."""
+
+NOT_WHITE = 0.1  # the sum of squared correlations over these lags from which on a residual is no white noise
 
 
 def yule_walker(correlation: Floats, order: int) -> Floats:

@@ -48,12 +48,12 @@ def score_gain(gradient: Floats, information: Floats, least: float, *, before: F
     return float(np.sum((inverse_root(information, least, scale=scale).T @ gradient) ** 2))
 
 
-def wald_rise(values: Floats, covariance: Floats, least: float = ROUNDING) -> float:
+def wald_rise(values: Floats, covariance: Floats) -> float:
     """The squared deviations v' C⁻¹ v of values from zero: the rise of χ² without them, to first order (Wald test).
 
     Zero where the covariance overflowed. Values of several independent channels (values, channels) add up.
     """
-    return float(np.sum((inverse_root(covariance, least).T @ values) ** 2))
+    return float(np.sum((inverse_root(covariance, ROUNDING).T @ values) ** 2))
 
 
 def schwarz(log_likelihood: float, n_parameters: int, n_samples: int) -> float:

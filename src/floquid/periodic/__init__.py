@@ -15,7 +15,6 @@ from floquid.periodic.least_squares import ModeParameters, followed
 from floquid.periodic.period import FSE, Family, PeriodCandidate, PeriodEstimate, estimate_period, fse
 from floquid.periodic.search import combinations_of
 from floquid.periodic.significance import (
-    NEGLIGIBLE_SLIP,
     TURNED,
     PartialTests,
     Periodicity,
@@ -32,7 +31,7 @@ CONFIDENT = 2e-3
 not may stand for several."""
 
 __all__ = [
-    "CONFIDENT", "FSE", "NEGLIGIBLE_SLIP", "TURNED", "Family", "Fit",
+    "CONFIDENT", "FSE", "TURNED", "Family", "Fit",
     "ForcedResponse", "Known", "ModeParameters", "OrderError", "PartialTests", "PeriodCandidate", "PeriodEstimate",
     "Periodicity", "Synchrony", "assemble", "combinations_of", "distinct_multipliers", "drift", "estimate_at",
     "estimate_period", "fit", "fit_shapes", "followed", "fse", "generous_poles", "groups", "held_shapes", "instants",

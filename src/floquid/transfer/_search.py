@@ -9,7 +9,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid.fit import FEW_STEPS, chi2_limit
+from floquid.fit import FEW_STEPS, RARE, chi2_limit
 from floquid.inputs import InputMode, Limits
 from floquid.search import LOOSE
 from floquid.transfer._modal import Fitted, Lines, Modal, eliminated, fitted, near_real, promised, real_for
@@ -17,7 +17,6 @@ from floquid.transfer._modal import Fitted, Lines, Modal, eliminated, fitted, ne
 DECAYS = 10  # decays of the grid, from a part of the distance of lines to their range
 FINE = 3  # frequencies of the grid for a line
 TRIED = 3  # exponents of the grid that are fitted
-REAL = 1e-3  # the probability at which noise may move a real multiplier off the axis
 FAR = 1e3  # the size of an exponent over the highest frequency of the lines from which on a fit ran away from them
 HELD = 1e6  # weight of a gain over the initial state, where the scale of a mode is fixed
 
@@ -186,7 +185,7 @@ def _with_real_ones(lines: Lines, now: Fitted, limits: Limits, refused: list[com
             rise = (best.cost - now.cost) / _level(lines, now)
             # These fits are not narrowed: numbers more are no argument against one that is better.
             fewer = max(now.n_parameters - best.n_parameters, 0)
-            if rise < (chi2_limit(fewer, REAL) if fewer else 0.0):
+            if rise < (chi2_limit(fewer, RARE) if fewer else 0.0):
                 return _with_real_ones(lines, best, limits, refused)
     return now
 

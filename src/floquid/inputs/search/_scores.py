@@ -292,7 +292,7 @@ class Scores:
             along = np.concatenate([part[:, own] for part in self.along], axis=1).T @ root
             shape = (now.coefficients[own] * self.weights).T.ravel()
             whole = spread + along @ along.T
-            found.append(wald_rise(shape, whole, ROUNDING))
+            found.append(wald_rise(shape, whole))
         return np.array(found)
 
     def step_along(self, slopes: NDArray[np.float64]) -> tuple[float, float]:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from floquid._arrays import Complexes, Floats, Integers
 from floquid.core import Channel, Estimates, PeriodicModel, Provenance, modelled
 from floquid.errors import IdentificationError
-from floquid.fit import FEW_STEPS, REST, WITHIN
-from floquid.periodic.expansion import bands_at, select_bands
+from floquid.fit import FEW_STEPS, REST, SURE, WITHIN
+from floquid.periodic.expansion import select_bands
 from floquid.periodic.least_squares._one_shape import OneShape
 from floquid.periodic.least_squares._parameters import ModeParameters
 from floquid.periodic.least_squares._sample_block import Block
@@ -178,15 +178,15 @@ def _mirror(entries: ModeParameters, harmonics: Integers, coefficients: NDArray,
                 std[entry, :, :, mirrored] = std[entry, :, :, place]
 
 
-def chosen_bands(blocks: Sequence[Block], wide: Solution, false_alarm: float, *, each: bool = False) -> Integers:
-    """The bands above the noise, of entries not fixed; `false_alarm` is that of all, or with `each` of one harmonic."""
+def chosen_bands(blocks: Sequence[Block], wide: Solution) -> Integers:
+    """The bands above the noise, of entries not fixed."""
     entries, fitted_shapes = wide.entries, shapes(blocks, wide)
     harmonics = fitted_shapes.harmonics
     seeds = np.stack([np.minimum(0, -entries.half_turns), np.maximum(0, -entries.half_turns)], axis=1)
     seeds = np.clip(seeds, harmonics[0], harmonics[-1])
     those = (fitted_shapes.coefficients, fitted_shapes.std, harmonics, seeds)
     free = int((~entries.fixed).sum())
-    kept = bands_at(*those, level=false_alarm) if each else select_bands(*those, false_alarm=false_alarm, n_modes=free)
+    kept = select_bands(*those, false_alarm=SURE, n_modes=free)
     bands = np.array([(harmonics[row][0], harmonics[row][-1]) for row in kept], np.int64).reshape(-1, 2)
     return np.where(entries.fixed[:, None], entries.bands, bands)
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid.fit import LAGS, ROUNDING
+from floquid.fit import LAGS, NOT_WHITE, ROUNDING
 from floquid.lifting import filters_of
 from floquid.periodic.least_squares._record_block import RecordBlock
 from floquid.periodic.least_squares._sample_block import Block, complex_of
@@ -139,11 +139,11 @@ def noise_left(blocks: Sequence[Block], solution: Solution) -> Floats:
     return np.sqrt(np.maximum(squares, 0.0) / np.maximum(free, 1.0))
 
 
-def residual_filter(blocks: Sequence[Block], solution: Solution, *, least: float = 0.0) -> Floats | None:
+def residual_filter(blocks: Sequence[Block], solution: Solution) -> Floats | None:
     """The filter of each channel that whitens what a fit leaves (channels, taps); None where that is white.
 
     By the Yule-Walker equations for the residual of all hits together; of a wandering speed one for all channels, since
-    there the columns themselves go through it. White is what has squared correlations of less than `least` in sum.
+    there the columns themselves go through it. White is what has squared correlations of less than `NOT_WHITE` in sum.
     """
     columns = solution.entries.columns()
     sums = np.zeros((1 + max(int(block.rows.max()) for block in blocks), LAGS + 1))
@@ -164,7 +164,7 @@ def residual_filter(blocks: Sequence[Block], solution: Solution, *, least: float
         numbers = np.full(len(numbers), numbers.sum())
     level = correlations[:, :1]
     correlations = correlations / np.where(level > 0.0, level, 1.0)
-    if np.sum(correlations[:, 1:] ** 2, axis=1).max() < least:
+    if np.sum(correlations[:, 1:] ** 2, axis=1).max() < NOT_WHITE:
         return None
     return filters_of(correlations, numbers)
 

@@ -12,7 +12,7 @@ from floquid._checks import Rebuilt, frozen_array, input_error, positive
 from floquid.core import PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, texts, warning
-from floquid.fit import ROUNDS, SIGNIFICANT, SURE
+from floquid.fit import ROUNDS, SIGNIFICANT
 from floquid.periodic.least_squares import Block, ModeParameters, RecordBlock, Solution, chosen_bands, noise_left, solve
 from floquid.periodic.period._fse import averaged, entries_of, grouped, model_at
 from floquid.periodic.period._fundamental_candidates import OrbitLines, Spacing, orbit_of, spacings_of
@@ -283,7 +283,7 @@ def _grown(blocks: Sequence[Block], entries: ModeParameters, families: int, most
         solution = solve(
             blocks, replace(entries, bands=np.where(of_families, entries.padded(1, most).bands, entries.bands))
         )
-        chosen = np.where(of_families, chosen_bands(blocks, solution, SURE), entries.bands)
+        chosen = np.where(of_families, chosen_bands(blocks, solution), entries.bands)
         low, high = np.minimum(chosen[:, 0], entries.bands[:, 0]), np.maximum(chosen[:, 1], entries.bands[:, 1])
         union = np.stack([low, high], axis=1)
         if rounds == ROUNDS or (union == entries.bands).all():

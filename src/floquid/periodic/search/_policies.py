@@ -25,7 +25,6 @@ from floquid.periodic.search._objective import Point, Price
 from floquid.search import SECONDS, Move, descended
 
 LOUD = 100.0  # times the price from which on a line cannot be a peak of noise that is coloured
-STRONG = 0.1  # the sum of squared correlations from which on the residual is coloured noise and no weak mode
 
 Log = Callable[[str], None]
 
@@ -132,7 +131,7 @@ def searched_white(
     for look in range(2):
         before = taps
         plain = current if before is None else at(blocks, current.entries)
-        taps = residual_filter(blocks, plain.solution, least=STRONG)
+        taps = residual_filter(blocks, plain.solution)
         through = None if taps is None else filtered_blocks(blocks, taps)
         taps, after = (None, blocks) if through is None else (taps, through)
         if look and taps is None and before is None:

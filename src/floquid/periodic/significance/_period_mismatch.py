@@ -10,9 +10,7 @@ from floquid._arrays import Complexes, Floats
 from floquid.core import PeriodicModel
 from floquid.fit import EVIDENT, IN_VAIN, SIGNIFICANT, scaled_inverse
 from floquid.lifting import Lifted
-
-NEGLIGIBLE_SLIP = 0.01
-"""Samples of slip over the record below which a difference of periods does no harm, however significant."""
+from floquid.sync import LARGEST_DRIFT
 
 TURNED = 1.0  # the phase [rad] that the fundamental may slip while modes last, for one step of a fit to tell the period
 
@@ -43,7 +41,7 @@ class Synchrony:
     @property
     def broken(self) -> bool:
         """True where the response's own period is significantly another one, by more than does no harm."""
-        return abs(self.relative) > SIGNIFICANT * self.std and self.slip > NEGLIGIBLE_SLIP
+        return abs(self.relative) > SIGNIFICANT * self.std and self.slip > LARGEST_DRIFT
 
 
 def synchrony(model: PeriodicModel, lifted: Lifted) -> Synchrony | None:

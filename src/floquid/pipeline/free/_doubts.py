@@ -15,10 +15,11 @@ from floquid.findings import Finding, warning
 from floquid.fit import DEVIATIONS, EVIDENT, QUIET, SIGNIFICANT
 from floquid.lifting import Lifted, largest_values
 from floquid.order import Choice
-from floquid.periodic import NEGLIGIBLE_SLIP, TURNED, Fit, estimate_period, spacing, synchrony, unexplained
+from floquid.periodic import TURNED, Fit, estimate_period, spacing, synchrony, unexplained
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._sums import Sum, SumError, sum_among
 from floquid.preparation import NO_NEWS, Prepared, in_phase, name_of
+from floquid.sync import LARGEST_DRIFT
 
 CHANCE = 0.1  # share of a fundamental that other modes cover from which on one is near them by chance too often
 FOLDED = 10.0  # decays within which modes that fold onto one another may be one
@@ -57,7 +58,7 @@ def wrong_period_fitted(
         apart = abs(torn.relative - relative) > SIGNIFICANT * np.hypot(torn.std, std)
         torn = None if apart and abs(relative) <= SIGNIFICANT * std else torn
     for relative, std in ([fitted.own_period] if fitted.own_period else []) + ([torn.sign] if torn else []):
-        if abs(relative) <= SIGNIFICANT * std or abs(relative) * samples <= NEGLIGIBLE_SLIP:
+        if abs(relative) <= SIGNIFICANT * std or abs(relative) * samples <= LARGEST_DRIFT:
             continue
         # A step of many radians is none that one linearisation can tell: modes were torn apart, or are none.
         if 2.0 * np.pi * abs(relative) * alive < TURNED or (torn is not None and (relative, std) == torn.sign):
