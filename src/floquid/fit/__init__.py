@@ -18,7 +18,6 @@ from floquid.fit._algebra import (
 )
 from floquid.fit._near_axis import (
     OFF,
-    AxisFit,
     AxisMode,
     begun_off,
     block_stands,

@@ -6,13 +6,11 @@ inputs are parted (`parted`), with what repeats beside them. `propose` has the s
 """
 
 from floquid.preparation._before import begun, from_sample
-from floquid.preparation._clocks import clocked, clocks_of, states_of, with_events, without_clock
-from floquid.preparation._events import in_phase
+from floquid.preparation._clocks import clocked, clocks_of, in_phase, states_of, with_events, without_clock
 from floquid.preparation._excited import FORBIDDEN, WORDS, parted, refuse_others
 from floquid.preparation._forces import refuse_excited
-from floquid.preparation._mended import MOST_ABSENT
 from floquid.preparation._prepare import Prepared, blas_threads, prepare, uneven_speed
-from floquid.preparation._proposal import Candidate, Proposal, Use, propose
+from floquid.preparation._proposal import Candidate, Proposal, propose
 from floquid.preparation._reading import Reading
 from floquid.preparation._refuse import NO_NEWS, name_of, own_names, refuse_few
 from floquid.preparation._settings import (

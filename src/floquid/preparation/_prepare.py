@@ -30,6 +30,7 @@ from floquid.preparation._before import (
     without_orbit,
 )
 from floquid.preparation._clocks import (
+    by_events,
     check_states,
     clocked,
     clocks_of,
@@ -38,7 +39,6 @@ from floquid.preparation._clocks import (
     steadied,
     without_clock,
 )
-from floquid.preparation._events import by_events
 from floquid.preparation._excited import parted as parted_of
 from floquid.preparation._excited import refuse_others
 from floquid.preparation._forces import forces_of, refuse_driven, refuse_random

@@ -42,6 +42,5 @@ from floquid.floquet.matrices._series import (
     SampledMatrix,
     constant_matrix,
     line_weights,
-    real_series,
 )
 from floquid.floquet.matrices._state_matrix import Prepared, StateMatrix, periodic, prepare
