@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 from scipy.signal import lfilter
 
-from floquid import Channel, Record, multisine
+from floquid import Channel, PeriodicModel, Record, multisine
+from floquid.inputs import TransferFunctions, modal_transfer
 from floquid.systems import JeffcottRotor
 
 DATA = Path(__file__).parent / "data"
@@ -339,3 +340,17 @@ def strayed(model, truth):
     rows, columns = linear_sum_assignment(np.abs(gap))
     off, std = gap[rows, columns], model.exponent_std[rows]
     return max(np.abs(off.real / std.real).max(), np.abs(off.imag / std.imag).max())
+
+
+def transfer_functions(model: PeriodicModel, hertz, turns) -> TransferFunctions:
+    """G_m(Ω) = Σ_r Σ_l c_{r,m-l} b_{r,l} / (i(Ω + lω) - λ_r) + D_m of a model with inputs."""
+    own, turns, hertz = model.inputs, np.array(turns), np.asarray(hertz, float)
+    values = np.zeros((len(turns), len(model.channels), len(own.channels), len(hertz)), complex)
+    for exponent, c, b in zip(model.exponents, model.coefficients[:, :, 0], own.coefficients, strict=True):
+        at = 2.0 * np.pi * hertz
+        values += modal_transfer(exponent, model.fundamental, (model.harmonics, c), (own.harmonics, b), turns, at)
+    for turn, direct in zip(own.direct_harmonics, np.moveaxis(own.direct, 2, 0), strict=True):
+        values[turns == turn] += direct[:, :, None]
+    return TransferFunctions(
+        frequencies_hz=hertz, harmonics=turns, values=values, std=None, outputs=model.channels, inputs=own.channels
+    )

@@ -13,7 +13,7 @@ from floquid.inputs._samples import LEAKAGE, Hold, Samples, samples_of
 from floquid.inputs._slopes import slopes_in_parts
 from floquid.inputs._solver import Linearisation, columns_at, linearise, numbers_of, slopes_of, solve
 from floquid.inputs._start import MOST_ROWS, bare_mode, candidates, chosen_together, fitted_together
-from floquid.inputs._transfer import Grid, TransferFunctions, transfer_functions, transfer_of, turning
+from floquid.inputs._transfer import Grid, TransferFunctions, modal_transfer, transfer_of, turning
 from floquid.inputs.search import Limits, Scores, gain_of, nearly_one, period_step, phase_step, read_near_axis, searched
 
-__all__ = ["Hold", "TransferFunctions", "transfer_functions"]
+__all__ = ["Hold", "TransferFunctions"]

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from floquid._checks import Rebuilt, frozen_array, input_error
-from floquid.core import Channel, PeriodicModel
+from floquid._checks import Rebuilt, frozen_array
+from floquid.core import Channel
 from floquid.fit import HALF_DIGITS
 from floquid.inputs._estimates import Errors, terms_of
 from floquid.inputs._modes import InputMode, input_gain
@@ -64,38 +64,6 @@ class TransferFunctions(Rebuilt):
         if above == below:
             return "-"
         return above if below == "-" else f"{'1' if above == '-' else above}/{f'({below})' if '/' in below else below}"
-
-
-def transfer_functions(
-    model: PeriodicModel, frequencies_hz: ArrayLike, harmonics: ArrayLike = (-1, 0, 1)
-) -> TransferFunctions:
-    r"""The harmonic transfer functions of a model with inputs, without deviations.
-
-    .. math:: G_m(\Omega) = \sum_r \sum_l \frac{c_{r,m-l}\, b_{r,l}}{i (\Omega + l \omega) - \lambda_r} + D_m
-
-    `model` is one with inputs, `frequencies_hz` are Ω/2π (frequencies,) [Hz], negative ones, too, and `harmonics` the
-    integers m (harmonics,). Returns G. Raises InputError where the model has no inputs, or a frequency is that of an
-    undamped pole.
-    """
-    of = "inputs.transfer_functions"
-    own = model.inputs
-    if own is None:
-        raise input_error("model", of, "have inputs", "is one of free responses", "Identify it with `inputs=`.")
-    hertz = frozen_array(np.atleast_1d(np.asarray(frequencies_hz, float)), "frequencies_hz", of, axes=("frequencies",))
-    turns = np.unique(np.atleast_1d(np.asarray(harmonics, np.int64)))
-    values = np.zeros((len(turns), len(model.channels), len(own.channels), len(hertz)), complex)
-    for exponent, c, b in zip(model.exponents, model.coefficients[:, :, 0], own.coefficients, strict=True):
-        values += modal_transfer(
-            exponent, model.fundamental, (model.harmonics, c), (own.harmonics, b), turns, 2.0 * np.pi * hertz
-        )
-    for turn, direct in zip(own.direct_harmonics, np.moveaxis(own.direct, 2, 0), strict=True):
-        values[turns == turn] += direct[:, :, None]
-    if not np.isfinite(values).all():
-        remedy = "Ask for frequencies beside it."
-        raise input_error("frequencies_hz", of, "lie off the poles", "has one on an undamped pole", remedy)
-    return TransferFunctions(
-        frequencies_hz=hertz, harmonics=turns, values=values, std=None, outputs=model.channels, inputs=own.channels
-    )
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

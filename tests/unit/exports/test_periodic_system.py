@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.driven import flapping, mathieu, record_of, two_masses
+from tests.driven import flapping, mathieu, record_of, transfer_functions, two_masses
 
 import floquid
 from floquid import InputError, Record
@@ -19,7 +19,6 @@ from floquid.floquet import (
     lift,
     realise,
 )
-from floquid.inputs import transfer_functions
 from floquid.systems import JeffcottRotor
 
 TURNS = np.arange(-2, 3)

@@ -6,11 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.driven import flapping, mathieu, record_of, two_masses
+from tests.driven import flapping, mathieu, record_of, transfer_functions, two_masses
 from tests.unit.inputs.test_search import record
 
-from floquid import InputError, PeriodicModel, identify
-from floquid.inputs import transfer_functions
+from floquid import PeriodicModel, identify
 
 HARMONICS = np.arange(-2, 3)
 
@@ -73,11 +72,3 @@ def test_half_of_the_sidebands_dropped_is_seen():
     )
     hertz, truth = np.array([0.1, 0.2, 0.3]), mathieu().transfer(np.array([0.1, 0.2, 0.3]), HARMONICS)
     assert np.abs(transfer_functions(model, hertz, HARMONICS).values - truth).max() > 0.05 * np.abs(truth).max()
-
-
-def test_a_model_of_free_responses_has_none():
-    model = PeriodicModel(
-        exponents=[-1.0], coefficients=np.ones((1, 1, 1, 1)), harmonics=[0], period=1.0, channels=["a"]
-    )
-    with pytest.raises(InputError, match="have inputs"):
-        transfer_functions(model, [0.1])

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.driven import mathieu, record_of, two_masses
+from tests.driven import mathieu, record_of, transfer_functions, two_masses
 
 import floquid
 from floquid import Record, reconstruct
@@ -12,7 +12,6 @@ from floquid.core import Driven, modelled
 from floquid.findings import failure
 from floquid.fit import covariance_root
 from floquid.floquet import PeriodicSystem, SampledMatrix, harmonic_transfer, simulate
-from floquid.inputs import transfer_functions
 
 LINES = np.array([0.05, 0.13, 0.31, 0.6])
 TURNS = (-2, -1, 0, 1, 2)
@@ -71,12 +70,6 @@ def test_a_response_to_fresh_inputs_is_that_of_the_true_system(cases):
         times = truth.period / phases * np.arange(inputs.shape[1])
         found = simulate(system, inputs, times, between="held")
         assert np.sqrt(np.mean((found - values) ** 2)) < 0.02 * values.std()
-
-
-def test_a_model_of_free_responses_has_none(cases):
-    model = replace(cases[0][2], inputs=None)
-    state = reconstruct(model, ["y"], times=4)
-    assert (state.inputs, state.outputs, state.direct) == (None, None, None)
 
 
 def test_the_true_matrices_are_within_their_deviations(found):

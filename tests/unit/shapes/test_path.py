@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.driven import transfer_functions
 
 import floquid as fq
 from floquid.core import PeriodicModel, on_branch, turning_point, unevenness
 from floquid.errors import InputError
 from floquid.fit import chi2_limit
-from floquid.inputs import transfer_functions
 from floquid.shapes import path_shapes
 from floquid.views import branch_of, mode_notes
 

@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.driven import transfer_functions
 
 from floquid import Channel, InputError, floquet
 from floquid.core import ConstantPeriod, Record
 from floquid.exports import from_periodic_system
-from floquid.inputs import TransferFunctions, transfer_functions
+from floquid.inputs import TransferFunctions
 from floquid.views import impedance, to_alpha_beta, to_dq, to_sequence
 
 L, R, C, LOAD, M = 2e-3, 0.4, 1.2e-3, 20.0, 0.45
