@@ -21,7 +21,7 @@ from floquid.core import PeriodicModel
 from floquid.exports._formats import PLAIN, mat_cells, mat_file, mat_names, mat_structs, uff_bytes
 from floquid.exports._summary import mode_entries, summary
 from floquid.io import as_path, atomic_path, load_package
-from floquid.pipeline import Analysis
+from floquid.pipeline import Analysis, Settings
 from floquid.reconstruction import StateModel
 from floquid.views import DampingUnit, ModeTable, check_damping_unit, mode_numbers, mode_table, note_meanings
 
@@ -260,7 +260,7 @@ def text_table(result: Analysis | PeriodicModel, suffix: str, unit: DampingUnit)
     shown: Any = result
     if isinstance(result, PeriodicModel):  # a model alone says no noise: channels count alike
         noise = np.ones(result.coefficients.shape[1:3])
-        shown = SimpleNamespace(model=result, noise=noise, decay=None, lengths=None)
+        shown = SimpleNamespace(model=result, noise=noise, decay=None, lengths=None, findings=(), settings=Settings())
     table = mode_table(shown, damping_unit=unit)
     used = [not column.on_page for column in table.columns]
     headings = ["mode", *(column.heading for column in compress(table.columns, used))]
