@@ -84,6 +84,7 @@ INSTEAD = {
         "--draws 40": "--draws 20 --workers 1",
     },
     "docs/fleets.md": {"--over load": "--over load --workers 1"},
+    "docs/guides/bad-records.md": {"for bad in RECORDS if": "for bad in RECORDS[::4] if"},
     "docs/guides/tachometer.md": {"n_periods=80": "n_periods=40"},
     "docs/identifiers.md": {"--periods 200": "--periods 60", "n_periods=400": "n_periods=100"},
     "docs/monitoring.md": {"n_periods=60": "n_periods=40", "--no-validate": "--no-validate --workers 1"},
