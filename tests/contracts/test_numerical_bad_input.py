@@ -43,7 +43,7 @@ def test_names_are_distinct():
     assert len(OF) == len(RECORDS)
 
 
-@pytest.mark.first(8)  # the page that shows the table looks at every row
+@pytest.mark.first(8)  # the build of the site looks at every row
 @pytest.mark.parametrize("bad", ROWS)
 def test_right_doubted_or_refused(bad):
     answer, words, deviations = told(bad)
