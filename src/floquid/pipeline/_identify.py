@@ -6,10 +6,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Unpack
 
+import numpy as np
+
 from floquid.core import PeriodicModel, Record, common_point, on_branch, unevenness
 from floquid.errors import IdentificationError, UnevenError
 from floquid.findings import Finding, texts, warning
-from floquid.fit import RARE, chi2_limit
+from floquid.fit import HALF_DIGITS, RARE, chi2_limit
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._sums import SumError, look_for_sums, without
 from floquid.pipeline.excited import identified_ambient, identified_driven
@@ -125,14 +127,18 @@ def _uneven(model: PeriodicModel) -> tuple[Finding, ...]:
 
 def _named(found: Analysis, model: PeriodicModel) -> Analysis:
     """The result with findings that name modes by the frequencies of a `model`, whose branches are others."""
-    hertz = dict(zip(found.model.frequencies_hz.tolist(), model.frequencies_hz.tolist(), strict=True))
+    before, after = found.model.frequencies_hz, model.frequencies_hz
+
+    def hertz(value: float) -> float:
+        places = np.flatnonzero(np.abs(before - value) < HALF_DIGITS * value)  # rounding depends on who computed it
+        return float(after[places[0]]) if len(places) else value
 
     def renamed(finding: Finding) -> Finding:
         numbers = dict(finding.numbers)
         if "frequency" in numbers:
-            numbers["frequency"] = hertz.get(numbers["frequency"], numbers["frequency"])
+            numbers["frequency"] = hertz(numbers["frequency"])
         if "frequencies" in numbers:
-            numbers["frequencies"] = tuple(hertz.get(own, own) for own in numbers["frequencies"])
+            numbers["frequencies"] = tuple(map(hertz, numbers["frequencies"]))
         return replace(finding, numbers=numbers)
 
     checked = found.validation

@@ -9,7 +9,9 @@ from tests.driven import transfer_functions
 import floquid as fq
 from floquid.core import PeriodicModel, on_branch, turning_point, unevenness
 from floquid.errors import InputError
+from floquid.findings import note
 from floquid.fit import chi2_limit
+from floquid.pipeline._identify import _named
 from floquid.shapes import path_shapes
 from floquid.views import branch_of, mode_notes
 
@@ -144,6 +146,14 @@ def test_identify_takes_the_rule(record):
     notes = [[word for mode in own.model.upper_modes for word in mode_notes(own, mode)] for own in (found, usual)]
     assert notes == [[], ["f?"]]
     assert [branch_of(own) for own in (found, usual)] == ["slowest", "strongest"]
+
+
+def test_findings_name_modes_as_the_table_does_however_a_frequency_was_rounded(record):
+    found = fq.identify(record, period=PERIOD, order=4, validate=False)
+    hertz = np.nextafter(found.model.frequencies_hz[0], np.inf)
+    told = replace(found, findings=(note("all_needed", number=2, frequency=float(hertz), rise=9.0),))
+    slow = on_branch(found.model, "slowest")
+    assert _named(told, slow).findings[0].numbers["frequency"] == slow.frequencies_hz[0]
 
 
 def test_shapes_that_are_even_nowhere_are_refused():
