@@ -153,6 +153,7 @@ def _moved(model, step, noise, sign):
         direct=model.inputs.direct,
         direct_harmonics=model.inputs.direct_harmonics,
         initial=np.zeros((len(own.exponents), 1)),
+        begins=np.zeros(1),
     )
     return modelled(moved, channels=model.channels, provenance=model.provenance, driven=driven)
 
