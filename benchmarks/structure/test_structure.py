@@ -83,6 +83,8 @@ def test_intervals_hold_over_many_mechanisms():
             held = [row.auto[name].inside / row.auto[name].intervals for row in some]
             assert np.mean(held) > least
         assert max(row.auto[name].worst for row in rows) < 8.0
+        nearer = np.median([row.auto[name].error / row.free[name].error for row in rows])
+        assert nearer < 0.6, f"the {name} gains nothing from its structure"
         ratio = np.median([row.auto[name].deviation / row.free[name].deviation for row in rows])
         # 0.37 while the free A(t) counted every harmonic beyond its band as large as its noise (decision 0028).
         assert ratio < 0.7, f"the {name} gains nothing from its structure"

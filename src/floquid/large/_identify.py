@@ -16,7 +16,7 @@ from typing import BinaryIO
 import numpy as np
 
 from floquid._arrays import Complexes, Floats
-from floquid._checks import describe, input_error
+from floquid._checks import describe, input_error, positive
 from floquid._version import __version__
 from floquid.core import LazyRecord
 from floquid.errors import IdentificationError
@@ -80,7 +80,7 @@ def identify_large(
         The probability that noise passes for a mode.
     seconds
         Processor time of the search for modes in the sketch [s], after which it goes on with those found, and the
-        result fails; the part that is checked has as long.
+        result fails.
     report
         Is told what is being done, with the time left of each sweep.
 
@@ -92,11 +92,12 @@ def identify_large(
     Raises
     ------
     InputError
-        The record misses samples or has no whole number of samples a period, the memory is too small, or the file
-        cannot be written.
+        The record misses samples or has no whole number of samples a period, the memory is too small, the seconds are
+        none, or the file cannot be written.
     IdentificationError
         No mode rises above the noise, or the order cannot be told.
     """
+    seconds = positive(seconds, "seconds", OF, unit="s")
     plan = planned(record, memory_of(memory))
     path = as_path(out, of=OF, argument="out")
     sketch = sketched(plan, report)

@@ -135,7 +135,7 @@ def _order_for(
     """The order for an algorithm that cannot decide it: that of maximum likelihood started from it."""
     if identifier.decides:
         return None
-    likelihood = MaximumLikelihood(false_alarm=settings.mode_false_alarm, initial=identifier)
+    likelihood = MaximumLikelihood(false_alarm=settings.mode_false_alarm, seconds=settings.seconds, initial=identifier)
     found = likelihood.extract(likelihood.prepare(lifted.responses), report=report)
     if found.outcome is not Outcome.SUCCESS:
         raise IdentificationError(f"Identification ended without a result: {failure(found.outcome.value).clause}.")
