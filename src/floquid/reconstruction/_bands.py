@@ -19,8 +19,11 @@ the square of its frequency in A(t), and one that is missing leaves out its own 
 GAP = 3  # harmonics of no significance that a band may go on over, to one that the model keeps
 INSTANTS = 16  # instants of the period at which the error is looked at
 MOST = 8  # choices that are compared
-RATIOS, FIRST = np.geomspace(0.01, 0.9, 24), np.geomspace(0.01, 10.0, 24)
-"""Ratios by which a shape may fall from harmonic to harmonic, and sizes of the first step beside that fall."""
+RATIOS, FIRST = (np.sqrt(ends[1:] * ends[:-1]) for ends in (np.geomspace(0.01, 0.9, 25), np.geomspace(0.01, 10.0, 25)))
+"""Ratios by which a shape may fall from harmonic to harmonic, and sizes of the first step beside that fall.
+
+The middles of steps that are even in the logarithm: a sum over their ends would count the outermost ones twice.
+"""
 
 
 def chosen(model: PeriodicModel, shapes: Shapes, terms: Terms) -> Mask:
