@@ -69,9 +69,13 @@ def read_body(text: Text, layout: Layout, columns: Sequence[int], *, dates: int 
     rows = _rows(text, layout, are_timed=are_timed)
     commas, points, decimal = False, False, False
     mark = layout.parting.mark
+    before: list[tuple[int, str]] = []
     while block := list(islice(rows, _ROWS)):
-        if len(layout.labels) - 1 in columns and _is_cut(block, layout):
+        if len(layout.labels) - 1 in columns and _is_cut([*before, *block], layout):
             notes.append(cut_note(block.pop()[0]))
+            if not block:
+                break
+        before = block
         if mark != ",":
             lines = [line if dates is None else without_dates(line) for _, line in block]
             commas, points = commas or any("," in line for line in lines), points or any("." in line for line in lines)

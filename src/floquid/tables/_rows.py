@@ -111,7 +111,7 @@ def is_cut(cell: str, others: Sequence[str]) -> bool:
 
 def cut_note(line: int) -> str:
     """The words on a file that was cut short in a `line`."""
-    return f"The file ends amid line {line}: it was read up to there."
+    return f"Line {line} has no line end and may be cut short: the file was read up to there."
 
 
 class WholeLines:

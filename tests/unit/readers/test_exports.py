@@ -105,7 +105,7 @@ def test_what_was_read_in_another_way_is_said(tmp_path):
         "a rate in a comment": "Sampling rate 50 Hz: by `fs` in line 1.",
         "dates": "The times are dates: they count from the first, 2024-05-01 23:59:59.000.",
         "dates beside times": "`date` holds dates and is no channel.",
-        "cut short": "The file ends amid line 6: it was read up to there.",
+        "cut short": "Line 6 has no line end and may be cut short: the file was read up to there.",
     }
     for name, words in said.items():
         suffix, text, *_ = EXPORTS[name]

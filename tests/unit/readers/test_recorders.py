@@ -201,7 +201,9 @@ def test_hawc2_that_is_not_whole(tmp_path):
     assert f"The file is cut short: it declares {N} samples, and 40 are there." in found.provenance.steps
     (tmp_path / "run.dat").write_text("\n".join([*lines[:40], lines[40][:30]]))
     found = read(path)
-    assert {"The file ends amid line 41: it was read up to there."} <= set(found.provenance.steps)
+    assert {"Line 41 has no line end and may be cut short: the file was read up to there."} <= set(
+        found.provenance.steps
+    )
     assert found.n_samples == 40
     (tmp_path / "run.dat").write_text("\n".join([*lines[:40], lines[40][:30], ""]))
     assert_refused(path, ["whole text output of HAWC2", "columns", "Mend that line"])

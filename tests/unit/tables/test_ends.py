@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from floquid.readers import read
+from floquid.readers import _body, read
 from floquid.tables import is_cut
 
 RNG = np.random.default_rng(0)
@@ -55,4 +55,16 @@ def test_a_file_cut_inside_its_last_row_is_read_up_to_the_row_before(name, whole
         path.write_text(whole[:-lost])
         found = read(file)
         np.testing.assert_array_equal(found.values, expected.values[:, :-1])
-        assert any("ends amid line" in step for step in found.provenance.steps)
+        assert any("may be cut short" in step for step in found.provenance.steps)
+
+
+def test_a_number_cut_alone_in_its_block_is_held_against_those_before(tmp_path, monkeypatch):
+    monkeypatch.setattr(_body, "_ROWS", 4)
+    rows = [f"{0.01 * row:.2f},{row + 1}.2500" for row in range(5)]
+    path = tmp_path / "run.csv"
+    path.write_text("\n".join(["time [s],x", *rows]) + "\n")
+    assert read(path).n_samples == 5
+    path.write_text("\n".join(["time [s],x", *rows])[: -len(".2500")])
+    found = read(path)
+    assert found.n_samples == 4
+    assert any("may be cut short" in step for step in found.provenance.steps)
