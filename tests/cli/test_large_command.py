@@ -63,7 +63,7 @@ def test_commands_take_the_result_or_say_which_do():
 def test_checks_of_a_part_end_as_those_of_a_record():
     wrong = "identify scan.h5 --period 1.0833333333333333 --memory 1GB --out wrong"
     typed(wrong, code=1, message="does not repeat with the period given")
-    assert not fq.load("wrong/result.h5").passed
+    assert fq.load("wrong/result.h5").passed is False
     colour = scipy.signal.lfilter([1.0], [1.0, -0.6], np.random.default_rng(0).standard_normal((5, 4800)))
     fq.write(replace(decay(cycles=400, noise=0.0), values=decay(cycles=400, noise=0.0).values + 0.3 * colour), "c.h5")
     typed("identify c.h5 --memory 1GB --out found --enforce", code=3, message="The noise is not white")

@@ -74,9 +74,8 @@ ORDER: dict[str, str | Callable[..., str]] = {
     "are more than some thirty modes. Likely: a step or a glitch, samples rounded to a few levels, coloured noise, a "
     "coarse simulation or a nonlinearity. Raise the noise floor (`noise_floor=`) to the level down to which the record "
     "is right, or fix the order.",
-    "poles_without_end": "The search for poles was not at its end when its processor time was over. Give it longer "
-    "(`seconds=`), or fix the order. It has no end where a record holds a second blow, or its channels drift: cut it "
-    "before that.",
+    "poles_without_end": "The search for poles was not at its end when its processor time was over. Likely: a second "
+    "blow, or channels that drift. Cut the record at the blow, or give the search longer (`seconds=`).",
     "order_unreached": "The data do not hold as many poles as were asked for: ask for fewer, or let the order be "
     "found.",
 }

@@ -63,8 +63,9 @@ def identify_large(
     residues and deviations. Further sweeps follow where that step was not small. What repeats in each period, an
     offset or a forced response of the period, is fitted beside the modes.
 
-    Residues are free at each phase, and noise counts as white. There are no A(t), checks, whitening, gaps, clocks
-    other than a constant period of whole samples, several hits, and forced responses of other periods.
+    Residues are free at each phase, and noise counts as white. A part of the record goes through all
+    checks of `identify`, and has the verdict. There are no A(t), whitening, gaps, clocks other than a constant period
+    of whole samples, several hits, and forced responses of other periods.
 
     Parameters
     ----------
@@ -87,7 +88,8 @@ def identify_large(
     Returns
     -------
     LargeResult
-        Exponents with deviations, the noise of each channel, and residues that are read when they are asked for.
+        Exponents with deviations, the noise of each channel, the verdict, and residues that are read when they are
+        asked for; `.model` is the periodic model.
 
     Raises
     ------

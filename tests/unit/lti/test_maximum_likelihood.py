@@ -267,6 +267,7 @@ def test_a_search_ends_with_the_poles_so_far_when_its_time_is_over():
     found = method.extract(method.prepare(data))
     assert found.outcome is Outcome.OUT_OF_TIME
     assert found.order > 0
+    assert method.extract(method.prepare(data), 4).outcome is Outcome.OUT_OF_TIME
 
 
 @pytest.mark.slow

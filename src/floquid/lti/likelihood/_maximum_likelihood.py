@@ -246,7 +246,7 @@ class MaximumLikelihood(AbstractIdentifier):
         outcome = ended
         if order is not None:
             fit = force_order(fit, blocks, order, self.false_alarm)
-            outcome = reached(order, fit.poles.order)
+            outcome = reached(order, fit.poles.order) if ended is not Outcome.OUT_OF_TIME else ended
         elif not len(fit.poles):
             outcome = Outcome.NO_MODE
         elif ended is Outcome.SUCCESS and fit.poles.order >= most:
