@@ -55,7 +55,7 @@ class UnevenError(InputError):
         """The message."""
         return (
             "Argument `model` of `turning_point` must have modes whose shapes are even about a turning point of the "
-            f"path, but that at {self.frequency:.6g} Hz is not by {100.0 * self.share:.0f} % of its energy.\n"
+            f"path, but {100.0 * self.share:.0f} % of the energy of that at {self.frequency:.6g} Hz is odd.\n"
             '  Only a sensor that runs to and fro sees such shapes: pass `branch="strongest"` or "slowest".'
         )
 

@@ -76,7 +76,7 @@ def _inputs(own: ModelInputs, hold: str) -> dict[str, Any]:
         "hold": hold,
         **attributes(own, "harmonics", "coefficients"),
         "coefficients_std": own.coefficient_std,
-        **attributes(own, "direct_harmonics", "direct", "initial"),
+        **attributes(own, "direct_harmonics", "direct", "initial", "begins"),
     }
 
 

@@ -122,12 +122,13 @@ PERIOD: dict[str, str | Callable[..., str]] = {
     "period_twice": _twice,
     "period_multiple": _multiple,
     "branch_left": lambda frequency, share: (
-        f"No turning point of a scan makes all shapes even: that at {frequency:.6g} Hz is not by {100.0 * share:.0f} % "
-        "of its energy. Exponents are on the branches of their strongest lines."
+        f"No turning point of a scan makes all shapes even: {100.0 * share:.0f} % of the energy of that at "
+        f"{frequency:.6g} Hz is odd. Exponents are on the branches of their strongest lines."
     ),
     "branch_uneven": "The shapes are even about no turning point of a scan. They differ from their mirror images by "
-    "more than their deviations: squared, {squares:.3g}, where noise stays below {limit:.3g}. Of what does not run to "
-    'and fro pass `branch="strongest"`.',
+    "more than their deviations (χ² {squares:.3g}, limit {limit:.3g}). If no sensor runs to and fro, pass "
+    '`branch="strongest"`.',
+    "branch_untested": "Whether the shapes are even about a turning point of a scan is not tested without deviations.",
     "records_phase": _phase,
     "period_of_orbit": _of_orbit,
     "orbit_of_two_periods": "The steady response repeats after two periods, with the opposite sign after one. It is a "

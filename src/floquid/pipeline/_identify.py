@@ -10,7 +10,7 @@ import numpy as np
 
 from floquid.core import PeriodicModel, Record, common_point, on_branch, unevenness
 from floquid.errors import IdentificationError, UnevenError
-from floquid.findings import Finding, texts, warning
+from floquid.findings import Finding, note, texts, warning
 from floquid.fit import HALF_DIGITS, RARE, chi2_limit
 from floquid.pipeline._analysis import Analysis
 from floquid.pipeline._sums import SumError, look_for_sums, without
@@ -120,9 +120,20 @@ def _reported(found: Analysis) -> Analysis:
 
 def _uneven(model: PeriodicModel) -> tuple[Finding, ...]:
     """The finding on shapes that are no mirror images about a turning point, as those of a scan are."""
+    if model.estimates is None:
+        return (note("branch_untested"),)
     squares, degrees = unevenness(model)
     limit = chi2_limit(degrees, RARE) if degrees else 0.0
     return (warning("branch_uneven", squares=squares, limit=limit),) if squares > limit else ()
+
+
+NAMED = {
+    "product": ("frequency", "of"),
+    "double": ("first", "second"),
+    "one_that_moves": ("first", "second"),
+    "harmonic_left": (),  # its harmonics count from the strongest line, and so does its frequency
+}
+"""Numbers of a finding that are frequencies of modes, by its code, beside `frequency` and `frequencies`."""
 
 
 def _named(found: Analysis, model: PeriodicModel) -> Analysis:
@@ -135,10 +146,10 @@ def _named(found: Analysis, model: PeriodicModel) -> Analysis:
 
     def renamed(finding: Finding) -> Finding:
         numbers = dict(finding.numbers)
-        if "frequency" in numbers:
-            numbers["frequency"] = hertz(numbers["frequency"])
-        if "frequencies" in numbers:
-            numbers["frequencies"] = tuple(map(hertz, numbers["frequencies"]))
+        for name in NAMED.get(finding.code, ("frequency", "frequencies")):
+            if name in numbers:
+                own = numbers[name]
+                numbers[name] = tuple(map(hertz, own)) if isinstance(own, tuple) else hertz(own)
         return replace(finding, numbers=numbers)
 
     checked = found.validation
