@@ -154,7 +154,8 @@ class Samples(Rebuilt):
             if turns < 0.0:
                 found = self.turned(-turns).conj()
             elif turns > 1.0:
-                found = self.turned(turns - 1.0) * self.turned(1.0)
+                most = float(np.ceil(0.5 * turns))
+                found = self.turned(most) * self.turned(turns - most)
             else:
                 found = np.exp(1j * turns * self.fundamental * self.times)
             # Of many samples those of one turn alone are kept: of each harmonic they take as much as two channels.

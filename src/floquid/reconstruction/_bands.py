@@ -9,7 +9,7 @@ import numpy as np
 from floquid._arrays import Floats, Integers, Mask
 from floquid.core import Estimates, PeriodicModel
 from floquid.errors import IdentificationError
-from floquid.fit import chi2_limit, scaled_inverse, unit_scale
+from floquid.fit import ROUNDING, chi2_limit, scaled_inverse, unit_scale
 from floquid.reconstruction._modal_matrix import Jacobian, Shapes, Terms, at_once, by_system, modal_at
 
 FALSE_ALARM = 1e-3
@@ -181,7 +181,7 @@ def sizes_left_out(estimates: Estimates, kept: Mask, rows: Mask) -> Floats:
     """
     own, sizes = np.flatnonzero(rows), np.zeros(estimates.coefficients.shape)
     seen, noise = (np.abs(values[:, own]) ** 2 for values in (estimates.coefficients, estimates.std()))
-    noise = np.maximum(noise, np.finfo(float).tiny)
+    noise = np.maximum(noise, ROUNDING**2 * seen.max(axis=0, initial=0.0) + np.finfo(float).tiny)
     for mode in range(len(estimates.exponents)):
         inside = np.flatnonzero(kept & (estimates.modes == mode))
         if not len(inside):

@@ -59,7 +59,7 @@ def test_modes_are_chosen_before_what_is_none():
     assert gaps(system, np.array([mode.exponent for mode in found])).max() < 1e-9
 
 
-def testproducts_of_lags_are_those_of_the_table():
+def test_products_of_lags_are_those_of_the_table():
     signals = np.random.default_rng(0).standard_normal((3, 50))
     table = np.concatenate([signals[:, lag : lag + 45] for lag in range(6)])
     for parts in ([signals], np.split(signals, [3, 7, 20], axis=1)):
@@ -73,3 +73,10 @@ def test_the_factor_of_products_that_are_rounding():
     assert np.abs(np.triu(factor, 1)).max() == 0.0
     assert np.abs(factor @ factor.T - products).max() < 6e-3
     assert np.count_nonzero(np.linalg.svd(factor)[1] > 1.01 * rounding) == 3
+
+
+@pytest.mark.parametrize("turns", [0.5, 1.5, 7.0, 2000.0])
+def test_many_turns_are_products_of_few(turns):
+    samples = samples_from(mathieu(), 4, 16, 0.0)
+    expected = np.exp(-1j * turns * samples.fundamental * samples.times)
+    np.testing.assert_allclose(samples.turned(-turns), expected, atol=1e-9)
