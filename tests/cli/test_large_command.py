@@ -55,6 +55,7 @@ def test_commands_take_the_result_or_say_which_do():
     assert "3" in typed("compare found whole")
     readings = strict_json(typed("shapes found --pairs x0:x1 --format json"))
     assert len(readings["modes"]) == 3
+    typed("shapes found --path x.csv", code=2, message="even about a turning point")  # no scan, but it was read
     for command in ("report found", "bootstrap found", "scan found", "transfer found --at 0.1"):
         typed(command, code=2, message="`floquid compare`, `survey` and `shapes` take it.")
 

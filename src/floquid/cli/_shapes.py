@@ -15,7 +15,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from floquid._checks import input_error
-from floquid.cli._folder import identified_in, modes_in
+from floquid.cli._folder import modes_in
 from floquid.cli._options import Format, Saved, split
 from floquid.cli._terminal import json_text, new_table, print_title, print_whole, terminal
 from floquid.errors import InputError
@@ -105,7 +105,7 @@ def shapes(
         text prints a table; json prints all, the table of each pattern too.
     """
     if path is not None:
-        _print_path(path_shapes(identified_in(result, OF)), path, format)
+        _print_path(path_shapes(modes_in(result, OF).model), path, format)
         return
     identified = modes_in(result, OF)
     asked = (read or ShapeChoices()).options(OF)

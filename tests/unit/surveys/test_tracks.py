@@ -54,6 +54,8 @@ def test_the_instants_at_which_records_begin_change_no_track(plain):
     apart = (TOGETHER[0] > SPEEDS) | (TOGETHER[1] < SPEEDS)
     for one, other in zip(plain.tracks, moved.tracks, strict=True):
         assert one.frequency[apart] == pytest.approx(other.frequency[apart], abs=1e-9)
+        linked = apart & np.concatenate([[True], apart[:-1]])  # to a point where they are apart, too
+        assert one.mac[linked] == pytest.approx(other.mac[linked], abs=0.02, nan_ok=True)
     least = [min(np.nanmin(track.mac) for track in found.tracks) for found in (plain, moved)]
     assert least[1] > least[0] - 0.02
 
