@@ -20,7 +20,6 @@ from floquid.periodic.least_squares import (
     PLAIN,
     TREND,
     ModeParameters,
-    RecordBlock,
     estimates_of,
     forced_entries,
     linearise,
@@ -207,7 +206,7 @@ def forced_of(
     offset, offset_std = alone(plain & (entries.offsets == 0.0))
     half = np.ones(nothing.shape)
     for block in result.blocks:
-        half[block.rows, block.hit] = block.half if isinstance(block, RecordBlock) else 1.0
+        half[block.rows, block.hit] = block.half
     drift, drift_std = alone(forced & (entries.factors == TREND), half)
     return ForcedResponse(
         harmonics=np.array([round(entries.offsets[e] * nu) for e in turning], np.int64),

@@ -12,7 +12,7 @@ from floquid.fit import ROUNDING, SURE
 from floquid.periodic._fit_records import Samples
 from floquid.periodic._forced_part import forced_base, forced_turns
 from floquid.periodic._start import Known
-from floquid.periodic.least_squares import PLAIN, TREND, ModeParameters, RecordBlock, shapes
+from floquid.periodic.least_squares import PLAIN, TREND, ModeParameters, shapes
 from floquid.periodic.search import Point, priced
 
 
@@ -69,8 +69,7 @@ def _turned(point: Point) -> float:
         turn = entries.offsets[entry]
         plain = int(np.flatnonzero(entries.fixed & (entries.factors == PLAIN) & (entries.offsets == turn))[0])
         for block in point.blocks:
-            half = block.half if isinstance(block, RecordBlock) else 1.0
-            own, change = values[plain, block.rows, block.hit], values[entry, block.rows, block.hit] / half
+            own, change = values[plain, block.rows, block.hit], values[entry, block.rows, block.hit] / block.half
             above += turn * float(np.sum((own.conj() * change).imag / block.noise**2))
             below += turn**2 * float(np.sum(np.abs(own) ** 2 / block.noise**2))
     return entries.fundamental + (above / below if below else 0.0)

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from floquid._arrays import Complexes, Floats, Integers
 from floquid.fit import LAGS, NOT_WHITE, ROUNDING
 from floquid.lifting import filters_of
-from floquid.periodic.least_squares._record_block import RecordBlock
 from floquid.periodic.least_squares._sample_block import Block, complex_of
 from floquid.periodic.least_squares._solver import Solution
 
@@ -177,5 +176,5 @@ def through(blocks: Sequence[Block], taps: Floats | None) -> Sequence[Block]:
 
 def filtered_blocks(blocks: Sequence[Block], taps: Floats) -> tuple[Block, ...] | None:
     """The blocks after a filter of each channel; None where samples are missing and too few would be left."""
-    filtered = [block.filtered(taps[block.rows]) if isinstance(block, RecordBlock) else None for block in blocks]
+    filtered = [block.filtered(taps[block.rows]) for block in blocks]
     return None if any(block is None for block in filtered) else tuple(block for block in filtered if block is not None)

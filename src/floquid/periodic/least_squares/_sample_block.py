@@ -122,6 +122,16 @@ class Block(ABC):
         """True where the speed of the shaft wanders."""
         return False
 
+    @property
+    def half(self) -> float:
+        """Unit of trends [s]."""
+        return 1.0
+
+    def filtered(self, taps: Floats) -> Block | None:
+        """The block after a filter along the record (rows, taps); None where it cannot go through one."""
+        del taps
+        return None
+
     def gain(self, rates: Complexes, *, slope: bool = False) -> Complexes:
         """Gain at e^{st} of the filter that the samples went through, or its slope (rows, rates)."""
         return np.full((len(self.rows), len(rates)), 0j if slope else 1.0 + 0j)
