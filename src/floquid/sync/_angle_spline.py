@@ -156,8 +156,9 @@ def fit_angle(
 ) -> AngleFit:
     """Fit `angles` [rad] at `times` [s] of pulses of `lines` (pulses,) by a spline of at most `most` pieces.
 
-    Pulses that were sampled each `step` [s] err by a part of it, in a pattern that is no motion of the shaft. Of one
-    line, and off by no more than `rounded` [s], the angle is straight if some straight line is within that of each.
+    Pulses that were sampled each `step` [s] err by a part of it, in a pattern that is no motion of the shaft. Off by no
+    more than `rounded` [s], they have the variance of that rounding, however little a fit leaves. Of one line, the
+    angle is straight if some straight line is within that of each.
 
     The offset of line 0 is zero while fitting. Outliers are left out and the fit is done again, until none is found.
     """
@@ -169,7 +170,8 @@ def fit_angle(
     floor = 8.0 * np.finfo(float).eps * max(float(np.abs(angles).max()), slope * abs(first), slope * abs(last))
     pitch = float(np.median(np.diff(angles)))
     seen, outlying = [kept], np.sqrt(chi2_limit(1, SURE))
-    rung = _climb(x, wave, lines, n_lines, most, floor)
+    known = (slope * step) ** 2 / 12.0 if rounded else 0.0
+    rung = _climb(x, wave, lines, n_lines, most, floor, known)
     for _ in range(20):
         rest = _residuals(rung, x, wave, lines)
         limit = outlying * max(1.4826 * float(np.median(np.abs(rest))), floor)
@@ -178,12 +180,12 @@ def fit_angle(
         if any(np.array_equal(kept, one) for one in seen) or np.count_nonzero(kept) <= rung.n_parameters:
             break
         seen.append(kept)
-        rung = _climb(x[kept], wave[kept], lines[kept], n_lines, most, floor)
+        rung = _climb(x[kept], wave[kept], lines[kept], n_lines, most, floor, known)
     kept = seen[-1]
     if rounded and n_lines == 1 and rung.degree > 1 and _straight(x[kept], wave[kept], slope * rounded):
         rung = _solve(x[kept], wave[kept], lines[kept], n_lines, *LINE)
     # Edges that are all rounded alike leave nothing, and are no better known.
-    least = max(floor**2, (slope * step) ** 2 / 12.0 if rounded and rung.degree == 1 else 0.0)
+    least = max(floor**2, known if rung.degree == 1 else 0.0)
     variance = max(rung.squares / max(np.count_nonzero(kept) - rung.n_parameters, 1), least)
     present = np.bincount(lines[kept], minlength=n_lines) > 0
     offsets = np.where(present, rung.offsets, np.nan)
@@ -237,8 +239,11 @@ def _residuals(rung: _Rung, x: Floats, wave: Floats, lines: Integers) -> Floats:
     return wave - BSpline(rung.knots, rung.coefficients, rung.degree)(x) - rung.offsets[lines]
 
 
-def _climb(x: Floats, wave: Floats, lines: Integers, n_lines: int, most: int, floor: float) -> _Rung:
-    """The straight line, or where it is significantly worse the spline that Akaike's corrected criterion prefers."""
+def _climb(x: Floats, wave: Floats, lines: Integers, n_lines: int, most: int, floor: float, known: float) -> _Rung:
+    """The straight line, or where it is significantly worse the spline that Akaike's criterion prefers.
+
+    That is the corrected one, or with a variance `known` [rad²] of the pulses, if not zero, the one of such.
+    """
     from scipy.special import fdtrc
 
     line = _solve(x, wave, lines, n_lines, *LINE)
@@ -251,15 +256,17 @@ def _climb(x: Floats, wave: Floats, lines: Integers, n_lines: int, most: int, fl
     if not tried:
         return line
     least = len(x) * floor**2  # below it, all is rounding
-    best = min(tried, key=lambda rung: _criterion(rung, len(x), least))
+    best = min(tried, key=lambda rung: _criterion(rung, len(x), least, known))
     more, free = best.n_parameters - line.n_parameters, len(x) - best.n_parameters
-    gain = (line.squares - best.squares) / max(best.squares, least) * free / more
+    gain = (line.squares - best.squares) / max(best.squares, least, free * known) * free / more
     if fdtrc(more, free, max(gain, 0.0)) * len(tried) > SURE:
         return line
     return best
 
 
-def _criterion(rung: _Rung, n: int, least: float) -> float:
+def _criterion(rung: _Rung, n: int, least: float, known: float) -> float:
+    if known:
+        return rung.squares / known + 2.0 * rung.n_parameters
     p = rung.n_parameters + 1  # and the variance
     return n * float(np.log(max(rung.squares, least))) + 2.0 * p + 2.0 * p * (p + 1) / max(n - p - 1, 1)
 

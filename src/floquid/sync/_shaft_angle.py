@@ -273,7 +273,7 @@ def shaft_angle(record: Record) -> ShaftAngle:
     .. math:: \min_{c, g} \sum_k \Bigl(2 \pi n_k / L - \sum_j c_j B_j(t_k) + g_{n_k \bmod L}\Bigr)^2
 
     One linear least squares for a cubic B-spline and the offsets of the L lines. The number of pieces is the one that
-    Akaike's corrected criterion prefers; a straight line, unless noise alone makes it so much worse once in a million.
+    Akaike's criterion prefers; a straight line, unless noise alone makes it so much worse once in a million.
     Pulses beyond five robust deviations are left out. Of edges that are known to a sample only, as of a logic level
     once a revolution, the line is straight where one is within the rounding of each.
 

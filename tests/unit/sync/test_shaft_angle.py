@@ -475,3 +475,18 @@ def test_the_figure_refuses_what_is_no_shaft():
         speed(3)
     with pytest.raises(InputError, match="`record` of `speed` must be a Record or None"):
         speed(found(pulses(0.0)), 3)
+
+
+def test_the_pattern_of_edges_that_are_known_to_a_sample_is_no_motion_of_the_shaft():
+    """At 25.08 samples a revolution their rounding repeats: a spline of many pieces follows that as if it were one."""
+    speed, rate = TURN * 2450.0 / 60.0, 1024.0
+    times = np.arange(8 * int(rate)) / rate
+    for seed in range(2):
+        phases = np.random.default_rng(seed).uniform(0.0, TURN, 3)
+        waves = sum(np.sin(w * times + phase) / w for w, phase in zip((0.9, 2.2, 3.4), phases, strict=True))
+        angles = speed * (times + 0.0008 * waves)
+        level = 5.0 * (np.mod(angles - 2.0, TURN) < 0.3)
+        shaft = shaft_angle(record(TachometerSignal(channel="x"), level, unit="V", rate=rate))
+        inside = (times >= shaft.first) & (times <= shaft.last)
+        off = shaft.angle(times[inside]) - angles[inside]
+        assert off.std() < 0.2 * speed / rate / np.sqrt(12.0)
