@@ -42,6 +42,8 @@ class Shape(Rebuilt):
     spread
         Covariance of e of each channel, real parts, then imaginary parts (channels, 2 harmonics, 2 harmonics); None
         with the slopes.
+    agreement
+        One where all hits have this shape, zero where they have as much of others: such a mode stands for several.
     """
 
     values: Complexes
@@ -49,6 +51,7 @@ class Shape(Rebuilt):
     channels: tuple[Channel, ...]
     slopes: Complexes | None = field(default=None, repr=False)
     spread: Floats | None = field(default=None, repr=False)
+    agreement: float = 1.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "channels", as_channels(self.channels, "Shape"))
@@ -96,7 +99,7 @@ class Shape(Rebuilt):
 
 
 def shape_of(model: PeriodicModel, mode: int, reference: str | None) -> Shape:
-    """The shape of a `mode` of a `model`, its largest line, or the largest of a `reference` channel, real and positive.
+    r"""The shape of a `mode` of a `model`, its largest line, or the largest of a `reference` channel, real and positive.
 
     Its hits are lines times a state each. The singular value decomposition finds both, lines weighted by the noise of
     their channel and hits by theirs: a weight of each pair of them would spoil the product. The size is the root mean
@@ -109,7 +112,11 @@ def shape_of(model: PeriodicModel, mode: int, reference: str | None) -> Shape:
         rows = np.array(channels_named(model.channels, [reference], argument="reference", of=of))
     lines = model.coefficients[mode]
     by_channel, by_hit = _weights(model, mode)
-    states = _states(lines, by_channel, by_hit, real=bool(model.real[mode]))
+    weights = by_channel[:, None, None] * by_hit[:, None]
+    states, energies = _states(lines * weights, by_hit, real=bool(model.real[mode]))
+    noise = 0.0 if model.coefficient_std is None else float(np.sum(np.abs(model.coefficient_std[mode] * weights) ** 2))
+    others = max(0.0, float(energies[1:].sum()) - noise * (1.0 - 1.0 / len(states)))
+    agreement = max(0.0, (energies[0] - others) / max(energies[0] + others, 1e-300))
     values = np.einsum("chm,h->cm", lines, states)
     size = np.abs(values[rows]) * by_channel[rows, None]
     largest = values[rows].flat[int(size.argmax())] if size.any() else 1.0 + 0.0j
@@ -117,7 +124,10 @@ def shape_of(model: PeriodicModel, mode: int, reference: str | None) -> Shape:
     if model.real[mode]:  # the line that turns with half a turn alone is real as it is
         turn = 1.0 if (largest.real if abs(largest.real) >= abs(largest.imag) else largest.imag) >= 0.0 else -1.0
     slopes, spread = _errors(model, mode, states * turn)
-    return Shape(values=values * turn, harmonics=model.harmonics, channels=model.channels, slopes=slopes, spread=spread)
+    return Shape(
+        values=values * turn, harmonics=model.harmonics, channels=model.channels, slopes=slopes, spread=spread,
+        agreement=agreement,
+    )  # fmt: skip
 
 
 def _weights(model: PeriodicModel, mode: int) -> tuple[Floats, Floats]:
@@ -133,16 +143,21 @@ def _weights(model: PeriodicModel, mode: int) -> tuple[Floats, Floats]:
     return np.divide(1.0, size, out=np.ones_like(size), where=size > 0.0), np.ones(model.n_hits)
 
 
-def _states(lines: Complexes, by_channel: Floats, by_hit: Floats, *, real: bool) -> Complexes:
-    """Factors of the hits whose sum of `lines` (channels, hits, harmonics) is the shape (hits,)."""
-    weighted = np.moveaxis(lines * by_channel[:, None, None] * by_hit[:, None], 1, 2).reshape(-1, lines.shape[1])
+def _states(weighted: Complexes, by_hit: Floats, *, real: bool) -> tuple[Complexes, Floats]:
+    """Factors of the hits whose sum of lines is the shape (hits,), and squared singular values.
+
+    The lines are `weighted` (channels, hits, harmonics).
+    """
+    hits = len(by_hit)
+    rows = np.moveaxis(weighted, 1, 2).reshape(-1, hits)
     if real:
-        weighted = np.concatenate([weighted.real, weighted.imag])
-    if not weighted.any():
-        return np.full(lines.shape[1], 1.0 / lines.shape[1], complex)
-    along = np.linalg.svd(weighted, full_matrices=False)[2][0].conj()
-    mean_square = np.mean(np.abs(along / by_hit) ** 2)
-    return np.asarray(along * by_hit * np.sqrt(mean_square), np.complex128)
+        rows = np.concatenate([rows.real, rows.imag])
+    if not rows.any():
+        return np.full(hits, 1.0 / hits, complex), np.ones(1)
+    _, values, along = np.linalg.svd(rows, full_matrices=False)
+    first = along[0].conj()
+    mean_square = np.mean(np.abs(first / by_hit) ** 2)
+    return np.asarray(first * by_hit * np.sqrt(mean_square), np.complex128), values**2
 
 
 @dataclass(frozen=True, slots=True)

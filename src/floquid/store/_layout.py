@@ -29,7 +29,7 @@ VIEWS: dict[type, str] = {Survey: "survey", Comparison: "comparison", Updated: "
 LINES: dict[type, str] = {MeasuredTransfer: "measured", TransferFit: "fitted"}
 """Transfer functions measured line by line, and modes fitted to them, by the attribute `kind` of their files."""
 
-ABSENT = ("later", "point", "fitted", "rounded", "shapes", "turn", "branch", "begins")  # of files before there was one
+ABSENT = ("later", "point", "fitted", "rounded", "shapes", "turn", "branch", "begins", "agreement")  # of files before there was one
 FLAGS = (
     "alarm", "along", "baseline", "constrained", "counted", "cycles", "extrapolated", "fitted", "independent",
     "is_converged", "kept", "mirrored", "passed", "real", "shared", "speed_dependent", "steady", "weak",
@@ -149,6 +149,7 @@ LAYOUT: dict[type, dict[str, str | type | list[type]]] = {
         "whirl": "modes, two",
         "names": "modes",
         "blades": "modes, four",
+        "agreement": "modes",
         "model": PeriodicModel,
     },
     Track: {

@@ -35,6 +35,8 @@ class Seen:
         ω [rad/s].
     weak
         True where no edge may rest on it.
+    agreement
+        One where all hits have its shape, less where it stands for several modes.
     """
 
     modes: tuple[int, ...]
@@ -44,6 +46,7 @@ class Seen:
     deviations: Complexes
     fundamental: float
     weak: bool = False
+    agreement: float = 1.0
 
     @property
     def exponent(self) -> complex:

@@ -10,7 +10,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats
 from floquid._checks import input_error
-from floquid.core import PeriodicModel
+from floquid.core import PeriodicModel, Shape
 from floquid.floquet import FloquetModes
 from floquid.periodic import CONFIDENT
 from floquid.shapes import ShapeOptions, sidebands_of
@@ -40,7 +40,9 @@ def point_of(result: Any, shapes: ShapeOptions = NOT_READ, *, sidebands: bool = 
     if not isinstance(modes, (PeriodicModel, FloquetModes)):
         must, got = "hold results of `identify`, files of such, or modes of known systems", f"holds {result!r:.60}"
         raise input_error("results", OF, must, got, "Pass what `identify` or `load` gives.")
-    model, known = one_hit(modes), isinstance(modes, FloquetModes)
+    known = isinstance(modes, FloquetModes)
+    lines = [] if isinstance(modes, FloquetModes) else [modes.shape(mode) for mode in range(modes.order)]
+    model = one_hit(modes, lines)
     weak = np.zeros(model.order, bool)
     if judged:
         std = model.exponent_std
@@ -53,6 +55,7 @@ def point_of(result: Any, shapes: ShapeOptions = NOT_READ, *, sidebands: bool = 
         weak=weak,
         reason=result.reasons[0] if judged and result.failed else None,
         **(_read(model if known else result, shapes) if shapes else {}),
+        agreement=None if known else np.array([shape.agreement for shape in lines]),
         sidebands=sidebands_of(modes) if sidebands and isinstance(modes, PeriodicModel) else None,
     )
 
@@ -116,8 +119,8 @@ def check_periods(points: Sequence[Point], of: str = OF) -> None:
         raise input_error("results", of, "have periods of one part of a revolution", got, remedy)
 
 
-def one_hit(modes: PeriodicModel | FloquetModes) -> PeriodicModel:
-    """Modes with one shape each, as a model of one hit."""
+def one_hit(modes: PeriodicModel | FloquetModes, shapes: Sequence[Shape]) -> PeriodicModel:
+    """Modes with one shape each, as a model of one hit; `shapes` are those of a model."""
     if isinstance(modes, FloquetModes):
         return PeriodicModel(
             exponents=modes.exponents,
@@ -126,7 +129,6 @@ def one_hit(modes: PeriodicModel | FloquetModes) -> PeriodicModel:
             period=modes.period,
             channels=[f"x{k + 1}" for k in range(modes.coefficients.shape[1])],
         )
-    shapes = [modes.shape(mode) for mode in range(modes.order)]
     std = [shape.std for shape in shapes if shape.std is not None]
     if modes.n_hits == 1 and len(std) < modes.order and modes.coefficient_std is not None:
         std = list(modes.coefficient_std[:, :, 0])  # a model that has lost its joint covariance
@@ -202,6 +204,7 @@ def _objects(point: Point, common: Sequence[str], weights: Floats, reach: int) -
                 deviations=np.array([moved(deviations[k], turn) for k, turn in zip(modes, turns, strict=True)]),
                 fundamental=model.fundamental,
                 weak=weak is not None and bool(weak[grows]),
+                agreement=1.0 if point.agreement is None else float(point.agreement[grows]),
             )
         )
     return found

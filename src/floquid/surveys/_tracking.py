@@ -119,12 +119,13 @@ def _tracked(points: Sequence[Sequence[Seen]], x: Floats, gap: int, seed: int, *
             others = np.concatenate([np.delete(costs[row], column), np.delete(costs[:, column], row), [2.0]])
             cost, runner_up = float(costs[row, column]), float(others.min())
             excess = max(0.0, cost / max(runner_up - cost, 1e-9) - 1.0)
+            sure = stays[row] * np.exp(-excess) * known[row].agreement * objects[column].agreement
             active[row].places.append(point)
             on = objects[column].on(match.shift, match.conjugated)
             active[row].objects.append(
                 Held(on, _on(drawn[column], objects[column], match), match.shift, match.conjugated)
             )
-            active[row].steps.append(Step(cost, runner_up, match.mac, float(stays[row] * np.exp(-excess))))
+            active[row].steps.append(Step(cost, runner_up, match.mac, float(sure)))
         taken = set(chosen.tolist())
         paths += [Path([point], [Held(new, drawn[k])]) for k, new in enumerate(objects) if k not in taken]
     return paths

@@ -42,6 +42,8 @@ class Point(Sealed):
     blades
         The share of the largest pattern, the leak and its deviation, and the harmonic of its line (modes, 4);
         NaN where they were not read, None where no blades were given.
+    agreement
+        One where all hits have one shape of a mode, less where it stands for several (modes,); None of a known system.
     sidebands
         Lines beside the main line of each mode, where they were asked for; a file of a survey does not keep them.
     """
@@ -55,6 +57,7 @@ class Point(Sealed):
     whirl: Floats | None = None
     names: tuple[str, ...] = ()
     blades: Floats | None = None
+    agreement: Floats | None = None
     sidebands: Sidebands | None = None
 
     def __post_init__(self) -> None:
@@ -178,7 +181,8 @@ class Link:
     mac
         The likeness of the shapes.
     confidence
-        The share of draws from the covariances that keep the link, less where another choice is nearly as cheap.
+        The share of draws from the covariances that keep the link, less where another choice is nearly as cheap, or
+        where hits disagree on a shape.
     """
 
     track: int

@@ -1,5 +1,7 @@
 """One shape for several hits, its deviations by brute force; couples of real multipliers; modes of a known A(t)."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -63,6 +65,21 @@ def test_the_free_factor_is_fixed(unequal):
         model.shape(0, reference="z")
     with pytest.raises(fq.InputError, match="mode"):
         model.shape(2)
+
+
+def test_hits_with_shapes_of_their_own_do_not_agree(unequal):
+    """By the energy along each of two shapes at right angles; noise is no disagreement."""
+    model, _ = unequal
+    assert model.shape(0).agreement > 1.0 - 1e-4
+    for size in (0.5, 1.0):
+        lines = np.zeros((2, 2, 1), complex)
+        lines[0, 0], lines[1, 1] = 1.0, 1j * size
+        exponents, phases = [-0.1 + 5j, -0.1 - 5j], [lines, lines.conj()]
+        apart = PeriodicModel(exponents=exponents, coefficients=phases, harmonics=[0], period=1.0, channels=["x", "y"])
+        # Without noise channels are weighted by their size, which is that of the hits here.
+        assert apart.shape(0).agreement == pytest.approx(0.0, abs=1e-12)
+        noisy = replace(apart, coefficient_std=np.full((2, 2, 2, 1), 1e-9 * (1.0 + 1j)))
+        assert noisy.shape(0).agreement == pytest.approx((1.0 - size**2) / (1.0 + size**2), abs=1e-9)
 
 
 @pytest.mark.first(1)

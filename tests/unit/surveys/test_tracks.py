@@ -1,5 +1,7 @@
 """Modes followed from point to point: whatever branch is reported, through locks, past modes that are missing."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from tests.locks import TOGETHER, known, labels
@@ -90,6 +92,21 @@ def test_exchangeable_modes_are_told(plain):
     assert doubtful
     assert all(22.0 < SPEEDS[k] < 24.1 for k in doubtful)
     assert any("confidence below 0.8" in words for words in plain.warnings)
+
+
+def test_a_mode_on_which_hits_disagree_is_told():
+    """It stands for two that fold onto one another: the link to it and that from it may be of either."""
+    results = []
+    for k, speed in enumerate(SPEEDS[:5]):
+        model = replace(known(speed, std=STD, shape_std=SHAPE_STD, seed=k), point={"speed": speed})
+        second = model.coefficients.copy()
+        if k == 2:
+            second[[0, 4]] = 0.8 * model.coefficients[[2, 6]]  # of the mode at 10 rad/s the shape of another
+        hits = np.concatenate([model.coefficients, second], axis=2)
+        results.append(replace(model, coefficients=hits, coefficient_std=np.repeat(model.coefficient_std, 2, axis=2)))
+    found = survey(results, over="speed")
+    doubtful = [(link.track, link.between) for link in found.links if link.confidence < 0.8]
+    assert doubtful == [(1, (1, 2)), (1, (2, 3))]
 
 
 def test_a_crossing_is_told(plain):
