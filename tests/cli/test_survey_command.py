@@ -16,6 +16,7 @@ from floquid.systems import JeffcottRotor
 
 SPEEDS = (0.70, 0.71, 0.73, 0.77)
 QUICK = "--over speed --channels X,Y --order 4 --no-validate --workers 1"
+PLAIN = "survey --order 4 --no-validate --workers 1 runs/run0.npz"
 
 
 @pytest.fixture(scope="module")
@@ -104,10 +105,23 @@ def test_the_speed_is_that_of_the_clock(runs, records):
         ("survey runs --table runs/run0.npz", "`--table` must have a column `file`"),
         ("survey empty", "`FILES` must hold records"),
         ("survey runs/run0.npz --over torque --order 4 --no-validate --workers 1", "a value of torque each"),
+        (f"{PLAIN} other.npz --over speed", "have two channels in common at least, but share X."),
+        (f"{PLAIN} half.npz", "have periods of one part of a revolution, but half.npz has one of 2 revolutions"),
+        (f"{PLAIN} metres.npz --over speed", "have one unit a channel, but metres.npz has 'X' in m, and runs/run0.npz"),
     ],
 )
-def test_what_is_refused(runs, command, message):
+def test_what_is_refused(runs, records, command, message):
     (runs / "empty").mkdir()
+    channels = {
+        "other": [fq.Channel(name="X"), fq.Channel(name="strain")],
+        "metres": [fq.Channel(name=name, unit="m") for name in "XY"],
+    }
+    for name, named in channels.items():
+        fq.write(replace(records[1], values=records[1].values[:2], channels=named), runs / f"{name}.npz")
+    fq.write(records[2].with_point({"speed_rpm": 120.0 / records[2].period}), runs / "half.npz")
+    fq.write(
+        replace(records[0], channels=[replace(c, unit="mm") for c in records[0].channels]), runs / "runs" / "run0.npz"
+    )
     typed(command, code=2, message=message)
 
 

@@ -99,7 +99,7 @@ class Shape(Rebuilt):
 
 
 def shape_of(model: PeriodicModel, mode: int, reference: str | None) -> Shape:
-    r"""The shape of a `mode` of a `model`, its largest line, or the largest of a `reference` channel, real and positive.
+    r"""The shape of a `mode` of a `model`, its largest line, or that of a `reference` channel, real and positive.
 
     Its hits are lines times a state each. The singular value decomposition finds both, lines weighted by the noise of
     their channel and hits by theirs: a weight of each pair of them would spoil the product. The size is the root mean

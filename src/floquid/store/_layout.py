@@ -29,7 +29,9 @@ VIEWS: dict[type, str] = {Survey: "survey", Comparison: "comparison", Updated: "
 LINES: dict[type, str] = {MeasuredTransfer: "measured", TransferFit: "fitted"}
 """Transfer functions measured line by line, and modes fitted to them, by the attribute `kind` of their files."""
 
-ABSENT = ("later", "point", "fitted", "rounded", "shapes", "turn", "branch", "begins", "agreement")  # of files before there was one
+ABSENT = ("later", "point", "fitted", "rounded", "shapes", "turn", "branch", "begins", "agreement")
+"""Of files before there was one."""
+
 FLAGS = (
     "alarm", "along", "baseline", "constrained", "counted", "cycles", "extrapolated", "fitted", "independent",
     "is_converged", "kept", "mirrored", "passed", "real", "shared", "speed_dependent", "steady", "weak",

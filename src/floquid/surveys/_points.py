@@ -81,7 +81,7 @@ def _read(result: Any, shapes: ShapeOptions) -> dict[str, Any]:
 
 
 def check_points(points: Sequence[Point], over: str) -> tuple[Point, ...]:
-    """The points, ascending; refused where their values are missing or equal, or their periods do not fit."""
+    """The points, ascending; refused where their values are missing or equal, or periods or units do not fit."""
 
     def names(of: Sequence[Point]) -> str:
         return _names(points, of)
@@ -96,7 +96,7 @@ def check_points(points: Sequence[Point], over: str) -> tuple[Point, ...]:
         got = f"{names(ordered[first : first + 2])} are both at {values[first]:g}"
         remedy = "Identify them together: records of one point are hits."
         raise input_error("results", OF, f"be at different values of {over}", got, remedy)
-    check_periods(ordered)
+    check_alike(ordered)
     return ordered
 
 
@@ -105,16 +105,27 @@ def _names(points: Sequence[Point], of: Sequence[Point]) -> str:
     return "; ".join(", ".join(point.files) or f"result {points.index(point) + 1}" for point in of)
 
 
-def check_periods(points: Sequence[Point], of: str = OF) -> None:
-    """Refuse periods that are not the same part of a revolution: exponents are known modulo iω."""
+def check_alike(points: Sequence[Point], of: str = OF) -> None:
+    """Refuse periods that are not the same part of a revolution, as exponents are known modulo iω, and unlike units."""
+    units: dict[str, tuple[str, Point]] = {}
+    for point in points:
+        channels = () if point.model is None else point.model.channels
+        for channel in [channel for channel in channels if channel.unit != "-"]:
+            unit, first = units.setdefault(channel.name, (channel.unit, point))
+            if unit != channel.unit:
+                both = f"{_names(points, [point])} has {channel.name!r} in {channel.unit}"
+                got = f"{both}, and {_names(points, [first])} in {unit}"
+                remedy = "Bring the records to one unit first: shapes are compared channel by channel."
+                raise input_error("results", of, "have one unit a channel", got, remedy)
     known = [point for point in points if point.model is not None and point.values.get("speed_rpm", 0.0) > 0.0]
     turns = np.array([point.model.period * point.values["speed_rpm"] / 60.0 for point in known if point.model])
     if not len(turns):
         return
-    off = np.flatnonzero(np.abs(turns / np.median(turns) - 1.0) > APART)
+    usual = float(np.quantile(turns, 0.5, method="lower"))
+    off = np.flatnonzero(np.abs(turns / usual - 1.0) > APART)
     if len(off):
         one = _names(points, [known[off[0]]])
-        got = f"{one} has one of {turns[off[0]]:.4g} revolutions, and most {np.median(turns):.4g}"
+        got = f"{one} has one of {turns[off[0]]:.4g} revolutions, and most {usual:.4g}"
         remedy = "Identify all records with the period of the same part of a revolution: exponents are known modulo iω."
         raise input_error("results", of, "have periods of one part of a revolution", got, remedy)
 

@@ -10,7 +10,7 @@ import numpy as np
 from floquid._arrays import Complexes, Floats, Indices, Integers, Mask
 from floquid._checks import Sealed
 from floquid.surveys._objects import Seen
-from floquid.surveys._points import check_periods, objects_of
+from floquid.surveys._points import check_alike, objects_of
 from floquid.surveys._tracking import Held, Path, assigned, match_of
 from floquid.surveys._types import Point, Survey
 
@@ -60,9 +60,9 @@ def match_records(points: Sequence[Point], baseline: Mask, near: Floats, of: str
     Each record is compared with the record of the baseline that is nearest to it in `near` (records, quantities), as
     far as that has the mode; the baseline is gone through from its middle outwards. Weak modes, results that fail and
     two real multipliers in place of a pair count as missing. Raises InputError in the words of the caller `of`, where
-    periods or channels do not fit.
+    periods, channels or units do not fit.
     """
-    check_periods(points, of)
+    check_alike(points, of)
     objects = [
         [] if point.reason is not None else [own for own in seen if not own.weak and len(own.modes) == 1]
         for point, seen in zip(points, objects_of(points, of), strict=True)

@@ -55,7 +55,7 @@ def survey(
     exponents have a kink: Re(μ ± √q) = 0 of a Wiener process integrated twice through the nearest points.
 
     Raises InputError where a result has no value of `over` or two have the same, their periods are not one part of a
-    revolution, or they share less than two channels.
+    revolution, they share less than two channels, or a channel has two units.
 
     Parameters
     ----------

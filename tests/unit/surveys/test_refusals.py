@@ -1,5 +1,7 @@
 """Results that are no survey: refused with the names of the files, or told."""
 
+from dataclasses import replace
+
 import pytest
 from tests.locks import known
 
@@ -43,6 +45,19 @@ def test_channels_that_differ(points):
     survey([*rest, changed(points[2], model=known(19.2, channels=("b", "d")))], over="speed")
     with pytest.raises(InputError, match="share b"):
         survey([*rest, changed(points[2], model=known(19.2, channels=("b",)))], over="speed")
+
+
+def test_units_that_differ(points):
+    mixed = points[2].model
+    channels = [
+        replace(channel, unit=unit) for channel, unit in zip(mixed.channels, ("m", "m", "mm", "-"), strict=True)
+    ]
+    other = changed(points[2], model=replace(mixed, channels=channels))
+    survey([*points[:2], other], over="speed")  # of a channel without a unit nothing is known
+    metres = replace(mixed, channels=[replace(channel, unit="m") for channel in channels])
+    third = changed(points[2], values={"speed": 7.0}, files=("7.npz",), model=metres)
+    with pytest.raises(InputError, match=r"7\.npz has 'c' in m, and 6\.4\.npz in mm\."):
+        survey([*points[:2], other, third], over="speed")
 
 
 def test_two_points_give_a_table(points):
