@@ -5,7 +5,7 @@
 `path_shapes` reads those that a scanning sensor saw, over its path.
 """
 
-from floquid.shapes._arguments import Blades, Family, Pair, Pairs, families_of, pairs_of
+from floquid.shapes._arguments import APART, Blades, Family, Pair, Pairs, families_of, pairs_of
 from floquid.shapes._blades import WORDS, BladePattern, PatternShare, Words, pattern_of
 from floquid.shapes._path import PathShapes, path_shapes
 from floquid.shapes._read import ModeReading, Participation, ShapeOptions, ShapeReadings, ordinal, read_shapes

@@ -14,6 +14,7 @@ from floquid._checks import describe, finite, input_error
 from floquid.core import Channel, channels_named
 
 OF = "read_shapes"
+APART = 0.02  # share by which periods may differ from one part of a revolution: a speed is often said in whole numbers
 
 Pairs: TypeAlias = Sequence[str | tuple[str, str]]
 """Pairs of channels: "x:y", several joined by commas, or (x, y); from x to y is the sense of rotation."""

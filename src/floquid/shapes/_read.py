@@ -15,7 +15,7 @@ from floquid._checks import Rebuilt, Sealed, describe, input_error, positive
 from floquid.core import Channel, Identified, PeriodicModes, Shape, as_point, channels_named, couples_of
 from floquid.periodic import CONFIDENT
 from floquid.pipeline import Analysis
-from floquid.shapes._arguments import OF, Blades, Family, Pair, Pairs, families_of, pairs_of
+from floquid.shapes._arguments import APART, OF, Blades, Family, Pair, Pairs, families_of, pairs_of
 from floquid.shapes._blades import WORDS, BladePattern, Words, pattern_of
 from floquid.shapes._whirl import Ratio, Whirl, whirl_of
 
@@ -198,7 +198,7 @@ def read_shapes(
         remedy = "Name channels: x:y for whirl, flap=b1,b2,b3 for patterns over blades, or one for its participation."
         raise input_error("pairs", OF, "be given, or blades, or a participation", "none is", remedy)
     if families:
-        _refuse_period(result, periods_per_revolution)
+        _refuse_period(result, modes, periods_per_revolution)
     row = None
     if participation is not None:
         row = channels_named(modes.channels, [participation], argument="participation", of=OF)[0]
@@ -229,9 +229,16 @@ def read_shapes(
     )
 
 
-def _refuse_period(result: Any, given: float | None) -> None:
-    """Refuse to read blades where ω is not the speed of the rotor."""
+def _refuse_period(result: Any, modes: PeriodicModes, given: float | None) -> None:
+    """Refuse to read blades where ω is not the speed of the rotor, as stated or as `speed_rpm` says.
+
+    A speed that makes no whole number of periods a revolution is another shaft's.
+    """
     stated = result.settings.periods_per_revolution if isinstance(result, Analysis) else 1.0
+    turns = modes.period * modes.point.get("speed_rpm", 0.0) / 60.0
+    whole = round(1.0 / turns) if turns > 0.0 else 0
+    if whole > 1 and abs(whole * turns - 1.0) < APART:
+        stated = float(whole)
     periods = stated if given is None else positive(given, "periods_per_revolution", OF)
     if periods != 1.0:
         must = "be 1 where blades are read: ω must be the speed of the rotor"

@@ -13,13 +13,12 @@ from floquid._checks import input_error
 from floquid.core import PeriodicModel, Shape
 from floquid.floquet import FloquetModes
 from floquid.periodic import CONFIDENT
-from floquid.shapes import ShapeOptions, sidebands_of
+from floquid.shapes import APART, ShapeOptions, sidebands_of
 from floquid.surveys._known import KNOWN, known_modes
 from floquid.surveys._objects import SHIFTS, Seen, moved
 from floquid.surveys._types import Point
 
 OF = "survey"
-APART = 0.02  # share by which periods may differ from one part of a revolution: a speed is often said in whole numbers
 EQUAL = 1e-9  # share of the range within which two points are one
 
 

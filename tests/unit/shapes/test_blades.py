@@ -168,6 +168,16 @@ def test_groups_of_unlike_units_are_named_each_for_itself(isotropic):
     assert sum(one.name.endswith("fa") for one in heavy.modes) == 2  # the flap that it is coupled with, too
 
 
+def test_half_a_revolution_is_refused_by_the_speed(isotropic):
+    """Blades have changed places then; a speed that is no part of the period's is that of a generator."""
+    rpm = 30.0 * OMEGA / np.pi
+    for speed in (rpm, 1.01 * rpm, 97.0 * rpm):
+        assert read_shapes(replace(isotropic, point={"speed_rpm": speed})).modes
+    for part in (2, 3):
+        with pytest.raises(fq.InputError, match=f"periods_per_revolution.*is {part}"):
+            read_shapes(replace(isotropic, point={"speed_rpm": rpm / part}))
+
+
 REFUSED = {
     "two blades": {"blades": ["flap=flap1"]},
     "one unit": {"blades": ["flap=flap1,flap2,flap3"]},

@@ -47,6 +47,14 @@ def test_no_other_branch_changes_a_track(plain):
     assert all((track.shifts != 0).any() for track in moved.tracks)
 
 
+def test_a_mirror_image_does_not_change_a_track(plain):
+    """Every second point reports mode 1, and each of a couple, below zero: its conjugate stands in the table."""
+    found = surveyed(SPEEDS[:6], branch=lambda k: (-2, -2) if k % 2 else ())
+    track, straight = found.tracks[1], plain.tracks[1]
+    assert track.mirrored.tolist() == [False, True, False, True, False, True]
+    assert track.frequency == pytest.approx(straight.frequency[:6], abs=1e-9)
+
+
 @pytest.mark.slow
 def test_the_instants_at_which_records_begin_change_no_track(plain):
     turns = np.random.default_rng(2).uniform(size=len(SPEEDS))
@@ -123,7 +131,7 @@ def test_a_far_branch_is_not_found():
 @pytest.mark.slow
 def test_links_with_modes_missing_and_false_ones():
     """A tenth of all modes are missing, and 0.3 false ones are at each point."""
-    right, wrong, sure = 0, 0, 0
+    right, wrong, sure, surely_wrong = 0, 0, 0, 0
     for seed in range(20):
         generator = np.random.default_rng(seed)
         points, names = [], []
@@ -142,6 +150,9 @@ def test_links_with_modes_missing_and_false_ones():
             right += int((is_right & apart).sum())
             wrong += int((~is_right & apart).sum())
             sure += int((~is_right & apart & (track.confidence >= 0.8)).sum())
+            links = apart[1:] & apart[:-1] & (own[1:] != own[:-1])
+            surely_wrong += int((links & (track.confidence[1:] >= 0.8)).sum())
     assert right > 1100
     assert wrong <= 0.003 * right
     assert sure <= 0.002 * right
+    assert surely_wrong == 0
