@@ -48,6 +48,9 @@ def test_records_are_compared_with_a_baseline(runs):
     assert content["format"] == "floquid-monitor/1"
     assert [one["alarm"] for one in content["records"]] == [False] * 5 + [True] * 3 + [False]
     assert content["records"][8]["t2"] is None
+    fields = "file t2 t2_limit ewma ewma_limit alarm extrapolated periodic_amount periodic_amount_std reason"
+    assert all(set(fields.split()) <= set(record) for record in content["records"])
+    assert set(content["change"]) >= {"index", "interval", "carried_by"}
     low, high = content["change"]["interval"]
     assert low <= 5 <= high
     assert (runs / "out" / "monitor.csv").read_text().count("\n") == 10

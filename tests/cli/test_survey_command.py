@@ -16,6 +16,10 @@ from floquid.systems import JeffcottRotor
 
 SPEEDS = (0.70, 0.71, 0.73, 0.77)
 QUICK = "--over speed --channels X,Y --order 4 --no-validate --workers 1"
+LISTS = (
+    "mode", "frequency_rad_s", "frequency_std_rad_s", "decay", "decay_std", "damping_ratio", "whirl", "whirl_std",
+    "names", "name_share", "leak", "locked", "weak", "confidence", "mac",
+)  # fmt: skip
 PLAIN = "survey --order 4 --no-validate --workers 1 runs/run0.npz"
 
 
@@ -62,6 +66,15 @@ def test_records_become_a_survey(runs):
     content = strict_json((runs / "out" / "survey.json").read_text())
     assert [point["speed"] for point in content["points"]] == [*SPEEDS, 0.8]
     assert [edge["kind"] for edge in content["edges"]] == ["lock", "lock"]
+    assert set(content) >= {"format", "over", "points", "tracks", "edges", "unlinked", "warnings"}
+    assert all({"speed", "files", "passed", "order", "reason"} <= set(point) for point in content["points"])
+    assert all(
+        {"value", "std", "interval", "kind", "direction", "tracks"} <= set(edge) and len(edge["interval"]) == 2
+        for edge in content["edges"]
+    )
+    for track in content["tracks"]:
+        assert {len(track[name]) for name in LISTS} == {len(track["points"])}
+        assert set(track["names"]) == set(track["whirl"]) == {None}  # neither blades nor pairs were given
     back = fq.load("out/survey.h5")
     assert back.summary() == "\n".join(line.rstrip() for line in back.summary().splitlines())
     assert json.loads(typed(f"survey runs/run0.npz runs/run1.npz {QUICK} --format json"))["tracks"] == []

@@ -39,6 +39,8 @@ def compare(
 ) -> None:
     """Compare two sets of modes, mode by mode: differences with deviations, what is missing, and χ² of all.
 
+    Parameters of a model of your own are fitted to results in Python: floquid.update.
+
     Parameters
     ----------
     a

@@ -78,7 +78,8 @@ def _track(track: Track) -> dict[str, Any]:
         "frequency_rad_s": track.frequency,
         "frequency_std_rad_s": track.frequency_std,
         **attributes(track, "decay", "decay_std", "growth", "growth_std", "damping_ratio", "whirl", "whirl_std"),
-        **attributes(track, "names", "name_share", "leak", "leak_std", "locked", "weak", "confidence", "mac"),
+        "names": [name or None for name in track.names],
+        **attributes(track, "name_share", "leak", "leak_std", "locked", "weak", "confidence", "mac"),
     }
 
 

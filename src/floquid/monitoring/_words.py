@@ -116,4 +116,4 @@ def record_rows(found: Monitor) -> list[tuple[str, ...]]:
 
 
 def _of(value: float, limit: float) -> str:
-    return f"{value:.3g} of {limit:.3g}" if np.isfinite(value) else ""
+    return f"{float(f'{value:.3g}'):g} of {float(f'{limit:.3g}'):g}" if np.isfinite(value) else ""

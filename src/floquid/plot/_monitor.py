@@ -62,8 +62,16 @@ def monitor(found: Monitor, *, ax: Into = None) -> Figure:
         _conditions(last, found)
         for axes_ in axes:
             _spans(axes_, found)
-        last.set(xlabel=over_label(found.over))
+        _label(last, found)
     return figure
+
+
+def _label(axes: Axes, found: Monitor) -> None:
+    """Label what records go over; records that are counted have whole ticks."""
+    from matplotlib.ticker import MaxNLocator
+
+    axes.set(xlabel=over_label(found.over))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=bool((found.x == np.rint(found.x)).all())))
 
 
 def periodic_amount(found: Monitor, *, ax: Into = None) -> Figure:
@@ -83,7 +91,8 @@ def periodic_amount(found: Monitor, *, ax: Into = None) -> Figure:
         bars = np.maximum(np.stack([value - low, high - value]), 0.0)
         axes.errorbar(found.x, value, bars, color=BLUE, linestyle="none", marker="o", markersize=3.5, elinewidth=0.9)
         words = "of the change looked for [%]" if amounts.along else "sidebands [% of the response]"
-        axes.set(xlabel=over_label(found.over), ylabel=words)
+        axes.set(ylabel=words)
+        _label(axes, found)
         axes.axhline(0.0, color=BLACK, linewidth=0.6)
         _spans(axes, found)
     return figure

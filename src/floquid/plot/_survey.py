@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from floquid._arrays import Floats, Mask
+from floquid._arrays import Floats
 from floquid._checks import index, input_error
 from floquid.plot._style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, Into, drawing, grid_of
-from floquid.surveys import DAMPING, Damping, Survey, Track, damping_of, look_of, order_lines
+from floquid.surveys import DAMPING, Damping, Survey, Track, damping_of, link_runs, look_of, order_lines
 from floquid.views import over_label
 
 if TYPE_CHECKING:
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
 COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, BLACK)
 DASHES = ("solid", "dashdot", "dotted")  # of the tracks behind the first seven
 LEVEL = 1.96  # deviations of a bar of 95 %
-DOUBTFUL = 0.8  # confidence below which a link is dashed
 FAN = 4  # harmonics of a fan on either side
 
 
@@ -137,20 +135,11 @@ def _look(found: Survey, number: int) -> tuple[str, str, str]:
     return COLOURS[number % len(COLOURS)], DASHES[number // len(COLOURS) % len(DASHES)], "dashed"
 
 
-def _runs(doubtful: Mask) -> Iterator[tuple[slice, bool]]:
-    """Stretches of links that are alike, and whether they are doubtful."""
-    first = 0
-    for k in range(1, len(doubtful) + 1):
-        if k == len(doubtful) or doubtful[k] != doubtful[first]:
-            yield slice(first, k + 1), bool(doubtful[first])
-            first = k
-
-
 def _line(axes: Axes, found: Survey, number: int, values: Floats, std: Floats) -> None:
     """One track: its line, dashed where a link is doubtful, and its marks with bars."""
     track, x = found.tracks[number], found.values[found.tracks[number].points]
     colour, dash, doubt = _look(found, number)
-    for run, doubtful in _runs(track.confidence[1:] < DOUBTFUL):
+    for run, doubtful in link_runs(track):
         label = track.name if run.start == 0 else None
         axes.plot(x[run], values[run], color=colour, linestyle=doubt if doubtful else dash, linewidth=1.1, label=label)
     form: dict[str, Any] = {"color": colour, "linestyle": "none", "capsize": 0.0, "elinewidth": 0.9}

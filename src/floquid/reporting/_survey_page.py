@@ -23,7 +23,18 @@ from floquid.reporting._look import (
     new_figure,
 )
 from floquid.reporting._page import asset, bokeh_scripts, described, embedded, filled
-from floquid.surveys import DAMPING, Damping, Point, Survey, damping_of, edge_words, look_of, order_lines, track_rows
+from floquid.surveys import (
+    DAMPING,
+    Damping,
+    Point,
+    Survey,
+    damping_of,
+    edge_words,
+    link_runs,
+    look_of,
+    order_lines,
+    track_rows,
+)
 from floquid.views import INTERVAL, DampingUnit, over_label, over_unit
 
 MOST = 8  # tracks of one look
@@ -102,7 +113,9 @@ def _figures(found: Survey, marks: Any, unit: Damping) -> dict[str, Figure]:
                 "decay": track.decay,
                 "damping": damping_of(track, unit)[0],
             }
-            drawn.line(found.values[track.points], y[name], line_dash=dash, **look)
+            x, doubt = found.values[track.points], "dashed" if dash == "solid" else "dotted"
+            for run, doubtful in link_runs(track):
+                drawn.line(x[run], y[name][run], line_dash=doubt if doubtful else dash, **look)
             if name == "decay":
                 at, ends = found.values[track.points[track.locked]], track.exponents[track.locked].real
                 drawn.segment(at, ends[:, 0], at, ends[:, 1], **look)

@@ -12,6 +12,7 @@ from floquid.surveys._words import (
     Damping,
     damping_of,
     edge_words,
+    link_runs,
     look_of,
     order_lines,
     point_rows,

@@ -22,9 +22,9 @@ from floquid.surveys._objects import Seen, similarities
 from floquid.surveys._points import OF, check_points, objects_of, point_of
 from floquid.surveys._tracking import Path, tracked
 from floquid.surveys._types import Edge, Point, Survey, Track
+from floquid.surveys._words import DOUBTFUL
 
 FEWEST = 3  # points for tracks
-DOUBTFUL = 0.8  # confidence below which a link is told
 MOST = 4  # links that are named in a warning
 GRID = 41  # points of a known system, by default
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Iterator
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -12,6 +13,9 @@ from floquid._arrays import Floats
 from floquid.shapes import WORDS
 from floquid.surveys._types import Edge, Survey, Track
 from floquid.views import with_error
+
+DOUBTFUL = 0.8
+"""Confidence below which a link is told and drawn as doubtful: wrong ones are below it."""
 
 KINDS = {"lock": "{}, locked with itself", "sum": "{}, locked with each other", "single": "{}, alone"}
 """Ways to turn unstable."""
@@ -66,6 +70,16 @@ def _spans(values: Floats, inside: np.ndarray) -> str:
     places = np.flatnonzero(inside)
     parts = np.split(places, np.flatnonzero(np.diff(places) > 1) + 1) if len(places) else []
     return ", ".join(f"{values[p[0]]:g}" if len(p) == 1 else f"{values[p[0]]:g} to {values[p[-1]]:g}" for p in parts)
+
+
+def link_runs(track: Track) -> Iterator[tuple[slice, bool]]:
+    """Stretches of the places of a `track` whose links are alike, and whether these are doubtful."""
+    doubtful = track.confidence[1:] < DOUBTFUL
+    first = 0
+    for k in range(1, len(doubtful) + 1):
+        if k == len(doubtful) or doubtful[k] != doubtful[first]:
+            yield slice(first, k + 1), bool(doubtful[first])
+            first = k
 
 
 Damping: TypeAlias = Literal["decay", "ratio", "decrement"]
