@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, BLACK)
 DASHES = ("solid", "dashdot", "dotted")  # of the tracks behind the first seven
 LEVEL = 1.96  # deviations of a bar of 95 %
+WAY = 48  # steps of the way of a multiplier from one point to the next
 FAN = 4  # harmonics of a fan on either side
 
 
@@ -107,12 +108,15 @@ def multipliers(found: Survey, *, ax: Into = None) -> Figure:
             periods = np.array([_period(found, point) for point in track.points.tolist()])
             sizes = np.exp(track.growth * periods)
             _line(left, found, number, sizes, sizes * periods * track.growth_std)
-            values = np.exp(track.exponents * periods[:, None])
-            way = np.where(track.locked, np.nan, values[:, 0])
+            turned = track.exponents * periods[:, None]
+            free, places = np.where(track.locked, np.nan, turned[:, 0]), np.arange(len(periods))
+            # An angle of many turns goes round the circle from point to point, and not straight across it.
+            with np.errstate(invalid="ignore"):
+                way = np.exp(np.interp(np.linspace(0.0, places[-1], WAY * places[-1] + 1), places, free))
             right.plot(way.real, way.imag, color=_look(found, number)[0], linewidth=0.9)
-            for pair in values[track.locked]:
+            for pair in np.exp(turned[track.locked]):
                 right.plot(pair.real, pair.imag, "s", color=_look(found, number)[0], markersize=3.0)
-            if len(way) > 1 and np.isfinite(way[-2:]).all():
+            if np.isfinite(way[-2:]).all():
                 ends = [(value.real, value.imag) for value in way[[-1, -2]]]
                 right.annotate("", *ends, arrowprops={"arrowstyle": "->", "color": _look(found, number)[0]})
         left.axhline(1.0, color=BLACK, linewidth=0.9)
@@ -139,9 +143,9 @@ def _line(axes: Axes, found: Survey, number: int, values: Floats, std: Floats) -
     """One track: its line, dashed where a link is doubtful, and its marks with bars."""
     track, x = found.tracks[number], found.values[found.tracks[number].points]
     colour, dash, doubt = _look(found, number)
+    axes.plot([], [], color=colour, linestyle=dash, linewidth=1.1, label=track.name)
     for run, doubtful in link_runs(track):
-        label = track.name if run.start == 0 else None
-        axes.plot(x[run], values[run], color=colour, linestyle=doubt if doubtful else dash, linewidth=1.1, label=label)
+        axes.plot(x[run], values[run], color=colour, linestyle=doubt if doubtful else dash, linewidth=1.1)
     form: dict[str, Any] = {"color": colour, "linestyle": "none", "capsize": 0.0, "elinewidth": 0.9}
     kinds = [(~track.locked & (track.sense == side), marker) for side, marker in ((0, "o"), (1, "^"), (-1, "v"))]
     for kind, marker in (*kinds, (track.locked, "s")):

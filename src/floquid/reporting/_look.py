@@ -26,7 +26,7 @@ return text.replace("e+", "e").replace(/-/g, "\u2212");
 """A number at an axis: bokeh's own would be 3.000e-7."""
 
 SIZE = "13px"
-ACROSS, HANDLE, ROW = 43, 5, 21  # characters of a legend on a phone and of one of its handles, and a row [px]
+ACROSS, HANDLE, ROW = 48, 5, 24  # characters of a legend on a phone and of one of its handles, and a row [px]
 HEIGHT = 320
 
 

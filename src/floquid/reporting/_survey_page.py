@@ -114,6 +114,7 @@ def _figures(found: Survey, marks: Any, unit: Damping) -> dict[str, Figure]:
                 "damping": damping_of(track, unit)[0],
             }
             x, doubt = found.values[track.points], "dashed" if dash == "solid" else "dotted"
+            drawn.line([], [], line_dash=dash, **look)  # the legend has the dash of the track
             for run, doubtful in link_runs(track):
                 drawn.line(x[run], y[name][run], line_dash=doubt if doubtful else dash, **look)
             if name == "decay":
