@@ -119,6 +119,14 @@ def test_looks_are_those_of_family_and_direction(found):
     assert len(found.plot.campbell().axes[0].lines) > len(found.tracks)
 
 
+def test_multipliers_go_round_the_circle(found):
+    """Angles change by turns from point to point: a straight line would go across."""
+    ways = [np.hypot(*line.get_data()) for line in found.plot.multipliers().axes[1].lines]
+    assert len(ways) > len(found.tracks)
+    sizes = np.exp([track.decay * point.model.period for track in found.tracks for point in found.points])
+    assert min(way.min() for way in ways) > 0.99 * sizes.min()
+
+
 def test_all_motion_over_equal_blades_is_where_wave_and_harmonic_agree(found):
     waves, columns = {"collective": 0, "backward": 1, "forward": -1}, cache(partial(shape_columns, found))
     for track in found.tracks:

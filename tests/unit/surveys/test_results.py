@@ -1,6 +1,7 @@
 """Surveys kept in files, as tables, as figures and as a page."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ import floquid as fq
 from floquid.errors import InputError
 from floquid.exports import columns_text, edge_columns, survey_columns, survey_summary
 from floquid.reporting._chosen_shape import _curves, shape_columns
-from floquid.surveys import Point
+from floquid.surveys import Point, link_runs
 
 SPEEDS = np.arange(18.0, 22.1, 0.5)
 
@@ -121,6 +122,15 @@ def test_figures(found, name, options):
     drawn = getattr(found.plot, name)(**options)
     assert isinstance(drawn, Figure)
     assert len(drawn.legends[0].get_texts()) >= 4
+
+
+def test_doubtful_links_have_a_dash_of_their_own(found):
+    track = replace(found.tracks[0], confidence=np.array([np.nan, 1.0, 0.5, 0.5, 1.0]))
+    assert list(link_runs(track)) == [(slice(0, 2), False), (slice(1, 4), True), (slice(3, 5), False)]
+    doubtful = replace(found, tracks=tuple(replace(own, confidence=0.0 * own.confidence) for own in found.tracks))
+    solid = [sum(line.get_linestyle() == "-" for line in one.plot.damping().axes[0].lines) for one in (found, doubtful)]
+    assert solid[1] == solid[0] - len(found.tracks)
+    assert [one.plot.campbell().legends[0].get_lines()[0].get_linestyle() for one in (found, doubtful)] == ["-", "-"]
 
 
 def test_what_no_figure_is_of(found):
