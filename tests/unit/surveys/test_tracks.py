@@ -78,6 +78,15 @@ def test_a_mode_stays_itself_behind_its_lock(plain):
     assert track.mirrored.sum() == 0
 
 
+def test_a_mode_stays_itself_behind_a_long_lock():
+    """Shapes of a lock alone are remembered at its end, and its mirror image is as much like those."""
+    speeds = np.arange(18.7, 21.51, 0.2)
+    track = surveyed(speeds).tracks[1]
+    assert track.locked.sum() > 6
+    behind = speeds[track.points] > 21.0
+    assert (np.abs(track.frequency[behind] - 10.0) < 0.25).all()
+
+
 def test_two_multipliers_of_a_lock_are_one_object(plain):
     track = plain.tracks[1]
     inside = (SPEEDS > 19.13) & (SPEEDS < 20.87)
