@@ -88,7 +88,7 @@ slopes: $(INSTALLED) ## time and memory against each size of a record, for each 
 readers: $(INSTALLED) ## time and memory of every reader on a file of 100 MB (ten minutes)
 	$(BIN)/python -m benchmarks.readers
 
-surveyed: $(INSTALLED) ## surveys of turbines of three blades, equal and not, and of two (free decays in two minutes; outputs alone in an hour)
+surveyed: $(INSTALLED) ## surveys of turbines of three blades, equal and not, and of two (free decays in six minutes; outputs alone in an hour)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 MKL_NUM_THREADS=1 $(BIN)/python -m benchmarks.surveyed
 
 simulators: $(INSTALLED) ## free responses of simulated machines, ten draws each at 1 and 0.1 % noise (into build/simulators.json; half an hour on two cores)
