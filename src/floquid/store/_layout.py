@@ -30,7 +30,7 @@ LINES: dict[type, str] = {MeasuredTransfer: "measured", TransferFit: "fitted"}
 """Transfer functions measured line by line, and modes fitted to them, by the attribute `kind` of their files."""
 
 ABSENT = ("later", "point", "fitted", "rounded", "shapes", "turn", "branch", "begins", "agreement")
-"""Of files before there was one."""
+"""Fields that files from before them lack."""
 
 FLAGS = (
     "alarm", "along", "baseline", "constrained", "counted", "cycles", "extrapolated", "fitted", "independent",
