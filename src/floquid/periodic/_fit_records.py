@@ -37,6 +37,7 @@ from floquid.periodic.least_squares import (
     shapes,
 )
 from floquid.periodic.search import (
+    FASTEST,
     LOUD,
     Bounds,
     Point,
@@ -211,6 +212,8 @@ def fit(
     begin = forced_entries([], omega) if start is None else replace(start, fundamental=omega)
     if harmonics is not None:
         begin = replace(begin, bands=np.tile([-harmonics, harmonics], (len(begin.exponents), 1)))
+    if search:  # a glitch among them would hold all: no step from beyond is one
+        begin = begin.picked(np.flatnonzero(np.abs(begin.exponents.real) * 2.0 * np.pi <= FASTEST * omega))
     report("fitting the samples")
     taps = None if lifted is None else lifted.whitening
     price_of = partial(priced, floor=noise_floor, mode_alarm=mode_false_alarm, harmonic_alarm=harmonic_false_alarm)

@@ -9,7 +9,8 @@ from tests.unit.periodic.test_constrain import OMEGA, PERIOD, records, system
 
 from floquid import identify
 from floquid.errors import IdentificationError
-from floquid.periodic.least_squares import RecordBlock, forced_entries
+from floquid.periodic import fit
+from floquid.periodic.least_squares import ModeParameters, RecordBlock, forced_entries
 from floquid.periodic.search import Bounds, Point, priced, searched
 from floquid.testing import assert_exponents_close, pair_exponents
 
@@ -64,6 +65,19 @@ def test_a_step_is_no_sum_of_modes():
     values[0, values.shape[1] // 3 :] += 0.2 * np.abs(values[0]).max()
     with pytest.raises(IdentificationError, match="Likely: a step or a glitch"):
         identify(replace(record, values=values), validate=False)
+
+
+def test_a_start_that_is_over_at_once_does_not_hold_the_other_modes():
+    """No step was taken beside it: four modes were found in place of two."""
+    model = system(channels=2)
+    (record,) = records(model, noise=0.01, n_cycles=60)
+    values = np.array(record.values)
+    values[:, 0] += 20.0
+    exponents = [-0.0592 + 0.9012j, -0.041 + 2.1985j, -13.0 / PERIOD + 0.9j]
+    start = ModeParameters.made(exponents, [(-1, 1), (-1, 1), (-2, 2)], OMEGA)
+    found = fit([replace(record, values=values)], [record.clock], start=start).model
+    assert found.order == 4
+    assert np.abs(pulls(found, model)).max() < 4.0
 
 
 def test_errors_of_the_angle_raise_the_price_of_a_mode():

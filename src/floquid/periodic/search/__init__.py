@@ -3,7 +3,7 @@
 from floquid.periodic.search._evidence import LOUD, coloured, combinations_of, disagreement, evidence
 from floquid.periodic.search._final import finished
 from floquid.periodic.search._near_axis import read_apart
-from floquid.periodic.search._objective import Point, SearchResult, kept_with
+from floquid.periodic.search._objective import FASTEST, Point, SearchResult, kept_with
 from floquid.periodic.search._one_shape import of_shapes, with_one_shape
 from floquid.periodic.search._policies import Bounds, lines, priced, searched, searched_white
 from floquid.periodic.search._tests import period_step
