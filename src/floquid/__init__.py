@@ -9,7 +9,6 @@ A name is imported when it is first asked for, so that a program waits for what 
 """
 
 from importlib import import_module
-from importlib.util import find_spec
 from typing import TYPE_CHECKING
 
 from floquid._version import __version__ as __version__
@@ -70,6 +69,8 @@ def __getattr__(name: str) -> object:
         value = getattr(import_module(f"floquid.{_ROOM_OF[name]}"), name)
         globals()[name] = value
         return value
+    from importlib.util import find_spec
+
     if not name.startswith("_") and find_spec(f"floquid.{name}"):
         return import_module(f"floquid.{name}")
     raise AttributeError(f"module 'floquid' has no attribute {name!r}")

@@ -6,6 +6,7 @@ nowhere else (decision 0027).
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, Field, fields
 from enum import Enum
@@ -136,3 +137,21 @@ class Figures:
 def late(room: str, name: str) -> Any:
     """A name of a room that stands above the caller, imported when it is used."""
     return getattr(import_module(f"floquid.{room}"), name)
+
+
+def named_late(room: str, **names: str) -> Callable[[str], Any]:
+    """The `__getattr__` of a `room` that imports a module when a name of it is asked for.
+
+    `names` are those of each module, apart by spaces. A room has one where parts of it are used without the others,
+    and those take long to import: `floquid info` proposes settings, and fits nothing.
+    """
+    module_of = {name: module for module, listed in names.items() for name in listed.split()}
+
+    def asked(name: str) -> Any:
+        if name not in module_of:
+            raise AttributeError(f"module {room!r} has no attribute {name!r}")
+        value = getattr(import_module(f"{room}.{module_of[name]}"), name)
+        setattr(sys.modules[room], name, value)
+        return value
+
+    return asked

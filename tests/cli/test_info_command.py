@@ -2,6 +2,8 @@
 
 import json
 import shlex
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -210,3 +212,18 @@ def test_names_may_be_given(tmp_path):
     text = typed(["info", str(tmp_path / "run.npz"), "--names", "hip,knee"])
     assert [line.split()[0] for line in text.splitlines()[2:4]] == ["hip", "knee"]
     assert " --names hip,knee " in text
+
+
+def test_nothing_that_fits_is_imported_for_it(tmp_path):
+    path = saved(tmp_path / "force.npz", {"F [N]": struck([2.0])[0], "x [m]": struck([2.0])[1][0], "tach": pulses()})
+    fitting = {"checks", "exports", "innovations", "inputs", "lti", "periodic", "pipeline", "plot", "store", "transfer"}
+    code = f"""
+import sys
+from floquid.cli import run
+assert run(["info", {str(path)!r}]) == 0
+assert not {{f"floquid.{{room}}" for room in {sorted(fitting)!r}}} & set(sys.modules)
+"""
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert found.returncode == 0, found.stderr
+    assert "Possible clock: tach" in found.stdout
+    assert "--find-hits" in found.stdout

@@ -10,7 +10,7 @@ from tests.driven import imbalance_of, mathieu, record_of
 
 from floquid import Channel, Record, load
 from floquid.cli import run
-from floquid.cli._terminal import print_analysis
+from floquid.cli._printed import print_analysis
 from floquid.preparation import FORBIDDEN
 from floquid.readers import write
 

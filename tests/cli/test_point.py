@@ -5,7 +5,8 @@ import pytest
 
 import floquid as fq
 from floquid.cli import run
-from floquid.cli._options import Choices, choices_of, point_given
+from floquid.cli._arguments import point_given
+from floquid.cli._options import Choices, choices_of
 
 
 @pytest.fixture

@@ -5,8 +5,7 @@ from dataclasses import fields
 from pathlib import Path
 
 from floquid import Settings
-from floquid.preparation import FORBIDDEN
-from floquid.views import SHORT
+from floquid.preparation import FORBIDDEN, SHORT
 
 PAGE = Path(__file__).parents[2] / "docs" / "options.md"
 

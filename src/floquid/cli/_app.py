@@ -102,6 +102,7 @@ def app_of(words: Sequence[str] = ()) -> App:
         help="Identify linear time-periodic systems from measured responses.",
         usage="Usage: floquid COMMAND [OPTIONS]",
         version=__version__,
+        version_format="plaintext",  # or a renderer of markdown would be imported for it
         help_format="markdown",
         help_epilogue="Every command takes --debug: it shows the traceback of an error.",
         suppress_keyboard_interrupt=False,

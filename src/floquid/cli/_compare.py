@@ -11,8 +11,8 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from floquid._checks import counted
+from floquid.cli._arguments import Format, OutputFolder
 from floquid.cli._folder import maybe_folder, settle
-from floquid.cli._options import Format, OutputFolder
 from floquid.cli._shapes import scales_of
 from floquid.cli._terminal import json_text, new_table, print_warnings, print_whole
 from floquid.cli._views import keep, refuse_beside_identified, tell

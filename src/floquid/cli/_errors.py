@@ -9,8 +9,7 @@ import numpy as np
 from cyclopts import CycloptsError, UnusedCliTokensError
 
 from floquid.errors import IdentificationError, InputError
-from floquid.pipeline import Settings
-from floquid.views import SHORT, for_command
+from floquid.preparation import SHORT, Settings, for_command
 
 FAILED, BAD_INPUT, NOT_MET, INTERRUPTED = 1, 2, 3, 130
 

@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import secrets
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
@@ -25,22 +24,23 @@ from typing import TypeVar
 import numpy as np
 
 from floquid._checks import input_error
+from floquid.cli._arguments import RESULT
 from floquid.cli._terminal import json_text
 from floquid.core import Record
 from floquid.exports import summary, transfer_rows
-from floquid.io import flush, flush_folder
+from floquid.io import flush, flush_folder, is_result
 from floquid.large import LargeResult
 from floquid.pipeline import Analysis
 from floquid.plot import FIGURES as DRAWN
+from floquid.preparation import SHORT
 from floquid.readers import write
-from floquid.store import ENDINGS, is_result, load, save
+from floquid.store import load, save
 from floquid.transfer import MeasuredTransfer, TransferFit
-from floquid.views import SHORT, DampingUnit, SpeedUnit
+from floquid.views import DampingUnit, SpeedUnit
 
 Kept = TypeVar("Kept")
 
 FIGURES = tuple(f"{name}.png" for name in DRAWN)  # the figures that there may be
-RESULT = "result.h5"  # the file of an identification: figures beside it are of it
 FILES = ("record.npz", RESULT, "summary.json", "settings.toml", "report.html", "transfer.csv")
 # What the files of a result are called in its folder.
 NAMES = (*FILES, *(f"figures/{name}" for name in FIGURES))
@@ -129,14 +129,6 @@ def in_memory(found: Kept | LargeResult, of: str) -> Kept:
     return found
 
 
-def is_saved(files: Sequence[Path]) -> bool:
-    """True where a single file is a result, or the folder of one, and no record."""
-    if len(files) != 1:
-        return False
-    place = files[0] / RESULT if files[0].is_dir() else files[0]
-    return place.suffix.lower() in ENDINGS and place.is_file() and is_result(place)
-
-
 def refuse_beside_result(said: Mapping[str, object], of: str) -> None:
     """Refuse settings beside a saved result: it has its own."""
     for name in said:
@@ -168,7 +160,7 @@ def result_folder(path: Path, names: Sequence[str]) -> Iterator[ResultFolder]:
                 with _locked(path):
                     _settle(path)
                     _sweep(path)
-                    unfinished = path / f"{UNFINISHED}{secrets.token_hex(6)}"
+                    unfinished = path / f"{UNFINISHED}{os.urandom(6).hex()}"
                     unfinished.mkdir()
                     owned.enter_context(_lock(unfinished / _OWNED, 0.0))
             except OSError as error:

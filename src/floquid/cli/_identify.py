@@ -8,26 +8,13 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from floquid._checks import input_error
+from floquid.cli._arguments import OUTPUT, Flag, Format, OutputFolder, RecordFiles, Saved, SettingsFile, Verbose
 from floquid.cli._errors import CriteriaNotMetError
 from floquid.cli._folder import NAMES, draw_result, in_memory, maybe_folder, result_file, write_result
-from floquid.cli._options import (
-    OUTPUT,
-    Damping,
-    Flag,
-    Format,
-    ModelOptions,
-    OutputFolder,
-    RecordFiles,
-    RecordOptions,
-    Saved,
-    SettingsFile,
-    ShaftSpeed,
-    Verbose,
-    choices_of,
-    given,
-)
+from floquid.cli._options import Damping, ModelOptions, RecordOptions, ShaftSpeed, choices_of, given
+from floquid.cli._printed import print_analysis
 from floquid.cli._records import check_files, read_records
-from floquid.cli._terminal import json_text, print_analysis, print_folder, progress, terminal
+from floquid.cli._terminal import json_text, print_folder, progress, terminal
 from floquid.errors import IdentificationError
 from floquid.exports import summary
 from floquid.findings import texts

@@ -12,17 +12,12 @@ from typing import Any
 import numpy as np
 
 from floquid._checks import counted
+from floquid.cli._arguments import Format, Header, Names, Rate, RecordFile, is_saved, split
 from floquid.cli._errors import in_options
-from floquid.cli._folder import is_saved, result_file
-from floquid.cli._options import Format, Header, Names, Rate, RecordFile, split
 from floquid.cli._terminal import json_text, new_table, terminal
 from floquid.core import Record
-from floquid.pipeline import Analysis
-from floquid.preparation import Candidate, Proposal, propose
+from floquid.preparation import SHORT, Candidate, Proposal, propose
 from floquid.readers import FileSummary, read_and_describe
-from floquid.store import load
-from floquid.transfer import MeasuredTransfer, TransferFit
-from floquid.views import SHORT
 
 TELLS = (
     "A forced response does not tell the period. Use a tachometer (--tach), the shaft angle (--azimuth), or 60 over "
@@ -95,6 +90,11 @@ def info(
 
 def _print_result(file: Path, format: Format) -> None:  # noqa: A002
     """Print what a result is, and the commands that start from it."""
+    from floquid.cli._folder import result_file
+    from floquid.pipeline import Analysis
+    from floquid.store import load
+    from floquid.transfer import MeasuredTransfer, TransferFit
+
     found = load(result_file(file))
     analysis = found if isinstance(found, Analysis) else None
     words = WHAT.get(type(found).__name__, "what was found of several results")

@@ -13,9 +13,9 @@ from floquid.cli._errors import CriteriaNotMetError
 from floquid.cli._terminal import json_text, print_files, terminal
 from floquid.errors import IdentificationError
 from floquid.large import LargeResult, identify_large
+from floquid.preparation import for_command
 from floquid.readers import read
 from floquid.search import SECONDS
-from floquid.views import for_command
 
 TAKEN = ("period", "rate", "origin", "channels", "order", "mode_false_alarm", "seconds")
 RESULT = "result.h5"

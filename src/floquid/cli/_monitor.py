@@ -8,20 +8,9 @@ from rich.console import Console
 
 from floquid._bar import bar
 from floquid._checks import counted, input_error
+from floquid.cli._arguments import Format, MonitorFiles, OptionalWhole, OutputFolder, Place, SettingsFile, Whole
 from floquid.cli._folder import maybe_folder
-from floquid.cli._options import (
-    Format,
-    ModelOptions,
-    MonitorFiles,
-    OptionalWhole,
-    OutputFolder,
-    Place,
-    RecordOptions,
-    SettingsFile,
-    Whole,
-    choices_of,
-    given,
-)
+from floquid.cli._options import ModelOptions, RecordOptions, choices_of, given
 from floquid.cli._survey_points import jobs_of, points_of
 from floquid.cli._terminal import json_text, new_table, print_title, print_warnings, print_whole
 from floquid.cli._views import keep, refuse_beside_identified, tell

@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from floquid._checks import input_error
-from floquid.cli._options import Frequency, NewRecordFile, OptionalWhole, Whole, period_of, split
+from floquid.cli._arguments import Frequency, NewRecordFile, OptionalWhole, Whole, period_of, split
 from floquid.cli._terminal import terminal
 from floquid.core import Channel
 from floquid.readers import write

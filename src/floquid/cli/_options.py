@@ -3,78 +3,31 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, make_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
-import numpy as np
-from cyclopts import Group, Parameter, Token
+from cyclopts import Group, Parameter
 
 from floquid._checks import finite, input_error, positive
-from floquid.core import Branch, as_point
+from floquid.cli._arguments import (
+    FREQUENCY_HELP,
+    HEADER_HELP,
+    NAMES_HELP,
+    OUTPUT,
+    POINT_HELP,
+    period_of,
+    point_given,
+    split,
+    whole_number,
+)
+from floquid.core import Branch, Form, Hold, as_point
 from floquid.errors import InputError
-from floquid.exports import MODE_FORMATS
-from floquid.inputs import Hold
 from floquid.io import readable_file
-from floquid.pipeline import FORBIDDEN, WORDS, Excitation, IdentifierName, Settings
-from floquid.preparation import Reading
-from floquid.readers import SUFFIXES, WRITTEN
-from floquid.reconstruction import Form
-from floquid.views import SHORT, DampingUnit, SpeedUnit
+from floquid.preparation import FORBIDDEN, SHORT, WORDS, Excitation, IdentifierName, Reading, Settings
+from floquid.views import DampingUnit, SpeedUnit
 
-
-def whole_number(_type: Any, tokens: Sequence[Token]) -> int:
-    """The parser's own would round 2.5 down to 2 without a word."""
-    text = tokens[0].value
-    try:
-        number = float(text)
-        if number.is_integer():
-            return int(text) if text.strip("+-").isdigit() else int(number)
-    except (ValueError, OverflowError):
-        pass
-    raise ValueError(f'"{text}" is not a whole number.')
-
-
-def _path(_type: Any, tokens: Sequence[Token]) -> Path:
-    """An empty word would otherwise mean the folder that one happens to be in."""
-    text = tokens[0].value
-    if not text:
-        raise ValueError("an empty word names no file or folder; was a shell variable not set?")
-    return Path(text)
-
-
-Whole = Annotated[int, Parameter(converter=whole_number)]
-OptionalWhole = Annotated[int | None, Parameter(converter=whole_number)]
-Place = Annotated[Path, Parameter(converter=_path)]
-RecordFile = Annotated[Path, Parameter(converter=_path, help=f"The record: {SUFFIXES}.")]
-_FILES = f"Records of one system, {SUFFIXES}: several files are several hits, or runs."
-RecordFiles = Annotated[Path, Parameter(converter=_path, help=_FILES)]
-_OF_SURVEYS = (
-    f"Records ({SUFFIXES}), results of `floquid identify`, the table of `floquid fleet --keep`, folders of .lin files "
-    "of one operating point, or folders of such, at several operating points."
-)
-_OF_MONITORS = f"Results of `floquid identify`, records ({SUFFIXES}), or folders of such, one a record, in order."
-MonitorFiles = Annotated[Path, Parameter(converter=_path, help=_OF_MONITORS)]
-SurveyFiles = Annotated[Path, Parameter(converter=_path, help=_OF_SURVEYS)]
-_OF_FLEETS = (
-    f"Records ({SUFFIXES}), folders of such, or patterns in quotes: 'lake/*/*.parquet'. Each is a record alone."
-)
-FleetFiles = Annotated[Path, Parameter(converter=_path, help=_OF_FLEETS)]
-NewRecordFile = Annotated[
-    Path, Parameter(converter=_path, help=f"The file to write; its suffix chooses the format: {WRITTEN}.")
-]
-_CONVERTED = (
-    f"The file to write; its suffix chooses the format: of a record {WRITTEN}; of a result's modes "
-    f"{', '.join(MODE_FORMATS)}."
-)
-Converted = Annotated[Path, Parameter(converter=_path, help=_CONVERTED)]
-OUTPUT = Group("Output", sort_key=9)
-Flag = Parameter(negative="", show_default=False)
-Verbose = Annotated[bool, Flag, Parameter(group=OUTPUT)]
-Format = Annotated[Literal["text", "json"], Parameter(group=OUTPUT)]
-OutputFolder = Annotated[Path | None, Parameter(converter=_path, group=OUTPUT)]
-SettingsFile = OutputFolder
 ShaftSpeed = Annotated[
     SpeedUnit, Parameter(group=OUTPUT, help="The unit of the speed of the shaft; frequencies of vibration stay in Hz.")
 ]
@@ -84,55 +37,6 @@ Damping = Annotated[
         group=OUTPUT, help="Damping as the ratio ζ in percent, or as the logarithmic decrement δ = 2πζ/√(1 - ζ²)."
     ),
 ]
-_SAVED = "A result.h5 that `floquid identify --out DIR` wrote, or the folder that it is in."
-Saved = Annotated[Path, Parameter(converter=_path, help=_SAVED)]
-Periods = Annotated[int, Parameter(converter=whole_number, help="The length of the record, in periods of the system.")]
-Seed = Annotated[int, Parameter(converter=whole_number, help="The seed of the noise.")]
-_NOISE = "Standard deviation of white noise, as a share of the largest free response of each channel: 0.02 is 2 %."
-Noise = Annotated[float, Parameter(help=_NOISE)]
-Rate = Annotated[float | None, Parameter(help="The sampling rate [Hz], overriding what the file says.")]
-_HEADER = "A text table has a line of names, or without one columns called 1, 2, 3."
-Header = Annotated[bool, Parameter(help=_HEADER, show_default=False)]
-_FREQUENCY = "The fundamental frequency [Hz], one over the period; instead of --period."
-Frequency = Annotated[float | None, Parameter(help=_FREQUENCY)]
-
-
-_NAMES = "Names for the channels, comma-separated, or the path of a variable that holds them."
-Names = Annotated[str | None, Parameter(help=_NAMES)]
-
-
-_POINT = "A quantity of the operating point as NAME=NUMBER, e.g. speed_rpm=742; may be given several times."
-Point = Annotated[list[str] | None, Parameter(help=_POINT, negative=())]
-
-
-def point_given(words: Sequence[str], of: str) -> dict[str, float]:
-    """The operating point by words such as `speed_rpm=742` that the command `of` was given."""
-    found: dict[str, float] = {}
-    for word in words:
-        name, equals, number = (part.strip() for part in word.partition("="))
-        try:
-            found[name] = float(number) if equals else np.nan
-            as_point({name: found[name]}, of)
-        except (ValueError, InputError):
-            example = "For example: --point speed_rpm=742"
-            raise input_error("--point", of, "be NAME=NUMBER", f"is {word!r}", example) from None
-    return found
-
-
-def split(text: str) -> tuple[str, ...]:
-    """A comma-separated list."""
-    return tuple(word.strip() for word in text.split(",") if word.strip())
-
-
-def period_of(period: float | None, frequency: float | None, of: str) -> float | None:
-    """The period [s], whichever of the two was given."""
-    if period is not None and frequency is not None:
-        raise input_error("--frequency", of, "not be given beside --period", "both are given", "Give one of them.")
-    if frequency is None:
-        return period
-    return positive(1.0 / positive(frequency, "--frequency", of, unit="Hz"), "period", "Settings", unit="s")
-
-
 RECORDS = (  # the settings that say what records are taken for: those of every command that starts from records
     *("period", "tach", "azimuth", "events", "estimate_period", "pulses_per_revolution", "periods_per_revolution"),
     *(
@@ -155,12 +59,12 @@ CHECKS = ("validate",)
 MODEL = tuple(f.name for f in fields(Settings) if f.name not in (*RECORDS, *SYSTEM, *CHECKS))
 
 READING = {  # what is said of records beside the settings
-    "frequency": (float, _FREQUENCY),
+    "frequency": (float, FREQUENCY_HELP),
     "origin": (float, "The time of phase zero [s]; 0 if not given."),
     "rate": (float, "The sampling rate [Hz], overriding what the files say."),
-    "names": (str, _NAMES),
-    "header": (bool, _HEADER),
-    "point": (list[str], _POINT),
+    "names": (str, NAMES_HELP),
+    "header": (bool, HEADER_HELP),
+    "point": (list[str], POINT_HELP),
 }
 
 RECORD = "Record"

@@ -7,38 +7,46 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
+from cyclopts import Parameter
 
 from floquid._arrays import Floats
 from floquid._checks import counted, input_error
-from floquid.cli._folder import identified_in, is_saved
-from floquid.cli._info import TELLS, options
-from floquid.cli._options import (
-    Choices,
-    Converted,
-    Damping,
+from floquid.cli._arguments import (
     Frequency,
     Header,
     Names,
+    Place,
     Point,
     Rate,
     RecordFile,
     SettingsFile,
+    is_saved,
     period_of,
     point_given,
     split,
 )
+from floquid.cli._folder import identified_in
+from floquid.cli._info import TELLS, options
+from floquid.cli._options import Choices, Damping
 from floquid.cli._terminal import progress, terminal
 from floquid.core import Record
 from floquid.errors import InputError
 from floquid.exports import MODE_FORMATS, export_modes
 from floquid.io import readable_file
 from floquid.preparation import propose, with_events
-from floquid.readers import read, read_and_describe, write
+from floquid.readers import WRITTEN, read, read_and_describe, write
 from floquid.views import DampingUnit
 
 OF = "floquid convert"
+
+_CONVERTED = (
+    f"The file to write; its suffix chooses the format: of a record {WRITTEN}; of a result's modes "
+    f"{', '.join(MODE_FORMATS)}."
+)
+Converted = Annotated[Place, Parameter(help=_CONVERTED)]
 
 
 def check_files(files: Sequence[Path], of: str) -> None:

@@ -15,8 +15,8 @@ import numpy as np
 from cyclopts import Parameter
 
 from floquid._checks import input_error
+from floquid.cli._arguments import Format, Saved, split
 from floquid.cli._folder import modes_in
-from floquid.cli._options import Format, Saved, split
 from floquid.cli._terminal import json_text, new_table, print_title, print_whole, terminal
 from floquid.errors import InputError
 from floquid.exports import columns_text, path_columns

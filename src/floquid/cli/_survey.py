@@ -11,21 +11,9 @@ from rich.console import Console
 
 from floquid._bar import bar
 from floquid._checks import counted, input_error
+from floquid.cli._arguments import OUTPUT, Format, OptionalWhole, OutputFolder, Place, SettingsFile, SurveyFiles, Whole
 from floquid.cli._folder import maybe_folder
-from floquid.cli._options import (
-    OUTPUT,
-    Format,
-    ModelOptions,
-    OptionalWhole,
-    OutputFolder,
-    Place,
-    RecordOptions,
-    SettingsFile,
-    SurveyFiles,
-    Whole,
-    choices_of,
-    given,
-)
+from floquid.cli._options import ModelOptions, RecordOptions, choices_of, given
 from floquid.cli._shapes import ShapeChoices
 from floquid.cli._survey_points import OF, jobs_of, points_of
 from floquid.cli._terminal import json_text, new_table, print_title, print_warnings, print_whole

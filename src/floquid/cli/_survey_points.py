@@ -10,8 +10,9 @@ from pathlib import Path
 from time import monotonic
 
 from floquid._checks import input_error
+from floquid.cli._arguments import RESULT, is_saved
 from floquid.cli._errors import in_a_line
-from floquid.cli._folder import RESULT, is_saved, modes_in
+from floquid.cli._folder import modes_in
 from floquid.cli._options import Choices
 from floquid.cli._records import check_files, read_records
 from floquid.core import as_point

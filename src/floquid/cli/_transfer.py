@@ -16,20 +16,9 @@ from rich.table import Table
 
 from floquid._checks import counted, input_error
 from floquid._json import for_json
-from floquid.cli._folder import identified_in, is_saved, refuse_beside_result
-from floquid.cli._options import (
-    Choices,
-    Flag,
-    Format,
-    OptionalWhole,
-    RecordFiles,
-    RecordOptions,
-    SettingsFile,
-    Whole,
-    choices_of,
-    given,
-    split,
-)
+from floquid.cli._arguments import Flag, Format, OptionalWhole, RecordFiles, SettingsFile, Whole, is_saved, split
+from floquid.cli._folder import identified_in, refuse_beside_result
+from floquid.cli._options import Choices, RecordOptions, choices_of, given
 from floquid.cli._records import check_files, read_records
 from floquid.cli._terminal import json_text, print_title, print_warnings, progress, terminal
 from floquid.core import Record, channels_named

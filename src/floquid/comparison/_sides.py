@@ -18,6 +18,7 @@ from floquid._show import late
 from floquid.core import PeriodicModel
 from floquid.errors import InputError
 from floquid.floquet import read_matrix
+from floquid.io import is_result
 from floquid.pipeline import Analysis
 from floquid.surveys import KNOWN, Point, Survey, is_linearised, known_modes, point_of
 from floquid.systems import SYSTEMS, JeffcottRotor
@@ -137,7 +138,7 @@ def _saved(path: Path, argument: str, of: str) -> Side:
             raise input_error(argument, of, must, f"{path} holds none", remedy)
         points = tuple(replace(point_of(_matrix(folder, argument, of)), files=(str(folder),)) for folder in folders)
         return Side(label=label, points=points, over="speed_rpm" if len(points) > 1 else None)
-    if path.suffix.lower() in late("store", "ENDINGS") and path.is_file() and late("store", "is_result")(path):
+    if is_result(path):
         found = late("store", "load")(path)
         if not isinstance(found, Survey) and not hasattr(found, "model"):
             must, remedy = "be what `floquid identify` or `floquid survey` wrote", "Name that, or its folder."

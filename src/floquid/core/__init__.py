@@ -8,6 +8,7 @@ from floquid.core._estimates import Estimates, Gains
 from floquid.core._lazy_record import LazyRecord
 from floquid.core._model_inputs import ModelInputs
 from floquid.core._modelled import Driven, modelled
+from floquid.core._options import MOST_TIMES, Form, Hold
 from floquid.core._periodic_model import Identified, PeriodicModel
 from floquid.core._periodic_modes import Couple, PeriodicModes, couples_of
 from floquid.core._provenance import Provenance, as_point, common_point, point_of

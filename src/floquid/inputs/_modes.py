@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt
+from floquid.core import Hold
 from floquid.inputs._block import parts_of
-from floquid.inputs._samples import Hold, Samples
+from floquid.inputs._samples import Samples
 from floquid.search import longer
 
 LINEAR = np.array([(n + 1.0) / factorial(n + 2) for n in reversed(range(14))])

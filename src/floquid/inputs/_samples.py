@@ -6,18 +6,14 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import BLOCK
 from floquid._checks import Rebuilt
-from floquid.core import BRIDGED, over_gaps, runs_of
+from floquid.core import BRIDGED, Hold, over_gaps, runs_of
 from floquid.fit import CHUNK
-
-Hold: TypeAlias = Literal["zero", "first", "none"]
-"""The input between its samples: held, linear, or acting at the samples alone."""
 
 LEAKAGE = 0.02
 """The share of a sample by which a whole number of periods may not be one of samples: less leaks than noise has."""

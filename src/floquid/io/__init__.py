@@ -24,9 +24,11 @@ from floquid.io._files import (
     seems_to_be,
 )
 from floquid.io._guard import GUARD
+from floquid.io._results import LARGE_FORMAT, RESULT_ENDINGS, RESULT_FORMAT, is_result
 
 __all__ = [
-    "GUARD", "DamagedError", "Source", "array_in", "as_path", "atomic_path", "attribute", "flush", "flush_folder",
-    "is_elsewhere", "is_mat_4", "is_whole", "letters", "load_package", "load_variables", "mat_order", "readable_file",
-    "refuse_wrong_name", "seems_to_be", "texts_in",
+    "GUARD", "LARGE_FORMAT", "RESULT_ENDINGS", "RESULT_FORMAT", "DamagedError", "Source", "array_in", "as_path",
+    "atomic_path", "attribute", "flush", "flush_folder", "is_elsewhere", "is_mat_4", "is_result", "is_whole",
+    "letters", "load_package", "load_variables", "mat_order", "readable_file", "refuse_wrong_name", "seems_to_be",
+    "texts_in",
 ]  # fmt: skip

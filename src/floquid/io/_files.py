@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import os
-import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -151,7 +150,7 @@ def atomic_path(path: object, *, of: str = "write", argument: str = "path") -> I
             raise input_error(argument, of, must, f"{target} is a folder", "Name a file in it.")
         if not target.parent.is_dir():
             raise input_error(argument, of, must, f"there is no folder {target.parent}", _WRITABLE)
-        made = target.with_name(f".{secrets.token_hex(6)}-{target.name[-100:]}")
+        made = target.with_name(f".{os.urandom(6).hex()}-{target.name[-100:]}")
         os.close(os.open(made, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
         temporary = made
         if target.exists():

@@ -22,10 +22,10 @@ from floquid.core import LazyRecord
 from floquid.errors import IdentificationError
 from floquid.findings import failure, texts
 from floquid.fit import HALF_DIGITS, SLOW, chi2_limit
-from floquid.io import as_path, atomic_path
+from floquid.io import LARGE_FORMAT, as_path, atomic_path
 from floquid.large._modes import Basis, Modes
 from floquid.large._part import FEWEST, Verdict, judged, part_of
-from floquid.large._result import LARGE, LARGE_VERSION, LargeResult, opened
+from floquid.large._result import LARGE_VERSION, LargeResult, opened
 from floquid.large._sweeps import OF, Plan, Sums, sketched, summed
 from floquid.lti import ERA, MaximumLikelihood, Outcome, TimeResponses
 from floquid.periodic import strongest_branch
@@ -297,7 +297,9 @@ def _put(
         target = file.create_dataset("residues", shape, np.complex128, chunks=(1, *shape[1:]))
         for rows, found in _residues(plan, inverse[modes.places], kept):
             target[rows] = found
-        file.attrs.update({"format": LARGE, "version": LARGE_VERSION, "floquid": __version__, "source": record.source})
+        file.attrs.update(
+            {"format": LARGE_FORMAT, "version": LARGE_VERSION, "floquid": __version__, "source": record.source}
+        )
         file.attrs.update({"period": clock.period, "sample_rate": record.sample_rate, "start": record.start})
         file.attrs.update({"origin": clock.origin, "phases": plan.phases, "cycles": plan.cycles, **more})
         file["exponents"], file["real"] = exponents, np.array(modes.real)

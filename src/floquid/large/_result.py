@@ -14,7 +14,7 @@ from floquid.core import Channel, ConstantPeriod, PeriodicModel
 from floquid.large._model import modelled
 from floquid.large._modes import Modes
 
-LARGE, LARGE_VERSION = "floquid-large", 2
+LARGE_VERSION = 2
 LARGEST = 2.0**28  # bytes of a model in memory: the least that machines which need `identify_large` have to spare
 ANSWERS = {True: "passes", False: "fails", None: "no answer"}
 

@@ -30,7 +30,6 @@ from floquid.preparation._before import (
     without_orbit,
 )
 from floquid.preparation._clocks import (
-    by_events,
     check_states,
     clocked,
     clocks_of,
@@ -39,11 +38,13 @@ from floquid.preparation._clocks import (
     steadied,
     without_clock,
 )
+from floquid.preparation._events import by_events
 from floquid.preparation._excited import parted as parted_of
 from floquid.preparation._excited import refuse_others
 from floquid.preparation._forces import forces_of, refuse_driven, refuse_random
+from floquid.preparation._options import Options, takes_settings
 from floquid.preparation._refuse import own_names, refuse_copies, refuse_period, refuse_short, refuse_unusable
-from floquid.preparation._settings import Options, Settings, settings_of, takes_settings
+from floquid.preparation._settings import Settings, settings_of
 from floquid.sync import ShaftAngle, refuse_unlike
 
 if TYPE_CHECKING:

@@ -13,7 +13,6 @@ import numpy as np
 from floquid._checks import input_error
 from floquid.core import PhaseClock, Record
 from floquid.errors import IdentificationError, InputError
-from floquid.lifting import refuse_values
 from floquid.preparation._settings import Settings
 from floquid.sync import LARGEST_DRIFT, wrapped
 
@@ -115,6 +114,8 @@ def _slip(period: float, record: Record) -> str:
 
 def refuse_unusable(records: Sequence[Record], of: str = "identify") -> None:
     """Refuse a response that has no samples, does not vary, wrapped round, or cannot be computed with."""
+    from floquid.lifting import refuse_values
+
     for number, record in enumerate(records, start=1):
         rows = [row for row, channel in enumerate(record.channels) if channel.name != record.clock_channel]
         refuse_values([record.channels[row] for row in rows], record.values[rows], f"record {number}", of=of)

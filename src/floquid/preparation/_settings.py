@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from difflib import get_close_matches
-from inspect import Parameter, signature
-from typing import Any, Literal, TypeAlias, TypedDict, TypeVar, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
 from floquid._checks import answers_slips, describe, finite, input_error, integer, positive
 from floquid._show import Brief
-from floquid.core import AzimuthSignal, Branch
+from floquid.core import MOST_TIMES, AzimuthSignal, Branch, Form, Hold
 from floquid.errors import InputError
-from floquid.inputs import Hold
-from floquid.lti import AMI, ERA, LSCF, AbstractIdentifier, MaximumLikelihood, PolyLSCF
-from floquid.reconstruction import MOST_TIMES, AbstractStructure, FirstOrder, Form, structure_of, text_of
 from floquid.search import SECONDS
+
+if TYPE_CHECKING:
+    from floquid.lti import AbstractIdentifier
 
 ALL = "all"  # name of all channels as states, each state a weighted sum of them
 Excitation: TypeAlias = Literal["none", "ambient"]  # that goes on and that nobody measured
@@ -25,20 +24,19 @@ Excitation: TypeAlias = Literal["none", "ambient"]  # that goes on and that nobo
 IdentifierName = Literal["ml", "ami", "era", "lscf", "poly", "ami-ml", "era-ml", "lscf-ml", "poly-ml"]
 """Words for the algorithms; those that end in -ml are finished by maximum likelihood."""
 
-IDENTIFIERS: dict[str, Callable[[float], AbstractIdentifier]] = {
-    "ml": lambda alarm: MaximumLikelihood(false_alarm=alarm),
-    "ami": lambda alarm: AMI(false_alarm=alarm),
-    "era": lambda _: ERA(),
-    "lscf": lambda _: LSCF(),
-    "poly": lambda _: PolyLSCF(),
-}
-"""The algorithms by their words, given the probability at which noise may pass for a mode."""
-
 
 def _identifier_named(word: str, alarm: float) -> AbstractIdentifier:
-    """The algorithm of a word of `IdentifierName`."""
+    """The algorithm of a word of `IdentifierName`, and the probability at which noise may pass for a mode."""
+    from floquid.lti import AMI, ERA, LSCF, MaximumLikelihood, PolyLSCF
+
     first, _, last = word.partition("-")
-    found = IDENTIFIERS[first](alarm)
+    found: AbstractIdentifier = {
+        "ml": MaximumLikelihood(false_alarm=alarm),
+        "ami": AMI(false_alarm=alarm),
+        "era": ERA(),
+        "lscf": LSCF(),
+        "poly": PolyLSCF(),
+    }[first]
     return MaximumLikelihood(false_alarm=alarm, initial=found) if last else found
 
 
@@ -199,11 +197,19 @@ class Settings(Brief):
         for name in ("mode_false_alarm", "harmonic_false_alarm", "noise_floor"):
             if not 0.0 < positive(getattr(self, name), name, of) < 1.0:
                 raise input_error(name, of, "lie between 0 and 1", f"is {getattr(self, name)}")
+        if self.identifier is not None:
+            self._check_identifier()
+
+    def _check_identifier(self) -> None:
+        """Make an algorithm of its word, and refuse what is none."""
+        from floquid.lti import AbstractIdentifier
+
         if isinstance(self.identifier, str) and self.identifier in get_args(IdentifierName):
             object.__setattr__(self, "identifier", _identifier_named(self.identifier, self.mode_false_alarm))
-        if not isinstance(self.identifier, (AbstractIdentifier, type(None))):
+        if not isinstance(self.identifier, AbstractIdentifier):
             must = f"be one of {', '.join(get_args(IdentifierName))}, an object of `floquid.lti`, or None"
-            raise input_error("identifier", of, must, f"is {self.identifier!r:.60}", "Pass a word, or AMI(), say.")
+            remedy = "Pass a word, or AMI(), say."
+            raise input_error("identifier", "Settings", must, f"is {self.identifier!r:.60}", remedy)
 
     def _check_flag(self, name: str) -> None:
         value = getattr(self, name)
@@ -230,18 +236,24 @@ class Settings(Brief):
                 got = f'is {self.delay:g} with the form "{self.form}"'
                 raise input_error("delay", of, 'be None unless the form is "delayed"', got, 'Pass form="delayed".')
         self._check_flag("output_error")
-        structure = self.structure
+        if not isinstance(self.structure, str) or self.structure.strip():
+            self._check_structure()
+        elif self.output_error:
+            remedy = 'Pass `structure="auto"` beside it.'
+            raise input_error("output_error", of, "come with a structure", "there is none", remedy)
+        else:
+            object.__setattr__(self, "structure", "")
+
+    def _check_structure(self) -> None:
+        """Make a text of a structure, and refuse one that does not go together with form and states."""
+        from floquid.reconstruction import AbstractStructure, FirstOrder, structure_of, text_of
+
+        of, structure = "Settings", self.structure
         if isinstance(structure, AbstractStructure):
             structure = text_of(structure)
         if not isinstance(structure, str):
             must, remedy = 'be a structure, its text or "auto"', 'Pass e.g. "stiffness 2 symmetric; damping 0".'
             raise input_error("structure", of, must, f"is {structure!r:.60}", remedy)
-        if not structure.strip():
-            object.__setattr__(self, "structure", "")
-            if self.output_error:
-                remedy = 'Pass `structure="auto"` beside it.'
-                raise input_error("output_error", of, "come with a structure", "there is none", remedy)
-            return
         try:
             meant = structure_of(structure)
         except InputError as error:
@@ -303,66 +315,6 @@ class Settings(Brief):
         if self.forced in ("auto", "none"):
             return self.forced
         return tuple(int(word) for word in self.forced.split(","))
-
-
-class RecordOptions(TypedDict, total=False):
-    """Fields of `Settings` that say what records are taken for, as keywords of functions."""
-
-    period: float | None
-    channels: Sequence[str]
-    inputs: Sequence[str]
-    hold: Hold
-    excitation: Excitation
-    noise_floor: float
-    trust_period: bool
-    estimate_period: bool
-    tach: str | None
-    azimuth: str | None
-    events: str | None
-    pulses_per_revolution: int
-    periods_per_revolution: float
-    forced: str | Sequence[int]
-    orbit: bool
-    find_hits: bool
-    skip: float | None
-    repair: bool
-
-
-class Options(RecordOptions, total=False):
-    """The fields of `Settings` as keywords of functions, with the types that they take."""
-
-    order: int | None
-    harmonics: int | None
-    states: Sequence[str]
-    form: Form
-    delay: float | None
-    structure: AbstractStructure | str
-    output_error: bool
-    system_times: int
-    identifier: AbstractIdentifier | IdentifierName | None
-    mode_false_alarm: float
-    harmonic_false_alarm: float
-    seconds: float
-    constrained: bool
-    branch: Branch
-    validate: bool
-
-
-Function = TypeVar("Function", bound=Callable[..., Any])
-
-
-def takes_settings(function: Function) -> Function:
-    """A function that takes options by name, with a signature that names each of them with its default."""
-    own = signature(function)
-    before = [one for one in own.parameters.values() if one.kind is not Parameter.VAR_KEYWORD]
-    named, taken = {one.name for one in before}, get_type_hints(Options)
-    options = [
-        Parameter(field.name, Parameter.KEYWORD_ONLY, default=field.default, annotation=taken[field.name])
-        for field in fields(Settings)
-        if field.name not in named
-    ]
-    function.__signature__ = own.replace(parameters=[*before, *options])  # type: ignore[attr-defined]
-    return function
 
 
 EXAMPLE = 'Record(values=y, sample_rate=fs, channels=["x", "y"])'

@@ -4,7 +4,8 @@
 structure to all that the record says.
 """
 
-from floquid.reconstruction._reconstruct import MOST_TIMES, Form, Refinement, StateModel, choices, reconstruct
+from floquid.core import MOST_TIMES, Form
+from floquid.reconstruction._reconstruct import Refinement, StateModel, choices, reconstruct
 from floquid.reconstruction._refine import refine
 from floquid.reconstruction._states import Names, displacement_rows
 from floquid.reconstruction._structure import AbstractStructure, Block, FirstOrder, SecondOrder, structure_of, text_of

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from floquid._arrays import Complexes, Floats, Mask
 from floquid._checks import Rebuilt, frozen_array, input_error, integer
 from floquid._show import Drawings, Drawn
-from floquid.core import PeriodicModel, Provenance
+from floquid.core import MOST_TIMES, Form, PeriodicModel, Provenance
 from floquid.findings import Finding, texts
 from floquid.reconstruction._bands import chosen, sizes_left_out, spread_of
 from floquid.reconstruction._coordinates import Coordinates
@@ -163,12 +163,6 @@ class Refinement(Rebuilt):
     def std(self) -> Floats:
         """The deviations of the parameters (parameters,)."""
         return np.sqrt(np.diag(self.covariance))
-
-
-MOST_TIMES = 10_000
-"""Instants of a period at most, where a number of them is asked for."""
-
-Form = Literal["second-order", "first-order", "delayed"]
 
 
 def reconstruct(

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._arrays import Floats
 from floquid._checks import finite, input_error
-from floquid.core import Estimates, PeriodicModel
+from floquid.core import Estimates, Form, PeriodicModel
 from floquid.errors import IdentificationError
 from floquid.findings import Finding
 from floquid.reconstruction._coordinates import Coordinates, Part, State, derivative_of
@@ -20,7 +20,7 @@ from floquid.reconstruction._harmonic_balance import Mode, NoModeError
 from floquid.reconstruction._inference import Hidden, hidden_in, transition_of, variances
 from floquid.reconstruction._invariance import Point, Problem, Seen, covariance_of, fitted, found_structure, problem_of
 from floquid.reconstruction._modal_matrix import modal_at, shapes_of
-from floquid.reconstruction._reconstruct import Form, Refinement, StateModel, coordinates_of, instants_of, reconstruct
+from floquid.reconstruction._reconstruct import Refinement, StateModel, coordinates_of, instants_of, reconstruct
 from floquid.reconstruction._states import Names
 from floquid.reconstruction._structure import AbstractStructure, Basis, structure_of
 

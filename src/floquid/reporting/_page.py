@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from floquid.findings import Severity, texts
 from floquid.pipeline import Analysis
+from floquid.preparation import for_command
 from floquid.reporting import _words as words
 from floquid.reporting._case import Case
 from floquid.reporting._chosen_figures import family_source, harmonic_source, link_responses
@@ -44,7 +45,6 @@ from floquid.views import (
     DampingUnit,
     SpeedUnit,
     branch_words,
-    for_command,
     mode_table,
     note_meanings,
     spectra_of_modes,

@@ -120,6 +120,6 @@ and monitored records, "monitor"::
 Files of earlier versions of the layout, which no release of floquid wrote, are refused.
 """
 
-from floquid.store._files import ENDINGS, is_result, load, save
+from floquid.store._files import load, save
 
-__all__ = ["ENDINGS", "is_result", "load", "save"]
+__all__ = ["load", "save"]

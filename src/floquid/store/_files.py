@@ -17,8 +17,17 @@ from floquid.comparison import Comparison, Updated
 from floquid.core import CLOCKS, Clock, ConstantPeriod, PeriodicModel, Record
 from floquid.innovations import Mode
 from floquid.inputs import InputMode, Uncertainty
-from floquid.io import GUARD, DamagedError, as_path, atomic_path, attribute, readable_file
-from floquid.large import LARGE, LARGE_VERSION, LargeResult, opened
+from floquid.io import (
+    GUARD,
+    LARGE_FORMAT,
+    RESULT_ENDINGS,
+    RESULT_FORMAT,
+    DamagedError,
+    as_path,
+    atomic_path,
+    readable_file,
+)
+from floquid.large import LARGE_VERSION, LargeResult, opened
 from floquid.lti import AbstractIdentifier, ModalModel, Outcome
 from floquid.monitoring import Monitor
 from floquid.order import Choice
@@ -46,13 +55,10 @@ from floquid.store._datasets import (
     put_object,
     to_text,
 )
-from floquid.store._layout import ABSENT, DIRECT, FORMAT, LINES, SHAPE, VERSION, VIEWS
+from floquid.store._layout import ABSENT, DIRECT, LINES, SHAPE, VERSION, VIEWS
 from floquid.surveys import Survey
 from floquid.sync import ShaftAngle
 from floquid.transfer import MeasuredTransfer, Modal, TransferFit
-
-ENDINGS = (".h5", ".hdf5")
-"""Endings of the names of result files."""
 
 Result: TypeAlias = Analysis | MeasuredTransfer | TransferFit | Survey | Comparison | Updated | Monitor
 
@@ -72,7 +78,7 @@ def save(analysis: Result, path: str | PathLike[str]) -> None:
         must = "be an Analysis"
         raise input_error("analysis", "save", must, f"is {describe(analysis)}", "Pass what `identify` gave.")
     place = as_path(path, of="save")
-    if place.suffix.lower() not in ENDINGS and not place.is_dir():
+    if place.suffix.lower() not in RESULT_ENDINGS and not place.is_dir():
         remedy = "A result is an HDF5 file; tables and .mat files are written by `export_modes`."
         raise input_error("path", "save", "end in .h5 or .hdf5", f"is {path}", remedy)
     with atomic_path(path, of="save") as temporary:
@@ -86,7 +92,7 @@ def _write(analysis: Result, stream: BytesIO) -> None:
     import h5py
 
     with h5py.File(stream, "w") as file:
-        file.attrs["format"] = FORMAT
+        file.attrs["format"] = RESULT_FORMAT
         file.attrs["version"] = VERSION
         file.attrs["floquid"] = __version__
         if isinstance(analysis, Analysis):
@@ -220,23 +226,6 @@ def load(path: str | PathLike[str]) -> Result | LargeResult:
         raise input_error("path", "load", MUST, f"{file} is damaged or not whole: {error}", AGAIN) from None
 
 
-def is_result(path: Path) -> bool:
-    """True where the file at a `path` is one that `save` or `identify_large` wrote, of whatever version."""
-    try:
-        return GUARD.call(path, _is_result, path)
-    except (OSError, DamagedError):
-        return False
-
-
-def _is_result(file: Path) -> bool:
-    import h5py
-
-    if not h5py.is_hdf5(file):
-        return False
-    with h5py.File(file, "r") as stored:
-        return attribute(stored, "format") in (FORMAT, LARGE)
-
-
 def _load(file: Path) -> Result | LargeResult:
     import h5py
 
@@ -245,14 +234,14 @@ def _load(file: Path) -> Result | LargeResult:
     try:
         with h5py.File(file, "r") as stored:
             said: dict[str, Any] = dict(stored.attrs)
-            known = {FORMAT: VERSION, LARGE: LARGE_VERSION}.get(str(said.get("format")))
+            known = {RESULT_FORMAT: VERSION, LARGE_FORMAT: LARGE_VERSION}.get(str(said.get("format")))
             if known is not None and int(said["version"]) == known:
-                return opened(file) if said["format"] == LARGE else _read(stored)
+                return opened(file) if said["format"] == LARGE_FORMAT else _read(stored)
     except Exception as error:  # noqa: BLE001  # damage raises anything: OSError, KeyError, OverflowError, ...
         detail = (str(error) or type(error).__name__).splitlines()[0].rstrip(".")
         raise input_error("path", "load", MUST, f"{file} is damaged or not whole: {detail}", AGAIN) from None
     if known is None:
-        raise input_error("path", "load", MUST, f"{file} has no attribute `format` of {FORMAT!r}", AGAIN)
+        raise input_error("path", "load", MUST, f"{file} has no attribute `format` of {RESULT_FORMAT!r}", AGAIN)
     must = f"be a result file of version {known}, the one that this floquid knows"
     got = f"{file} is of version {said['version']}, written by floquid {said.get('floquid')}"
     raise input_error("path", "load", must, got, "Update floquid." if int(said["version"]) > known else AGAIN)

@@ -20,7 +20,6 @@ from floquid.surveys import Edge, Point, Survey, Track
 from floquid.sync import AngleSpline, ShaftAngle
 from floquid.transfer import MeasuredTransfer, TransferFit
 
-FORMAT = "floquid-result"
 VERSION = 4
 
 VIEWS: dict[type, str] = {Survey: "survey", Comparison: "comparison", Updated: "update", Monitor: "monitor"}

@@ -9,7 +9,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike
 
 from floquid._arrays import BLOCK, Floats, Indices
@@ -35,7 +34,7 @@ class Kernel:
 
     def weights(self, delays: Floats) -> Floats:
         """The weights (delays, taps) at `delays` [samples] in [0, 1] past the last sample before the instant."""
-        return chebyshev.chebvander(2.0 * delays - 1.0, len(self.coefficients) - 1) @ self.coefficients
+        return np.polynomial.chebyshev.chebvander(2.0 * delays - 1.0, len(self.coefficients) - 1) @ self.coefficients
 
     @property
     def offsets(self) -> Indices:
@@ -56,6 +55,7 @@ def design(sample_rate: float, cutoff: float, band: float, accuracy: float, of: 
     n_taps, beta = _kaiser(20.0 * np.log10(_MARGIN / accuracy), 4.0 * (1.0 - band) * share)
     half = int(np.ceil(0.5 * (n_taps - 1)))
 
+    chebyshev = np.polynomial.chebyshev
     nodes = chebyshev.chebpts1(_DEGREE + 1)
     apart = 0.5 * (nodes[:, None] + 1.0) - np.arange(1 - half, half + 1)
     window = i0(beta * np.sqrt(np.maximum(1.0 - (apart / half) ** 2, 0.0)))

@@ -31,7 +31,7 @@ from floquid.views._mode_table import (
     with_error,
 )
 from floquid.views._modes import check_analysis, grows
-from floquid.views._names import SHORT, element_unit, for_command, in_unit, input_unit, shortened
+from floquid.views._names import element_unit, in_unit, input_unit, shortened
 from floquid.views._outcome import (
     cycle_words,
     done_words,
@@ -56,10 +56,10 @@ from floquid.views._synthesis import Synthesis, lifted_points, raw_noise, synthe
 from floquid.views._three_phase import to_alpha_beta, to_dq, to_sequence
 
 __all__ = [
-    "DAMPING_WORDS", "INTERVAL", "MODE_NOTES", "SHORT", "DampingUnit", "Expansion", "Family", "ModeTable",
+    "DAMPING_WORDS", "INTERVAL", "MODE_NOTES", "DampingUnit", "Expansion", "Family", "ModeTable",
     "ShapeCurves", "SpectraOfModes", "Spectrum", "SpeedUnit", "Synchronisation", "Synthesis", "branch_of",
     "branch_words", "check_analysis", "check_damping_unit", "closed_period", "cycle_words", "decrement", "done_words",
-    "element_unit", "ellipse", "envelope", "expansion", "exponent_ellipses", "families", "for_command", "grows",
+    "element_unit", "ellipse", "envelope", "expansion", "exponent_ellipses", "families", "grows",
     "identified_residue", "impedance", "in_short", "in_strip", "in_unit", "input_unit", "lifted_points",
     "lifted_spectrum", "magnitude_bands", "mode_notes", "mode_numbers", "mode_table", "multiplier_ellipses",
     "note_meanings", "outcome_lines", "over_label", "over_unit", "passed_words", "period_words", "phase_degrees",

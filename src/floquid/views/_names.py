@@ -1,13 +1,10 @@
-"""Names in as much room as there is, the units of the elements of A(t), and the options of the command."""
+"""Names in as much room as there is, the units of the elements of A(t)."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
-from dataclasses import fields
 
 from floquid.core import Channel
-from floquid.pipeline import Settings
 from floquid.reconstruction import StateModel
 
 VELOCITY = "d/dt "  # what the name of a state that is the derivative of another begins with
@@ -85,24 +82,3 @@ def _time(power: int) -> str:
         return ""
     raised = f"s{_POWERS.get(abs(power), '')}"
     return raised if power > 0 else f"1/{raised}"
-
-
-SHORT = {"pulses_per_revolution": "pulses_per_rev", "periods_per_revolution": "periods_per_rev"}
-"""Settings that have shorter names on the command line."""
-
-_KNOWN = {*(field.name for field in fields(Settings)), "rate", "origin", "header", "method", "repeat", "drop"}
-
-
-def for_command(text: str) -> str:
-    """The text with options as the command has them: `skip=` or (`skip`) is `--skip`, `order=4` is `--order 4`."""
-    return re.sub(r"`(\w+)=([^`]*)`|(?<=\()`(\w+)`(?=\))", _flag, text)
-
-
-def _flag(match: re.Match[str]) -> str:
-    name, value = match[1] or match[3], (match[2] or "").strip("\"'")
-    if name not in _KNOWN:
-        return match[0]
-    flag = SHORT.get(name, name).replace("_", "-")
-    if value == "False":
-        return f"`--no-{flag}`"
-    return f"`--{flag}`" if value in ("", "True") else f"`--{flag} {value}`"

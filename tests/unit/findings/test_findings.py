@@ -6,7 +6,7 @@ import pytest
 
 from floquid.errors import InputError
 from floquid.findings import Severity, as_mapping, from_mapping, note, texts, warning
-from floquid.views import for_command
+from floquid.preparation import for_command
 
 
 def test_a_finding_says_where_it_is():

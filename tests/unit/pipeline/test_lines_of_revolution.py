@@ -10,9 +10,9 @@ from floquid import Channel, ConstantPeriod, Record, Settings, TachometerSignal,
 from floquid.checks._modes import lines_of_revolution
 from floquid.errors import IdentificationError, InputError
 from floquid.findings import Severity, texts
+from floquid.preparation import for_command
 from floquid.preparation._excited import parted
 from floquid.preparation._lines import BESIDE, MOST_PERIODS, _above_beside
-from floquid.views import for_command
 
 SYSTEM, PHASES = mathieu(), 20
 HALVES = tuple(0.5 * j for j in range(1, 19))

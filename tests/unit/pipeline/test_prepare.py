@@ -15,10 +15,10 @@ from floquid.lifting import lift
 from floquid.pipeline.draws._plan import plan_of
 from floquid.pipeline.draws._redraw import draw, redrawn
 from floquid.pipeline.free._complete import by_cycles
+from floquid.preparation import for_command
 from floquid.readers import write
 from floquid.sync import ShaftAngle
 from floquid.systems import JeffcottRotor, Run
-from floquid.views import for_command
 
 ROTOR = JeffcottRotor()
 PERIOD = ROTOR.period
