@@ -13,7 +13,7 @@ from floquid.innovations._harmonic_spectra import HarmonicSpectra, HomaForm, h_o
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted
 from floquid.innovations._products import gap_of
-from floquid.innovations._result import Fit, period_step, phase_step
+from floquid.innovations._result import Fit, period_step, phase_step, sized
 from floquid.innovations._solve import solve
 from floquid.innovations.search import GONE, alike, searched
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,8 @@ from floquid.inputs import (
 )
 from floquid.search import GAP
 
+FitOf = TypeVar("FitOf", bound="Fit")
+
 
 @dataclass(frozen=True, eq=False)
 class Fit(Rebuilt):
@@ -50,8 +53,19 @@ class Fit(Rebuilt):
 
     @cached_property
     def normal(self) -> Normal:
-        """The linearisation at the maximum."""
-        return normal_of(self.samples, self.at)
+        """The linearisation at the maximum: a part of that with harmonics more, which estimates need as well."""
+        whole, masks = self.wide.normal, []
+        for more, mode in zip(self.wide.at.modes, self.at.modes, strict=True):
+            seen = np.tile(np.isin(more.turns, mode.turns), len(mode.shape))
+            masks += [np.ones(mode.rows + 2 * mode.gains.size, bool), seen, seen]
+        own = np.flatnonzero(np.concatenate([*masks, np.ones(self.at.columns.size + self.at.initial.size, bool)]))
+        return Normal(matrix=whole.matrix[np.ix_(own, own)], gradient=whole.gradient[own])
+
+    @cached_property
+    def wide(self) -> Wide:
+        """With several harmonics more of each shape, that are zero so far."""
+        modes = (mode.seen_wider(GAP, self.samples.highest) for mode in self.at.modes)
+        return Wide(self.samples, replace(self.at, modes=tuple(modes)), self.acting)
 
     @cached_property
     def parameters(self) -> NDArray[np.float64]:
@@ -65,14 +79,13 @@ class Fit(Rebuilt):
         provenance: Provenance,
         as_read: Mapping[int, complex] | None = None,
     ) -> PeriodicModel:
-        """The periodic model of a fit, each mode with its conjugate, with deviations; the states have an rms of 1.
+        """The periodic model of a fit that is `sized`, each mode with its conjugate, with deviations.
 
         Deviations of exponents near an axis are those `as_read`, by the numbers of their modes, where they are given.
         """
-        fit = sized(self)
-        modes, samples, direct = _input_modes(fit), fit.samples, fit.direct(len(inputs))
+        modes, samples, direct = _input_modes(self), self.samples, self.direct(len(inputs))
         return modelled(
-            _estimates(fit, modes),
+            _estimates(self, modes),
             unselected=self.estimates_at(np.array([mode.exponent for mode in self.at.modes])),
             channels=channels,
             provenance=provenance,
@@ -87,13 +100,13 @@ class Fit(Rebuilt):
 
         Raises IdentificationError where the predictor diverges there.
         """
-        pairs, highest = zip(self.at.modes, exponents.tolist(), strict=True), self.samples.highest
+        here, pairs = self.wide, zip(self.wide.at.modes, exponents.tolist(), strict=True)
         modes = [replace(mode, exponent=complex(value.real) if mode.real else value) for mode, value in pairs]
-        modes = [mode.seen_wider(GAP, highest) for mode in modes]
-        at = predicted(self.samples, modes, self.at.columns, self.at.initial, self.at.whitening)
-        if at is None:
-            raise IdentificationError("The predictor diverges where the record was linearised anew.")
-        here = sized(replace(self, at=at))
+        if any(mode.exponent != own.exponent for mode, own in zip(modes, self.at.modes, strict=True)):
+            at = predicted(self.samples, modes, self.at.columns, self.at.initial, self.at.whitening)
+            if at is None:
+                raise IdentificationError("The predictor diverges where the record was linearised anew.")
+            here = sized(replace(here, at=at))
         step = here.parameters @ here.normal.gradient
         return _estimates(here, _input_modes(here), step, held=False)
 
@@ -147,7 +160,7 @@ class Fit(Rebuilt):
         if start is None:
             raise IdentificationError("The predictor of these modes diverges on these records.")
         limits = Limits(highest=int(max(np.abs(mode.turns).max() for mode in self.at.modes)))
-        return Fit(samples, read_near_axis(samples, solve(samples, start), limits).at, self.acting)
+        return sized(Fit(samples, read_near_axis(samples, solve(samples, start), limits).at, self.acting))
 
     def short(self, number: int) -> float:
         """Distance of the exponent of a mode from the maximum of the likelihood to first order, in deviations."""
@@ -191,6 +204,15 @@ class Fit(Rebuilt):
         mask = np.concatenate([np.zeros(mode.rows, bool), gains, gains, shape, shape])
         own = mode.parameters[mask]
         return (wald_rise(own, self.parameters[place, place][np.ix_(mask, mask)]), len(own)) if len(own) else (0.0, 0)
+
+
+class Wide(Fit):
+    """A fit with harmonics more than those that were fitted, linearised for itself."""
+
+    @cached_property
+    def normal(self) -> Normal:
+        """The linearisation by all that there are."""
+        return normal_of(self.samples, self.at)
 
 
 def _as_input_mode(mode: Mode, samples: Samples, initial: NDArray[np.complex128]) -> InputMode:
@@ -240,7 +262,7 @@ def _step(fit: Fit, moved: Sequence[Samples]) -> tuple[float, float]:
     return step, information**-0.5
 
 
-def sized(fit: Fit) -> Fit:
+def sized(fit: FitOf) -> FitOf:
     """The fit with states of rms 1, the largest coefficient of each real and positive."""
     modes, initial, states, row = [], fit.at.initial.copy(), fit.at.states.copy(), 0
     for number, mode in enumerate(fit.at.modes):

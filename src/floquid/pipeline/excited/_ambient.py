@@ -25,6 +25,7 @@ from floquid.innovations import (
     repetition,
     reweighed,
     searched,
+    sized,
     solve,
 )
 from floquid.inputs import InputMode, Samples, Uncertainty, columns_at, linearise
@@ -70,7 +71,7 @@ def identified_ambient(prepared: Prepared, report: Callable[[str], None]) -> Ana
     if not found.modes:
         raise no_mode(samples, found, limits.mode_alarm, late)
     report("estimating deviations")
-    fit = Fit(samples, found, acting)
+    fit = sized(Fit(samples, found, acting))
     provenance = Provenance.merge(tuple(record.provenance for record in own.records))
     model = fit.model(own.outputs, own.inputs, provenance, near.as_read)
     analysis = unchecked(prepared, model, fit, (*repeats, *near.findings), late)
