@@ -87,39 +87,42 @@ def inverse_of(normal: Normal, free: NDArray[np.bool_] | None = None) -> NDArray
     return found
 
 
-def solve(samples: Samples, start: Predictor, *, rough: bool = False, least: float = -np.inf) -> Predictor:
-    """The maximum of the likelihood near a start (Levenberg-Marquardt)."""
+def solve(
+    samples: Samples, start: Predictor, *, rough: bool = False, least: float = -np.inf, steps: int = STEPS
+) -> Predictor:
+    """The maximum of the likelihood near a start (Levenberg-Marquardt), or where it comes in so many `steps`."""
     # The gradient alone costs next to nothing. A fit that is of no use below a least logarithm of the likelihood (twice
     # that) is given up where it will not come as far. What makes up for gaps is held during a fit, which is made anew
     # until that gains nothing more.
     best = start
     for _ in range(ROUNDS if samples.gaps else 0):
-        found = _solve(samples, best, rough=rough, least=least)
+        found = _solve(samples, best, rough=rough, least=least, steps=steps)
         anew = predicted(samples, found.modes, found.columns, found.initial, found.whitening)
         gain = -np.inf if anew is None else anew.log_likelihood - best.log_likelihood
         best = best if anew is None or gain < 0.0 else anew
         if gain < REST:
             break
-    return best if samples.gaps else _solve(samples, start, rough=rough, least=least)
+    return best if samples.gaps else _solve(samples, start, rough=rough, least=least, steps=steps)
 
 
-def _solve(samples: Samples, start: Predictor, *, rough: bool, least: float) -> Predictor:
+def _solve(samples: Samples, start: Predictor, *, rough: bool, least: float, steps: int) -> Predictor:
     """The maximum of the likelihood near a start, what makes up for gaps held."""
-    (iterations, at_rest), period = (FEW_STEPS, REST) if rough else (STEPS, AT_REST), 2.0 * np.pi / samples.fundamental
+    (most, at_rest), period = (FEW_STEPS, REST) if rough else (STEPS, AT_REST), 2.0 * np.pi / samples.fundamental
+    iterations = min(most, steps)
 
     def hopeless(at: Predictor, gains: list[float]) -> bool:
         if len(gains) < 2 or gains[-1] >= gains[-2]:
             return False
         return at.log_likelihood + (iterations - len(gains)) * gains[-2] < least
 
-    steps = Steps(
+    of = Steps(
         normal=lambda at: (roughly if rough else normal_of)(samples, at),
         moved=lambda at, step: moved(samples, at, step, period),
         limited=lambda at, step, normal, damping: held(at, step, normal.root(damping), period),
         gradient=lambda at: pull_of(samples, at),
         enough=hopeless,
     )
-    return levenberg_marquardt(start, steps, Ends(steps=iterations, gain=at_rest, patience=IN_VAIN))
+    return levenberg_marquardt(start, of, Ends(steps=iterations, gain=at_rest, patience=IN_VAIN))
 
 
 def held(at: Predictor, whole: NDArray[np.float64], root: NDArray[np.float64], period: float) -> NDArray[np.float64]:

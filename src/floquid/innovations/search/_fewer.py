@@ -86,7 +86,7 @@ def _few(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
         return now
     rest = [mode for mode in now.modes if mode not in gone]
     # Where noise explains all of them none is needed in their place: fits of real multipliers that are none creep.
-    trial = _without(samples, now, gone, limits)
+    trial = without(samples, now, gone, limits)
     trial = trial or stable(samples, now, [*rest, *as_real(samples, now, gone, half, FEW)], limits)
     trial = None if trial is None else climbed(samples, trial)
     if trial is None or trial.log_likelihood < least(trial, now, limits):
@@ -95,12 +95,19 @@ def _few(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
     return trial if _explains(samples, trial, now, limits) else now
 
 
-def _without(samples: Samples, now: Predictor, gone: Sequence[Mode], limits: Limits) -> Predictor | None:
-    """The predictor without some modes, the others moved to where they are best; None unless noise explains those."""
-    inverse, own = inverse_of(roughly(samples, now), anchored(now)), zip(now.modes, places(now.modes), strict=True)
+def without(samples: Samples, now: Predictor, gone: Sequence[Mode], limits: Limits) -> Predictor | None:
+    """The predictor without some modes, the others moved to where they are best; None unless noise explains those.
+
+    Of a fit that has not ended it must explain them at its end, too, as the linearisation has it.
+    """
+    if not 0 < len(gone) < len(now.modes):
+        return None
+    normal = roughly(samples, now)
+    inverse, own = inverse_of(normal, anchored(now)), zip(now.modes, places(now.modes), strict=True)
     rows = np.concatenate([np.arange(at.stop - 2 * mode.shape.size, at.stop) for mode, at in own if mode in gone])
     values, among = np.concatenate([mode.parameters for mode in now.modes])[rows], inverse[np.ix_(rows, rows)]
-    if len(gone) == len(now.modes) or wald_rise(values, among) > chi2_limit(len(rows), limits.mode_alarm):
+    ends = (values, values + inverse[rows] @ normal.gradient)
+    if max(wald_rise(each, among) for each in ends) > chi2_limit(len(rows), limits.mode_alarm):
         return None
     step = -inverse[:, rows] @ scaled_inverse(among) @ values
     start = moved(samples, now, step, 2.0 * np.pi / samples.fundamental) or now

@@ -18,7 +18,7 @@ from floquid.innovations._predictor import Predictor, predicted, rebuilt
 from floquid.innovations._products import APART
 from floquid.innovations._solve import climbed, solve
 from floquid.innovations.search._bands import centred, grown, narrowed
-from floquid.innovations.search._fewer import GONE, TRIED, better, needed, stable
+from floquid.innovations.search._fewer import GONE, TRIED, better, needed, stable, without
 from floquid.innovations.search._near_axis import read_near_axis, with_real_ones
 from floquid.inputs import (
     InputMode,
@@ -102,7 +102,7 @@ def _searched(
         now = grown(samples, more, limits, rounds=1)
         report(f"searching for modes: {len(now.modes)} found")
     report("searching for modes: looking for harmonics")
-    now = grown(samples, reweighed(samples, now), limits)
+    now = narrowed(samples, grown(samples, reweighed(samples, now), limits), limits)
     report(f"searching for modes: which of {len(now.modes)} are needed")
     now = needed(samples, now, limits)
     loose = replace(limits, harmonic_alarm=LOOSE)
@@ -216,7 +216,7 @@ def _with(
     """The predictor with modes more, as fitted to the innovations of now; None where none is stable."""
     if not more:
         return None
-    seen = solve_driven(driven, more, iterations=FEW_STEPS // 2)
+    seen = solve_driven(driven, more, iterations=1)
     found = []
     for number, mode in enumerate(seen.modes):
         gains = [
@@ -238,7 +238,10 @@ def _with(
     for start in starts:
         trial = rebuilt(samples, now, start)
         if trial is not None and trial.log_likelihood > now.log_likelihood:
-            return solve(samples, trial, rough=True)
+            trial = solve(samples, trial, rough=True, steps=FEW_STEPS // ROUNDS)
+            # A fit creeps while modes make up for each other: those that noise explains go before it ends.
+            brief = [mode for mode in trial.modes if -mode.exponent.real * 2.0 * np.pi > GONE * samples.fundamental]
+            return solve(samples, without(samples, trial, brief, limits) or trial, rough=True)
     return None
 
 
