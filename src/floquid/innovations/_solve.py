@@ -116,7 +116,7 @@ def _solve(samples: Samples, start: Predictor, *, rough: bool, least: float, ste
         return at.log_likelihood + (iterations - len(gains)) * gains[-2] < least
 
     of = Steps(
-        normal=lambda at: (roughly if rough else normal_of)(samples, at),
+        normal=lambda at: roughly(samples, at),
         moved=lambda at, step: moved(samples, at, step, period),
         limited=lambda at, step, normal, damping: held(at, step, normal.root(damping), period),
         gradient=lambda at: pull_of(samples, at),
