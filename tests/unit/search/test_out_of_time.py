@@ -55,6 +55,18 @@ def test_a_search_whose_time_is_over_is_told_to_be(made, module, late, monkeypat
     assert any("processor time" in text for text in identify(record, **options).warnings)
 
 
+@pytest.mark.parametrize("options", [{}, {"identifier": "era-ml"}, {"identifier": "lscf", "harmonics": 2}], ids=str)
+def test_free_responses_whose_search_for_poles_has_no_time_have_a_model_that_fails(options):
+    record, _ = free()
+    found = identify(record, seconds=1e-6, **options)
+    late = [finding for finding in found.findings if finding.code == "poles_without_end"]
+    assert [finding.severity for finding in late] == [Severity.FAILURE]
+    assert found.failed
+    assert not found.passed
+    assert found.model.order >= 4
+    assert "poles_without_end" not in {finding.code for finding in identify(record, **options).findings}
+
+
 @pytest.mark.slow
 def test_outputs_alone_without_time_have_the_modes_of_the_first_start_and_say_so(monkeypatch):
     record, options = ambient(mathieu_and_lag())

@@ -21,9 +21,6 @@ from floquid.preparation import Settings
 ENOUGH_CYCLES = 3  # cycles a pole that a hit must hold for a noise estimate of its own
 
 
-ENDLESS = (Outcome.NOT_WHITE, Outcome.OUT_OF_TIME)
-
-
 class UnsettledError(IdentificationError):
     """The residual is no noise: its estimate does not settle, or there are modes without an end."""
 
@@ -41,8 +38,9 @@ def find_poles(
     The residual of the poles found is judged again.
 
     The responses come back with the noise that the fit leaves, whitened where it was coloured along the record; the
-    choice of the order is None where the settings fix it. Raises IdentificationError where no mode rises above the
-    noise, or the order or the noise cannot be told.
+    choice of the order is None where the settings fix it. Of a search whose time is over the poles so far are returned,
+    and their outcome says so. Raises IdentificationError where no mode rises above the noise, or the order or the noise
+    cannot be told.
 
     `lifted` are the responses, with a first estimate of their noise, `settings` the options, and `report` is told of
     each stage. `taps` are the filters that whiten what generous poles leave of the responses (channels, taps), None
@@ -57,7 +55,7 @@ def find_poles(
             report(f"the noise is coloured along the record: whitened by {taps.shape[1] - 1} taps")
         lifted, modal = _settled(raw if taps is None else whitened(raw, taps), settings, report)
         looks += 1
-        if settings.order is not None:
+        if settings.order is not None or modal.outcome is Outcome.OUT_OF_TIME:
             # What a given order leaves may be modes: only generous poles tell the colour of the noise then.
             break
         still = whitening_filter(lifted, modal) is not None
@@ -91,9 +89,13 @@ def _settled(lifted: Lifted, settings: Settings, report: Callable[[str], None]) 
             modal = identifier.refine(state, modal)
         else:
             report("searching for modes")
-            order = settings.order or _order_for(identifier, lifted, settings, report)
+            order, outcome = settings.order, Outcome.SUCCESS
+            if order is None and not identifier.decides:
+                order, outcome = _order_for(identifier, lifted, settings, report)
             modal = identifier.extract(state, order, report=lambda text: report(f"searching for modes: {text}"))
-        if modal.outcome is not Outcome.SUCCESS:
+            modal = modal if outcome is Outcome.SUCCESS else replace(modal, outcome=outcome)
+        late = modal.outcome is Outcome.OUT_OF_TIME and modal.order > 0
+        if modal.outcome is not Outcome.SUCCESS and not late:
             words = f"{failure(modal.outcome.value).clause}."
             if modal.outcome is Outcome.ORDER_UNREACHED:
                 words = (
@@ -101,16 +103,15 @@ def _settled(lifted: Lifted, settings: Settings, report: Callable[[str], None]) 
                     "poles, or a conjugate pair, which counts as two, would be halved. Ask for that order, or let it "
                     "be found."
                 )
-            kind = UnsettledError if modal.outcome in ENDLESS else IdentificationError
+            kind = UnsettledError if modal.outcome is Outcome.NOT_WHITE else IdentificationError
             raise kind(f"Identification ended without a result: {words}")
         noise = _noise_left(lifted, modal)
         again = lifted.with_noise(noise)
         change = np.abs(np.log(again.noise / lifted.noise)).max()
         lifted = again
-        if change > REST:
-            modal = None
-        elif refined:
+        if late or (refined and change <= REST):
             break
+        modal = modal if change <= REST else None
     if modal is None:
         raise UnsettledError(
             "Identification ended without a result: the noise cannot be told from the response, its estimate does not "
@@ -131,15 +132,13 @@ def _order_to_blame(order: int | None, n_cycles: int) -> str:
 
 def _order_for(
     identifier: AbstractIdentifier, lifted: Lifted, settings: Settings, report: Callable[[str], None]
-) -> int | None:
-    """The order for an algorithm that cannot decide it: that of maximum likelihood started from it."""
-    if identifier.decides:
-        return None
+) -> tuple[int, Outcome]:
+    """The order for an algorithm that cannot decide it: that of maximum likelihood started from it, and its outcome."""
     likelihood = MaximumLikelihood(false_alarm=settings.mode_false_alarm, seconds=settings.seconds, initial=identifier)
     found = likelihood.extract(likelihood.prepare(lifted.responses), report=report)
-    if found.outcome is not Outcome.SUCCESS:
+    if found.outcome not in (Outcome.SUCCESS, Outcome.OUT_OF_TIME):
         raise IdentificationError(f"Identification ended without a result: {failure(found.outcome.value).clause}.")
-    return found.order
+    return found.order, found.outcome
 
 
 def _noise_left(lifted: Lifted, modal: ModalModel) -> NDArray[np.float64]:

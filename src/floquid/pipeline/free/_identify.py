@@ -11,9 +11,10 @@ import numpy as np
 
 from floquid.core import ConstantPeriod, PeriodicModel, Record
 from floquid.errors import IdentificationError
-from floquid.findings import Finding, warning
+from floquid.findings import Finding, failure, warning
 from floquid.fit import chi2_limit
 from floquid.lifting import Lifted, floor_of
+from floquid.lti import Outcome
 from floquid.order import judge
 from floquid.periodic import (
     Fit,
@@ -144,7 +145,9 @@ class Candidate:
     @property
     def doubts(self) -> tuple[Finding, ...]:
         """All that speaks against it."""
-        return self.missing if self.wrong_period is None else (*self.missing, self.wrong_period)
+        late = self.start.modal is not None and self.start.modal.outcome is Outcome.OUT_OF_TIME
+        ended = failure(Outcome.OUT_OF_TIME.value) if late else None
+        return (*self.missing, *(own for own in (self.wrong_period, ended) if own is not None))
 
 
 def _brief_fits(

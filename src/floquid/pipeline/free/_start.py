@@ -16,7 +16,7 @@ from floquid.errors import IdentificationError, NotSynchronousError
 from floquid.findings import note
 from floquid.fit import HALF_DIGITS
 from floquid.lifting import Lifted, lift, whitened
-from floquid.lti import ModalModel
+from floquid.lti import ModalModel, Outcome
 from floquid.order import Choice
 from floquid.periodic import Known, ModeParameters, followed, without_known
 from floquid.pipeline.free._doubts import quiet
@@ -164,6 +164,8 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
             if known is None or not known.turns:
                 raise
             raise IdentificationError(f"{error} {note('beside_steady', turns=known.turns)}") from None
+        if modal.outcome is Outcome.OUT_OF_TIME and by_default and not cutting.synchronous:
+            return from_lines
         if free.whitening is not None:
             whole = whitened(whole, free.whitening)
         return Start(
