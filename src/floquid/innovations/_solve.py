@@ -90,7 +90,7 @@ def inverse_of(normal: Normal, free: NDArray[np.bool_] | None = None) -> NDArray
 def solve(
     samples: Samples, start: Predictor, *, rough: bool = False, least: float = -np.inf, steps: int = STEPS
 ) -> Predictor:
-    """The maximum of the likelihood near a start (Levenberg-Marquardt), or where it comes in so many `steps`."""
+    """The maximum of the likelihood near a start (Levenberg-Marquardt), or the point after `steps`."""
     # The gradient alone costs next to nothing. A fit that is of no use below a least logarithm of the likelihood (twice
     # that) is given up where it will not come as far. What makes up for gaps is held during a fit, which is made anew
     # until that gains nothing more.

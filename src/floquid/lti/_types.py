@@ -232,6 +232,11 @@ class AbstractIdentifier(ABC):
         del order
         return self
 
+    def bounded(self, seconds: float) -> Self:
+        """The algorithm with a search of `seconds` of a processor [s] at most; itself if it has none."""
+        del seconds
+        return self
+
     def refine(self, state: Any, model: ModalModel) -> ModalModel:
         """The model, of the data in `state`, of the same order as `model` and nearest to it.
 

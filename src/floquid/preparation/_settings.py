@@ -25,22 +25,19 @@ IdentifierName = Literal["ml", "ami", "era", "lscf", "poly", "ami-ml", "era-ml",
 """Words for the algorithms; those that end in -ml are finished by maximum likelihood."""
 
 
-def _identifier_named(word: str, alarm: float, seconds: float) -> AbstractIdentifier:
-    """The algorithm of a word of `IdentifierName`.
-
-    `alarm` is the probability at which noise may pass for a mode, `seconds` the processor time of a search [s].
-    """
+def _identifier_named(word: str, alarm: float) -> AbstractIdentifier:
+    """The algorithm of a word of `IdentifierName`; `alarm` is the probability at which noise may pass for a mode."""
     from floquid.lti import AMI, ERA, LSCF, MaximumLikelihood, PolyLSCF
 
     first, _, last = word.partition("-")
     found: AbstractIdentifier = {
-        "ml": MaximumLikelihood(false_alarm=alarm, seconds=seconds),
+        "ml": MaximumLikelihood(false_alarm=alarm),
         "ami": AMI(false_alarm=alarm),
         "era": ERA(),
         "lscf": LSCF(),
         "poly": PolyLSCF(),
     }[first]
-    return MaximumLikelihood(false_alarm=alarm, seconds=seconds, initial=found) if last else found
+    return MaximumLikelihood(false_alarm=alarm, initial=found) if last else found
 
 
 _PERIOD = {"T": "period=T", "freq": "period=1/freq", "frequency": "period=1/frequency", "rpm": "period=60/rpm"}
@@ -208,8 +205,7 @@ class Settings(Brief):
         from floquid.lti import AbstractIdentifier
 
         if isinstance(self.identifier, str) and self.identifier in get_args(IdentifierName):
-            asked = self.identifier, self.mode_false_alarm, self.seconds
-            object.__setattr__(self, "identifier", _identifier_named(*asked))
+            object.__setattr__(self, "identifier", _identifier_named(self.identifier, self.mode_false_alarm))
         if not isinstance(self.identifier, AbstractIdentifier):
             must = f"be one of {', '.join(get_args(IdentifierName))}, an object of `floquid.lti`, or None"
             remedy = "Pass a word, or AMI(), say."

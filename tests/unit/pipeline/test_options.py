@@ -10,7 +10,7 @@ from tests.driven import ambient_of, mathieu, record_of
 
 from floquid import ConstantPeriod, Record, Settings, identify
 from floquid.findings import Severity
-from floquid.preparation._settings import Options
+from floquid.preparation._options import Options
 
 SYSTEM, PHASES = mathieu(), 20
 KINDS = {"inputs": {"inputs": ["F"]}, "ambient": {"excitation": "ambient"}}

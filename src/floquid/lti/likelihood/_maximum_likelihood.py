@@ -229,6 +229,10 @@ class MaximumLikelihood(AbstractIdentifier):
     seconds: float = np.inf
     rank_one: bool = True
 
+    def bounded(self, seconds: float) -> MaximumLikelihood:
+        """The algorithm with a search of `seconds` of a processor [s] at most."""
+        return replace(self, seconds=min(seconds, self.seconds))
+
     def prepare(self, data: TimeResponses) -> Prepared:
         """The triangular factors of the responses in `data` over their noise, one a distinct length."""
         samples = energetic_length(energies(data), data)

@@ -78,9 +78,8 @@ def find_poles(
 
 def _settled(lifted: Lifted, settings: Settings, report: Callable[[str], None]) -> tuple[Lifted, ModalModel]:
     """The poles, and the responses with the noise that they leave."""
-    identifier = settings.identifier or MaximumLikelihood(
-        false_alarm=settings.mode_false_alarm, seconds=settings.seconds
-    )
+    identifier = settings.identifier or MaximumLikelihood(false_alarm=settings.mode_false_alarm)
+    identifier = identifier.bounded(settings.seconds)
     modal: ModalModel | None = None
     for _ in range(ROUNDS):
         refined = modal is not None
