@@ -102,7 +102,7 @@ def _searched(
         now = grown(samples, more, limits, rounds=1)
         report(f"searching for modes: {len(now.modes)} found")
     report("searching for modes: looking for harmonics")
-    now = narrowed(samples, grown(samples, reweighed(samples, now), limits), limits)
+    now = grown(samples, reweighed(samples, now), limits)
     report(f"searching for modes: which of {len(now.modes)} are needed")
     now = needed(samples, now, limits)
     loose = replace(limits, harmonic_alarm=LOOSE)
@@ -217,13 +217,13 @@ def _with(
     if not more:
         return None
     seen = solve_driven(driven, more, iterations=1)
-    found = []
+    begun = []
     for number, mode in enumerate(seen.modes):
         gains = [
             input_gain(mode.exponent, turn, samples.fundamental, samples.step, "none")[0]
             for turn in mode.reach.tolist()
         ]
-        found.append(
+        begun.append(
             Mode(
                 exponent=mode.exponent,
                 real=mode.real,
@@ -233,15 +233,17 @@ def _with(
                 gains=mode.gains * np.array(gains),
             ).scaled()
         )
-    starts = [stable_gains(samples, [*now.modes, *found], seen.left @ seen.left.T / samples.count, limits.highest)]
-    starts += [[*now.modes, *(replace(mode, gains=share * mode.gains) for mode in found)] for share in SHRUNK]
+    starts = [stable_gains(samples, [*now.modes, *begun], seen.left @ seen.left.T / samples.count, limits.highest)]
+    starts += [[*now.modes, *(replace(mode, gains=share * mode.gains) for mode in begun)] for share in SHRUNK]
     for start in starts:
         trial = rebuilt(samples, now, start)
         if trial is not None and trial.log_likelihood > now.log_likelihood:
             trial = solve(samples, trial, rough=True, steps=FEW_STEPS // ROUNDS)
             # A fit creeps while modes make up for each other: those that noise explains go before it ends.
             brief = [mode for mode in trial.modes if -mode.exponent.real * 2.0 * np.pi > GONE * samples.fundamental]
-            return solve(samples, without(samples, trial, brief, limits) or trial, rough=True)
+            less = without(samples, trial, brief, limits)
+            found = solve(samples, less or trial, rough=True)
+            return found if less is None else narrowed(samples, found, limits)
     return None
 
 
