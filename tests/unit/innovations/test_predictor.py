@@ -147,6 +147,18 @@ def test_the_scale_of_a_state_and_its_branch_change_nothing(case):
     assert np.abs(centred.innovations - other.innovations).max() < 1e-9
 
 
+def test_one_linearisation_has_that_with_and_without_harmonics_more(case, monkeypatch):
+    samples, at, _ = case
+    formed, whole = [], _result.normal_of
+    monkeypatch.setattr(_result, "normal_of", lambda *given: formed.append(1) or whole(*given))
+    fit = sized(Fit(samples, at))
+    fit.estimates_at(np.array([mode.exponent for mode in fit.at.modes]))
+    plain = whole(samples, replace(fit.at))
+    assert np.abs(fit.normal.matrix - plain.matrix).max() < 1e-9 * np.abs(plain.matrix).max()
+    assert np.abs(fit.normal.gradient - plain.gradient).max() < 1e-9 * np.abs(np.sqrt(np.diag(plain.matrix))).max()
+    assert len(formed) == 1
+
+
 def test_a_fit_from_beside_comes_back_within_its_deviations(case):
     samples, at, _ = case
     aside = replace(at.modes[0], exponent=at.modes[0].exponent + 0.02 - 0.03j)
