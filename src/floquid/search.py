@@ -79,13 +79,17 @@ def descended(begin: P, stages: Stages[P], until: float, report: Report = lambda
 
 def _improved(point: P, stages: Stages[P], seen: set[tuple[Hashable, bool]], until: float, report: Report) -> P | None:
     for stage in stages(point):
-        for move in sorted(stage, key=lambda move: move.change)[:TRIES]:
+        fitted = 0
+        for move in sorted(stage, key=lambda move: move.change):
             name = (point.name(move.structure), move.again)
-            if name in seen:
+            if name in seen:  # one structure may come by several moves
                 continue
+            if fitted == TRIES:
+                break
             if time.process_time() > until:
                 return None
             seen.add(name)
+            fitted += 1
             with suppress(np.linalg.LinAlgError):
                 trial = point.tried(move)
                 if trial.value < point.value - move.least:

@@ -159,12 +159,15 @@ def merges(point: Point, span: int) -> Iterator[Move]:
     if len(free) < 2:  # a pair
         return
     covariance = scaled_inverse(point.solution.information, ROUNDING)
-    place = _places(entries)
+    place, resolved = _places(entries), 1.0 / max(block.last for block in point.blocks)
     for first, second in combinations(free.tolist(), 2):
         if entries.real[first] != entries.real[second] or entries.offsets[first] != entries.offsets[second]:
             continue
         for sign in (1, -1) if not entries.real[first] else (1,):
             turns, gap = difference(entries, first, second, sign)
+            # Beyond the width of both lines, deviations of one that is not determined say nothing of their distance.
+            if abs(gap) > abs(entries.exponents[[first, second]].real).sum() + resolved:
+                continue
             ties = np.zeros((len(place[first]), len(covariance)))
             for k, (a, b) in enumerate(zip(place[first], place[second], strict=True)):
                 ties[k, a], ties[k, b] = -1.0, (1.0, float(sign))[k]
