@@ -104,7 +104,7 @@ def _settled(lifted: Lifted, settings: Settings, report: Callable[[str], None]) 
                 )
             kind = UnsettledError if modal.outcome is Outcome.NOT_WHITE else IdentificationError
             raise kind(f"Identification ended without a result: {words}")
-        noise = _noise_left(lifted, modal)
+        noise = _noise_left(lifted, modal, pooled=isinstance(identifier, Ensemble))
         again = lifted.with_noise(noise)
         change = np.abs(np.log(again.noise / lifted.noise)).max()
         lifted = again
@@ -140,16 +140,16 @@ def _order_for(
     return found.order, found.outcome
 
 
-def _noise_left(lifted: Lifted, modal: ModalModel) -> NDArray[np.float64]:
+def _noise_left(lifted: Lifted, modal: ModalModel, *, pooled: bool) -> NDArray[np.float64]:
     """The noise in what the fit leaves (channels, hits).
 
     A hit with hardly more cycles than there are poles leaves nothing to judge its noise by, and would be weighted by
-    chance: beside longer ones it is refused. Of outer products, it has the noise of all of them.
+    chance: beside longer ones it is refused. `pooled`, it has the noise of all of them.
     """
     assert modal.residual_std is not None
     lengths = lifted.responses.lengths
     long = lengths >= ENOUGH_CYCLES * modal.order
-    if modal.outer_products and not long.all():
+    if pooled and not long.all():
         variances = lifted.by_channel(modal.residual_std**2).mean(axis=1)
         return np.sqrt(np.where(long, variances, np.average(variances, axis=1, weights=lengths)[:, None]))
     if long.any() and not long.all():
