@@ -199,14 +199,21 @@ def without_known(
         return lifted, Known(), taps
     # Judged where the noise is white: else what is loud near a known multiplier passes for a forced response.
     judged = lifted if taps is None else whitened(lifted, taps)
-    poles = _apart(modal if taps is None else generous_poles(judged), roots, int(judged.responses.lengths.max()))
+    lengths = judged.responses.lengths.tolist()
+    poles = _apart(modal if taps is None else generous_poles(judged), roots, max(lengths))
     known = Known(tuple(roots), True)
-    bases = [_orthonormal(_columns(poles, length)) for length in judged.responses.lengths.tolist()]
+    bases = [_orthonormal(_columns(poles, length)) for length in lengths]
     for root in (None, *roots):
         kept = tuple(r for r in known.roots if r != root)
         less = Known(known.roots, False) if root is None else Known(kept, known.drift)
-        if _gain(judged, bases, less, known) < _limit(judged, less, known):
+        beside = [_with(basis, less, length) for basis, length in zip(bases, lengths, strict=True)]
+        if not _gains(judged, beside, [known.basis(length) for length in lengths]):
             known = less
+    if count == 1 and 0.5 in known.roots:
+        beside = [_with(basis, known, length) for basis, length in zip(bases, lengths, strict=True)]
+        if _gains(judged, beside, [_drift(n)[:, None] * np.stack(columns_of(0.5, n), axis=1) for n in lengths]):
+            # An orbit is steady: what grows or decays is a mode in its lock, near the edge of a resonance.
+            known = Known(tuple(root for root in known.roots if root != 0.5), known.drift)
     if not known:
         return lifted, known, taps
     poles = _apart(modal, roots, int(lifted.responses.lengths.max()))
@@ -260,20 +267,16 @@ def _squares_left(values: Floats, basis: Floats) -> Floats:
     return np.sum((values - taken @ basis.T) ** 2, axis=1)
 
 
-def _gain(lifted: Lifted, bases: Sequence[Floats], less: Known, more: Known) -> float:
-    """Reduction of the misfit by the columns of `more` beyond those of `less`, over the noise.
+def _with(basis: Floats, known: Known, length: int) -> Floats:
+    """Orthonormal columns with those of what is known (cycles, rank)."""
+    return np.concatenate([basis, _beyond(basis, known.basis(length), ROUNDING)], axis=1) if known else basis
 
-    Beside orthonormal columns of the poles, one array a hit (cycles, rank).
-    """
-    total, data = 0.0, lifted.responses
-    for hit, length in enumerate(data.lengths.tolist()):
-        basis_of_hit = bases[hit]
-        basis = (
-            np.concatenate([basis_of_hit, _beyond(basis_of_hit, less.basis(length), ROUNDING)], axis=1)
-            if less
-            else basis_of_hit
-        )
-        extra = _beyond(basis, more.basis(length), RARE)
+
+def _gains(lifted: Lifted, bases: Sequence[Floats], more: Sequence[Floats]) -> bool:
+    """True where columns take more off the misfit than noise does, beside orthonormal ones, an array a hit of each."""
+    total, degrees, data = 0.0, 1, lifted.responses
+    for hit, (basis, columns) in enumerate(zip(bases, more, strict=True)):
+        extra, length = _beyond(basis, columns, RARE), len(basis)
         values = data.values[:, hit, :length]
         seen = values @ extra
         free = max(length - basis.shape[1] - extra.shape[1], 1)
@@ -281,20 +284,13 @@ def _gain(lifted: Lifted, bases: Sequence[Floats], less: Known, more: Known) -> 
         noise = lifted.by_channel(squares[:, None] / free).mean(axis=1)[:, 0]
         power = lifted.by_channel(np.sum(seen**2, axis=1)[:, None]).sum(axis=1)[:, 0]
         total += float(np.sum(power / np.maximum(noise, _least(lifted)[:, hit])))
-    return total
+        degrees += extra.shape[1] * len(values)
+    return total > chi2_limit(degrees, SURE)
 
 
 def _least(lifted: Lifted) -> Floats:
     """The least variance that the noise is taken to have (channels, hits)."""
     return (lifted.floor * largest_values(lifted.responses.values, lifted.n_channels)) ** 2 + 1e-300
-
-
-def _limit(lifted: Lifted, less: Known, more: Known) -> float:
-    """Reduction of it that noise may make."""
-    degrees = sum(
-        more.basis(n).shape[1] - (less.basis(n).shape[1] if less else 0) for n in lifted.responses.lengths.tolist()
-    )
-    return chi2_limit(degrees * lifted.n_channels * lifted.n_phases, SURE)
 
 
 def _subtracted(
