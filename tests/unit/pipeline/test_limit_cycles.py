@@ -152,3 +152,24 @@ def test_harmonics_of_the_mains_say_nothing_against_a_period_given():
     values = np.array([mode + hum, 0.7 * mode - hum]) + 0.005 * generator.standard_normal((2, len(times)))
     analysis = floquid.identify(Record(values=values, sample_rate=25.0, channels=["a", "b"]), period=1.0)
     assert max(nearest(analysis.model, -0.02 + 2.0j)) < 5.0
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_lock_near_its_edge_is_no_orbit(seed):
+    """A real multiplier next to -1 was taken for a steady orbit of two periods, and left out of the modes."""
+    generator, clock = np.random.default_rng(seed), floquid.ConstantPeriod(period=1.0)
+    times, rates = np.arange(40 * 24) / 24.0, [0.008 + 1j * np.pi, -0.055 + 1j * np.pi, -0.02 + 1.1j, -0.015 + 2.2j]
+    found = []
+    for _ in range(2):
+        values = np.zeros((3, len(times)))
+        for number, rate in enumerate(rates):
+            real, imag = np.random.default_rng(number + 10 * seed).standard_normal((2, 3))
+            state, shape = (1.0, real) if number < 2 else (np.exp(2j * number), real + 1j * imag)
+            values += 2.0 * (generator.standard_normal() * state * np.outer(shape, np.exp(rate * times))).real
+        values += 0.01 * np.abs(values).max() * generator.standard_normal(values.shape)
+        found.append(Record(values=values, sample_rate=24.0, channels=["x", "y", "z"], clock=clock))
+    model = floquid.identify(found).model
+    real = np.flatnonzero(model.real)
+    assert (model.order, len(real)) == (6, 2)
+    off = np.sort(model.exponents[real].real)[::-1] - [0.008, -0.055]
+    assert np.abs(off / np.sort(model.exponent_std[real].real)).max() < 3.0
