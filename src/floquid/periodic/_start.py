@@ -216,7 +216,7 @@ def without_known(
             known = Known(tuple(root for root in known.roots if root != 0.5), known.drift)
     if not known:
         return lifted, known, taps
-    poles = _apart(modal, roots, int(lifted.responses.lengths.max()))
+    poles = _apart(modal, known.roots, int(lifted.responses.lengths.max()))
     free, turns = _subtracted(lifted, poles, known, speeds)
     return free, Known(known.roots, known.drift, turns), whitening_filter(free, generous_poles(free))
 
