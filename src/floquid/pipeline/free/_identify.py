@@ -223,9 +223,11 @@ def _fits(prepared: Prepared, cutting: Lifting, start: Start, report: Callable[[
                     raise
                 # Poles that are none run away where residues are constrained.
                 missing.append(warning("order_not_held"))
-        if twice and fitted is not None and fitted.model.order <= distinct:
-            # Two modes have one multiplier indeed, and only residues free in each hit tell them apart.
-            fitted, warnings = None, fitted.warnings
+        if twice and fitted is not None and fitted.model.order <= distinct and not start.known:
+            # Where two modes have one multiplier indeed, only residues free in each hit tell them apart.
+            own, alarm = free_residues(prepared, cutting, start, model), settings.mode_false_alarm
+            if criterion(own, alarm) < criterion(fitted, alarm):
+                fitted, warnings = None, fitted.warnings
         if fitted is not None and not (wrong or missing):
             wrong = wrong_period_fitted(fitted, start.lifted, prepared, report)
     if fitted is None:
