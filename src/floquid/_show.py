@@ -139,8 +139,8 @@ def late(room: str, name: str) -> Any:
     return getattr(import_module(f"floquid.{room}"), name)
 
 
-def named_late(room: str, **names: str) -> Callable[[str], Any]:
-    """The `__getattr__` of a `room` that imports a module when a name of it is asked for.
+def named_late(room: str, **names: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """The `__getattr__` of a `room` that imports a module when a name of it is asked for, and its `__dir__`.
 
     `names` are those of each module, apart by spaces. A room has one where parts of it are used without the others,
     and those take long to import: `floquid info` proposes settings, and fits nothing.
@@ -154,4 +154,4 @@ def named_late(room: str, **names: str) -> Callable[[str], Any]:
         setattr(sys.modules[room], name, value)
         return value
 
-    return asked
+    return asked, lambda: sorted(module_of)

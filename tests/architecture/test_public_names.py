@@ -4,12 +4,14 @@ A constructor documents its parameters in a `Parameters` section. A function or 
 text, in backticks: "The phase at `time` [s]". Where there is only one, the bare word will do: "The stiffness K(t)".
 """
 
+import ast
 import importlib
 import inspect
 import pkgutil
 import re
 from dataclasses import fields
 from enum import Enum
+from pathlib import Path
 
 import pytest
 from numpydoc.docscrape import NumpyDocString
@@ -99,3 +101,14 @@ def test_the_test_can_fail():
 def test_the_walk_finds_types_methods_and_functions():
     found = dict(public_callables(importlib.import_module("floquid.core")))
     assert {"Record", "Record.select", "Provenance.merge", "channels_named"} <= set(found)
+
+
+def test_rooms_that_import_late_list_what_they_name():
+    """What a type checker reads and what is imported at run time are the same names, and completion finds them."""
+    text = (Path(floquid.__file__).parent / "preparation" / "__init__.py").read_text(encoding="utf-8")
+    (block,) = (node for node in ast.parse(text).body if isinstance(node, ast.If))
+    read = {alias.name: node.module for node in block.body for alias in node.names}
+    assert sorted(read) == dir(floquid.preparation)
+    assert all(
+        getattr(floquid.preparation, name) is getattr(importlib.import_module(at), name) for name, at in read.items()
+    )

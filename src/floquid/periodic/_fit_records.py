@@ -212,7 +212,7 @@ def fit(
     begin = forced_entries([], omega) if start is None else replace(start, fundamental=omega)
     if harmonics is not None:
         begin = replace(begin, bands=np.tile([-harmonics, harmonics], (len(begin.exponents), 1)))
-    if search:  # a glitch among them would hold all: no step from beyond is one
+    if search:  # a start that decays faster keeps every mode from moving: no step from there is taken
         begin = begin.picked(np.flatnonzero(np.abs(begin.exponents.real) * 2.0 * np.pi <= FASTEST * omega))
     report("fitting the samples")
     taps = None if lifted is None else lifted.whitening

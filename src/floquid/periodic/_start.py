@@ -212,7 +212,7 @@ def without_known(
     if count == 1 and 0.5 in known.roots:
         beside = [_with(basis, known, length) for basis, length in zip(bases, lengths, strict=True)]
         if _gains(judged, beside, [_drift(n)[:, None] * np.stack(columns_of(0.5, n), axis=1) for n in lengths]):
-            # An orbit is steady: what grows or decays is a mode in its lock, near the edge of a resonance.
+            # An orbit is steady. What grows or decays is a real multiplier, next to the edge of a resonance.
             known = Known(tuple(root for root in known.roots if root != 0.5), known.drift)
     if not known:
         return lifted, known, taps
@@ -274,7 +274,7 @@ def _with(basis: Floats, known: Known, length: int) -> Floats:
 
 def _gains(lifted: Lifted, bases: Sequence[Floats], more: Sequence[Floats]) -> bool:
     """True where columns take more off the misfit than noise does, beside orthonormal ones, an array a hit of each."""
-    total, degrees, data = 0.0, 1, lifted.responses
+    total, degrees, data = 0.0, 0, lifted.responses
     for hit, (basis, columns) in enumerate(zip(bases, more, strict=True)):
         extra, length = _beyond(basis, columns, RARE), len(basis)
         values = data.values[:, hit, :length]
@@ -285,7 +285,7 @@ def _gains(lifted: Lifted, bases: Sequence[Floats], more: Sequence[Floats]) -> b
         power = lifted.by_channel(np.sum(seen**2, axis=1)[:, None]).sum(axis=1)[:, 0]
         total += float(np.sum(power / np.maximum(noise, _least(lifted)[:, hit])))
         degrees += extra.shape[1] * len(values)
-    return total > chi2_limit(degrees, SURE)
+    return total > chi2_limit(max(degrees, 1), SURE)
 
 
 def _least(lifted: Lifted) -> Floats:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Candidate", "Prepared", "Proposal", "Reading", "Settings", "prepare", "propose"]
 
-__getattr__ = named_late(
+__getattr__, __dir__ = named_late(
     __name__,
     _before="begun from_sample",
     _clocks="clocked clocks_of in_phase states_of with_events without_clock",

@@ -95,7 +95,8 @@ class Settings(Brief):
     harmonic_false_alarm
         The probability that noise passes for a harmonic anywhere. Over all harmonics of all modes together.
     seconds
-        The processor time after which a search for modes ends with the best so far, and a warning [s].
+        The processor time after which a search for modes ends with the best so far, and a warning [s]. Where poles were
+        still being found the model fails. It bounds the search of an `identifier` that is passed, too.
     noise_floor
         The least noise, as a share of a channel's largest value. Raise it to the level down to which the record is
         right.

@@ -242,8 +242,9 @@ def _refuse_period(result: Any, modes: PeriodicModes, given: float | None) -> No
     periods = stated if given is None else positive(given, "periods_per_revolution", OF)
     if periods != 1.0:
         must = "be 1 where blades are read: ω must be the speed of the rotor"
-        remedy = "Identify with the period of one revolution, and `periods_per_revolution=1`."
-        raise input_error("periods_per_revolution", OF, must, f"is {periods:g}", remedy)
+        got = f"is {periods:g}" + (" by the period and `speed_rpm`" if whole > 1 and given is None else "")
+        remedy = "Identify with the period of one revolution. Of another shaft's speed pass `periods_per_revolution=1`."
+        raise input_error("periods_per_revolution", OF, must, got, remedy)
 
 
 def _readings(

@@ -124,7 +124,8 @@ def check_alike(points: Sequence[Point], of: str = OF) -> None:
     off = np.flatnonzero(np.abs(turns / usual - 1.0) > APART)
     if len(off):
         one = _names(points, [known[off[0]]])
-        got = f"{one} has one of {turns[off[0]]:.4g} revolutions, and most {usual:.4g}"
+        most = "the other" if len(turns) == 2 else "most"
+        got = f"{one} has one of {turns[off[0]]:.4g} revolutions, and {most} {usual:.4g}"
         remedy = "Identify all records with the period of the same part of a revolution: exponents are known modulo iω."
         raise input_error("results", of, "have periods of one part of a revolution", got, remedy)
 

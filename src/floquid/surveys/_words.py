@@ -15,7 +15,7 @@ from floquid.surveys._types import Edge, Survey, Track
 from floquid.views import with_error
 
 DOUBTFUL = 0.8
-"""Confidence below which a link is told and drawn as doubtful: wrong ones are below it."""
+"""Confidence below which a link is told and drawn as doubtful: most wrong ones are below it."""
 
 KINDS = {"lock": "{}, locked with itself", "sum": "{}, locked with each other", "single": "{}, alone"}
 """Ways to turn unstable."""

@@ -157,8 +157,8 @@ def fit_angle(
     """Fit `angles` [rad] at `times` [s] of pulses of `lines` (pulses,) by a spline of at most `most` pieces.
 
     Pulses that were sampled each `step` [s] err by a part of it, in a pattern that is no motion of the shaft. Off by no
-    more than `rounded` [s], they have the variance of that rounding, however little a fit leaves. Of one line, the
-    angle is straight if some straight line is within that of each.
+    more than `rounded` [s], they have the variance of that rounding at least, however little a fit leaves. Of one line,
+    the angle is straight if some straight line is within that of each.
 
     The offset of line 0 is zero while fitting. Outliers are left out and the fit is done again, until none is found.
     """
@@ -242,7 +242,7 @@ def _residuals(rung: _Rung, x: Floats, wave: Floats, lines: Integers) -> Floats:
 def _climb(x: Floats, wave: Floats, lines: Integers, n_lines: int, most: int, floor: float, known: float) -> _Rung:
     """The straight line, or where it is significantly worse the spline that Akaike's criterion prefers.
 
-    That is the corrected one, or with a variance `known` [rad²] of the pulses, if not zero, the one of such.
+    That is the corrected one; the one of a known variance where what is left is no more than `known` [rad²] a pulse.
     """
     from scipy.special import fdtrc
 
@@ -256,7 +256,9 @@ def _climb(x: Floats, wave: Floats, lines: Integers, n_lines: int, most: int, fl
     if not tried:
         return line
     least = len(x) * floor**2  # below it, all is rounding
-    best = min(tried, key=lambda rung: _criterion(rung, len(x), least, known))
+    best = min(tried, key=lambda rung: _criterion(rung, len(x), least))
+    if best.squares <= known * (len(x) - best.n_parameters):  # no fit tells more than the rounding leaves
+        best = min(tried, key=lambda rung: rung.squares / known + 2.0 * rung.n_parameters)
     more, free = best.n_parameters - line.n_parameters, len(x) - best.n_parameters
     gain = (line.squares - best.squares) / max(best.squares, least, free * known) * free / more
     if fdtrc(more, free, max(gain, 0.0)) * len(tried) > SURE:
@@ -264,9 +266,7 @@ def _climb(x: Floats, wave: Floats, lines: Integers, n_lines: int, most: int, fl
     return best
 
 
-def _criterion(rung: _Rung, n: int, least: float, known: float) -> float:
-    if known:
-        return rung.squares / known + 2.0 * rung.n_parameters
+def _criterion(rung: _Rung, n: int, least: float) -> float:
     p = rung.n_parameters + 1  # and the variance
     return n * float(np.log(max(rung.squares, least))) + 2.0 * p + 2.0 * p * (p + 1) / max(n - p - 1, 1)
 

@@ -230,8 +230,9 @@ class MaximumLikelihood(AbstractIdentifier):
     rank_one: bool = True
 
     def bounded(self, seconds: float) -> MaximumLikelihood:
-        """The algorithm with a search of `seconds` of a processor [s] at most."""
-        return replace(self, seconds=min(seconds, self.seconds))
+        """The algorithm with a search of `seconds` of a processor [s] at most, that of `initial` too."""
+        initial = None if self.initial is None else self.initial.bounded(seconds)
+        return replace(self, seconds=min(seconds, self.seconds), initial=initial)
 
     def prepare(self, data: TimeResponses) -> Prepared:
         """The triangular factors of the responses in `data` over their noise, one a distinct length."""

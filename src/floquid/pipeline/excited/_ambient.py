@@ -71,7 +71,7 @@ def identified_ambient(prepared: Prepared, report: Callable[[str], None]) -> Ana
     if not found.modes:
         raise no_mode(samples, found, limits.mode_alarm, late)
     report("estimating deviations")
-    fit = sized(Fit(samples, found, acting))
+    fit = _sized(Fit(samples, found, acting))
     provenance = Provenance.merge(tuple(record.provenance for record in own.records))
     model = fit.model(own.outputs, own.inputs, provenance, near.as_read)
     analysis = unchecked(prepared, model, fit, (*repeats, *near.findings), late)
@@ -148,7 +148,17 @@ def ambient_fit(
         at = predicted(samples, modes, columns, initial)
     if at is None:
         raise IdentificationError("The predictor of these modes diverges on these records.")
-    return Fit(samples, reweighed(samples, at), acting)
+    fit = Fit(samples, reweighed(samples, at), acting)
+    # Files from before the states of a fit were scaled hold others.
+    near = all(abs(fit.rms(number) - 1.0) < HALF_DIGITS for number in range(len(modes)))
+    return fit if near else sized(fit)
+
+
+def _sized(fit: Fit) -> Fit:
+    """The fit with states of rms 1, computed as it will be from a file."""
+    scaled = sized(fit)
+    at = predicted(fit.samples, scaled.at.modes, scaled.at.columns, scaled.at.initial)
+    return scaled if at is None else replace(scaled, at=reweighed(fit.samples, at))
 
 
 def predicted_rest(analysis: Analysis) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:

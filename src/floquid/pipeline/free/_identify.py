@@ -207,7 +207,7 @@ def _fits(prepared: Prepared, cutting: Lifting, start: Start, report: Callable[[
             missing = [] if own is None else [own]
         # Modes that are missing turn in what is left as a wrong period would.
         wrong = None if missing else wrong_period_lifted(model, start.lifted, prepared)
-    distinct, fitted, warnings = 0 if model is None else model.order, None, ()
+    distinct, fitted = 0 if model is None else model.order, None
     if model is not None and start.modal is not None and start.modal.outer_products:
         distinct = distinct_multipliers(model)
     twice = model is not None and distinct < model.order
@@ -224,15 +224,16 @@ def _fits(prepared: Prepared, cutting: Lifting, start: Start, report: Callable[[
                 # Poles that are none run away where residues are constrained.
                 missing.append(warning("order_not_held"))
         if twice and fitted is not None and fitted.model.order <= distinct and not start.known:
-            # Where two modes have one multiplier indeed, only residues free in each hit tell them apart.
-            own, alarm = free_residues(prepared, cutting, start, model), settings.mode_false_alarm
-            if criterion(own, alarm) < criterion(fitted, alarm):
-                fitted, warnings = None, fitted.warnings
-        if fitted is not None and not (wrong or missing):
+            # Where two modes have one multiplier indeed, only residues free in each hit tell them apart. What was taken
+            # off as a forced response has no place beside these.
+            apart, alarm = free_residues(prepared, cutting, start, model), settings.mode_false_alarm
+            if criterion(apart, alarm) < criterion(fitted, alarm):
+                fitted = replace(apart, warnings=fitted.warnings)
+        if fitted is not None and fitted.constrained and not (wrong or missing):
             wrong = wrong_period_fitted(fitted, start.lifted, prepared, report)
     if fitted is None:
         assert model is not None
-        fitted = replace(free_residues(prepared, cutting, start, model), warnings=warnings)
+        fitted = free_residues(prepared, cutting, start, model)
     yield Candidate(start, model, fitted, settings, tuple(missing), wrong)
 
 

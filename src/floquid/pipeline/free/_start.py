@@ -165,7 +165,7 @@ def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]
                 raise
             raise IdentificationError(f"{error} {note('beside_steady', turns=known.turns)}") from None
         if modal.outcome is Outcome.OUT_OF_TIME and by_default and not cutting.synchronous:
-            return from_lines
+            return from_lines  # the samples themselves are searched, and hold what resampled ones do
         if free.whitening is not None:
             whole = whitened(whole, free.whitening)
         return Start(
