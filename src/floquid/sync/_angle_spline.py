@@ -257,7 +257,7 @@ def _climb(x: Floats, wave: Floats, lines: Integers, n_lines: int, most: int, fl
         return line
     least = len(x) * floor**2  # below it, all is rounding
     best = min(tried, key=lambda rung: _criterion(rung, len(x), least))
-    if best.squares <= known * (len(x) - best.n_parameters):  # no fit tells more than the rounding leaves
+    if known and best.squares <= known * (len(x) - best.n_parameters):  # no fit tells more than the rounding leaves
         best = min(tried, key=lambda rung: rung.squares / known + 2.0 * rung.n_parameters)
     more, free = best.n_parameters - line.n_parameters, len(x) - best.n_parameters
     gain = (line.squares - best.squares) / max(best.squares, least, free * known) * free / more
