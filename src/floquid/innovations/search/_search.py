@@ -216,7 +216,7 @@ def _with(
     """The predictor with modes more, as fitted to the innovations of now; None where none is stable."""
     if not more:
         return None
-    seen = solve_driven(driven, more, iterations=1)
+    seen = solve_driven(driven, more, iterations=FEW_STEPS // 2)
     begun = []
     for number, mode in enumerate(seen.modes):
         gains = [
