@@ -12,7 +12,7 @@ from floquid._arrays import Floats, Integers
 from floquid._checks import Rebuilt, input_error
 from floquid.core import Channel, PeriodicModel, PhaseClock, Provenance, Record
 from floquid.errors import IdentificationError
-from floquid.findings import Finding, Severity, note, texts, warning
+from floquid.findings import Finding, Severity, failure, note, texts, warning
 from floquid.fit import MODES
 from floquid.lifting import Lifted
 from floquid.periodic._forced_part import (
@@ -347,7 +347,7 @@ def result_of(
         misfit=result.misfit,
         whitening=taps,
         findings=(*_interference(result, names), *evidence(result), *colour),
-        warnings=(*ended, *disagreement(result)),
+        warnings=(*ended, *disagreement(result), *_held(result)),
     )
 
 
@@ -366,6 +366,15 @@ def _interference(result: SearchResult, channels: Sequence[Channel]) -> tuple[Fi
             note("interference", frequency=frequency, amplitude=size[row], channel=channel.name, unit=channel.unit)
         )
     return tuple(notes)
+
+
+def _held(result: SearchResult) -> tuple[Finding, ...]:
+    """Finding on modes that are in the fit and in no model, as the samples do not determine their exponents."""
+    entries = result.solution.entries
+    held = entries.exponents[entries.fixed & (entries.exponents.real != 0.0)]
+    if not len(held):
+        return ()
+    return (failure("undetermined", frequencies=(np.abs(held.imag) / (2.0 * np.pi)).tolist()),)
 
 
 def _no_mode(result: SearchResult) -> str:

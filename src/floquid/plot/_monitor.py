@@ -71,7 +71,7 @@ def _label(axes: Axes, found: Monitor) -> None:
     from matplotlib.ticker import MaxNLocator
 
     axes.set(xlabel=over_label(found.over))
-    axes.xaxis.set_major_locator(MaxNLocator(integer=bool((found.x == np.rint(found.x)).all())))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=found.over == "record"))
 
 
 def periodic_amount(found: Monitor, *, ax: Into = None) -> Figure:

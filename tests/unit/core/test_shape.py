@@ -82,6 +82,24 @@ def test_hits_with_shapes_of_their_own_do_not_agree(unequal):
         assert noisy.shape(0).agreement == pytest.approx((1.0 - size**2) / (1.0 + size**2), abs=1e-9)
 
 
+def test_noise_is_no_disagreement():
+    """Of one shape in three hits noise makes others, of a size that its deviations tell."""
+    generator, found = np.random.default_rng(1), []
+    for _ in range(40):
+        shape, states = (generator.standard_normal((*size, 2)) @ [1.0, 1j] for size in ((6, 1, 3), (1, 3, 1)))
+        lines = shape * states + 0.3 * generator.standard_normal((6, 3, 3, 2)) @ [1.0, 1j]
+        model = PeriodicModel(
+            exponents=[-0.1 + 5j, -0.1 - 5j],
+            coefficients=[lines, lines.conj()[..., ::-1]],
+            coefficient_std=np.full((2, 6, 3, 3), 0.3 + 0.3j),
+            harmonics=[-1, 0, 1],
+            period=1.0,
+            channels=list("abcdef"),
+        )
+        found.append(model.shape(0).agreement)
+    assert np.median(found) > 0.95
+
+
 @pytest.mark.first(1)
 @pytest.mark.parametrize("name", ["pairs", "locked", "blade"])
 def test_deviations_are_those_of_brute_force(oracle, name):

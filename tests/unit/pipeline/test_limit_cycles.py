@@ -154,11 +154,10 @@ def test_harmonics_of_the_mains_say_nothing_against_a_period_given():
     assert max(nearest(analysis.model, -0.02 + 2.0j)) < 5.0
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_lock_near_its_edge_is_no_orbit(seed):
-    """A real multiplier next to -1 was taken for a steady orbit of two periods, and left out of the modes."""
-    generator, clock = np.random.default_rng(seed), floquid.ConstantPeriod(period=1.0)
-    times, rates = np.arange(40 * 24) / 24.0, [0.008 + 1j * np.pi, -0.055 + 1j * np.pi, -0.02 + 1.1j, -0.015 + 2.2j]
+def locked(seed, growth=0.008, period=1.0):
+    """Two hits of two pairs and two real multipliers next to -1, and a clock of a stated period."""
+    generator, clock = np.random.default_rng(seed), floquid.ConstantPeriod(period=period)
+    times, rates = np.arange(40 * 24) / 24.0, [growth + 1j * np.pi, -0.055 + 1j * np.pi, -0.02 + 1.1j, -0.015 + 2.2j]
     found = []
     for _ in range(2):
         values = np.zeros((3, len(times)))
@@ -168,8 +167,24 @@ def test_a_lock_near_its_edge_is_no_orbit(seed):
             values += 2.0 * (generator.standard_normal() * state * np.outer(shape, np.exp(rate * times))).real
         values += 0.01 * np.abs(values).max() * generator.standard_normal(values.shape)
         found.append(Record(values=values, sample_rate=24.0, channels=["x", "y", "z"], clock=clock))
-    model = floquid.identify(found).model
+    return found
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_lock_near_its_edge_is_no_orbit(seed):
+    """A real multiplier next to -1 was taken for a steady orbit of two periods, and left out of the modes."""
+    model = floquid.identify(locked(seed)).model
     real = np.flatnonzero(model.real)
     assert (model.order, len(real)) == (6, 2)
     off = np.sort(model.exponents[real].real)[::-1] - [0.008, -0.055]
     assert np.abs(off / np.sort(model.exponent_std[real].real)).max() < 3.0
+
+
+@pytest.mark.parametrize("growth", [0.008, 0.012])
+def test_modes_that_the_fit_holds_are_told(growth):
+    """At a period a thousandth off, exponents of the lock are not determined: it is in the fit, and in no model."""
+    found = floquid.identify(locked(1, growth, period=1.001))
+    assert found.model.order == 4
+    assert not found.passed
+    (held,) = (finding for finding in found.findings if finding.code == "undetermined")
+    assert held.numbers["frequencies"] == pytest.approx([0.5, 0.5], abs=0.01)

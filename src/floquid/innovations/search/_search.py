@@ -238,7 +238,7 @@ def _with(
     for start in starts:
         trial = rebuilt(samples, now, start)
         if trial is not None and trial.log_likelihood > now.log_likelihood:
-            trial = solve(samples, trial, rough=True, steps=FEW_STEPS // ROUNDS)
+            trial = solve(samples, trial, rough=True, steps=FEW_STEPS // 3)
             # A fit creeps while modes make up for each other: those that noise explains go before it ends.
             brief = [mode for mode in trial.modes if -mode.exponent.real * 2.0 * np.pi > GONE * samples.fundamental]
             less = without(samples, trial, brief, limits)

@@ -159,7 +159,7 @@ def merges(point: Point, span: int) -> Iterator[Move]:
     if len(free) < 2:  # a pair
         return
     covariance = scaled_inverse(point.solution.information, ROUNDING)
-    place, resolved = _places(entries), 2.0 * np.pi / max(block.last for block in point.blocks)
+    place, resolved = _places(entries), 2.0 * np.pi / max(point.period, *(block.last for block in point.blocks))
     for first, second in combinations(free.tolist(), 2):
         if entries.real[first] != entries.real[second] or entries.offsets[first] != entries.offsets[second]:
             continue
