@@ -1,5 +1,6 @@
 """Records to type commands about, and a folder that holds an earlier result."""
 
+import copy
 import functools
 import io
 import itertools
@@ -11,6 +12,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from cyclopts import App
+from cyclopts.argument import ArgumentCollection
 
 from floquid.cli._app import COMMANDS
 from floquid.systems import JeffcottRotor
@@ -112,6 +115,35 @@ def nothing_is_identified_twice(monkeypatch):
     ):
         for name in names:
             monkeypatch.setattr(module, name, remembered(name, getattr(module, name)))
+
+
+ASSEMBLED = {}
+"""The arguments of a command, by its function and what is asked of them."""
+
+
+def unused(arguments):
+    """Copy arguments that hold no words yet."""
+    copies = {id(own): copy.copy(own) for own in arguments}
+    for own in copies.values():
+        own.tokens = []
+        own.children = ArgumentCollection(copies[id(child)] for child in own.children)
+    return ArgumentCollection(copies.values())
+
+
+@pytest.fixture(autouse=True, scope="session")
+def no_command_is_assembled_twice():
+    """To read the options off the annotations takes most of the time of a command that is refused."""
+    real = App.assemble_argument_collection
+
+    def assembled(app, **asked):
+        key = app.default_command, *asked.items()
+        if key not in ASSEMBLED:
+            ASSEMBLED[key] = real(app, **asked)
+        return unused(ASSEMBLED[key])
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(App, "assemble_argument_collection", assembled)
+        yield
 
 
 @functools.cache
