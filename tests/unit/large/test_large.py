@@ -109,7 +109,7 @@ def test_a_search_without_time_goes_on_with_what_it_has_and_fails(tmp_path):
     values, blow = record.values.copy(), 450 * PHASES
     values[:, blow:] += decay(noise=0.0, seed=5).values[:, :-blow]
     assert fq.identify_large(lazy(record), tmp_path / "r.h5").failed is False
-    found = fq.identify_large(lazy(record, array=values), tmp_path / "r.h5", seconds=1.0)
+    found = fq.identify_large(lazy(record, array=values), tmp_path / "r.h5", seconds=0.3)
     assert found.failed
     assert len(found.exponents) > 0
     assert "second blow" in found.reasons[0]

@@ -65,7 +65,7 @@ def with_tachometer(whole):
 
 
 @functools.cache
-def analysis(name="lifted"):
+def analysis(name):
     """An identification by each of the ways that records are fitted."""
     options = {"states": ["X", "Y"], "system_times": 5, "validate": False}
     if name == "two hits":
@@ -96,7 +96,7 @@ def analysis(name="lifted"):
 
 
 @functools.cache
-def found(name="lifted", **options):
+def found(name, **options):
     return bootstrap(analysis(name), draws=DRAWS, seed=5, workers=1, **options)
 
 
@@ -153,7 +153,7 @@ def test_coloured_noise_is_there_from_the_first_sample_on():
 
 
 def test_modes_are_paired_whatever_their_order_and_branch():
-    model = dataclasses.replace(analysis().model, estimates=None, unselected=None)
+    model = dataclasses.replace(analysis("lifted").model, estimates=None, unselected=None)
     order, by = [2, 0, 3, 1], np.array([1, 0, -1, 0])
     wide = np.arange(-4, 5)
     coefficients = np.zeros((4, *model.coefficients.shape[1:3], 9), complex)
@@ -236,7 +236,7 @@ def test_a_t_with_a_structure_has_deviations_that_hold(name):
 @pytest.mark.slow
 def test_the_free_a_t_is_the_same_to_first_order_but_for_the_harmonics_left_out():
     """Its deviations are an upper bound: noise alone does a quarter of them here, and they are said to be one."""
-    checked = found()
+    checked = found("lifted")
     assert checked.system.bound
     assert checked.transition.bound
     assert len(checked.system.ratios()) == 5 * 8
@@ -274,7 +274,7 @@ def test_deviations_of_a_t_said_too_large_are_a_fault_only_with_a_structure(name
 def test_the_harmonics_of_a_t_and_the_delay_are_held():
     """A fifth of the draws would choose others for the free A(t), and each draw another delay."""
     for name, settings in (("lifted", {}), ("delayed", {"states": ["X"], "form": "delayed"})):
-        whole = analysis() if name == "lifted" else identify(record(), validate=False, system_times=5, **settings)
+        whole = analysis("lifted") if name == "lifted" else identify(record(), validate=False, system_times=5, **settings)
         plan = plan_of(whole, False)
         state = reconstruct(whole.model, plan.settings.states, form=plan.settings.form, times=5)
         own = dataclasses.replace(plan.built, estimates=None)
@@ -288,7 +288,7 @@ def test_the_harmonics_of_a_t_and_the_delay_are_held():
 
 
 def test_states_that_come_out_otherwise_are_a_failure():
-    plan = dataclasses.replace(plan_of(analysis(), False), states=("X", "Y", "d/dt X", "d/dt Z"))
+    plan = dataclasses.replace(plan_of(analysis("lifted"), False), states=("X", "Y", "d/dt X", "d/dt Z"))
     failure = drawn_once(plan, SeedSequence(0)).failure
     assert failure == "The states of A(t) came out as X, Y, d/dt X, d/dt Y, and not as X, Y, d/dt X, d/dt Z."
 
@@ -312,28 +312,28 @@ def test_the_bootstrap_of_a_loaded_result_with_a_structure(tmp_path):
 @pytest.mark.first(1)
 @pytest.mark.parametrize(("factor", "word"), [(4.0, "0.2"), (0.25, "4")])
 def test_wrong_deviations_are_found(factor, word):
-    model = analysis().model
+    model = analysis("lifted").model
     wrong = dataclasses.replace(model, covariance=model.covariance * factor**2)
-    checked = bootstrap(dataclasses.replace(analysis(), model=wrong), draws=20, seed=5, workers=1)
+    checked = bootstrap(dataclasses.replace(analysis("lifted"), model=wrong), draws=20, seed=5, workers=1)
     assert checked.holds is False
     assert set(checked.doubtful) == {"exponents", "multipliers", "frequencies_hz", "damping_ratios"}
     assert "are wrong for exponents (4 of 4 elements" in checked.reasons[0]
     assert "They hold for Fourier coefficients, A(t), Φ(t, t0)." in checked.reasons[0]
-    right = dataclasses.replace(found().exponents, draws=found().exponents.draws[:20])
+    right = dataclasses.replace(found("lifted").exponents, draws=found("lifted").exponents.draws[:20])
     assert_allclose(checked.exponents.ratio.real, right.ratio.real / factor, rtol=1e-9)
     assert word in checked.reasons[0]
 
 
 @pytest.mark.slow
 def test_coefficients_said_too_small_are_found_alone():
-    model = analysis().model
+    model = analysis("lifted").model
     wrong = dataclasses.replace(model, coefficient_std=0.3 * model.coefficient_std)
-    checked = bootstrap(dataclasses.replace(analysis(), model=wrong), draws=DRAWS, seed=5, workers=1)
+    checked = bootstrap(dataclasses.replace(analysis("lifted"), model=wrong), draws=DRAWS, seed=5, workers=1)
     assert list(checked.doubtful) == ["coefficients"]
 
 
 def test_a_bias_is_named():
-    checked = found()
+    checked = found("lifted")
     moved = dataclasses.replace(
         checked.damping_ratios, draws=checked.damping_ratios.draws + 2.0 * checked.damping_ratios.std
     )
@@ -348,15 +348,15 @@ def test_without_asymptotic_deviations_the_draws_are_all_there_is():
     assert checked.exponents.ratio is None
     assert "no asymptotic deviations" in checked.reasons[0]
     # ERA is near the bound here, and cannot be below it but by chance.
-    assert_allclose(checked.exponents.std.real, analysis().model.exponent_std.real, rtol=0.8)
+    assert_allclose(checked.exponents.std.real, analysis("lifted").model.exponent_std.real, rtol=0.8)
 
 
 @pytest.mark.slow
 def test_the_bootstrap_of_a_loaded_result(tmp_path):
-    floquid.save(analysis(), tmp_path / "result.h5")
+    floquid.save(analysis("lifted"), tmp_path / "result.h5")
     checked = bootstrap(floquid.load(tmp_path / "result.h5"), draws=DRAWS, seed=5, workers=1)
     assert checked.holds
-    assert_allclose(checked.exponents.std.real, found().exponents.std.real, rtol=0.05)
+    assert_allclose(checked.exponents.std.real, found("lifted").exponents.std.real, rtol=0.05)
 
 
 # The numbers of one quantity.
@@ -425,7 +425,7 @@ def test_of_a_bound_the_distance_from_the_estimate_counts_and_only_upwards():
 @pytest.mark.parametrize("level", [0.0, 1.0, -1.0, 2.0])
 def test_a_level_that_is_none_is_refused(level):
     with pytest.raises(InputError, match=r"`level` of `Spread.interval` must lie between 0 and 1"):
-        found().exponents.interval(level)
+        found("lifted").exponents.interval(level)
 
 
 # Workers.
@@ -434,8 +434,8 @@ def test_a_level_that_is_none_is_refused(level):
 @pytest.mark.slow
 def test_the_numbers_do_not_depend_on_the_workers():
     told = []
-    one = bootstrap(analysis(), draws=20, seed=7, workers=1, report=told.append)
-    two = bootstrap(analysis(), draws=20, seed=7, workers=2, progress=True)
+    one = bootstrap(analysis("lifted"), draws=20, seed=7, workers=1, report=told.append)
+    two = bootstrap(analysis("lifted"), draws=20, seed=7, workers=2, progress=True)
     for left, right in zip(one.quantities, two.quantities, strict=True):
         assert_array_equal(left.draws, right.draws)
     assert told == [f"drawing: {n} of 20" for n in range(21)]
@@ -443,8 +443,8 @@ def test_the_numbers_do_not_depend_on_the_workers():
 
 @pytest.mark.slow
 def test_more_draws_begin_with_the_same_and_another_seed_is_another():
-    short, other = (bootstrap(analysis(), draws=20, seed=seed, workers=1) for seed in (5, 6))
-    assert_array_equal(short.exponents.draws, found().exponents.draws[:20])
+    short, other = (bootstrap(analysis("lifted"), draws=20, seed=seed, workers=1) for seed in (5, 6))
+    assert_array_equal(short.exponents.draws, found("lifted").exponents.draws[:20])
     assert np.abs(short.exponents.draws - other.exponents.draws).min() > 0.0
 
 
@@ -508,7 +508,7 @@ def louder(found, factor):
 
 @pytest.mark.slow
 def test_draws_that_fail_are_counted_and_said():
-    loud = louder(analysis(), 300.0)
+    loud = louder(analysis("lifted"), 300.0)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of numbers that run away
         checked = bootstrap(loud, draws=40, seed=5, workers=1)
@@ -527,7 +527,7 @@ def test_when_none_succeeds_that_is_an_error(monkeypatch):
 
     monkeypatch.setattr(draws_of, "refit", refuse)
     with pytest.raises(IdentificationError, match=r"Of 20 records drawn from the model, 0 gave .* No such thing\."):
-        bootstrap(analysis(), draws=20, workers=1)
+        bootstrap(analysis("lifted"), draws=20, workers=1)
 
 
 def test_a_mistake_of_ours_is_no_failed_draw(monkeypatch):
@@ -536,7 +536,7 @@ def test_a_mistake_of_ours_is_no_failed_draw(monkeypatch):
 
     monkeypatch.setattr(draws_of, "refit", wrong)
     with pytest.raises(TypeError, match="a mistake"):
-        bootstrap(analysis(), draws=20, workers=1)
+        bootstrap(analysis("lifted"), draws=20, workers=1)
 
 
 @pytest.mark.slow
@@ -603,7 +603,7 @@ def test_orders_that_come_out_otherwise_are_counted():
 )
 def test_bad_arguments(options, message):
     with pytest.raises(InputError, match=message):
-        bootstrap(analysis(), **options)
+        bootstrap(analysis("lifted"), **options)
 
 
 def test_what_is_no_analysis_is_refused():

@@ -108,7 +108,7 @@ def test_shafts_of_several_records_are_kept():
 
 def test_the_revolution_of_the_tachometer_counts():
     """The record's own clock has two periods a revolution, and no option says so."""
-    analysis = found()
+    analysis = found(samples=20.1)
     assert analysis.settings.periods_per_revolution == 2.0
     assert analysis.model.point["speed_rpm"] == pytest.approx(30.0 / np.pi * ROTOR.speed, rel=1e-5)
     assert 1 in analysis.forced.harmonics
@@ -116,7 +116,7 @@ def test_the_revolution_of_the_tachometer_counts():
 
 @pytest.mark.slow
 def test_such_a_result_is_loaded_and_drawn_from(tmp_path):
-    analysis = found()
+    analysis = found(samples=20.1)
     save(analysis, tmp_path / "result.h5")
     back = load(tmp_path / "result.h5")
     assert back.clocks == analysis.clocks
@@ -168,7 +168,7 @@ def test_a_period_that_pulses_speak_against_is_refused(monkeypatch):
     off = 1.0 + 4.0 / prepared.responses[0].n_samples
     monkeypatch.setattr(chain, "steady_period", lambda _, clocks, *__, **___: clocks[0].period * off)
     assert chain.with_steady_period(prepared, lambda _: None) is prepared
-    fit = found().fit
+    fit = found(samples=20.1).fit
     assert wrong_period_fitted(fit, None, prepared) is None
     model = replace(fit.model, period=fit.model.period * off, estimates=None, unselected=None)
     wrong = wrong_period_fitted(replace(fit, model=model), None, prepared)
@@ -178,7 +178,7 @@ def test_a_period_that_pulses_speak_against_is_refused(monkeypatch):
 
 
 def test_draws_of_the_modes_alone_hold_a_period_that_the_steady_response_told():
-    analysis = found()
+    analysis = found(samples=20.1)
     for whole in (False, True):
         plan = redrawn(analysis, whole=whole)
         assert plan.plan.free_period == whole

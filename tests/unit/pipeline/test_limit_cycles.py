@@ -150,7 +150,8 @@ def test_harmonics_of_the_mains_say_nothing_against_a_period_given():
     mode = np.exp(-0.02 * times) * np.cos(2.0 * times) * (1.0 + 0.4 * np.cos(2.0 * np.pi * times))
     hum = 0.05 * sum(np.cos(2.0 * np.pi * 1.37 * m * times + m) / m for m in (1, 3, 5))
     values = np.array([mode + hum, 0.7 * mode - hum]) + 0.005 * generator.standard_normal((2, len(times)))
-    analysis = floquid.identify(Record(values=values, sample_rate=25.0, channels=["a", "b"]), period=1.0)
+    record = Record(values=values, sample_rate=25.0, channels=["a", "b"])
+    analysis = floquid.identify(record, period=1.0, validate=False)
     assert max(nearest(analysis.model, -0.02 + 2.0j)) < 5.0
 
 
@@ -170,16 +171,18 @@ def locked(seed, growth=0.008, period=1.0):
     return found
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_lock_near_its_edge_is_no_orbit(seed):
     """A real multiplier next to -1 was taken for a steady orbit of two periods, and left out of the modes."""
-    model = floquid.identify(locked(seed)).model
+    model = floquid.identify(locked(seed), validate=False).model
     real = np.flatnonzero(model.real)
     assert (model.order, len(real)) == (6, 2)
     off = np.sort(model.exponents[real].real)[::-1] - [0.008, -0.055]
     assert np.abs(off / np.sort(model.exponent_std[real].real)).max() < 3.0
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("growth", [0.008, 0.012])
 def test_modes_that_the_fit_holds_are_told(growth):
     """At a period a thousandth off, exponents of the lock are not determined: it is in the fit, and in no model."""

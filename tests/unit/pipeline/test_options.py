@@ -52,7 +52,7 @@ def test_first_periods_are_left_out_and_the_orbit_is_taken_off(kind):
 
 
 def test_a_period_that_is_trusted_is_a_warning():
-    record = of("inputs")
+    record = of("inputs", 40)
     wrong = record.with_clock(ConstantPeriod(period=1.0005 * SYSTEM.period))
     found = identify(wrong, inputs=["F"], validate=False)
     told = {own.code: own.severity for own in found.findings if own.code == "wrong_period"}
