@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -15,7 +16,7 @@ TURNED = 1e-6  # fall of the costs of all pairs below which phase zero stays: sh
 ALIKE = 0.8  # share of the best similarity above which a branch may be chosen for its frequency
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Seen:
     """One object of a point: what is followed from point to point.
 
@@ -47,6 +48,16 @@ class Seen:
     fundamental: float
     weak: bool = False
     agreement: float = 1.0
+
+    @cached_property
+    def basis(self) -> Complexes:
+        """Orthonormal rows that span its shapes (modes, numbers)."""
+        return basis_of(flat(self.shapes))
+
+    @cached_property
+    def branches(self) -> Complexes:
+        """Orthonormal rows that span its shapes on each branch (branches, modes, numbers)."""
+        return basis_of(flat(_branches(self)))
 
     @property
     def exponent(self) -> complex:
@@ -114,22 +125,17 @@ def moved(shapes: Complexes, shift: int) -> Complexes:
 
 
 def similarity(a: Complexes, b: Complexes) -> Floats:
-    r"""Squared cosine between the spans of shapes (…, modes, numbers): of two modes their MAC.
+    r"""Squared cosine between the spans of bases (…, modes, numbers): of two modes their MAC.
 
     .. math:: \|Q_a^H Q_b\|_F^2 / \min(n_a, n_b)
 
     with Q orthonormal bases: of a pair and a couple the norm of the pair's projection onto the couple's span.
     """
-    return _overlap(_basis(a), _basis(b))
-
-
-def _overlap(a: Complexes, b: Complexes) -> Floats:
-    """The squared cosine between the spans of bases (…, modes, numbers)."""
     overlap = np.abs(a.conj() @ np.swapaxes(b, -1, -2)) ** 2
     return overlap.sum(axis=(-2, -1)) / min(a.shape[-2], b.shape[-2])
 
 
-def _basis(shapes: Complexes) -> Complexes:
+def basis_of(shapes: Complexes) -> Complexes:
     """Orthonormal rows that span the shapes (…, modes, numbers)."""
     if shapes.shape[-2] > 1:
         return np.swapaxes(np.linalg.qr(np.swapaxes(shapes, -1, -2))[0], -1, -2)
@@ -146,8 +152,7 @@ def similarities(known: Seen, new: Seen) -> Floats:
 
 def similarities_of_all(known: Sequence[Seen], new: Seen) -> Floats:
     """Similarity of each of the `known`, on its branch, to each branch of `new` (known, branches)."""
-    bases = _basis(flat(_branches(new)))
-    return np.array([_overlap(_basis(flat(one.shapes)[None]), bases) for one in known])
+    return np.array([similarity(one.basis, new.branches) for one in known])
 
 
 def _branches(thing: Seen) -> Complexes:
@@ -210,9 +215,8 @@ def _products(known: Seen, new: Seen) -> Complexes:
 
     (branches, modes, new modes, harmonics), over the root of the modes of the smaller one.
     """
-    own, others = known.shapes, _branches(new)
-    own = _basis(flat(own)).reshape(own.shape)
-    others = _basis(flat(others)).reshape(others.shape)
+    own = known.basis.reshape(known.shapes.shape)
+    others = new.branches.reshape(len(BRANCHES), *new.shapes.shape)
     return np.einsum("acm,kbcm->kabm", own.conj(), others) / np.sqrt(min(len(own), others.shape[1]))
 
 

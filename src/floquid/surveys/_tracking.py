@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -12,6 +13,7 @@ from floquid._arrays import Complexes, Floats, Indices
 from floquid.surveys._objects import (
     BRANCHES,
     Seen,
+    basis_of,
     branch_of,
     flat,
     moved,
@@ -42,7 +44,7 @@ Drawn: TypeAlias = tuple[Complexes, Complexes]
 """Exponents (draws, modes) and shapes (draws, modes, channels, harmonics)."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Held:
     """An object of a path and draws of it, on the path's branch, and the branch itself."""
 
@@ -50,6 +52,11 @@ class Held:
     drawn: Drawn
     shift: int = 0
     mirrored: bool = False
+
+    @cached_property
+    def bases(self) -> Complexes:
+        """Orthonormal rows that span the shapes of each draw (draws, modes, numbers)."""
+        return basis_of(flat(self.drawn[1]))
 
 
 @dataclass(slots=True)
@@ -169,7 +176,7 @@ def _stays(
         step = path.predicted(x, point) - last.own.exponent
         for column, (match, thing) in enumerate(zip(matches[row], objects, strict=True)):
             lam, shapes = _on(drawn[column], thing, match)
-            mac = similarity(flat(path.objects[match.like].drawn[1]), flat(shapes))
+            mac = similarity(path.objects[match.like].bases, basis_of(flat(shapes)))
             away = np.abs(lam.mean(axis=1) - last.drawn[0].mean(axis=1) - step) ** 2
             limit = (NEAR * thing.fundamental) ** 2
             costs[:, row, column] = 1.0 - mac + np.minimum(1.0, away / limit) + LEFT_OUT * waits[row]
