@@ -18,34 +18,39 @@ SLOW_TO_LOAD = [
 ]
 
 
+TEXTS = {str(path.relative_to(ROOT)): path.read_text(encoding="utf-8") for path in ROOT.rglob("*.py")}
+
+
 @pytest.fixture(scope="module")
-def trees():
-    return {str(path.relative_to(ROOT)): ast.parse(path.read_text(encoding="utf-8")) for path in ROOT.rglob("*.py")}
+def nodes():
+    """Calls and imports of each module."""
+    kinds = ast.Call, ast.ImportFrom
+    return {name: [n for n in ast.walk(ast.parse(text)) if isinstance(n, kinds)] for name, text in TEXTS.items()}
 
 
-def test_under_400_lines(trees):
-    assert trees
-    assert not [name for name in trees if len((ROOT / name).read_text(encoding="utf-8").splitlines()) >= 400]
+def test_under_400_lines():
+    assert TEXTS
+    assert not [name for name, text in TEXTS.items() if len(text.splitlines()) >= 400]
 
 
-def test_only_the_command_line_prints(trees):
+def test_only_the_command_line_prints(nodes):
     calls = [
         (f"{name}:{node.lineno}", node.func)
-        for name, tree in trees.items()
+        for name, found in nodes.items()
         if "cli" not in Path(name).parts
-        for node in ast.walk(tree)
+        for node in found
         if isinstance(node, ast.Call)
     ]
     assert calls
     assert not [place for place, called in calls if isinstance(called, ast.Name) and called.id == "print"]
 
 
-def test_no_room_imports_what_is_private_to_another(trees):
+def test_no_room_imports_what_is_private_to_another(nodes):
     """`floquid.a._b` is for modules in `floquid/a` alone, in its sub-rooms too; others import from `floquid.a`."""
     wrong, looked_at = [], 0
-    for name, tree in trees.items():
+    for name, found in nodes.items():
         own = Path(name).parts[:-1]
-        modules = [node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
+        modules = [node.module or "" for node in found if isinstance(node, ast.ImportFrom)]
         for words in (module.split(".")[1:] for module in modules if module.startswith("floquid.")):
             looked_at += 1
             private = [at for at, word in enumerate(words) if at and word.startswith("_")]

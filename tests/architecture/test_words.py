@@ -21,8 +21,11 @@ PUZZLING = re.compile(
 
 def first_lines(text):
     """First lines of all docstrings of a module, those of constants and fields among them."""
-    for node in ast.walk(ast.parse(text)):
-        for child in getattr(node, "body", None) or [] if not isinstance(node, (ast.Lambda, ast.IfExp)) else []:
+    blocks = [ast.parse(text)]
+    for block in blocks:  # which grows by the statements inside: no other node has a docstring
+        inside = [own for part in ("body", "orelse", "finalbody", "handlers", "cases") for own in getattr(block, part, [])]
+        blocks += [own for own in inside if not isinstance(own, ast.Expr)]
+        for child in getattr(block, "body", []):
             value = child.value if isinstance(child, ast.Expr) else None
             if isinstance(value, ast.Constant) and isinstance(value.value, str) and value.value.strip():
                 yield value.value.strip().splitlines()[0]

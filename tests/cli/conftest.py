@@ -98,7 +98,8 @@ def nothing_is_identified_twice(monkeypatch):
 
     The stages of an identification are told that once alone: tests of them run a process of their own.
     """
-    from floquid.cli import _identify, _transfer
+    from floquid.cli import _demo, _identify, _survey_points, _transfer
+    from floquid.fleets import _fleet
 
     def remembered(name, real):
         def found(given, *options, report=None, **named):
@@ -112,6 +113,9 @@ def nothing_is_identified_twice(monkeypatch):
     for module, names in (
         (_identify, ["identify_records"]),
         (_transfer, ["identify_records", "fit_transfer"]),
+        (_demo, ["identify_records"]),
+        (_survey_points, ["identify"]),
+        (_fleet, ["identify"]),
     ):
         for name in names:
             monkeypatch.setattr(module, name, remembered(name, getattr(module, name)))

@@ -67,7 +67,15 @@ SETS = {
     "negative": (-0.9,),
     "mixed": (np.exp(-0.02 + 1.0j), 0.95, -0.9),
 }
-EVERY_SET = pytest.mark.parametrize("multipliers", SETS.values(), ids=SETS)
+EVERY_SET = pytest.mark.parametrize(
+    ("identifier", "multipliers"),
+    [
+        pytest.param(own, own_set, id=f"{name}-{kind}", marks=[pytest.mark.slow] * (name in TWICE or long))
+        for name, own in TABLE.items()
+        for kind, own_set in SETS.items()
+        for long in [(name, kind) == ("AMI", "mixed")]  # more than all others together, of kinds that it meets alone
+    ],
+)
 
 
 def decays(multipliers, *, outputs=5, inputs=2, samples=80, seed=0):
@@ -134,7 +142,6 @@ def test_it_is_a_final_frozen_object_with_its_options_as_fields(identifier):
     assert not hasattr(identifier, "__dict__")
 
 
-@EVERY
 @EVERY_SET
 def test_exact_decays_are_recovered(identifier, multipliers):
     full, _, found = exact(identifier, multipliers)
@@ -144,7 +151,6 @@ def test_exact_decays_are_recovered(identifier, multipliers):
     assert farthest(found.multipliers, full) < 1e-10
 
 
-@EVERY
 @EVERY_SET
 def test_the_model_gives_the_data_back(identifier, multipliers):
     _, data, found = exact(identifier, multipliers)
@@ -154,7 +160,6 @@ def test_the_model_gives_the_data_back(identifier, multipliers):
     assert_allclose(back.real, data.values, atol=1e-9)
 
 
-@EVERY
 @EVERY_SET
 def test_conjugates_are_neighbours_and_have_conjugate_residues(identifier, multipliers):
     _, _, found = exact(identifier, multipliers)
@@ -269,7 +274,7 @@ def test_the_order_of_the_responses_does_not_matter(identifier):
 
 
 @EVERY
-@pytest.mark.parametrize("lengths", [(80, 80), (80, 37), (20, 80)])
+@pytest.mark.parametrize("lengths", [pytest.param((80, 80), marks=pytest.mark.slow), (80, 37), (20, 80)])
 def test_samples_beyond_an_inputs_length_are_not_looked_at(identifier, lengths):
     full, _, data = decays(SETS["two pairs"])
     values = np.array(data.values)

@@ -73,7 +73,7 @@ def test_the_instant_at_which_a_record_begins_does_not_matter(speed, turn):
     assert (later.points[0].turn - plain.points[0].turn) % 1.0 == pytest.approx(turn, abs=1e-5)
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [OUTSIDE, LOCKED])
 def test_chi_square_is_that_of_the_deviations(speed):
     """With the true model, and with each other: p is uniform."""

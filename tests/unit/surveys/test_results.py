@@ -31,8 +31,13 @@ def found():
     return fq.survey([*points, Point(values={"speed_rpm": 300.0}, files=("bad.npz",), reason="It is too short.")])
 
 
-def test_every_field_comes_back(found, tmp_path):
-    found = fq.survey(found.points, pairs=["a:b"])
+@pytest.fixture(scope="module")
+def whirling(found):
+    return fq.survey(found.points, pairs=["a:b"])
+
+
+def test_every_field_comes_back(whirling, tmp_path):
+    found = whirling
     fq.save(found, tmp_path / "survey.h5")
     back = fq.load(tmp_path / "survey.h5")
     assert (back.over, back.edges, back.unlinked) == (found.over, found.edges, found.unlinked)
@@ -56,9 +61,9 @@ def test_a_survey_of_its_own_points_is_the_same(found):
     assert fq.survey(found.points).edges == found.edges
 
 
-def test_whirl_is_read_at_each_point(found):
+def test_whirl_is_read_at_each_point(found, whirling):
     """Channels a and b have shapes of random phases: what they whirl like is that of the shape of the mode."""
-    again = fq.survey(found.points, pairs=["a:b"])
+    again = whirling
     for track in again.tracks:
         for whirl, point, (mode, _) in zip(track.whirl, track.points, track.modes, strict=True):
             x, y = again.points[point].model.shape(mode).values[:2]
@@ -72,9 +77,9 @@ def test_whirl_is_read_at_each_point(found):
     assert not any((track.sense != 0).any() for track in found.tracks)
 
 
-def test_orbits_go_round_as_their_lines_whirl(found):
+def test_orbits_go_round_as_their_lines_whirl(whirling):
     """By the area that each encloses, and the energy of both directions."""
-    again = fq.survey(found.points, pairs=["a:b"])
+    again = whirling
     kinds = set()
     for point, place in ((3, again.points[3]), (5, again.points[5])):
         model = place.model
