@@ -38,18 +38,31 @@ class Driven:
     def response(self, inputs, phases, start=None):
         """The response (outputs, samples) to inputs that are held (inputs, samples)."""
         maps, step, samples = self.maps(phases), self.period / phases, inputs.shape[1]
-        seen = [self.C(phase * step) for phase in range(phases)]
-        forced, values = np.empty((samples, len(self.A(0.0)))), np.empty((samples, len(seen[0])))
-        for phase, (_, forcing) in enumerate(maps):
-            forced[phase::phases] = (forcing @ inputs[:, phase::phases]).T
-        states = np.empty((samples + 1, forced.shape[1]))
-        states[0] = 0.0 if start is None else start
-        for number in range(samples):
-            np.matmul(maps[number % phases][0], states[number], out=states[number + 1])
-            states[number + 1] += forced[number]
-        for phase, own in enumerate(seen):
-            values[phase::phases] = states[:-1][phase::phases] @ own.T
-        return values.T + self.D * inputs.sum(axis=0)
+        periods, states = -(-samples // phases), len(self.A(0.0))
+        played = np.zeros((len(inputs), periods * phases))
+        played[:, :samples] = inputs
+
+        def through(own):
+            """States from those at the beginnings of all periods on, a phase after the other."""
+            for phase, (transition, forcing) in enumerate(maps):
+                yield own
+                own = transition @ own + forcing @ played[:, phase::phases]
+            yield own
+
+        (*_, forced), whole = through(np.zeros((states, periods))), self.transition(phases)
+        begins = np.zeros((states, periods + 1))
+        begins[:, 0] = 0.0 if start is None else start
+        for number in range(periods):
+            begins[:, number + 1] = whole @ begins[:, number] + forced[:, number]
+        seen = [self.C(phase * step) @ own for phase, own in zip(range(phases), through(begins[:, :-1]), strict=False)]
+        return np.stack(seen, axis=2).reshape(len(seen[0]), -1)[:, :samples] + self.D * inputs.sum(axis=0)
+
+    def transition(self, phases):
+        """From the state at the beginning of a period to that at its end."""
+        whole = np.eye(len(self.A(0.0)))
+        for transition, _ in self.maps(phases):
+            whole = transition @ whole
+        return whole
 
     def sampled_transfer(self, hertz, harmonics, phases):
         """G of samples, inputs held: steady responses by one linear system over the phases of a period."""
@@ -70,10 +83,7 @@ class Driven:
 
     def exponents(self, phases=40):
         """The exponents (modes,), on the principal branch."""
-        whole = np.eye(len(self.A(0.0)))
-        for transition, _ in self.maps(phases):
-            whole = transition @ whole
-        return np.log(np.linalg.eigvals(whole).astype(complex)) / self.period
+        return np.log(np.linalg.eigvals(self.transition(phases)).astype(complex)) / self.period
 
     def transfer(self, hertz, harmonics, order=16, points=128):
         """G (harmonics, outputs, inputs, frequencies) by the harmonic state space: Toeplitz matrices, one inverse."""

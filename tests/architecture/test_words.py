@@ -23,8 +23,8 @@ def first_lines(text):
     """First lines of all docstrings of a module, those of constants and fields among them."""
     blocks = [ast.parse(text)]
     for block in blocks:  # which grows by the statements inside: no other node has a docstring
-        inside = [own for part in ("body", "orelse", "finalbody", "handlers", "cases") for own in getattr(block, part, [])]
-        blocks += [own for own in inside if not isinstance(own, ast.Expr)]
+        for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+            blocks += [own for own in getattr(block, part, []) if not isinstance(own, ast.Expr)]
         for child in getattr(block, "body", []):
             value = child.value if isinstance(child, ast.Expr) else None
             if isinstance(value, ast.Constant) and isinstance(value.value, str) and value.value.strip():

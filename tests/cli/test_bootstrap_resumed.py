@@ -129,10 +129,9 @@ def test_an_archive_that_unpacks_into_much_is_passed_over(result):
     assert len(log.read()) == 3
 
 
-def test_draws_of_something_else_are_passed_over(result):
+def test_draws_of_something_else_are_passed_over(analysis, result):
     log = DrawFile(path=result / "draws.npz", key="one")
     log.write([Draw(0, failure="x")])
     assert DrawFile(path=log.path, key="other").read() == []
-    analysis = identify(JeffcottRotor().simulate(n_periods=128, samples_per_period=12, noise=0.01), validate=False)
     log.write([Draw(3, np.ones(3, complex), np.ones((3, 1, 1, 1), complex), 1.0)] * 20)
     assert bootstrap(analysis, draws=20, workers=1, kept=log).n_used > 0

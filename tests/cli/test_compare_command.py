@@ -18,7 +18,7 @@ ROTOR = JeffcottRotor(damping=0.02)
 @pytest.fixture(scope="module")
 def found():
     record = ROTOR.simulate(n_periods=40, samples_per_period=8, noise=0.01, seed=1)
-    return fq.identify(record, channels=["X", "Y"], validate=False)
+    return fq.identify(record, channels=["X", "Y"], constrained=False, validate=False)
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ from floquid.store import save
 
 @pytest.fixture(scope="module")
 def analysis():
-    return identify(simulated(), validate=False)
+    return identify(simulated(), constrained=False, validate=False)
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import floquid as fq
 from floquid.systems import JeffcottRotor
 
 parquet = pytest.importorskip("pyarrow.parquet")
-QUICK = "--channels X,Y --order 4 --no-validate --workers 1"
+QUICK = "--channels X,Y --order 4 --no-validate --no-constrained --workers 1"
 SPEEDS = (0.70, 0.71, 0.73, 0.77)
 
 

@@ -17,11 +17,11 @@ from floquid.readers import write
 PERIOD = f"{np.pi:.15g}"
 
 
-@pytest.fixture
-def file(tmp_path):
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
     values, inputs = record_of(mathieu(), 25, 20, 0.02, 0)
     channels = [Channel(name="x", unit="m"), Channel(name="F", unit="N")]
-    path = tmp_path / "shaken.csv"
+    path = tmp_path_factory.mktemp("file") / "shaken.csv"
     write(Record(values=np.concatenate([values, inputs]), sample_rate=20.0 / np.pi, channels=channels), path)
     return path
 

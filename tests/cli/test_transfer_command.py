@@ -194,7 +194,7 @@ def test_modes_whose_decay_lines_do_not_tell_end_with_one(tmp_path, capsys):
         of_equations(mathieu(damping=1e-4), hertz, noise=0.1, harmonics=np.arange(-1, 2)), tmp_path / "g.csv"
     )
     command = ["transfer", "--lines", str(tmp_path / "g.csv"), "--method", "fit", "--period", PERIOD]
-    for more in ([], ["--format", "json"], ["--out", str(tmp_path / "g.html")]):
+    for more in ([], ["--format", "json"]):
         assert run([*command, *more]) == 1
         said = capsys.readouterr()
         assert "The decay is not determined: mode" in said.err
@@ -202,7 +202,15 @@ def test_modes_whose_decay_lines_do_not_tell_end_with_one(tmp_path, capsys):
             found = json.loads(said.out)
             assert "The decay is not determined: mode" in found["warnings"][0]
             assert {"failure"} <= {own["severity"] for own in found["findings"]}
-    assert "The modes explain the lines." not in (tmp_path / "g.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.pages
+def test_the_page_says_that_modes_are_not_determined(tmp_path, capsys):
+    lines, page, hertz = tmp_path / "g.csv", tmp_path / "g.html", np.linspace(0.05, 0.8, 30)
+    export_transfer(of_equations(mathieu(damping=1e-4), hertz, noise=0.1, harmonics=np.arange(-1, 2)), lines)
+    assert run(["transfer", "--lines", str(lines), "--method", "fit", "--period", PERIOD, "--out", str(page)]) == 1
+    assert "The decay is not determined: mode" in capsys.readouterr().err
+    assert "The modes explain the lines." not in page.read_text(encoding="utf-8")
 
 
 def test_lines_of_a_file_are_fitted(tmp_path, capsys):
@@ -214,9 +222,7 @@ def test_lines_of_a_file_are_fitted(tmp_path, capsys):
     assert found["exponents"][0][0] == pytest.approx(-0.5, abs=5 * found["exponents_std"][0][0])
     assert load(tmp_path / "g.h5").model.real.tolist() == [True]
     assert run(["report", str(tmp_path / "g.h5")]) == 0
-    assert run([*command, "--period", PERIOD, "--out", str(tmp_path / "g.html")]) == 0
-    for page in ("report.html", "g.html"):
-        assert "The modes explain the lines." in (tmp_path / page).read_text(encoding="utf-8")
+    assert "The modes explain the lines." in (tmp_path / "report.html").read_text(encoding="utf-8")
     capsys.readouterr()
     for words, said in (
         (command, "The period must be given, but is not, and the lines have none.\n  Pass `--period`"),

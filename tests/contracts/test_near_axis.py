@@ -187,7 +187,7 @@ def test_harmonics_of_a_mode_beside_it_are_compared_as_beside_an_ordinary_pair()
     assert found[0][0] == pytest.approx(found[1][0], rel=1e-6)
 
 
-@pytest.mark.parametrize("correlation", [-0.8, 0.8])
+@pytest.mark.parametrize("correlation", [pytest.param(-0.8, marks=pytest.mark.slow), 0.8])
 @pytest.mark.parametrize("true", [-4.0, -1.0, -0.1, 0.0, 0.1, 1.0, 4.0, 30.0, -30.0])
 def test_readings_hold_the_truth_on_either_side(true, correlation):
     """The square root has no slope at zero: q in units of its own deviation, from one side of the edge to the other."""

@@ -25,7 +25,7 @@ from unittest.mock import patch
 import matplotlib.pyplot as plt
 import pytest
 from markdown_it import MarkdownIt
-from tests.cli.conftest import nothing_is_identified_twice, quick_pictures
+from tests.cli.conftest import no_command_is_assembled_twice, nothing_is_identified_twice, quick_pictures
 
 import floquid
 import floquid.reporting
@@ -33,7 +33,7 @@ from floquid.cli import run
 from floquid.pipeline import _identify
 from floquid.pipeline._identify import CHAINS
 
-__all__ = ["nothing_is_identified_twice", "quick_pictures"]
+__all__ = ["no_command_is_assembled_twice", "nothing_is_identified_twice", "quick_pictures"]
 
 ROOT = Path(__file__).parents[2]
 DOCS = [path for path in sorted((ROOT / "docs").rglob("*.md")) if "_build" not in path.parts]
@@ -83,14 +83,30 @@ INSTEAD = {
         "--periods 200": "--periods 60",
         "--draws 40": "--draws 20 --workers 1",
     },
+    "docs/comparison.md": {"n_periods=60": "n_periods=30"},
     "docs/fleets.md": {"--over load": "--over load --workers 1"},
     "docs/guides/bad-records.md": {"for bad in RECORDS if": "for bad in RECORDS[::4] if"},
-    "docs/guides/tachometer.md": {"n_periods=80": "n_periods=40"},
+    "docs/gallery.md": {"0.98, 17)": "0.98, 9)"},
+    "docs/guides/tachometer.md": {"n_periods=80": "n_periods=40", "--periods 120": "--periods 60"},
     "docs/identifiers.md": {"--periods 200": "--periods 60", "n_periods=400": "n_periods=100"},
-    "docs/monitoring.md": {"n_periods=60": "n_periods=40", "--no-validate": "--no-validate --workers 1"},
-    "docs/records.md": {"n_periods=300": "n_periods=80", "--periods 150": "--periods 60"},
+    "docs/known.md": {
+        "--periods 300": "--periods 60",
+        "for seed in range(2)": "for seed in range(1)",
+        "-2, 10, 37": "-2, 10, 13",
+        "0, 6, 19": "0, 6, 7",
+        "0.6, 1.0, 41": "0.6, 1.0, 21",
+    },
+    "docs/learn/what-is-ltp.md": {"n_periods=300": "n_periods=100"},
+    "docs/monitoring.md": {"n_periods=60": "n_periods=25", "--no-validate": "--no-validate --workers 1"},
+    "docs/paper.md": {"draws=2": "draws=1"},
+    "docs/periodicity.md": {"simulate(noise": "simulate(n_periods=200, noise"},
+    "docs/records.md": {
+        "n_periods=300": "n_periods=80",
+        "n_periods=200": "n_periods=100",
+        "--periods 150": "--periods 60",
+    },
     "docs/sharp_bits.md": {"n_periods=100": "n_periods=50", "n_periods=150": "n_periods=100"},
-    "docs/state_matrix.md": {"--periods 400": "--periods 100"},
+    "docs/state_matrix.md": {"--periods 400": "--periods 100", "simulate(noise": "simulate(n_periods=200, noise"},
     "docs/surveys.md": {
         "run2.npz run3.npz run4.npz run5.npz run6.npz run7.npz": "run2.npz",
         "--out survey": "--out survey --workers 1",
@@ -99,7 +115,11 @@ INSTEAD = {
     "docs/tutorials/converter.md": {"0.02, 40, 60": "0.02, 40, 30"},
     "docs/tutorials/first-record.md": {"--periods 400": "--periods 100"},
     "docs/tutorials/rotor-over-speed.md": {"--out survey": "--out survey --workers 1"},
-    "docs/tutorials/turbine-over-wind.md": {"8 * 315": "8 * 165", "--out survey": "--out survey --workers 1"},
+    "docs/tutorials/turbine-over-wind.md": {
+        "8 * 315": "8 * 165",
+        "points=9": "points=5",
+        "--out survey": "--out survey --workers 1",
+    },
     "docs/verdict.md": {"--periods 300": "--periods 100"},
 }
 """Sizes on a page by which it takes long, and smaller ones: the build of the site runs the cells as they stand."""

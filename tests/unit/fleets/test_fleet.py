@@ -15,7 +15,7 @@ from floquid.fleets._table import opened
 from floquid.systems import JeffcottRotor
 
 parquet = pytest.importorskip("pyarrow.parquet")
-QUICK = {"order": 4, "channels": ["X", "Y"], "validate": False, "workers": 1}
+QUICK = {"order": 4, "channels": ["X", "Y"], "validate": False, "constrained": False, "workers": 1}
 
 
 @pytest.fixture(scope="module")

@@ -265,7 +265,7 @@ def test_a_wrong_period_is_measured(through):
 def test_the_chain_in_coloured_noise():
     """Exponents within their deviations, the innovations found, the order not in doubt."""
     model = system(channels=3)
-    found = identify(records(model, noise=0.05, colour=(-0.98,)))
+    found = identify(records(model, noise=0.05, colour=(-0.98,)), validate=False)
     assert found.lifted.whitening.shape[0] == 3
     assert found.model.order == 3
     assert not found.choice.ambiguous
@@ -456,7 +456,7 @@ def test_the_noise_is_judged_again_by_what_the_poles_leave(monkeypatch, first, s
     taps, count, settled = None if first is None else np.tile([1.0, first], (3, 1)), [], _find_poles._settled
     monkeypatch.setattr(_start, "without_forced", lambda lifted, *_: (lifted, Known(), taps))
     monkeypatch.setattr(_find_poles, "_settled", lambda *given: count.append(1) or settled(*given))
-    found = identify(records(model, noise=0.05, colour=(-0.9,), n_cycles=300))
+    found = identify(records(model, noise=0.05, colour=(-0.9,), n_cycles=300), validate=False)
     assert len(count) == searches
     assert_allclose(found.lifted.whitening[:, 1], -0.9, atol=0.02)
     assert found.model.order == 3

@@ -274,7 +274,9 @@ def test_deviations_of_a_t_said_too_large_are_a_fault_only_with_a_structure(name
 def test_the_harmonics_of_a_t_and_the_delay_are_held():
     """A fifth of the draws would choose others for the free A(t), and each draw another delay."""
     for name, settings in (("lifted", {}), ("delayed", {"states": ["X"], "form": "delayed"})):
-        whole = analysis("lifted") if name == "lifted" else identify(record(), validate=False, system_times=5, **settings)
+        whole = (
+            analysis("lifted") if name == "lifted" else identify(record(), validate=False, system_times=5, **settings)
+        )
         plan = plan_of(whole, False)
         state = reconstruct(whole.model, plan.settings.states, form=plan.settings.form, times=5)
         own = dataclasses.replace(plan.built, estimates=None)

@@ -33,10 +33,9 @@ def record(kind, seed=1, periods=60):
 
 @functools.cache
 def found(kind, structure=""):
-    options = {"period": mathieu().period, "states": ["y"], "structure": structure, "system_times": 5, "validate": False}
-    if kind == "inputs":
-        return identify(record(kind), inputs=["F"], **options)
-    return identify(record(kind), **options, excitation="ambient")
+    options = {"period": mathieu().period, "states": ["y"], "structure": structure, "system_times": 5}
+    options |= {"inputs": ["F"]} if kind == "inputs" else {"excitation": "ambient"}
+    return identify(record(kind), **options, validate=False)
 
 
 @functools.cache

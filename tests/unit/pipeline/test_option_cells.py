@@ -28,7 +28,7 @@ def record(kind, which="plain"):
         found = ROTOR.simulate(n_periods=36, samples_per_period=PHASES, noise=0.01, seed=1)
         values, inputs, period = found.values, found.values[:0], ROTOR.period
     elif kind == "inputs":
-        values, inputs = record_of(MASSES if several else SYSTEM, 40, PHASES, 0.05, 0)
+        values, inputs = record_of(MASSES if several else SYSTEM, 25, PHASES, 0.05, 0)
         period = SYSTEM.period
     else:
         values, inputs = ambient_of(MASSES if several else SYSTEM, 160, PHASES, 0.02, 0), np.zeros((0, 160 * PHASES))

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from tests.decays import with_decay
+from tests.decays import two_hits, with_decay
 
 from floquid.core import Channel
 from floquid.errors import InputError
@@ -30,10 +30,7 @@ OF_DECAYS = [name for name in FIGURES if name not in ("speed", "transfer", "harm
 
 @pytest.fixture(scope="module")
 def found():
-    """Two hits of unequal length that start at odd phases; the second loses samples before the first one's phase."""
-    first = ROTOR.simulate(n_periods=60, samples_per_period=20, noise=0.01, seed=1, first_phase=0.25)
-    second = ROTOR.simulate(n_periods=50, samples_per_period=20, noise=0.01, seed=2, first_phase=0.1, impulse_deg=80.0)
-    return identify([first, second], states=["X", "Y"], validate=False)
+    return two_hits()
 
 
 def drawn(axes, label=None):

@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib.colors import to_hex
+from tests.decays import one_locked, two_hits
 from tests.unit.plot.test_plot_spectra import drawn, legend, outside_and_overlaps
-from tests.unit.views.test_views import half_a_turn, pair
+from tests.unit.views.test_views import pair
 
 from floquid import floquet, plot, views
 from floquid.core import Channel, PeriodicModel
@@ -24,16 +25,12 @@ P = 20
 
 @pytest.fixture(scope="module")
 def found():
-    """Two hits of unequal length that start at odd phases."""
-    first = ROTOR.simulate(n_periods=60, samples_per_period=P, noise=0.01, seed=1, first_phase=0.25)
-    second = ROTOR.simulate(n_periods=50, samples_per_period=P, noise=0.01, seed=2, first_phase=0.1, impulse_deg=80.0)
-    return identify([first, second], states=["X", "Y"], validate=False)
+    return two_hits()
 
 
 @pytest.fixture(scope="module")
 def locked():
-    """One channel, a real negative multiplier."""
-    return identify(half_a_turn(), validate=False)
+    return one_locked()
 
 
 @pytest.fixture(scope="module")

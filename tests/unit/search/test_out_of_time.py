@@ -49,6 +49,7 @@ def ambient(system=None, seed=0):
 )
 def test_a_search_whose_time_is_over_is_told_to_be(made, module, late, monkeypatch):
     record, options = made()
+    options = {**options, "validate": False}
     assert not any("processor time" in text for text in identify(record, **options).warnings)
     own = module.searched
     monkeypatch.setattr(module, "searched", lambda *given: late(own(*given)))
@@ -64,7 +65,7 @@ def test_free_responses_whose_search_for_poles_has_no_time_have_a_model_that_fai
     assert found.failed
     assert not found.passed
     assert found.model.order >= 4
-    assert "poles_without_end" not in {finding.code for finding in identify(record, **options).findings}
+    assert "poles_without_end" not in {finding.code for finding in identify(record, **options, validate=False).findings}
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
-from tests.decays import with_decay
+from tests.decays import half_a_turn, one_locked, two_hits, with_decay
 
 from floquid import views
 from floquid.core import Channel, ConstantPeriod, Estimates, PeriodicModel, Record
@@ -27,25 +27,7 @@ P = 20
 
 @pytest.fixture(scope="module")
 def found():
-    """Two hits of unequal length that start at odd phases; the second loses samples before the first one's phase."""
-    first = ROTOR.simulate(n_periods=60, samples_per_period=P, noise=0.01, seed=1, first_phase=0.25)
-    second = ROTOR.simulate(n_periods=50, samples_per_period=P, noise=0.01, seed=2, first_phase=0.1, impulse_deg=80.0)
-    return identify([first, second], states=["X", "Y"], validate=False)
-
-
-def half_a_turn(*, period=1.0, seed=3):
-    """One channel that rings once in two periods: a real negative multiplier. The clock has periods of 1 s."""
-    times = np.arange(4800) / 24.0
-    theta = 2.0 * np.pi * times / period
-    turns = ((0.5, 1.0, 0.3), (1.5, 0.4, -0.5), (2.5, 0.2, 0.0))
-    values = np.exp(-0.01 * times) * sum(size * np.cos(m * theta + phase) for m, size, phase in turns)
-    values = values + 0.02 * np.random.default_rng(seed).standard_normal(len(times))
-    return Record(
-        values=values[None],
-        sample_rate=24.0,
-        channels=[Channel(name="acc", unit="m/s^2")],
-        clock=ConstantPeriod(period=1.0),
-    )
+    return two_hits()
 
 
 def pair(*, period=1.0, wander=0.0, seed=3):
@@ -63,7 +45,7 @@ def pair(*, period=1.0, wander=0.0, seed=3):
 
 @pytest.fixture(scope="module")
 def locked():
-    return identify(half_a_turn(), validate=False)
+    return one_locked()
 
 
 # Families.
@@ -248,7 +230,7 @@ def test_synthesis_of_a_record_fitted_as_sampled(odd):
 @pytest.fixture(scope="module")
 def rig():
     """A tachometer, and a speed that wanders."""
-    return identify(Run(n_periods=150, seed=2).record(), validate=False)
+    return identify(Run(n_periods=60, seed=2).record(), validate=False)
 
 
 @pytest.mark.first(1)
