@@ -280,6 +280,7 @@ def test_candidates_for_inputs_by_name_and_by_unit(tmp_path, capsys):
     assert f"Next: floquid identify {path} --channels x,shaker_command --find-hits" in said
 
 
+@pytest.mark.slow
 def test_a_structure_is_printed_written_and_drawn_from(file, tmp_path, capsys):
     out = tmp_path / "result"
     words = ["identify", str(file), "--period", PERIOD, "--inputs", "F", "--states", "x", "--structure", "auto"]

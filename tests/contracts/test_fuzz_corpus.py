@@ -152,7 +152,7 @@ def place(tmp_path, monkeypatch):
     return work, home
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("name", RECORDS)
 def test_records_at_the_command_line(name, place, capsys):
     for number, data in enumerate(samples(name)):

@@ -4,7 +4,7 @@ Equation numbers are those of Allen (2009).
 """
 
 import numpy as np
-from hypothesis import given, reject, settings
+from hypothesis import given, reject
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
@@ -168,7 +168,6 @@ def in_order_of(model, found):
     return np.argmin(off, axis=1)
 
 
-@settings(max_examples=50)
 @given(models(), st.integers(0, 11))
 def test_the_delay_of_the_first_sample_is_taken_off(model, first):
     """Eq. (9): whichever phase the record starts at, within the first period the coefficients are the same."""
@@ -179,7 +178,6 @@ def test_the_delay_of_the_first_sample_is_taken_off(model, first):
     assert_allclose(found.coefficients[order], model.coefficients, atol=1e-8)
 
 
-@settings(max_examples=50)
 @given(models(), st.integers(0, 11), st.integers(-15, 25))
 def test_moving_the_phase_origin_turns_each_harmonic_of_a_residue(model, first, origin):
     """By e^{(λ + imω)τ}, with τ from the old t = 0 to the new one: phase zero at or before the first sample."""
@@ -192,7 +190,6 @@ def test_moving_the_phase_origin_turns_each_harmonic_of_a_residue(model, first, 
     assert_allclose(found.coefficients[order], turned, rtol=1e-7, atol=1e-8 * np.abs(turned).max())
 
 
-@settings(max_examples=50)
 @given(models(), st.lists(st.integers(-2, 2), min_size=3, max_size=3))
 def test_the_branch_that_comes_in_does_not_matter(model, turns):
     """A harmonic's index moved by k and the exponent by -k iω: the same response, and the same model identified."""
@@ -233,7 +230,6 @@ def square_models(draw):
     )
 
 
-@settings(max_examples=50)
 @given(square_models(), SEEDS)
 def test_phi_carries_the_models_own_response(model, seed):
     """x(t) = Φ(t, t0) x(t0) for the states of the response itself, over more than a period, with Φ(t0, t0) = I."""

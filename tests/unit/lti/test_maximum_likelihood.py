@@ -93,12 +93,6 @@ def test_close_pairs_without_noise(multipliers, outputs, atol):
     assert farthest(found.multipliers, with_conjugates(multipliers)) < atol
 
 
-def test_inputs_of_unequal_length():
-    multipliers = KINDS["a pair and both real kinds"]
-    data = decays(multipliers, inputs=3, lengths=[100, 40, 9])
-    assert farthest(identified(data).multipliers, with_conjugates(multipliers)) < 1e-10
-
-
 @pytest.mark.parametrize("multipliers", KINDS.values(), ids=KINDS)
 def test_cost_and_gradient_are_those_of_plain_least_squares(multipliers):
     """Away from the optimum, by central differences of a cost that shares no code; two inputs, unequal lengths."""

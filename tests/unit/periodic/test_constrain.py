@@ -98,12 +98,12 @@ NOTCH = [1.0, -2.0 * ZERO.real, abs(ZERO) ** 2]
 
 KINDS = {
     "pairs": system(),
-    "three channels, two hits": system(channels=3, hits=2),
     "a positive real multiplier": system(real=[(-0.05, 0)]),
     "a negative real multiplier": system(real=[(-0.05, 1)]),
     "a negative real multiplier turning backwards": system(real=[(-0.05, -1)]),
     "a growing mode": system([0.03 + 0.9j, -0.05 + 2.2j]),
     "real alone": system([], real=[(-0.05, 0), (-0.03, 1)]),
+    "three channels, two hits": system(channels=3, hits=2),
 }
 
 

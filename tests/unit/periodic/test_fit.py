@@ -175,7 +175,7 @@ def coloured(given, share, *, seed):
     return replace(given, values=given.values + 0.05 * noise)
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seeds", [range(3), range(8)])
 def test_noise_that_is_coloured_along_the_record_is_whitened(seeds):
     scores = []

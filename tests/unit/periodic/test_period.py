@@ -95,6 +95,7 @@ class TestTold:
         assert found.told
         assert found.period == pytest.approx(1.0, abs=1e-3)
 
+    @pytest.mark.slow
     def test_several_hits_add(self):
         one, alone = of_three()
         both = estimate_period([one, record_of(THREE, width=1, seed=2)])

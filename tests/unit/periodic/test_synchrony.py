@@ -54,7 +54,7 @@ def own_period(error) -> tuple[float, float]:
     return float(found[1]), float(found[2])
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_the_right_period_is_not_suspected(rotor, seed):
     analysis = identify(sampled(rotor, TRUE_PERIOD / 50, seed=seed), validate=False)

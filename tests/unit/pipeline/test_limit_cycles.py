@@ -29,15 +29,16 @@ def oscillator(mu, coupling=0.0, even=0.0):
 
 
 @cache
-def orbit_of(*system):
+def orbit_of(mu, coupling=0.0, even=0.0):
     """A state on the limit cycle and its period, by integration of the equations alone."""
-    rates = oscillator(*system)
+    rates = oscillator(mu, coupling, even)
 
     def crossing(_, x):
         return x[0]
 
     crossing.direction = 1.0
-    settled = solve_ivp(rates, (0.0, 400.0), [2.0, 0.0, 0.0, 0.0], **EXACT).y[:, -1]
+    decays = 400.0 if coupling else 40.0 / mu  # of what is not the cycle, to e⁻⁴⁰ beside the linear oscillator at rest
+    settled = solve_ivp(rates, (0.0, decays), [2.0, 0.0, 0.0, 0.0], **EXACT).y[:, -1]
     found = solve_ivp(rates, (0.0, 40.0), settled, events=crossing, **EXACT)
     return found.y_events[0][-1], float(np.diff(found.t_events[0])[-2:].mean())
 

@@ -65,7 +65,7 @@ def test_cycles_in_which_nothing_rings_move_nothing(name, seed, monkeypatch):
     assert_allclose(short.noise, whole.noise, rtol=1e-6)
 
 
-@pytest.mark.first(3)
+@pytest.mark.first(2)
 @pytest.mark.parametrize(
     "changes",
     [

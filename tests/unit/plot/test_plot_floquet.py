@@ -52,7 +52,7 @@ def band():
 
 @pytest.fixture(scope="module")
 def region():
-    grids = {"a": np.linspace(-1.0, 5.0, 25), "q": np.linspace(0.0, 3.0, 13)}
+    grids = {"a": np.linspace(-1.0, 5.0, 13), "q": np.linspace(0.0, 3.0, 7)}
     return stability_map(mathieu, np.pi, grids, vectorised=True, refinements=2)
 
 

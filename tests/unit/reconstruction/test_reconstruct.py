@@ -173,7 +173,8 @@ def test_units_of_the_channels_do_not_matter_to_the_harmonics_of_a(seed, noise):
     units = np.ones(len(record.values))
     units[0] = 1e4
     other = dataclasses.replace(record, values=record.values * units[:, None])
-    one, scaled = (reconstruct(identify(own, order=4, validate=False).model, ["X", "Y"]).system for own in (record, other))
+    models = (identify(own, order=4, validate=False).model for own in (record, other))
+    one, scaled = (reconstruct(model, ["X", "Y"]).system for model in models)
     scale = units[[0, 1, 0, 1]]
     assert_allclose(scaled / scale[:, None] * scale, one, atol=1e-9)
 

@@ -686,7 +686,7 @@ CHAINS = {
 }
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CHAINS)
 def test_a_record_is_refined_within_its_errors(oracle, name):
     """The chi-square of what is left, that of the parameters' errors, and A(t), over draws of the noise."""

@@ -56,6 +56,7 @@ def test_a_search_whose_time_is_over_is_told_to_be(made, module, late, monkeypat
     assert any("processor time" in text for text in identify(record, **options).warnings)
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("options", [{}, {"identifier": "era-ml"}, {"identifier": "lscf", "harmonics": 2}], ids=str)
 def test_free_responses_whose_search_for_poles_has_no_time_have_a_model_that_fails(options):
     record, _ = free()

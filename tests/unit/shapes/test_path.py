@@ -227,6 +227,7 @@ def shaken(kind):
     return record, {"period": PERIOD, "order": 2, "validate": False, **options}
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("kind", ["inputs", "ambient"])
 def test_a_scan_of_what_goes_on_has_the_structure_s_exponent_too(kind):
     record, options = shaken(kind)

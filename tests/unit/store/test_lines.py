@@ -24,7 +24,7 @@ def measured():
 def fits(measured):
     """Of samples, a real multiplier with what rings at the begin; and of continuous time, a pair with a direct term."""
     told = replace(measured, findings=(*measured.findings, floquid.findings.warning("measured_transient", ratio=2.0)))
-    given = of_equations(mathieu(direct=0.4), np.linspace(0.05, 0.8, 30), harmonics=np.arange(-1, 2))
+    given = of_equations(mathieu(direct=0.4), np.linspace(0.05, 0.8, 16), harmonics=np.arange(-1, 2))
     return fit_transfer(told, hold="first", limits=Limits(modes=1)), fit_transfer(
         given, period=np.pi, limits=Limits(modes=1)
     )
