@@ -73,7 +73,7 @@ def match_records(points: Sequence[Point], baseline: Mask, near: Floats, of: str
     first = min(chosen, key=lambda k: (-len(objects[k]), off[k]), default=None)
     tracks: list[dict[int, Held]] = []
     if first is not None:
-        tracks = [{int(first): Held(own, own.drawn(0, np.random.default_rng(0)))} for own in objects[first]]
+        tracks = [{int(first): Held(own, own.exponents[None], own.basis[None])} for own in objects[first]]
         tracks.sort(key=lambda track: abs(track[int(first)].own.exponent.imag))
         from_there = np.sum((near - near[first]) ** 2, axis=1)
         others = [k for k in range(len(points)) if k != first]
@@ -118,7 +118,7 @@ def _put(tracks: Sequence[dict[int, Held]], point: int, objects: Sequence[Seen],
         if column >= 0:
             shift, conjugated = row[column].shift, row[column].conjugated
             on = objects[column].on(shift, conjugated)
-            track[point] = Held(on, (on.exponents[None], on.shapes[None]), shift, conjugated)
+            track[point] = Held(on, on.exponents[None], on.basis[None], shift, conjugated)
 
 
 def _nearest(track: dict[int, Held], point: int, baseline: Mask, near: Floats) -> int:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -44,19 +43,15 @@ Drawn: TypeAlias = tuple[Complexes, Complexes]
 """Exponents (draws, modes) and shapes (draws, modes, channels, harmonics)."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Held:
     """An object of a path and draws of it, on the path's branch, and the branch itself."""
 
     own: Seen
-    drawn: Drawn
+    drawn: Complexes  # exponents of the draws (draws, modes) [1/s]
+    bases: Complexes  # orthonormal rows that span the shapes of each (draws, modes, numbers)
     shift: int = 0
     mirrored: bool = False
-
-    @cached_property
-    def bases(self) -> Complexes:
-        """Orthonormal rows that span the shapes of each draw (draws, modes, numbers)."""
-        return basis_of(flat(self.drawn[1]))
 
 
 @dataclass(slots=True)
@@ -129,12 +124,12 @@ def _tracked(points: Sequence[Sequence[Seen]], x: Floats, gap: int, seed: int, *
             sure = stays[row] * np.exp(-excess) * known[row].agreement * objects[column].agreement
             active[row].places.append(point)
             on = objects[column].on(match.shift, match.conjugated)
-            active[row].objects.append(
-                Held(on, _on(drawn[column], objects[column], match), match.shift, match.conjugated)
-            )
+            lam, shapes = _on(drawn[column], objects[column], match)
+            active[row].objects.append(Held(on, lam, basis_of(flat(shapes)), match.shift, match.conjugated))
             active[row].steps.append(Step(cost, runner_up, match.mac, float(sure)))
         taken = set(chosen.tolist())
-        paths += [Path([point], [Held(new, drawn[k])]) for k, new in enumerate(objects) if k not in taken]
+        begun = [(new, *drawn[k]) for k, new in enumerate(objects) if k not in taken]
+        paths += [Path([point], [Held(new, lam, basis_of(flat(shapes)))]) for new, lam, shapes in begun]
     return paths
 
 
@@ -177,7 +172,7 @@ def _stays(
         for column, (match, thing) in enumerate(zip(matches[row], objects, strict=True)):
             lam, shapes = _on(drawn[column], thing, match)
             mac = similarity(path.objects[match.like].bases, basis_of(flat(shapes)))
-            away = np.abs(lam.mean(axis=1) - last.drawn[0].mean(axis=1) - step) ** 2
+            away = np.abs(lam.mean(axis=1) - last.drawn.mean(axis=1) - step) ** 2
             limit = (NEAR * thing.fundamental) ** 2
             costs[:, row, column] = 1.0 - mac + np.minimum(1.0, away / limit) + LEFT_OUT * waits[row]
     return np.mean([assigned(own) == chosen for own in costs], axis=0)
