@@ -44,6 +44,7 @@ COUPLED = 4.0
 WITHIN, FALSE = 1.96, 0.02
 """Deviations of a 95 % interval, and the distance [ω] from every true exponent beyond which a mode is a false one."""
 
+ROUNDING = 1e-9
 SURE = 0.8
 """Confidence of a link from which on a wrong one is a fault."""
 
@@ -178,16 +179,18 @@ class Counts:
     chi2: float = 0.0
     dof: int = 0
     pulls: list[float] = field(default_factory=list)
-    shapes: list[float] = field(default_factory=list)  # errors of leak or whirl over their deviations
+    shapes: list[bool] = field(default_factory=list)  # of results that pass: the interval holds the leak or whirl
+    mixtures: int = 0  # of these, those that are not determined
     seconds: list[float] = field(default_factory=list)
 
     def row(self, name: str) -> str:
         """A row of the table."""
-        inside, shapes = (np.mean(np.array(own) < WITHIN) if own else np.nan for own in (self.pulls, self.shapes))
+        inside = np.mean(np.array(self.pulls) < WITHIN) if self.pulls else np.nan
         cells = (
             name, f"{self.points - self.without - self.failed} of {self.points}", f"{self.found} of {self.true}",
             str(self.false), f"{self.linked} of {self.links}", str(self.sure), f"{self.named} of {self.found}",
-            f"{inside:.1%}", f"{shapes:.1%}", f"{self.held} of {self.edges}", f"{self.chi2:.0f} of {self.dof}",
+            f"{inside:.1%}", f"{sum(self.shapes)} of {len(self.shapes)}",
+            str(self.mixtures), f"{self.held} of {self.edges}", f"{self.chi2:.0f} of {self.dof}",
             f"{np.median(self.seconds):.1f}, {max(self.seconds):.1f}",
         )  # fmt: skip
         return f"| {' | '.join(cells)} |"
@@ -195,8 +198,8 @@ class Counts:
 
 HEAD = (
     "| rotor, excitation | passed | modes found | false | links right | wrong and sure | names right | "
-    "exponents within 95 % | leak or whirl within 95 % | edges within 95 % | χ² to the truth | "
-    "s a record: median, most |\n|---|---|---|---|---|---|---|---|---|---|---|---|"
+    "exponents within 95 % | leak or whirl within 95 % | of these not determined | edges within 95 % | "
+    "χ² to the truth | s a record: median, most |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|"
 )
 
 
@@ -252,7 +255,8 @@ def judge(counts: Counts, found: Survey, known: Survey, finer: int = FINER) -> N
             met[-1][mode] = of_track.get((number, own), -1)
             counts.named += point.names[mode].split(":")[0] == true.names[own].split(":")[0]
             counts.pulls += pulls
-            counts.shapes += off_shape(point, mode, true, own)
+            if point.passed:
+                off_shape(counts, point, mode, true, own)
     for link in found.links:
         track = found.tracks[link.track]
         place = int(np.flatnonzero(track.points == link.between[0])[0])
@@ -268,15 +272,16 @@ def judge(counts: Counts, found: Survey, known: Survey, finer: int = FINER) -> N
         counts.held += any(own.interval[0] <= edge.value <= own.interval[1] for own in near)
 
 
-def off_shape(point: Point, mode: int, true: Point, own: int) -> list[float]:
-    """The error of the leak, or else of the whirl, of a mode over its deviation, where it has one."""
-    if point.blades is not None and true.blades is not None:
-        values, std = (point.blades[mode, 1], true.blades[own, 1]), point.blades[mode, 2]
-    elif point.whirl is not None and true.whirl is not None:
-        values, std = (point.whirl[mode, 0], true.whirl[own, 0]), point.whirl[mode, 1]
+def off_shape(counts: Counts, point: Point, mode: int, true: Point, own: int) -> None:
+    """Count a leak, or else a whirl, of a mode by its interval; to the rounding of the truth."""
+    if point.leak_interval is not None and point.blades is not None and true.blades is not None:
+        (low, high), std, truth = point.leak_interval[mode], point.blades[mode, 2], true.blades[own, 1]
+    elif point.whirl_interval is not None and point.whirl is not None and true.whirl is not None:
+        (low, high), std, truth = point.whirl_interval[mode], point.whirl[mode, 1], true.whirl[own, 0]
     else:
-        return []
-    return [abs(values[0] - values[1]) / std] if std > 0.0 else []
+        return
+    counts.shapes.append(bool(low - ROUNDING <= truth <= high + ROUNDING))
+    counts.mixtures += not np.isfinite(std)
 
 
 def identified(records: Sequence[fq.Record], excitation: str, counts: Counts) -> fq.Analysis | Point:

@@ -164,26 +164,31 @@ def _print(found: ShapeReadings) -> None:
     for one in found.modes:
         cells, texts = [f"{one.frequency / (2.0 * pi):.5g}"], []
         if one.whirl is not None:
-            cells.append(with_error(one.whirl.index, one.whirl.std or 0.0))
+            cells.append(_within(one.whirl.index, one.whirl.interval))
             axis = "" if one.whirl.axis is None else f" at {one.whirl.axis * 180.0 / pi:.0f}°"
             texts.append(one.whirl.word + axis)
         if one.blades is not None:
-            cells.append(f"{one.blades.leak:.3f}")
+            cells.append(_within(one.blades.leak, one.blades.leak_interval))
             texts += [_name(one), _largest(one.blades)]
         table.add_row(str(one.number), *cells, *texts)
     print_whole(console, table)
     if whirls:
-        meaning = "index: 1 for a forward circle, 0 for a straight line, -1 for a backward circle."
+        meaning = "index: 1 for a forward circle, 0 for a straight line, -1 for a backward circle; with 95 % interval."
         console.print(meaning, style="dim")
     console.print("f: that of the line in the spectrum, |Im λ|/2π; `floquid identify` has |λ|/2π.", style="dim")
     if patterns:
-        meaning = "leak: the share of motion off one line in the fixed frame; 0 where all blades are equal."
+        meaning = "leak: the share of motion off one line in the fixed frame, its 95 % interval; 0 of equal blades."
         console.print(meaning, style="dim")
     for one in found.modes:
         if one.participation is not None:
             _print_participation(one, one.participation, 2.0 * pi / found.period)
     for sentence in found.warnings:
         console.print(sentence, style="yellow")
+
+
+def _within(value: float, interval: tuple[float, float] | None) -> str:
+    """A number with its interval, to thousandths."""
+    return f"{value:.3f}" + ("" if interval is None else f" ({interval[0]:.3f} to {interval[1]:.3f})")
 
 
 def _name(one: ModeReading) -> str:
@@ -238,6 +243,7 @@ def _whirl(whirl: Whirl) -> dict[str, Any]:
     return {
         "index": whirl.index,
         "std": whirl.std,
+        "interval": whirl.interval,
         "strongest": whirl.strongest,
         "by_pair": whirl.by_pair,
         "word": whirl.word,
@@ -251,6 +257,7 @@ def _blades(pattern: BladePattern) -> dict[str, Any]:
         "branch": pattern.branch,
         "leak": pattern.leak,
         "leak_std": pattern.leak_std,
+        "leak_interval": pattern.leak_interval,
         "compared": pattern.is_compared,
         "shares": [{key: getattr(share, key) for key in keys} for share in pattern.shares],
         "tables": {name: {"waves": pattern.waves[name], "values": values} for name, values in pattern.tables.items()},

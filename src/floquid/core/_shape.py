@@ -12,7 +12,7 @@ from floquid._checks import Rebuilt, index
 from floquid.core._channel import Channel, channels_named
 from floquid.core._estimates import Estimates
 from floquid.core._record import as_channels
-from floquid.fit import covariance_root
+from floquid.fit import RARE, covariance_root
 
 if TYPE_CHECKING:
     from floquid.core._periodic_model import PeriodicModel
@@ -44,6 +44,9 @@ class Shape(Rebuilt):
         with the slopes.
     agreement
         One where all hits have this shape, zero where they have as much of others: such a mode stands for several.
+    is_mixture
+        True where noise does not explain what the hits have beside this shape: it is a mixture of several, whose parts
+        may be anything.
     """
 
     values: Complexes
@@ -52,6 +55,7 @@ class Shape(Rebuilt):
     slopes: Complexes | None = field(default=None, repr=False)
     spread: Floats | None = field(default=None, repr=False)
     agreement: float = 1.0
+    is_mixture: bool = False
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "channels", as_channels(self.channels, "Shape"))
@@ -72,6 +76,24 @@ class Shape(Rebuilt):
         common = np.tensordot(by_values, self.slopes, axes=2).real
         own = np.concatenate([by_values.real, -by_values.imag], axis=2)
         return np.sum(common**2, axis=1) + np.einsum("qci,cij,qcj->q", own, self.spread, own)
+
+    def covariance(self, to: Complexes) -> Floats | None:
+        r"""Covariance of complex sums of the lines, to first order; None if not estimated.
+
+        .. math:: \delta z = \sum_{c,m} t_{c,m}\, \delta B_{c,m}
+
+        Real parts, then imaginary parts (2 sums, 2 sums); `to` are the factors t (sums, channels, harmonics).
+        """
+        if self.slopes is None or self.spread is None:
+            return None
+        common = np.tensordot(to, self.slopes, axes=2)
+        root = np.concatenate([common.real, common.imag])
+        found = root @ root.T
+        for row in np.flatnonzero(to.any(axis=(0, 2))):
+            own, spread = to[:, row], self.spread[row]
+            turn = np.block([[own.real, -own.imag], [own.imag, own.real]])
+            found += turn @ spread @ turn.T
+        return np.asarray(found, np.float64)
 
     @property
     def std(self) -> Complexes | None:
@@ -113,7 +135,8 @@ def shape_of(model: PeriodicModel, mode: int, reference: str | None) -> Shape:
     lines = model.coefficients[mode]
     by_channel, by_hit = _weights(model, mode)
     weights = by_channel[:, None, None] * by_hit[:, None]
-    states, energies = _states(lines * weights, by_hit, real=bool(model.real[mode]))
+    factors, energies = _states(lines * weights, by_hit, real=bool(model.real[mode]))
+    states = factors[0] * np.sqrt(np.mean(np.abs(factors[0] / by_hit**2) ** 2))
     noise = 0.0 if model.coefficient_std is None else float(np.sum(np.abs(model.coefficient_std[mode] * weights) ** 2))
     others = max(0.0, float(energies[1:].sum()) - noise * (1.0 - 1.0 / len(states)))
     agreement = max(0.0, (energies[0] - others) / max(energies[0] + others, 1e-300))
@@ -126,7 +149,7 @@ def shape_of(model: PeriodicModel, mode: int, reference: str | None) -> Shape:
     slopes, spread = _errors(model, mode, states * turn)
     return Shape(
         values=values * turn, harmonics=model.harmonics, channels=model.channels, slopes=slopes, spread=spread,
-        agreement=agreement,
+        agreement=agreement, is_mixture=_is_mixture(model, mode, factors[1:], by_channel, float(energies[1:].sum())),
     )  # fmt: skip
 
 
@@ -144,20 +167,46 @@ def _weights(model: PeriodicModel, mode: int) -> tuple[Floats, Floats]:
 
 
 def _states(weighted: Complexes, by_hit: Floats, *, real: bool) -> tuple[Complexes, Floats]:
-    """Factors of the hits whose sum of lines is the shape (hits,), and squared singular values.
+    """Factors of the hits by which their lines make shapes at right angles (shapes, hits), and squared singular values.
 
-    The lines are `weighted` (channels, hits, harmonics).
+    The lines are `weighted` (channels, hits, harmonics). The first shape is that of the mode, the others are what the
+    hits have beside it.
     """
     hits = len(by_hit)
     rows = np.moveaxis(weighted, 1, 2).reshape(-1, hits)
     if real:
         rows = np.concatenate([rows.real, rows.imag])
     if not rows.any():
-        return np.full(hits, 1.0 / hits, complex), np.ones(1)
+        return np.full((1, hits), 1.0 / hits, complex), np.ones(1)
     _, values, along = np.linalg.svd(rows, full_matrices=False)
-    first = along[0].conj()
-    mean_square = np.mean(np.abs(first / by_hit) ** 2)
-    return np.asarray(first * by_hit * np.sqrt(mean_square), np.complex128), values**2
+    return np.asarray(along.conj() * by_hit, np.complex128), values**2
+
+
+def _is_mixture(model: PeriodicModel, mode: int, others: Complexes, by_channel: Floats, energy: float) -> bool:
+    r"""True where the hits have shapes beside the first one that noise does not explain.
+
+    Of one shape alone their `energy` is nearly a multiple of a χ², with mean and variance
+
+    .. math:: \mathrm{tr}\, C, \qquad 2\, \mathrm{tr}\, C^2
+
+    C the covariance of the lines that the hits make by the factors `others` (shapes, hits), over the noise of each
+    channel.
+    """
+    from scipy.special import chdtrc
+
+    if model.estimates is None or model.estimates.shared:
+        return False
+    mean, square = 0.0, 0.0
+    for factors in others:
+        slopes, spread = _errors(model, mode, factors)
+        assert slopes is not None
+        assert spread is not None
+        common = np.concatenate([slopes.real, slopes.imag], axis=1) * by_channel[:, None, None]
+        own = spread * by_channel[:, None, None] ** 2
+        mean += float(np.sum(common**2) + np.trace(own, axis1=1, axis2=2).sum())
+        products = np.tensordot(common, common, axes=([0, 1], [0, 1]))
+        square += float(np.sum(products**2) + np.sum(own**2) + 2.0 * np.sum(common * (own @ common)))
+    return mean > 0.0 and bool(chdtrc(mean**2 / square, energy * mean / square) < RARE)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from floquid._arrays import Floats
 from floquid._json import for_json
 from floquid.comparison import Comparison
 from floquid.exports._summary import attributes
@@ -77,9 +78,10 @@ def _track(track: Track) -> dict[str, Any]:
         "mode": [[mode for mode in modes if mode >= 0] for modes in track.modes.tolist()],
         "frequency_rad_s": track.frequency,
         "frequency_std_rad_s": track.frequency_std,
-        **attributes(track, "decay", "decay_std", "growth", "growth_std", "damping_ratio", "whirl", "whirl_std"),
+        **attributes(track, "decay", "decay_std", "growth", "growth_std", "damping_ratio"),
+        **attributes(track, "whirl", "whirl_std", "whirl_interval"),
         "names": [name or None for name in track.names],
-        **attributes(track, "name_share", "leak", "leak_std", "locked", "weak", "confidence", "mac"),
+        **attributes(track, "name_share", "leak", "leak_std", "leak_interval", "locked", "weak", "confidence", "mac"),
     }
 
 
@@ -113,10 +115,12 @@ def _rows_of(found: Survey, number: int, track: Track) -> list[dict[str, Any]]:
                     "mirrored": bool(track.mirrored[place]),
                     "whirl": float(track.whirl[place]),
                     "whirl_std": float(track.whirl_std[place]),
+                    **_ends("whirl", track.whirl_interval, place),
                     "pattern": track.names[place] or None,
                     "name_share": float(track.name_share[place]),
                     "leak": float(track.leak[place]),
                     "leak_std": float(track.leak_std[place]),
+                    **_ends("leak", track.leak_interval, place),
                     "locked": bool(track.locked[place]),
                     "weak": bool(track.weak[place]),
                     "link_confidence": float(track.confidence[place]),
@@ -124,6 +128,12 @@ def _rows_of(found: Survey, number: int, track: Track) -> list[dict[str, Any]]:
                 }
             )
     return rows
+
+
+def _ends(name: str, interval: Floats | None, place: int) -> dict[str, float | None]:
+    """Cells of the ends of an interval (places, 2) at a place."""
+    low, high = (None, None) if interval is None else interval[place].tolist()
+    return {f"{name}_low": low, f"{name}_high": high}
 
 
 def _unlinked(found: Survey, point: int, mode: int) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Rebuilt
 from floquid.core import Shape
 from floquid.shapes._arguments import Family
-from floquid.shapes._whirl import Ratio
+from floquid.shapes._shares import Energies
 
 Words: TypeAlias = Literal["en", "openfast", "hawc"]
 
@@ -75,9 +75,9 @@ class BladePattern(Rebuilt):
         The frequency there, above zero [rad/s].
     shares
         Shares of patterns on that branch, the largest first: of all motion where `is_compared`, else of each family.
-    leak, leak_std
-        The share of motion off that branch, zero of an isotropic rotor, and its deviation; what noise adds on average
-        is taken off.
+    leak, leak_std, leak_interval
+        The share of motion off that branch, zero of an isotropic rotor, what noise adds on average being taken off; its
+        deviation, and a 95 % interval, which is no multiple of that next to zero. None if not estimated.
     is_compared
         True where families are of one unit, or were scaled: shares are then of all motion.
     waves, tables
@@ -92,6 +92,7 @@ class BladePattern(Rebuilt):
     shares: tuple[PatternShare, ...]
     leak: float
     leak_std: float | None
+    leak_interval: tuple[float, float] | None
     is_compared: bool
     waves: Mapping[str, Integers] = field(repr=False)
     tables: Mapping[str, Complexes] = field(repr=False)
@@ -168,13 +169,13 @@ class _Lines:
         """Energy of each line that counts (waves, harmonics)."""
         return np.where(self.counted, self.weight * np.abs(self.beta) ** 2, 0.0)
 
-    def slopes(self, kept: Mask, like: Complexes) -> Complexes:
-        """Slopes of the energy of `kept` lines by the lines of all channels, zero in the shape of `like`."""
-        by = np.zeros_like(like)
-        count = len(self.family.rows)
-        turned = np.exp(-2j * np.pi * np.outer(np.arange(count), self.family.waves) / count)
-        by[self.family.rows] = 2.0 * self.weight / count * turned @ (self.beta.conj() * (self.counted & kept))
-        return by
+    def to(self, shape: Shape) -> Complexes:
+        """Factors by which the lines of a `shape` make these amplitudes (waves · harmonics, channels, harmonics)."""
+        rows, lines = self.family.rows, np.arange(len(shape.harmonics))
+        turned = np.exp(-2j * np.pi * np.outer(self.family.waves, np.arange(len(rows))) / len(rows))
+        to = np.zeros((*self.beta.shape, *shape.values.shape), complex)
+        to[:, lines[:, None], rows, lines[:, None]] = np.sqrt(self.weight) / len(rows) * turned[:, None]
+        return (to * self.counted[:, :, None, None]).reshape(-1, *shape.values.shape)
 
 
 def pattern_of(
@@ -196,20 +197,25 @@ def pattern_of(
     sums = [sum(float(part.energy[part.branch == k].sum()) for part in parts) for k in branches]
     branch = int(branches[int(np.argmax(sums))])
     turned = exponent.imag + branch * fundamental < 0.0
-    whole = _whole(shape, parts)
+    to = [part.to(shape) for part in parts]
+    whole = Energies.of(shape, np.concatenate(to))
     shares: list[PatternShare] = []
-    for part in parts:
-        shares += _shares(shape, part, branch, whole if is_compared else _whole(shape, [part]), turned, words)
+    before = 0
+    for part, own in zip(parts, to, strict=True):
+        energies, first = (whole, before) if is_compared else (Energies.of(shape, own), 0)
+        shares += _shares(part, branch, energies, first, turned, words)
+        before += len(own)
     shares.sort(key=lambda pattern: -pattern.share)
-    leak, leak_std = _leak(shape, parts, branch, whole)
+    leak = whole.share(np.concatenate([part.branch.ravel() for part in parts]) != branch)
     line = _line_of(shares[0], parts, branch, shape)
     return BladePattern(
         branch=branch,
         line=line,
         frequency=abs(exponent.imag + line * fundamental),
         shares=tuple(shares),
-        leak=leak,
-        leak_std=leak_std,
+        leak=leak.value,
+        leak_std=leak.std,
+        leak_interval=leak.interval,
         is_compared=is_compared,
         waves={part.family.name: part.family.waves for part in parts},
         tables={part.family.name: part.beta for part in parts},
@@ -234,57 +240,27 @@ def _lines(
     return _Lines(family, np.asarray(beta, np.complex128), count * scale**2, counted, branch)
 
 
-@dataclass(frozen=True, slots=True)
-class _Whole:
-    """Energy of all lines, its slopes by them (channels, harmonics), and what errors add to it on average."""
-
-    energy: float
-    slopes: Complexes
-    noise: float
-
-
-def _whole(shape: Shape, parts: Sequence[_Lines]) -> _Whole:
-    """The energy of all lines of some families."""
-    slopes, noise, std = np.zeros_like(shape.values), 0.0, shape.std
-    for part in parts:
-        slopes += part.slopes(part.counted, shape.values)
-        if std is not None:
-            squares = float(np.sum(np.abs(std[part.family.rows]) ** 2))
-            noise += part.weight / len(part.family.rows) * squares * float(part.counted.mean())
-    return _Whole(sum(float(part.energy.sum()) for part in parts), slopes, noise)
-
-
 def _shares(
-    shape: Shape, part: _Lines, branch: int, whole: _Whole, turned: bool, words: Words
+    part: _Lines, branch: int, energies: Energies, first: int, turned: bool, words: Words
 ) -> Iterator[PatternShare]:
-    """The share of each space harmonic of one family on a branch; `turned` where its frequency is below zero."""
+    """The share of each space harmonic of one family on a branch; `turned` where its frequency is below zero.
+
+    Among the `energies` those of the family begin at the `first`.
+    """
     for row, wave in enumerate(part.family.waves.tolist()):
-        kept = (part.branch == branch) & (np.arange(len(part.beta)) == row)[:, None]
-        slopes = part.slopes(kept, shape.values)
-        ratio = Ratio.of(shape, float(part.energy[kept].sum()), whole.energy, slopes, whole.slopes, whole.noise)
+        inside = np.zeros(len(energies.v) // 2, bool)
+        inside[first + row * part.branch.shape[1] : first + (row + 1) * part.branch.shape[1]] = (
+            part.branch[row] == branch
+        )
+        share = energies.share(inside)
         wave = -wave if turned and 2 * wave != len(part.beta) else wave
         yield PatternShare(
             family=part.family.name,
             wave=None if part.family.is_fixed else wave,
             word="" if part.family.is_fixed else _word(wave, len(part.beta), words),
-            share=ratio.value,
-            std=ratio.std,
+            share=share.value,
+            std=share.std,
         )
-
-
-def _leak(shape: Shape, parts: Sequence[_Lines], branch: int, whole: _Whole) -> tuple[float, float | None]:
-    """The share of energy off the branch, and its deviation; noise is taken off by the lines that each part has."""
-    within, slopes, lines, own = 0.0, np.zeros_like(shape.values), 0, 0
-    for part in parts:
-        kept = part.branch == branch
-        seen = part.counted & (part.beta != 0)
-        within += float(part.energy[kept].sum())
-        slopes += part.slopes(kept, shape.values)
-        lines, own = lines + int(seen.sum()), own + int((seen & kept).sum())
-    ratio = Ratio.of(shape, within, whole.energy, slopes, whole.slopes, whole.noise)
-    if not whole.energy > whole.noise:
-        return max(0.0, 1.0 - ratio.value), ratio.std
-    return max(0.0, 1.0 - (within - whole.noise * own / max(lines, 1)) / (whole.energy - whole.noise)), ratio.std
 
 
 def _line_of(first: PatternShare, parts: Sequence[_Lines], branch: int, shape: Shape) -> int:

@@ -17,7 +17,8 @@ from floquid.periodic import CONFIDENT
 from floquid.pipeline import Analysis
 from floquid.shapes._arguments import APART, OF, Blades, Family, Pair, Pairs, families_of, pairs_of
 from floquid.shapes._blades import WORDS, BladePattern, Words, pattern_of
-from floquid.shapes._whirl import Ratio, Whirl, whirl_of
+from floquid.shapes._shares import Energies
+from floquid.shapes._whirl import Whirl, whirl_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -62,6 +63,8 @@ class ModeReading(Rebuilt):
         The other mode of a pair that is locked to the period; None of a mode that is none.
     is_weak
         True where the deviation of the exponent leaves the mode in doubt, as `weak` in the table of modes.
+    is_mixture
+        True where hits disagree on the shape: the mode stands for several, and its whirl and leak are not determined.
     """
 
     mode: int
@@ -74,6 +77,7 @@ class ModeReading(Rebuilt):
     name: str | None = None
     couple: int | None = None
     is_weak: bool = False
+    is_mixture: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -214,6 +218,12 @@ def read_shapes(
         for couple in couples
         if not couple.is_sure
     ]
+    if mixed := [one for one in readings if one.is_mixture]:
+        listing = ", ".join(f"{one.frequency / (2.0 * np.pi):.4g} Hz" for one in mixed)
+        warnings.append(
+            f"Hits disagree on the shape at {listing}: a mode there stands for several, and its whirl, leak and shares "
+            "are those of a mixture."
+        )
     if families and not compared:
         warnings.append(
             "Groups differ in unit: names hold within each group. Give scales that make them lengths to compare them."
@@ -278,6 +288,7 @@ def _readings(
                 number=number,
                 exponent=exponent,
                 is_weak=bool(spread is not None and spread[mode] > limit),
+                is_mixture=shape.is_mixture,
                 frequency=abs(exponent.imag) if pattern is None else pattern.frequency,
                 whirl=whirl_of(shape, exponent, fundamental, pairs) if pairs else None,
                 blades=pattern,
@@ -289,20 +300,16 @@ def _readings(
 
 def _participation(shape: Shape, row: int) -> Participation:
     """The shares of the lines of one row of a shape."""
-    lines = np.abs(shape.values[row]) ** 2
-    by_whole = np.zeros_like(shape.values)
-    by_whole[row] = 2.0 * shape.values[row].conj()
-    noise = np.zeros(len(lines)) if shape.std is None else np.abs(shape.std[row]) ** 2
-    ratios = []
-    for line, part in enumerate(lines.tolist()):
-        by_part = np.zeros_like(by_whole)
-        by_part[row, line] = by_whole[row, line]
-        ratios.append(Ratio.of(shape, part, float(lines.sum()), by_part, by_whole, float(noise[line])))
-    stds = [ratio.std for ratio in ratios]
+    count = len(shape.harmonics)
+    to = np.zeros((count, *shape.values.shape), complex)
+    to[np.arange(count), row, np.arange(count)] = 1.0
+    energies = Energies.of(shape, to)
+    shares = [energies.share(np.arange(count) == line) for line in range(count)]
+    stds = [share.std for share in shares]
     return Participation(
         channel=shape.channels[row].name,
         harmonics=shape.harmonics,
-        shares=np.array([ratio.value for ratio in ratios]),
+        shares=np.array([share.value for share in shares]),
         std=None if None in stds else np.array(stds, float),
     )
 

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from floquid._arrays import Complexes, Floats
+from floquid._arrays import Complexes, Floats, Indices, Integers
 from floquid._checks import Sealed
 from floquid.core import Shape
 from floquid.shapes._arguments import Pair
+from floquid.shapes._shares import Energies, Share
 
 CLEAR = 0.2
-"""The index from which a mode whirls one way, by two deviations; without unit. A circle has 1, a straight line 0."""
+"""The index beyond which all of an interval is where a mode whirls one way. A circle has 1, a straight line 0."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -27,8 +28,9 @@ class Whirl(Sealed):
 
     Parameters
     ----------
-    index, std
-        W from -1 (backward circles) to 1 (forward circles), and its deviation; None if not estimated.
+    index, std, interval
+        W from -1 (backward circles) to 1 (forward circles), what noise adds being taken off, its deviation, and a 95 %
+        interval, which is no multiple of that next to a circle; None if not estimated.
     strongest
         W of the strongest line alone.
     by_pair
@@ -42,6 +44,7 @@ class Whirl(Sealed):
 
     index: float
     std: float | None
+    interval: tuple[float, float] | None
     strongest: float
     by_pair: Floats
     word: str
@@ -52,23 +55,23 @@ def whirl_of(shape: Shape, exponent: complex, fundamental: float, pairs: Sequenc
     """The whirl of a `shape` in `pairs` of its channels, lines at Im λ + mω by its `exponent` and `fundamental`."""
     signs = np.where(exponent.imag + fundamental * shape.harmonics < 0.0, -1.0, 1.0)
     rows = np.array([[pair.x, pair.y] for pair in pairs])
-    whole = _ratio(shape, signs, rows)
-    parts = [_ratio(shape, signs, row[None]) for row in rows]
-    index, std = whole.value, whole.std
+    whole = _index(shape, signs, rows)
+    parts = [_index(shape, signs, row[None]) for row in rows]
     x, y = shape.values[rows[:, 0]], shape.values[rows[:, 1]]
     energy = 0.5 * (np.abs(x) ** 2 + np.abs(y) ** 2)
     line = int(energy.sum(axis=0).argmax())
     turning = (-signs * (x.conj() * y).imag).sum(axis=0)
     strongest = float(turning[line] / energy[:, line].sum())
-    word, axis = _side(index, std), None
-    sides = {_side(part.value, part.std) for part in parts}
+    word, axis = _side(whole), None
+    sides = {_side(part) for part in parts}
     if {"forward", "backward"} <= sides:
         word = "mixed, differs along the shaft"
     elif word == "mixed" and abs(strongest) < CLEAR and energy[:, line].sum() > 0.5 * energy.sum():
         word, axis = "mixed (planar)", _axis(x[:, line], y[:, line])
     return Whirl(
-        index=index,
-        std=std,
+        index=whole.value,
+        std=whole.std,
+        interval=whole.interval,
         strongest=strongest,
         by_pair=np.array([part.value for part in parts]),
         word=word,
@@ -76,20 +79,28 @@ def whirl_of(shape: Shape, exponent: complex, fundamental: float, pairs: Sequenc
     )
 
 
-def _ratio(shape: Shape, signs: Floats, rows: Floats) -> Ratio:
-    """W over pairs of rows (pairs, 2), with what it moves by."""
-    x, y = shape.values[rows[:, 0]], shape.values[rows[:, 1]]
-    by_part, by_whole = np.zeros((2, *shape.values.shape), complex)
-    by_part[rows[:, 0]], by_part[rows[:, 1]] = -1j * signs * y.conj(), 1j * signs * x.conj()
-    by_whole[rows[:, 0]], by_whole[rows[:, 1]] = x.conj(), y.conj()
-    noise = 0.0 if shape.std is None else 0.5 * float(np.sum(np.abs(shape.std[rows]) ** 2))
-    part = float(-(signs * (x.conj() * y).imag).sum())
-    return Ratio.of(shape, part, 0.5 * float(np.sum(np.abs(x) ** 2 + np.abs(y) ** 2)), by_part, by_whole, noise)
+def _index(shape: Shape, signs: Floats, rows: Indices) -> Share:
+    """W over pairs of rows (pairs, 2), with deviation and interval: twice the share that turns forward, less one."""
+    lines = np.arange(len(shape.harmonics))
+    to = np.zeros((len(rows), 2, len(lines), *shape.values.shape), complex)
+    for pair, (x, y) in enumerate(rows):
+        to[pair, :, lines, x, lines] = 0.5
+        to[pair, 0, lines, y, lines], to[pair, 1, lines, y, lines] = 0.5j * signs, -0.5j * signs
+    forward = np.tile(np.repeat([True, False], len(lines)), len(rows))
+    found = Energies.of(shape, to.reshape(-1, *shape.values.shape)).share(forward)
+    std = None if found.std is None else 2.0 * found.std
+    low, high = (2.0 * end - 1.0 for end in found.interval or (found.value, found.value))
+    return Share(2.0 * found.value - 1.0, std, None if found.interval is None else (low, high))
 
 
-def _side(index: float, std: float | None) -> str:
-    sure = abs(index) - 2.0 * (std or 0.0) > CLEAR
-    return "mixed" if not sure else "forward" if index > 0.0 else "backward"
+def sense_of(low: Floats, high: Floats) -> Integers:
+    """1 where all of an interval of W is forward, -1 where all is backward, else 0; of its ends `low` and `high`."""
+    return (low > CLEAR).astype(np.int64) - (high < -CLEAR)
+
+
+def _side(index: Share) -> str:
+    low, high = index.interval or (index.value, index.value)
+    return {1: "forward", -1: "backward"}.get(int(sense_of(np.float64(low), np.float64(high))), "mixed")
 
 
 def _axis(x: Complexes, y: Complexes) -> float:
@@ -97,24 +108,3 @@ def _axis(x: Complexes, y: Complexes) -> float:
     largest = int((np.abs(x) ** 2 + np.abs(y) ** 2).argmax())
     ahead, back = x[largest] + 1j * y[largest], np.conj(x[largest] - 1j * y[largest])
     return float(0.5 * np.angle(ahead * back) % np.pi)
-
-
-@dataclass(frozen=True, slots=True)
-class Ratio:
-    """Part over whole."""
-
-    value: float
-    std: float | None
-
-    @staticmethod
-    def of(shape: Shape, part: float, whole: float, by_part: Complexes, by_whole: Complexes, noise: float) -> Ratio:
-        """The ratio of two quadratic forms of the lines of a `shape`, and its deviation.
-
-        `by_part` and `by_whole` are their slopes (channels, harmonics). `noise`, what errors add to the whole on
-        average, counts too: at a bound, a circle or a share of nothing, there is no slope.
-        """
-        if not whole > 0.0:
-            return Ratio(0.0, None)
-        value = part / whole
-        variance = shape.variance(((by_part - value * by_whole) / whole)[None])
-        return Ratio(value, None if variance is None else float(np.hypot(np.sqrt(variance[0]), noise / whole)))

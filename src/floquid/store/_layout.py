@@ -28,7 +28,10 @@ VIEWS: dict[type, str] = {Survey: "survey", Comparison: "comparison", Updated: "
 LINES: dict[type, str] = {MeasuredTransfer: "measured", TransferFit: "fitted"}
 """Transfer functions measured line by line, and modes fitted to them, by the attribute `kind` of their files."""
 
-ABSENT = ("later", "point", "fitted", "rounded", "shapes", "turn", "branch", "begins", "agreement")
+ABSENT = (
+    "later", "point", "fitted", "rounded", "shapes", "turn", "branch", "begins", "agreement", "whirl_interval",
+    "leak_interval",
+)  # fmt: skip
 """Fields that files from before them lack."""
 
 FLAGS = (
@@ -150,6 +153,7 @@ LAYOUT: dict[type, dict[str, str | type | list[type]]] = {
         "whirl": "modes, two",
         "names": "modes",
         "blades": "modes, four",
+        **dict.fromkeys(("whirl_interval", "leak_interval"), "modes, ends"),
         "agreement": "modes",
         "model": PeriodicModel,
     },
@@ -160,6 +164,7 @@ LAYOUT: dict[type, dict[str, str | type | list[type]]] = {
         **dict.fromkeys(("exponents", "exponent_std"), "places, multipliers; 1/s"),
         **dict.fromkeys(("shifts", "mirrored", "weak", "confidence", "mac", "cost", "runner_up"), "places"),
         **dict.fromkeys(("whirl", "whirl_std", "names", "name_share", "leak", "leak_std"), "places"),
+        **dict.fromkeys(("whirl_interval", "leak_interval"), "places, ends"),
     },
     Edge: {
         **dict.fromkeys(("value", "std", "kind", "direction"), ""),

@@ -63,18 +63,23 @@ def _read(result: Any, shapes: ShapeOptions) -> dict[str, Any]:
     """Whirl and patterns over blades of each mode, as fields of a point; conjugates are not read."""
     readings, count = shapes.read(result).modes, getattr(result, "model", result).order
     whirl, blades, names = np.full((count, 2), np.nan), np.full((count, 4), np.nan), [""] * count
+    whirl_interval, leak_interval = np.full((2, count, 2), np.nan)
     for reading in readings:
         if reading.whirl is not None:
             own = reading.whirl
             whirl[reading.mode] = own.index, np.nan if own.std is None else own.std
+            whirl_interval[reading.mode] = own.interval or (own.index, own.index)
         if reading.blades is not None:
             own = reading.blades
             leak_std = np.nan if own.leak_std is None else own.leak_std
             blades[reading.mode] = own.shares[0].share, own.leak, leak_std, own.line
+            leak_interval[reading.mode] = own.leak_interval or (own.leak, own.leak)
             names[reading.mode] = own.words if reading.name is not None else ""
     return {
         "whirl": whirl if shapes.pairs else None,
+        "whirl_interval": whirl_interval if shapes.pairs else None,
         "blades": blades if shapes.blades or shapes.fixed else None,
+        "leak_interval": leak_interval if shapes.blades or shapes.fixed else None,
         "names": tuple(names),
     }
 

@@ -186,8 +186,12 @@ def _track(path: Path, there: Sequence[int], points: Sequence[Point]) -> Track:
         spread = np.sqrt(np.maximum(np.diag(own.covariance), 0.0))
         std[place, :size] = spread[:size] + 1j * spread[size:]
     read = [(points[there[at]], mode) for at, mode in zip(path.places, modes[:, 0].tolist(), strict=True)]
-    whirl = np.array([np.full(2, np.nan) if own.whirl is None else own.whirl[mode] for own, mode in read])
-    blades = np.array([np.full(4, np.nan) if own.blades is None else own.blades[mode] for own, mode in read])
+    whirl, blades, whirl_interval, leak_interval = (
+        np.array(
+            [np.full(size, np.nan) if (values := getattr(own, name)) is None else values[mode] for own, mode in read]
+        )
+        for name, size in (("whirl", 2), ("blades", 4), ("whirl_interval", 2), ("leak_interval", 2))
+    )
     found = Track(
         name="",
         points=np.array([there[at] for at in path.places]),
@@ -196,10 +200,12 @@ def _track(path: Path, there: Sequence[int], points: Sequence[Point]) -> Track:
         exponent_std=std,
         whirl=whirl[:, 0],
         whirl_std=whirl[:, 1],
+        whirl_interval=whirl_interval,
         names=tuple(own.names[mode] if own.names else "" for own, mode in read),
         name_share=blades[:, 0],
         leak=blades[:, 1],
         leak_std=blades[:, 2],
+        leak_interval=leak_interval,
         shifts=np.array([held.shift for held in path.objects]),
         mirrored=np.array([held.mirrored for held in path.objects]),
         weak=np.array([held.own.weak for held in path.objects]),

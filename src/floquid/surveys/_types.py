@@ -12,7 +12,7 @@ from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Rebuilt, Sealed
 from floquid._show import Drawings, Drawn, Told
 from floquid.core import PeriodicModel
-from floquid.shapes import CLEAR, ShapeOptions, Sidebands
+from floquid.shapes import ShapeOptions, Sidebands, sense_of
 from floquid.surveys._edges import Kind
 
 
@@ -39,6 +39,8 @@ class Point(Sealed):
         estimated, None where no pairs of channels were given.
     names
         The pattern of each mode over the blades, with its family (modes,); empty where it was not read.
+    whirl_interval, leak_interval
+        95 % intervals of the index and of the leak (modes, 2), as `whirl` and `blades`.
     blades
         The share of the largest pattern, the leak and its deviation, and the harmonic of its line (modes, 4);
         NaN where they were not read, None where no blades were given.
@@ -55,8 +57,10 @@ class Point(Sealed):
     weak: Mask | None = None
     reason: str | None = None
     whirl: Floats | None = None
+    whirl_interval: Floats | None = None
     names: tuple[str, ...] = ()
     blades: Floats | None = None
+    leak_interval: Floats | None = None
     agreement: Floats | None = None
     sidebands: Sidebands | None = None
 
@@ -91,13 +95,15 @@ class Track(Sealed):
     confidence, mac, cost, runner_up
         Of the link that leads to each place, the likeness of its shapes, its cost and that of the best other choice;
         NaN for the first (places,).
-    whirl, whirl_std
-        Index of whirl, from -1 (backward) to 1 (forward), and its deviation; NaN where it was not read (places,).
+    whirl, whirl_std, whirl_interval
+        Index of whirl, from -1 (backward) to 1 (forward), and its deviation; NaN where it was not read (places,). A
+        95 % interval of it (places, 2), which is no multiple of the deviation next to -1 and 1.
     names
         The pattern over the blades with its family at each place (places,); empty where blades were not read.
-    name_share, leak, leak_std
+    name_share, leak, leak_std, leak_interval
         The share of the largest pattern, and that of motion off one line of the fixed frame with its deviation; NaN
-        where they were not read (places,).
+        where they were not read (places,). A 95 % interval of the leak (places, 2). Of a mode that stands for several
+        it is all there is, and the deviation NaN.
     """
 
     name: str
@@ -118,12 +124,15 @@ class Track(Sealed):
     name_share: Floats
     leak: Floats
     leak_std: Floats
+    whirl_interval: Floats | None = None
+    leak_interval: Floats | None = None
 
     @property
     def sense(self) -> Integers:
-        """1 where the mode whirls forward, -1 backward, by two deviations; else 0 (places,)."""
-        sure = np.abs(self.whirl) - 2.0 * np.nan_to_num(self.whirl_std) > CLEAR
-        return np.where(sure, np.sign(np.nan_to_num(self.whirl)), 0.0).astype(np.int64)
+        """1 where the mode whirls forward, -1 backward, by all of the interval; else 0 (places,)."""
+        if self.whirl_interval is None:
+            return sense_of(self.whirl, self.whirl)
+        return sense_of(*self.whirl_interval.T)
 
     @property
     def locked(self) -> Mask:
