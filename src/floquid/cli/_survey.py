@@ -151,7 +151,7 @@ def _print_edges(console: Console, found: Survey) -> None:
         console.print("No mode turns unstable or stable between two points.")
         return
     print_title(console, "Edges of instability")
-    table = new_table([], [over_label(found.over), "95 % interval"], ["", "of"])
+    table = new_table([], [over_label(found.over), f"{100.0 * found.confidence:g} % interval"], ["", "of"])
     for edge in found.edges:
         table.add_row(*edge_words(found, edge))
     print_whole(console, table)

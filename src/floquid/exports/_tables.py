@@ -12,6 +12,7 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid._json import for_json
 from floquid.comparison import Comparison
+from floquid.core import PeriodicModel
 from floquid.exports._summary import attributes
 from floquid.monitoring import Monitor
 from floquid.shapes import PathShapes
@@ -64,6 +65,7 @@ def survey_summary(found: Survey) -> dict[str, Any]:
         {
             "format": "floquid-survey/1",
             "over": found.over,
+            "confidence": found.confidence,
             "points": points,
             "tracks": [_track(track) for track in found.tracks],
             "edges": edges,
@@ -111,6 +113,7 @@ def _rows_of(found: Survey, number: int, track: Track) -> list[dict[str, Any]]:
                     "log_dec": float(-2.0 * np.pi * lam.real / abs(lam.imag)) if free else None,
                     "multiplier_abs": size,
                     "multiplier_std": size * model.period * std.real,
+                    "harmonics": _harmonics(model, mode, track, place),
                     "branch": int(track.shifts[place]),
                     "mirrored": bool(track.mirrored[place]),
                     "whirl": float(track.whirl[place]),
@@ -128,6 +131,13 @@ def _rows_of(found: Survey, number: int, track: Track) -> list[dict[str, Any]]:
                 }
             )
     return rows
+
+
+def _harmonics(model: PeriodicModel, mode: int, track: Track, place: int) -> str:
+    """The first and the last harmonic that a mode has, on the branch of its track."""
+    kept = model.harmonics[(model.coefficients[mode] != 0.0).any(axis=(0, 1))]
+    own = np.sort((-kept if track.mirrored[place] else kept) - track.shifts[place])
+    return "…".join(dict.fromkeys(map(str, own[[0, -1]].tolist()))) if len(own) else ""
 
 
 def _ends(name: str, interval: Floats | None, place: int) -> dict[str, float | None]:

@@ -6,9 +6,12 @@ import numpy as np
 
 from floquid._checks import counted
 from floquid.monitoring._types import Monitor, Part
-from floquid.views import with_error
+from floquid.views import shortened, with_error
 
 HERTZ = "rad/s"
+LONGEST = 40
+"""Characters of the name of a file in a sentence or a row."""
+
 CHARTED = (
     "T²: how far the modes of a record are from the baseline, in deviations squared; average: the same of a running "
     "average, which sees slow changes. Above its limit a record is an alarm."
@@ -56,7 +59,7 @@ def sentences(found: Monitor) -> tuple[str, ...]:
 
 
 def _file(found: Monitor, record: int) -> str:
-    return found.files[record] or "no file"
+    return shortened(found.files[record], LONGEST) or "no file"
 
 
 def _periodic(found: Monitor) -> tuple[str, ...]:
@@ -90,7 +93,8 @@ def record_heads(found: Monitor) -> list[str]:
         names += ["T² / limit", "average / limit"]
         names += ["directed / limit"] if np.isfinite(found.charts.directed).any() else []
     if found.amounts is not None:
-        names.append("of the change [%]" if found.amounts.along else "sidebands [%]")
+        amount = "of the change" if found.amounts.along else "sidebands"
+        names.append(f"{amount} [%] (95 % interval)")
     return [*names, ""]
 
 
@@ -99,14 +103,14 @@ def record_rows(found: Monitor) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
     for k, file in enumerate(found.files):
         charts, amounts = found.charts, found.amounts
-        cells = [str(k), file]
+        cells = [str(k), shortened(file, LONGEST)]
         if charts is not None:
             cells += [_of(charts.t2[k], charts.t2_limit[k]), _of(charts.ewma[k], charts.ewma_limit[k])]
             if np.isfinite(charts.directed).any():
                 cells.append(_of(charts.directed[k], charts.directed_limit[k]))
         if amounts is not None:
-            value, std = 100.0 * amounts.value[k], 100.0 * amounts.std[k]
-            cells.append(with_error(value, std) if np.isfinite(value) else "")
+            value, low, high = 100.0 * amounts.value[k], 100.0 * amounts.low[k], 100.0 * amounts.high[k]
+            cells.append(f"{value:.3g} ({low:.2g} to {high:.2g})" if np.isfinite(value) else "")
         words = ["baseline"] if found.baseline[k] else ["ALARM"] if found.alarm[k] else []
         if charts is not None and charts.extrapolated[k]:
             words.append(f"extrapolated, leverage {charts.leverage[k]:.2g}")

@@ -61,7 +61,6 @@ def survey_page(found: Survey, *, title: str | None, damping: DampingUnit = "per
     marks = _marks(found, measure)
     over, chosen = _figures(found, marks, measure), chosen_figures(found, marks)
     figures = over | chosen
-    failed = [point for point in found.points if point.reason is not None]
     unstable = any((track.growth > 0.0).any() for track in found.tracks)
     count = f"{counted(len(found.tracks), 'mode')} followed over {counted(len(found.points), 'point')}"
     return filled(
@@ -70,12 +69,11 @@ def survey_page(found: Survey, *, title: str | None, damping: DampingUnit = "per
         summary=f"{count} from {found.values[0]:g} to {found.values[-1]:g} {unit}".rstrip() + ".",
         mark="failed" if unstable else "remainder" if found.warnings else "passed",
         sentence="Unstable in part of the range." if unstable else "Stable at every point.",
-        under=f"{counted(len(found.edges), 'edge')} of instability. "
-        f"{len(failed)} of {len(found.points)} points have no result, or one that fails.",
+        under=_counts(found),
         reasons=(),
         notes=found.notes,
         warnings=found.warnings,
-        heading=over_label(found.over),
+        heading=over_label(found.over), within=f"{100.0 * found.confidence:g} % interval",
         tracks=track_rows(found),
         edges=[edge_words(found, edge) for edge in found.edges],
         points=[_point_row(found, point) for point in found.points],
@@ -87,6 +85,15 @@ def survey_page(found: Survey, *, title: str | None, damping: DampingUnit = "per
         embedded=embedded(figures),
         behaviour=asset("page.js"),
     )  # fmt: skip
+
+
+def _counts(found: Survey) -> str:
+    """Sentences on how much of a survey can be believed."""
+    points = found.points
+    lost = sum(point.model is None for point in points)
+    passed = f"{sum(point.passed for point in points)} of {len(points)} points pass their checks"
+    without = f", {lost} have no result" if lost else ""
+    return f"{passed}{without}. {counted(len(found.edges), 'edge')} of instability."
 
 
 def _point_row(found: Survey, point: Point) -> tuple[str, ...]:

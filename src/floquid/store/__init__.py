@@ -89,7 +89,8 @@ Transfer functions measured line by line have the `kind` "measured", and modes f
 
 What is found of several records has a `kind` too. A survey, "survey"::
 
-    /over, /notes, /warnings, /unlinked     the quantity, sentences, and modes on no track (point and mode)
+    /over, /confidence, /notes, /warnings, /unlinked    the quantity, the probability of an interval of an edge,
+                                    sentences, and modes on no track (point and mode)
     /shapes                         how shapes were read: JSON
     /points/point1, ...             values/, files, passed, weak and names (modes,), reason, whirl (modes, 2), blades
                                     (modes, 4), whirl_interval and leak_interval (modes, 2); model/ of one hit

@@ -30,7 +30,7 @@ LINES: dict[type, str] = {MeasuredTransfer: "measured", TransferFit: "fitted"}
 
 ABSENT = (
     "later", "point", "fitted", "rounded", "shapes", "turn", "branch", "begins", "agreement", "whirl_interval",
-    "leak_interval",
+    "leak_interval", "confidence",
 )  # fmt: skip
 """Fields that files from before them lack."""
 
@@ -136,6 +136,7 @@ LAYOUT: dict[type, dict[str, str | type | list[type]]] = {
     },
     Survey: {
         "over": "",
+        "confidence": "",
         "notes": "sentences",
         "warnings": "sentences",
         "unlinked": "modes, point and mode",

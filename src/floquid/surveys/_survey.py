@@ -159,6 +159,7 @@ def _followed(given: Sequence[Point], over: str, gap: int, confidence: float) ->
         tracks=tracks,
         edges=edges,
         unlinked=tuple((there[path.places[0]], mode) for path in alone for mode in path.objects[0].own.modes),
+        confidence=confidence,
         notes=tuple(notes),
         warnings=(*warnings, *doubts),
     )

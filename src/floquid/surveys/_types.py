@@ -248,6 +248,8 @@ class Survey(Told, Drawn, Rebuilt):
         A point and a mode that is on no track.
     shapes
         How shapes were read.
+    confidence
+        The probability that the interval of an edge holds it.
     notes
         Where tracks cross or veer, in words.
     warnings
@@ -260,6 +262,7 @@ class Survey(Told, Drawn, Rebuilt):
     edges: tuple[Edge, ...]
     unlinked: tuple[tuple[int, int], ...]
     shapes: ShapeOptions = field(default_factory=ShapeOptions)
+    confidence: float = 0.95
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
 
