@@ -12,13 +12,14 @@ from floquid import plot
 from floquid.cli._options import Choices
 from floquid.cli._survey_points import jobs_of
 from floquid.core import ConstantPeriod
+from floquid.reporting._survey_page import survey_page
 from floquid.systems import JeffcottRotor
 
 SPEEDS = (0.70, 0.71, 0.73, 0.77)
 QUICK = "--over speed --channels X,Y --order 4 --no-validate --no-constrained --workers 1"
 LISTS = (
     "mode", "frequency_rad_s", "frequency_std_rad_s", "decay", "decay_std", "damping_ratio", "whirl", "whirl_std",
-    "names", "name_share", "leak", "locked", "weak", "confidence", "mac",
+    "names", "name_share", "leak", "leak_interval", "whirl_interval", "locked", "weak", "confidence", "mac",
 )  # fmt: skip
 PLAIN = "survey --order 4 --no-validate --no-constrained --workers 1 runs/run0.npz"
 
@@ -75,7 +76,16 @@ def test_records_become_a_survey(runs):
     for track in content["tracks"]:
         assert {len(track[name]) for name in LISTS} == {len(track["points"])}
         assert set(track["names"]) == set(track["whirl"]) == {None}  # neither blades nor pairs were given
+    assert {"harmonics", "whirl_low", "leak_high"} <= set(
+        (runs / "out" / "survey.csv").read_text().split("\n")[0].split(",")
+    )
     back = fq.load("out/survey.h5")
+    page = survey_page(back, title=None)
+    assert page.index('id="verdict"') < page.index('id="edges"') < page.index('id="tracks"')
+    unsure = "0 of 5 points pass their checks, 4 with a remainder or not checked, 1 without a result."
+    assert f"{unsure} 2 edges of instability." in page
+    assert "95 % interval" in back.summary()
+    assert "90 % interval" in replace(back, confidence=0.9).summary()
     assert back.summary() == "\n".join(line.rstrip() for line in back.summary().splitlines())
     assert json.loads(typed(f"survey runs/run0.npz runs/run1.npz {QUICK} --format json"))["tracks"] == []
 

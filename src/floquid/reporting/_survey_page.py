@@ -89,11 +89,16 @@ def survey_page(found: Survey, *, title: str | None, damping: DampingUnit = "per
 
 def _counts(found: Survey) -> str:
     """Sentences on how much of a survey can be believed."""
-    points = found.points
-    lost = sum(point.model is None for point in points)
-    passed = f"{sum(point.passed for point in points)} of {len(points)} points pass their checks"
-    without = f", {lost} have no result" if lost else ""
-    return f"{passed}{without}. {counted(len(found.edges), 'edge')} of instability."
+    total, passed = len(found.points), sum(point.passed for point in found.points)
+    lost = sum(point.model is None for point in found.points)
+    failed = sum(point.reason is not None for point in found.points) - lost
+    others = {
+        "fail": failed, "with a remainder or not checked": total - passed - failed - lost, "without a result": lost,
+    }  # fmt: skip
+    listing = ", ".join(
+        [f"{passed} of {total} points pass their checks", *(f"{n} {w}" for w, n in others.items() if n)]
+    )
+    return f"{listing}. {counted(len(found.edges), 'edge')} of instability."
 
 
 def _point_row(found: Survey, point: Point) -> tuple[str, ...]:
