@@ -59,7 +59,9 @@ def test_what_was_dropped_is_in_the_interval(monkeypatch):
 
 
 def test_a_shape_below_its_noise_tells_nothing():
-    assert energies_of(shape_of(0.02, size=1.0)).share(OFF).interval == (0.0, 1.0)
+    share = energies_of(shape_of(0.02, size=1.0)).share(OFF)
+    assert share.interval == (0.0, 1.0)
+    assert share.std is None
 
 
 def test_a_mode_on_which_hits_disagree_has_no_whirl(oracle):
