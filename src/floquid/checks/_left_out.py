@@ -183,7 +183,7 @@ def held_out(
     numbers, squares, products, response = np.zeros(shape, np.int64), *np.zeros((3, *shape))
     for mine in folds.masks:
         rest = [only(record, ~out) for record, out in zip(alive, mine, strict=True)]
-        anew = refit(whole, rest, clocks, noise=noise, at_rest=REST, one_shape=whole.one_shape)
+        anew = refit(whole, rest, clocks, noise=noise, at_rest=REST, one_shape=whole.one_shape, hold=True)
         away = [only(record, out) for record, out in zip(alive, mine, strict=True)]
         for hit, errors in enumerate(unexplained(anew, away, clocks)):
             taken = np.flatnonzero(mine[hit])

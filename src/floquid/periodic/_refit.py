@@ -61,6 +61,7 @@ def refit(
     free_period: bool = False,
     wider: bool = False,
     one_shape: bool = False,
+    hold: bool = False,
 ) -> PeriodicModel:
     r"""Refit modes with their bands of harmonics to records as they were sampled, or lifted.
 
@@ -96,6 +97,9 @@ def refit(
         Whether the fit with several harmonics more on each side of every band is made too (`unselected`).
     one_shape
         Whether all hits share the shapes of the modes, as those of the model do: B is a shape times a state.
+    hold
+        Whether an exponent that runs away stays as the model has it, its residues fitted: samples may be too few to
+        tell those of a weak mode.
     """
     if free_period and any(clock.measured for clock in clocks):
         must, got = "be false where the angle of a shaft is measured", "is true"
@@ -120,7 +124,9 @@ def refit(
             else solution
         )
     else:
-        solution = solve(blocks, solution, at_rest=at_rest)
+        solution = solve(blocks, solution, at_rest=at_rest, hold=hold)
+        if hold and solution.entries.fixed.any():  # as modes of the model, which they are
+            solution = linearise(blocks, replace(solution.entries, fixed=entries.fixed))
     return model_of(
         blocks, solution, entries.bands, channels=model.channels, provenance=model.provenance, most=most, one=shared
     )

@@ -12,6 +12,8 @@ from floquid.errors import IdentificationError
 from floquid.periodic import fit
 from floquid.periodic.least_squares import ModeParameters, RecordBlock, forced_entries
 from floquid.periodic.search import Bounds, Point, priced, searched
+from floquid.periodic.search._folds import folds, shared_harmonics, with_all_lines
+from floquid.periodic.search._objective import Price
 from floquid.testing import assert_exponents_close, pair_exponents
 
 
@@ -30,6 +32,42 @@ def test_modes_a_twelfth_of_their_decay_apart_are_two(seed):
     assert found.order == 4
     assert np.abs(pulls(found, model)).max() < 4.0
     assert found.exponent_std.real.max() < 5e-4
+
+
+@pytest.mark.first(2)
+@pytest.mark.parametrize("seed", [4, 6, *{*range(8)} - {4, 6}])
+def test_weak_harmonics_that_two_modes_share_are_kept_together(seed):
+    """Each alone is less than noise exceeds: left out, they moved an exponent by 6 of its deviations."""
+    model = system([-0.06 + 0.9j, -0.063 + 1j * (0.912 + OMEGA)], channels=2, width=3, seed=seed)
+    coefficients = 0.1 * np.array(model.coefficients)
+    middle = coefficients.shape[-1] // 2
+    for mode, exponent in enumerate(model.exponents):
+        upwards = (exponent.imag > 0.0) == (abs(exponent.imag) < 2.0)
+        loud = [middle, middle + (1 if upwards else -1)]
+        coefficients[mode, ..., loud] *= 10.0
+    model = replace(model, coefficients=coefficients)
+    found = identify(records(model, noise=0.01, n_cycles=60, seed=seed), validate=False).model
+    assert found.order == 4
+    assert np.abs(pulls(found, model)).max() < 4.0
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_lines_of_folded_modes_are_the_same_seen_from_either(sign):
+    second = -0.06 + 1j * (0.91 + 3.0 * OMEGA) if sign > 0 else -0.06 + 1j * (3.0 * OMEGA - 0.91)
+    entries = ModeParameters.made([-0.06 + 0.9j, second, -0.06 + 1.3j], [(-1, 2), (-2, 0), (0, 0)], OMEGA)
+    (fold,) = folds(entries)
+    assert (fold.first, fold.second, fold.sign) == (0, 1, sign)
+    ends = np.array([-2, 0])
+    of_first = fold.of_first(ends)
+    assert fold.of_second(of_first).tolist() == [-2, 0]
+    rates = entries.exponents[1] + 1j * OMEGA * ends
+    beside = entries.exponents[0] + 1j * OMEGA * of_first
+    assert np.sort(np.abs(rates.imag)) == pytest.approx(np.sort(np.abs(beside.imag)), abs=0.02)
+    # What both have is one unit; the third mode has a line of its own.
+    every = with_all_lines(entries, fold)
+    assert shared_harmonics([fold], every.bands) == [np.ptp(every.bands[0]) + 1]
+    price = Price(mode_alarm=1e-9, harmonic_alarm=1e-6, rows=2)
+    assert price.of(every) < price.of(replace(every, exponents=every.exponents + np.array([0.0, 0.5j, 0.0])))
 
 
 def test_a_mode_next_to_its_own_conjugate_has_a_deviation_for_the_mirrored_harmonics(monkeypatch):

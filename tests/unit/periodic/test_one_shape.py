@@ -179,6 +179,14 @@ def test_hits_that_disagree_are_told_and_keep_shapes_of_their_own(hits, analysis
     assert "hits_disagree" not in [finding.code for finding in analysis.findings]
 
 
+def test_hits_that_agree_are_not_told_to_disagree_where_one_shape_moves_a_mode(hits, monkeypatch):
+    """A weak mode that ran away was told as hits that disagree, by chance 1."""
+    monkeypatch.setattr("floquid.periodic.search._one_shape.FARTHEST", 0.0)
+    found = identify(hits.records(0), validate=False)
+    assert not found.model.one_shape
+    assert "hits_disagree" not in [finding.code for finding in found.findings]
+
+
 def test_deviations_of_a_shape_at_an_instant_are_those_of_its_coefficients(analysis):
     model = analysis.model
     whole = model.shape_std([0.0])[..., 0]

@@ -8,6 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from floquid import ConstantPeriod, InputError, PeriodicModel, Record, identify
+from floquid.errors import IdentificationError
 from floquid.periodic import instants, own_period, refit, unexplained
 from floquid.periodic.least_squares import KeptCycles
 from floquid.sync import shaft_angle
@@ -87,6 +88,20 @@ def test_a_fit_comes_back_to_the_truth_with_its_deviations(growth):
     error = np.abs(wide - true.coefficients) / np.maximum(np.abs(found.coefficient_std[order]), 1e-30)
     assert error[true.coefficients != 0].max() < 5.0
     assert (wide[true.coefficients == 0] == 0).all()
+
+
+def test_a_mode_that_samples_do_not_tell_may_stay_as_the_model_has_it():
+    true = truth()
+    response = np.array(true.coefficients)
+    response[2] = 0.0  # in none of the samples
+    record, given = record_of(at(true, true.exponents), noise=1e-3), {"noise": np.full((2, 1), 1e-3)}
+    record = replace(record, values=record_of(replace(true, coefficients=response)).values)
+    with pytest.raises(IdentificationError, match="hardly rises above the noise"):
+        refit(true, [record], [CLOCK], **given)
+    found = refit(true, [record], [CLOCK], **given, hold=True)
+    assert found.order == true.order
+    assert true.exponents[2] in found.exponents
+    assert off(found, true).max() < 1e-3
 
 
 def test_whole_cycles_are_as_good_as_their_samples():

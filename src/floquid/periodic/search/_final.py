@@ -11,12 +11,13 @@ from floquid._arrays import Complexes, Floats, Integers
 from floquid.fit import AT_REST, DEVIATIONS, FARTHEST, RARE, SLOW, STEPS, SURE, chi2_limit
 from floquid.periodic.least_squares import ModeParameters, linearise, noise_of, shapes, solve, weighted
 from floquid.periodic.search._additions import residuals
-from floquid.periodic.search._moves import energies, nearest
+from floquid.periodic.search._folds import folds
+from floquid.periodic.search._moves import energies
 from floquid.periodic.search._near_axis import with_axis_pairs
 from floquid.periodic.search._objective import Point, SearchResult
 from floquid.periodic.search._peaks import strongest
 from floquid.periodic.search._tests import Units, equality, spread_of_harmonics, untold, wide_of
-from floquid.search import LOOSE, NEAR
+from floquid.search import LOOSE
 
 
 def finished(
@@ -73,17 +74,18 @@ def _padded(point: Point, most: int) -> Point:
 def _uncrowded(entries: ModeParameters, padded: Integers) -> Integers:
     """Padded bands without harmonics on the lines of a mode that folds next to it: the two are not determined there."""
     free, padded = np.flatnonzero(~entries.fixed & ~entries.real), padded.copy()
+    taken: dict[int, set[int]] = {int(entry): set() for entry in free}
+    for fold in folds(entries):
+        for entry, (low, high) in (
+            (fold.first, fold.of_first(entries.bands[fold.second])),
+            (fold.second, fold.of_second(entries.bands[fold.first])),
+        ):
+            taken[entry] |= set(range(int(low), int(high) + 1))
     for entry in free:
-        taken: set[int] = set()
-        for neighbour in free:
-            sign, turns, gap = nearest(entries, int(entry), int(neighbour))
-            if neighbour != entry and 2.0 * gap <= NEAR:
-                ends = sign * entries.bands[neighbour] + turns
-                taken |= set(range(int(ends.min()), int(ends.max()) + 1))
         low, high = entries.bands[entry]
-        while low > padded[entry, 0] and low - 1 not in taken:
+        while low > padded[entry, 0] and low - 1 not in taken[entry]:
             low -= 1
-        while high < padded[entry, 1] and high + 1 not in taken:
+        while high < padded[entry, 1] and high + 1 not in taken[entry]:
             high += 1
         padded[entry] = low, high
     return padded

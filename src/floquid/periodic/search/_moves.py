@@ -11,6 +11,7 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid.fit import DEVIATIONS, HALF_DIGITS, OFF, ROUNDING, inverse_root, scaled_inverse, wald_rise
 from floquid.periodic.least_squares import ModeParameters
+from floquid.periodic.search._folds import difference, folds, nearest, with_all_lines
 from floquid.periodic.search._objective import Point
 from floquid.periodic.search._tests import Units, wide_of
 from floquid.search import NEAR, REACH, Move
@@ -31,6 +32,36 @@ def bands(point: Point, most: int) -> Iterator[Move]:
     fewer = point.price.of(trial) - point.price.of(point.entries)
     if fewer < 0.0:
         yield Move(fewer, "bands anew", trial)
+
+
+def folded(point: Point) -> Iterator[Move]:
+    """Bands of modes that fold onto one another: all lines for both as one unit, or an end less for one of them."""
+    entries = every = point.entries
+    near = [fold for fold in folds(entries) if len(fold.common(entries.bands))]
+    if not near:
+        return
+    for fold in near:
+        every = with_all_lines(every, fold)
+        yield from _as_one_unit(point, with_all_lines(entries, fold))
+    if len(near) > 1:
+        yield from _as_one_unit(point, every)
+    # By the exponents as they are no line can be done without: those of the others follow.
+    for mode, harmonic, change in Units(point, point).last(mode for fold in near for mode in (fold.first, fold.second)):
+        if change < (REACH - 1.0) * point.price.together(1):
+            bands = entries.bands.copy()
+            bands[mode] += (1, 0) if harmonic == bands[mode, 0] else (0, -1)
+            yield Move(min(change, 0.05 * change), "fewer", replace(entries, bands=bands))
+
+
+def _as_one_unit(point: Point, trial: ModeParameters) -> Iterator[Move]:
+    """A structure with more harmonics, taken where their gain is beyond the limit of all their numbers."""
+    more = int(np.ptp(trial.bands, axis=1).sum() - np.ptp(point.entries.bands, axis=1).sum())
+    if more:
+        price, one = point.price.of(trial) - point.price.of(point.entries), point.price.together(1)
+        change = point.with_entries(trial).value - point.value
+        # A gain beyond all their own prices is none of weak harmonics: exponents are wrong, or modes are missing.
+        if price - more * one < change < (REACH - 1.0) * one:
+            yield Move(change, "one unit", trial, max(point.price.together(more) - price, 1e-3))
 
 
 def removals(point: Point) -> Iterator[Move]:
@@ -224,21 +255,6 @@ def _widened(entries: ModeParameters, first: int, second: int, sign: int, turns:
 
 def _merged(entries: ModeParameters, first: int, second: int, sign: int, turns: int) -> ModeParameters:
     return without(_widened(entries, first, second, sign, turns), [second])
-
-
-def difference(entries: ModeParameters, first: int, second: int, sign: int) -> tuple[int, complex]:
-    """Whole fundamentals m and what is left of λ_two = λ_one + imω, λ_two conjugated for sign -1."""
-    value = entries.exponents[second] if sign > 0 else entries.exponents[second].conjugate()
-    gap = complex(value - entries.exponents[first])
-    turns = round(gap.imag / entries.fundamental)
-    return turns, gap - 1j * turns * entries.fundamental
-
-
-def nearest(entries: ModeParameters, first: int, second: int) -> tuple[int, int, float]:
-    """Sign and whole fundamentals by which two pairs are nearest, and their distance over both decays."""
-    tried = [(sign, *difference(entries, first, second, sign)) for sign in (1, -1)]
-    sign, turns, gap = min(tried, key=lambda each: abs(each[2]))
-    return sign, turns, abs(gap) / (abs(entries.exponents[[first, second]].real).sum() + 1e-300)
 
 
 def _places(entries: ModeParameters) -> dict[int, list[int]]:

@@ -27,6 +27,7 @@ from floquid.periodic.least_squares import (
     normal,
     weighted,
 )
+from floquid.periodic.search._folds import Fold, folds, shared_harmonics
 from floquid.periodic.search._peaks import Peak
 from floquid.search import HOPE, SAME, Move
 
@@ -55,7 +56,19 @@ class Price:
         """Price of a structure; of steady columns those of harmonics."""
         free = ~entries.fixed
         exponents = sum(self.mode(real=bool(real)) for real in entries.real[free])
-        return float(exponents + self.harmonics(entries.sines()).sum())
+        harmonics = self.harmonics(entries.sines()).sum()
+        return float(exponents + harmonics) - self.spared(folds(entries), entries.bands)
+
+    def spared(self, near: Sequence[Fold], bands: Integers) -> float:
+        """Limits of harmonics that a mode shares with another, one by one, less that of all as one unit."""
+        # Each alone is below its own limit where both decay alike, and an exponent of its own for what is left out of
+        # them would be cheaper.
+        count = shared_harmonics(near, bands)
+        return sum(number * self.together(1) - self.together(number) for number in count if number > 1)
+
+    def together(self, number: int) -> float:
+        """Price of some harmonics of pairs as one unit."""
+        return chi2_limit(2 * self.rows * number, self.harmonic_alarm)
 
 
 @dataclass(frozen=True, slots=True)

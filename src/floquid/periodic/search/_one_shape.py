@@ -46,9 +46,10 @@ def with_one_shape(result: SearchResult, false_alarm: float, floor: float, most:
             bands = np.where(entries.fixed[:, None], bands, shared.entries.bands)
         probability = agreement(shared, result)
         away = np.abs(shared.entries.exponents - entries.exponents) * 2.0 * np.pi / entries.fundamental
-        if probability > false_alarm and (away < FARTHEST).all():
+        if probability > false_alarm:  # the hits agree
             misfit = misfit_of_all(result.blocks, result.residuals)
-            return replace(result, one=shared, bands=bands, misfit=misfit)
+            told = (away < FARTHEST).all()
+            return replace(result, one=shared, bands=bands, misfit=misfit) if told else result
         if all((block.noise < QUIET * block.largest).all() for block in result.blocks):
             return result
         entry, share = difference(shared)

@@ -20,7 +20,7 @@ from floquid.periodic.least_squares import (
     residual_filter,
 )
 from floquid.periodic.search._additions import additions
-from floquid.periodic.search._moves import bands, branches, doubles, merges, removals, shared, splits, together
+from floquid.periodic.search._moves import bands, branches, doubles, folded, merges, removals, shared, splits, together
 from floquid.periodic.search._objective import Point, Price
 from floquid.search import SECONDS, Move, descended
 
@@ -65,6 +65,8 @@ def _stages(point: Point, bounds: Bounds) -> Iterator[Iterable[Move]]:
     """Moves in groups: a group is made only where none of those before lowers J."""
     # Bands come first: while they are wrong, what scores say of exponents misleads.
     yield _bands(point, bounds)
+    if bounds.width is None:
+        yield folded(point)
     if not bounds.search:
         return
     if point.wanders:  # on a wrong branch a mode leaves lines of its own

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
+
 import numpy as np
 
 from floquid._arrays import Floats, Indices, Integers, Mask
 from floquid.fit import HALF_DIGITS, LONGEST_STEP, ROUNDING, is_vague, scaled_inverse, score_gain
 from floquid.periodic.least_squares import ModeParameters, Solution
+from floquid.periodic.search._folds import folds
 from floquid.periodic.search._objective import Point
 from floquid.search import GAP
 
@@ -24,6 +27,7 @@ class Units:
         self._bands[:, 0] = np.maximum(self._bands[:, 0], first)
         self._price = point.price.harmonics(self._sines)
         self._n = len(self._sines)
+        self._near, self._of = folds(point.entries), point.price
         self.inside = _within(self._columns.modes, self._columns.harmonics, self._bands)
         self._weights = [1.0 / block.noise**2 for block in point.blocks]
         kept = np.concatenate([np.ones(self._n, bool), self._sines])
@@ -61,7 +65,7 @@ class Units:
                 change[out] = (beyond * self._price - gains)[out]
             if shrink:
                 inner = free & self.inside & begin & last
-                change[inner] = (gains - self._price)[inner]
+                change[inner] = (gains - self._price)[inner] + self._spared(inner, bands)
             best = int(np.argmin(change)) if self._n else 0
             if not self._n or change[best] > -HALF_DIGITS:
                 return total, bands
@@ -75,6 +79,26 @@ class Units:
             for column in np.flatnonzero(_within(modes, harmonics, bands) & (modes == mode) & ~self.inside):
                 total += float(self._price[column] - self.gains()[column])
                 self._sweep(int(column))
+
+    def last(self, modes: Iterable[int]) -> Iterator[tuple[int, int, float]]:
+        """The mode and the harmonic at each end of the bands of `modes`, and the change of J without it."""
+        columns, bands = self._columns, self._bands
+        ends = np.isin(columns.modes, sorted({*modes})) & (np.ptp(bands, axis=1) > 0)[columns.modes]
+        ends &= (columns.harmonics == bands[columns.modes, 0]) | (columns.harmonics == bands[columns.modes, 1])
+        changes = self.gains()[ends] - self._price[ends] + self._spared(ends, bands)
+        yield from zip(columns.modes[ends].tolist(), columns.harmonics[ends].tolist(), changes.tolist(), strict=True)
+
+    def _spared(self, last: Mask, bands: Integers) -> Floats:
+        """Part of the price that goes with the last harmonics of bands beside what each costs alone (columns,)."""
+        columns = np.flatnonzero(last)
+        spared = np.zeros(len(columns))
+        if self._near:
+            for k, column in enumerate(columns):
+                mode, harmonic = self._columns.modes[column], self._columns.harmonics[column]
+                fewer = bands.copy()
+                fewer[mode] += (1, 0) if harmonic == bands[mode, 0] else (0, -1)
+                spared[k] = self._of.spared(self._near, bands) - self._of.spared(self._near, fewer)
+        return spared
 
     def _sweep(self, column: int) -> None:
         sign = -1.0 if self.inside[column] else 1.0
