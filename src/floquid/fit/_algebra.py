@@ -39,13 +39,18 @@ def inverse_root(
     """A root W of the inverse of a symmetric matrix, W Wᵀ = M⁻¹ (n, directions).
 
     Directions below a share of the largest eigenvalue are left out. With `floor` they are taken to have that share:
-    what is not known has a large variance. `scale` replaces the root of the diagonal.
+    what is not known has a large variance, and all of a matrix that overflowed is NaN. `scale` replaces the root of
+    the diagonal.
     """
     scale = unit_scale(matrix) if scale is None else scale
     if not floor:
         values, vectors = directions(matrix, least, scale=scale)
         return vectors / np.sqrt(values) / scale[:, None]
-    values, vectors = np.linalg.eigh(matrix / np.outer(scale, scale))
+    with np.errstate(invalid="ignore", over="ignore"):
+        scaled = matrix / np.outer(scale, scale)
+    if not np.isfinite(scaled).all():
+        return np.full(matrix.shape, np.nan)
+    values, vectors = np.linalg.eigh(scaled)
     lowest = least * max(float(values.max(initial=1.0)), 1.0)
     return vectors / np.sqrt(np.maximum(values, lowest)) / scale[:, None]
 
@@ -66,8 +71,11 @@ def covariance_root(covariance: Floats) -> Floats:
 
 
 def sandwich(information: Floats, scatter: Floats, least: float = ROUNDING) -> Floats:
-    """The covariance I⁻¹ H I⁻¹ of parameters with the information I, whose gradient has the covariance H."""
-    inverse = scaled_inverse(information, least)
+    """The covariance I⁻¹ H I⁻¹ of parameters with the information I, whose gradient has the covariance H.
+
+    A direction that is not determined has a large variance, not none.
+    """
+    inverse = scaled_inverse(information, least, floor=True)
     return inverse @ scatter @ inverse
 
 

@@ -179,6 +179,19 @@ def test_hits_that_disagree_are_told_and_keep_shapes_of_their_own(hits, analysis
     assert "hits_disagree" not in [finding.code for finding in analysis.findings]
 
 
+def test_a_mode_next_to_a_copy_of_itself_is_not_determined():
+    """The direction between them was left out of the inverse, as if both were known to all digits."""
+    hits = Hits.drawn(PAIRS, 3, 6)
+    blocks, fundamental = blocks_of(hits)
+    entries = entries_of(hits, fundamental)
+    copy = replace(entries.picked([0]), exponents=entries.exponents[:1] + 1e-7)
+    entries = entries.joined(copy)
+    one = OneShape.at(blocks, entries, eliminated(blocks, entries))
+    std = np.sqrt(np.diag(one.of_rates()))
+    assert (std[[0, 2]] > 0.2).all()
+    assert std[1] < 0.05
+
+
 def test_hits_that_agree_are_not_told_to_disagree_where_one_shape_moves_a_mode(hits, monkeypatch):
     """A weak mode that ran away was told as hits that disagree, by chance 1."""
     monkeypatch.setattr("floquid.periodic.search._one_shape.FARTHEST", 0.0)

@@ -289,7 +289,7 @@ class OneShape:
     @cached_property
     def normal_inverse(self) -> Floats:
         """Covariance of the parameters (parameters, parameters)."""
-        return scaled_inverse(self.normal.matrix)
+        return scaled_inverse(self.normal.matrix, floor=True)
 
     def of_rates(self, further: Floats | None = None) -> Floats:
         """Covariance of the parameters that move exponents; `further` is added to their variances."""

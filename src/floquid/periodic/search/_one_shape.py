@@ -8,14 +8,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from floquid._arrays import Complexes, Floats, Integers
+from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid.errors import IdentificationError
-from floquid.fit import FARTHEST, FEW_STEPS, QUIET, REST, ROUNDS, SLOW, chi2_limit
+from floquid.fit import FARTHEST, FEW_STEPS, QUIET, REST, ROUNDS, SLOW, chi2_limit, is_vague
 from floquid.periodic.least_squares import (
     Block,
     ModeParameters,
     OneShape,
     Residual,
+    Solution,
     eliminated,
     least_noise,
     linearise,
@@ -48,7 +49,7 @@ def with_one_shape(result: SearchResult, false_alarm: float, floor: float, most:
         away = np.abs(shared.entries.exponents - entries.exponents) * 2.0 * np.pi / entries.fundamental
         if probability > false_alarm:  # the hits agree
             misfit = misfit_of_all(result.blocks, result.residuals)
-            told = (away < FARTHEST).all()
+            told = (away < FARTHEST).all() and not _lost(shared, result.solution).any()
             return replace(result, one=shared, bands=bands, misfit=misfit) if told else result
         if all((block.noise < QUIET * block.largest).all() for block in result.blocks):
             return result
@@ -56,6 +57,13 @@ def with_one_shape(result: SearchResult, false_alarm: float, floor: float, most:
         value = complex(entries.exponents[entry] + 1j * entries.fundamental * entries.offsets[entry])
         return replace(result, disagreement=Disagreement(value, share, probability))
     return result
+
+
+def _lost(shared: OneShape, free: Solution) -> Mask:
+    """Mask of the modes whose decay free residues determine, and one shape does not: those numbers fit another mode."""
+    decay = shared.entries.exponents.real[shared.entries.leading]
+    one, each = (np.sqrt(np.maximum(np.diag(of), 0.0))[: len(decay)] for of in (shared.of_rates(), free.covariance()))
+    return is_vague(one, decay) & ~is_vague(each, decay)
 
 
 def misfit_of_all(blocks: Sequence[Block], rest: Sequence[Residual]) -> float:
