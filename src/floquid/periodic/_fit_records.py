@@ -48,7 +48,7 @@ from floquid.periodic.search import (
     finished,
     period_step,
     priced,
-    read_apart,
+    read_as_modes,
     searched,
     searched_white,
     with_one_shape,
@@ -241,7 +241,7 @@ def fit(
         raise IdentificationError(_no_mode(result))
     if auto:
         result = without_noise(result)
-    result = with_one_shape(read_apart(result), harmonic_false_alarm, noise_floor, most)
+    result = with_one_shape(read_as_modes(result), harmonic_false_alarm, noise_floor, most)
     _check_order(result, order)
     found = result_of(
         result, records, clocks, samples, taps, free_period=free_period, noise_floor=noise_floor, ended=ended

@@ -27,7 +27,7 @@ from floquid.periodic.least_squares import (
     shapes,
     solve,
 )
-from floquid.periodic.search import SearchResult, kept_with, read_apart
+from floquid.periodic.search import SearchResult, kept_with, read_as_modes
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -145,7 +145,7 @@ def angle_std(clocks: Sequence[PhaseClock], records: Sequence[Record]) -> tuple[
 def without_noise(result: SearchResult) -> SearchResult:
     """Without those harmonics of the forced response, offset and drift that noise explains, or a mode beside them."""
     result = _without_twins(result)
-    apart, entries = read_apart(result), result.solution.entries
+    apart, entries = read_as_modes(result), result.solution.entries
     both = shapes(apart.blocks, apart.solution)  # fixed entries have the same places in both
     place = int(np.flatnonzero(both.harmonics == 0)[0])
     kept = ~entries.fixed | entries.columns().paired  # a pair near an axis that is held is no forced response

@@ -84,6 +84,18 @@ def test_a_mode_next_to_its_own_conjugate_has_a_deviation_for_the_mirrored_harmo
     assert growth[2:].min() > 2.0
 
 
+@pytest.mark.parametrize("beside", [-0.02, 0.02])
+def test_a_pair_next_to_an_axis_is_counted_from_its_strongest_line(beside):
+    """Of either side of the axis: it was always counted from the line above."""
+    model = system([-0.06 + 1j * (1.5 * OMEGA + beside), -0.05 + 2.2j], channels=2)
+    found = identify(records(model, noise=0.003, n_cycles=60, seed=1)).model
+    assert found.order == 4
+    for true in model.exponents:
+        assert np.abs(found.exponents - true).min() < 0.01
+    energy = np.sum(np.abs(found.coefficients) ** 2, axis=(1, 2))
+    assert (np.argmax(energy, axis=1) == list(found.harmonics).index(0)).all()
+
+
 @pytest.mark.slow
 def test_missing_samples_hide_no_mode():
     """Filled in for the start, they hid both modes beside an orbit 500 times as large."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -9,11 +10,11 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
 from floquid.fit import AT_REST, DEVIATIONS, FARTHEST, RARE, SLOW, STEPS, SURE, chi2_limit
-from floquid.periodic.least_squares import ModeParameters, linearise, noise_of, shapes, solve, weighted
+from floquid.periodic.least_squares import Block, ModeParameters, Solution, linearise, noise_of, shapes, solve, weighted
 from floquid.periodic.search._additions import residuals
 from floquid.periodic.search._folds import folds
 from floquid.periodic.search._moves import energies
-from floquid.periodic.search._near_axis import with_axis_pairs
+from floquid.periodic.search._near_axis import read_apart, with_axis_pairs
 from floquid.periodic.search._objective import Point, SearchResult
 from floquid.periodic.search._peaks import strongest
 from floquid.periodic.search._tests import Units, equality, spread_of_harmonics, untold, wide_of
@@ -24,12 +25,13 @@ def finished(
     point: Point, floor: float, *, most: int, choose: bool = True, search: bool, steady: bool, free_period: bool
 ) -> SearchResult:
     """The final fit of a structure with its deviations and its residual."""
-    point = named(point)
     bands = point.entries.bands
     point = _padded(point, most) if choose else point.settled(rest=AT_REST, steps=STEPS)
     if free_period:
         # Not before: with modes still missing, the period would go to where it takes what is theirs.
         point = point.with_entries(replace(point.entries, free_period=True)).settled(rest=AT_REST, steps=STEPS)
+    # By the last fit: harmonics that are wider show another line of modes that share lines as the strongest.
+    point, bands = named(point, bands)
     if search:
         point, bands = with_axis_pairs(point, bands)
         point = _without_steady(point, bands) if steady else point
@@ -91,27 +93,48 @@ def _uncrowded(entries: ModeParameters, padded: Integers) -> Integers:
     return padded
 
 
-def named(point: Point) -> Point:
-    """Fit with each mode on the branch whose zeroth harmonic carries most of the energy of its shape."""
-    # Channels are weighted by the inverse of their noise; ties go to the larger frequency. At a speed that wanders the
-    # branches are no names, and stay.
-    entries = point.entries
-    both = shapes(point.blocks, point.solution)
+def named(point: Point, reported: Integers) -> tuple[Point, Integers]:
+    """Fit with each mode on the branch whose zeroth harmonic carries most of the energy of its shape, and its bands."""
+    if point.wanders:  # the branches are no names, and stay
+        return point, reported
+    renamed, told, flipped = _by_strongest(point.blocks, point.solution, reported)
+    return (point.with_entries(renamed) if flipped else point.renamed(renamed)), told
+
+
+def read_as_modes(result: SearchResult) -> SearchResult:
+    """The result with pairs near an axis read as ordinary modes, each on the branch of its strongest harmonic."""
+    result = read_apart(result)
+    if not result.as_read:
+        return result
+    solution = result.solution
+    renamed, told, flipped = _by_strongest(result.blocks, solution, result.bands)
+    if flipped:
+        solution = replace(linearise(result.blocks, renamed), further=solution.further)
+    return replace(result, solution=replace(solution, entries=renamed), bands=told)
+
+
+def _by_strongest(
+    blocks: Sequence[Block], solution: Solution, reported: Integers
+) -> tuple[ModeParameters, Integers, bool]:
+    """Entries whose zeroth harmonics are the strongest, the bands to report, and whether one is a conjugate now."""
+    # Channels are weighted by the inverse of their noise; ties go to the larger frequency.
+    entries, both = solution.entries, shapes(blocks, solution)
     noise = np.full(both.coefficients.shape[1:3], np.inf)
-    for block in point.blocks:
+    for block in blocks:
         noise[block.rows, block.hit] = block.noise
     energy = np.sum(np.abs(both.coefficients / noise[:, :, None]) ** 2, axis=(1, 2))
-    exponents, bands, flipped = entries.exponents.copy(), entries.bands.copy(), False
+    exponents, bands, told, flipped = entries.exponents.copy(), entries.bands.copy(), reported.copy(), False
     for entry in np.flatnonzero(~entries.fixed & ~entries.real):
         ties = np.flatnonzero(energy[entry] > (1.0 - 1e-6) * energy[entry].max())
         turns = exponents[entry].imag + both.harmonics[ties] * entries.fundamental
-        m = 0 if point.wanders else int(both.harmonics[ties[np.argmax(np.abs(turns))]])
+        m = int(both.harmonics[ties[np.argmax(np.abs(turns))]])
         exponents[entry] += 1j * m * entries.fundamental
         bands[entry] -= m
+        told[entry] -= m
         if exponents[entry].imag < 0.0:
-            exponents[entry], bands[entry], flipped = exponents[entry].conjugate(), -bands[entry, ::-1], True
-    renamed = replace(entries, exponents=exponents, bands=bands)
-    return point.with_entries(renamed) if flipped else point.renamed(renamed)
+            exponents[entry], flipped = exponents[entry].conjugate(), True
+            bands[entry], told[entry] = -bands[entry, ::-1], -told[entry, ::-1]
+    return replace(entries, exponents=exponents, bands=bands), told, flipped
 
 
 def _without_steady(point: Point, bands: Integers) -> Point:
