@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from floquid._arrays import Complexes, Floats
+from floquid._arrays import Complexes, Floats, Mask
 from floquid._checks import input_error, noise_array
 from floquid.core import PeriodicModel, PhaseClock, Record
-from floquid.fit import HALF_DIGITS
+from floquid.fit import DEVIATIONS, FARTHEST, HALF_DIGITS
 from floquid.lifting import Lifted
 from floquid.periodic.least_squares import (
     AT_REST,
@@ -98,8 +98,8 @@ def refit(
     one_shape
         Whether all hits share the shapes of the modes, as those of the model do: B is a shape times a state.
     hold
-        Whether an exponent that runs away stays as the model has it, its residues fitted: samples may be too few to
-        tell those of a weak mode.
+        Whether an exponent that runs away stays as the model has it, its residues fitted, where noise alone may move
+        it as far: samples may be too few to tell that of a weak mode.
     """
     if free_period and any(clock.measured for clock in clocks):
         must, got = "be false where the angle of a shaft is measured", "is true"
@@ -124,12 +124,20 @@ def refit(
             else solution
         )
     else:
-        solution = solve(blocks, solution, at_rest=at_rest, hold=hold)
+        solution = solve(blocks, solution, at_rest=at_rest, hold=hold & _may_run_away(solution))
         if hold and solution.entries.fixed.any():  # as modes of the model, which they are
             solution = linearise(blocks, replace(solution.entries, fixed=entries.fixed))
     return model_of(
         blocks, solution, entries.bands, channels=model.channels, provenance=model.provenance, most=most, one=shared
     )
+
+
+def _may_run_away(solution: Solution) -> Mask:
+    """Mask of the entries whose exponents noise may move beyond `FARTHEST` (entries,)."""
+    entries, std = solution.entries, np.sqrt(np.maximum(np.diag(solution.covariance()), 0.0))
+    may = np.zeros(len(entries.exponents), bool)
+    may[entries.leading] = DEVIATIONS * std[: int(entries.leading.sum())] * 2.0 * np.pi > FARTHEST * entries.fundamental
+    return may
 
 
 def _check_lifted(model: PeriodicModel, lifted: Lifted) -> None:

@@ -157,13 +157,13 @@ def solve(
     start: ModeParameters | Solution,
     *,
     at_rest: float = AT_REST,
-    hold: bool = False,
+    hold: bool | Mask = False,
     iterations: int = STEPS,
 ) -> Solution:
     """The least squares near these exponents: Levenberg-Marquardt on the projected cost.
 
-    It ends when a step is below `at_rest` standard deviations. With `hold`, a mode whose exponent runs away is put back
-    and held there.
+    It ends when a step is below `at_rest` standard deviations. With `hold`, of all entries or of some, a mode whose
+    exponent runs away is put back and held there.
 
     Raises IdentificationError where, without `hold`, an exponent moves by more than `FARTHEST`.
     """
@@ -188,7 +188,7 @@ def solve(
         gone = away(solution) > FARTHEST
         if not gone.any():
             return solution
-        if not hold:
+        if not np.all(hold | ~gone):
             raise IdentificationError(
                 f"The fit with shared harmonics moves an exponent by {away(solution).max():.2g} a period from its "
                 "start: a mode hardly rises above the noise. Leave it out (`order=`), or pass `constrained=False`."
