@@ -100,7 +100,7 @@ def sense_of(low: Floats, high: Floats) -> Integers:
 
 def _side(index: Share) -> str:
     low, high = index.interval or (index.value, index.value)
-    return {1: "forward", -1: "backward"}.get(int(sense_of(np.float64(low), np.float64(high))), "mixed")
+    return {1: "forward", -1: "backward"}.get(int(sense_of(np.array(low), np.array(high))), "mixed")
 
 
 def _axis(x: Complexes, y: Complexes) -> float:

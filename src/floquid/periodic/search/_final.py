@@ -83,7 +83,7 @@ def _uncrowded(entries: ModeParameters, padded: Integers) -> Integers:
             (fold.second, fold.of_second(entries.bands[fold.first])),
         ):
             taken[entry] |= set(range(int(low), int(high) + 1))
-    for entry in free:
+    for entry in free.tolist():
         low, high = entries.bands[entry]
         while low > padded[entry, 0] and low - 1 not in taken[entry]:
             low -= 1
