@@ -35,7 +35,7 @@ def outcomes(
     """The number of each job, and what a function makes of it, as they are ready.
 
     When a process dies, each job that it may have had is done alone in a new process: what ends that one, and a second,
-    is lost. Another's `executor` is no process of ours: a job of which it raises instead of a result is lost.
+    is lost. Another's `executor` is no process of ours: a job is lost for which it raises an error.
 
     Raises IdentificationError where that executor ends.
 
