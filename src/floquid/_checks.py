@@ -209,12 +209,12 @@ def noise_array(
     return spread
 
 
-def timed_matrices(value: object, argument: str, of: str, n: int) -> tuple[NDArray[Any], NDArray[Any]]:
-    """A pair of instants (times,) and a matrix at each (times, n, n)."""
-    if not isinstance(value, tuple) or len(value) != 2:
-        raise input_error(argument, of, "be a pair (times, system)", f"is a {type(value).__name__}")
-    times = frozen_array(value[0], f"{argument}[0]", of, axes=("times",))
-    return times, frozen_array(value[1], f"{argument}[1]", of, axes=(len(times), n, n))
+def timed_matrices(truth: object, of: str, n: int) -> tuple[NDArray[Any], NDArray[Any]]:
+    """The `truth` that the callable `of` was given: instants (times,) and a matrix at each (times, n, n)."""
+    if not isinstance(truth, tuple) or len(truth) != 2:
+        raise input_error("truth", of, "be a pair (times, system)", f"is a {type(truth).__name__}")
+    times = frozen_array(truth[0], "truth[0]", of, axes=("times",))
+    return times, frozen_array(truth[1], "truth[1]", of, axes=(len(times), n, n))
 
 
 def counted(number: int | str, word: str) -> str:

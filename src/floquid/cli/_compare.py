@@ -25,7 +25,6 @@ from floquid.views import with_error
 OF = "floquid compare"
 FILES = ("comparison.h5", "comparison.json", "comparison.csv", "report.html", "figures/comparison.png")
 MOST = 40  # rows that are printed of a survey
-LEFT = 4  # headings at most before the numbers: the point and both modes
 
 
 def compare(

@@ -17,7 +17,7 @@ from floquid.cli._options import Choices
 from floquid.cli._records import check_files, read_records
 from floquid.core import as_point
 from floquid.errors import InputError
-from floquid.fleets import Died, Kept, kept_results, outcomes, time_left
+from floquid.fleets import Kept, kept_results, outcomes, time_left
 from floquid.floquet import read_matrix
 from floquid.io import readable_file
 from floquid.pipeline import identify
@@ -171,9 +171,9 @@ def points_of(jobs: Sequence[Job], workers: int | None, report: Callable[[str], 
     count = min(len(open_), os.cpu_count() or 1) if workers is None else workers
     count = min(count, len(open_))
     begin = monotonic()
-    for done, (number, point) in enumerate(outcomes(made, [jobs[k] for k in open_], workers=count), start=1):
+    for done, (number, point) in enumerate(outcomes(made, [jobs[k] for k in open_], Job.lost, workers=count), start=1):
         k = open_[number]
-        found[k] = jobs[k].lost(point.reason) if isinstance(point, Died) else point
+        found[k] = point
         rest = time_left(done, len(open_), monotonic() - begin)
         report(f"identified {done} of {len(open_)} points{rest}: {jobs[k].files[0].name}")
     return [found[k] for k in range(len(jobs))]

@@ -154,7 +154,7 @@ def transfer(
                 result = fit = fit_transfer(measured, hold=chosen.hold, report=report)
                 found, findings, more = fit.transfer(hertz, turns), (*findings, *fit.findings), more | fit_entries(fit)
         asked = (frame, [list(split(own)) for own in phases], impedance)
-        found = _changed(result, found, (hertz, turns), asked, chosen.period)
+        found = _changed(result, found, (hertz, turns), asked)
         if out is not None:
             _write(found, result, out, plot, frequency_axis)
     if format == "json":
@@ -171,7 +171,6 @@ def _changed(
     found: TransferFunctions,
     at: tuple[list[float] | None, list[int]],
     asked: tuple[Frame | None, list[list[str]], bool],
-    period: float | None,
 ) -> TransferFunctions:
     """Transfer functions in a frame, or inverted, of an analysis at any sideband and else of lines."""
     frame, groups, inverted = asked
@@ -181,10 +180,9 @@ def _changed(
     if inverted and groups and len(groups) != 2:
         must, got = "come twice with --impedance: outputs, inputs", f"comes {counted(len(groups), 'time')}"
         raise input_error("--phases", OF, must, got, "As --phases i_a,i_b --phases u_a,u_b.")
-    subject: Any = result if isinstance(result, Analysis) else found
-    how: dict[str, Any] = {"frequencies_hz": at[0]} if isinstance(result, Analysis) else {"period": period}
-    if isinstance(result, (TransferFit, MeasuredTransfer)):
-        how["period"] = (result.model if isinstance(result, TransferFit) else result).period
+    of_model = isinstance(result, Analysis)
+    subject: Any = result if of_model else found
+    how: dict[str, Any] = {"frequencies_hz": at[0]} if of_model else {"period": result.period}
     if frame == "dq":
         turned = to_dq(subject, *groups, **how, harmonics=0 if inverted else at[1])
         assert isinstance(turned, TransferFunctions)

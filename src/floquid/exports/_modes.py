@@ -89,7 +89,7 @@ def export_modes(
     if suffix in (".uff", ".unv"):
         content = uff_bytes(model, coordinates or {}, [list(coordinates or {})] if lines is None else lines)
     elif suffix in TEXT_TABLES:
-        content = text_table(result, suffix, damping_unit).encode()
+        content = text_table(model, analysis, suffix, damping_unit).encode()
     elif suffix == ".mat":
         content = mat_bytes(model, None if analysis is None else analysis.state)
     elif suffix == ".csv":
@@ -255,12 +255,12 @@ _LETTERS = {"λ": r"$\lambda$", "ζ": r"$\zeta$", "δ": r"$\delta$"}
 _SPECIAL = str.maketrans({letter: f"\\{letter}" for letter in "%&#_$"})
 
 
-def text_table(result: Analysis | PeriodicModel, suffix: str, unit: DampingUnit) -> str:
-    """The modes of a `result` as a table in the language of its `suffix`, damping in a `unit`."""
-    shown: Any = result
-    if isinstance(result, PeriodicModel):  # a model alone says no noise: channels count alike
-        noise = np.ones(result.coefficients.shape[1:3])
-        shown = SimpleNamespace(model=result, noise=noise, decay=None, lengths=None, findings=(), settings=Settings())
+def text_table(model: PeriodicModel, analysis: Analysis | None, suffix: str, unit: DampingUnit) -> str:
+    """The modes of a `model` as a table in the language of a `suffix`, damping in a `unit`."""
+    shown: Any = analysis
+    if analysis is None:  # a model alone says no noise: channels count alike
+        noise = np.ones(model.coefficients.shape[1:3])
+        shown = SimpleNamespace(model=model, noise=noise, decay=None, lengths=None, findings=(), settings=Settings())
     table = mode_table(shown, damping_unit=unit)
     used = [not column.on_page for column in table.columns]
     headings = ["mode", *(column.heading for column in compress(table.columns, used))]

@@ -29,7 +29,7 @@ def survey_columns(found: Survey) -> Columns:
     rows += [_place(found, number) for number in range(len(found.points)) if number not in seen]
     rows.sort(key=lambda row: row["point"])
     names = dict.fromkeys(name for row in rows for name in row)
-    return {name: [_plain(row.get(name)) for row in rows] for name in names}
+    return {name: [for_json(row.get(name)) for row in rows] for name in names}
 
 
 def edge_columns(found: Survey) -> Columns:
@@ -174,11 +174,6 @@ def _edge(found: Survey, edge: Edge) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _plain(cell: Any) -> Any:
-    """A cell without NaN."""
-    return None if isinstance(cell, float) and not np.isfinite(cell) else cell
-
-
 def monitor_records(found: Monitor) -> list[dict[str, Any]]:
     """The records of `found`, a mapping each: charts with limits, alarms, and how periodic they are."""
     rows: list[dict[str, Any]] = []
@@ -211,7 +206,7 @@ def monitor_columns(found: Monitor) -> Columns:
         for ending, values in (("", charts.values), ("_std", charts.std), ("_residual", charts.residual)):
             columns[word + ending] = values[:, k].tolist()
     reasons = columns.pop("reason")
-    return {name: [_plain(cell) for cell in column] for name, column in {**columns, "reason": reasons}.items()}
+    return {name: [for_json(cell) for cell in column] for name, column in {**columns, "reason": reasons}.items()}
 
 
 def monitor_summary(found: Monitor) -> dict[str, Any]:
@@ -299,7 +294,7 @@ def comparison_columns(found: Comparison) -> dict[str, list[Any]]:
             rows.append({found.over or "point": point.value, side: mode, **exponent})
     names = dict.fromkeys(name for row in rows for name in row)
     cells = {name: [row.get(name) for row in rows] for name in names}
-    return {name: [_plain(cell) for cell in column] for name, column in cells.items()}
+    return {name: [for_json(cell) for cell in column] for name, column in cells.items()}
 
 
 _POSITIONS = 201  # a hundredth of the path's amplitude apart

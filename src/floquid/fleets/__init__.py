@@ -4,7 +4,7 @@
 """
 
 from floquid.fleets._fleet import Fleet, fleet
-from floquid.fleets._runner import Died, outcomes, scheduled, time_left
+from floquid.fleets._runner import outcomes, scheduled, time_left
 from floquid.fleets._table import Kept, kept_results
 
-__all__ = ["Died", "Fleet", "Kept", "fleet", "kept_results", "outcomes", "scheduled", "time_left"]
+__all__ = ["Fleet", "Kept", "fleet", "kept_results", "outcomes", "scheduled", "time_left"]

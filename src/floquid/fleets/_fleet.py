@@ -18,7 +18,7 @@ from floquid._bar import bar
 from floquid._checks import counted, input_error, integer
 from floquid._show import Brief, late
 from floquid.fleets._rows import Row, labelled, lost, rows_of
-from floquid.fleets._runner import DIED, Died, outcomes, time_left
+from floquid.fleets._runner import DIED, outcomes, time_left
 from floquid.fleets._table import Done, Table, opened
 from floquid.io import as_path
 from floquid.pipeline import identify
@@ -172,12 +172,12 @@ def _run(
     if jobs:
         report(f"identified 0 of {count} records")
     most = min(count, os.cpu_count() or 1) if workers is None else min(workers, max(count, 1))
-    for done, (number, rows) in enumerate(outcomes(done_of, jobs, workers=most, executor=executor), start=1):
-        job, begin = (
-            jobs[number],
-            begin or monotonic(),
-        )  # the time left is that of records, without the start of workers
-        if table.add(job.name, job.labelled(lost(rows.reason), 0.0) if isinstance(rows, Died) else rows):
+    found = outcomes(
+        done_of, jobs, lambda job, reason: job.labelled(lost(reason), 0.0), workers=most, executor=executor
+    )
+    for done, (number, rows) in enumerate(found, start=1):
+        begin = begin or monotonic()  # the time left is that of records, without the start of workers
+        if table.add(jobs[number].name, rows):
             report(f"identified {done} of {count} records{time_left(done - 1, count - 1, monotonic() - begin)}")
 
 

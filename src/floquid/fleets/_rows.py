@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from floquid._json import for_json
 from floquid._version import __version__
 from floquid.periodic import CONFIDENT, participation
 from floquid.pipeline import Analysis
@@ -74,7 +75,7 @@ def rows_of(analysis: Analysis) -> list[Row]:
                 **record,
             }
         )
-    return [{name: _plain(cell) for name, cell in row.items()} for row in rows]
+    return for_json(rows)
 
 
 def lost(reason: str) -> list[Row]:
@@ -85,8 +86,3 @@ def lost(reason: str) -> list[Row]:
 def labelled(rows: list[Row], record: Row) -> list[Row]:
     """The rows with the cells of their record, which says the version too."""
     return [{**row, **record, "floquid": __version__} for row in rows]
-
-
-def _plain(cell: Any) -> Any:
-    """A cell without NaN."""
-    return None if isinstance(cell, float) and not np.isfinite(cell) else cell

@@ -6,8 +6,7 @@ import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import CancelledError, Executor, Future
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from floquid._checks import input_error
 from floquid.errors import IdentificationError
@@ -15,6 +14,7 @@ from floquid.io import load_package
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
+Lost: TypeAlias = Callable[[Job, str], Result]
 
 DIED = "The process that identified it ended at once, twice: is there memory enough? Try --workers 1."
 ENDED = "The executor has ended before the work was done. Run it again: finished records are not done twice."
@@ -24,30 +24,18 @@ FLIGHT = 1000  # jobs that another's executor has waiting: enough for hundreds o
 ANSWERS = 10  # time within which a scheduler must answer [s]
 
 
-@dataclass(frozen=True, slots=True)
-class Died:
-    """A job without a result.
-
-    Parameters
-    ----------
-    reason
-        Why there is none, a sentence.
-    """
-
-    reason: str
-
-
 def outcomes(
     function: Callable[[Job], Result],
     jobs: Iterable[Job],
+    lost: Lost[Job, Result],
     *,
     workers: int | None = None,
     executor: Executor | None = None,
-) -> Iterator[tuple[int, Result | Died]]:
+) -> Iterator[tuple[int, Result]]:
     """The number of each job, and what a function makes of it, as they are ready.
 
     When a process dies, each job that it may have had is done alone in a new process: what ends that one, and a second,
-    is `Died`. Another's `executor` is no process of ours: what it raises instead of a result is `Died`.
+    is lost. Another's `executor` is no process of ours: a job is lost for which it raises an error.
 
     Raises IdentificationError where that executor ends.
 
@@ -57,24 +45,26 @@ def outcomes(
         A function of a module, which can be sent to processes, and which raises nothing.
     jobs
         The jobs, which are taken as they are needed.
+    lost
+        The result of a job that is lost, from the job and a sentence why.
     workers
         Processes of this machine; one for each processor when None, and none at all of 1.
     executor
         In place of them, any executor of `concurrent.futures`.
     """
     if executor is not None:
-        yield from _by(executor, function, jobs)
+        yield from _by(executor, function, jobs, lost)
         return
     count = (os.cpu_count() or 1) if workers is None else workers
     if count <= 1:
         yield from ((number, function(job)) for number, job in enumerate(jobs))
     else:
-        yield from _in_processes(function, jobs, count)
+        yield from _in_processes(function, jobs, lost, count)
 
 
 def _in_processes(
-    function: Callable[[Job], Result], jobs: Iterable[Job], workers: int
-) -> Iterator[tuple[int, Result | Died]]:
+    function: Callable[[Job], Result], jobs: Iterable[Job], lost: Lost[Job, Result], workers: int
+) -> Iterator[tuple[int, Result]]:
     from concurrent.futures import BrokenExecutor
 
     left, sent = iter(enumerate(jobs)), {}
@@ -91,35 +81,35 @@ def _in_processes(
             return
         for future, (number, job) in doubtful:
             unbroken = future.done() and not future.cancelled() and future.exception() is None
-            yield number, future.result() if unbroken else _alone(function, job)
+            yield number, future.result() if unbroken else _alone(function, job, lost)
 
 
-def _alone(function: Callable[[Job], Result], job: Job) -> Result | Died:
+def _alone(function: Callable[[Job], Result], job: Job, lost: Lost[Job, Result]) -> Result:
     """The result of a job in a process of its own; in a second one, where the first dies of it."""
     from concurrent.futures import BrokenExecutor
 
     for _ in range(2):
         with suppress(BrokenExecutor), _pool(1) as pool:
             return pool.submit(function, job).result()
-    return Died(DIED)
+    return lost(job, DIED)
 
 
 def _by(
-    executor: Executor, function: Callable[[Job], Result], jobs: Iterable[Job]
-) -> Iterator[tuple[int, Result | Died]]:
+    executor: Executor, function: Callable[[Job], Result], jobs: Iterable[Job], lost: Lost[Job, Result]
+) -> Iterator[tuple[int, Result]]:
     """The results by another's executor."""
     from concurrent.futures import BrokenExecutor
 
     sent: dict[Future[Any], tuple[int, Any]] = {}
     try:
         for future in _done(executor, function, iter(enumerate(jobs)), sent, FLIGHT):
-            number, _ = sent.pop(future)
+            number, job = sent.pop(future)
             try:
                 result: Any = future.result()
             except (BrokenExecutor, CancelledError):
                 raise
             except Exception as error:  # noqa: BLE001  # a worker that was lost, or a job that could not be sent
-                result = Died(f"The worker gave no result: {type(error).__name__}: {error}".rstrip(".") + ".")
+                result = lost(job, f"The worker gave no result: {type(error).__name__}: {error}".rstrip(".") + ".")
             yield number, result
     except (BrokenExecutor, CancelledError):
         raise IdentificationError(ENDED) from None

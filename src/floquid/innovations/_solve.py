@@ -33,7 +33,6 @@ from floquid.innovations._predictor import Predictor, predicted
 from floquid.innovations._thinned import thinned
 from floquid.inputs import Samples
 
-Step = NDArray[np.float64]
 T = TypeVar("T")
 
 

@@ -10,9 +10,11 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats
 from floquid._checks import Sealed, input_error
-from floquid.core import Channel, ConstantPeriod, PeriodicModel
-from floquid.large._model import modelled
+from floquid.core import Channel, ConstantPeriod, PeriodicModel, Provenance
 from floquid.large._modes import Modes
+from floquid.lifting import Lifted
+from floquid.lti import ModalModel, TimeResponses
+from floquid.periodic import assemble
 
 LARGE_VERSION = 2
 LARGEST = 2.0**28  # bytes of a model in memory: the least that machines which need `identify_large` have to spare
@@ -131,7 +133,7 @@ class LargeResult(Sealed):
             got = f"are {len(places)} of {modes.order} modes and {self.n_phases} phases"
             remedy = f"Take some: `result.model_of(slice(0, {max(most, 1)}))`."
             raise input_error("channels", "LargeResult.model_of", f"be 1 to {most}", got, remedy)
-        found = modelled(
+        found = _modelled(
             modes,
             self.residues(channels),
             spread=self.residue_spread,
@@ -197,3 +199,49 @@ def _verdict(stored: Any) -> dict[str, Any]:
         "reasons": tuple(stored["reasons"].asstr()[()].tolist()),
         "part": (int(said["part_channels"]), int(said["part_cycles"])),
     }
+
+
+def _modelled(
+    modes: Modes,
+    residues: Complexes,
+    *,
+    spread: Complexes,
+    slope: Complexes,
+    covariance: Floats,
+    noise: Floats,
+    period: float,
+    phase: float,
+    channels: tuple[Channel, ...],
+    source: str,
+) -> PeriodicModel:
+    """The model that `assemble` makes of residues (channels, modes, phases) that begin at a phase of the clock.
+
+    `spread` and `slope` are those of the residues of all multipliers (order, order), `covariance` that of decays and
+    angular frequencies, mode by mode [1/s²].
+    """
+    count, _, phases = residues.shape
+    all_of = np.repeat(residues.transpose(1, 0, 2).reshape(len(modes.logs), -1), [1 if r else 2 for r in modes.real], 0)
+    conjugates = np.ones(modes.order, bool)
+    conjugates[modes.places] = False
+    all_of[conjugates] = all_of[conjugates].conj()
+    by = modes.by_parameters
+    by = np.concatenate([by.real, by.imag])
+    modal = ModalModel(
+        multipliers=modes.multipliers,
+        residues=all_of[:, :, None],
+        dt=period,
+        covariance=by @ covariance @ by.T,
+        residue_spread=spread[None],
+        residue_slope=slope[None],
+    )
+    # The expansion asks the lifted responses for their noise and phases alone: the values stay on the disk.
+    lifted = Lifted(
+        responses=TimeResponses(
+            values=np.zeros((count * phases, 1, 1)), dt=period, noise=np.repeat(noise, phases)[:, None]
+        ),
+        channels=channels,
+        n_phases=phases,
+        first_phase=phase,
+        provenance=Provenance(sources=(source,)),
+    )
+    return assemble(modal, lifted)

@@ -2,6 +2,6 @@
 
 from floquid.monitoring._monitor import monitor
 from floquid.monitoring._types import Amounts, Change, Charts, Monitor, Part, Trend
-from floquid.monitoring._words import CHARTED, record_heads, record_rows, sentences
+from floquid.monitoring._words import CHARTED, LEAST, record_heads, record_rows, sentences
 
 __all__ = ["Amounts", "Change", "Charts", "Monitor", "Part", "Trend", "monitor"]

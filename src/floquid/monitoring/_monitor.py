@@ -102,15 +102,18 @@ def monitor(
     of_rate = positive(rate, "rate", OF)
     if of_rate >= 0.5:
         raise input_error("rate", OF, "lie below 0.5", f"is {of_rate:g}", "It is the share of false alarms: 0.001.")
-    given = results.points if isinstance(results, Survey) else tuple(as_record(one) for one in results)
+    if isinstance(results, Survey):
+        survey, given = results, results.points
+    else:
+        survey, given = None, tuple(as_record(one) for one in results)
     if not given:
         raise input_error("results", OF, "hold a result", "none was given", "Pass what `identify` gave of each record.")
     points, order = ordered(given, over)
     healthy = mask_of(baseline, len(points))
     labelled = labelled_of(direction)
     names = covariates_of(points, healthy, covariates)
-    if isinstance(results, Survey):
-        matches = reordered(matches_of(results), order)
+    if survey is not None:
+        matches = reordered(matches_of(survey), order)
         if labelled:
             got = "is a result, and `results` is a survey"
             raise input_error("direction", OF, "be features here", got, "Pass the results themselves, not the survey.")

@@ -12,6 +12,9 @@ HERTZ = "rad/s"
 LONGEST = 40
 """Characters of the name of a file in a sentence or a row."""
 
+LEAST = 1e-3
+"""A chart over its limit below which nothing is shown."""
+
 CHARTED = (
     "T²: how far the modes of a record are from the baseline, in deviations squared; average: the same of a running "
     "average, which sees slow changes. Above its limit a record is an alarm."

@@ -15,7 +15,7 @@ from floquid.pipeline._identify import identify
 from floquid.pipeline.draws import Bootstrap, Draw, DrawFile, Spread, bootstrap
 from floquid.pipeline.excited import ambient_fit, driven_fit, measure_transfer, predicted_rest
 from floquid.pipeline.free import find_poles, lifted, lifted_views, samples_of, validated
-from floquid.preparation import FORBIDDEN, WORDS, Excitation, IdentifierName, Settings, blas_threads, prepare
+from floquid.preparation import IdentifierName, Settings, blas_threads, prepare
 
 __all__ = [
     "CONFIDENT", "Analysis", "Bootstrap", "Decay", "Draw", "DrawFile", "Spread", "bootstrap", "find_poles", "identify",

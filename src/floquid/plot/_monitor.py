@@ -9,7 +9,7 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid._checks import input_error
 from floquid.fit import WITHIN
-from floquid.monitoring import Monitor
+from floquid.monitoring import LEAST, Monitor
 from floquid.plot._style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, Into, drawing, grid_of
 from floquid.views import over_label
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY)
 MARKS = ("o", "s", "^", "D", "v", "P")
-LEAST = 1e-3  # a chart over its limit below which nothing is shown
 
 
 def monitor(found: Monitor, *, ax: Into = None) -> Figure:

@@ -9,6 +9,7 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid._checks import index, integer
 from floquid.core import Cycles, channels_named
+from floquid.fit import WITHIN
 from floquid.pipeline import Analysis
 from floquid.plot._style import (
     BLACK,
@@ -24,7 +25,7 @@ from floquid.plot._style import (
     label_values,
     plain,
 )
-from floquid.views import INTERVAL, Synthesis, check_analysis, envelope, lifted_points
+from floquid.views import Synthesis, check_analysis, envelope, lifted_points
 from floquid.views import synthesis as synthesis_of
 
 if TYPE_CHECKING:
@@ -195,13 +196,13 @@ def _draw_whole(axes: Axes, found: Synthesis) -> None:
 def _draw_left(axes: Axes, found: Synthesis) -> None:
     """Residual between the lines of the noise, and its rms stretch by stretch."""
     axes.plot(*envelope(found.times, found.residual, POINTS), color=GREY, linewidth=0.5, label="measured − model")
-    for side in (-INTERVAL, INTERVAL):
+    for side in (-WITHIN, WITHIN):
         axes.axhline(side * found.noise, color=BLACK, linestyle="--", linewidth=0.9, label="95 % of the noise")
     edges, rms = _steps(found)
     axes.stairs(rms, edges, baseline=None, color=ORANGE, linewidth=1.6, zorder=3, label="rms of the residual")
     axes.set_xlim(found.times[0], found.times[-1])
     # What the model leaves out early on would hide all the rest if it set the scale alone.
-    reach = max(3.0 * INTERVAL * found.noise, 1.1 * float(np.nanquantile(np.abs(found.residual), 0.999)))
+    reach = max(3.0 * WITHIN * found.noise, 1.1 * float(np.nanquantile(np.abs(found.residual), 0.999)))
     axes.set_ylim(-reach, reach)
 
 

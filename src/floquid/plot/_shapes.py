@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import frozen_array, index, input_error
 from floquid.core import PeriodicModel, channels_named
+from floquid.fit import WITHIN
 from floquid.floquet import FloquetModes, multiplier_is_real, stability, state_participation, upper_modes
 from floquid.periodic import participation
 from floquid.plot._style import (
@@ -29,7 +30,7 @@ from floquid.plot._style import (
     plain,
     plain_decades,
 )
-from floquid.views import INTERVAL, shape_curves, with_error
+from floquid.views import shape_curves, with_error
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -294,7 +295,7 @@ def _draw_identified(
             axes.plot(phase, part, color=color, linestyle=dashes, linewidth=1.3, label=plain(model.channels[row].name))
             if band is not None:
                 edge = {"color": color, "alpha": 0.25, "linewidth": 0.0}
-                axes.fill_between(phase, part - INTERVAL * band, part + INTERVAL * band, **edge)
+                axes.fill_between(phase, part - WITHIN * band, part + WITHIN * band, **edge)
     if curves.std is not None:
         panels[0].fill_between([], [], [], color=GREY, alpha=0.4, linewidth=0.0, label="95 % intervals")
     for axes, name in zip(panels, ("Re", "Im"), strict=True):

@@ -8,6 +8,7 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid._checks import index, input_error
+from floquid.fit import WITHIN
 from floquid.plot._style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, Into, drawing, grid_of
 from floquid.surveys import DAMPING, Damping, Survey, Track, damping_of, link_runs, look_of, order_lines
 from floquid.views import over_label
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 
 COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, BLACK)
 DASHES = ("solid", "dashdot", "dotted")  # of the tracks behind the first seven
-LEVEL = 1.96  # deviations of a bar of 95 %
 WAY = 48  # steps of the way of a multiplier from one point to the next
 FAN = 4  # harmonics of a fan on either side
 
@@ -153,7 +153,7 @@ def _line(axes: Axes, found: Survey, number: int, values: Floats, std: Floats) -
             at = kind & (track.weak == weak)
             if at.any():
                 look = {"marker": marker, "markersize": 4.0, "markerfacecolor": face}
-                axes.errorbar(x[at], values[at], LEVEL * std[at], **form, **look)
+                axes.errorbar(x[at], values[at], WITHIN * std[at], **form, **look)
 
 
 def _unlinked(axes: Axes, found: Survey) -> None:

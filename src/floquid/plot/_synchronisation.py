@@ -10,6 +10,7 @@ import numpy as np
 from floquid._checks import input_error
 from floquid.core import Record
 from floquid.findings import Severity
+from floquid.fit import WITHIN
 from floquid.pipeline import Analysis
 from floquid.plot._style import (
     BLACK,
@@ -27,7 +28,7 @@ from floquid.plot._style import (
     whole_numbers,
 )
 from floquid.sync import ShaftAngle
-from floquid.views import INTERVAL, SpeedUnit, Synchronisation, speed_texts
+from floquid.views import SpeedUnit, Synchronisation, speed_texts
 from floquid.views import speed_unit as unit_of_speed
 from floquid.views import synchronisation as synchronisation_of
 
@@ -73,7 +74,7 @@ def _draw_slip(axes: Axes, found: Synchronisation) -> None:
     """The slip with its intervals, and the straight line through it."""
     axes.axhline(0.0, color=BLACK, linewidth=0.9)
     told = found.told
-    slip, width = np.degrees(found.slip[told]), INTERVAL * np.degrees(found.slip_std[told])
+    slip, width = np.degrees(found.slip[told]), WITHIN * np.degrees(found.slip_std[told])
     look = {"linestyle": "none", "marker": "o", "markersize": 4.0, "color": BLACK, "capsize": 2.0}
     axes.errorbar(found.times[told], slip, width, **look, label="slip, 95 % intervals")
     if np.isfinite(found.relative):
@@ -89,7 +90,7 @@ def _draw_phases(axes: Axes, found: Synchronisation, upper: tuple[int, ...]) -> 
     every, bars = [], []
     for number, (mode, m) in enumerate(zip(found.modes, found.harmonics, strict=True)):
         told = np.isfinite(found.phases[number])
-        phase, width = np.degrees(found.phases[number, told]), INTERVAL * np.degrees(found.phases_std[number, told])
+        phase, width = np.degrees(found.phases[number, told]), WITHIN * np.degrees(found.phases_std[number, told])
         x = found.times[told] + apart * 0.09 * (number - 0.5 * (len(found.modes) - 1))
         color, marker = LOOKS[number]
         look = {"linestyle": "none", "marker": marker, "markersize": 3.5, "color": color, "linewidth": 0.8}
@@ -155,7 +156,7 @@ def speed(shaft: ShaftAngle, record: Record | None = None, *, speed_unit: SpeedU
 def _draw_speed(axes: Axes, shaft: ShaftAngle, begin: float, end: float, unit: str, factor: float) -> None:
     """The speed with its band; the mean, in a `unit`; 1 rad/s has `factor` of them."""
     times = np.linspace(begin, end, POINTS)
-    curve, width = factor * shaft.speed(times), INTERVAL * factor * shaft.speed_std(times)
+    curve, width = factor * shaft.speed(times), WITHIN * factor * shaft.speed_std(times)
     band = {"color": BLUE, "alpha": 0.25, "linewidth": 0.0}
     axes.fill_between(times, curve - width, curve + width, **band, label="95 % interval")
     axes.plot(times, curve, color=BLUE, label="speed")
@@ -174,7 +175,7 @@ def _draw_residuals(axes: Axes, shaft: ShaftAngle) -> None:
         std = float(np.degrees(shaft.jitter))
     kept = shaft.kept
     limit = 1.15 * max(float(np.abs(values[kept]).max()), 3.0 * std)
-    axes.axhspan(-INTERVAL * std, INTERVAL * std, color=BLUE, alpha=0.12, linewidth=0.0)
+    axes.axhspan(-WITHIN * std, WITHIN * std, color=BLUE, alpha=0.12, linewidth=0.0)
     axes.plot(shaft.times[kept], values[kept], linestyle="none", marker="o", markersize=2.0, color=BLUE)
     out = np.clip(values[~kept], -limit, limit)
     if len(out):
@@ -190,7 +191,7 @@ def _draw_geometry(axes: Axes, shaft: ShaftAngle) -> None:
     assert shaft.geometry_std is not None
     values, deviations = np.degrees(shaft.geometry), np.degrees(shaft.geometry_std)
     numbers = np.arange(len(values))
-    axes.errorbar(numbers, values, INTERVAL * deviations, linestyle="none", marker="o", markersize=3.0, color=ORANGE)
+    axes.errorbar(numbers, values, WITHIN * deviations, linestyle="none", marker="o", markersize=3.0, color=ORANGE)
     axes.axhline(0.0, color=BLACK, linewidth=0.7)
     axes.set_xlabel("line of the encoder")
     whole_numbers(axes.xaxis)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from floquid._checks import input_error, positive, timed_matrices
 from floquid.core import Channel
+from floquid.fit import WITHIN
 from floquid.plot._style import (
     BLACK,
     LOOKS,
@@ -23,7 +24,7 @@ from floquid.plot._style import (
     several,
 )
 from floquid.reconstruction import StateModel
-from floquid.views import INTERVAL, closed_period, element_unit
+from floquid.views import closed_period, element_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -77,7 +78,7 @@ def system_elements(
     if not chosen:
         raise input_error("elements", of, "name at least one element", "is empty")
     length = _period(first, of) if period is None else positive(period, "period", of, unit="s")
-    known = None if truth is None else timed_matrices(truth, "truth", of, n)
+    known = None if truth is None else timed_matrices(truth, of, n)
     degrees = degrees_a_period(periods_per_revolution, of) / length
     with drawing(1.0 + 1.5 * len(chosen), ax, of, panels=grid_of(len(chosen)), sharex=True) as (figure, panels):
         for axes, (i, j) in zip(panels, chosen, strict=True):
@@ -99,7 +100,7 @@ def _draw_estimates(axes: Axes, named: dict[str, StateModel], i: int, j: int, de
         if state.system_std is None:
             continue
         order, times = closed_period(state.times, period)
-        middle, width = state.system[order, i, j], INTERVAL * state.system_std[order, i, j]
+        middle, width = state.system[order, i, j], WITHIN * state.system_std[order, i, j]
         band = {"color": look.line["color"], "alpha": 0.25, "linewidth": 0.0}
         label = "95 % intervals" if name == bands[-1] else None
         axes.fill_between(times * degrees, middle - width, middle + width, **band, label=label)

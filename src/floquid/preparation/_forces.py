@@ -24,14 +24,14 @@ WHITE = 0.125
 BESIDE = 3  # lines on either side of a harmonic of the period that are its own
 
 
-def refuse_excited(settings: Settings, of: str) -> None:
+def refuse_excited(settings: Settings) -> None:
     """Refuse settings of records whose excitation goes on: the response is free."""
     if settings.inputs:
         must, got = "be empty: the response is free", f"is {list(settings.inputs)!r}"
-        raise input_error("inputs", of, must, got, "`identify` takes measured inputs.")
+        raise input_error("inputs", "lifted", must, got, "`identify` takes measured inputs.")
     if settings.excitation != "none":
         must, got = 'be "none": the response is free', f"is {settings.excitation!r}"
-        raise input_error("excitation", of, must, got, "`identify` takes random excitation.")
+        raise input_error("excitation", "lifted", must, got, "`identify` takes random excitation.")
 
 
 def refuse_driven(records: Sequence[Record], settings: Settings) -> None:

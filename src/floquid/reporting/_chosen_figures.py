@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from floquid.fit import WITHIN
 from floquid.reporting._case import Case
 from floquid.reporting._look import BLACK, CURVES, DASHES, MARKERS, Figure, hover, legend_above, new_figure
-from floquid.views import INTERVAL, SpectraOfModes, families, in_unit, shape_curves
+from floquid.views import SpectraOfModes, families, in_unit, shape_curves
 
 if TYPE_CHECKING:
     from bokeh.models import ColumnDataSource
@@ -74,7 +75,7 @@ def _shape(case: Case, row: int) -> dict[str, Any]:
     for number, channel in enumerate(case.channels):
         for part in ("real", "imag"):
             own = getattr(curves.values[channel], part)
-            width = 0.0 if curves.std is None else INTERVAL * getattr(curves.std[channel], part)
+            width = 0.0 if curves.std is None else WITHIN * getattr(curves.std[channel], part)
             columns[f"{part}{number}"] = own.astype(np.float32)
             columns[f"{part}{number}_low"] = (own - width).astype(np.float32)
             columns[f"{part}{number}_high"] = (own + width).astype(np.float32)

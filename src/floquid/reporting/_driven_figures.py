@@ -9,6 +9,7 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid.errors import IdentificationError, InputError
 from floquid.findings import texts
+from floquid.fit import WITHIN
 from floquid.inputs import TransferFunctions
 from floquid.pipeline import Analysis, measure_transfer, predicted_rest
 from floquid.reporting._case import LONGEST, POINTS, Case
@@ -29,7 +30,7 @@ from floquid.reporting._look import (
 )
 from floquid.reporting._modes_figures import mark_labels
 from floquid.transfer import MeasuredTransfer
-from floquid.views import INTERVAL, SpectraOfModes, envelope, in_unit, magnitude_bands, phase_degrees, shortened
+from floquid.views import SpectraOfModes, envelope, in_unit, magnitude_bands, phase_degrees, shortened
 
 MOST_PATHS = 16  # paths from an input to an output that are drawn; transfer.csv holds all
 CLOSE = 5.0  # periods of the stretch left out
@@ -154,7 +155,7 @@ def measured_figures(
             there = np.isfinite(sizes[places])
             made.y_range.start = 0.5 * np.maximum(sizes, high - sizes)[places][there].min(initial=np.inf)
             for place in places.tolist():
-                there = (high[place] - sizes[place]) * SEEN < INTERVAL * sizes[place]  # false of one that is missing
+                there = (high[place] - sizes[place]) * SEEN < WITHIN * sizes[place]  # false of one that is missing
                 number, label = _curve(int(lines.harmonics[place])), f"m = {lines.harmonics[place]}"
                 colour = CURVES[number]
                 made.varea(drawn.frequencies_hz, under[place], over[place], fill_color=colour, fill_alpha=0.25)
@@ -227,7 +228,7 @@ def reach_figures(case: Case) -> list[Figure]:
             label, colour = shortened(channel.name, LONGEST), CURVES[source % len(CURVES)]
             made.vbar(x=places, top=size, width=0.9 * width, fill_color=colour, line_color=None, legend_label=label)
             if own.coefficient_std is not None:
-                std = INTERVAL * np.abs(own.coefficient_std[mode, source, used]) / np.sqrt(2.0) * rms[source]
+                std = WITHIN * np.abs(own.coefficient_std[mode, source, used]) / np.sqrt(2.0) * rms[source]
                 made.segment(places, np.maximum(size - std, 0.0), places, size + std, line_color=BLACK, line_width=1.5)
         made.xaxis.ticker = BasicTicker(min_interval=1, num_minor_ticks=0)
         made.x_range.min_interval = 2

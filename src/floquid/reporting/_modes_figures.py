@@ -9,6 +9,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats
 from floquid.core import PeriodicModel
+from floquid.fit import WITHIN
 from floquid.pipeline import Analysis
 from floquid.reconstruction import StateModel
 from floquid.reporting._case import Case
@@ -22,7 +23,6 @@ from floquid.reporting._chosen_figures import (
 )
 from floquid.reporting._look import BLACK, BLUE, GREY, HEIGHT, SIZE, VERMILION, Figure, hover, legend_above, new_figure
 from floquid.views import (
-    INTERVAL,
     DampingUnit,
     closed_period,
     decrement,
@@ -241,7 +241,7 @@ def _over_period(
     turns = times / period
     values = values[order]
     if std is not None:
-        width = INTERVAL * std[order]
+        width = WITHIN * std[order]
         made.varea(
             turns, values - width, values + width, fill_color=BLUE, fill_alpha=0.25, legend_label="interval of 95 %"
         )

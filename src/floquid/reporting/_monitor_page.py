@@ -8,13 +8,12 @@ import numpy as np
 
 from floquid._checks import counted
 from floquid.fit import WITHIN
-from floquid.monitoring import CHARTED, Monitor, record_heads, record_rows, sentences
+from floquid.monitoring import CHARTED, LEAST, Monitor, record_heads, record_rows, sentences
 from floquid.reporting._look import BLACK, CURVES, MARKERS, VERMILION, Figure, hover, legend_above, new_figure
 from floquid.reporting._page import asset, bokeh_scripts, described, embedded, filled
 from floquid.views import over_label
 
 MOST = 8  # features of one figure
-LEAST = 1e-3  # a chart over its limit below which nothing is shown
 STEPS = (
     "Modes of each record were matched with those of the baseline by their shapes.",
     "Parts of the exponents were fitted over the covariates by generalised least squares, with their own deviations.",

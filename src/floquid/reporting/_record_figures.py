@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from floquid._arrays import Mask
+from floquid.fit import WITHIN
 from floquid.lti import WHITE, composites
 from floquid.reporting._case import POINTS, Case
 from floquid.reporting._chosen_figures import Chosen
@@ -25,7 +26,6 @@ from floquid.reporting._look import (
 )
 from floquid.sync import ShaftAngle
 from floquid.views import (
-    INTERVAL,
     SpeedUnit,
     Synchronisation,
     envelope,
@@ -178,7 +178,7 @@ def synchronisation_figure(found: list[Synchronisation]) -> Figure | None:
     made.y_range = Range1d(start=-most, end=most)
     made.add_layout(Span(location=0.0, dimension="width", line_color=BLACK, line_dash="dashed"))
     for number, (one, own) in enumerate(zip(found, told, strict=True)):
-        slip, width = np.degrees(one.slip[own]), np.degrees(INTERVAL * one.slip_std[own])
+        slip, width = np.degrees(one.slip[own]), np.degrees(WITHIN * one.slip_std[own])
         name = f"hit {number + 1}, bars of 95 %" if len(found) > 1 else "stretches of the record, bars of 95 %"
         made.segment(one.times[own], slip - width, one.times[own], slip + width, line_color=CURVES[number])
         made.scatter(one.times[own], slip, marker=MARKERS[number], size=7, color=CURVES[number], legend_label=name)
@@ -191,7 +191,7 @@ def speed_figure(shaft: ShaftAngle, unit: SpeedUnit) -> Figure:
     symbol, factor = speed_unit(unit, "report")
     factor /= 2.0 * np.pi
     times = np.linspace(shaft.first, shaft.last, POINTS // 3)
-    speed, width = factor * shaft.speed(times), factor * INTERVAL * shaft.speed_std(times)
+    speed, width = factor * shaft.speed(times), factor * WITHIN * shaft.speed_std(times)
     made = new_figure("time [s]", f"speed of the shaft [{symbol}]", name="speed", height=260)
     made.varea(times, speed - width, speed + width, fill_color=BLUE, fill_alpha=0.25, legend_label="interval of 95 %")
     made.line(times, speed, line_color=BLUE, line_width=1.5, legend_label="speed")
@@ -204,7 +204,7 @@ def speed_figure(shaft: ShaftAngle, unit: SpeedUnit) -> Figure:
 def _shown(found: list[Synchronisation], told: list[Mask]) -> float:
     """Limit of the axis: stretches where the response has nearly died would flatten the rest."""
     slip = np.abs(np.concatenate([one.slip[own] for one, own in zip(found, told, strict=True)]))
-    width = INTERVAL * np.concatenate([one.slip_std[own] for one, own in zip(found, told, strict=True)])
+    width = WITHIN * np.concatenate([one.slip_std[own] for one, own in zip(found, told, strict=True)])
     sure = width <= FAR * np.median(width)
     return float(np.degrees(1.15 * (slip + width)[sure].max()))
 

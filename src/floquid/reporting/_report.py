@@ -133,7 +133,7 @@ def _truth(analysis: Analysis, truth: tuple[ArrayLike, ArrayLike] | None, of: st
     if analysis.state is None:
         must, got = "come with an A(t) to hold it against", "the analysis has none"
         raise input_error("truth", of, must, got, "Identify with `states`, or leave out the truth.")
-    return timed_matrices(truth, "truth", of, len(analysis.state.states))
+    return timed_matrices(truth, of, len(analysis.state.states))
 
 
 def _refuse_of_lines(truth: tuple[ArrayLike, ArrayLike] | None, of: str, *, brief: bool) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from floquid._checks import counted
+from floquid.fit import WITHIN
 from floquid.reporting._chosen_shape import channels_of, chosen_figures, shape_columns
 from floquid.reporting._look import (
     BLACK,
@@ -35,7 +36,7 @@ from floquid.surveys import (
     order_lines,
     track_rows,
 )
-from floquid.views import INTERVAL, DampingUnit, over_label, over_unit
+from floquid.views import DampingUnit, over_label, over_unit
 
 MOST = 8  # tracks of one look
 COLUMNS = 4  # of a legend
@@ -200,8 +201,8 @@ def _marks(found: Survey, unit: Damping) -> Any:
                     "fill": "white" if track.weak[place] else colour, "confidence": float(track.confidence[place]),
                     "marker": "square" if track.locked[place] else SENSES[int(track.sense[place])],
                     **{name: float(value) for name, (value, _) in sizes.items()},
-                    **{f"{name}_low": float(value - INTERVAL * bar) for name, (value, bar) in sizes.items()},
-                    **{f"{name}_high": float(value + INTERVAL * bar) for name, (value, bar) in sizes.items()},
+                    **{f"{name}_low": float(value - WITHIN * bar) for name, (value, bar) in sizes.items()},
+                    **{f"{name}_high": float(value + WITHIN * bar) for name, (value, bar) in sizes.items()},
                     **columns(mode, int(track.shifts[place]), mirrored=bool(track.mirrored[place])),
                 })  # fmt: skip
     names = rows[0] if rows else [*NAMES, *(f"size{k}" for k in range(len(channels_of(found))))]

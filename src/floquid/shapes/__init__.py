@@ -1,16 +1,15 @@
 """Readings of mode shapes: whirl of shafts, patterns over the blades of a rotor with names, shares of lines, sidebands.
 
-`sidebands_of` says how periodic a system is.
-`read_shapes` reads all modes of a result or of a known system; `whirl_of` and `pattern_of` one shape each.
+`read_shapes` reads all modes of a result or of a known system, and `sidebands_of` says how periodic it is.
 `path_shapes` reads those that a scanning sensor saw, over its path.
 """
 
-from floquid.shapes._arguments import APART, Blades, Family, Pair, Pairs, families_of, pairs_of
-from floquid.shapes._blades import WORDS, BladePattern, PatternShare, Words, pattern_of
+from floquid.shapes._arguments import APART, Blades, Pairs, pairs_of
+from floquid.shapes._blades import WORDS, BladePattern, PatternShare, Words
 from floquid.shapes._path import PathShapes, path_shapes
 from floquid.shapes._read import ModeReading, Participation, ShapeOptions, ShapeReadings, ordinal, read_shapes
 from floquid.shapes._sidebands import PeriodicAmount, Sidebands, sidebands_of
-from floquid.shapes._whirl import CLEAR, Whirl, sense_of, whirl_of
+from floquid.shapes._whirl import CLEAR, Whirl, sense_of
 
 __all__ = [
     "WORDS", "BladePattern", "ModeReading", "Participation", "PathShapes", "PatternShare", "PeriodicAmount",

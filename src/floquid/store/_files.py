@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import fields
 from io import BytesIO
 from os import PathLike
@@ -55,7 +56,7 @@ from floquid.store._datasets import (
     put_object,
     to_text,
 )
-from floquid.store._layout import ABSENT, DIRECT, LINES, SHAPE, VERSION, VIEWS
+from floquid.store._layout import ABSENT, DIRECT, KINDS, SHAPE, VERSION
 from floquid.surveys import Survey
 from floquid.sync import ShaftAngle
 from floquid.transfer import MeasuredTransfer, Modal, TransferFit
@@ -95,20 +96,18 @@ def _write(analysis: Result, stream: BytesIO) -> None:
         file.attrs["format"] = RESULT_FORMAT
         file.attrs["version"] = VERSION
         file.attrs["floquid"] = __version__
-        if isinstance(analysis, Analysis):
-            _put_settings(file.create_group("settings"), analysis.settings)
-            for number, record in enumerate(analysis.records, start=1):
-                _put_record(file.create_group(f"records/hit{number}"), record)
-            _put_analysis(file, analysis)
-        elif isinstance(analysis, (MeasuredTransfer, TransferFit)):
-            _put_lines(file, analysis)
-        else:
-            file.attrs["kind"] = VIEWS[type(analysis)]
-            put_object(file, analysis)
+        kind = KINDS.get(type(analysis))
+        if kind is not None:
+            file.attrs["kind"] = kind
+        writers: dict[type, Callable[[Any, Any], None]] = {Analysis: _put_analysis, TransferFit: _put_fit}
+        writers.get(type(analysis), put_object)(file, analysis)
 
 
 def _put_analysis(file: Any, analysis: Analysis) -> None:
-    """Write the findings of the records, and the fit that they belong to."""
+    """Write the settings, the records with their findings, and the fit."""
+    _put_settings(file.create_group("settings"), analysis.settings)
+    for number, record in enumerate(analysis.records, start=1):
+        _put_record(file.create_group(f"records/hit{number}"), record)
     put_object(file, analysis)
     for number, shaft in enumerate(analysis.shafts, start=1):
         put_object(file.create_group(f"shafts/hit{number}"), shaft)
@@ -149,12 +148,9 @@ def _put_driven(group: Any, fit: Driven) -> None:
         put_object(group.create_group(f"modes/mode{number}"), mode)
 
 
-def _put_lines(file: Any, found: MeasuredTransfer | TransferFit) -> None:
-    """Transfer functions that were measured, or a fit to such with its modes."""
-    file.attrs["kind"] = LINES[type(found)]
+def _put_fit(file: Any, found: TransferFit) -> None:
+    """A fit to transfer functions with its modes."""
     put_object(file, found)
-    if isinstance(found, MeasuredTransfer):
-        return
     for number, (mode, shape) in enumerate(zip(found.modal.modes, found.modal.shapes, strict=True), start=1):
         group = file.create_group(f"fit/modes/mode{number}")
         put_object(group, mode)
@@ -247,12 +243,8 @@ def _load(file: Path) -> Result | LargeResult:
     raise input_error("path", "load", must, got, "Update floquid." if int(said["version"]) > known else AGAIN)
 
 
-def _read_lines(file: Any, kind: str) -> MeasuredTransfer | TransferFit:
-    """Transfer functions that were measured, or a fit to such."""
-    if kind not in LINES.values():
-        raise DamagedError(f"it is of the kind {kind!r}, which this floquid does not know (update floquid)")
-    if kind == LINES[MeasuredTransfer]:
-        return get_object(file, MeasuredTransfer)
+def _read_fit(file: Any) -> TransferFit:
+    """A fit to transfer functions."""
     modes = [file[f"fit/modes/mode{number}"] for number in range(1, len(file["fit/modes"]) + 1)]
     count = sum(1 for name in file["fit"] if name.startswith("direct"))
     modal = Modal(
@@ -268,11 +260,11 @@ def _read_lines(file: Any, kind: str) -> MeasuredTransfer | TransferFit:
 
 def _read(file: Any) -> Result:
     kind = str(file.attrs.get("kind", ""))
-    for view, name in VIEWS.items():
-        if kind == name:
-            return get_object(file, view)
     if kind:
-        return _read_lines(file, kind)
+        own = next((own for own, name in KINDS.items() if kind == name), None)
+        if own is None:
+            raise DamagedError(f"it is of the kind {kind!r}, which this floquid does not know (update floquid)")
+        return _read_fit(file) if own is TransferFit else get_object(file, own)
     settings, found = _settings(file["settings"]), get_fields(file, Analysis)
     model, state, count = found["model"], found.get("state"), len(file["records"])
     shafts = tuple(get_object(hit, ShaftAngle) for hit in _hits(file, "shafts", count)) if "shafts" in file else ()

@@ -22,11 +22,11 @@ from floquid.transfer import MeasuredTransfer, TransferFit
 
 VERSION = 4
 
-VIEWS: dict[type, str] = {Survey: "survey", Comparison: "comparison", Updated: "update", Monitor: "monitor"}
-"""Results of several records, by the attribute `kind` of their files; the table of `LAYOUT` has all of them."""
-
-LINES: dict[type, str] = {MeasuredTransfer: "measured", TransferFit: "fitted"}
-"""Transfer functions measured line by line, and modes fitted to them, by the attribute `kind` of their files."""
+KINDS: dict[type, str] = {
+    Survey: "survey", Comparison: "comparison", Updated: "update", Monitor: "monitor",
+    MeasuredTransfer: "measured", TransferFit: "fitted",
+}  # fmt: skip
+"""The attribute `kind` of the files of results, by their types; that of an analysis has none."""
 
 ABSENT = (
     "later", "point", "fitted", "rounded", "shapes", "turn", "branch", "begins", "agreement", "whirl_interval",

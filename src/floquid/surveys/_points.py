@@ -39,9 +39,13 @@ def point_of(result: Any, shapes: ShapeOptions = NOT_READ, *, sidebands: bool = 
     if not isinstance(modes, (PeriodicModel, FloquetModes)):
         must, got = "hold results of `identify`, files of such, or modes of known systems", f"holds {result!r:.60}"
         raise input_error("results", OF, must, got, "Pass what `identify` or `load` gives.")
+    lines: list[Shape] = []
     known = isinstance(modes, FloquetModes)
-    lines = [] if isinstance(modes, FloquetModes) else [modes.shape(mode) for mode in range(modes.order)]
-    model = one_hit(modes, lines)
+    if known:
+        model = _of_states(modes)
+    else:
+        lines = [modes.shape(mode) for mode in range(modes.order)]
+        model = _one_hit(modes, lines)
     weak = np.zeros(model.order, bool)
     if judged:
         std = model.exponent_std
@@ -55,7 +59,7 @@ def point_of(result: Any, shapes: ShapeOptions = NOT_READ, *, sidebands: bool = 
         reason=result.reasons[0] if judged and result.failed else None,
         **(_read(model if known else result, shapes) if shapes else {}),
         agreement=None if known else np.array([shape.agreement for shape in lines]),
-        sidebands=sidebands_of(modes) if sidebands and isinstance(modes, PeriodicModel) else None,
+        sidebands=sidebands_of(modes) if sidebands and not known else None,
     )
 
 
@@ -135,16 +139,19 @@ def check_alike(points: Sequence[Point], of: str = OF) -> None:
         raise input_error("results", of, "have periods of one part of a revolution", got, remedy)
 
 
-def one_hit(modes: PeriodicModel | FloquetModes, shapes: Sequence[Shape]) -> PeriodicModel:
-    """Modes with one shape each, as a model of one hit; `shapes` are those of a model."""
-    if isinstance(modes, FloquetModes):
-        return PeriodicModel(
-            exponents=modes.exponents,
-            coefficients=modes.coefficients[:, :, None],
-            harmonics=modes.harmonics,
-            period=modes.period,
-            channels=[f"x{k + 1}" for k in range(modes.coefficients.shape[1])],
-        )
+def _of_states(modes: FloquetModes) -> PeriodicModel:
+    """Modes of a known A(t) as a model whose channels are the states."""
+    return PeriodicModel(
+        exponents=modes.exponents,
+        coefficients=modes.coefficients[:, :, None],
+        harmonics=modes.harmonics,
+        period=modes.period,
+        channels=[f"x{k + 1}" for k in range(modes.coefficients.shape[1])],
+    )
+
+
+def _one_hit(modes: PeriodicModel, shapes: Sequence[Shape]) -> PeriodicModel:
+    """A model with one shape a mode, as one of a single hit."""
     std = [shape.std for shape in shapes if shape.std is not None]
     if modes.n_hits == 1 and len(std) < modes.order and modes.coefficient_std is not None:
         std = list(modes.coefficient_std[:, :, 0])  # a model that has lost its joint covariance

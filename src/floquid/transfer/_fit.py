@@ -57,6 +57,11 @@ class TransferFit(Rebuilt):
     findings: tuple[Finding, ...] = ()
 
     @property
+    def period(self) -> float:
+        """T [s], that of the model."""
+        return self.model.period
+
+    @property
     def warnings(self) -> tuple[str, ...]:
         """Warnings to a reader, a sentence each."""
         return (*texts(self.findings, Severity.FAILURE), *texts(self.findings, Severity.WARNING))

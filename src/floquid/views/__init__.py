@@ -4,7 +4,6 @@ Nothing here draws, and no plotting library is loaded.
 """
 
 from floquid.views._ellipses import (
-    INTERVAL,
     ellipse,
     exponent_ellipses,
     in_strip,
@@ -56,7 +55,7 @@ from floquid.views._synthesis import Synthesis, lifted_points, raw_noise, synthe
 from floquid.views._three_phase import to_alpha_beta, to_dq, to_sequence
 
 __all__ = [
-    "DAMPING_WORDS", "INTERVAL", "MODE_NOTES", "DampingUnit", "Expansion", "Family", "ModeTable",
+    "DAMPING_WORDS", "MODE_NOTES", "DampingUnit", "Expansion", "Family", "ModeTable",
     "ShapeCurves", "SpectraOfModes", "Spectrum", "SpeedUnit", "Synchronisation", "Synthesis", "branch_of",
     "branch_words", "check_analysis", "check_damping_unit", "closed_period", "cycle_words", "decrement", "done_words",
     "element_unit", "ellipse", "envelope", "expansion", "exponent_ellipses", "families", "grows",

@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from floquid._arrays import Complexes, Floats
 from floquid._checks import finite, frozen_array, input_error
 from floquid.core import PeriodicModel
+from floquid.fit import WITHIN
 from floquid.inputs import TransferFunctions
 
 POINTS = 73
@@ -97,7 +98,6 @@ def _edges(centres: Complexes, parts: list[Floats], level: float) -> Complexes:
 
 
 SEEN = 4.0  # deviations from which on a phase is known to 15°
-INTERVAL = 1.96  # deviations to each side within which 95 % of estimates lie
 
 
 def magnitude_bands(found: TransferFunctions, row: int, column: int) -> tuple[Floats, Floats, Floats, float]:
@@ -112,7 +112,7 @@ def magnitude_bands(found: TransferFunctions, row: int, column: int) -> tuple[Fl
     std = np.zeros(size.shape) if found.std is None else np.abs(found.std[:, row, column]) / np.sqrt(2.0)
     there = np.maximum(size, std)[np.isfinite(size) & (size > 0.0)]
     floor = 0.5 * float(there.min(initial=np.inf if there.size else 1.0))
-    return size, np.maximum(size - INTERVAL * std, floor), size + INTERVAL * std, floor
+    return size, np.maximum(size - WITHIN * std, floor), size + WITHIN * std, floor
 
 
 def phase_degrees(found: TransferFunctions, row: int, column: int) -> Floats:

@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 from floquid._arrays import Complexes, Integers
 from floquid._checks import index, input_error
 from floquid.core import PeriodicModel
+from floquid.fit import DEVIATIONS
 from floquid.pipeline import Analysis
-
-EVIDENT = 4.0  # standard deviations from which on a growth is one
 
 
 def grows(model: PeriodicModel, mode: int) -> bool:
@@ -21,7 +20,7 @@ def grows(model: PeriodicModel, mode: int) -> bool:
     Without a deviation, :math:`\Re\lambda > 0`.
     """
     std = 0.0 if model.exponent_std is None else float(model.exponent_std[mode].real)
-    return bool(model.exponents[mode].real > EVIDENT * (std if np.isfinite(std) else 0.0))
+    return bool(model.exponents[mode].real > DEVIATIONS * (std if np.isfinite(std) else 0.0))
 
 
 def check_analysis(analysis: Analysis, of: str, *, channel: int | None = None, hit: int = 0) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid._checks import Sealed
+from floquid.checks import ALIVE
 from floquid.core import PeriodicModel
 from floquid.fit import filter_gain, filtered
 from floquid.periodic import instants, unexplained
@@ -18,7 +19,6 @@ from floquid.views._modes import check_analysis
 from floquid.views._synthesis import Response, response_of
 
 STRETCHES, FEWEST = 12, 4  # stretches that a record is cut into at most, and cycles that each has at least
-ALIVE = 0.2  # the rms of the response in a cycle, over the noise, below which it tells nothing
 LARGEST = 2**13  # samples of a stretch that are looked at, at most: those in its middle
 LINES = 6  # how many of the strongest lines have their own phase
 STEPS, AT_REST = 20, 1e-7  # Gauss-Newton steps at most, and the step [rad], of the deviation, below which it is at rest

@@ -13,7 +13,11 @@ import pytest
 from tests.unit.fleets.jobs import dies, double, raises
 
 from floquid.errors import IdentificationError, InputError
-from floquid.fleets import Died, outcomes, scheduled, time_left
+from floquid.fleets import outcomes, scheduled, time_left
+
+
+def lost(job, reason):
+    return job, reason
 
 
 class Refusing(Executor):
@@ -40,7 +44,7 @@ def test_in_this_process_one_after_the_other():
             taken.append(job)
             yield job
 
-    found = outcomes(double, jobs(), workers=1)
+    found = outcomes(double, jobs(), lost, workers=1)
     assert next(found) == (0, 0)
     assert taken == [0]
     assert list(found) == [(1, 2), (2, 4)]
@@ -49,18 +53,20 @@ def test_in_this_process_one_after_the_other():
 @pytest.mark.parametrize("count", [0, 1, 7, 2500])
 def test_by_another_executor(count):
     with ThreadPoolExecutor(3) as executor:
-        assert sorted(outcomes(double, range(count), executor=executor)) == [(job, 2 * job) for job in range(count)]
+        assert sorted(outcomes(double, range(count), lost, executor=executor)) == [
+            (job, 2 * job) for job in range(count)
+        ]
 
 
 def test_what_another_executor_raises_costs_one_job():
     with ThreadPoolExecutor(1) as executor:
-        ((number, found),) = outcomes(raises, ["a"], executor=executor)
+        ((number, found),) = outcomes(raises, ["a"], lost, executor=executor)
     assert number == 0
-    assert found == Died("The worker gave no result: RuntimeError: lost a.")
+    assert found == ("a", "The worker gave no result: RuntimeError: lost a.")
 
 
 def test_another_executor_that_ends_ends_the_work():
-    found = outcomes(double, range(4), executor=Refusing())
+    found = outcomes(double, range(4), lost, executor=Refusing())
     with pytest.raises(IdentificationError, match="Run it again"):
         list(found)
 
@@ -69,10 +75,11 @@ def test_another_executor_that_ends_ends_the_work():
 def test_a_process_that_dies_costs_one_job(tmp_path):
     """What died once is done again; what dies twice has no result; the others do not notice."""
     jobs = ["a", "always", "b", tmp_path / "once", *"cdefghij"]
-    found = dict(outcomes(dies, jobs, workers=2))
+    found = dict(outcomes(dies, jobs, lost, workers=2))
     assert sorted(found) == list(range(len(jobs)))
-    assert [number for number, own in found.items() if isinstance(own, Died)] == [1]
-    assert "twice" in found[1].reason
+    assert [number for number, own in found.items() if isinstance(own, tuple)] == [1]
+    assert found[1][0] == "always"
+    assert "twice" in found[1][1]
     assert {number: own for number, own in found.items() if number != 1} == {
         number: str(job) for number, job in enumerate(jobs) if number != 1
     }

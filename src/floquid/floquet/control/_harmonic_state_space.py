@@ -11,13 +11,18 @@ from numpy.typing import ArrayLike
 from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive
 from floquid.floquet.control._system import Matrices, PeriodicSystem, with_inputs
-from floquid.floquet.hill_method import block_toeplitz, hill, refuse_undamped, smoothed, speeds
+from floquid.floquet.hill_method import (
+    STEPS,
+    block_toeplitz,
+    hill,
+    most_harmonics,
+    refuse_undamped,
+    smoothed,
+    speeds,
+)
 from floquid.floquet.matrices import AbstractPeriodicMatrix, FunctionMatrix, checked_tolerance, fourier, reach
 
 _LARGEST = 2500  # rows of the lifted state matrix
-_SMALL = 1000  # rows to which a few states are taken
-_PER_STATE = 41  # rows a state that are allowed to many states
-_STEPS = 4  # steps as long as the highest strong line that are allowed for
 _OF_JUMPS = 64  # harmonics that are given by default where jumps or kinks make them go on without end
 
 
@@ -288,9 +293,8 @@ def _truncations(
     # An input at a harmonic of B is carried on by A and read at one of C beside it; D counts for the whole response.
     lowest = max(a.highest, b.highest + c.highest, d.highest if wanted is None else 0)
     step = max(2, a.strong, b.strong, c.strong)
-    steps = _STEPS if all(lines.ends for lines in found) else 1
-    most = (min(_LARGEST, max(_SMALL, _PER_STATE * n)) // n - 1) // 2
-    most = max(most, min(lowest + steps * step, (_LARGEST // n - 1) // 2))
+    steps = STEPS if all(lines.ends for lines in found) else 1
+    most = max(most_harmonics(n, _LARGEST), min(lowest + steps * step, (_LARGEST // n - 1) // 2))
     if wanted is None and jumps:
         wanted = max(0, min(_OF_JUMPS, most - 2 - step))
     out = [max(4, lowest, 0 if wanted is None else wanted + 2)]

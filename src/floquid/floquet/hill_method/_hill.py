@@ -216,10 +216,10 @@ def refuse_undamped(modes: HillModes, omega: Floats, of: str) -> None:
 
 _LARGEST = 4500  # rows of the truncated matrix: what a plain computer holds, a minute or two
 _SMALL = 1000  # rows to which a few states are taken: beyond, harmonics die away too slowly to be waited for
+_PER_STATE = 41  # rows a state that are allowed to many states: 20 harmonics
 _ILL = 10.0  # condition of an exponent worth the cure
 _AFFORDED = 2200  # rows to which any number of states is taken where A(t) has far lines
-_STEPS = 4  # steps as long as the highest strong line that are allowed for
-_PER_STATE = 41  # rows a state that are allowed to many states: 20 harmonics
+STEPS = 4  # steps as long as the highest strong line that are allowed for
 
 
 class _Step(NamedTuple):
@@ -370,14 +370,19 @@ def _changes(now: Complexes, before: Complexes, fundamental: float) -> Floats:
     return apart[rows, columns]
 
 
+def most_harmonics(n: int, rows: int) -> int:
+    """The largest truncation of n states within `rows`, fewer where the states are few."""
+    return (min(rows, max(_SMALL, _PER_STATE * n)) // n - 1) // 2
+
+
 def _growing(n: int, lines: Reach) -> list[int]:
     """Truncations from the harmonics that A(t) has, each half as large again at least, up to the largest allowed."""
-    most = (min(_LARGEST, max(_SMALL, _PER_STATE * n)) // n - 1) // 2
+    most = most_harmonics(n, _LARGEST)
     first = max(3, lines.highest, lines.strong + 1 if lines.strong < 5 else 0)
     # Far lines need truncations as far apart, two at least, even where rows are dear.
     step, afforded = max(2, lines.strong), (_AFFORDED // n - 1) // 2
     if lines.ends and first + step <= afforded:
-        most = max(most, min(first + _STEPS * step, afforded))
+        most = max(most, min(first + STEPS * step, afforded))
     out = [min(first, most)]
     while out[-1] < most:
         grown = min(most, out[-1] + max(2, out[-1] // 2, lines.strong))

@@ -43,4 +43,4 @@ from floquid.floquet.matrices._series import (
     constant_matrix,
     line_weights,
 )
-from floquid.floquet.matrices._state_matrix import Prepared, StateMatrix, periodic, prepare
+from floquid.floquet.matrices._state_matrix import LAST, Prepared, StateMatrix, periodic, prepare

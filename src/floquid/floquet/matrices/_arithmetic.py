@@ -17,11 +17,10 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid._checks import finite, frozen_array, input_error, positive
 from floquid.floquet.matrices._forms import FunctionMatrix, PiecewiseMatrix, values_between
-from floquid.floquet.matrices._matrix import SAME, AbstractPeriodicMatrix, merged
+from floquid.floquet.matrices._matrix import GOLDEN, SAME, AbstractPeriodicMatrix, merged
 from floquid.floquet.matrices._series import REPEATS, constant_matrix, product_of_series, sum_of_series
 
 MOST = 1000  # periods of one matrix in a common period
-_GOLDEN = 0.3819660112501051
 _PROBES = 32
 
 
@@ -83,14 +82,14 @@ def _repeats(matrix: AbstractPeriodicMatrix, count: int) -> bool:
 def _probes(matrix: AbstractPeriodicMatrix, shift: float) -> Floats:
     """Instants spread over the period, and one between any two jumps of M(t) or M(t + shift)."""
     period, breaks = matrix.period, np.asarray(matrix.breaks)
-    spread = period * np.mod(_GOLDEN * np.arange(1, _PROBES + 1), 1.0)
+    spread = period * np.mod(GOLDEN * np.arange(1, _PROBES + 1), 1.0)
     if not breaks.size:
         return spread
     edges = merged(np.concatenate([breaks, np.mod(breaks - shift, period)]), period)
     ends = np.append(edges[1:], edges[0] + period)
     place = np.searchsorted(edges, spread, side="right") - 1
     from_edges = np.minimum(np.mod(spread - edges[place], period), np.mod(ends[place] - spread, period))
-    return np.concatenate([spread[from_edges > 1e-9 * period], edges + _GOLDEN * (ends - edges)])
+    return np.concatenate([spread[from_edges > 1e-9 * period], edges + GOLDEN * (ends - edges)])
 
 
 def _size(matrix: AbstractPeriodicMatrix) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats
 from floquid._checks import input_error, integer, positive
-from floquid.floquet.matrices._matrix import SAME, AbstractPeriodicMatrix, Elements, refuse_other_period
+from floquid.floquet.matrices._matrix import GOLDEN, SAME, AbstractPeriodicMatrix, Elements, refuse_other_period
 from floquid.floquet.matrices._series import HarmonicMatrix, real_series, two_sided
 
 _FIRST, _LAST = 64, 2048  # samples of a period of a function without breaks, before it is cut into elements
@@ -193,7 +193,6 @@ def _units(largest: Floats) -> Floats:
 
 FIRST, LAST = 8, 512  # harmonics tried until the upper ones have died away
 _FLOOR = 16.0 * 2.0**-52  # entries below this share of the largest are rounding, whose harmonics never die away
-_GOLDEN = 0.3819660112501051
 
 
 def to_harmonics(matrix: AbstractPeriodicMatrix, n_harmonics: int | None, tolerance: float) -> HarmonicMatrix:
@@ -209,7 +208,7 @@ def to_harmonics(matrix: AbstractPeriodicMatrix, n_harmonics: int | None, tolera
         raise input_error("tolerance", of, "lie in [1e-14, 1)", f"is {accuracy:g}")
     if (series := matrix.series()) is not None:
         return _trimmed(series, accuracy)
-    probes = matrix.period * (1.0 + _GOLDEN * np.arange(1, 4))
+    probes = matrix.period * (1.0 + GOLDEN * np.arange(1, 4))
     count, left = FIRST, np.inf
     while count <= LAST:
         values = fourier(matrix, count)

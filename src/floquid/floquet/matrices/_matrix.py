@@ -251,7 +251,7 @@ class AbstractPeriodicMatrix(ABC):
         return self if count == 1 else self.part(count)
 
 
-OFFSET = 0.381966  # off every simple fraction of the period, where jumps and zeros like to sit
+GOLDEN = 0.3819660112501051  # off every simple fraction of the period, where jumps and zeros like to sit
 
 
 def checked_period(period: float, of: str) -> float:
@@ -345,4 +345,4 @@ def refuse_other_period(matrix: AbstractPeriodicMatrix, of: str) -> None:
 
 def probe_times(period: float, count: int = 16) -> Floats:
     """Instants spread over the period (times,) [s]."""
-    return period * (np.arange(count) + OFFSET) / count
+    return period * (np.arange(count) + GOLDEN) / count

@@ -12,7 +12,7 @@ from floquid._arrays import Complexes, Floats
 from floquid._checks import frozen_array, input_error, positive
 from floquid.floquet.matrices._forms import FunctionMatrix
 from floquid.floquet.matrices._matrix import (
-    OFFSET,
+    GOLDEN,
     AbstractPeriodicMatrix,
     as_array,
     balance,
@@ -24,7 +24,7 @@ from floquid.floquet.matrices._series import HarmonicMatrix, SampledMatrix, line
 StateMatrix: TypeAlias = AbstractPeriodicMatrix | Callable[[float], ArrayLike] | ArrayLike
 """A(t): a periodic matrix, a callable t [s] -> (n, n) [1/s], or samples (n, n, phases) at t = 0, T/P, ..."""
 
-_LAST = 512  # samples of a period, at least, that are tried until its harmonics have died away
+LAST = 512  # samples of a period, at least, that are tried until its harmonics have died away
 
 
 class Prepared(NamedTuple):
@@ -77,7 +77,7 @@ def resolve(matrix: AbstractPeriodicMatrix, tolerance: float) -> Prepared | None
     """The harmonics of a matrix, the upper below `tolerance` of its size; None if they have no end within reach."""
     period = matrix.period
     n = first = 2 * int(np.ceil(0.5 / matrix.narrowest))
-    probes = period * (1.0 + np.array([OFFSET, 0.5 * OFFSET]))
+    probes = period * (1.0 + np.array([GOLDEN, 0.5 * GOLDEN]))
     samples = matrix.at(np.concatenate([period * np.arange(n) / n, probes]))
     samples, later = samples[:n], samples[n:]
     while True:
@@ -89,7 +89,7 @@ def resolve(matrix: AbstractPeriodicMatrix, tolerance: float) -> Prepared | None
             missed = np.abs(later - found.at(probes)).max(axis=0) * scale / scale[:, None]
             if missed.max() <= 10.0 * max(tolerance, 1e-13) * size:
                 return Prepared(found, smooth=True, scale=scale, size=size)
-        if n >= max(_LAST, 4 * first) or (n >= 48 and upper.max() > 0.3 * np.abs(lines).max()):
+        if n >= max(LAST, 4 * first) or (n >= 48 and upper.max() > 0.3 * np.abs(lines).max()):
             return None
         between = matrix.at(period * (np.arange(n) + 0.5) / n)
         samples = np.stack([samples, between], axis=1).reshape(2 * n, *samples.shape[1:])

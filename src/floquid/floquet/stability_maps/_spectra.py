@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._arrays import Complexes, Floats, Indices, Integers
 from floquid._checks import frozen_array, input_error, positive
-from floquid.floquet.matrices import as_array, balance, checked_tolerance, line_weights
+from floquid.floquet.matrices import LAST, as_array, balance, checked_tolerance, line_weights
 from floquid.floquet.monodromy_matrix import MOST, divided, factorise, inverse, stages
 
 PROBED = 16  # instants at which a system is compared with itself one period later, and sized
@@ -129,7 +129,6 @@ def family(
 
 
 ROUNDING = 4.0 * np.finfo(float).eps  # the share of an entry of A below which a harmonic of it is rounding
-_LAST = 512  # samples of a period, at least, that are tried until its harmonics have died away
 _INTERVALS = 20_000  # of the points that are integrated in one go
 _DEFECTIVE = 4  # multipliers that may coalesce into one block: how far rounding may carry them is capped by it
 
@@ -199,7 +198,7 @@ def _resolved(of: Family, points: Floats, periods: Floats) -> list[tuple[Indices
                 groups.append((index[good], series[right] * spans[good, None, None], sizes[good] * spans[good]))
         hopeless = (count >= 64) & (upper > 0.3 * np.abs(lines).max(axis=(1, 2, 3)))
         left = np.setdiff1d(np.flatnonzero(~hopeless), good, assume_unique=True)
-        if count >= max(_LAST, 4 * first) or not left.size:
+        if count >= max(LAST, 4 * first) or not left.size:
             break
         index = index[left]
         between = of.at(points[index], periods[index, None] * (np.arange(count) + 0.5) / count)

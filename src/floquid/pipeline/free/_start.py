@@ -230,7 +230,7 @@ def lifted(
     """
     if not isinstance(records, Prepared):
         chosen = settings_of(settings, options, "lifted")
-        refuse_excited(chosen, "lifted")
+        refuse_excited(chosen)
         records = prepare(records, chosen, report=report, of="lifted")
     elif settings is not None or options:
         must, got = "be left out with records that are prepared", "is given"

@@ -19,9 +19,12 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid._checks import input_error
+from floquid.core import point_of
 from floquid.errors import InputError
 from floquid.io import Source
 from floquid.readers.variables._by_name import (
+    KEYS,
+    SCALE,
     TIME_NAMES,
     Variable,
     VariableFile,
@@ -36,8 +39,7 @@ from floquid.readers.variables._by_name import (
     table_by_name,
     time_column,
 )
-from floquid.readers.variables._point import point_beside
-from floquid.tables import Table, TimeColumn, make_channel
+from floquid.tables import Table, TimeColumn, make_channel, says_rate
 
 _LABELS = re.compile("label|channel|name|sensor", re.IGNORECASE)
 """Name of a variable that holds the names of channels, where several might."""
@@ -62,7 +64,7 @@ def table_of_variables(
 ) -> Table:
     """The table in a file of variables: by our names if it has them, else by the paths in `channels`."""
     if {"values", "channels"} <= file.variables.keys():
-        point = point_beside(file, file.variables["values"])
+        point = _point_beside(file, file.variables["values"])
         return table_by_name(source, file, channels=channels, ignore_time=ignore_time, point=point)
     return _table_by_path(source, file, channels=channels, ignore_time=ignore_time)
 
@@ -108,7 +110,7 @@ def _table_by_path(source: Source, file: VariableFile, *, channels: Sequence[str
         sample_rate=rate,
         rate_note=note,
         labels=_label_lists(file, rows),
-        point=point_beside(file, rows[0].variable),
+        point=_point_beside(file, rows[0].variable),
         notes=notes,
     )
 
@@ -332,3 +334,21 @@ def _rate(
         must = "state one rate for the channels named"
         raise source.error(must, f"states {stated}", "Choose channels of one measurement, or pass `rate=` [Hz].")
     return next(((one.rate, one.note) for one in found.values()), (None, None))
+
+
+def _point_beside(file: VariableFile, variable: Variable) -> dict[str, float]:
+    """The single finite numbers at the level of a `variable` and above, by name, without rates, times and scales."""
+    found: dict[str, float] = {}
+    for level in variable.levels:
+        for one in file.variables.values():
+            if one.levels[0] == level and one.name not in found and _is_quantity(one):
+                with np.errstate(over="ignore"):  # a long double too large becomes infinite
+                    found[one.name] = float(file.numbers(one.path).reshape(()))
+    return point_of(found)
+
+
+def _is_quantity(variable: Variable) -> bool:
+    """True for a single number whose name says no rate, time, scale or word of ours."""
+    name = variable.name
+    known = name in (*KEYS, *TIME_NAMES) or says_rate(name) or SCALE.search(name)
+    return variable.kind == "numbers" and variable.size == 1 and not known
