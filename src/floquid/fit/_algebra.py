@@ -75,8 +75,9 @@ def sandwich(information: Floats, scatter: Floats, least: float = ROUNDING) -> F
 
     A direction that is not determined has a large variance, not none.
     """
-    inverse = scaled_inverse(information, least, floor=True)
-    return inverse @ scatter @ inverse
+    inverse = scaled_inverse(information, least)
+    unknown = scaled_inverse(information, least, floor=True) - inverse
+    return inverse @ scatter @ inverse + unknown
 
 
 def positive_part(whole: Floats, reduced: Floats) -> Floats:

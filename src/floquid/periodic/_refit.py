@@ -99,7 +99,7 @@ def refit(
         Whether all hits share the shapes of the modes, as those of the model do: B is a shape times a state.
     hold
         Whether an exponent that runs away stays as the model has it, its residues fitted, where noise alone may move
-        it as far: samples may be too few to tell that of a weak mode.
+        it as far: samples may be too few to tell that of a weak mode. Not with one shape for all hits.
     """
     if free_period and any(clock.measured for clock in clocks):
         must, got = "be false where the angle of a shaft is measured", "is true"

@@ -49,7 +49,7 @@ class Energies:
         noise = np.zeros_like(z) if covariance is None else np.diag(covariance)
         seen, whole = max(float(z @ z), 1e-300), float(z @ z - noise.sum())
         if covariance is None:
-            return Energies(z / np.sqrt(seen), None, noise)
+            return Energies(z / np.sqrt(seen), None, noise, is_known=bool(z.any()))
         spread = np.sqrt(2.0 * float(np.sum(covariance**2)) + 4.0 * float(z @ covariance @ z))
         known = whole > WITHIN * spread and not shape.is_mixture
         whole = whole if whole > 0.0 else seen
@@ -73,10 +73,10 @@ class Energies:
         kept = np.tile(inside, 2)
         parts = [float(np.sum(self.v[own] ** 2 - self.noise[own])) for own in (kept, ~kept)]
         value = min(max(parts[0], 0.0), 1.0)
+        if not self.is_known:  # without motion, half is neither
+            return Share(value if self.v.any() else 0.5, None, (0.0, 1.0))
         if self.covariance is None:
             return Share(value)
-        if not self.is_known:
-            return Share(value, None, (0.0, 1.0))
         turned = parts[1] < parts[0]
         own = ~kept if turned else kept
         v, covariance = self.v[own], self.covariance[np.ix_(own, own)]

@@ -61,7 +61,7 @@ def whirl_of(shape: Shape, exponent: complex, fundamental: float, pairs: Sequenc
     energy = 0.5 * (np.abs(x) ** 2 + np.abs(y) ** 2)
     line = int(energy.sum(axis=0).argmax())
     turning = (-signs * (x.conj() * y).imag).sum(axis=0)
-    strongest = float(turning[line] / energy[:, line].sum())
+    strongest = float(turning[line] / (energy[:, line].sum() or 1.0))
     word, axis = _side(whole), None
     sides = {_side(part) for part in parts}
     if {"forward", "backward"} <= sides:

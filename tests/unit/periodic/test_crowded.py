@@ -70,6 +70,13 @@ def test_lines_of_folded_modes_are_the_same_seen_from_either(sign):
     assert price.of(every) < price.of(replace(every, exponents=every.exponents + np.array([0.0, 0.5j, 0.0])))
 
 
+def test_where_the_speed_wanders_other_branches_share_no_lines():
+    entries = ModeParameters.made([-0.06 + 0.9j, -0.06 + 0.91j, -0.06 + 1j * (0.9 + OMEGA)], [(0, 1)] * 3, OMEGA)
+    assert len(folds(entries)) == 3
+    (only,) = folds(entries, wanders=True)
+    assert (only.first, only.second, only.turns) == (0, 1, 0)
+
+
 def test_a_mode_next_to_its_own_conjugate_has_a_deviation_for_the_mirrored_harmonics(monkeypatch):
     """Left out, they move it between the two; a mode that is away from its conjugate keeps its own deviation."""
     model = system([-0.06 + 1j * (1.5 * OMEGA + 0.006), -0.05 + 2.2j], channels=2)

@@ -40,6 +40,13 @@ def test_circles_ellipses_and_lines():
         assert whirl.axis == pytest.approx(angle)
 
 
+def test_a_pair_without_motion_does_not_whirl():
+    """It was told to whirl backward, with the index -1."""
+    model = model_of([[0, 0, 0], [0, 0, 0], [0, 1, 0]], channels=("x", "y", "z"))
+    whirl = read(model)
+    assert (whirl.index, whirl.strongest, whirl.word) == (0.0, 0.0, "mixed")
+
+
 def test_axes_exchanged_and_the_rotor_turning_the_other_way_flip_the_sign():
     generator = np.random.default_rng(1)
     model = model_of(generator.standard_normal((2, 5)) + 1j * generator.standard_normal((2, 5)))

@@ -1,4 +1,4 @@
-"""Modes that fold onto one another nearer than they decay: the lines that both of them have."""
+"""Modes that fold onto one another within half of their mean decay: the lines that both of them have."""
 
 from __future__ import annotations
 
@@ -50,8 +50,11 @@ def nearest(entries: ModeParameters, first: int, second: int) -> tuple[int, int,
     return sign, turns, abs(gap) / (abs(entries.exponents[[first, second]].real).sum() + 1e-300)
 
 
-def folds(entries: ModeParameters) -> list[Fold]:
-    """Pairs of modes that fold onto one another nearer than they decay."""
+def folds(entries: ModeParameters, *, wanders: bool = False) -> list[Fold]:
+    """Pairs of modes that fold onto one another within half of their mean decay.
+
+    Where the speed `wanders`, frequencies run in time and harmonics in angle: other branches share no lines.
+    """
     places = np.flatnonzero(~entries.fixed & ~entries.real & (entries.factors == PLAIN))
     values, omega = entries.exponents[places], entries.fundamental
     decays = np.abs(values.real)
@@ -60,6 +63,8 @@ def folds(entries: ModeParameters) -> list[Fold]:
         gaps = others[None, :] - values[:, None]
         turns = np.rint(gaps.imag / omega)
         near = 2.0 * np.abs(gaps - 1j * omega * turns) <= NEAR * (decays[:, None] + decays)
+        if wanders:
+            near &= (turns == 0.0) & (sign > 0)
         found += [
             Fold(int(places[k]), int(places[n]), sign, int(turns[k, n])) for k, n in np.argwhere(np.triu(near, 1))
         ]

@@ -37,12 +37,13 @@ def bands(point: Point, most: int) -> Iterator[Move]:
 def folded(point: Point) -> Iterator[Move]:
     """Bands of modes that fold onto one another: all lines for both as one unit, or an end less for one of them."""
     entries = every = point.entries
-    near = [fold for fold in folds(entries) if len(fold.common(entries.bands))]
+    near = [fold for fold in folds(entries, wanders=point.wanders) if len(fold.common(entries.bands))]
     if not near:
         return
     for fold in near:
-        every = with_all_lines(every, fold)
         yield from _as_one_unit(point, with_all_lines(entries, fold))
+    for fold in near * len(near):  # what the last one gives the first has, too
+        every = with_all_lines(every, fold)
     if len(near) > 1:
         yield from _as_one_unit(point, every)
     # By the exponents as they are no line can be done without: those of the others follow.
@@ -66,9 +67,9 @@ def _as_one_unit(point: Point, trial: ModeParameters) -> Iterator[Move]:
 
 def removals(point: Point) -> Iterator[Move]:
     """Without one mode, or without the weaker half of those that cost more than they take off."""
-    entries, weak = point.entries, []
+    entries, weak, whole = point.entries, [], point.price.of(point.entries)
     for entry in np.flatnonzero(~entries.fixed | (entries.exponents != 0.0)):
-        price = point.price.of(entries.picked([entry]))
+        price = whole - point.price.of(without(entries, [int(entry)]))
         change = _loss(point, int(entry)) - price
         if change < 0.0:
             weak.append((change, int(entry)))

@@ -42,6 +42,7 @@ class Price:
     harmonic_alarm: float  # the probability that noise passes for a harmonic, of a mode or forced
     rows: int  # channels of all hits
     blur: float = 0.0  # residual on one line from errors of the shaft's angle, over the noise
+    wanders: bool = False  # whether the speed does: branches of one mode are then other responses
 
     def mode(self, *, real: bool) -> float:
         """Price of an exponent."""
@@ -57,7 +58,7 @@ class Price:
         free = ~entries.fixed
         exponents = sum(self.mode(real=bool(real)) for real in entries.real[free])
         harmonics = self.harmonics(entries.sines()).sum()
-        return float(exponents + harmonics) - self.spared(folds(entries), entries.bands)
+        return float(exponents + harmonics) - self.spared(folds(entries, wanders=self.wanders), entries.bands)
 
     def spared(self, near: Sequence[Fold], bands: Integers) -> float:
         """Limits of harmonics that a mode shares with another, one by one, less that of all as one unit."""

@@ -48,7 +48,8 @@ def priced(
 ) -> tuple[tuple[Floats, ...], Price]:
     """The least noise of each block beside what is fitted in any case, and the price of units."""
     floors = tuple(least_noise(blocks, linearise(blocks, base), floor))
-    return floors, Price(mode_alarm, harmonic_alarm, sum(len(block.rows) for block in blocks))
+    rows, wanders = sum(len(block.rows) for block in blocks), any(block.wanders for block in blocks)
+    return floors, Price(mode_alarm, harmonic_alarm, rows, wanders=wanders)
 
 
 def searched(first: Point, bounds: Bounds, report: Log = lambda _: None) -> Point:

@@ -27,7 +27,7 @@ class Units:
         self._bands[:, 0] = np.maximum(self._bands[:, 0], first)
         self._price = point.price.harmonics(self._sines)
         self._n = len(self._sines)
-        self._near, self._of = folds(point.entries), point.price
+        self._near, self._of = folds(point.entries, wanders=point.wanders), point.price
         self.inside = _within(self._columns.modes, self._columns.harmonics, self._bands)
         self._weights = [1.0 / block.noise**2 for block in point.blocks]
         kept = np.concatenate([np.ones(self._n, bool), self._sines])
@@ -66,7 +66,8 @@ class Units:
             if shrink:
                 inner = free & self.inside & begin & last
                 change[inner] = (gains - self._price)[inner] + self._spared(inner, bands)
-            best = int(np.argmin(change)) if self._n else 0
+            # Of copies of a mode, which gain alike, the first: rounding does not choose.
+            best = int(np.argmax(change <= change.min() + HALF_DIGITS * abs(change.min()))) if self._n else 0
             if not self._n or change[best] > -HALF_DIGITS:
                 return total, bands
             mode, harmonic = int(modes[best]), int(harmonics[best])

@@ -50,9 +50,10 @@ def completed(
     model = replace(fitted.model, provenance=lifted.provenance)
     fitted = replace(fitted, model=model)
     most = max(hit.n_cycles for hit in cycles)
-    if model.order >= (most if whole else most - 1) and not model.one_shape:
+    held = sum(2 * len(own.numbers.get("frequencies", ())) for own in fitted.warnings if own.code == "undetermined")
+    if model.order + held >= (most if whole else most - 1) and not model.one_shape:
         raise IdentificationError(
-            f"The record holds {most} whole periods, too few for the {model.order} "
+            f"The record holds {most} whole periods, too few for the {model.order + held} "
             "poles that were found in it. Record longer, or check the period."
         )
     choice, modal = start.choice, start.modal
