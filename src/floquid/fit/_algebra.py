@@ -71,13 +71,9 @@ def covariance_root(covariance: Floats) -> Floats:
 
 
 def sandwich(information: Floats, scatter: Floats, least: float = ROUNDING) -> Floats:
-    """The covariance I⁻¹ H I⁻¹ of parameters with the information I, whose gradient has the covariance H.
-
-    A direction that is not determined has a large variance, not none.
-    """
+    """The covariance I⁻¹ H I⁻¹ of parameters with the information I, whose gradient has the covariance H."""
     inverse = scaled_inverse(information, least)
-    unknown = scaled_inverse(information, least, floor=True) - inverse
-    return inverse @ scatter @ inverse + unknown
+    return inverse @ scatter @ inverse
 
 
 def positive_part(whole: Floats, reduced: Floats) -> Floats:

@@ -25,13 +25,12 @@ def finished(
     point: Point, floor: float, *, most: int, choose: bool = True, search: bool, steady: bool, free_period: bool
 ) -> SearchResult:
     """The final fit of a structure with its deviations and its residual."""
+    point = named(point)
     bands = point.entries.bands
     point = _padded(point, most) if choose else point.settled(rest=AT_REST, steps=STEPS)
     if free_period:
         # Not before: with modes still missing, the period would go to where it takes what is theirs.
         point = point.with_entries(replace(point.entries, free_period=True)).settled(rest=AT_REST, steps=STEPS)
-    # By the last fit: harmonics that are wider show another line of modes that share lines as the strongest.
-    point, bands = named(point, bands)
     if search:
         point, bands = with_axis_pairs(point, bands)
         point = _without_steady(point, bands) if steady else point
@@ -93,48 +92,44 @@ def _uncrowded(entries: ModeParameters, padded: Integers) -> Integers:
     return padded
 
 
-def named(point: Point, reported: Integers) -> tuple[Point, Integers]:
-    """Fit with each mode on the branch whose zeroth harmonic carries most of the energy of its shape, and its bands."""
+def named(point: Point) -> Point:
+    """Fit with each mode on the branch whose zeroth harmonic carries most of the energy of its shape."""
     if point.wanders:  # the branches are no names, and stay
-        return point, reported
-    renamed, told, flipped = _by_strongest(point.blocks, point.solution, reported)
-    return (point.with_entries(renamed) if flipped else point.renamed(renamed)), told
+        return point
+    entries, turns = point.entries, _strongest_harmonics(point.blocks, point.solution)
+    exponents, bands = entries.exponents + 1j * turns * entries.fundamental, entries.bands - turns[:, None]
+    below = ~entries.fixed & (exponents.imag < 0.0)
+    exponents[below], bands[below] = exponents[below].conj(), -bands[below, ::-1]
+    renamed = replace(entries, exponents=exponents, bands=bands)
+    return point.with_entries(renamed) if below.any() else point.renamed(renamed)
 
 
 def read_as_modes(result: SearchResult) -> SearchResult:
-    """The result with pairs near an axis read as ordinary modes, each on the branch of its strongest harmonic."""
+    """The result with pairs near an axis read as ordinary modes, each mode on the branch of its strongest harmonic."""
     result = read_apart(result)
-    if not result.as_read:
+    if any(block.wanders for block in result.blocks):
         return result
-    solution = result.solution
-    renamed, told, flipped = _by_strongest(result.blocks, solution, result.bands)
-    if flipped:
-        solution = replace(linearise(result.blocks, renamed), further=solution.further)
-    return replace(result, solution=replace(solution, entries=renamed), bands=told)
+    # By the last fit: with harmonics at the ends of bands, and two lines of a pair next to an axis, another may be it.
+    entries, turns = result.solution.entries, _strongest_harmonics(result.blocks, result.solution)
+    exponents, bands = entries.exponents + 1j * turns * entries.fundamental, entries.bands - turns[:, None]
+    solution = replace(result.solution, entries=replace(entries, exponents=exponents, bands=bands))
+    return replace(result, solution=solution, bands=result.bands - turns[:, None])
 
 
-def _by_strongest(
-    blocks: Sequence[Block], solution: Solution, reported: Integers
-) -> tuple[ModeParameters, Integers, bool]:
-    """Entries whose zeroth harmonics are the strongest, the bands to report, and whether one is a conjugate now."""
+def _strongest_harmonics(blocks: Sequence[Block], solution: Solution) -> Integers:
+    """The harmonic of each pair that carries most of the energy of its shape, zero for all else (entries,)."""
     # Channels are weighted by the inverse of their noise; ties go to the larger frequency.
     entries, both = solution.entries, shapes(blocks, solution)
     noise = np.full(both.coefficients.shape[1:3], np.inf)
     for block in blocks:
         noise[block.rows, block.hit] = block.noise
     energy = np.sum(np.abs(both.coefficients / noise[:, :, None]) ** 2, axis=(1, 2))
-    exponents, bands, told, flipped = entries.exponents.copy(), entries.bands.copy(), reported.copy(), False
+    chosen = np.zeros(len(entries.exponents), np.int64)
     for entry in np.flatnonzero(~entries.fixed & ~entries.real):
         ties = np.flatnonzero(energy[entry] > (1.0 - 1e-6) * energy[entry].max())
-        turns = exponents[entry].imag + both.harmonics[ties] * entries.fundamental
-        m = int(both.harmonics[ties[np.argmax(np.abs(turns))]])
-        exponents[entry] += 1j * m * entries.fundamental
-        bands[entry] -= m
-        told[entry] -= m
-        if exponents[entry].imag < 0.0:
-            exponents[entry], flipped = exponents[entry].conjugate(), True
-            bands[entry], told[entry] = -bands[entry, ::-1], -told[entry, ::-1]
-    return replace(entries, exponents=exponents, bands=bands), told, flipped
+        turns = entries.exponents[entry].imag + both.harmonics[ties] * entries.fundamental
+        chosen[entry] = both.harmonics[ties[np.argmax(np.abs(turns))]]
+    return chosen
 
 
 def _without_steady(point: Point, bands: Integers) -> Point:
