@@ -124,7 +124,7 @@ def refit(
             else solution
         )
     else:
-        solution = solve(blocks, solution, at_rest=at_rest, hold=hold & _may_run_away(solution))
+        solution = solve(blocks, solution, at_rest=at_rest, hold=_may_run_away(solution) if hold else False)
         if hold and solution.entries.fixed.any():  # as modes of the model, which they are
             solution = linearise(blocks, replace(solution.entries, fixed=entries.fixed))
     return model_of(

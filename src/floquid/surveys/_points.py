@@ -72,12 +72,12 @@ def _read(result: Any, shapes: ShapeOptions) -> dict[str, Any]:
         if reading.whirl is not None:
             own = reading.whirl
             whirl[reading.mode] = own.index, np.nan if own.std is None else own.std
-            whirl_interval[reading.mode] = own.interval or (own.index, own.index)
+            whirl_interval[reading.mode] = own.interval or (np.nan, np.nan)
         if reading.blades is not None:
             own = reading.blades
             leak_std = np.nan if own.leak_std is None else own.leak_std
             blades[reading.mode] = own.shares[0].share, own.leak, leak_std, own.line
-            leak_interval[reading.mode] = own.leak_interval or (own.leak, own.leak)
+            leak_interval[reading.mode] = own.leak_interval or (np.nan, np.nan)
             names[reading.mode] = own.words if reading.name is not None else ""
     return {
         "whirl": whirl if shapes.pairs else None,

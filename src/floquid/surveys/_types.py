@@ -129,10 +129,11 @@ class Track(Sealed):
 
     @property
     def sense(self) -> Integers:
-        """1 where the mode whirls forward, -1 backward, by all of the interval; else 0 (places,)."""
+        """1 where the mode whirls forward, -1 backward, by all of the interval if there is one; else 0 (places,)."""
         if self.whirl_interval is None:
             return sense_of(self.whirl, self.whirl)
-        return sense_of(*self.whirl_interval.T)
+        low, high = np.where(np.isnan(self.whirl_interval), self.whirl[:, None], self.whirl_interval).T
+        return sense_of(low, high)
 
     @property
     def locked(self) -> Mask:

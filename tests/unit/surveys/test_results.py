@@ -72,6 +72,7 @@ def test_whirl_is_read_at_each_point(found, whirling):
             turning, energy = -np.sum(signs * (x.conj() * y).imag), 0.5 * np.sum(np.abs(x) ** 2 + np.abs(y) ** 2)
             assert whirl == pytest.approx(turning / energy)
         assert set(track.sense) <= {-1, 0, 1}
+        assert np.isnan(track.whirl_interval).all()  # models without deviations have no interval, and no zero width
     assert any((track.sense != 0).any() for track in again.tracks)
     assert again.plot.campbell()
     assert not any((track.sense != 0).any() for track in found.tracks)
