@@ -126,12 +126,29 @@ def _families(lines: int, spacings: int, families: int, frequency: float, odds: 
     )
 
 
+def _chance(probability: float) -> str:
+    return "below 1e-99" if probability < 1e-99 else f"{probability:.2g}"
+
+
+def _unlike(
+    frequency: float, hits: Sequence[int], decays: Sequence[float], frequencies: Sequence[float], probability: float
+) -> str:
+    each = [
+        f"hit {hit} has {alone:.5g} Hz and a decay of {decay:.4g} 1/s"
+        for hit, decay, alone in zip(hits, decays, frequencies, strict=True)
+    ]
+    return (
+        f"The hits disagree on the mode at {frequency:.4g} Hz (by chance: {_chance(probability)}). On its own, "
+        f"{both(each)}. Its deviation covers both. It may depend on the strength of the blow, or the machine may have "
+        "changed in between. Identify each hit alone and compare."
+    )
+
+
 def _disagree(frequency: float, share: float, probability: float) -> str:
-    chance = "below 1e-99" if probability < 1e-99 else f"{probability:.2g}"
     return (
         f"The hits disagree on the shape of the mode at {frequency:.4g} Hz by {100.0 * share:.2g} % (by chance: "
-        f"{chance}), so no common shape was fitted. Two modes may share its multiplier, or its shape may depend on the "
-        "strength of the blow. Identify each hit alone and compare."
+        f"{_chance(probability)}), so no common shape was fitted. Two modes may share its multiplier, or its shape may "
+        "depend on the strength of the blow. Identify each hit alone and compare."
     )
 
 
@@ -150,6 +167,7 @@ FIT: dict[str, str | Callable[..., str]] = {
     "for different exponents. Its deviation covers them.",
     "one_shape": "The {hits} hits share one shape of each mode and differ in its initial state only.",
     "hits_disagree": _disagree,
+    "hits_unlike": _unlike,
     "double": "The modes at {first:.4g} Hz and {second:.4g} Hz are whole fundamentals apart, to within {decays:g} of "
     "their decay. They may be one mode with more harmonics than were fitted: raise `harmonics=`.",
     "one_that_moves": "The modes at {first:.4g} Hz and {second:.4g} Hz share a shape, and are closer than they decay. "

@@ -123,7 +123,7 @@ def backwards(self, count):
 
 PLANTED = {
     "the slope by a frequency has the wrong sign": ("gradient", "decays: as", Rows, "of_coefficients", backwards),
-    "the matrix is halved": ("curvature", "decays: lifted", _solver, "_folded", by(_solver._folded, 0.5)),
+    "the matrix is halved": ("curvature", "decays: lifted", _solver, "folded", by(_solver.folded, 0.5)),
     "missing samples are not taken off": ("split", "decays: with gaps", GappyBlock, "sums", RecordBlock.sums),
     "inputs drive without their harmonic": (
         "branch", "driven", _modes, "input_gain", lambda exponent, turn, *rest: input_gain(exponent, 0.0, *rest)),

@@ -46,6 +46,13 @@ SAMPLES = {
     "all_needed": {"number": 3, "frequency": 31.2, "rise": 1.4},
     "strongest_peak": {"frequency": 32.81, "share": 105640.18, "loud": True},
     "hits_disagree": {"frequency": 32.81, "share": 0.02, "probability": 1e-120},
+    "hits_unlike": {
+        "frequency": 2.5,
+        "hits": [1, 3],
+        "decays": [0.25, 0.27],
+        "frequencies": [2.51, 2.5],
+        "probability": 1e-9,
+    },
     "product": {"frequency": 5.0, "of": (2.0, 3.0)},
     "interference": {"frequency": 50.0, "amplitude": 0.02, "unit": "-", "channel": "tip x"},
     "undetermined": {"frequencies": (2.0, 3.0)},

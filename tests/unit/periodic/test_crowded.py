@@ -10,8 +10,9 @@ from tests.unit.periodic.test_constrain import OMEGA, PERIOD, records, system
 from floquid import identify
 from floquid.errors import IdentificationError
 from floquid.periodic import fit
-from floquid.periodic.least_squares import ModeParameters, RecordBlock, forced_entries
+from floquid.periodic.least_squares import ModeParameters, RecordBlock, forced_entries, linearise
 from floquid.periodic.search import Bounds, Point, priced, searched
+from floquid.periodic.search._deviations import beyond_noise
 from floquid.periodic.search._folds import folds, shared_harmonics, with_all_lines
 from floquid.periodic.search._objective import Price
 from floquid.testing import assert_exponents_close, pair_exponents
@@ -75,6 +76,42 @@ def test_where_the_speed_wanders_other_branches_share_no_lines():
     assert len(folds(entries)) == 3
     (only,) = folds(entries, wanders=True)
     assert (only.first, only.second, only.turns) == (0, 1, 0)
+
+
+def columns_at(rates, times):
+    """Re z and Im z of exponentials (2 rates, samples)."""
+    turning = np.exp(np.outer(rates, times))
+    return np.concatenate([turning.real, turning.imag])
+
+
+def test_harmonics_left_out_on_shared_lines_move_exponents_as_far_as_their_variance_says():
+    """Deviations of modes that share lines were half of their errors: their weak harmonics were no part of the fit."""
+    times, generator = np.linspace(0.0, 60.0 * PERIOD, 960, endpoint=False), np.random.default_rng(0)
+    entries = ModeParameters.made([-0.06 + 0.9j, -0.062 + 1j * (0.91 + OMEGA)], [(-1, 1), (-2, 0)], OMEGA)
+    amplitudes = generator.standard_normal((2, 12))
+
+    def point_of(values, modes=entries):
+        """The modes and their noise as they are known."""
+        blocks = (RecordBlock(times=times, values=values, hit=0, rows=np.arange(2), noise=np.full(2, 0.01)),)
+        floors, price = priced(blocks, modes.picked([]), 1e-12, mode_alarm=1e-9, harmonic_alarm=1e-6)
+        return Point(blocks, floors, price, linearise(blocks, modes), 0.0)
+
+    fitted = columns_at(entries.columns().rates, times)
+    beyond = entries.exponents[:, None] + 1j * OMEGA * (entries.bands + np.array([-1, 1]))
+    out = columns_at(beyond.ravel(), times)
+    beside = out - out @ np.linalg.pinv(fitted) @ fitted
+    sizes = 0.01 / np.linalg.norm(beside, axis=1)
+    further = beyond_noise(point_of(amplitudes @ fitted), 8, branches=True).further
+    steps = []
+    for _ in range(300):
+        hidden = sizes * generator.standard_normal((2, len(out))) @ out
+        solution = point_of(amplitudes @ fitted + hidden).solution
+        steps.append(np.linalg.solve(solution.information, solution.gradient))
+    assert np.mean(np.square(steps), axis=0) == pytest.approx(further, rel=0.3)
+    # Of modes that share none, a further harmonic is part of the fit.
+    apart = replace(entries, exponents=entries.exponents + np.array([0.0, 0.4j]))
+    alone = point_of(amplitudes @ columns_at(apart.columns().rates, times), apart)
+    assert not beyond_noise(alone, 8, branches=True).further.any()
 
 
 def test_a_mode_next_to_its_own_conjugate_has_a_deviation_for_the_mirrored_harmonics(monkeypatch):

@@ -13,6 +13,8 @@ from floquid.periodic.least_squares import ModeParameters, OneShape, eliminated,
 from floquid.periodic.least_squares._estimates import estimates_of_shapes
 from floquid.periodic.search._one_shape import narrowed
 from floquid.pipeline.free._starts import lasting
+from floquid.testing import pair_exponents
+from floquid.views import identified_residue
 
 PAIRS = [-0.2 + 2.1j, -0.35 + 4.0j]
 
@@ -177,6 +179,36 @@ def test_hits_that_disagree_are_told_and_keep_shapes_of_their_own(hits, analysis
     assert not found.model.one_shape
     assert "The hits disagree on the shape of the mode at 0.3339 Hz by 5.2 %" in str(warned)
     assert "hits_disagree" not in [finding.code for finding in analysis.findings]
+
+
+def test_hits_of_unlike_decay_are_told_and_the_deviation_covers_them(hits, analysis):
+    """The mode passed eight of its deviations from either, and another one was blamed for its shape."""
+    hits = replace(hits, states=np.array([[1.5, 1.0, 1.5j], [1.0, 1.2j, 1.0j]]), noise=0.01)
+    slower = replace(hits, exponents=hits.exponents + np.array([0.008, 0.0]))
+    found = identify([*hits.records(0)[:2], slower.records(0)[2]], validate=False)
+    (warned,) = (finding for finding in found.findings if finding.code == "hits_unlike")
+    assert warned.numbers["frequency"] == pytest.approx(2.1 / (2.0 * np.pi), rel=1e-2)
+    assert warned.numbers["hits"][1] == 3
+    assert warned.numbers["decays"] == pytest.approx([0.2, 0.192], abs=1e-3)
+    place = int(np.argmin(np.abs(found.model.exponents - (-0.2 + 2.1j))))
+    off = np.abs(found.model.exponents[place].real + np.array([0.2, 0.192]))
+    assert (off < 4.0 * found.model.exponent_std[place].real).all()
+    assert "hits_unlike" not in [finding.code for finding in analysis.findings]
+
+
+def test_as_many_poles_as_a_hit_has_periods():
+    """Eight hits of six periods determine three modes: residues of one hit alone were asked for, and refused."""
+    hits = Hits.drawn([-0.25 + 1.0j, -0.5 + 2.1j, -0.7 + 4.0j], 8, 6, noise=0.03)
+    found = identify(hits.records(0))
+    assert found.passed
+    assert found.model.order == 6
+    assert found.model.one_shape
+    pairing = pair_exponents(found.model.exponents, [*hits.exponents, *hits.exponents.conj()], 1.0)
+    assert (np.abs(pairing.differences) < 4.0 * np.abs(found.model.exponent_std[pairing.permutation])).all()
+    # The residues at each phase are those of the shapes.
+    own = identified_residue(found, 0, 0, 3)
+    phases = found.lifted.phase_times
+    assert own == pytest.approx(found.model.shapes(phases)[0, 0, 3], rel=1e-9)
 
 
 def test_a_mode_next_to_a_copy_of_itself_is_not_determined():

@@ -32,6 +32,7 @@ from floquid.periodic.least_squares._solver import (
     Linear,
     Solution,
     eliminated,
+    folded,
     linearise,
     normal,
     real_parts,

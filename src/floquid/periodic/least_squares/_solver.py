@@ -134,13 +134,13 @@ def weighted(blocks: Sequence[Block], entries: ModeParameters, linear: Sequence[
         slopes, width = part.slope * weight, len(part.slope) // 2
         functions = np.stack([rows.functions, width + rows.functions], axis=1)
         gradient += np.einsum("rpc,rpc,rp->r", part.coefficients[place], slopes[functions], signs)
-        scatter += _folded(part.curvature, (part.coefficients * weight) @ part.coefficients.T, functions, place, signs)
-        noise += len(block.rows) * _folded(part.curvature, part.inverse, functions, place, signs)
+        scatter += folded(part.curvature, (part.coefficients * weight) @ part.coefficients.T, functions, place, signs)
+        noise += len(block.rows) * folded(part.curvature, part.inverse, functions, place, signs)
     by_column = ByColumn(gradient, scatter, noise)
     return Solution(entries, tuple(linear), cost, *by_column.tied(entries.ties()), by_column)
 
 
-def _folded(curvature: Floats, moments: Floats, functions: Integers, place: Integers, signs: Floats) -> Floats:
+def folded(curvature: Floats, moments: Floats, functions: Integers, place: Integers, signs: Floats) -> Floats:
     """Products of rows (rows, rows) from those of functions of time and the moments of coefficients.
 
     Each row is two parts, cosine and sine: a function, a place among the coefficients and a factor (rows, 2).

@@ -41,10 +41,25 @@ def evidence(result: SearchResult) -> tuple[Finding, ...]:
 
 
 def disagreement(result: SearchResult) -> tuple[Finding, ...]:
-    """Warning that hits do not share their shapes; empty where they do, or where that is not known."""
-    off = result.disagreement
-    if off is None:
-        return ()
+    """Warnings on hits that do not share the exponent of a mode, or the shapes; empty where they do, or not known."""
+    entries, off = result.solution.entries, result.disagreement
+    found = []
+    for each in result.unlike:
+        value = entries.exponents[each.entry] + 1j * entries.fundamental * entries.offsets[each.entry]
+        hits, alone = zip(*((hit + 1, complex(value + step)) for hit, step in each.moved), strict=True)
+        decays, frequencies = [-one.real for one in alone], [_hertz(one) for one in alone]
+        found.append(
+            warning(
+                "hits_unlike",
+                frequency=_hertz(complex(value)),
+                hits=list(hits),
+                decays=decays,
+                frequencies=frequencies,
+                probability=each.probability,
+            )
+        )
+    if off is None or found:
+        return tuple(found)
     return (warning("hits_disagree", frequency=_hertz(off.exponent), share=off.share, probability=off.probability),)
 
 

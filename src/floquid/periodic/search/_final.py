@@ -1,4 +1,4 @@
-"""The end of a search: bands a little wider than those reported, tones, clusters, branches, and the residual."""
+"""The end of a search: bands a little wider than those reported, tones, names, and the residual."""
 
 from __future__ import annotations
 
@@ -8,16 +8,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from floquid._arrays import Complexes, Floats, Integers
-from floquid.fit import AT_REST, DEVIATIONS, FARTHEST, RARE, SLOW, STEPS, SURE, chi2_limit
-from floquid.periodic.least_squares import Block, ModeParameters, Solution, linearise, noise_of, shapes, solve, weighted
+from floquid._arrays import Integers
+from floquid.fit import AT_REST, DEVIATIONS, FARTHEST, SLOW, STEPS
+from floquid.periodic.least_squares import Block, ModeParameters, Solution, noise_of, shapes, solve, weighted
 from floquid.periodic.search._additions import residuals
+from floquid.periodic.search._deviations import beyond_noise
 from floquid.periodic.search._folds import folds
 from floquid.periodic.search._moves import energies
 from floquid.periodic.search._near_axis import read_apart, with_axis_pairs
 from floquid.periodic.search._objective import Point, SearchResult
 from floquid.periodic.search._peaks import strongest
-from floquid.periodic.search._tests import Units, equality, spread_of_harmonics, untold, wide_of
+from floquid.periodic.search._tests import Units, untold, wide_of
 from floquid.search import LOOSE
 
 
@@ -39,16 +40,14 @@ def finished(
     blocks = tuple(block.with_noise(noise[block.rows, block.hit]) for block in point.blocks)
     solution = solve(blocks, weighted(blocks, point.entries, point.solution.linear), hold=True)
     point = replace(point, blocks=blocks, solution=solution)
-    further = _spread_of_branches(point) if search else None
-    clusters, more = _clusters(point)
-    further = more if further is None else further + more
-    if further.any():
-        solution = replace(solution, further=further)
+    beyond = beyond_noise(point, most, branches=search)
+    if beyond.further.any():
+        solution = replace(solution, further=beyond.further)
     rest = residuals(point)
     peak = strongest(blocks, rest, point.period)
     shares = [noise[block.rows, block.hit] / each.noise for block, each in zip(blocks, rest, strict=True)]
     misfit = float(np.max(np.concatenate(shares)))
-    return SearchResult(blocks, solution, bands, peak, tuple(rest), misfit, clusters)
+    return SearchResult(blocks, solution, bands, peak, tuple(rest), misfit, beyond.clusters, unlike=beyond.unlike)
 
 
 def _padded(point: Point, most: int) -> Point:
@@ -159,61 +158,3 @@ def _without_undetermined(point: Point) -> Point:
     fixed[weak] = True
     fixed[weak[entries.real[weak]]] = False  # a real multiplier has no column of its own but as a mode
     return point.with_entries(replace(entries, fixed=fixed)).settled(rest=AT_REST)
-
-
-def _clusters(point: Point) -> tuple[tuple[int, ...], Floats]:
-    """The modes whose harmonics do not have one exponent, and what is added to the variances of the parameters."""
-    from scipy.special import chdtrc
-
-    solution, entries = point.solution, point.entries
-    free = np.flatnonzero(entries.leading)
-    turns = free[~entries.real[free]]
-    further = np.zeros(len(solution.gradient))
-    if not len(free):
-        return (), further
-
-    def parameters(entry: int) -> list[int]:
-        return [int(np.searchsorted(free, entry)), len(free) + int(np.searchsorted(turns, entry))]
-
-    # Columns that noise does not explain: the exponents of others say nothing.
-    sure = Units(point, point).gains() > chi2_limit(2 * point.price.rows, SURE)
-    clusters = []
-    for entry in turns.tolist():
-        score, degrees = equality(solution, entry, sure)
-        if degrees and chdtrc(degrees, score) < RARE:
-            clusters.append(entry)
-            further[parameters(entry)] += spread_of_harmonics(solution, entry, sure)
-    return tuple(clusters), further
-
-
-def _spread_of_branches(point: Point) -> Floats | None:
-    r"""Addition to the variances at a speed that wanders: squared distances to branches that fit as well.
-
-    .. math:: e^{\lambda t + i m \theta} = e^{(\lambda + i k \omega) t + i (m - k) \theta + i k (\theta - \omega t)}
-
-    At a constant speed all k are one mode; else the misfit tells them apart, more or less.
-    """
-    if not point.wanders:
-        return None
-    entries, omega = point.entries, point.entries.fundamental
-    free = np.flatnonzero(entries.leading)
-    turning = free[~entries.real[free]]
-    further, start = np.zeros(len(point.solution.gradient)), tuple(p.coefficients for p in point.solution.linear)
-    for number, entry in enumerate(turning):
-        low, high = entries.bands[entry]
-        tried: list[tuple[float, complex]] = []
-        for m in range(low, high + 1):
-            exponents, bands = entries.exponents.copy(), entries.bands.copy()
-            exponents[entry] += 1j * m * omega
-            bands[entry] -= m
-            moved = replace(entries, exponents=exponents, bands=bands)
-            trial = linearise(point.blocks, moved, start) if m else point.solution
-            step = np.asarray(np.linalg.lstsq(trial.gauss_newton, trial.gradient, rcond=1e-12)[0], np.float64)
-            tried.append((trial.cost - float(step @ trial.gradient), complex(moved.moved(step).exponents[entry])))
-        least = min(cost for cost, _ in tried)
-        likely: Complexes = np.array([value for cost, value in tried if cost < least + DEVIATIONS**2])
-        gaps = likely - entries.exponents[entry]
-        apart = np.abs(gaps.imag - omega * np.rint(gaps.imag / omega)).max()
-        further[int(np.searchsorted(free, entry))] = np.abs(gaps.real).max() ** 2
-        further[len(free) + number] = apart**2
-    return further

@@ -18,7 +18,7 @@ from floquid._arrays import Floats, Integers
 from floquid.core import read_axis
 from floquid.fit import AT_REST, DEVIATIONS, FARTHEST, RARE, STEPS, chi2_limit
 from floquid.periodic.least_squares import EVEN, ODD, PLAIN, ModeParameters, Solution, linearise
-from floquid.periodic.search._objective import Point, SearchResult, carried
+from floquid.periodic.search._objective import Point, SearchResult, carried, placed
 from floquid.periodic.search._tests import untold
 
 
@@ -236,7 +236,7 @@ def read_apart(result: SearchResult) -> SearchResult:
     first = len(leading) + int((~entries.fixed & ~entries.real).sum())
     rest = np.flatnonzero(~np.isin(entries.factors, (EVEN, ODD)))
     apart_entries, kept = replace(entries.picked(rest), squares=None), [*bands[rest]]
-    as_read, apart = {}, {}
+    as_read, apart, places = {}, {}, {int(entry): place for place, entry in enumerate(rest)}
     for number, place in enumerate(even):
         rows = [int(np.searchsorted(leading, place)), first + number]
         held, half = bool(entries.fixed[place]), int(entries.half_turns[place])
@@ -245,6 +245,7 @@ def read_apart(result: SearchResult) -> SearchResult:
         read = read_axis(mean, square, pair, half, omega)
         if read.apart is not None:
             apart[len(apart_entries.exponents)] = read.apart
+        places[int(place)] = len(apart_entries.exponents)
         ends = np.stack([entries.bands[place], bands[place]])
         modes, ends = _ordinary(mean, read.square, half, omega, ends)
         as_read |= {len(apart_entries.exponents) + k: complex(read.std[k]) for k in range(len(modes.exponents))}
@@ -253,7 +254,7 @@ def read_apart(result: SearchResult) -> SearchResult:
     solution = linearise(result.blocks, apart_entries, carried(result.solution, apart_entries))
     solution = replace(solution, further=_moved(result.solution.further, entries, apart_entries, rest))
     kept = np.array(kept, np.int64).reshape(-1, 2)
-    return replace(result, solution=solution, bands=kept, as_read=as_read, apart=apart)
+    return replace(placed(result, places), solution=solution, bands=kept, as_read=as_read, apart=apart)
 
 
 def _ordinary(mean: float, square: float, half: int, omega: float, bands: Integers) -> tuple[ModeParameters, Integers]:

@@ -8,7 +8,7 @@ with other modes can be compared. Weights N/R inside Gauss-Newton are a majorisa
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -235,6 +235,15 @@ class Disagreement:
 
 
 @dataclass(frozen=True, slots=True)
+class Unlike:
+    """An entry whose exponent differs between hits: two of them, by what each moves it alone."""
+
+    entry: int
+    moved: tuple[tuple[int, complex], tuple[int, complex]]  # hit, and the step from the exponent of all
+    probability: float  # by which noise makes as much of a difference between all hits
+
+
+@dataclass(frozen=True, slots=True)
 class SearchResult:
     """The blocks with the noise of the residual, the fit, the bands that are reported, and the strongest peak left."""
 
@@ -249,10 +258,18 @@ class SearchResult:
     apart: dict[int, float] = field(default_factory=dict)  # of pairs of open kind how far apart both exponents may be
     one: OneShape | None = None  # the same fit with one shape for all hits, where they agree
     disagreement: Disagreement | None = None  # of the hits, where they do not
+    unlike: tuple[Unlike, ...] = ()  # modes whose exponent differs between hits
+
+
+def placed(result: SearchResult, places: Mapping[int, int]) -> SearchResult:
+    """The result with what it tells of entries at their new `places`; those without one are gone."""
+    clusters = tuple(places[entry] for entry in result.clusters if entry in places)
+    unlike = tuple(replace(each, entry=places[each.entry]) for each in result.unlike if each.entry in places)
+    return replace(result, clusters=clusters, unlike=unlike)
 
 
 def kept_with(result: SearchResult, kept: Mask, solution: Solution) -> SearchResult:
     """The result with some entries, and their fit: fixed ones are no parameters, what was added to variances stays."""
-    places = tuple(int(kept[:entry].sum()) for entry in result.clusters)
+    places = {int(entry): place for place, entry in enumerate(np.flatnonzero(kept))}
     solution = replace(solution, further=result.solution.further)
-    return replace(result, solution=solution, bands=result.bands[kept], clusters=places)
+    return replace(placed(result, places), solution=solution, bands=result.bands[kept])

@@ -28,7 +28,7 @@ class Units:
         self._price = point.price.harmonics(self._sines)
         self._n = len(self._sines)
         self._near, self._of = folds(point.entries, wanders=point.wanders), point.price
-        self.inside = _within(self._columns.modes, self._columns.harmonics, self._bands)
+        self.inside = within(self._columns.modes, self._columns.harmonics, self._bands)
         self._weights = [1.0 / block.noise**2 for block in point.blocks]
         kept = np.concatenate([np.ones(self._n, bool), self._sines])
         first = np.flatnonzero(np.tile(self.inside, 2) & kept)
@@ -77,7 +77,7 @@ class Units:
                 self._sweep(best)
                 continue
             bands[mode] = min(bands[mode, 0], harmonic), max(bands[mode, 1], harmonic)
-            for column in np.flatnonzero(_within(modes, harmonics, bands) & (modes == mode) & ~self.inside):
+            for column in np.flatnonzero(within(modes, harmonics, bands) & (modes == mode) & ~self.inside):
                 total += float(self._price[column] - self.gains()[column])
                 self._sweep(int(column))
 
@@ -110,7 +110,7 @@ class Units:
         self.inside[column] = not self.inside[column]
 
 
-def _within(modes: Integers, harmonics: Integers, bands: Integers) -> Mask:
+def within(modes: Integers, harmonics: Integers, bands: Integers) -> Mask:
     """Mask of the columns within bands (columns,)."""
     return (harmonics >= bands[modes, 0]) & (harmonics <= bands[modes, 1])
 

@@ -15,7 +15,7 @@ from floquid.errors import FloquidError, IdentificationError
 from floquid.findings import Finding, failure, note, warning
 from floquid.fit import DEVIATIONS
 from floquid.lifting import Lifted, lift, unlift, whitened
-from floquid.lti import fit_residues
+from floquid.lti import ModalModel, fit_residues
 from floquid.order import Choice
 from floquid.periodic import Fit, combinations_of, estimate_at, periodicity
 from floquid.pipeline._analysis import Analysis
@@ -51,7 +51,8 @@ def completed(
     fitted = replace(fitted, model=model)
     most = max(hit.n_cycles for hit in cycles)
     held = sum(2 * len(own.numbers.get("frequencies", ())) for own in fitted.warnings if own.code == "undetermined")
-    if model.order + held >= (most if whole else most - 1) and not model.one_shape:
+    known = model.one_shape and lifted.whitening is None  # one shape for all hits needs no residues of each
+    if model.order + held >= (most if whole else most - 1) and not known:
         raise IdentificationError(
             f"The record holds {most} whole periods, too few for the {model.order + held} "
             "poles that were found in it. Record longer, or check the period."
@@ -60,7 +61,7 @@ def completed(
     # A brief record's order is judged by its samples, where these were fitted.
     changed = modal is None or not whole or not _alike(model, free) or (choice is None and settings.order is None)
     if changed:
-        modal = fit_residues(model.multipliers, lifted.responses)
+        modal = _modal(model, lifted, cycles)
     assert modal is not None
     if fails is not None:
         modal = replace(modal, covariance=None, residue_spread=None, residue_slope=None)
@@ -101,6 +102,21 @@ def completed(
         ),
     )
     return with_state(found, again_of(fitted, lifted, shafts), report)
+
+
+def _modal(model: PeriodicModel, lifted: Lifted, cycles: Sequence[Cycles]) -> ModalModel:
+    """Residues of the lifted responses at the model's multipliers; the model's own where these have too few cycles."""
+    if model.order < int(lifted.responses.lengths.max()):
+        return fit_residues(model.multipliers, lifted.responses)
+    times = lifted.phase_times[:, None] + model.period * np.array([hit.first_cycle for hit in cycles])
+    grown = np.exp(np.multiply.outer(model.exponents, times.T))[:, None]
+    residues = (model.shapes(lifted.phase_times) * grown).swapaxes(2, 3)
+    return ModalModel(
+        multipliers=model.multipliers,
+        residues=residues.reshape(model.order, -1, len(cycles)),
+        dt=lifted.period,
+        covariance=model.covariance,
+    )
 
 
 def free_residues(prepared: Prepared, cutting: Lifting, start: Start, model: PeriodicModel) -> Fit:

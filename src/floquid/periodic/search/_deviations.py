@@ -1,0 +1,181 @@
+r"""Variances of exponents from errors of the model, added to those from the noise of the samples.
+
+Harmonics that were left out on lines that modes share, harmonics of one mode or hits that ask for different exponents,
+and branches that a wandering speed does not tell apart.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from floquid._arrays import Complexes, Floats
+from floquid.fit import DEVIATIONS, HALF_DIGITS, RARE, ROUNDING, SURE, chi2_limit, is_vague, scaled_inverse
+from floquid.periodic.least_squares import ModeParameters, eliminated, folded, linearise, weighted
+from floquid.periodic.search._folds import folds, with_all_lines
+from floquid.periodic.search._objective import Point, Unlike
+from floquid.periodic.search._tests import Units, equality, spread_of_harmonics, within
+
+
+@dataclass(frozen=True, slots=True)
+class BeyondNoise:
+    """Modes that the samples contradict, and what is added to the variances of the parameters (parameters,)."""
+
+    clusters: tuple[int, ...]  # the entries whose harmonics do not have one exponent
+    unlike: tuple[Unlike, ...]  # modes whose exponent differs between hits
+    further: Floats
+
+
+def beyond_noise(point: Point, most: int, *, branches: bool) -> BeyondNoise:
+    """Additions to the variances of a fit, by lines up to `most` fundamentals; those of `branches` after a search."""
+    unlike, further = _unlike_hits(point)
+    further = further + _left_out(point, most)
+    if branches and point.wanders:
+        further = further + _spread_of_branches(point)
+    # Harmonics ask for different exponents where the hits do.
+    clusters, more = ((), np.zeros(0)) if unlike else _clusters(point)
+    return BeyondNoise(clusters, unlike, further + more if clusters else further)
+
+
+def _parameters(entries: ModeParameters) -> dict[int, list[int]]:
+    """The parameters of each entry that has some: its decay, and its frequency where it has one."""
+    leading = np.flatnonzero(entries.leading)
+    place = {int(entry): [k] for k, entry in enumerate(leading)}
+    for k, entry in enumerate(leading[~entries.real[leading]]):
+        place[int(entry)].append(len(leading) + k)
+    return place
+
+
+def _left_out(point: Point, most: int) -> Floats:
+    r"""Variances of the errors of exponents from harmonics left out on lines that modes share.
+
+    .. math:: \operatorname{var} \hat\lambda = I^{-1} J' P \Phi \, \operatorname{E}[a a'] \, \Phi' P J I^{-1}
+
+    with Φ the columns left out, P what the columns of the fit leave of them, and a as large as noise lets them be. All
+    other modes are fitted with one harmonic beyond those that are told: here that would not be determined.
+    """
+    entries, size = point.entries, len(point.solution.gradient)
+    near = folds(entries, wanders=point.wanders)
+    if not near:
+        return np.zeros(size)
+    wide = entries
+    for fold in near * len(near):  # what the last one gives the first has, too
+        wide = with_all_lines(wide, fold)
+    those = np.isin(np.arange(len(wide.bands)), [mode for fold in near for mode in (fold.first, fold.second)])
+    wide = replace(wide, bands=np.where(those[:, None], wide.padded(1, most).bands, wide.bands))
+    columns, whole = wide.columns(), len(wide.with_slopes().modes)
+    n, rows = len(columns.modes), entries.rows
+    inside = within(columns.modes, columns.harmonics, entries.bands)
+    kept, out = np.flatnonzero(inside), np.flatnonzero(~inside)
+    functions = np.concatenate([kept, np.arange(n, whole)])
+    kept, out, functions = (np.concatenate([k, m + k]) for k, m in ((kept, n), (out, n), (functions, whole)))
+    # A harmonic that noise may hide has, in the mean, this much in each of its numbers, over the noise.
+    hidden = 1.0
+    scatter, (place, signs) = np.zeros((len(rows.columns),) * 2), rows.of_coefficients(len(kept) // 2)
+    parts = np.stack([rows.functions, len(functions) // 2 + rows.functions], axis=1)
+    for block, linear, beside in zip(point.blocks, point.solution.linear, eliminated(point.blocks, wide), strict=True):
+        back = linear.inverse @ beside.gram[np.ix_(kept, out)]
+        mixed = beside.mixed[np.ix_(out, functions)] - back.T @ beside.mixed[np.ix_(kept, functions)]
+        square = np.diag(beside.gram)[out]
+        left = square - np.sum(back * beside.gram[np.ix_(kept, out)], axis=0)
+        told = left > HALF_DIGITS * square
+        products = (mixed[told].T * (hidden / left[told])) @ mixed[told]
+        values = linear.coefficients / block.noise
+        scatter += folded(products, values @ values.T, parts, place, signs)
+    ties, inverse = entries.ties(), scaled_inverse(point.solution.information, ROUNDING)
+    return np.diag(inverse @ ties @ scatter @ ties.T @ inverse)
+
+
+def _unlike_hits(point: Point) -> tuple[tuple[Unlike, ...], Floats]:
+    r"""Modes whose exponent differs between hits, and what that adds to variances (Birge 1932).
+
+    .. math:: \chi^2 = \sum_h (\lambda_h - \bar\lambda)' C_h^{-1} (\lambda_h - \bar\lambda), \qquad
+              \operatorname{var} \bar\lambda \to \frac{\chi^2}{n} \operatorname{var} \bar\lambda
+
+    with λ_h from one step of the fit of each hit alone, in which all other exponents are free, too.
+    """
+    from scipy.special import chdtrc
+
+    entries, further = point.entries, np.zeros(len(point.solution.gradient))
+    hits = sorted({block.hit for block in point.blocks})
+    if len(hits) < 2:
+        return (), further
+    steps, covariances = zip(*(_of_hit(point, hit) for hit in hits), strict=True)
+    unlike, whole = [], np.diag(point.solution.covariance())
+    for entry, places in _parameters(entries).items():
+        inner = np.ix_(places, places)
+        decay = float(entries.exponents[entry].real)
+        told = [k for k, of in enumerate(covariances) if not is_vague(np.sqrt(of[places[0], places[0]]), decay)]
+        if len(told) < 2:
+            continue
+        weights = np.array([np.linalg.inv(covariances[k][inner]) for k in told])
+        values = np.array([steps[k][places] for k in told])
+        mean = np.linalg.solve(weights.sum(axis=0), np.einsum("hij,hj->i", weights, values))
+        each = np.einsum("hi,hij,hj->h", values - mean, weights, values - mean)
+        degrees = len(places) * (len(told) - 1)
+        probability = float(chdtrc(degrees, each.sum()))
+        if probability < RARE:
+            further[places] += (each.sum() / degrees - 1.0) * whole[places]
+            farthest = int(np.argmax(each))
+            ends = sorted([farthest, int(np.argmin(values @ weights[farthest] @ (values[farthest] - mean)))])
+            first, second = ((hits[told[k]], complex(*values[k])) for k in ends)
+            unlike.append(Unlike(entry, (first, second), probability))
+    return tuple(unlike), further
+
+
+def _of_hit(point: Point, hit: int) -> tuple[Floats, Floats]:
+    """A step of the fit of one hit alone from the exponents of all (parameters,), and its covariance."""
+    there = [k for k, block in enumerate(point.blocks) if block.hit == hit]
+    alone = weighted([point.blocks[k] for k in there], point.entries, [point.solution.linear[k] for k in there])
+    inverse = scaled_inverse(alone.information, ROUNDING, floor=True)
+    return inverse @ alone.gradient, inverse @ alone.gauss_newton @ inverse
+
+
+def _clusters(point: Point) -> tuple[tuple[int, ...], Floats]:
+    """The modes whose harmonics do not have one exponent, and what is added to the variances of the parameters."""
+    from scipy.special import chdtrc
+
+    solution, entries, places = point.solution, point.entries, _parameters(point.entries)
+    further = np.zeros(len(solution.gradient))
+    if not places:
+        return (), further
+    # Columns that noise does not explain: the exponents of others say nothing.
+    sure = Units(point, point).gains() > chi2_limit(2 * point.price.rows, SURE)
+    clusters = []
+    for entry in [entry for entry in places if not entries.real[entry]]:
+        score, degrees = equality(solution, entry, sure)
+        if degrees and chdtrc(degrees, score) < RARE:
+            clusters.append(entry)
+            further[places[entry]] += spread_of_harmonics(solution, entry, sure)
+    return tuple(clusters), further
+
+
+def _spread_of_branches(point: Point) -> Floats:
+    r"""Addition to the variances at a speed that wanders: squared distances to branches that fit as well.
+
+    .. math:: e^{\lambda t + i m \theta} = e^{(\lambda + i k \omega) t + i (m - k) \theta + i k (\theta - \omega t)}
+
+    At a constant speed all k are one mode; else the misfit tells them apart, more or less.
+    """
+    entries, omega = point.entries, point.entries.fundamental
+    further, start = np.zeros(len(point.solution.gradient)), tuple(p.coefficients for p in point.solution.linear)
+    for entry, places in _parameters(entries).items():
+        if entries.real[entry]:
+            continue
+        low, high = entries.bands[entry]
+        tried: list[tuple[float, complex]] = []
+        for m in range(low, high + 1):
+            exponents, bands = entries.exponents.copy(), entries.bands.copy()
+            exponents[entry] += 1j * m * omega
+            bands[entry] -= m
+            moved = replace(entries, exponents=exponents, bands=bands)
+            trial = linearise(point.blocks, moved, start) if m else point.solution
+            step = np.asarray(np.linalg.lstsq(trial.gauss_newton, trial.gradient, rcond=1e-12)[0], np.float64)
+            tried.append((trial.cost - float(step @ trial.gradient), complex(moved.moved(step).exponents[entry])))
+        least = min(cost for cost, _ in tried)
+        likely: Complexes = np.array([value for cost, value in tried if cost < least + DEVIATIONS**2])
+        gaps = likely - entries.exponents[entry]
+        apart = np.abs(gaps.imag - omega * np.rint(gaps.imag / omega)).max()
+        further[places] = np.abs(gaps.real).max() ** 2, apart**2
+    return further
