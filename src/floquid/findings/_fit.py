@@ -134,13 +134,13 @@ def _unlike(
     frequency: float, hits: Sequence[int], decays: Sequence[float], frequencies: Sequence[float], probability: float
 ) -> str:
     each = [
-        f"hit {hit} has {alone:.5g} Hz and a decay of {decay:.4g} 1/s"
+        f"hit {hit} has {alone:.5g} Hz and decays by {decay:.4g} 1/s"
         for hit, decay, alone in zip(hits, decays, frequencies, strict=True)
     ]
     return (
-        f"The hits disagree on the mode at {frequency:.4g} Hz (by chance: {_chance(probability)}). On its own, "
-        f"{both(each)}. Its deviation covers both. It may depend on the strength of the blow, or the machine may have "
-        "changed in between. Identify each hit alone and compare."
+        f"The hits disagree on the mode at {frequency:.4g} Hz (by chance: {_chance(probability)}): {'; '.join(each)}. "
+        "Its deviation covers both. It may depend on the strength of the blow, or the machine may have changed in "
+        "between. Identify each hit alone and compare."
     )
 
 
