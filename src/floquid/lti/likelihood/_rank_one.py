@@ -363,7 +363,10 @@ def _covariance(fit: ProductFit, stacked: Stacked, colour: Floats) -> Floats:
     moves, _, residues, residual = _eliminated(fit.products, stacked.block, stacked.data.lengths)
     turned = residual @ residues.T
     # The covariance of the gradient, with that of the responses taken from the residual (`of_dependent_noise`).
-    scatter = moves.products(turned.T @ turned / max(len(residual) - poles.order, 1))
+    # The parameters, one an input for each pole, have taken their part of it: all of it where any matrix takes so few
+    # samples. Then it is that of white noise of the level given.
+    degrees = len(residual) - poles.order - stacked.data.n_inputs
+    scatter = moves.products(turned.T @ turned / degrees) if degrees > 0 else fit.whole
     unit = sandwich(fit.information, scatter, 1e-12)
     places, at = [], 0
     for width in poles.sizes.tolist():

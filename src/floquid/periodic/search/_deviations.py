@@ -106,10 +106,11 @@ def _unlike_hits(point: Point) -> tuple[tuple[Unlike, ...], Floats]:
     for entry, places in _parameters(entries).items():
         inner = np.ix_(places, places)
         decay = float(entries.exponents[entry].real)
-        told = [k for k, of in enumerate(covariances) if not is_vague(np.sqrt(of[places[0], places[0]]), decay)]
+        variances = np.array([of[places[0], places[0]] for of in covariances])
+        told = np.flatnonzero((variances > 0.0) & ~is_vague(np.sqrt(np.maximum(variances, 0.0)), decay))
         if len(told) < 2:
             continue
-        weights = np.array([np.linalg.inv(covariances[k][inner]) for k in told])
+        weights = np.array([scaled_inverse(covariances[k][inner]) for k in told])
         values = np.array([steps[k][places] for k in told])
         mean = np.linalg.solve(weights.sum(axis=0), np.einsum("hij,hj->i", weights, values))
         each = np.einsum("hi,hij,hj->h", values - mean, weights, values - mean)

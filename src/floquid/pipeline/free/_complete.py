@@ -51,8 +51,7 @@ def completed(
     fitted = replace(fitted, model=model)
     most = max(hit.n_cycles for hit in cycles)
     held = sum(2 * len(own.numbers.get("frequencies", ())) for own in fitted.warnings if own.code == "undetermined")
-    known = model.one_shape and lifted.whitening is None  # one shape for all hits needs no residues of each
-    if model.order + held >= (most if whole else most - 1) and not known:
+    if model.order + held >= (most if whole else most - 1) and not model.one_shape:
         raise IdentificationError(
             f"The record holds {most} whole periods, too few for the {model.order + held} "
             "poles that were found in it. Record longer, or check the period."
@@ -108,9 +107,10 @@ def _modal(model: PeriodicModel, lifted: Lifted, cycles: Sequence[Cycles]) -> Mo
     """Residues of the lifted responses at the model's multipliers; the model's own where these have too few cycles."""
     if model.order < int(lifted.responses.lengths.max()):
         return fit_residues(model.multipliers, lifted.responses)
+    rates = model.exponents[:, None] + 1j * model.fundamental * model.harmonics
+    passed = lifted.gain(rates).swapaxes(0, 1)[:, :, None] * model.coefficients
     times = lifted.phase_times[:, None] + model.period * np.array([hit.first_cycle for hit in cycles])
-    grown = np.exp(np.multiply.outer(model.exponents, times.T))[:, None]
-    residues = (model.shapes(lifted.phase_times) * grown).swapaxes(2, 3)
+    residues = np.einsum("rchm,rmph->rcph", passed, np.exp(rates[:, :, None, None] * times))
     return ModalModel(
         multipliers=model.multipliers,
         residues=residues.reshape(model.order, -1, len(cycles)),
