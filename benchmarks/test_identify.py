@@ -21,7 +21,7 @@ def record():
 
 @pytest.fixture(scope="module")
 def analysis(record):
-    return identify(record)
+    return identify(record, constrained=False, validate=False)
 
 
 def test_simulate(benchmark):

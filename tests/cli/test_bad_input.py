@@ -12,6 +12,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+from importlib.metadata import entry_points
 from pathlib import Path
 
 import numpy as np
@@ -399,7 +400,17 @@ def command():
     return found
 
 
-@pytest.mark.first(1)
+def test_the_entry_point_leaves_with_the_exit_code(here, capsys, monkeypatch):
+    """Another process is what `test_the_installed_command_keeps_its_streams_apart` runs."""
+    (point,) = entry_points(group="console_scripts", name="floquid")
+    monkeypatch.setattr(sys, "argv", ["floquid", *arguments(THIS)])
+    with pytest.raises(SystemExit) as ended:
+        point.load()()
+    assert ended.value.code == 2
+    assert_one_message(*capsys.readouterr(), "no file")
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "code", "pattern"),
     [

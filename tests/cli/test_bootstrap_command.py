@@ -24,9 +24,16 @@ def rows_after(text, title):
     return [line.split() for line in text.split(title, 1)[1].split("\n\n", 1)[0].splitlines()[1:]]
 
 
-def test_the_tables_say_what_the_numbers_say(result):
+@pytest.mark.usefixtures("result")
+def test_the_tables_say_what_the_numbers_say(monkeypatch):
+    drawn, given = [], []
+    monkeypatch.setattr(
+        "floquid.cli._bootstrap.bootstrap_analysis",
+        lambda *own, **options: given.append(options) or drawn.append(floquid.bootstrap(*own, **options)) or drawn[0],
+    )
     text = typed(f"bootstrap kept/result.h5 {COMMON} --seed 3")
-    found = floquid.load(result / "result.h5").bootstrap(20, seed=3, workers=1)
+    (found,), (options,) = drawn, given
+    assert (options["draws"], options["seed"], options["workers"]) == (20, 3, 1)
     assert text.startswith("20 records drawn from the model, seed 3: the same modes fitted anew.\n")
     assert max(map(len, text.splitlines())) <= 80
     rows = [line.split() for line in text.splitlines() if re.match(r" *\d? +(Re λ|Im λ|f \[Hz\]|ζ) ", line)]

@@ -33,6 +33,13 @@ def analysis():
     return identify(record, states=["X", "Y"], validate=False)
 
 
+@pytest.fixture(scope="module")
+def short():
+    """An analysis whose draws take little time."""
+    record = JeffcottRotor().simulate(n_periods=60, samples_per_period=12, noise=0.01)
+    return identify(record, constrained=False, validate=False)
+
+
 @pytest.fixture
 def result(analysis, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -69,21 +76,20 @@ class Counted(DrawFile):
         self.write(draws)
 
 
-def test_what_is_done_is_not_done_again(result):
-    analysis = identify(JeffcottRotor().simulate(n_periods=60, samples_per_period=12, noise=0.01), validate=False)
-    log = Counted(path=result / "draws.npz", key="k")
-    bootstrap(analysis, draws=20, workers=1, kept=log)
+def test_what_is_done_is_not_done_again(short, tmp_path):
+    log = Counted(path=tmp_path / "draws.npz", key="k")
+    bootstrap(short, draws=20, workers=1, kept=log)
     assert len(log.read()) == 20
     told = []
-    longer = bootstrap(analysis, draws=25, workers=1, kept=log, report=told.append)
+    longer = bootstrap(short, draws=25, workers=1, kept=log, report=told.append)
     assert told[0] == "drawing: 20 of 25"
     assert len(told) == 6
-    fresh = bootstrap(analysis, draws=25, workers=1)
+    fresh = bootstrap(short, draws=25, workers=1)
     assert np.array_equal(longer.exponents.draws, fresh.exponents.draws)
 
 
-def test_draws_come_back(result):
-    log = DrawFile(path=result / "draws.npz", key="of this")
+def test_draws_come_back(tmp_path):
+    log = DrawFile(path=tmp_path / "draws.npz", key="of this")
     exponents, coefficients = np.array([1j, -1j]), np.ones((2, 1, 1, 3), complex)
     draws = [
         Draw(2, exponents, coefficients, 2.0, np.eye(2)[None], np.ones((1, 2, 2))),
@@ -101,14 +107,14 @@ def test_draws_come_back(result):
 
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04", b"not an archive"], ids=["empty", "cut", "text"])
-def test_what_is_no_archive_is_passed_over(result, content):
-    path = result / "draws.npz"
+def test_what_is_no_archive_is_passed_over(tmp_path, content):
+    path = tmp_path / "draws.npz"
     path.write_bytes(content)
     assert DrawFile(path=path, key="k").read() == []
 
 
-def test_a_damaged_archive_is_passed_over(result):
-    log = DrawFile(path=result / "draws.npz", key="k")
+def test_a_damaged_archive_is_passed_over(tmp_path):
+    log = DrawFile(path=tmp_path / "draws.npz", key="k")
     log.write([Draw(0, failure="x")] * 3)
     whole, rest = log.path.read_bytes(), np.random.default_rng(0)
     for _ in range(300):
@@ -119,8 +125,8 @@ def test_a_damaged_archive_is_passed_over(result):
         assert len(log.read()) in (0, 3)
 
 
-def test_an_archive_that_unpacks_into_much_is_passed_over(result):
-    log = DrawFile(path=result / "draws.npz", key="k")
+def test_an_archive_that_unpacks_into_much_is_passed_over(tmp_path):
+    log = DrawFile(path=tmp_path / "draws.npz", key="k")
     log.write([Draw(0, failure="x")] * 3)
     content = dict(np.load(log.path))
     np.savez_compressed(log.path, **content)
@@ -129,9 +135,9 @@ def test_an_archive_that_unpacks_into_much_is_passed_over(result):
     assert len(log.read()) == 3
 
 
-def test_draws_of_something_else_are_passed_over(analysis, result):
-    log = DrawFile(path=result / "draws.npz", key="one")
+def test_draws_of_something_else_are_passed_over(short, tmp_path):
+    log = DrawFile(path=tmp_path / "draws.npz", key="one")
     log.write([Draw(0, failure="x")])
     assert DrawFile(path=log.path, key="other").read() == []
     log.write([Draw(3, np.ones(3, complex), np.ones((3, 1, 1, 1), complex), 1.0)] * 20)
-    assert bootstrap(analysis, draws=20, workers=1, kept=log).n_used > 0
+    assert bootstrap(short, draws=20, workers=1, kept=log).n_used > 0

@@ -21,16 +21,25 @@ def found():
     return fq.identify(record, channels=["X", "Y"], constrained=False, validate=False)
 
 
+@pytest.fixture(scope="module")
+def content(found, tmp_path_factory):
+    """The bytes of its file."""
+    path = tmp_path_factory.mktemp("saved") / "result.h5"
+    fq.save(found, path)
+    return path.read_bytes()
+
+
 @pytest.fixture
-def results(found, tmp_path, monkeypatch):
+def results(content, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "100")
     (tmp_path / "d").mkdir()
-    fq.save(found, "d/result.h5")
+    (tmp_path / "d" / "result.h5").write_bytes(content)
     return tmp_path
 
 
-def test_a_result_and_the_true_system(results):
+def test_a_result_and_the_true_system(results, monkeypatch):
+    monkeypatch.setattr(plot, "save_figure", lambda _, path: path.write_text("drawn"))
     text = typed("compare d systems:jeffcott,damping=0.02 --out c")
     assert "2 pairs of modes" in text
     assert ": the deviations explain the differences." in text
@@ -51,9 +60,10 @@ def test_a_result_and_the_true_system(results):
 
 def test_what_differs_and_what_is_missing(results):
     assert "more than the deviations explain, most in mode" in typed("compare d/result.h5 systems:jeffcott")
-    fq.save(fq.survey([Point(values={"v": v}, model=known(v)) for v in (17.0, 17.5, 18.0)], over="v"), "a.h5")
-    less = [Point(values={"v": v}, model=known(v, without=(3,) if v == 17.5 else ())) for v in (17.0, 17.5, 18.0)]
-    fq.save(fq.survey(less, over="v"), "b.h5")
+    points = [Point(values={"v": v}, model=known(v)) for v in (17.0, 17.5, 18.0)]
+    less = Point(values={"v": 17.5}, model=known(17.5, without=(3,)))
+    fq.save(fq.survey(points, over="v"), "a.h5")
+    fq.save(fq.survey([points[0], less, points[2]], over="v"), "b.h5")
     text = typed("compare a.h5 b.h5")
     assert "Missing in b: mode 4 of a at v = 17.5" in text
     assert "11 pairs of modes; 3 points" in text

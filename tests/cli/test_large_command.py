@@ -9,6 +9,7 @@ from tests.cli.test_commands import strict_json, typed
 from tests.unit.large.test_large import decay
 
 import floquid as fq
+from floquid.cli import _large
 
 
 @pytest.fixture
@@ -18,9 +19,20 @@ def scan(tmp_path, monkeypatch):
     fq.write(decay(cycles=400), "scan.h5")
 
 
-@pytest.mark.usefixtures("scan")
-def test_a_record_is_identified_within_a_memory():
-    text = typed("identify scan.h5 --memory 1GB --out found")
+@pytest.fixture(scope="module")
+def identified(tmp_path_factory):
+    """What is printed of the scan, and the folder with it and its result in `found`."""
+    folder = tmp_path_factory.mktemp("large")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.setenv("COLUMNS", "200")
+        fq.write(decay(cycles=400), "scan.h5")
+        return typed("identify scan.h5 --memory 1GB --out found"), folder
+
+
+def test_a_record_is_identified_within_a_memory(identified, monkeypatch):
+    text, folder = identified
+    monkeypatch.chdir(folder)
     assert "Checks of a part (5 of 5 channels, 400 of 400 periods): passes." in text
     assert "Written to found/: result.h5" in text
     found = fq.load("found/result.h5")
@@ -48,10 +60,9 @@ def test_what_cannot_be_is_said_in_a_sentence(words, message):
     typed(f"identify {words}", code=2, message=message)
 
 
-@pytest.mark.usefixtures("scan")
-def test_commands_take_the_result_or_say_which_do():
-    typed("identify scan.h5 --memory 1GB --out found")
-    typed("identify scan.h5 --period 1 --no-validate --out whole")
+def test_commands_take_the_result_or_say_which_do(identified, monkeypatch):
+    monkeypatch.chdir(identified[1])
+    typed("identify scan.h5 --period 1 --no-validate --no-constrained --out whole")
     assert "3" in typed("compare found whole")
     readings = strict_json(typed("shapes found --pairs x0:x1 --format json"))
     assert len(readings["modes"]) == 3
@@ -61,11 +72,14 @@ def test_commands_take_the_result_or_say_which_do():
 
 
 @pytest.mark.usefixtures("scan")
-def test_checks_of_a_part_end_as_those_of_a_record():
+def test_checks_of_a_part_end_as_those_of_a_record(monkeypatch):
     wrong = "identify scan.h5 --period 1.0833333333333333 --memory 1GB --out wrong"
     typed(wrong, code=1, message="does not repeat with the period given")
     assert fq.load("wrong/result.h5").passed is False
-    colour = scipy.signal.lfilter([1.0], [1.0, -0.6], np.random.default_rng(0).standard_normal((5, 4800)))
-    fq.write(replace(decay(cycles=400, noise=0.0), values=decay(cycles=400, noise=0.0).values + 0.3 * colour), "c.h5")
+    colour = scipy.signal.lfilter([1.0], [1.0, -0.6], np.random.default_rng(0).standard_normal((5, 3600)))
+    fq.write(replace(decay(cycles=300, noise=0.0), values=decay(cycles=300, noise=0.0).values + 0.3 * colour), "c.h5")
+    real, kept = _large.identify_large, []
+    monkeypatch.setattr(_large, "identify_large", lambda *own, **options: kept.append(real(*own, **options)) or kept[0])
     typed("identify c.h5 --memory 1GB --out found --enforce", code=3, message="The noise is not white")
+    monkeypatch.setattr(_large, "identify_large", lambda *_, **__: kept[0])
     typed("identify c.h5 --memory 1GB --out found")

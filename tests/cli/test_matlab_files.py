@@ -12,6 +12,7 @@ from tests.cli.test_commands import typed
 from floquid.systems import JeffcottRotor
 
 PERIOD = "6.283185307179586"
+QUICK = "--order 4 --no-validate --no-constrained"
 
 
 @pytest.fixture
@@ -22,7 +23,7 @@ def rows():
 
 
 def exponents(words):
-    modes = json.loads(typed(f"{words} --period {PERIOD} --format json"))["modes"]
+    modes = json.loads(typed(f"{words} --period {PERIOD} {QUICK} --format json"))["modes"]
     return np.array([mode["exponent"] for mode in modes])
 
 
@@ -113,7 +114,7 @@ def test_names_for_the_columns_of_a_matrix(here, rows):
     scipy.io.savemat("lab.mat", {"data": data, "labels": np.array(["hip", "knee"], object), "fs": 1.2732395447351628})
     found = []
     for names in ("labels", "hip,knee", "from the settings"):
-        words = f"--channels data.T --period {PERIOD} --names {names}"
+        words = f"--channels data.T --period {PERIOD} {QUICK} --names {names}"
         if names == "from the settings":
             words = "--settings out/settings.toml"
         typed(f"identify lab.mat {words} --out out")

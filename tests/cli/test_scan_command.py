@@ -98,7 +98,8 @@ def test_an_earlier_result_is_replaced_and_others_stay(here):
 
 def test_frequency_settings_channels_and_hits(here):
     save_npz("second.npz", simulated(periods=30).values)
-    typed(f"identify good.npz --period {PERIOD} --channels X,Y --identifier ami --out kept")
+    quick = "--no-validate --no-constrained"
+    typed(f"identify good.npz --period {PERIOD} --channels X,Y --identifier ami {quick} --out kept")
     content = strict_json(typed("scan good.npz second.npz --settings kept/settings.toml --orders 4 --format json"))
     assert (content["channels"], content["identifier"], content["n_cycles"]) == (["X", "Y"], "ami", [40, 30])
     by_frequency = typed(f"scan good.npz --frequency {1.0 / (2.0 * np.pi)!r} --channels X --orders 4 --format json")

@@ -80,14 +80,21 @@ def test_records_become_a_survey(runs):
         (runs / "out" / "survey.csv").read_text().split("\n")[0].split(",")
     )
     back = fq.load("out/survey.h5")
-    page = survey_page(back, title=None)
-    assert page.index('id="verdict"') < page.index('id="edges"') < page.index('id="tracks"')
-    unsure = "0 of 5 points pass their checks, 4 with a remainder or not checked, 1 without a result."
-    assert f"{unsure} 2 edges of instability." in page
     assert "95 % interval" in back.summary()
     assert "90 % interval" in replace(back, confidence=0.9).summary()
     assert back.summary() == "\n".join(line.rstrip() for line in back.summary().splitlines())
     assert json.loads(typed(f"survey runs/run0.npz runs/run1.npz {QUICK} --format json"))["tracks"] == []
+
+
+@pytest.mark.pages
+def test_the_page_of_a_survey(runs):
+    point = fq.Record(values=np.ones((2, 9)), sample_rate=1.0, channels=["X", "Y"], point={"speed": 0.8})
+    fq.write(point, "runs/z.npz")
+    typed(f"survey runs {QUICK} --out out")
+    page = survey_page(fq.load("out/survey.h5"), title=None)
+    assert page.index('id="verdict"') < page.index('id="edges"') < page.index('id="tracks"')
+    unsure = "0 of 5 points pass their checks, 4 with a remainder or not checked, 1 without a result."
+    assert f"{unsure} 2 edges of instability." in page
 
 
 def jobs(files, table=None, over="speed", **settings):

@@ -30,7 +30,7 @@ def test_a_table_without_a_header():
 
 @pytest.mark.usefixtures("bare")
 def test_the_settings_keep_that_there_is_no_header():
-    typed("identify bare.txt --no-header --period 0.16 --order 4 --no-validate --out out")
+    typed("identify bare.txt --no-header --period 0.16 --order 4 --no-validate --no-constrained --out out")
     assert "header = false\n" in Path("out/settings.toml").read_text()
     typed("identify bare.txt --settings out/settings.toml --no-validate --out again")
     Path("out/settings.toml").write_text("header = 3\n")

@@ -17,6 +17,7 @@ from floquid import Channel, Record, identify, load, read, save
 from floquid.cli import run
 from floquid.exports import export_transfer
 from floquid.readers import write
+from floquid.reporting import _report
 
 PERIOD = f"{np.pi:.15g}"
 RATE = f"{20.0 / np.pi:.15g}"
@@ -189,7 +190,7 @@ def test_inputs_that_do_not_repeat_are_told(tmp_path, capsys):
 
 
 def test_modes_whose_decay_lines_do_not_tell_end_with_one(tmp_path, capsys):
-    hertz = np.linspace(0.05, 0.8, 30)
+    hertz = np.linspace(0.05, 0.8, 20)
     export_transfer(
         of_equations(mathieu(damping=1e-4), hertz, noise=0.1, harmonics=np.arange(-1, 2)), tmp_path / "g.csv"
     )
@@ -213,7 +214,7 @@ def test_the_page_says_that_modes_are_not_determined(tmp_path, capsys):
     assert "The modes explain the lines." not in page.read_text(encoding="utf-8")
 
 
-def test_lines_of_a_file_are_fitted(tmp_path, capsys):
+def test_lines_of_a_file_are_fitted(tmp_path, capsys, monkeypatch):
     lines = of_equations(lag(), np.linspace(0.02, 0.4, 20), harmonics=np.arange(-1, 2))
     export_transfer(lines, tmp_path / "g.csv")
     command = ["transfer", "--lines", str(tmp_path / "g.csv"), "--method", "fit", "--at", "0.1"]
@@ -221,8 +222,11 @@ def test_lines_of_a_file_are_fitted(tmp_path, capsys):
     found = json.loads(capsys.readouterr().out)
     assert found["exponents"][0][0] == pytest.approx(-0.5, abs=5 * found["exponents_std"][0][0])
     assert load(tmp_path / "g.h5").model.real.tolist() == [True]
+    pages = []
+    monkeypatch.setattr(_report, "lines_page", lambda fit, **options: pages.append(fit) or "<p>a page of lines</p>")
     assert run(["report", str(tmp_path / "g.h5")]) == 0
-    assert "The modes explain the lines." in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert pages[0].model.real.tolist() == [True]
+    assert (tmp_path / "report.html").read_text(encoding="utf-8") == "<p>a page of lines</p>"
     capsys.readouterr()
     for words, said in (
         (command, "The period must be given, but is not, and the lines have none.\n  Pass `--period`"),

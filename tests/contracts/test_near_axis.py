@@ -127,10 +127,14 @@ def misfit_of_gradients(square, half, hold):
     return max(off) / np.abs(gradient).max()
 
 
+OFTEN = {(-1e-9, "zero"), (-1e-9, "none"), (1e-3, "first")}
+"""Squares and holds that are not slow: on either side of the edge, and each hold once."""
+
+
 @pytest.mark.parametrize(
     ("square", "hold", "half"),
     [
-        pytest.param(square, hold, half, marks=[pytest.mark.slow] * (square not in (-1e-9, 1e-3)))
+        pytest.param(square, hold, half, marks=[pytest.mark.slow] * ((square, hold) not in OFTEN))
         for square in (-1e-3, -1e-9, 0.0, 1e-9, 1e-3)
         for hold, half in (("zero", 0), ("zero", 1), ("first", 1), ("none", 1))
     ],
@@ -150,7 +154,7 @@ def test_the_gradient_with_inputs_is_a_difference_through_the_edge(square, hold,
 )
 def test_a_wrong_derivative_with_inputs_is_found(name, wrong, monkeypatch):
     monkeypatch.setattr(USED[name], name, wrong)
-    assert not max(misfit_of_gradients(square, 1, "zero") for square in (-1e-3, 1e-16)) < 1e-5
+    assert any(not misfit_of_gradients(square, 1, "zero") < 1e-5 for square in (-1e-3, 1e-16))
 
 
 USED = {"slopes_along_square": _slopes, "by_root": _slopes, "parts_of": _modes}

@@ -41,6 +41,9 @@ def of_every_format(kinds=WRITTEN):
 
 
 EVERY_FORMAT = of_every_format()
+EVERY_WAY = of_every_format({kind.name: kind for kind in WRITTEN}.values())
+"""One suffix of each format: others are read and written alike, as the tests of all suffixes see."""
+
 NO_CHECKSUMS = {".csv"}
 """Formats that cannot tell a changed sample from another one."""
 
@@ -115,7 +118,7 @@ def test_period_and_rate_of_the_caller_come_first(kind, tmp_path):
     assert "Sampling rate 100 Hz: as given; the file states 2533.33333333 Hz." in found.provenance.steps
 
 
-@EVERY_FORMAT
+@EVERY_WAY
 def test_a_single_channel_and_a_constant_channel_are_read(kind, tmp_path):
     path = tmp_path / f"run{kind.suffix}"
     flat = Record(values=np.full((1, 9), 2.5), sample_rate=10.0, channels=["x"])
@@ -147,7 +150,7 @@ def test_the_summary_says_what_is_there(kind, tmp_path):
     }
 
 
-@EVERY_FORMAT
+@EVERY_WAY
 def test_a_channel_without_samples_is_summarised(kind, tmp_path):
     path = tmp_path / f"run{kind.suffix}"
     write(Record(values=[[np.nan] * 4, [1.0, 2.0, 3.0, 4.0]], sample_rate=10.0, channels=["x", "y"]), path)
@@ -156,7 +159,7 @@ def test_a_channel_without_samples_is_summarised(kind, tmp_path):
     assert "Channel 'x' has no sample at all." in found.notes
 
 
-@EVERY_FORMAT
+@EVERY_WAY
 def test_an_existing_file_outlives_a_failed_write(kind, tmp_path, monkeypatch):
     path = tmp_path / f"run{kind.suffix}"
     write(record(), path)
@@ -172,7 +175,7 @@ def test_an_existing_file_outlives_a_failed_write(kind, tmp_path, monkeypatch):
     assert [file.name for file in tmp_path.iterdir()] == [path.name]
 
 
-@EVERY_FORMAT
+@EVERY_WAY
 def test_an_existing_file_is_replaced(kind, tmp_path):
     path = tmp_path / f"run{kind.suffix}"
     path.write_text("before")
@@ -182,7 +185,7 @@ def test_an_existing_file_is_replaced(kind, tmp_path):
     assert path.stat().st_mode & 0o777 == 0o640
 
 
-@EVERY_FORMAT
+@EVERY_WAY
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -203,7 +206,7 @@ def test_a_record_that_could_not_be_read_back_is_not_written(kind, tmp_path, cha
     assert not list(tmp_path.iterdir())
 
 
-@EVERY_FORMAT
+@EVERY_WAY
 @pytest.mark.parametrize("cut", [0.0, 0.1, 0.5, 0.9, 0.999])
 def test_a_file_cut_short_is_refused_or_whole_rows_are_read(kind, tmp_path, cut):
     path = tmp_path / f"run{kind.suffix}"
@@ -220,7 +223,7 @@ def test_a_file_cut_short_is_refused_or_whole_rows_are_read(kind, tmp_path, cut)
         np.testing.assert_array_equal(found.values[:, :n], record().values[:, :n])
 
 
-@EVERY_FORMAT
+@EVERY_WAY
 def test_random_damage_never_raises_anything_else(kind, tmp_path):
     path = tmp_path / f"run{kind.suffix}"
     write(record(), path)
@@ -265,7 +268,7 @@ def test_a_missing_library_is_named_with_what_to_install(kind, call, tmp_path, m
     assert list(tmp_path.iterdir()) == [path]
 
 
-@EVERY_FORMAT
+@EVERY_WAY
 def test_the_orbit_is_kept(kind, tmp_path):
     path, orbit = tmp_path / f"run{kind.suffix}", np.random.default_rng(4).standard_normal((3, 7))
     write(record(orbit=orbit), path)
@@ -276,7 +279,7 @@ def test_the_orbit_is_kept(kind, tmp_path):
     np.testing.assert_array_equal(found, orbit[[2, 0]])
 
 
-@EVERY_FORMAT
+@EVERY_WAY
 def test_a_long_record_is_written_and_read_in_blocks(kind, tmp_path):
     path = tmp_path / f"run{kind.suffix}"
     long = Record(values=np.random.default_rng(5).standard_normal((2, 70001)), sample_rate=51200.0, channels=["x", "y"])

@@ -22,7 +22,6 @@ from dataclasses import replace
 from pathlib import Path
 from unittest.mock import patch
 
-import matplotlib.pyplot as plt
 import pytest
 from markdown_it import MarkdownIt
 from tests.cli.conftest import no_command_is_assembled_twice, nothing_is_identified_twice, quick_pictures
@@ -175,6 +174,8 @@ def run_page(text, name, folder, within=False):
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     """An empty folder with the examples in it, and the current one."""
+    import matplotlib.pyplot as plt
+
     if (ROOT / "examples").is_dir():
         shutil.copytree(ROOT / "examples", tmp_path / "examples")
     monkeypatch.chdir(tmp_path)

@@ -25,7 +25,8 @@ CHANNELS = st.builds(
     st.sampled_from([None, "other"]),
     WORDS,
 )
-WRITTEN = [kind for kind in FORMATS if kind.save]
+WRITTEN = list({kind.name: kind for kind in FORMATS if kind.save}.values())
+"""One suffix of each format."""
 NUMBERS = st.floats(allow_infinity=False, width=64)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -204,6 +205,11 @@ def spread_of(generator, n: int, turning: NDArray) -> NDArray:
     return root @ root.T
 
 
+@cache
+def modes_of(system: System):
+    return floquet.modes(system.oracle())
+
+
 def make_known(
     system: System,
     sensors: Sequence[Sensor],
@@ -221,7 +227,7 @@ def make_known(
     `turns` moves the exponents of the estimates to other branches.
     """
     generator = np.random.default_rng(seed)
-    found, omega = floquet.modes(system.oracle()), system.fundamental
+    found, omega = modes_of(system), system.fundamental
     twice = 2.0 * found.exponents.imag / omega
     principal = np.abs(found.multipliers.imag) < 1e-9 * np.abs(found.multipliers)
     chosen = np.flatnonzero(principal | (found.exponents.imag > 0))

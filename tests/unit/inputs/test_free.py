@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from floquid import IdentificationError, Record, identify
 from floquid.inputs import Uncertainty, fitted_freely, samples_of
 
 STEP = 0.5
@@ -66,13 +65,6 @@ def test_multipliers_are_found_and_noise_is_left(seed, phases, order, direct):
         multiplier = sign * np.exp(mode.exponent * phases * STEP)
         gap = np.abs(np.concatenate([multipliers, multipliers.conj()]) - multiplier).min() / abs(multiplier)
         assert gap < 5.0 * phases * STEP * np.sqrt(2.0 * own.parameters[place, place][0, 0]) < 0.5
-
-
-def test_noise_is_no_system():
-    both = np.random.default_rng(0).standard_normal((2, 1500))
-    record = Record(values=both, sample_rate=1.0, channels=["y", "u"])
-    with pytest.raises(IdentificationError, match="no mode"):
-        identify(record, period=5.0, inputs=["u"])
 
 
 def test_samples_that_meet_no_phase_twice_are_not_fitted():

@@ -34,7 +34,7 @@ def test_harmonics_that_noise_explains_are_no_argument_for_a_pair():
     assert pulls(oscillator(0.0069601540, 1.0072), found.model).max() < 3.0
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_a_frequency_of_a_constant_system_may_be_at_the_axis(seed):
     """Two multipliers meet there with two vectors, and q is not regular; intervals hold all the same."""

@@ -63,7 +63,7 @@ def test_parts_of_the_samples_add_up_to_all(name, monkeypatch):
     wanted = with_two_records(MODES[name])
     whole = sums(samples(), wanted)
     monkeypatch.setattr("floquid.inputs._samples.BLOCK", 1)
-    monkeypatch.setattr("floquid.inputs._samples.CHUNK", 7)
+    monkeypatch.setattr("floquid.inputs._samples.CHUNK", 29)
     for what, found in sums(samples(), wanted).items():
         size = np.abs(whole[what]).max()
         assert np.abs(np.asarray(found) - whole[what]).max() < 1e-9 * max(size, 1e-12), what

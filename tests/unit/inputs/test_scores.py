@@ -63,6 +63,7 @@ def test_few_draws_tell_how_far_that_gain_is_from_noise():
     assert scores.by_noise() > 50.0
 
 
+@pytest.mark.slow
 def test_the_variance_of_a_force_beside_is_that_of_the_force():
     """It is quadratic in the share of the force that nobody measured, and none without."""
     small, large = (unmeasured(with_force_beside(beside, periods=400)) for beside in (0.1, 0.2))

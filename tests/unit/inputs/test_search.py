@@ -32,14 +32,6 @@ def record(system, values, inputs, phases):
     return Record(values=np.concatenate([values, inputs]), sample_rate=phases / system.period, channels=channels)
 
 
-def test_a_pair_of_conjugates():
-    system = mathieu()
-    found = identified(system, 60, 20, 0.05)
-    assert found.model.order == 2
-    assert pulls(system, found.model).max() < 4.0
-    assert found.passed
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("outputs", [4, 20, 6])
 def test_a_short_record_of_many_outputs(outputs):

@@ -445,11 +445,11 @@ def test_noise_that_does_not_settle_says_which_order_may_be_to_blame(monkeypatch
     assert str(caught.value).endswith(words)
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("first", "searches"),
-    [(-0.9, 1), (-0.86, 2), (-0.4, 2), (None, 2)],
-    ids=["a filter that is right", "one that is nearly", "one that leaves colour", "none"],
+    [(-0.86, 2), (-0.9, 1), (-0.4, 2), (None, 2)],
+    ids=["one that is nearly", "a filter that is right", "one that leaves colour", "none"],
 )
 def test_the_noise_is_judged_again_by_what_the_poles_leave(monkeypatch, first, searches):
     model = system(channels=3)

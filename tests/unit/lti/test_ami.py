@@ -348,12 +348,11 @@ SYSTEMS = {
 @pytest.mark.first(4)
 @pytest.mark.parametrize("logs", SYSTEMS.values(), ids=SYSTEMS)
 def test_every_kind_of_mode_is_found(logs):
-    for seed in range(2):
-        full, data = ringing(logs, seed=seed)
-        model = identified(data)
-        assert model.outcome is Outcome.SUCCESS
-        found_within_deviations(model, full)
-        assert np.count_nonzero(model.multipliers.imag == 0.0) == np.count_nonzero(np.isin(full.imag, [0.0, np.pi]))
+    full, data = ringing(logs)
+    model = identified(data)
+    assert model.outcome is Outcome.SUCCESS
+    found_within_deviations(model, full)
+    assert np.count_nonzero(model.multipliers.imag == 0.0) == np.count_nonzero(np.isin(full.imag, [0.0, np.pi]))
 
 
 def test_one_output_is_enough():
@@ -365,13 +364,6 @@ def test_one_output_is_enough():
 def test_few_samples(samples):
     full, data = ringing([-0.1 + 1.0j], outputs=20, samples=samples)
     found_within_deviations(identified(data), full)
-
-
-def test_inputs_of_unequal_length():
-    full, data = ringing([-0.02 + 1.0j, -0.03 + 2.0j], inputs=3, lengths=[200, 101, 40])
-    model = identified(data)
-    found_within_deviations(model, full)
-    assert_allclose(model.residual_std, data.noise, rtol=0.4)
 
 
 @pytest.mark.parametrize("inputs", [1, 2])

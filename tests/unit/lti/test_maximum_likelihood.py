@@ -73,7 +73,7 @@ CLOSE = {
 SIZES = [(1, 1, 100), (6, 2, 100), (200, 1, 100), (3, 1, 1000)]
 
 
-@pytest.mark.first(15)
+@pytest.mark.first(3)
 @pytest.mark.parametrize(("outputs", "inputs", "samples"), SIZES)
 @pytest.mark.parametrize("multipliers", KINDS.values(), ids=KINDS)
 def test_every_kind_of_pole_is_recovered_exactly_without_noise(multipliers, outputs, inputs, samples):
@@ -245,7 +245,7 @@ def test_the_smallest_sizes_end_in_an_outcome_and_never_in_a_wrong_success(outpu
         assert identified(decays([full[0]], outputs=outputs, samples=samples)).outcome is Outcome.SUCCESS
 
 
-@pytest.mark.first(3)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 @pytest.mark.parametrize(("pairs", "samples"), [(3, 8), (5, 12), (8, 16), (10, 30)])
 def test_fewer_samples_than_the_modes_need_are_an_outcome(pairs, samples, noise):

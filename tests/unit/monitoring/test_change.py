@@ -42,6 +42,7 @@ def test_the_gain_is_the_fall_of_the_sum_of_squares(kind, size):
     assert found.interval == (min(inside), max(inside))
 
 
+@pytest.mark.slow
 def test_nothing_is_found_in_noise():
     found = [change_of(*features(seed, size=0.0), LATER, 1e-2) for seed in range(30)]
     assert sum(one is not None for one in found) <= 3

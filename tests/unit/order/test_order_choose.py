@@ -53,7 +53,7 @@ NOISES = {
 }
 
 
-@pytest.mark.first(8)
+@pytest.mark.first(4)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("share", [0.01, 0.1])
 @pytest.mark.parametrize("kind", NOISES)
@@ -66,7 +66,7 @@ def test_the_order_is_right_in_noise_of_any_colour(kind, share, seed):
 
 @pytest.mark.parametrize("kind", NOISES)
 def test_noise_alone_holds_no_mode(kind):
-    for seed in range(4):
+    for seed in range(2):
         noise = NOISES[kind](seed=seed)
         data = TimeResponses(values=noise.T[:, None], dt=1.0)
         identifier = MaximumLikelihood()

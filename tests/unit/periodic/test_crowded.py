@@ -35,8 +35,8 @@ def test_modes_a_twelfth_of_their_decay_apart_are_two(seed):
     assert found.exponent_std.real.max() < 5e-4
 
 
-@pytest.mark.first(2)
-@pytest.mark.parametrize("seed", [4, 6, *{*range(8)} - {4, 6}])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(8))
 def test_weak_harmonics_that_two_modes_share_are_kept_together(seed):
     """Each alone is less than noise exceeds: left out, they moved an exponent by 6 of its deviations."""
     model = system([-0.06 + 0.9j, -0.063 + 1j * (0.912 + OMEGA)], channels=2, width=3, seed=seed)
@@ -132,7 +132,7 @@ def test_a_mode_next_to_its_own_conjugate_has_a_deviation_for_the_mirrored_harmo
 def test_a_pair_next_to_an_axis_is_counted_from_its_strongest_line(beside):
     """Of either side of the axis: it was always counted from the line above."""
     model = system([-0.06 + 1j * (1.5 * OMEGA + beside), -0.05 + 2.2j], channels=2)
-    found = identify(records(model, noise=0.003, n_cycles=60, seed=1)).model
+    found = identify(records(model, noise=0.003, n_cycles=60, seed=1), validate=False).model
     assert found.order == 4
     for true in model.exponents:
         assert np.abs(found.exponents - true).min() < 0.01

@@ -183,7 +183,7 @@ def test_the_quick_fit_and_that_of_lifted_responses_are_the_same():
     assert_allclose(quick.exponents, held.exponents, rtol=1e-9)
 
 
-@pytest.mark.first(4)
+@pytest.mark.first(3)
 @pytest.mark.parametrize("name", [*WAYS, *STRUCTURED, "first-order", "no deviations"])
 def test_without_noise_a_draw_gives_the_analysis_back(name):
     """Modes, coefficients and A(t): what is done to a draw is what was done to the record."""

@@ -1,6 +1,7 @@
 """Samples that are missing, measured inputs or outputs alone: left out, and nothing else changes."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -38,30 +39,38 @@ def blocks(record, seed, share=0.05, many=5):
     return replace(record, values=values)
 
 
-@pytest.fixture(scope="module")
-def whole():
-    return {kind: identify(of(kind), **options) for kind, options in KINDS.items()}
+@cache
+def whole(kind):
+    return identify(of(kind), **KINDS[kind])
+
+
+@cache
+def at_of(kind):
+    """The fit to a record of a kind, of outputs alone to a shorter one."""
+    if kind == "inputs":
+        return whole(kind).driven.at
+    return identify(of(kind, periods=100), **KINDS[kind], validate=False).driven.at
 
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_record_with_gaps_gives_its_exponents(kind, whole):
+def test_a_record_with_gaps_gives_its_exponents(kind):
     found = identify(blocks(of(kind), 1), **KINDS[kind])
     assert found.model.order == 2
     assert pulls(SYSTEM, found.model).max() < 4.0
     assert found.passed
     assert {own.code for own in found.findings} >= {"missing_samples"}
-    ratio = found.model.exponent_std.real / whole[kind].model.exponent_std.real
+    ratio = found.model.exponent_std.real / whole(kind).model.exponent_std.real
     assert (np.abs(ratio - 1.0) < 0.2).all()
 
 
-def test_deviations_grow_with_what_is_missing(whole):
+def test_deviations_grow_with_what_is_missing():
     """Each sample counts alike where inputs go on: half of them make deviations √2 as large."""
     record = of("inputs")
     values = np.array(record.values)
     values[0, np.random.default_rng(0).random(record.n_samples) < 0.5] = np.nan
     found = identify(replace(record, values=values), inputs=["F"], repair=False, validate=False)
-    ratio = found.model.exponent_std.real / whole["inputs"].model.exponent_std.real
+    ratio = found.model.exponent_std.real / whole("inputs").model.exponent_std.real
     assert (np.abs(ratio - 2.0**0.5) < 0.25).all()
     assert pulls(SYSTEM, found.model).max() < 4.0
 
@@ -82,10 +91,10 @@ def samples_with(values, inputs, there, filled):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_is_put_at_samples_that_are_not_there_changes_nothing(kind, whole):
+def test_what_is_put_at_samples_that_are_not_there_changes_nothing(kind):
     values, inputs, there = of_values(kind)
     plain, other = (samples_with(values, inputs, there, filled) for filled in (None, 7.0))
-    at = whole[kind].driven.at
+    at = at_of(kind)
     found = []
     for samples in (plain, replace(other, values=other.kept(other.values))):
         if kind == "inputs":
@@ -100,10 +109,10 @@ def test_what_is_put_at_samples_that_are_not_there_changes_nothing(kind, whole):
         assert_array_equal(one, two)
 
 
-def test_a_sample_that_is_not_there_is_no_equation_of_measured_inputs(whole):
+def test_a_sample_that_is_not_there_is_no_equation_of_measured_inputs():
     """The fit is that of the rows that are there, made of the columns of all samples."""
     values, inputs, there = of_values("inputs")
-    modes, direct = whole["inputs"].driven.at.modes, (0.0,)
+    modes, direct = at_of("inputs").modes, (0.0,)
     fit = linearise(samples_with(values, inputs, there, None), modes, direct)
     whole_samples = samples_with(values, inputs, there | True, None)
     columns = columns_at(whole_samples, modes, direct).of(whole_samples, slice(0, len(there)))[:, there]
@@ -113,9 +122,9 @@ def test_a_sample_that_is_not_there_is_no_equation_of_measured_inputs(whole):
     assert fit.count == there.sum()
 
 
-def test_slopes_past_gaps_are_those_of_differences(whole):
+def test_slopes_past_gaps_are_those_of_differences():
     """With what makes up for gaps held."""
-    at = whole["ambient"].driven.at
+    at = at_of("ambient")
     values, inputs, there = of_values("ambient")
     samples = samples_with(values[:1], inputs, there, None)
     start = predicted(samples, at.modes, np.zeros((1, len(samples.known))), at.initial)
@@ -133,9 +142,9 @@ def test_slopes_past_gaps_are_those_of_differences(whole):
     assert not whole_slopes[~there].any()
 
 
-def test_innovations_after_gaps_are_made_as_small_as_others(whole):
+def test_innovations_after_gaps_are_made_as_small_as_others():
     """The variance that a gap leaves is known by hand of a system of first order."""
-    at, count = whole["ambient"].driven.at, 400
+    at, count = at_of("ambient"), 400
     values = np.random.default_rng(0).standard_normal((1, count))
     there = np.arange(count) % 50 > 1
     samples = samples_with(values, np.zeros((0, count)), there, None)
@@ -170,7 +179,7 @@ def test_a_channel_that_is_hardly_there_is_named():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
-def test_faults_are_mended_of_every_kind(kind, whole):
+def test_faults_are_mended_of_every_kind(kind):
     """A spike, and a stretch at which the response stands still."""
     record = of(kind)
     values = np.array(record.values)
@@ -182,7 +191,7 @@ def test_faults_are_mended_of_every_kind(kind, whole):
     assert np.isnan(found.records[0].values[0, 500:520]).all()
     assert pulls(SYSTEM, found.model).max() < 4.0
     assert found.passed
-    assert_allclose(found.model.exponent_std, whole[kind].model.exponent_std, rtol=0.2)
+    assert_allclose(found.model.exponent_std, whole(kind).model.exponent_std, rtol=0.2)
     left = identify(faulty, **KINDS[kind], repair=False)
     assert not np.isnan(left.records[0].values).any()
     assert "bad_samples" in {own.code for own in left.findings}

@@ -184,7 +184,7 @@ def test_a_lock_near_its_edge_is_no_orbit(seed):
     assert np.abs(off / np.sort(model.exponent_std[real].real)).max() < 3.0
 
 
-@pytest.mark.first(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("growth", [0.008, 0.012, 0.016])
 def test_a_lock_at_a_wrong_period_does_not_pass(growth):
     """Its exponents are not determined there: it was in the fit, and in no model, which passed."""

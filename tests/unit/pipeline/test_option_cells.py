@@ -97,7 +97,7 @@ PREPARED = {
 
 FITTED = {
     "order": ("several", {}, 2),
-    "harmonics": ("plain", {}, 0),
+    "harmonics": ("plain", {}, 1),
     "identifier": ("plain", {}, "era"),
     "mode_false_alarm": ("faint", {"repair": False}, 1e-300),
     "harmonic_false_alarm": ("plain", {}, 0.3),
@@ -149,24 +149,27 @@ def prepared(kind, which, beside):
 
 
 @cache
-def fitted(kind, which, beside):
-    """What came of a fit: its exponents and deviations, what was found, or the refusal."""
+def identified(kind, which, beside=()):
+    """An analysis, or the refusal."""
     try:
-        found = identify(record(kind, which), **KINDS[kind], **{"validate": False, **dict(beside)})
+        return identify(record(kind, which), **KINDS[kind], **{"validate": False, **dict(beside)})
     except FloquidError as error:
         return str(error)
+
+
+def fitted(kind, which, beside):
+    """What came of a fit: its exponents and deviations, what was found, or the refusal."""
+    # The free response of the rotor is of several modes as it is.
+    found = identified(kind, "plain" if (kind, which) == ("free", "several") else which, beside)
+    if isinstance(found, str):
+        return found
     model, codes = found.model, [(own.code, own.severity) for own in found.findings]
     return numbers(model.exponents, model.exponent_std, model.coefficients), codes, found.validation is None
 
 
-@cache
-def analysis(kind):
-    return identify(record(kind), **KINDS[kind], validate=False)
-
-
 def built(kind, options):
     """A(t) of a fit, or the refusal: what states a model of two channels can have is its kind's own matter."""
-    found = analysis(kind)
+    found = identified(kind, "plain")
     free = found.decay and again_of(found.decay.fit, found.lifted, found.shafts)
     again = free or found.driven.estimates_at
     try:

@@ -148,12 +148,13 @@ def test_delayed_states_of_one_channel(record):
 
 def test_first_order_and_all_channels(record):
     four = ["X", "Y", "X_tt", "Y_tt"]
-    first = identify(record, states=four, form="first-order", validate=False)
+    options = {"form": "first-order", "validate": False, "constrained": False}
+    first = identify(record, states=four, **options)
     assert first.state.states == tuple(four)
-    every = identify(record, states=["all"], form="first-order", validate=False)
+    every = identify(record, states=["all"], **options)
     assert of_fields(every.state, first.state)
     known = [*record.channels[:3], Channel(name="all")]
-    found = identify(replace(record, channels=known), states=["all"], form="first-order", validate=False)
+    found = identify(replace(record, channels=known), states=["all"], **options)
     without_state(found, "Argument `states` of `identify` must name 4 channels")
 
 

@@ -80,9 +80,7 @@ def with_a_gap():
 
 CASES = {
     "force": (with_force, {}),
-    "skip": (ringing, {"skip": 3.0}),
     "orbit": (with_orbit, {}),
-    "hits": (with_hits, {"find_hits": True}),
     "hits and skip": (with_hits, {"find_hits": True, "skip": 2.0}),
     "channels": (with_force, {"channels": ("Y",)}),
     "tachometer": (with_tachometer, {}),
@@ -213,6 +211,11 @@ def test_a_force_in_one_of_two_records_is_left_out_of_it():
         prepared = chain.prepare(several)
         assert [names(record) for record in prepared.responses] == [TWO, TWO]
         assert len(prepared.findings) == 1
+
+
+def test_periods_are_skipped_of_each_hit():
+    whole, less = (chain.prepare(with_hits(), find_hits=True, skip=skip).responses for skip in (None, 2.0))
+    assert [one.n_samples - other.n_samples for one, other in zip(whole, less, strict=True)] == [16, 16]
 
 
 def test_pulses_that_are_alike_in_two_records_are_no_copied_response():

@@ -1,5 +1,6 @@
 """Records that are longer than their modes ring: the same exponents and deviations as by all of their cycles."""
 
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -50,12 +51,17 @@ SYSTEMS = {
 }
 
 
+@cache
+def of_first_cycles(name, seed):
+    return fq.identify(decays(**{"seed": seed, **SYSTEMS[name]}))
+
+
 @pytest.mark.first(1)
 @pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize("name", SYSTEMS)
 def test_cycles_in_which_nothing_rings_move_nothing(name, seed, monkeypatch):
     records = decays(**{"seed": seed, **SYSTEMS[name]})
-    short, whole = fq.identify(records), by_all(monkeypatch, records)
+    short, whole = of_first_cycles(name, seed), by_all(monkeypatch, records)
     assert short.cycles[0].n_cycles < whole.cycles[0].n_cycles
     assert short.answer == whole.answer
     gaps, std = short.model.exponents - whole.model.exponents, whole.model.exponent_std
@@ -65,16 +71,16 @@ def test_cycles_in_which_nothing_rings_move_nothing(name, seed, monkeypatch):
     assert_allclose(short.noise, whole.noise, rtol=1e-6)
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     "changes",
     [
-        {"exponents": (-0.005 + 1.3j, -0.03 + 2.5j)},
         {"exponents": (0.002 + 1.3j, -0.03 + 2.5j)},
+        {"exponents": (-0.005 + 1.3j, -0.03 + 2.5j)},
         {"offset": 2.0},
         {"gap": True},
     ],
-    ids=["slow", "growing", "offset", "gap"],
+    ids=["growing", "slow", "offset", "gap"],
 )
 def test_a_record_that_says_something_to_its_end_is_untouched(changes, monkeypatch):
     records = decays(cycles=900, **changes)
@@ -108,8 +114,7 @@ def test_modes_that_are_slower_than_the_first_ones_are_fitted_anew(monkeypatch):
 
 
 def test_the_summary_says_how_many_cycles_were_fitted(tmp_path):
-    (record,) = decays()
-    analysis = fq.identify(record, validate=False)
+    analysis = of_first_cycles("two modes", 0)
     assert "900 of 2000 periods" in analysis.summary()
     assert any("first 900 of 2000 periods" in words for words in analysis.synchronisation)
     fq.save(analysis, tmp_path / "result.h5")

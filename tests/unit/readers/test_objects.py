@@ -1,20 +1,33 @@
 """Records to and from objects of other libraries: pandas, xarray, and the dictionaries of SEP005."""
 
+import importlib
 import json
 import sys
 import warnings
 
 import numpy as np
-import pandas as pd
 import pytest
-import xarray as xr
 from hypothesis import given
 from hypothesis import strategies as st
-from sdypy_sep005.sep005 import assert_sep005
 
 from floquid import from_pandas, from_sep005, from_xarray, to_pandas, to_sep005, to_xarray
 from floquid.core import Channel, ConstantPeriod, PulseTimes, Record
 from floquid.errors import InputError
+
+
+class Late:
+    """A library that is imported when it is used: the others that collect these tests need it not."""
+
+    def __init__(self, name):
+        self.name = name
+
+    def __getattr__(self, name):
+        if name.startswith("_"):  # which pytest asks of whatever a module of tests holds
+            raise AttributeError(name)
+        return getattr(importlib.import_module(self.name), name)
+
+
+pd, xr = Late("pandas"), Late("xarray")
 
 WAYS = {
     "pandas": lambda record: from_pandas(to_pandas(record)),
@@ -166,20 +179,21 @@ def frame(index, **changes):
 
 STEPS = np.arange(100) * 0.004
 INDEXES = {
-    "fractions": (pd.Index(STEPS + 3.0), 3.0),
-    "milliseconds": (pd.Index(np.arange(100) * 4, name="time [ms]"), 0.0),
-    "durations": (pd.to_timedelta(STEPS + 1.0, unit="s"), 1.0),
-    "dates": (pd.date_range("2026-03-29T01:59:59.9", periods=100, freq="4ms"), 0.0),
+    "fractions": (lambda: pd.Index(STEPS + 3.0), 3.0),
+    "milliseconds": (lambda: pd.Index(np.arange(100) * 4, name="time [ms]"), 0.0),
+    "durations": (lambda: pd.to_timedelta(STEPS + 1.0, unit="s"), 1.0),
+    "dates": (lambda: pd.date_range("2026-03-29T01:59:59.9", periods=100, freq="4ms"), 0.0),
     "dates across the change of the clocks": (
-        pd.date_range("2026-03-29T01:59:59.9", periods=100, freq="4ms", tz="Europe/Berlin"),
+        lambda: pd.date_range("2026-03-29T01:59:59.9", periods=100, freq="4ms", tz="Europe/Berlin"),
         0.0,
     ),
-    "whole microseconds": (pd.DatetimeIndex(np.arange(100) * 4000 + 10**15, dtype="datetime64[us]"), 0.0),
+    "whole microseconds": (lambda: pd.DatetimeIndex(np.arange(100) * 4000 + 10**15, dtype="datetime64[us]"), 0.0),
 }
 
 
 @pytest.mark.parametrize(("index", "start"), INDEXES.values(), ids=INDEXES)
 def test_the_index_is_the_time(index, start):
+    index = index()
     record = from_pandas(frame(index))
     assert (record.sample_rate, record.start) == (250.0, start)
     assert [c.label for c in record.channels] == ["x [mm]", "y [-]"]
@@ -278,26 +292,27 @@ def test_the_attributes_survive_parquet(tmp_path):
 
 
 REFUSED_FRAMES = {
-    "text": (frame(pd.Index(STEPS), note="ok"), "hold real numbers, but it has .* in 'note'"),
+    "text": (lambda: frame(pd.Index(STEPS), note="ok"), "hold real numbers, but it has .* in 'note'"),
     "no times": (
-        pd.DataFrame({"x": [1.0, 2.0]}),
+        lambda: pd.DataFrame({"x": [1.0, 2.0]}),
         "say its sampling rate, but it has neither a rate nor a column of times",
     ),
-    "whole numbers": (frame(pd.Index([3, 5, 7])), "say its sampling rate"),
-    "another name": (frame(pd.Index(STEPS, name="depth [m]")), "say its sampling rate"),
-    "uneven": (frame(pd.Index(STEPS**1.5)), "evenly spaced"),
-    "backwards": (frame(pd.Index(STEPS[::-1])), "times that increase"),
-    "not a time": (frame(pd.DatetimeIndex(["2026-01-01", None, "2026-01-03"])), "finite time"),
-    "time alone": (pd.DataFrame({"t": STEPS}), "a column for each channel"),
-    "text as times": (pd.DataFrame({"time": ["a", "b"], "x": [1.0, 2.0]}), "numbers, durations or dates"),
-    "doubled": (pd.DataFrame(np.zeros((3, 2)), columns=["x", "x"], index=[0.1, 0.2, 0.3]), "distinct names"),
-    "no frame": (np.zeros((3, 2)), "be a DataFrame or a Series"),
-    "unit": (frame(pd.Index(STEPS, name="time [furlong]")), "in one of s, ms"),
+    "whole numbers": (lambda: frame(pd.Index([3, 5, 7])), "say its sampling rate"),
+    "another name": (lambda: frame(pd.Index(STEPS, name="depth [m]")), "say its sampling rate"),
+    "uneven": (lambda: frame(pd.Index(STEPS**1.5)), "evenly spaced"),
+    "backwards": (lambda: frame(pd.Index(STEPS[::-1])), "times that increase"),
+    "not a time": (lambda: frame(pd.DatetimeIndex(["2026-01-01", None, "2026-01-03"])), "finite time"),
+    "time alone": (lambda: pd.DataFrame({"t": STEPS}), "a column for each channel"),
+    "text as times": (lambda: pd.DataFrame({"time": ["a", "b"], "x": [1.0, 2.0]}), "numbers, durations or dates"),
+    "doubled": (lambda: pd.DataFrame(np.zeros((3, 2)), columns=["x", "x"], index=[0.1, 0.2, 0.3]), "distinct names"),
+    "no frame": (lambda: np.zeros((3, 2)), "be a DataFrame or a Series"),
+    "unit": (lambda: frame(pd.Index(STEPS, name="time [furlong]")), "in one of s, ms"),
 }
 
 
 @pytest.mark.parametrize(("table", "words"), REFUSED_FRAMES.values(), ids=REFUSED_FRAMES)
 def test_a_table_that_is_no_record_is_refused(table, words):
+    table = table()
     with pytest.raises(InputError, match=rf"^Argument `frame` of `from_pandas` must .*{words}"):
         from_pandas(table)
 
@@ -365,17 +380,20 @@ def test_netcdf_in_between(tmp_path):
 
 
 REFUSED_ARRAYS = {
-    "no time": (xr.DataArray(np.zeros((2, 3)), dims=("a", "b")), "have the dimension `time`"),
-    "three": (xr.DataArray(np.zeros((2, 3, 4)), dims=("a", "b", "time")), "have the dimension `time`"),
-    "no times": (xr.DataArray(np.zeros((2, 3)), dims=("a", "time")), "say its sampling rate"),
-    "mixed": (xr.Dataset({"u": ("time", STEPS), "v": ("z", STEPS)}), "variables over `time` alone"),
-    "empty": (xr.Dataset(), "has no variable"),
-    "unit": (array().assign_coords(time=("time", STEPS, {"units": "furlong"})), "in one of s, ms"),
-    "text": (array().astype(str), "hold real numbers"),
-    "number": (array().assign_attrs(sample_rate="fast"), "positive number as `sample_rate`"),
-    "no array": (np.zeros(3), "be a DataArray or a Dataset"),
+    "no time": (lambda: xr.DataArray(np.zeros((2, 3)), dims=("a", "b")), "have the dimension `time`"),
+    "three": (lambda: xr.DataArray(np.zeros((2, 3, 4)), dims=("a", "b", "time")), "have the dimension `time`"),
+    "no times": (lambda: xr.DataArray(np.zeros((2, 3)), dims=("a", "time")), "say its sampling rate"),
+    "mixed": (
+        lambda: xr.Dataset({"u": ("time", STEPS), "v": ("z", STEPS)}),
+        "variables over `time` alone",
+    ),
+    "empty": (lambda: xr.Dataset({}), "has no variable"),
+    "unit": (lambda: array().assign_coords(time=("time", STEPS, {"units": "furlong"})), "in one of s, ms"),
+    "text": (lambda: array().astype(str), "hold real numbers"),
+    "number": (lambda: array().assign_attrs(sample_rate="fast"), "positive number as `sample_rate`"),
+    "no array": (lambda: np.zeros(3), "be a DataArray or a Dataset"),
     "orbit": (
-        to_xarray(example(orbit=np.ones((4, 3)))).isel(channel=0),
+        lambda: to_xarray(example(orbit=np.ones((4, 3)))).isel(channel=0),
         "have `orbit` over `channel` and phases",
     ),
 }
@@ -383,6 +401,7 @@ REFUSED_ARRAYS = {
 
 @pytest.mark.parametrize(("data", "words"), REFUSED_ARRAYS.values(), ids=REFUSED_ARRAYS)
 def test_an_array_that_is_no_record_is_refused(data, words):
+    data = data()
     with pytest.raises(InputError, match=rf"^Argument `data` of `from_xarray` must .*{words}"):
         from_xarray(data)
 
@@ -395,6 +414,8 @@ def signal(**changes):
 
 
 def test_what_we_give_is_sep005_by_its_own_assertion():
+    from sdypy_sep005.sep005 import assert_sep005
+
     assert_sep005(to_sep005(example(clock=ConstantPeriod(period=0.3), orbit=np.ones((4, 3)))))
 
 

@@ -453,6 +453,7 @@ def test_what_sizes_of_any_phase_do(oracle):
     assert_allclose(found[1], total[1], rtol=1e-4)
 
 
+@pytest.mark.slow
 def test_scores_of_noise_are_chi_squares(oracle):
     """Of two degrees of freedom a row, one for what does not turn, over their limit."""
     known = oracle.known(oracle.systems["overdamped"], oracle.displacements(1, (0, 1, 2)), hits=2, width=3)

@@ -98,7 +98,7 @@ def test_whirl_of_a_known_rotor(oracle):
 
 
 def test_deviations_are_those_of_brute_force(oracle):
-    known = oracle.known(oracle.systems["gyroscopic"], oracle.displacements(2))
+    known = oracle.known(oracle.systems["gyroscopic"], oracle.displacements(2), width=1)
 
     def indices(model):
         return np.array([one.whirl.index for one in read_shapes(model, pairs=["c0:c1"]).modes])
@@ -123,7 +123,7 @@ def test_whirl_is_within_two_of_its_deviations(oracle):
 
 def test_participation(oracle):
     """Shares of the lines of one channel, which sum to one, with deviations by brute force."""
-    known = oracle.known(oracle.systems["pairs"], oracle.displacements(2), hits=1)
+    known = oracle.known(oracle.systems["pairs"], oracle.displacements(2), width=1)
 
     def shares(model):
         return read_shapes(model, participation="c1").modes[0].participation.shares

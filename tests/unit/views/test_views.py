@@ -253,10 +253,7 @@ def test_a_result_that_was_read_shows_the_same(name, request, tmp_path):
 
 
 def test_points_of_lifted_responses_are_where_the_record_is(found, odd, rig):
-    fractional = identify(
-        replace(pair(period=1.013), clock=ConstantPeriod(period=1.013)), validate=False
-    )  # no whole number of samples
-    for analysis in (found, odd, fractional, rig):
+    for analysis in (found, odd, rig):
         seen, (times, values) = views.synthesis(analysis, 1), views.lifted_points(analysis, 1)
         assert len(times) == analysis.cycles[0].n_cycles
         whole = np.interp(times, seen.times, np.arange(len(seen.times)))
