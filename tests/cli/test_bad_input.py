@@ -366,7 +366,9 @@ def test_a_mistake_of_ours_is_owned_up_to(here, capsys, monkeypatch):
         (KeyboardInterrupt(), 130, "Interrupted before the end"),
     ],
 )
-@pytest.mark.parametrize("stage", ["_identify.identify_records", "_folder.save", "_folder.ResultFolder.publish"])
+@pytest.mark.parametrize(
+    "stage", ["commands.identify.identify_records", "output.folder.save", "output.folder.ResultFolder.publish"]
+)
 def test_the_machine_gives_out(here, capsys, monkeypatch, stage, error, code, pattern):
     def broken(*_, **__):
         raise error
@@ -422,7 +424,7 @@ def test_the_installed_command(here, words, code, pattern):
 def test_ctrl_c(here):
     """A signal in the middle of the work, to a process of its own."""
     script = (
-        "import os, signal, time, floquid.cli._identify as command\n"
+        "import os, signal, time, floquid.cli.commands.identify as command\n"
         "from floquid.cli import main\n"
         "command.identify_records = lambda *_, **__: (os.kill(os.getpid(), signal.SIGINT), time.sleep(60))\n"
         f"main({[*shlex.split(GOOD), '--out', 'out']!r})\n"

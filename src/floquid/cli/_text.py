@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from io import StringIO
 
-from floquid.cli._bootstrap import print_drawn
-from floquid.cli._compare import print_comparison, print_updated
-from floquid.cli._floquet_output import print_stability
-from floquid.cli._monitor import print_monitor
-from floquid.cli._printed import print_found
-from floquid.cli._scan import print_orders
-from floquid.cli._survey import print_survey
-from floquid.cli._terminal import plain
+from floquid.cli.commands.bootstrap import print_drawn
+from floquid.cli.commands.compare import print_comparison, print_updated
+from floquid.cli.commands.monitor import print_monitor
+from floquid.cli.commands.scan import print_orders
+from floquid.cli.commands.survey import print_survey
+from floquid.cli.output.floquet import print_stability
+from floquid.cli.output.printed import print_found
+from floquid.cli.output.terminal import plain
 from floquid.comparison import Comparison, Updated
 from floquid.floquet import FloquetModes, stability
 from floquid.monitoring import Monitor

@@ -15,9 +15,9 @@ import numpy as np
 from cyclopts import Parameter
 
 from floquid._checks import input_error
-from floquid.cli._arguments import Format, Saved, split
-from floquid.cli._folder import modes_in
-from floquid.cli._terminal import json_text, new_table, print_title, print_whole, terminal
+from floquid.cli.arguments.shared import Format, Saved, split
+from floquid.cli.output.folder import modes_in
+from floquid.cli.output.terminal import json_text, new_table, print_title, print_whole, terminal
 from floquid.errors import InputError
 from floquid.exports import columns_text, path_columns
 from floquid.io import as_path, atomic_path

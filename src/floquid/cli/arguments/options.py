@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 from cyclopts import Group, Parameter
 
 from floquid._checks import finite, input_error, positive
-from floquid.cli._arguments import (
+from floquid.cli.arguments.shared import (
     FREQUENCY_HELP,
     HEADER_HELP,
     NAMES_HELP,

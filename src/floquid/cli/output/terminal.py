@@ -88,6 +88,7 @@ def print_title(console: Console, words: str) -> None:
 
 
 def width_of(console: Console, table: Table) -> int:
+    """The width of a table that is not cut short, in characters."""
     return Measurement.get(console, console.options.update(max_width=10_000), table).maximum
 
 

@@ -9,8 +9,8 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from floquid._checks import input_error
-from floquid.cli._arguments import Frequency, NewRecordFile, OptionalWhole, Whole, period_of, split
-from floquid.cli._terminal import terminal
+from floquid.cli.arguments.shared import Frequency, NewRecordFile, OptionalWhole, Whole, period_of, split
+from floquid.cli.output.terminal import terminal
 from floquid.core import Channel
 from floquid.readers import write
 from floquid.transfer import Multisine

@@ -11,7 +11,7 @@ from rich.table import Table
 
 from floquid._arrays import Floats
 from floquid._checks import counted
-from floquid.cli._terminal import new_table, print_title, print_whole, terminal, width_of
+from floquid.cli.output.terminal import new_table, print_title, print_whole, terminal, width_of
 from floquid.core import Channel
 from floquid.findings import Severity
 from floquid.pipeline import Analysis

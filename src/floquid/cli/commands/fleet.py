@@ -11,10 +11,10 @@ from cyclopts import Parameter
 from rich.console import Console
 
 from floquid._checks import counted, input_error
-from floquid.cli._arguments import OUTPUT, FleetFiles, Format, OptionalWhole, Place, SettingsFile
 from floquid.cli._errors import in_a_line
-from floquid.cli._options import ModelOptions, RecordOptions, choices_of, given
-from floquid.cli._terminal import json_text, terminal
+from floquid.cli.arguments.options import ModelOptions, RecordOptions, choices_of, given
+from floquid.cli.arguments.shared import OUTPUT, FleetFiles, Format, OptionalWhole, Place, SettingsFile
+from floquid.cli.output.terminal import json_text, terminal
 from floquid.errors import IdentificationError
 from floquid.fleets import Fleet, scheduled
 from floquid.fleets import fleet as identify_all

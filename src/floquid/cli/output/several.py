@@ -11,8 +11,8 @@ from rich.console import Console
 
 from floquid._bar import bar
 from floquid._checks import input_error
-from floquid.cli._folder import RESULT, ResultFolder, result_folder
-from floquid.cli._terminal import print_files, terminal
+from floquid.cli.output.folder import RESULT, ResultFolder, result_folder
+from floquid.cli.output.terminal import print_files, terminal
 from floquid.store import save
 
 PAGE, FIGURES = "report.html", "figures/"

@@ -15,9 +15,9 @@ from rich.console import Console
 from rich.table import Table
 
 from floquid._checks import counted, input_error
-from floquid.cli._arguments import Format, OptionalWhole, OutputFolder, Saved, Seed, Whole
-from floquid.cli._folder import ResultFolder, identified_in, maybe_folder, result_file
-from floquid.cli._terminal import json_text, new_table, print_files, print_title, print_whole, terminal
+from floquid.cli.arguments.shared import Format, OptionalWhole, OutputFolder, Saved, Seed, Whole
+from floquid.cli.output.folder import ResultFolder, identified_in, maybe_folder, result_file
+from floquid.cli.output.terminal import json_text, new_table, print_files, print_title, print_whole, terminal
 from floquid.pipeline import Bootstrap, DrawFile, Spread
 from floquid.pipeline import bootstrap as bootstrap_analysis
 

@@ -10,11 +10,11 @@ from pathlib import Path
 from time import monotonic
 
 from floquid._checks import input_error
-from floquid.cli._arguments import RESULT, is_saved
 from floquid.cli._errors import in_a_line
-from floquid.cli._folder import modes_in
-from floquid.cli._options import Choices
-from floquid.cli._records import check_files, read_records
+from floquid.cli.arguments.options import Choices
+from floquid.cli.arguments.records import check_files, read_records
+from floquid.cli.arguments.shared import RESULT, is_saved
+from floquid.cli.output.folder import modes_in
 from floquid.core import as_point
 from floquid.errors import InputError
 from floquid.fleets import Kept, kept_results, outcomes, time_left

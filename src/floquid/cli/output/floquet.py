@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from floquid._checks import counted
-from floquid.cli._terminal import (
+from floquid.cli.output.terminal import (
     json_text,
     new_table,
     print_files,

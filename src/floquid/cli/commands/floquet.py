@@ -12,10 +12,10 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid._checks import input_error, positive
-from floquid.cli._arguments import Format, Frequency, OutputFolder, Place, period_of
-from floquid.cli._floquet_output import AGREE, FILES, Examined, hill_claims, print_examined, save_modes, summary_text
-from floquid.cli._folder import ResultFolder, maybe_folder
-from floquid.cli._terminal import progress
+from floquid.cli.arguments.shared import Format, Frequency, OutputFolder, Place, period_of
+from floquid.cli.output.floquet import AGREE, FILES, Examined, hill_claims, print_examined, save_modes, summary_text
+from floquid.cli.output.folder import ResultFolder, maybe_folder
+from floquid.cli.output.terminal import progress
 from floquid.errors import IdentificationError, InputError
 from floquid.floquet import (
     AbstractPeriodicMatrix,

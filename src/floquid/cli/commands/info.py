@@ -12,18 +12,12 @@ from typing import Any
 import numpy as np
 
 from floquid._checks import counted
-from floquid.cli._arguments import Format, Header, Names, Rate, RecordFile, is_saved, split
 from floquid.cli._errors import in_options
-from floquid.cli._terminal import json_text, new_table, terminal
+from floquid.cli.arguments.shared import TELLS, Format, Header, Names, Rate, RecordFile, is_saved, options, split
+from floquid.cli.output.terminal import json_text, new_table, terminal
 from floquid.core import Record
-from floquid.preparation import SHORT, Candidate, Proposal, propose
+from floquid.preparation import Candidate, Proposal, propose
 from floquid.readers import FileSummary, read_and_describe
-
-TELLS = (
-    "A forced response does not tell the period. Use a tachometer (--tach), the shaft angle (--azimuth), or 60 over "
-    "the speed in rpm."
-)
-"""Sources of the period where the response is forced."""
 
 PERIODS = (
     "Where the system repeats more often than its shaft turns, add --periods-per-rev: 2 of an asymmetric shaft seen "
@@ -90,7 +84,7 @@ def info(
 
 def _print_result(file: Path, format: Format) -> None:  # noqa: A002
     """Print what a result is, and the commands that start from it."""
-    from floquid.cli._folder import result_file
+    from floquid.cli.output.folder import result_file
     from floquid.pipeline import Analysis
     from floquid.store import load
     from floquid.transfer import MeasuredTransfer, TransferFit
@@ -115,16 +109,6 @@ def _print_result(file: Path, format: Format) -> None:  # noqa: A002
         return
     told = [f"{file}: {words}.", f"Next: {following[0]}", *(f"  or {command}" for command in following[1:])]
     terminal().print("\n".join(told), soft_wrap=True)
-
-
-def options(settings: Mapping[str, Any]) -> str:
-    """Fields of `Settings` as the words of a command."""
-    words = []
-    for name, value in settings.items():
-        flag = "--" + SHORT.get(name, name).replace("_", "-")
-        listed = ",".join(value) if isinstance(value, tuple) else value
-        words.append(flag if value is True else f"{flag} {shlex.quote(str(listed))}")
-    return " ".join(words)
 
 
 def _print_summary(found: FileSummary, proposal: Proposal) -> None:

@@ -15,12 +15,12 @@ from rich.table import Table
 
 from floquid._arrays import Floats
 from floquid._checks import input_error
-from floquid.cli._arguments import Format, NewRecordFile, Noise, Periods, Place, Seed, Whole
-from floquid.cli._folder import NAMES, draw_result, result_folder, write_result
-from floquid.cli._identify import STAGES
-from floquid.cli._options import Choices
-from floquid.cli._printed import print_analysis
-from floquid.cli._terminal import json_text, new_table, print_folder, print_title, print_whole, progress, terminal
+from floquid.cli.arguments.options import Choices
+from floquid.cli.arguments.shared import Format, NewRecordFile, Noise, Periods, Place, Seed, Whole
+from floquid.cli.commands.identify import STAGES
+from floquid.cli.output.folder import NAMES, draw_result, result_folder, write_result
+from floquid.cli.output.printed import print_analysis
+from floquid.cli.output.terminal import json_text, new_table, print_folder, print_title, print_whole, progress, terminal
 from floquid.core import Record
 from floquid.errors import IdentificationError
 from floquid.exports import summary

@@ -24,8 +24,8 @@ from typing import TypeVar
 import numpy as np
 
 from floquid._checks import input_error
-from floquid.cli._arguments import RESULT
-from floquid.cli._terminal import json_text
+from floquid.cli.arguments.shared import RESULT
+from floquid.cli.output.terminal import json_text
 from floquid.core import Record
 from floquid.exports import summary, transfer_rows
 from floquid.io import flush, flush_folder, is_result

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import shlex
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -13,10 +14,17 @@ from floquid._checks import input_error, positive
 from floquid.core import as_point
 from floquid.errors import InputError
 from floquid.io import is_result
+from floquid.preparation import SHORT
 from floquid.readers import SUFFIXES, WRITTEN
 
 RESULT = "result.h5"
 """The file of an identification in its folder: figures beside it are of it."""
+
+TELLS = (
+    "A forced response does not tell the period. Use a tachometer (--tach), the shaft angle (--azimuth), or 60 over "
+    "the speed in rpm."
+)
+"""Sources of the period where the response is forced."""
 
 
 def whole_number(_type: Any, tokens: Sequence[Token]) -> int:
@@ -113,3 +121,13 @@ def period_of(period: float | None, frequency: float | None, of: str) -> float |
     if frequency is None:
         return period
     return positive(1.0 / positive(frequency, "--frequency", of, unit="Hz"), "period", "Settings", unit="s")
+
+
+def options(settings: Mapping[str, Any]) -> str:
+    """Fields of `Settings` as the words of a command."""
+    words = []
+    for name, value in settings.items():
+        flag = "--" + SHORT.get(name, name).replace("_", "-")
+        listed = ",".join(value) if isinstance(value, tuple) else value
+        words.append(flag if value is True else f"{flag} {shlex.quote(str(listed))}")
+    return " ".join(words)

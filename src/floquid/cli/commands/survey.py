@@ -11,13 +11,22 @@ from rich.console import Console
 
 from floquid._bar import bar
 from floquid._checks import counted, input_error
-from floquid.cli._arguments import OUTPUT, Format, OptionalWhole, OutputFolder, Place, SettingsFile, SurveyFiles, Whole
-from floquid.cli._folder import maybe_folder
-from floquid.cli._options import ModelOptions, RecordOptions, choices_of, given
-from floquid.cli._shapes import ShapeChoices
-from floquid.cli._survey_points import OF, jobs_of, points_of
-from floquid.cli._terminal import json_text, new_table, print_title, print_warnings, print_whole
-from floquid.cli._views import keep, refuse_beside_identified, tell
+from floquid.cli.arguments.options import ModelOptions, RecordOptions, choices_of, given
+from floquid.cli.arguments.points import OF, jobs_of, points_of
+from floquid.cli.arguments.shared import (
+    OUTPUT,
+    Format,
+    OptionalWhole,
+    OutputFolder,
+    Place,
+    SettingsFile,
+    SurveyFiles,
+    Whole,
+)
+from floquid.cli.commands.shapes import ShapeChoices
+from floquid.cli.output.folder import maybe_folder
+from floquid.cli.output.several import keep, refuse_beside_identified, tell
+from floquid.cli.output.terminal import json_text, new_table, print_title, print_warnings, print_whole
 from floquid.errors import IdentificationError
 from floquid.exports import columns_text, edge_columns, survey_columns, survey_summary
 from floquid.surveys import Survey, edge_words, point_rows, track_rows

@@ -16,11 +16,11 @@ from rich.table import Table
 
 from floquid._checks import counted, input_error
 from floquid._json import for_json
-from floquid.cli._arguments import Flag, Format, OptionalWhole, RecordFiles, SettingsFile, Whole, is_saved, split
-from floquid.cli._folder import identified_in, refuse_beside_result
-from floquid.cli._options import Choices, RecordOptions, choices_of, given
-from floquid.cli._records import check_files, read_records
-from floquid.cli._terminal import json_text, print_title, print_warnings, progress, terminal
+from floquid.cli.arguments.options import Choices, RecordOptions, choices_of, given
+from floquid.cli.arguments.records import check_files, read_records
+from floquid.cli.arguments.shared import Flag, Format, OptionalWhole, RecordFiles, SettingsFile, Whole, is_saved, split
+from floquid.cli.output.folder import identified_in, refuse_beside_result
+from floquid.cli.output.terminal import json_text, print_title, print_warnings, progress, terminal
 from floquid.core import Record, channels_named
 from floquid.errors import IdentificationError, InputError
 from floquid.exports import export_transfer, fit_entries, import_transfer, measured_entries, transfer_entries

@@ -14,12 +14,20 @@ from rich.table import Table
 
 from floquid._arrays import Floats, Integers
 from floquid._checks import counted, input_error
-from floquid.cli._arguments import Format, OutputFolder, RecordFiles, SettingsFile, is_saved, split
-from floquid.cli._folder import ResultFolder, identified_in, maybe_folder, refuse_beside_result
-from floquid.cli._options import RECORDS, Choices, FreeOptions, choices_of, given
-from floquid.cli._printed import print_whitening
-from floquid.cli._records import check_files, read_records
-from floquid.cli._terminal import json_text, new_table, print_files, print_title, print_warnings, progress, terminal
+from floquid.cli.arguments.options import RECORDS, Choices, FreeOptions, choices_of, given
+from floquid.cli.arguments.records import check_files, read_records
+from floquid.cli.arguments.shared import Format, OutputFolder, RecordFiles, SettingsFile, is_saved, split
+from floquid.cli.output.folder import ResultFolder, identified_in, maybe_folder, refuse_beside_result
+from floquid.cli.output.printed import print_whitening
+from floquid.cli.output.terminal import (
+    json_text,
+    new_table,
+    print_files,
+    print_title,
+    print_warnings,
+    progress,
+    terminal,
+)
 from floquid.findings import Finding, as_mapping, texts
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel, Outcome
