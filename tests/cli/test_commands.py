@@ -404,14 +404,14 @@ def test_no_number_is_cut_short_at_80_columns(values, notes, rotor):
         record = floquid.Record(values=values, sample_rate=8.0, channels=["a", "b"])
         analysis = floquid.identify(record, period=1.0)
 
-    def printed(width):
+    def table(width):
         console = Console(width=width, file=io.StringIO(), markup=False)
         terminal.print_whole(console, printed.modes_table(analysis))
         return console.file.getvalue()
 
-    narrow, wide = printed(80), printed(300)
+    narrow, wide = table(80), table(300)
     assert max(len(line) for line in narrow.splitlines()) <= 80
-    assert narrow.split() == wide.split() == printed(20).split()
+    assert narrow.split() == wide.split() == table(20).split()
     assert set(wide.split()) & set(MODE_NOTES) == notes
 
 

@@ -1,1 +1,1 @@
-"""What commands are given: their options, settings, records and points of a survey."""
+"""Arguments of commands: options, settings, records, and points of a survey."""

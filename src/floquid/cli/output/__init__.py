@@ -1,1 +1,1 @@
-"""What commands write: to the terminal, and to folders of results."""
+"""Output of commands: on the terminal, and in folders of results."""
