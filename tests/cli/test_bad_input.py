@@ -346,7 +346,7 @@ def test_a_mistake_of_ours_is_owned_up_to(here, capsys, monkeypatch):
     def broken(*_, **__):
         raise ZeroDivisionError("by nothing")
 
-    monkeypatch.setattr("floquid.preparation._reading.read", broken)
+    monkeypatch.setattr("floquid.preparation._options.read", broken)
     assert run([*shlex.split(GOOD), "--out", "out"]) == 1
     printed = capsys.readouterr()
     assert printed.out == ""

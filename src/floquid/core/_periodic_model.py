@@ -16,8 +16,7 @@ from floquid.core._channel import Channel
 from floquid.core._estimates import Estimates
 from floquid.core._model_inputs import ModelInputs
 from floquid.core._periodic_modes import couples_of
-from floquid.core._provenance import Provenance, as_point
-from floquid.core._record import as_channels
+from floquid.core._record import Provenance, as_channels, as_point
 from floquid.core._shape import Shape, shape_of
 from floquid.fit import WITHIN
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from floquid._checks import counted
 from floquid.comparison import RARE, ComparedPoint, Comparison, headings, missing_words, mode_number, pair_row, verdict
-from floquid.reporting._look import (
+from floquid.reporting._case import (
     BLACK,
     BLUE,
     HEIGHT,

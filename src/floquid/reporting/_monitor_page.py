@@ -9,7 +9,7 @@ import numpy as np
 from floquid._checks import counted
 from floquid.fit import WITHIN
 from floquid.monitoring import CHARTED, LEAST, Monitor, record_heads, record_rows, sentences
-from floquid.reporting._look import BLACK, CURVES, MARKERS, VERMILION, Figure, hover, legend_above, new_figure
+from floquid.reporting._case import BLACK, CURVES, MARKERS, VERMILION, Figure, hover, legend_above, new_figure
 from floquid.reporting._page import asset, bokeh_scripts, described, embedded, filled
 from floquid.views import over_label
 

@@ -11,7 +11,7 @@ from floquid.findings import Severity, texts
 from floquid.pipeline import Analysis
 from floquid.preparation import for_command
 from floquid.reporting import _words as words
-from floquid.reporting._case import Case
+from floquid.reporting._case import Case, Figure
 from floquid.reporting._chosen_figures import family_source, harmonic_source, link_responses
 from floquid.reporting._driven_figures import (
     harmonic_figure,
@@ -23,7 +23,6 @@ from floquid.reporting._driven_figures import (
     reach_figures,
     transfer_figures,
 )
-from floquid.reporting._look import Figure
 from floquid.reporting._modes_figures import Truth, mode_figures, mode_source, system_figures
 from floquid.reporting._record_figures import (
     composite_figure,

@@ -9,8 +9,7 @@ import numpy as np
 
 from floquid._checks import counted
 from floquid.fit import WITHIN
-from floquid.reporting._chosen_shape import channels_of, chosen_figures, shape_columns
-from floquid.reporting._look import (
+from floquid.reporting._case import (
     BLACK,
     CURVES,
     DASHES,
@@ -23,6 +22,7 @@ from floquid.reporting._look import (
     legend_above,
     new_figure,
 )
+from floquid.reporting._chosen_shape import channels_of, chosen_figures, shape_columns
 from floquid.reporting._page import asset, bokeh_scripts, described, embedded, filled
 from floquid.surveys import (
     DAMPING,

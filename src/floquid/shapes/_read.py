@@ -17,8 +17,7 @@ from floquid.periodic import CONFIDENT
 from floquid.pipeline import Analysis
 from floquid.shapes._arguments import APART, OF, Blades, Family, Pair, Pairs, families_of, pairs_of
 from floquid.shapes._blades import WORDS, BladePattern, Words, pattern_of
-from floquid.shapes._shares import Energies
-from floquid.shapes._whirl import Whirl, whirl_of
+from floquid.shapes._shares import Energies, Whirl, whirl_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -30,7 +30,18 @@ from floquid.views._mode_table import (
     with_error,
 )
 from floquid.views._modes import check_analysis, grows
-from floquid.views._names import element_unit, in_unit, input_unit, shortened
+from floquid.views._names import (
+    SpeedUnit,
+    element_unit,
+    in_unit,
+    input_unit,
+    over_label,
+    over_unit,
+    shortened,
+    speed_texts,
+    speed_unit,
+    speed_words,
+)
 from floquid.views._outcome import (
     cycle_words,
     done_words,
@@ -49,7 +60,6 @@ from floquid.views._spectra import (
     record_spectrum,
     spectra_of_modes,
 )
-from floquid.views._speed import SpeedUnit, over_label, over_unit, speed_texts, speed_unit, speed_words
 from floquid.views._synchronisation import Synchronisation, synchronisation
 from floquid.views._synthesis import Synthesis, lifted_points, raw_noise, synthesis
 from floquid.views._three_phase import to_alpha_beta, to_dq, to_sequence

@@ -22,7 +22,15 @@ from floquid.floquet.matrices._conversion import (
     reach,
     to_harmonics,
 )
-from floquid.floquet.matrices._forms import FunctionMatrix, PiecewiseMatrix
+from floquid.floquet.matrices._forms import (
+    LAST,
+    FunctionMatrix,
+    PiecewiseMatrix,
+    Prepared,
+    StateMatrix,
+    periodic,
+    prepare,
+)
 from floquid.floquet.matrices._matrix import (
     SAME,
     AbstractPeriodicMatrix,
@@ -43,4 +51,3 @@ from floquid.floquet.matrices._series import (
     constant_matrix,
     line_weights,
 )
-from floquid.floquet.matrices._state_matrix import LAST, Prepared, StateMatrix, periodic, prepare
