@@ -15,11 +15,10 @@ import numpy as np
 
 from floquid._checks import input_error
 from floquid._show import late
-from floquid.core import PeriodicModel
+from floquid.core import PeriodicModel, Record
 from floquid.errors import InputError
 from floquid.floquet import read_matrix
 from floquid.io import is_result
-from floquid.pipeline import Analysis
 from floquid.surveys import KNOWN, Point, Survey, is_linearised, known_modes, point_of
 from floquid.systems import SYSTEMS, JeffcottRotor
 
@@ -75,12 +74,12 @@ def side_of(thing: Any, argument: str, of: str) -> Side:
         must = "be a result, a survey, modes, a known system, a file of one of these, or systems:NAME"
         raise input_error(argument, of, must, f"is {thing!r:.60}") from None
     label = shorten("; ".join(point.files), 60, placeholder=" …") or type(thing).__name__
-    return Side(label=label, points=(point,), rows=_marks(thing) if isinstance(thing, Analysis) else frozenset())
+    return Side(label=label, points=(point,), rows=_marks(getattr(thing, "records", ())))
 
 
-def _marks(analysis: Analysis) -> frozenset[str]:
-    """Marks of the samples of each channel of the records of an analysis."""
-    rows = [row for record in analysis.records for row in record.values if np.ptp(row) > 0.0]
+def _marks(records: Sequence[Record]) -> frozenset[str]:
+    """Marks of the samples of each channel of the records of an analysis; none of what has no records."""
+    rows = [row for record in records for row in record.values if np.ptp(row) > 0.0]
     return frozenset(sha256(np.ascontiguousarray(row).tobytes()).hexdigest() for row in rows)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -213,6 +214,9 @@ class Comparison(Told, Drawn, Rebuilt):
     warnings
         What a reader must know, a sentence each.
     """
+
+    kind: ClassVar[str] = "comparison"
+    """The kind of result, by which its file, its page and its text are made."""
 
     a: str
     b: str

@@ -142,6 +142,11 @@ class PeriodicModel(Drawn, Rebuilt):
         size = f"channels={channels}, hits={hits}, harmonics={harmonics}"
         return f"PeriodicModel(order={self.order}, period={self.period:.8g} s, {size})"
 
+    @property
+    def model(self) -> PeriodicModel:
+        """The model itself: functions of a result take its model, too."""
+        return self
+
     def _figures(self) -> Drawings:
         return dict.fromkeys(("exponents", "periodic_shapes"), (self, {}))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,6 +130,12 @@ class Fit(Rebuilt):
         joint = _joint(self, modes, held=True, acting=self.acting)
         direct = self.direct(len(inputs))
         return transfer_of(grid, modes, shapes, direct, joint.errors, (channels, inputs), joint.free)
+
+    @property
+    def kept(self) -> dict[str, tuple[Any, str]]:
+        """Arrays by which a file makes the fit again, beside its modes, with their axes."""
+        columns = self.at.columns, "channels, columns; that of the channel"
+        return {"columns": columns, "initial": (self.at.initial, "records, states")}
 
     def direct(self, inputs: int) -> dict[int, NDArray[np.complex128]]:
         """D (outputs, inputs) by its harmonic."""

@@ -140,6 +140,11 @@ class Uncertainty(Rebuilt):
         direct = self.direct(len(inputs))
         return transfer_of(grid, self.at.modes, self.shapes, direct, self.errors, (channels, inputs))
 
+    @property
+    def kept(self) -> dict[str, tuple[Any, str]]:
+        """Arrays by which a file makes the fit again, beside its modes, with their axes."""
+        return {"direct": (self.at.direct, "harmonics")}
+
     def direct(self, inputs: int) -> dict[int, NDArray[np.complex128]]:
         """D (outputs, inputs) by harmonics from 0 on."""
         place, found = self.at.slices()[-1][0].stop if self.at.modes else 0, {}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -63,6 +63,9 @@ class LargeResult(Sealed):
     part
         The channels and periods of that part.
     """
+
+    kind: ClassVar[str] = "large"
+    """The kind of result, by which its file, its page and its text are made."""
 
     path: Path
     period: float

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -292,6 +293,9 @@ class Monitor(Told, Drawn, Sealed):
     warnings
         What else a reader must know.
     """
+
+    kind: ClassVar[str] = "monitor"
+    """The kind of result, by which its file, its page and its text are made."""
 
     files: tuple[str, ...]
     over: str

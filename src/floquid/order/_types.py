@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache
+from typing import ClassVar
 
 import numpy as np
 
@@ -163,6 +164,9 @@ class OrderScan(Told, Drawn, Rebuilt):
     tolerances
         When poles counted as one.
     """
+
+    kind: ClassVar[str] = "scan"
+    """The kind of result, by which its file, its page and its text are made."""
 
     orders: tuple[int, ...]
     models: tuple[ModalModel, ...]

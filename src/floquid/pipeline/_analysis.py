@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -72,6 +72,9 @@ class Analysis(Told, Drawn, Brief):
         What was done to the records and how well they are synchronised (notes), and what a reader of the result must
         know.
     """
+
+    kind: ClassVar[str] = "analysis"
+    """The kind of result, by which its file, its page and its text are made."""
 
     settings: Settings
     records: tuple[Record, ...]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid._arrays import Floats, Indices
-from floquid._checks import input_error, integer
+from floquid._checks import input_error, integer, several
 from floquid.core import Cycles, PhaseClock, Record, longest_run, over_gaps
 from floquid.fit import SURE
 from floquid.sync._count_pulses import FEWEST_PHASES
@@ -55,13 +55,12 @@ def resample(
     band, accuracy
         The pass band as a share of the cut-off f_c, and the error as a share of each line's amplitude.
     """
-    several = (records,) if isinstance(records, Record) else tuple(records)
-    ties = (clocks,) if isinstance(clocks, PhaseClock) else tuple(clocks)
+    hits, ties = several(records, Record), several(clocks, PhaseClock)
     check_options(band, accuracy, "resample")
-    _check_alike(several, ties)
-    cuts = tuple(_Cut.of(record, clock) for record, clock in zip(several, ties, strict=True))
-    reaches = tuple(bandwidth(record) for record in several)
-    most = min(record.sample_rate * cut.mean for record, cut in zip(several, cuts, strict=True))
+    _check_alike(hits, ties)
+    cuts = tuple(_Cut.of(record, clock) for record, clock in zip(hits, ties, strict=True))
+    reaches = tuple(bandwidth(record) for record in hits)
+    most = min(record.sample_rate * cut.mean for record, cut in zip(hits, cuts, strict=True))
     if n_phases is None:
         wanted = max(2.0 * reach * cut.longest / band for reach, cut in zip(reaches, cuts, strict=True))
         phases = min(max(FEWEST_PHASES, int(np.ceil(wanted))), int(most * (1.0 + 1e-9)))
@@ -69,7 +68,7 @@ def resample(
         phases = integer(n_phases, "n_phases", "resample", at_least=2)
     return tuple(
         _resampled(record, cut, phases, reach, band, accuracy)
-        for record, cut, reach in zip(several, cuts, reaches, strict=True)
+        for record, cut, reach in zip(hits, cuts, reaches, strict=True)
     )
 
 

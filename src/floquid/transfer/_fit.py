@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -45,6 +45,9 @@ class TransferFit(Rebuilt):
     findings
         What was done, and what a reader must know.
     """
+
+    kind: ClassVar[str] = "fitted"
+    """The kind of result, by which its file, its page and its text are made."""
 
     measured: TransferFunctions
     model: PeriodicModel

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,6 +42,9 @@ class MeasuredTransfer(Rebuilt):
     findings
         What was done, and what a reader must know.
     """
+
+    kind: ClassVar[str] = "measured"
+    """The kind of result, by which its file, its page and its text are made."""
 
     transfer: TransferFunctions
     period: float

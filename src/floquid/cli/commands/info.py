@@ -26,15 +26,15 @@ PERIODS = (
 """Words on the option that goes with every clock that counts revolutions."""
 
 WHAT = {
-    "Analysis": "a result of `floquid identify`",
-    "MeasuredTransfer": "transfer functions of `floquid transfer`",
-    "TransferFit": "modes fitted to transfer functions by `floquid transfer`",
-    "Survey": "a survey of `floquid survey`",
-    "Comparison": "a comparison of `floquid compare`",
-    "Updated": "a model with parameters fitted to results",
-    "Monitor": "a monitor of `floquid monitor`",
+    "analysis": "a result of `floquid identify`",
+    "measured": "transfer functions of `floquid transfer`",
+    "fitted": "modes fitted to transfer functions by `floquid transfer`",
+    "survey": "a survey of `floquid survey`",
+    "comparison": "a comparison of `floquid compare`",
+    "update": "a model with parameters fitted to results",
+    "monitor": "a monitor of `floquid monitor`",
 }
-"""Words for results, by their types."""
+"""Words for results, by their kinds."""
 
 MAINS = (50.0, 60.0, 400.0, 50.0 / 3.0)
 """Frequencies of grids [Hz]: Europe and Asia, the Americas, aircraft, railways."""
@@ -85,22 +85,19 @@ def info(
 def _print_result(file: Path, format: Format) -> None:  # noqa: A002
     """Print what a result is, and the commands that start from it."""
     from floquid.cli.output.folder import result_file
-    from floquid.pipeline import Analysis
     from floquid.store import load
-    from floquid.transfer import MeasuredTransfer, TransferFit
 
-    found = load(result_file(file))
-    analysis = found if isinstance(found, Analysis) else None
-    words = WHAT.get(type(found).__name__, "what was found of several results")
-    if analysis is not None:
-        verdict = {True: "; it passes", False: "; it fails", None: ""}[analysis.passed]
-        counts = counted(len(analysis.model.upper_modes), "mode"), counted(len(analysis.model.channels), "channel")
+    found: Any = load(result_file(file))
+    words, whole = WHAT.get(found.kind, "what was found of several results"), found.kind == "analysis"
+    if whole:
+        verdict = {True: "; it passes", False: "; it fails", None: ""}[found.passed]
+        counts = counted(len(found.model.upper_modes), "mode"), counted(len(found.model.channels), "channel")
         words += f", {counts[0]} of {counts[1]}"
-        words += f", period {analysis.model.period:.8g} s{verdict}"
+        words += f", period {found.model.period:.8g} s{verdict}"
     path = shlex.quote(str(file))
-    lines = isinstance(found, (MeasuredTransfer, TransferFit))
+    lines = found.kind in ("measured", "fitted")
     following = [f"floquid transfer --lines {path} --method fit" if lines else f"floquid report {path}"]
-    if analysis is not None:
+    if whole:
         following.append(f"floquid convert {path} modes.csv")
     if format == "json":
         next_command = {"command": following[0], "complete": True, "hints": following[1:]}

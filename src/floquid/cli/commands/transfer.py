@@ -180,12 +180,11 @@ def _changed(
     if inverted and groups and len(groups) != 2:
         must, got = "come twice with --impedance: outputs, inputs", f"comes {counted(len(groups), 'time')}"
         raise input_error("--phases", OF, must, got, "As --phases i_a,i_b --phases u_a,u_b.")
-    of_model = isinstance(result, Analysis)
+    of_model = result.kind == "analysis"
     subject: Any = result if of_model else found
     how: dict[str, Any] = {"frequencies_hz": at[0]} if of_model else {"period": result.period}
     if frame == "dq":
-        turned = to_dq(subject, *groups, **how, harmonics=0 if inverted else at[1])
-        assert isinstance(turned, TransferFunctions)
+        turned: Any = to_dq(subject, *groups, **how, harmonics=0 if inverted else at[1])
         return _inverse(turned, (found, turned), groups, {}) if inverted else turned
     if inverted:
         found = _inverse(subject, (found, found), groups, how | {"harmonics": at[1]})

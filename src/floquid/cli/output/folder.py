@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any
 
 import numpy as np
 
@@ -35,10 +35,7 @@ from floquid.plot import FIGURES as DRAWN
 from floquid.preparation import SHORT
 from floquid.readers import write
 from floquid.store import load, save
-from floquid.transfer import MeasuredTransfer, TransferFit
 from floquid.views import DampingUnit, SpeedUnit
-
-Kept = TypeVar("Kept")
 
 FIGURES = tuple(f"{name}.png" for name in DRAWN)  # the figures that there may be
 FILES = ("record.npz", RESULT, "summary.json", "settings.toml", "report.html", "transfer.csv")
@@ -106,9 +103,9 @@ def result_file(path: Path) -> Path:
 
 def modes_in(path: Path, of: str) -> Analysis | LargeResult:
     """The result with identified modes at a path, or in the folder there."""
-    found = load(result_file(path))
-    if not isinstance(found, (Analysis, LargeResult)):
-        lines = isinstance(found, (MeasuredTransfer, TransferFit))
+    found: Any = load(result_file(path))
+    if found.kind not in ("analysis", "large"):
+        lines = found.kind in ("measured", "fitted")
         remedy = "`floquid transfer --lines` reads it." if lines else "`floquid report` writes its page."
         holds = f"holds {'transfer functions' if lines else 'what was found of several results'}"
         raise input_error("RESULT", of, "be what `floquid identify` wrote", holds, remedy)
@@ -120,9 +117,9 @@ def identified_in(path: Path, of: str) -> Analysis:
     return in_memory(modes_in(path, of), of)
 
 
-def in_memory(found: Kept | LargeResult, of: str) -> Kept:
+def in_memory(found: Any, of: str) -> Any:
     """A result with all that it was made of; refused where that stayed on the disk."""
-    if isinstance(found, LargeResult):
+    if found.kind == "large":
         must, got = "be of a record in memory", "is of one that was read in blocks (`--memory`)"
         remedy = "`floquid compare`, `survey` and `shapes` take it."
         raise input_error("RESULT", of, must, got, remedy)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import overload
+from typing import ClassVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -77,6 +77,9 @@ class FloquetModes(Told, Drawn, Rebuilt):
     mean_trace
         The mean of tr A(t) over the period [1/s], which the exponents sum to (Liouville).
     """
+
+    kind: ClassVar[str] = "modes"
+    """The kind of result, by which its file, its page and its text are made."""
 
     exponents: Complexes
     coefficients: Complexes

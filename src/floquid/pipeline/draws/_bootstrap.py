@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.random import SeedSequence
@@ -54,6 +55,9 @@ class Bootstrap(Told, Rebuilt):
     whole
         Whether each draw was identified from the beginning.
     """
+
+    kind: ClassVar[str] = "bootstrap"
+    """The kind of result, by which its file, its page and its text are made."""
 
     exponents: Spread
     multipliers: Spread
