@@ -20,11 +20,12 @@ from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt
 from floquid.core import Hold
+from floquid.fit import ROUNDING
 from floquid.inputs._samples import Samples
 from floquid.search import longer
 
-LEAST = 1e-5
-"""q over the squared decay below which parts are interpolated in q: differences lose 1e-13, interpolation 1e-10."""
+LEAST = ROUNDING ** (1.0 / 3.0)
+"""q over the squared decay below which parts are interpolated in q: a difference loses ROUNDING/q, interpolation q²."""
 
 Function: TypeAlias = Callable[[complex], NDArray]
 

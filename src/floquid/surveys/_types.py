@@ -258,9 +258,7 @@ class Survey(Told, Drawn, Rebuilt):
         Points without a result, doubtful links, and what else a reader must know.
     """
 
-    kind: ClassVar[str] = "survey"
-    """The kind of result, by which its file, its page and its text are made."""
-
+    kind: ClassVar[str] = "survey"  # by which its file, its page and its text are made
     over: str
     points: tuple[Point, ...]
     tracks: tuple[Track, ...]

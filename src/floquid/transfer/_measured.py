@@ -43,9 +43,7 @@ class MeasuredTransfer(Rebuilt):
         What was done, and what a reader must know.
     """
 
-    kind: ClassVar[str] = "measured"
-    """The kind of result, by which its file, its page and its text are made."""
-
+    kind: ClassVar[str] = "measured"  # by which its file, its page and its text are made
     transfer: TransferFunctions
     period: float
     method: str

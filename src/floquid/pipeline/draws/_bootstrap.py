@@ -56,9 +56,7 @@ class Bootstrap(Told, Rebuilt):
         Whether each draw was identified from the beginning.
     """
 
-    kind: ClassVar[str] = "bootstrap"
-    """The kind of result, by which its file, its page and its text are made."""
-
+    kind: ClassVar[str] = "bootstrap"  # by which its file, its page and its text are made
     exponents: Spread
     multipliers: Spread
     frequencies_hz: Spread
