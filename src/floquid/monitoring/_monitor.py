@@ -25,7 +25,6 @@ from floquid.monitoring._baseline import (
     tell_missing,
 )
 from floquid.monitoring._change import change_of, check_quiet, check_size
-from floquid.monitoring._least_squares import squared_distances
 from floquid.monitoring._types import Amounts, Change, Charts, Monitor, Part
 from floquid.monitoring._work import (
     OF,
@@ -40,6 +39,7 @@ from floquid.monitoring._work import (
     mask_of,
     ordered,
     reordered,
+    squared_distances,
     standard,
 )
 from floquid.surveys import Point, Survey, match_records, matches_of
