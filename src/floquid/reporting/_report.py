@@ -26,10 +26,9 @@ from floquid.pipeline import Analysis, blas_threads
 from floquid.plot import figure_of_fit, style
 from floquid.reporting import _words as words
 from floquid.reporting._case import Case, case_of
-from floquid.reporting._comparison_page import comparison_page
+from floquid.reporting._comparison_page import comparison_page, monitor_page
 from floquid.reporting._driven_figures import matrix_rows, measured_figures, paths_of
 from floquid.reporting._modes_figures import Truth, mode_figures, mode_source
-from floquid.reporting._monitor_page import monitor_page
 from floquid.reporting._page import filled, modes_of, page, rendered, title_of, verdict_of
 from floquid.reporting._survey_page import survey_page
 from floquid.surveys import Survey
