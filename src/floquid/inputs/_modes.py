@@ -264,7 +264,7 @@ def state_of(samples: Samples, mode: InputMode) -> NDArray:
     for parts, state in zip(
         samples.parts(4 * (1 + len(mode.reach))), mode.initial.reshape(mode.states, -1).T, strict=True
     ):
-        for own in in_turn(mode, parts):
+        for own in parts[::-1] if mode.backwards else parts:
             wide = joined(own, parts)
             found[:, wide] = state_in(samples.part(wide), replace(mode, initial=state))
             state = np.asarray(found[:, wide.start if mode.backwards else wide.stop - 1], np.complex128)
@@ -274,11 +274,6 @@ def state_of(samples: Samples, mode: InputMode) -> NDArray:
 def joined(own: slice, parts: Sequence[slice]) -> slice:
     """One of the parts of a record with the first sample of the next, to which it carries the state."""
     return slice(own.start, min(own.stop + 1, parts[-1].stop))
-
-
-def in_turn(mode: InputMode, parts: Sequence[slice]) -> Sequence[slice]:
-    """Parts of a record in the order in which the state of a mode is followed."""
-    return parts[::-1] if mode.backwards else parts
 
 
 def state_in(samples: Samples, mode: InputMode) -> NDArray:

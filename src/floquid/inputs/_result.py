@@ -14,14 +14,7 @@ from floquid._checks import Rebuilt
 from floquid.core import Channel, Estimates, PeriodicModel, Provenance, modelled
 from floquid.inputs._estimates import Errors, driven_of, estimates_of, selection_of
 from floquid.inputs._samples import Samples
-from floquid.inputs._solver import (
-    Equations,
-    Linearisation,
-    covariance_of,
-    linearise,
-    normal_equations,
-    solve,
-)
+from floquid.inputs._solver import Equations, Linearisation, covariance_of, linearise, normal_equations, solve
 from floquid.inputs._transfer import Grid, TransferFunctions, transfer_of
 from floquid.inputs.search import Passed, Scores, passed, read_near_axis, unmeasured
 from floquid.search import GAP

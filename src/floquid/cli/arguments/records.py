@@ -12,11 +12,7 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid._checks import input_error
 from floquid.cli.arguments.options import Choices
-from floquid.cli.arguments.shared import (
-    TELLS,
-    options,
-    split,
-)
+from floquid.cli.arguments.shared import TELLS, options, split
 from floquid.core import Record
 from floquid.io import readable_file
 from floquid.preparation import propose, with_events

@@ -169,7 +169,7 @@ def _print(found: ShapeReadings) -> None:
             texts.append(one.whirl.word + axis)
         if one.blades is not None:
             cells.append(_within(one.blades.leak, one.blades.leak_interval))
-            texts += [_name(one), _largest(one.blades)]
+            texts += [_name(one), ", ".join(f"{share.name} {share.share:.2f}" for share in one.blades.shares[:2])]
         table.add_row(str(one.number), *cells, *texts)
     print_whole(console, table)
     if whirls:
@@ -195,10 +195,6 @@ def _name(one: ModeReading) -> str:
     """The name of a mode, and a word on why there is none."""
     locked = "" if one.couple is None else " (locked)"
     return ("weak" if one.is_weak and one.name is None else one.name or "-") + locked
-
-
-def _largest(pattern: BladePattern) -> str:
-    return ", ".join(f"{share.name} {share.share:.2f}" for share in pattern.shares[:2])
 
 
 def _print_participation(one: ModeReading, shared: Participation, fundamental: float) -> None:
