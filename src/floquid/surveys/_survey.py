@@ -17,9 +17,8 @@ from floquid._checks import counted, input_error, integer, positive
 from floquid._show import late
 from floquid.shapes import Blades, Pairs, ShapeOptions, Words, ordinal
 from floquid.surveys._edges import Crossing, Followed, crossings
-from floquid.surveys._known import known_modes
 from floquid.surveys._objects import Seen, similarities
-from floquid.surveys._points import OF, check_points, objects_of, point_of
+from floquid.surveys._points import OF, check_points, known_modes, objects_of, point_of
 from floquid.surveys._tracking import Path, tracked
 from floquid.surveys._types import Edge, Point, Survey, Track
 from floquid.surveys._words import DOUBTFUL
