@@ -19,7 +19,7 @@ from floquid.core import PeriodicModel, Record
 from floquid.errors import InputError
 from floquid.floquet import read_matrix
 from floquid.io import is_result
-from floquid.surveys import KNOWN, Point, Survey, is_linearised, known_modes, point_of
+from floquid.surveys import KNOWN, Point, is_linearised, known_modes, point_of
 from floquid.systems import SYSTEMS, JeffcottRotor
 
 SAVED = ("result.h5", "survey.h5")
@@ -60,7 +60,7 @@ def side_of(thing: Any, argument: str, of: str) -> Side:
         return _example(thing, argument, of)
     if isinstance(thing, (str, os.PathLike)):
         return _saved(Path(thing), argument, of)
-    if isinstance(thing, Survey):
+    if getattr(thing, "kind", "") == "survey":
         points = tuple(point for point in thing.points if point.model is not None)
         return Side(label=f"survey of {len(thing.points)} points", points=points, over=thing.over)
     if callable(thing) and not isinstance(thing, KNOWN):
@@ -139,7 +139,7 @@ def _saved(path: Path, argument: str, of: str) -> Side:
         return Side(label=label, points=points, over="speed_rpm" if len(points) > 1 else None)
     if is_result(path):
         found = late("store", "load")(path)
-        if not isinstance(found, Survey) and not hasattr(found, "model"):
+        if found.kind not in ("analysis", "large", "fitted", "survey"):
             must, remedy = "be what `floquid identify` or `floquid survey` wrote", "Name that, or its folder."
             raise input_error(argument, of, must, f"{path} holds something else ({type(found).__name__})", remedy)
         return replace(side_of(found, argument, of), label=label)

@@ -102,10 +102,9 @@ def monitor(
     of_rate = positive(rate, "rate", OF)
     if of_rate >= 0.5:
         raise input_error("rate", OF, "lie below 0.5", f"is {of_rate:g}", "It is the share of false alarms: 0.001.")
-    if isinstance(results, Survey):
-        survey, given = results, results.points
-    else:
-        survey, given = None, tuple(as_record(one) for one in results)
+    whole: Any = results
+    survey = whole if getattr(whole, "kind", "") == "survey" else None
+    given = tuple(map(as_record, whole)) if survey is None else survey.points
     if not given:
         raise input_error("results", OF, "hold a result", "none was given", "Pass what `identify` gave of each record.")
     points, order = ordered(given, over)
