@@ -74,7 +74,7 @@ def path_shapes(result: Analysis | PeriodicModel) -> PathShapes:
     without such a branch.
     """
     model = getattr(result, "model", None)
-    if model is None:
+    if not isinstance(model, PeriodicModel):
         must, remedy = "be an Analysis or a PeriodicModel", "Pass what `identify` gave."
         raise input_error("result", OF, must, f"is {describe(result)}", remedy)
     even = on_branch(model, "symmetric")
