@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -74,24 +75,12 @@ def known_modes(
     """
     if isinstance(system, (FloquetModes, PeriodicModel)):
         return system
-    matrix, period = _matrix(system)
-    point: dict[str, float] = {}
-    names = channels
-    match system:
-        case OpenFastLinearisation() | MatrixFile(linearisation=OpenFastLinearisation()):
-            turbine = system if isinstance(system, OpenFastLinearisation) else system.linearisation
-            assert turbine is not None
-            outputs, names = _turbine_outputs(turbine)
-            point = turbine_point(turbine)
-        case MatrixFile():
-            outputs, names = system.outputs, system.output_names
-            if outputs is None:
-                outputs, names = np.eye(len(system.states)), system.states
-        case ObservedSystem() if outputs is None:
-            outputs = FunctionMatrix(function=system.outputs, period=system.period, vectorised=True)
-            names = system.channels
-    if outputs is None:
+    matrix, period, observed = _described(system)
+    if outputs is not None:
+        return modes_of(matrix, period, outputs=outputs, channels=channels)
+    if observed is None:
         return modes_of(matrix, period)
+    outputs, names, point = observed()
     return modes_of(matrix, period, outputs=outputs, channels=names, point=point)
 
 
@@ -99,23 +88,33 @@ def known_exponents(system: Any) -> Complexes:
     """The exponents of a known `system`, as `known_modes` takes it, on any branch (modes,) [1/s]."""
     if isinstance(system, (FloquetModes, PeriodicModel)):
         return system.exponents
-    return exponents(*_matrix(system))
+    return exponents(*_described(system)[:2])
 
 
-def _matrix(system: Any) -> tuple[Any, float | None]:
-    """A(t) of a system, and the period where it does not state it."""
+def _described(system: Any) -> tuple[Any, float | None, Callable[[], tuple[Any, Any, dict[str, float]]] | None]:
+    """A(t), its period where it does not state it, and what makes C, its channels and the operating point."""
     match system:
         case OpenFastLinearisation():
             harmonics, coefficients = system.harmonics()
-            return HarmonicMatrix(coefficients=coefficients, harmonics=harmonics, period=system.period), None
+            matrix = HarmonicMatrix(coefficients=coefficients, harmonics=harmonics, period=system.period)
+            return matrix, None, lambda: (*_turbine_outputs(system), turbine_point(system))
+        case MatrixFile(linearisation=None):
+            own = system.outputs, system.output_names
+            named: Any = (np.eye(len(system.states)), system.states) if system.outputs is None else own
+            return system.matrix, None, lambda: (*named, {})
         case MatrixFile():
-            return system.matrix, None
+            turbine: Any = system.linearisation
+            return system.matrix, None, lambda: (*_turbine_outputs(turbine), turbine_point(turbine))
         case AbstractPeriodicMatrix():
-            return system, None
+            return system, None, None
         case ObservedSystem():
-            return FunctionMatrix(function=system.system, period=system.period, vectorised=True), None
+            matrix, outputs = (
+                partial(FunctionMatrix, function=function, period=system.period, vectorised=True)
+                for function in (system.system, system.outputs)
+            )
+            return matrix(), None, lambda: (outputs(), system.channels, {})
         case (inner, period):
-            return inner, period
+            return inner, period, None
     remedy = "Pass A(t) with its period, as `(A, period)`, or `floquet.modes(A, period, outputs=C)`."
     raise input_error("system", "floquid", "be a known system", f"is {describe(system)}", remedy)
 
