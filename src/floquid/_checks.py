@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import fields
 from functools import cache, wraps
@@ -215,6 +215,11 @@ def timed_matrices(truth: object, of: str, n: int) -> tuple[NDArray[Any], NDArra
         raise input_error("truth", of, "be a pair (times, system)", f"is a {type(truth).__name__}")
     times = frozen_array(truth[0], "truth[0]", of, axes=("times",))
     return times, frozen_array(truth[1], "truth[1]", of, axes=(len(times), n, n))
+
+
+def several(given: Made | Iterable[Made], kind: type[Made]) -> tuple[Made, ...]:
+    """One object of a `kind`, or as many as are `given`, as a tuple of them."""
+    return (given,) if isinstance(given, kind) else tuple(cast("Iterable[Made]", given))
 
 
 def counted(number: int | str, word: str) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import BLOCK, Complexes, Floats, Integers
-from floquid._checks import Rebuilt, input_error
+from floquid._checks import Rebuilt, input_error, several
 from floquid.core import Channel, Cycles, Provenance
 from floquid.fit import HALF_DIGITS, LAGS, ROUNDING, filter_gain, filtered, yule_walker
 from floquid.lti import COLOURED, FEWEST, ModalModel, TimeResponses, white_noise_std
@@ -151,7 +151,7 @@ def lift(cycles: Cycles | Sequence[Cycles], *, floor: float = FLOOR, noise: Floa
     noise (channels, hits) [units of the channels]; None estimates it. Raises InputError where hits are not alike,
     samples are missing, or a channel is constant or too large or small for its square.
     """
-    hits = (cycles,) if isinstance(cycles, Cycles) else tuple(cycles)
+    hits = several(cycles, Cycles)
     if not hits:
         raise input_error("cycles", "lift", "hold at least one hit", "is empty")
     first = hits[0]

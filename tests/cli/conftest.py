@@ -66,7 +66,7 @@ def quicken(patch):
     import floquid.reporting
 
     for module, *_ in COMMANDS.values():  # imported under the patch they would keep it
-        import_module(f"floquid.cli.{module}")
+        import_module(f"floquid.cli.commands.{module}")
     patch.setattr(floquid.plot, "save_figures", floquid.plot.save_figures)
     patch.setattr(floquid.reporting, "report", floquid.reporting.report)
     exec(PICTURES, {})
@@ -98,7 +98,8 @@ def nothing_is_identified_twice(monkeypatch):
 
     The stages of an identification are told that once alone: tests of them run a process of their own.
     """
-    from floquid.cli import _demo, _identify, _survey_points, _transfer
+    from floquid.cli.arguments import points
+    from floquid.cli.commands import demo, identify, transfer
     from floquid.fleets import _fleet
 
     def remembered(name, real):
@@ -111,10 +112,10 @@ def nothing_is_identified_twice(monkeypatch):
         return found
 
     for module, names in (
-        (_identify, ["identify_records"]),
-        (_transfer, ["identify_records", "fit_transfer"]),
-        (_demo, ["identify_records"]),
-        (_survey_points, ["identify"]),
+        (identify, ["identify_records"]),
+        (transfer, ["identify_records", "fit_transfer"]),
+        (demo, ["identify_records"]),
+        (points, ["identify"]),
         (_fleet, ["identify"]),
     ):
         for name in names:

@@ -347,7 +347,7 @@ def test_a_mistake_of_ours_is_owned_up_to(here, capsys, monkeypatch):
     def broken(*_, **__):
         raise ZeroDivisionError("by nothing")
 
-    monkeypatch.setattr("floquid.preparation._reading.read", broken)
+    monkeypatch.setattr("floquid.preparation._options.read", broken)
     assert run([*shlex.split(GOOD), "--out", "out"]) == 1
     printed = capsys.readouterr()
     assert printed.out == ""
@@ -367,7 +367,9 @@ def test_a_mistake_of_ours_is_owned_up_to(here, capsys, monkeypatch):
         (KeyboardInterrupt(), 130, "Interrupted before the end"),
     ],
 )
-@pytest.mark.parametrize("stage", ["_identify.identify_records", "_folder.save", "_folder.ResultFolder.publish"])
+@pytest.mark.parametrize(
+    "stage", ["commands.identify.identify_records", "output.folder.save", "output.folder.ResultFolder.publish"]
+)
 def test_the_machine_gives_out(here, capsys, monkeypatch, stage, error, code, pattern):
     def broken(*_, **__):
         raise error
@@ -433,7 +435,7 @@ def test_the_installed_command(here, words, code, pattern):
 def test_ctrl_c(here):
     """A signal in the middle of the work, to a process of its own."""
     script = (
-        "import os, signal, time, floquid.cli._identify as command\n"
+        "import os, signal, time, floquid.cli.commands.identify as command\n"
         "from floquid.cli import main\n"
         "command.identify_records = lambda *_, **__: (os.kill(os.getpid(), signal.SIGINT), time.sleep(60))\n"
         f"main({[*shlex.split(GOOD), '--out', 'out']!r})\n"

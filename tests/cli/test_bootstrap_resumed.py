@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from floquid.cli import run
-from floquid.cli._bootstrap import KEPT
+from floquid.cli.commands.bootstrap import KEPT
 from floquid.pipeline import Draw, DrawFile, bootstrap, identify
 from floquid.store import save
 from floquid.systems import JeffcottRotor

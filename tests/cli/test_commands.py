@@ -17,10 +17,11 @@ from rich.console import Console
 from tests.cli.conftest import EARLIER, ROTOR, ROTOR_PERIOD, after_stages, contents, quicken, save_npz, simulated
 
 import floquid
-from floquid.cli import _printed, _terminal, run
+from floquid.cli import run
 from floquid.cli._app import COMMANDS as LISTED
 from floquid.cli._app import app_of
-from floquid.cli._options import Choices, FreeOptions, ModelOptions, RecordOptions, choices_of
+from floquid.cli.arguments.options import Choices, FreeOptions, ModelOptions, RecordOptions, choices_of
+from floquid.cli.output import printed, terminal
 from floquid.findings import warning
 from floquid.plot import FIGURES
 from floquid.systems import JeffcottRotor
@@ -403,14 +404,14 @@ def test_no_number_is_cut_short_at_80_columns(values, notes, rotor):
         record = floquid.Record(values=values, sample_rate=8.0, channels=["a", "b"])
         analysis = floquid.identify(record, period=1.0)
 
-    def printed(width):
+    def table(width):
         console = Console(width=width, file=io.StringIO(), markup=False)
-        _terminal.print_whole(console, _printed.modes_table(analysis))
+        terminal.print_whole(console, printed.modes_table(analysis))
         return console.file.getvalue()
 
-    narrow, wide = printed(80), printed(300)
+    narrow, wide = table(80), table(300)
     assert max(len(line) for line in narrow.splitlines()) <= 80
-    assert narrow.split() == wide.split() == printed(20).split()
+    assert narrow.split() == wide.split() == table(20).split()
     assert set(wide.split()) & set(MODE_NOTES) == notes
 
 
@@ -463,7 +464,7 @@ def test_a_doubtful_screen_has_each_reason_with_its_remedy(rotor, capsys, monkey
         warning("weakly_determined", number=2, order=16, limit=0.002),
         warning("period_halved"),
     ]
-    _printed.print_analysis(replace(analysis, findings=(*analysis.findings, *doubts)))
+    printed.print_analysis(replace(analysis, findings=(*analysis.findings, *doubts)))
     text = capsys.readouterr().out
     assert len(text.splitlines()) < 35 - 2, "two more are how to read on, and the place of the files"
     assert text.count("→") == 3

@@ -39,7 +39,7 @@ def test_what_is_lost_is_said(here):
     assert "Not kept: the orbit.\n" in typed("convert run.npz run.uff")
     assert "Not kept" not in typed("convert run.npz run.csv")
     clock = PulseTimes(times=[0.0, 1.0, 2.0])
-    from floquid.cli._records import differences
+    from floquid.cli.commands.convert import differences
 
     tied = Record(values=good.values, sample_rate=1.0, channels=good.channels, clock=clock)
     assert differences(tied, good) == ["the rate of 1.0 Hz", "the clock"]

@@ -14,7 +14,7 @@ from tests.cli.test_commands import PERIOD, strict_json, typed
 from tests.unit.floquet.files.test_read_openfast import REAL, Rotor, even, write_turn
 
 from floquid import floquet
-from floquid.cli import _floquet
+from floquid.cli.commands import floquet as command
 from floquid.floquet import state_participation
 from floquid.floquet.monodromy_matrix import _collocation
 from floquid.systems import JeffcottRotor
@@ -245,13 +245,13 @@ def test_without_the_check(work):
 
 
 def off_by(shift, monkeypatch):
-    right = _floquet.hill
+    right = command.hill
 
     def wrong(matrix, **options):
         found = right(matrix, **options)
         return replace(found, exponents=found.exponents + shift)
 
-    monkeypatch.setattr(_floquet, "hill", wrong)
+    monkeypatch.setattr(command, "hill", wrong)
 
 
 def test_two_routes_that_differ_a_little_are_told(work, monkeypatch):
@@ -304,7 +304,7 @@ def test_a_mode_that_rests_shows_the_value_found(work):
 def test_hill_that_does_not_settle_is_told(work, monkeypatch):
     rng = np.random.default_rng(0)
     np.savez("a.npz", A=rng.standard_normal((2, 2, 1001)) * 3.0 - 5.0 * np.eye(2)[:, :, None], period=1.0)
-    monkeypatch.setattr(_floquet, "hill", partial(_floquet.hill, n_harmonics=6, tolerance=1e-14))
+    monkeypatch.setattr(command, "hill", partial(command.hill, n_harmonics=6, tolerance=1e-14))
     content = strict_json(typed("floquet a.npz --interpolation linear --format json"))
     assert content["check"]["outcome"] == "truncated"
     assert content["check"]["difference"] > 1e-12
@@ -425,7 +425,7 @@ def test_the_shapes_of_a_turbine_are_those_of_its_structure():
     names = ["HD Exctn1", "HD Exctn2", "ED tower", "ED d/dt tower", "BD_1 blade", "BD_1 d/dt blade"]
 
     def moving(states):
-        chosen = _floquet._moving(SimpleNamespace(modes=found, file=SimpleNamespace(states=states)))
+        chosen = command._moving(SimpleNamespace(modes=found, file=SimpleNamespace(states=states)))
         return chosen and found.exponents[chosen].real.round(6).tolist()
 
     assert moving(names) == [-0.05, -0.1]

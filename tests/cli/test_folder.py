@@ -8,7 +8,7 @@ import sys
 import pytest
 from tests.cli.conftest import PICTURES, contents
 
-from floquid.cli._folder import FIGURES, LOCK, MOVING, READY, RESULT, UNFINISHED, _sweep, result_folder, settle
+from floquid.cli.output.folder import FIGURES, LOCK, MOVING, READY, RESULT, UNFINISHED, _sweep, result_folder, settle
 from floquid.errors import InputError
 from floquid.store import load
 
@@ -25,7 +25,7 @@ WRITER = (
 import random, sys, time
 from dataclasses import replace
 from pathlib import Path
-from floquid.cli._folder import NAMES, draw_result, result_folder, write_result
+from floquid.cli.output.folder import NAMES, draw_result, result_folder, write_result
 from floquid.pipeline import identify
 from floquid.systems import JeffcottRotor
 import filelock, h5py, tomli_w
@@ -276,7 +276,7 @@ def test_a_folder_that_another_user_left_is_passed_over(here, monkeypatch):
     def denied(*_):
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr("floquid.cli._folder._lock", denied)
+    monkeypatch.setattr("floquid.cli.output.folder._lock", denied)
     monkeypatch.setattr(shutil, "rmtree", lambda *_, **__: pytest.fail("it is not ours"))
     _sweep(here)
 
@@ -284,7 +284,7 @@ def test_a_folder_that_another_user_left_is_passed_over(here, monkeypatch):
 def test_a_lock_that_is_never_given_back_is_told_of(here, monkeypatch):
     from filelock import FileLock
 
-    monkeypatch.setattr("floquid.cli._folder.WAIT", 0.05)
+    monkeypatch.setattr("floquid.cli.output.folder.WAIT", 0.05)
     told = pytest.raises(InputError, match="another program has been writing to")
     with FileLock(here / LOCK), told, result_folder(here, ()):
         pass

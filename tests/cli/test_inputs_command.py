@@ -10,7 +10,7 @@ from tests.driven import imbalance_of, mathieu, record_of
 
 from floquid import Channel, Record, load
 from floquid.cli import run
-from floquid.cli._printed import print_analysis
+from floquid.cli.output.printed import print_analysis
 from floquid.preparation import FORBIDDEN
 from floquid.readers import write
 
@@ -50,7 +50,7 @@ def test_a_result_is_printed_and_written(file, tmp_path, capsys, monkeypatch):
     assert run(again) == 0
     assert json.loads(capsys.readouterr().out)["modes"] == found["modes"]
     kept = load(out / "result.h5")
-    monkeypatch.setattr("floquid.cli._identify.identify_records", lambda *_, **__: kept)
+    monkeypatch.setattr("floquid.cli.commands.identify.identify_records", lambda *_, **__: kept)
     assert run([*again, "--enforce"]) == 0
     monkeypatch.setattr(type(kept), "passed", False)
     assert run(again) == 0

@@ -13,7 +13,7 @@ from tests.cli.conftest import PICTURES, contents
 
 import floquid
 from floquid.cli import run
-from floquid.cli._folder import FIGURES, UNFINISHED, settle
+from floquid.cli.output.folder import FIGURES, UNFINISHED, settle
 
 PERIOD = "6.283185307179586"
 TO = ["--out", "place", "--figures"]

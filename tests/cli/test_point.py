@@ -5,8 +5,8 @@ import pytest
 
 import floquid as fq
 from floquid.cli import run
-from floquid.cli._arguments import point_given
-from floquid.cli._options import Choices, choices_of
+from floquid.cli.arguments.options import Choices, choices_of
+from floquid.cli.arguments.shared import point_given
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ from tests.cli.conftest import save_npz
 from tests.cli.test_commands import strict_json, typed
 
 import floquid
-from floquid.cli import _printed, _terminal
+from floquid.cli.output import printed, terminal
 from floquid.reconstruction import refine
 from floquid.systems import JeffcottRotor
 
@@ -168,7 +168,7 @@ def refined():
 def test_many_harmonics_are_a_list(refined, capsys, monkeypatch):
     """Beside each other they are too wide for 80 columns, and no number is cut short."""
     monkeypatch.setenv("COLUMNS", "80")
-    _printed.print_structure(_terminal.terminal(), refined.refinement)
+    printed.print_structure(terminal.terminal(), refined.refinement)
     text = capsys.readouterr().out
     rows = [line for line in text.splitlines() if re.match(r" (stiffness|damping)\[", line)]
     assert len(rows) == len(refined.refinement.names) == 32
@@ -177,7 +177,7 @@ def test_many_harmonics_are_a_list(refined, capsys, monkeypatch):
         ((shown, std),) = numbers(row)
         assert shown == pytest.approx(value, abs=std)
     monkeypatch.setenv("COLUMNS", "200")
-    _printed.print_structure(_terminal.terminal(), refined.refinement)
+    printed.print_structure(terminal.terminal(), refined.refinement)
     wide = [line for line in capsys.readouterr().out.splitlines() if re.match(r" (stiffness|damping)\[", line)]
     assert len(wide) == 8
     assert [cell for row in rows for cell in numbers(row)] == [cell for row in wide for cell in numbers(row)]
@@ -186,7 +186,7 @@ def test_many_harmonics_are_a_list(refined, capsys, monkeypatch):
 def test_a_rare_misfit_is_told(refined, capsys):
     for p_value, words in ((0.02, "does not contradict"), (0.005, "chance seldom leaves as much"), (0.0, "p < 1e-300")):
         found = replace(refined.refinement, p_value=p_value)
-        _printed.print_structure(_terminal.terminal(), found)
+        printed.print_structure(terminal.terminal(), found)
         assert words in " ".join(capsys.readouterr().out.split())
 
 
@@ -194,11 +194,11 @@ def test_the_modes_have_deviations_of_frequency_and_damping_where_they_fit(refin
     model = refined.model
     for columns, marked in ((80, 4), (60, 2)):
         monkeypatch.setenv("COLUMNS", str(columns))
-        _printed.print_modes(_terminal.terminal(), refined)
+        printed.print_modes(terminal.terminal(), refined)
         rows = [line for line in capsys.readouterr().out.splitlines() if re.match(r"\s*[12] ", line)]
         assert [len(numbers(row)) for row in rows] == [marked, marked]
     monkeypatch.setenv("COLUMNS", "80")
-    _printed.print_modes(_terminal.terminal(), refined)
+    printed.print_modes(terminal.terminal(), refined)
     rows = [line for line in capsys.readouterr().out.splitlines() if re.match(r"\s*[12] ", line)]
     for row, r in zip(rows, model.upper_modes, strict=True):
         assert len(row) <= 80

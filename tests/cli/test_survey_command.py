@@ -9,8 +9,8 @@ from tests.cli.test_commands import strict_json, typed
 
 import floquid as fq
 from floquid import plot
-from floquid.cli._options import Choices
-from floquid.cli._survey_points import jobs_of
+from floquid.cli.arguments.options import Choices
+from floquid.cli.arguments.points import jobs_of
 from floquid.core import ConstantPeriod
 from floquid.reporting._survey_page import survey_page
 from floquid.systems import JeffcottRotor

@@ -222,7 +222,7 @@ def quick(quick_pictures, monkeypatch):
     monkeypatch.setattr(_identify, "CHAINS", {kind: remembered(kind, chain) for kind, chain in CHAINS.items()})
     monkeypatch.setattr("floquid.plot._save._write", lambda figure, path, *_, **__: path.touch())
     monkeypatch.setattr(floquid, "report", floquid.reporting.report)
-    monkeypatch.setattr("floquid.cli._identify.write_report", floquid.reporting.report)
+    monkeypatch.setattr("floquid.cli.commands.identify.write_report", floquid.reporting.report)
 
 
 @pytest.mark.parametrize("path", PAGES, ids=[str(path.relative_to(ROOT)) for path in PAGES])

@@ -15,7 +15,7 @@ from random import Random
 from tests.fuzz import mutators, seeds
 
 from floquid import floquet
-from floquid.cli._options import choices_of
+from floquid.cli.arguments.options import choices_of
 from floquid.floquet import read_lin
 from floquid.readers import FORMATS, describe_file, read
 

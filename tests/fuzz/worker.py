@@ -17,7 +17,7 @@ from zlib import crc32
 
 import atheris
 
-_INSTRUMENTED = ("floquid.readers", "floquid.store", "floquid.floquet", "floquid.cli._options", "floquid.core")
+_INSTRUMENTED = ("floquid.readers", "floquid.store", "floquid.floquet", "floquid.cli.arguments.options", "floquid.core")
 
 
 def _others() -> list[str]:

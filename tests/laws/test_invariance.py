@@ -7,7 +7,7 @@ from tests.driven import ambient_of, creeping, mathieu, mathieu_and_lag, paper_r
 from floquid import ConstantPeriod, Record, identify
 from floquid.innovations import _solve as ambient_fits
 from floquid.innovations.search import _search as ambient_search
-from floquid.inputs.search import _point as driven_fits
+from floquid.inputs.search import _bands as driven_fits
 from floquid.periodic.search import Point
 
 FREE = {"rotor": (paper_rotor(), 30), "lag": (mathieu_and_lag(), 10), "masses": (two_masses(), 12)}

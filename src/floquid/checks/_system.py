@@ -15,7 +15,7 @@ from floquid.fit import DEVIATIONS
 from floquid.reconstruction import StateModel
 
 TOLERANCE = 1e-4  # relative errors of multipliers, and of Φ, that interpolation between the instants may make
-ACCURACY = 1e-6
+ACCURACY = TOLERANCE / 100.0
 """The relative change of Φ over a period at which steps are short enough: half as long, they are 16 times as good.
 
 A smaller share of the largest multiplier is not told by integrating.

@@ -1,4 +1,6 @@
-"""The command line: one file a subcommand, each a thin call of one public function.
+"""The command line: `commands` has a file for each, a thin call of one public function.
+
+`arguments` has what they are given, `output` what they write. Their modules are not private: this is a program.
 
 Exit codes: 0 done, 1 identification failed or was refused, 2 usage or bad input, 3 validation criteria not met under
 `--enforce`, 130 interrupted. What goes wrong is one message on stderr; no traceback without `--debug`.

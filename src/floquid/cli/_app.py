@@ -14,9 +14,9 @@ from floquid._version import __version__
 
 # The module of each command, the words after it, and the first line of its help: `--help` imports none to list them.
 COMMANDS = {
-    "demo": ("_demo", "[SYSTEM]", "Simulate the experiment of Allen's paper, identify it, and compare with the truth."),
+    "demo": ("demo", "[SYSTEM]", "Simulate the experiment of Allen's paper, identify it, and compare with the truth."),
     "info": (
-        "_info",
+        "info",
         "FILE",
         (
             "Show what is in a record file: channels, units, rate, candidates for clock, hits and inputs, what to type "
@@ -24,57 +24,57 @@ COMMANDS = {
         ),
     ),
     "convert": (
-        "_records",
+        "convert",
         "FILE OUT",
         "Write a record in another format, and say what that format could not hold; or the modes of a result.",
     ),
     "identify": (
-        "_identify",
+        "identify",
         "FILES...",
         "Identify the Floquet exponents, the periodic mode shapes and A(t) from measured responses.",
     ),
     "survey": (
-        "_survey",
+        "survey",
         "FILES...",
         "Follow modes over a speed, or another operating point, and find where they turn unstable.",
     ),
     "compare": (
-        "_compare",
+        "compare",
         "A B",
         "Compare two sets of modes, mode by mode: differences with deviations, what is missing, and χ² of all.",
     ),
     "monitor": (
-        "_monitor",
+        "monitor",
         "FILES... --baseline FIRST:END",
         "Compare records of one machine with a baseline of it: alarms, when it changed, how periodic it is.",
     ),
     "fleet": (
-        "_fleet",
+        "fleet",
         "FILES...",
         "Identify many records, each for itself, into one Parquet table with a row a mode.",
     ),
     "transfer": (
-        "_transfer",
+        "transfer",
         "FILES... --inputs NAMES",
         "Harmonic transfer functions from measured inputs to the other channels, with their deviations.",
     ),
     "multisine": (
-        "_multisine",
+        "multisine",
         "--period T --rate HZ",
         "Write inputs for measuring harmonic transfer functions: random lines whose sidebands do not meet.",
     ),
     "scan": (
-        "_scan",
+        "scan",
         "FILES...",
         "Show how many modes there are: identify at many orders, see which poles stay, and look at mode indicators.",
     ),
     "report": (
-        "_identify",
+        "identify",
         "RESULT",
         "Write the report of a saved result: one HTML page that opens in any browser, without a network.",
     ),
     "shapes": (
-        "_shapes",
+        "shapes",
         "RESULT",
         (
             "Read the shapes of a saved result: whirl of modes, their names by patterns over blades, shares of their "
@@ -82,16 +82,16 @@ COMMANDS = {
         ),
     ),
     "bootstrap": (
-        "_bootstrap",
+        "bootstrap",
         "RESULT",
         "Check the standard deviations of a result: draw records from its model, fit each anew, and see the spread.",
     ),
     "floquet": (
-        "_floquet",
+        "floquet",
         "FILES...",
         "Floquet exponents, periodic mode shapes and stability of a system whose A(t) is known.",
     ),
-    "simulate": ("_demo", "[SYSTEM]", "Write the free response of an example system to a file."),
+    "simulate": ("demo", "[SYSTEM]", "Write the free response of an example system to a file."),
 }
 
 
@@ -108,8 +108,8 @@ def app_of(words: Sequence[str] = ()) -> App:
         suppress_keyboard_interrupt=False,
     )
     for name, (module, places, line) in COMMANDS.items():
-        usage = f"Usage: floquid {name} {places} [OPTIONS]"
-        app.command(f"floquid.cli.{module}:{name}", name=name, usage=usage, help=None if name in words else line)
+        usage, place = f"Usage: floquid {name} {places} [OPTIONS]", f"floquid.cli.commands.{module}:{name}"
+        app.command(place, name=name, usage=usage, help=None if name in words else line)
     return app
 
 
@@ -128,7 +128,7 @@ def run(arguments: Sequence[str]) -> int:
         return 1
     except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001  # the last place to word a mistake of ours
         from floquid.cli._errors import explained
-        from floquid.cli._terminal import terminal
+        from floquid.cli.output.terminal import terminal
 
         if debug and not isinstance(error, KeyboardInterrupt):
             traceback.print_exc()

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from io import StringIO
+from typing import Any
 
-from floquid.cli._bootstrap import print_drawn
-from floquid.cli._compare import print_comparison, print_updated
-from floquid.cli._floquet_output import print_stability
-from floquid.cli._monitor import print_monitor
-from floquid.cli._printed import print_found
-from floquid.cli._scan import print_orders
-from floquid.cli._survey import print_survey
-from floquid.cli._terminal import plain
+from rich.console import Console
+
+from floquid.cli.commands.bootstrap import print_drawn
+from floquid.cli.commands.compare import print_comparison, print_updated
+from floquid.cli.commands.monitor import print_monitor
+from floquid.cli.commands.scan import print_orders
+from floquid.cli.commands.survey import print_survey
+from floquid.cli.output.floquet import print_stability
+from floquid.cli.output.printed import print_found
+from floquid.cli.output.terminal import plain
 from floquid.comparison import Comparison, Updated
 from floquid.floquet import FloquetModes, stability
 from floquid.monitoring import Monitor
@@ -38,21 +43,15 @@ def text_of(
     check_damping_unit(damping_unit, "summary")
     file = StringIO()
     console = plain(file, WIDTH)
-    match result:
-        case Analysis():
-            print_found(console, result, speed_unit=speed_unit, damping_unit=damping_unit)
-        case Bootstrap():
-            print_drawn(console, result)
-        case OrderScan():
-            print_orders(console, result)
-        case FloquetModes():
-            print_stability(console, result, stability(result))
-        case Survey():
-            print_survey(console, result)
-        case Comparison():
-            print_comparison(console, result)
-        case Updated():
-            print_updated(console, result)
-        case Monitor():
-            print_monitor(console, result)
+    printed: dict[str, Callable[[Console, Any], object]] = {
+        "analysis": partial(print_found, speed_unit=speed_unit, damping_unit=damping_unit),
+        "bootstrap": print_drawn,
+        "scan": print_orders,
+        "modes": lambda console, modes: print_stability(console, modes, stability(modes)),
+        "survey": print_survey,
+        "comparison": print_comparison,
+        "update": print_updated,
+        "monitor": print_monitor,
+    }
+    printed[result.kind](console, result)
     return "\n".join(line.rstrip() for line in file.getvalue().strip("\n").splitlines())

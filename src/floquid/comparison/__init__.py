@@ -2,9 +2,19 @@
 
 from floquid.comparison._compare import compare
 from floquid.comparison._parameters import Direction, Misfit, Parameter, Updated
-from floquid.comparison._types import ComparedPoint, Comparison, Pair
+from floquid.comparison._types import (
+    RARE,
+    ComparedPoint,
+    Comparison,
+    Pair,
+    headings,
+    missing_words,
+    mode_number,
+    pair_row,
+    update_words,
+    verdict,
+)
 from floquid.comparison._update import update
-from floquid.comparison._words import RARE, headings, missing_words, mode_number, pair_row, update_words, verdict
 
 __all__ = [
     "ComparedPoint", "Comparison", "Direction", "Misfit", "Pair", "Parameter", "Updated", "compare", "headings",

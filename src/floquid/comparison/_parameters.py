@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import ClassVar
 
 import numpy as np
 
@@ -131,6 +132,7 @@ class Updated(Told, Rebuilt):
         What a reader must know, a sentence each.
     """
 
+    kind: ClassVar[str] = "update"  # by which its file, its page and its text are made
     values: Mapping[str, float]
     start: Mapping[str, float]
     covariance: Floats

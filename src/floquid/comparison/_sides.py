@@ -15,12 +15,11 @@ import numpy as np
 
 from floquid._checks import input_error
 from floquid._show import late
-from floquid.core import PeriodicModel
+from floquid.core import PeriodicModel, Record
 from floquid.errors import InputError
 from floquid.floquet import read_matrix
 from floquid.io import is_result
-from floquid.pipeline import Analysis
-from floquid.surveys import KNOWN, Point, Survey, is_linearised, known_modes, point_of
+from floquid.surveys import KNOWN, Point, is_linearised, known_modes, point_of
 from floquid.systems import SYSTEMS, JeffcottRotor
 
 SAVED = ("result.h5", "survey.h5")
@@ -61,7 +60,7 @@ def side_of(thing: Any, argument: str, of: str) -> Side:
         return _example(thing, argument, of)
     if isinstance(thing, (str, os.PathLike)):
         return _saved(Path(thing), argument, of)
-    if isinstance(thing, Survey):
+    if getattr(thing, "kind", "") == "survey":
         points = tuple(point for point in thing.points if point.model is not None)
         return Side(label=f"survey of {len(thing.points)} points", points=points, over=thing.over)
     if callable(thing) and not isinstance(thing, KNOWN):
@@ -75,12 +74,12 @@ def side_of(thing: Any, argument: str, of: str) -> Side:
         must = "be a result, a survey, modes, a known system, a file of one of these, or systems:NAME"
         raise input_error(argument, of, must, f"is {thing!r:.60}") from None
     label = shorten("; ".join(point.files), 60, placeholder=" …") or type(thing).__name__
-    return Side(label=label, points=(point,), rows=_marks(thing) if isinstance(thing, Analysis) else frozenset())
+    return Side(label=label, points=(point,), rows=_marks(getattr(thing, "records", ())))
 
 
-def _marks(analysis: Analysis) -> frozenset[str]:
-    """Marks of the samples of each channel of the records of an analysis."""
-    rows = [row for record in analysis.records for row in record.values if np.ptp(row) > 0.0]
+def _marks(records: Sequence[Record]) -> frozenset[str]:
+    """Marks of the samples of each channel of the records of an analysis; none of what has no records."""
+    rows = [row for record in records for row in record.values if np.ptp(row) > 0.0]
     return frozenset(sha256(np.ascontiguousarray(row).tobytes()).hexdigest() for row in rows)
 
 
@@ -140,7 +139,7 @@ def _saved(path: Path, argument: str, of: str) -> Side:
         return Side(label=label, points=points, over="speed_rpm" if len(points) > 1 else None)
     if is_result(path):
         found = late("store", "load")(path)
-        if not isinstance(found, Survey) and not hasattr(found, "model"):
+        if found.kind not in ("analysis", "large", "fitted", "survey"):
             must, remedy = "be what `floquid identify` or `floquid survey` wrote", "Name that, or its folder."
             raise input_error(argument, of, must, f"{path} holds something else ({type(found).__name__})", remedy)
         return replace(side_of(found, argument, of), label=label)

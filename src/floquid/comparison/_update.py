@@ -139,7 +139,7 @@ class _Problem:
         if outputs is not None and names is None:
             assert point.model is not None
             names = point.model.channels
-            rows = outputs.shape[0] if isinstance(outputs, AbstractPeriodicMatrix) else len(np.asarray(outputs))
+            rows = np.shape(outputs)[0]
             if rows != len(names):
                 must = f"name the {rows} rows of `outputs`"
                 got = f"are not given, and a result has {counted(len(names), 'channel')}"

@@ -16,8 +16,7 @@ from floquid.core._channel import Channel
 from floquid.core._estimates import Estimates
 from floquid.core._model_inputs import ModelInputs
 from floquid.core._periodic_modes import couples_of
-from floquid.core._provenance import Provenance, as_point
-from floquid.core._record import as_channels
+from floquid.core._record import Provenance, as_channels, as_point
 from floquid.core._shape import Shape, shape_of
 from floquid.fit import WITHIN
 
@@ -142,6 +141,11 @@ class PeriodicModel(Drawn, Rebuilt):
         _, channels, hits, harmonics = self.coefficients.shape
         size = f"channels={channels}, hits={hits}, harmonics={harmonics}"
         return f"PeriodicModel(order={self.order}, period={self.period:.8g} s, {size})"
+
+    @property
+    def model(self) -> PeriodicModel:
+        """The model itself: functions of a result take its model, too."""
+        return self
 
     def _figures(self) -> Drawings:
         return dict.fromkeys(("exponents", "periodic_shapes"), (self, {}))

@@ -78,7 +78,8 @@ def export_modes(
     if suffix not in MODE_FORMATS:
         got = f"{file} has the suffix {suffix!r}"
         raise input_error("path", of, "end in a known suffix", got, f"Use one of {', '.join(MODE_FORMATS)}.")
-    model, analysis = _parts(result)
+    model: PeriodicModel = result.model
+    analysis: Any = None if model is result else result
     if coordinates is not None and suffix not in (".uff", ".unv"):
         got = f"{file} has no place for them"
         raise input_error("coordinates", of, "come with a universal file (.uff, .unv)", got, "Leave them out.")
@@ -107,18 +108,13 @@ def modes_frame(result: Analysis | PeriodicModel) -> pd.DataFrame:
     `result` is what `identify` found, or its `model`. Raises InputError where pandas is not installed.
     """
     pandas = load_package("pandas", "modes_frame")
-    model, _ = _parts(result)
+    model = result.model
     upper = list(model.upper_modes)
     columns = {
         name: np.full(len(upper), np.nan) if values is None else values[upper]
         for name, values in mode_numbers(model).items()
     }
     return pandas.DataFrame(columns, index=pandas.RangeIndex(1, len(upper) + 1, name="mode"))
-
-
-def _parts(result: Analysis | PeriodicModel) -> tuple[PeriodicModel, Analysis | None]:
-    """The model, and the analysis that it is of where that was given."""
-    return (result, None) if isinstance(result, PeriodicModel) else (result.model, result)
 
 
 def _json_bytes(result: PeriodicModel, analysis: Analysis | None) -> bytes:

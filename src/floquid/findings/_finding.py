@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 
 from floquid._checks import Rebuilt, input_error
-from floquid.findings._fit import FIT, ORDER
 from floquid.findings._inputs import AMBIENT, INPUTS
-from floquid.findings._model import MODEL, SYSTEM
+from floquid.findings._model import FIT, MODEL, ORDER, SYSTEM
 from floquid.findings._period import PERIOD
 from floquid.findings._records import RECORDS, SHAFT
 from floquid.findings._verdict import DRAWS, VERDICT

@@ -1,8 +1,201 @@
-"""Words of findings on a whole result: the preparation of its records, warnings for its reader, and A(t)."""
+"""Words of findings on the order, the fit and a whole result: modes, lines, preparation, and A(t)."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+
+from floquid.findings._phrases import both, hertz, valued
+
+
+def _mode(real: float | None, share: float) -> str:
+    """A mode by its multiplier where that is real, else by its angle over ω."""
+    return f"the mode folded to {share:.4f} of ω" if real is None else f"the real multiplier {real:.4g}"
+
+
+def _order_needed(needed: bool, modes: int, real: float | None, share: float, rise: float, just: bool) -> str:
+    return (
+        f"{'Each' if needed else 'Not each'} of the {modes} modes is needed. "
+        f"Without the weakest, {_mode(real, share)}, "
+        f"the misfit rises by {rise:.3g} times what noise explains{': only just more' if just else ''}."
+    )
+
+
+def _further(share: float, doubtful: bool) -> str:
+    if share >= 1.0:
+        return f"The best further candidate exceeds the limit ({share:.2f} of it): a mode is missing."
+    doubt = " Noise alone rarely comes so close." if doubtful else ""
+    return f"The best further candidate stays below the limit ({share:.2f} of it).{doubt}"
+
+
+def _drift(number: int) -> str:
+    modes = "One mode changes" if number == 1 else f"{number} modes change"
+    return f"{modes} by less than one turn over the record, and the noise is coloured. Its drift may look like that."
+
+
+def _shared(number: int, hits: int) -> str:
+    multipliers = "One multiplier belongs" if number == 1 else f"{number} multipliers belong"
+    return f"{multipliers} to two modes or more: the residues of the {hits} hits have that rank."
+
+
+def _white(colour: float, taps: int, independent: float) -> str:
+    how = f"white after a filter of {taps} taps" if taps else "white noise"
+    worth = "" if independent > 0.9 else f"; its responses are worth {independent:.0%} of their number"
+    return f"The residual is {how} ({colour:.2g} standard deviations from it){worth}."
+
+
+ORDER: dict[str, str | Callable[..., str]] = {
+    "modes_needed": _order_needed,
+    "well_determined": "Each mode is well determined.",
+    "hardly_determined": lambda number, real, share: (
+        f"{number} of the modes are weakly determined, {_mode(real, share)} most: each may stand for several."
+    ),
+    "resolution": "Two modes nearer than about {widths:.2g} half-power widths would be seen as one. Weaker ones than "
+    "the strongest need more distance.",
+    "nearest_modes": lambda gap, near: (
+        f"The two nearest modes are {gap:.3g} standard deviations apart"
+        f"{': they may be one mode, or three' if near else ''}."
+    ),
+    "further_mode": _further,
+    "modes_move": "With one more mode the others move by up to {moved:.3g} standard deviations.",
+    "modes_or_drift": _drift,
+    "one_initial_condition": "With one initial condition, modes of equal multipliers are seen as one.",
+    "shared_multipliers": _shared,
+    "no_shared_multipliers": "No two modes share a multiplier: the residues are outer products of shape and hit.",
+    "not_white": "The residual is not white noise ({colour:.3g} standard deviations from it). Modes may be missing, or "
+    "some of them may be noise.",
+    "white": _white,
+    "poles_found": "The poles were found.",
+    "no_mode": "No mode rises above the noise: the responses look like white noise. Use a record with a clear free "
+    "decay, or start it closer to the blow. Of random excitation that goes on use a longer one, with "
+    '`excitation="ambient"`.',
+    "too_few_samples": "The responses are too short for the modes in them: the order reached the most that this many "
+    "samples can hold. Record more samples, or fix a lower order.",
+    "modes_without_end": "The search found mode after mode without an end: the residual is not white noise, or there "
+    "are more than some thirty modes. Likely: a step or a glitch, samples rounded to a few levels, coloured noise, a "
+    "coarse simulation or a nonlinearity. Raise the noise floor (`noise_floor=`) to the level down to which the record "
+    "is right, or fix the order.",
+    "poles_without_end": "The search for poles was not at its end when its processor time was over. Likely: a second "
+    "blow, or channels that drift. Cut the record at the blow, or give the search longer (`seconds=`).",
+    "order_unreached": "The data do not hold as many poles as were asked for: ask for fewer, or let the order be "
+    "found.",
+}
+"""By code."""
+
+
+def _needed(number: int, frequency: float | None = None, rise: float = 0.0) -> str:
+    modes = "One mode is" if number == 1 else f"{number} modes, a pair counted once, are"
+    if frequency is None:
+        return f"{modes} needed: noise explains none of them, nor do the harmonics of another."
+    size = f"{rise:.2g}" if rise < 100.0 else "more than 100"
+    clear = "clear of" if rise >= 2.0 else "only just above"
+    weakest = "It" if number == 1 else f"The weakest, at {frequency:.4g} Hz,"
+    return f"{modes} needed. {weakest} is {clear} the noise (χ² of its shape {size} times the limit)."
+
+
+def _undetermined(frequencies: Sequence[float] = ()) -> str:
+    which = f" at {hertz(frequencies)}" if frequencies else ""
+    return (
+        f"The decay of a mode{which} is not determined. It may die at once, or modes may cancel one another. There may "
+        "be fewer modes, or others: compare with a lower `order=`."
+    )
+
+
+def _peak(frequency: float, share: float, loud: bool) -> str:
+    if not loud:
+        return f"The strongest peak of the residual, at {frequency:.4g} Hz, is {share:.2f} of the limit for noise."
+    size = f"{share:.2f}" if share < 10.0 else f"{float(f'{share:.2g}'):,.0f}".replace(",", " ")
+    return (
+        f"A peak of the residual at {frequency:.4g} Hz, {size} times the limit for noise, is not explained. A mode may "
+        "be missing; a nonlinearity, a drifting amplitude or another tone leave such peaks too."
+    )
+
+
+def _undamped(frequencies: Sequence[float], on: int) -> str:
+    return (
+        f"Lines that do not decay, at {hertz(frequencies)}, are a steady response: to a force, or a limit cycle. "
+        f"{on} of {len(frequencies)} are at multiples of half the fundamental."
+    )
+
+
+def _families(lines: int, spacings: int, families: int, frequency: float, odds: float) -> str:
+    spaced = "one spacing" if spacings == 1 else f"{spacings} spacings"
+    several = "one family" if families == 1 else f"{families} families"
+    return (
+        f"{lines} lines that decay form {several} with {spaced} of multiples of {frequency:.6g} Hz. The odds against "
+        f"chance, from frequencies alone, are 1e{odds:.1f}."
+    )
+
+
+def _chance(probability: float) -> str:
+    return "below 1e-99" if probability < 1e-99 else f"{probability:.2g}"
+
+
+def _unlike(
+    frequency: float, hits: Sequence[int], decays: Sequence[float], frequencies: Sequence[float], probability: float
+) -> str:
+    each = [
+        f"hit {hit} has {alone:.5g} Hz and decays by {decay:.4g} 1/s"
+        for hit, decay, alone in zip(hits, decays, frequencies, strict=True)
+    ]
+    return (
+        f"The hits disagree on the mode at {frequency:.4g} Hz (by chance: {_chance(probability)}): {'; '.join(each)}. "
+        "Its deviation covers both. It may depend on the strength of the blow, or the machine may have changed in "
+        "between. Identify each hit alone and compare."
+    )
+
+
+def _disagree(frequency: float, share: float, probability: float) -> str:
+    return (
+        f"The hits disagree on the shape of the mode at {frequency:.4g} Hz by {100.0 * share:.2g} % (by chance: "
+        f"{_chance(probability)}), so no common shape was fitted. Two modes may share its multiplier, or its shape may "
+        "depend on the strength of the blow. Identify each hit alone and compare."
+    )
+
+
+FIT: dict[str, str | Callable[..., str]] = {
+    "all_needed": _needed,
+    "strongest_peak": _peak,
+    "coloured_noise": "The noise is not white: about {loud:.4g} Hz it is {ratio:.3g} times that about {quiet:.4g} Hz, "
+    "but the fit takes it for white. Intervals are too short where it is loud, and too long where it is quiet. A weak "
+    "mode where it is loud may be noise.",
+    "interference": lambda frequency, amplitude, unit, channel: (
+        f"A steady tone at {frequency:.5g} Hz, {valued(f'{amplitude:.3g}', unit)} in channel {channel}, was fitted "
+        "and taken off. It does not decay. Likely: the mains, another machine, or a mode that decays too slowly for "
+        "this record."
+    ),
+    "cluster": "The mode at {frequency:.4g} Hz is most likely several that fold onto one another: its harmonics ask "
+    "for different exponents. Its deviation covers them.",
+    "one_shape": "The {hits} hits share one shape of each mode and differ in its initial state only.",
+    "hits_disagree": _disagree,
+    "hits_unlike": _unlike,
+    "double": "The modes at {first:.4g} Hz and {second:.4g} Hz are whole fundamentals apart, to within {decays:g} of "
+    "their decay. They may be one mode with more harmonics than were fitted: raise `harmonics=`.",
+    "one_that_moves": "The modes at {first:.4g} Hz and {second:.4g} Hz share a shape, and are closer than they decay. "
+    "Most likely they are one mode whose frequency or damping changes with time or amplitude. Do not quote either "
+    "damping. Use a later part of the record (`skip=`), or a smaller blow.",
+    "kind_open": "The mode at {frequency:.4g} Hz is a pair of conjugates or two real multipliers: this record does not "
+    "decide. The two exponents differ by at most {apart:.2g} 1/s either way, and their deviations cover both.",
+    "hidden_partner": "A second real multiplier at {frequency:.4g} Hz, with a decay within {apart:.2g} 1/s of "
+    "{decay:.4g} 1/s, would not show in this record. A hit with another initial state would show it.",
+    "product": lambda frequency, of: (
+        f"The mode at {frequency:.4g} Hz is most likely no mode: its multiplier is the product of those at "
+        f"{both([f'{factor:.4g} Hz' for factor in of])}. A nonlinearity makes such products."
+    ),
+    "search_ended": "The search ended at {number} modes, its limit, with more above the noise. Likely: noise that is "
+    "not white, or a nonlinearity. Compare with a fixed `order=`.",
+    "undetermined": _undetermined,
+    "out_of_time": "The search ended after {seconds:.4g} s of processor time: modes or harmonics may be missing. A "
+    "pair may be two real multipliers. Give it longer (`seconds=`), a shorter record or fewer channels.",
+    "undamped_lines": _undamped,
+    "line_families": _families,
+    "beside_steady": lambda turns: (
+        f"A steady response, {both([f'{turn:g}' for turn in turns[:8]])} times the fundamental, was taken off first, "
+        "and no decay was seen on it. A limit cycle shows its multipliers only where it is disturbed: disturb it more, "
+        "or sample faster."
+    ),
+}
+"""By code."""
+
 
 SYSTEM: dict[str, str | Callable[..., str]] = {
     "structure_found": "Structure found: {structure}.",

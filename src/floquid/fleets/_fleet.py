@@ -17,9 +17,8 @@ from typing import Any, Unpack
 from floquid._bar import bar
 from floquid._checks import counted, input_error, integer
 from floquid._show import Brief, late
-from floquid.fleets._rows import Row, labelled, lost, rows_of
 from floquid.fleets._runner import DIED, outcomes, time_left
-from floquid.fleets._table import Done, Table, opened
+from floquid.fleets._table import Done, Row, Table, labelled, lost, opened, rows_of
 from floquid.io import as_path
 from floquid.pipeline import identify
 from floquid.preparation import Options, Reading, Settings, settings_of, takes_settings

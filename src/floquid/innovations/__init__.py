@@ -8,7 +8,7 @@ modulated outputs, and operational modal analysis of them.
 
 from floquid.innovations._autoregression import first_innovations
 from floquid.innovations._covariance import colour, reweighed
-from floquid.innovations._cyclic import CLEARLY, left_over, repetition, turned_records
+from floquid.innovations._cyclic import CLEARLY, FINE, left_over, repetition, turned_records
 from floquid.innovations._harmonic_spectra import HarmonicSpectra, HomaForm, h_oma, harmonic_spectra
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted

@@ -15,7 +15,7 @@ from floquid.inputs import Samples
 
 HARMONICS = 3  # harmonics of a period that count together
 WIDEST = 0.03  # the largest share by which a period may be off and its own be found
-FINE = 4  # frequencies within the resolution of the records
+FINE = 4  # frequencies looked at in each line: a tone between two still has a tenth of it in the lines beside
 
 SLOWEST = 0.1
 """The frequency over that given below which it is the excitation that changes, not the system that repeats."""

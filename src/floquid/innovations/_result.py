@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import Rebuilt
-from floquid.core import Channel, Estimates, PeriodicModel, Provenance, modelled
+from floquid.core import Estimates
 from floquid.errors import IdentificationError
 from floquid.fit import HALF_DIGITS, Normal, wald_rise
 from floquid.innovations._derivatives import gradient
@@ -20,19 +19,16 @@ from floquid.innovations._predictor import Predictor, predicted, responding
 from floquid.innovations._solve import inverse_of, normal_of, places, solve
 from floquid.innovations.search import read_near_axis
 from floquid.inputs import (
+    DrivenFit,
     Errors,
-    Grid,
     InputMode,
     Limits,
     Samples,
-    TransferFunctions,
-    driven_of,
     estimates_of,
     input_gain,
     runs_away,
     sealed,
     selection_of,
-    transfer_of,
 )
 from floquid.search import GAP
 
@@ -40,7 +36,7 @@ FitOf = TypeVar("FitOf", bound="Fit")
 
 
 @dataclass(frozen=True, eq=False)
-class Fit(Rebuilt):
+class Fit(DrivenFit):
     """A fit in innovations form with the joint covariance of its parameters."""
 
     samples: Samples  # What was fitted
@@ -72,26 +68,27 @@ class Fit(Rebuilt):
         """Covariance of all parameters, zero along the scales of the states (parameters, parameters)."""
         return inverse_of(self.normal)
 
-    def model(
-        self,
-        channels: Sequence[Channel],
-        inputs: Sequence[Channel],
-        provenance: Provenance,
-        as_read: Mapping[int, complex] | None = None,
-    ) -> PeriodicModel:
-        """The periodic model of a fit that is `sized`, each mode with its conjugate, with deviations.
+    @property
+    def input_modes(self) -> list[InputMode]:
+        """The modes as those of measured inputs alone, with their states at the start of each record."""
+        modes, row = [], 0
+        for mode in self.at.modes:
+            initial = self.at.initial[:, row].astype(complex)
+            initial.imag = 0.0 if mode.real else self.at.initial[:, row + 1]
+            row += mode.rows
+            modes.append(_as_input_mode(mode, self.samples, initial))
+        return modes
 
-        Deviations of exponents near an axis are those `as_read`, by the numbers of their modes, where they are given.
-        """
-        modes, samples, direct = _input_modes(self), self.samples, self.direct(len(inputs))
-        return modelled(
-            _estimates(self, modes),
-            unselected=self.estimates_at(np.array([mode.exponent for mode in self.at.modes])),
-            channels=channels,
-            provenance=provenance,
-            driven=driven_of(modes, inputs, direct, len(channels), samples.fundamental, samples.first_times),
-            as_read=as_read,
-        )
+    @property
+    def estimates(self) -> Estimates:
+        """Exponents, shapes and gains of a fit that is `sized`, with their joint covariance."""
+        return _estimates(self)
+
+    def answering(self) -> tuple[Any, ...]:
+        """Modes with their shapes, errors, and masks of what is free, as transfer functions are made of them."""
+        modes = self.input_modes
+        joint = _joint(self, modes, held=True, acting=self.acting)
+        return modes, [mode.shape for mode in self.at.modes], joint.errors, joint.free
 
     def estimates_at(self, exponents: NDArray[np.complex128]) -> Estimates:
         """The estimates of a fit with several harmonics more of each mode, linearised at exponents (modes,) [1/s].
@@ -108,28 +105,13 @@ class Fit(Rebuilt):
                 raise IdentificationError("The predictor diverges where the record was linearised anew.")
             here = sized(replace(here, at=at))
         step = here.parameters @ here.normal.gradient
-        return _estimates(here, _input_modes(here), step, held=False)
+        return _estimates(here, step, held=False)
 
-    def transfer(
-        self,
-        channels: Sequence[Channel],
-        inputs: Sequence[Channel],
-        frequencies_hz: NDArray[np.float64],
-        harmonics: NDArray[np.int64],
-        *,
-        sampled: bool = False,
-    ) -> TransferFunctions:
-        """The harmonic transfer functions of a fit in innovations form with their deviations, to first order."""
-        grid = Grid(
-            omega=2.0 * np.pi * frequencies_hz,
-            harmonics=harmonics,
-            fundamental=self.samples.fundamental,
-            held=(self.samples.step, self.samples.hold) if sampled else None,
-        )
-        modes, shapes = _input_modes(self), [mode.shape for mode in self.at.modes]
-        joint = _joint(self, modes, held=True, acting=self.acting)
-        direct = self.direct(len(inputs))
-        return transfer_of(grid, modes, shapes, direct, joint.errors, (channels, inputs), joint.free)
+    @property
+    def kept(self) -> dict[str, tuple[Any, str]]:
+        """Arrays by which a file makes the fit again, beside its modes, with their axes."""
+        columns = self.at.columns, "channels, columns; that of the channel"
+        return {"columns": columns, "initial": (self.at.initial, "records, states")}
 
     def direct(self, inputs: int) -> dict[int, NDArray[np.complex128]]:
         """D (outputs, inputs) by its harmonic."""
@@ -279,26 +261,14 @@ def sized(fit: FitOf) -> FitOf:
     return replace(fit, at=replace(fit.at, modes=tuple(modes), initial=initial, states=states))
 
 
-def _input_modes(fit: Fit) -> list[InputMode]:
-    """The modes of a fit as those of measured inputs alone, with their states at the start of each record."""
-    modes, row = [], 0
-    for mode in fit.at.modes:
-        initial = fit.at.initial[:, row].astype(complex)
-        initial.imag = 0.0 if mode.real else fit.at.initial[:, row + 1]
-        row += mode.rows
-        modes.append(_as_input_mode(mode, fit.samples, initial))
-    return modes
-
-
-def _estimates(
-    fit: Fit, modes: Sequence[InputMode], step: NDArray[np.float64] | None = None, *, held: bool = True
-) -> Estimates:
+def _estimates(fit: Fit, step: NDArray[np.float64] | None = None, *, held: bool = True) -> Estimates:
     """Exponents, shapes and gains with their joint covariance, of the modes of a fit as those of inputs alone.
 
     The scale of a state is free. With `held` the largest coefficient of each mode has no deviation; without, every
     coefficient has one, as what is fitted to them needs. After a step of all parameters, to first order, where one is
     given.
     """
+    modes = fit.input_modes
     joint = _joint(fit, modes, held=held)
     errors = joint.errors
     found = estimates_of(modes, [mode.shape for mode in fit.at.modes], errors, fit.samples.fundamental, joint.free)

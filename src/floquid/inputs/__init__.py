@@ -5,11 +5,10 @@ functions: `floquid.identify` is the chain.
 """
 
 from floquid.core import Hold
-from floquid.inputs._block import parts_of, slopes_along_square
 from floquid.inputs._estimates import Errors, driven_of, estimates_of, selection_of, terms_of
 from floquid.inputs._free import fitted_freely
-from floquid.inputs._modes import RUNAWAY, InputMode, answering, input_gain, runs_away
-from floquid.inputs._result import Uncertainty, sealed
+from floquid.inputs._modes import RUNAWAY, InputMode, answering, input_gain, parts_of, runs_away, slopes_along_square
+from floquid.inputs._result import DrivenFit, Uncertainty, sealed
 from floquid.inputs._samples import LEAKAGE, Samples, samples_of
 from floquid.inputs._slopes import slopes_in_parts
 from floquid.inputs._solver import Linearisation, columns_at, linearise, numbers_of, slopes_of, solve

@@ -1,19 +1,73 @@
-"""Modes with the way that inputs reach them, and their states driven by the inputs measured."""
+r"""Modes with the way that inputs reach them, and their states driven by the inputs measured.
+
+Two real states are one number a + b j with j² = q, whatever the sign of q:
+
+.. math:: \dot z = (\sigma + j) z, \qquad f(\sigma + j) = \tfrac12 (f_+ + f_-) + \frac{f_+ - f_-}{2 \sqrt q}\, j,
+          \qquad f_\pm = f(\sigma \pm \sqrt q)
+
+Both parts are entire in q: a pair of conjugates, a defective multiplier and two real multipliers are one formula.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from math import factorial
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._checks import Rebuilt
 from floquid.core import Hold
-from floquid.inputs._block import parts_of
+from floquid.fit import ROUNDING
 from floquid.inputs._samples import Samples
 from floquid.search import longer
+
+LEAST = ROUNDING ** (1.0 / 3.0)
+"""q over the squared decay below which parts are interpolated in q: a difference loses ROUNDING/q, interpolation q²."""
+
+Function: TypeAlias = Callable[[complex], NDArray]
+
+
+def parts_of(function: Function, square: float, decay: float) -> NDArray:
+    """Parts of a function of j (2, …) from its values at ±√q; it varies on a `decay` [1/s]."""
+    return _through_zero(lambda own: _parts(function, own), square, decay)
+
+
+def slopes_along_square(function: Function, slope: Function, square: float, decay: float) -> NDArray:
+    r"""Derivatives of both parts by q (2, …), by the slope of the function along j.
+
+    .. math:: \frac{\partial f_1}{\partial q} = \tfrac12 f'_2, \qquad
+              \frac{\partial f_2}{\partial q} = \frac{f'_1 - f_2}{2 q}
+    """
+
+    def slopes(own: float) -> NDArray:
+        even, odd = _parts(slope, own)
+        return 0.5 * np.stack([odd, (even - _parts(function, own)[1]) / own])
+
+    return _through_zero(slopes, square, decay)
+
+
+def by_root(values: NDArray, square: float) -> NDArray:
+    """The product with j of both parts (2, …)."""
+    return np.stack([square * values[1], values[0]])
+
+
+def _parts(function: Function, square: float) -> NDArray:
+    root = complex(np.sqrt(complex(square)))
+    up, down = function(root), function(-root)
+    return 0.5 * np.stack([up + down, (up - down) / root])
+
+
+def _through_zero(of: Callable[[float], NDArray], square: float, decay: float) -> NDArray:
+    """A function of q, near zero from its values on either side."""
+    least = LEAST * decay**2
+    if abs(square) >= least:
+        return of(square)
+    share = 0.5 + 0.5 * square / least
+    return share * of(least) + (1.0 - share) * of(-least)
+
 
 LINEAR = np.array([(n + 1.0) / factorial(n + 2) for n in reversed(range(14))])
 """The series of a linear input, the highest power first: to double precision below ½, where differences cancel."""
@@ -210,7 +264,7 @@ def state_of(samples: Samples, mode: InputMode) -> NDArray:
     for parts, state in zip(
         samples.parts(4 * (1 + len(mode.reach))), mode.initial.reshape(mode.states, -1).T, strict=True
     ):
-        for own in in_turn(mode, parts):
+        for own in parts[::-1] if mode.backwards else parts:
             wide = joined(own, parts)
             found[:, wide] = state_in(samples.part(wide), replace(mode, initial=state))
             state = np.asarray(found[:, wide.start if mode.backwards else wide.stop - 1], np.complex128)
@@ -220,11 +274,6 @@ def state_of(samples: Samples, mode: InputMode) -> NDArray:
 def joined(own: slice, parts: Sequence[slice]) -> slice:
     """One of the parts of a record with the first sample of the next, to which it carries the state."""
     return slice(own.start, min(own.stop + 1, parts[-1].stop))
-
-
-def in_turn(mode: InputMode, parts: Sequence[slice]) -> Sequence[slice]:
-    """Parts of a record in the order in which the state of a mode is followed."""
-    return parts[::-1] if mode.backwards else parts
 
 
 def state_in(samples: Samples, mode: InputMode) -> NDArray:

@@ -13,22 +13,62 @@ from numpy.typing import NDArray
 from floquid._checks import Rebuilt
 from floquid.core import Channel, Estimates, PeriodicModel, Provenance, modelled
 from floquid.inputs._estimates import Errors, driven_of, estimates_of, selection_of
+from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
-from floquid.inputs._solver import (
-    Equations,
-    Linearisation,
-    covariance_of,
-    linearise,
-    normal_equations,
-    solve,
-)
+from floquid.inputs._solver import Equations, Linearisation, covariance_of, linearise, normal_equations, solve
 from floquid.inputs._transfer import Grid, TransferFunctions, transfer_of
 from floquid.inputs.search import Passed, Scores, passed, read_near_axis, unmeasured
 from floquid.search import GAP
 
 
+class DrivenFit(Rebuilt):
+    """A fit of records whose excitation goes on: its model and transfer functions, by `estimates` and errors it has."""
+
+    def model(
+        self: Any,
+        channels: Sequence[Channel],
+        inputs: Sequence[Channel],
+        provenance: Provenance,
+        as_read: Mapping[int, complex] | None = None,
+    ) -> PeriodicModel:
+        """The periodic model of a fit, each mode with its conjugate, with deviations.
+
+        Deviations of exponents near an axis are those `as_read`, by the numbers of their modes, where they are given.
+        """
+        samples, size = self.samples, len(channels)
+        return modelled(
+            self.estimates,
+            unselected=self.estimates_at(np.array([mode.exponent for mode in self.at.modes])),
+            channels=channels,
+            provenance=provenance,
+            driven=driven_of(
+                self.input_modes, inputs, self.direct(len(inputs)), size, samples.fundamental, samples.first_times
+            ),
+            as_read=as_read,
+        )
+
+    def transfer(
+        self: Any,
+        channels: Sequence[Channel],
+        inputs: Sequence[Channel],
+        frequencies_hz: NDArray[np.float64],
+        harmonics: NDArray[np.int64],
+        *,
+        sampled: bool = False,
+    ) -> TransferFunctions:
+        """The harmonic transfer functions of a fit with their deviations, to first order in all of its parameters."""
+        grid = Grid(
+            omega=2.0 * np.pi * frequencies_hz,
+            harmonics=harmonics,
+            fundamental=self.samples.fundamental,
+            held=(self.samples.step, self.samples.hold) if sampled else None,
+        )
+        modes, shapes, errors, free = self.answering()
+        return transfer_of(grid, modes, shapes, self.direct(len(inputs)), errors, (channels, inputs), free)
+
+
 @dataclass(frozen=True, eq=False)
-class Uncertainty(Rebuilt):
+class Uncertainty(DrivenFit):
     """Joint covariance of a fit: of its free parameters, and of what is linear in each channel.
 
     An error of coefficients is that of the parameters by slopes, and that of the channel's own noise.
@@ -84,32 +124,18 @@ class Uncertainty(Rebuilt):
         """Derivatives of the linear coefficients by the free parameters (channels, columns, parameters)."""
         return -self.at.inverse @ (self.equations.along * self.at.noise[:, None, None]).swapaxes(1, 2)
 
-    def model(
-        self,
-        channels: Sequence[Channel],
-        inputs: Sequence[Channel],
-        provenance: Provenance,
-        as_read: Mapping[int, complex] | None = None,
-    ) -> PeriodicModel:
-        """The periodic model of a fit, each mode with its conjugate, with deviations.
-
-        Deviations of exponents near an axis are those `as_read`, by the numbers of their modes, where they are given.
-        """
-        at, samples = self.at, self.samples
-        firsts = [record.start for record in samples.records]
-        modes = [
+    @property
+    def input_modes(self) -> list[InputMode]:
+        """The modes with their states at the start of each record."""
+        firsts = [record.start for record in self.samples.records]
+        return [
             replace(mode, initial=np.asarray(state[firsts], np.complex128))
-            for mode, state in zip(at.modes, at.states, strict=True)
+            for mode, state in zip(self.at.modes, self.at.states, strict=True)
         ]
-        direct = self.direct(len(inputs))
-        return modelled(
-            self.estimates,
-            unselected=self.estimates_at(np.array([mode.exponent for mode in at.modes])),
-            channels=channels,
-            provenance=provenance,
-            driven=driven_of(modes, inputs, direct, len(channels), samples.fundamental, samples.first_times),
-            as_read=as_read,
-        )
+
+    def answering(self) -> tuple[Any, ...]:
+        """Modes with their shapes and errors, as transfer functions are made of them."""
+        return self.at.modes, self.shapes, self.errors, None
 
     def estimates_at(self, exponents: NDArray[np.complex128]) -> Estimates:
         """The estimates of a fit with several harmonics more of each mode, linearised at exponents (modes,) [1/s]."""
@@ -121,24 +147,10 @@ class Uncertainty(Rebuilt):
         step = here.of_white @ here.equations.gradient
         return here.estimates.moved(selection_of(here.at.modes) @ step)
 
-    def transfer(
-        self,
-        channels: Sequence[Channel],
-        inputs: Sequence[Channel],
-        frequencies_hz: NDArray[np.float64],
-        harmonics: NDArray[np.int64],
-        *,
-        sampled: bool = False,
-    ) -> TransferFunctions:
-        """The harmonic transfer functions of a fit with their deviations, to first order in all of its parameters."""
-        grid = Grid(
-            omega=2.0 * np.pi * frequencies_hz,
-            harmonics=harmonics,
-            fundamental=self.samples.fundamental,
-            held=(self.samples.step, self.samples.hold) if sampled else None,
-        )
-        direct = self.direct(len(inputs))
-        return transfer_of(grid, self.at.modes, self.shapes, direct, self.errors, (channels, inputs))
+    @property
+    def kept(self) -> dict[str, tuple[Any, str]]:
+        """Arrays by which a file makes the fit again, beside its modes, with their axes."""
+        return {"direct": (self.at.direct, "harmonics")}
 
     def direct(self, inputs: int) -> dict[int, NDArray[np.complex128]]:
         """D (outputs, inputs) by harmonics from 0 on."""

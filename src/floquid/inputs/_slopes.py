@@ -9,16 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid.fit import ROUNDING
-from floquid.inputs._block import by_root, slopes_along_square
 from floquid.inputs._modes import (
     InputMode,
     begun_by,
+    by_root,
     driven_by,
     followed,
     halves,
     joined,
     of_both,
     shares_of,
+    slopes_along_square,
     state_in,
     varying,
 )

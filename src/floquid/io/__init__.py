@@ -1,10 +1,14 @@
 """Files on the disk: written whole or not at all, taken apart by libraries, refused in one grammar."""
 
 from floquid.io._decoders import (
+    LARGE_FORMAT,
+    RESULT_ENDINGS,
+    RESULT_FORMAT,
     array_in,
     attribute,
     is_elsewhere,
     is_mat_4,
+    is_result,
     is_whole,
     letters,
     load_variables,
@@ -24,7 +28,6 @@ from floquid.io._files import (
     seems_to_be,
 )
 from floquid.io._guard import GUARD
-from floquid.io._results import LARGE_FORMAT, RESULT_ENDINGS, RESULT_FORMAT, is_result
 
 __all__ = [
     "GUARD", "LARGE_FORMAT", "RESULT_ENDINGS", "RESULT_FORMAT", "DamagedError", "Source", "array_in", "as_path",

@@ -23,10 +23,9 @@ from floquid.errors import IdentificationError
 from floquid.findings import failure, texts
 from floquid.fit import HALF_DIGITS, SLOW, chi2_limit
 from floquid.io import LARGE_FORMAT, as_path, atomic_path
-from floquid.large._modes import Basis, Modes
+from floquid.large._modes import OF, Basis, Modes, Plan, Sums, sketched, summed
 from floquid.large._part import FEWEST, Verdict, judged, part_of
 from floquid.large._result import LARGE_VERSION, LargeResult, opened
-from floquid.large._sweeps import OF, Plan, Sums, sketched, summed
 from floquid.lti import ERA, MaximumLikelihood, Outcome, TimeResponses
 from floquid.periodic import strongest_branch
 from floquid.search import SECONDS

@@ -13,8 +13,7 @@ from floquid.core import PeriodicModel, Provenance, Record
 from floquid.errors import FloquidError
 from floquid.findings import texts
 from floquid.fit import chi2_limit, filter_gain
-from floquid.large._modes import Basis, Modes
-from floquid.large._sweeps import Plan
+from floquid.large._modes import Basis, Modes, Plan
 from floquid.pipeline import CONFIDENT, Analysis, Settings, identify
 
 CHANNELS = 16  # of the part at most: each mode is among the loudest in some of them

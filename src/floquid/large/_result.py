@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -64,6 +64,7 @@ class LargeResult(Sealed):
         The channels and periods of that part.
     """
 
+    kind: ClassVar[str] = "large"  # by which its file, its page and its text are made
     path: Path
     period: float
     exponents: Complexes

@@ -11,10 +11,13 @@ import numpy as np
 from floquid._arrays import Floats, Mask
 from floquid._checks import counted, input_error
 from floquid.fit import ROUNDING, chi2_limit, scaled_inverse
-from floquid.monitoring._least_squares import (
+from floquid.monitoring._work import (
+    OF,
     Regression,
     Term,
+    Work,
     columns_of,
+    file_of,
     inverses,
     regress,
     selected,
@@ -22,7 +25,6 @@ from floquid.monitoring._least_squares import (
     squared_distances,
     terms_of,
 )
-from floquid.monitoring._work import OF, Work, file_of
 from floquid.surveys import Matches
 
 LEVEL = 0.05  # the probability at which noise may add a column, or scatter, that is not needed

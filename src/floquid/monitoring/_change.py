@@ -11,8 +11,7 @@ from floquid._arrays import Floats, Integers, Mask
 from floquid._checks import counted, input_error
 from floquid.fit import RARE, chi2_limit, scaled_inverse
 from floquid.monitoring._baseline import Baseline, fit_baseline
-from floquid.monitoring._least_squares import inverses, regress, squared_distances, terms_of
-from floquid.monitoring._work import OF, Work, file_of
+from floquid.monitoring._work import OF, Work, file_of, inverses, regress, squared_distances, terms_of
 
 ENDS: dict[Literal["step", "ramp"], float] = {"step": 7.35, "ramp": 3.84}
 """Twice the logarithm of the likelihood by which the 95 % interval falls below its largest: of a step that of a jump

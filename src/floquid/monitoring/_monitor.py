@@ -25,7 +25,6 @@ from floquid.monitoring._baseline import (
     tell_missing,
 )
 from floquid.monitoring._change import change_of, check_quiet, check_size
-from floquid.monitoring._least_squares import squared_distances
 from floquid.monitoring._types import Amounts, Change, Charts, Monitor, Part
 from floquid.monitoring._work import (
     OF,
@@ -40,6 +39,7 @@ from floquid.monitoring._work import (
     mask_of,
     ordered,
     reordered,
+    squared_distances,
     standard,
 )
 from floquid.surveys import Point, Survey, match_records, matches_of
@@ -102,10 +102,9 @@ def monitor(
     of_rate = positive(rate, "rate", OF)
     if of_rate >= 0.5:
         raise input_error("rate", OF, "lie below 0.5", f"is {of_rate:g}", "It is the share of false alarms: 0.001.")
-    if isinstance(results, Survey):
-        survey, given = results, results.points
-    else:
-        survey, given = None, tuple(as_record(one) for one in results)
+    whole: Any = results
+    survey = whole if getattr(whole, "kind", "") == "survey" else None
+    given = tuple(map(as_record, whole)) if survey is None else survey.points
     if not given:
         raise input_error("results", OF, "hold a result", "none was given", "Pass what `identify` gave of each record.")
     points, order = ordered(given, over)

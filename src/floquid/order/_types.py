@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import lru_cache
+from typing import ClassVar
 
 import numpy as np
 
@@ -164,6 +165,7 @@ class OrderScan(Told, Drawn, Rebuilt):
         When poles counted as one.
     """
 
+    kind: ClassVar[str] = "scan"  # by which its file, its page and its text are made
     orders: tuple[int, ...]
     models: tuple[ModalModel, ...]
     stable: tuple[Integers, ...]

@@ -9,8 +9,8 @@ Everything starts from what `prepare` makes of records: the responses, what ties
 """
 
 from floquid.periodic import CONFIDENT
-from floquid.pipeline._analysis import Analysis, Driven
-from floquid.pipeline._deviations import Decay
+from floquid.pipeline._analysis import Analysis
+from floquid.pipeline._deviations import Decay, Driven
 from floquid.pipeline._identify import identify
 from floquid.pipeline.draws import Bootstrap, Draw, DrawFile, Spread, bootstrap
 from floquid.pipeline.excited import ambient_fit, driven_fit, measure_transfer, predicted_rest

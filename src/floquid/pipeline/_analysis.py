@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from floquid import innovations
 from floquid._arrays import Floats
 from floquid._checks import counted, input_error
 from floquid._show import Brief, Drawings, Drawn, Told, late
@@ -17,13 +16,13 @@ from floquid.checks import Validation
 from floquid.core import Channel, Cycles, PeriodicModel, PhaseClock, Provenance, Record
 from floquid.findings import Finding, Severity, texts
 from floquid.fit import EVIDENT
-from floquid.inputs import TransferFunctions, Uncertainty
+from floquid.inputs import TransferFunctions
 from floquid.lifting import Lifted
 from floquid.lti import AbstractIdentifier, ModalModel
 from floquid.order import Choice, OrderScan, indicators
 from floquid.order import scan as scan_orders
 from floquid.periodic import Fit, ForcedResponse, Periodicity
-from floquid.pipeline._deviations import Decay
+from floquid.pipeline._deviations import Decay, Driven
 from floquid.pipeline._frequencies import frequencies_of
 from floquid.preparation import Settings, clocks_of
 from floquid.reconstruction import AbstractStructure, Form, Names, Refinement, StateModel, reconstruct, refine
@@ -33,9 +32,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from floquid.pipeline.draws import Bootstrap
-
-Driven: TypeAlias = Uncertainty | innovations.Fit
-"""A fit of records whose excitation goes on: to measured inputs, or in innovations form."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -73,6 +69,7 @@ class Analysis(Told, Drawn, Brief):
         know.
     """
 
+    kind: ClassVar[str] = "analysis"  # by which its file, its page and its text are made
     settings: Settings
     records: tuple[Record, ...]
     model: PeriodicModel

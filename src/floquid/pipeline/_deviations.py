@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
+from floquid import innovations
 from floquid._show import Brief
 from floquid.checks import FAILED
 from floquid.core import Cycles, Estimates, PeriodicModel, Record
 from floquid.findings import Finding, failure
 from floquid.fit import SIGNIFICANT
+from floquid.inputs import Uncertainty
 from floquid.lifting import Lifted
 from floquid.lti import ModalModel
 from floquid.order import Choice
@@ -21,6 +23,9 @@ from floquid.preparation import Settings
 
 if TYPE_CHECKING:
     from floquid.pipeline._analysis import Analysis
+
+Driven: TypeAlias = Uncertainty | innovations.Fit
+"""A fit of records whose excitation goes on: to measured inputs, or in innovations form."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid._checks import input_error
+from floquid._checks import input_error, several
 from floquid.core import Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, warning
@@ -109,6 +109,6 @@ def without(
     if channel in settings.states:
         got = f"name {channel!r}, which is a sum of others, noise included"
         raise input_error("states", "identify", "be independent measurements", got, f"Name others: {NO_NEWS}")
-    several = (records,) if isinstance(records, Record) else tuple(records)
-    left = tuple(record.select([own.name for own in record.channels if own.name != channel]) for record in several)
+    hits = several(records, Record)
+    left = tuple(record.select([own.name for own in record.channels if own.name != channel]) for record in hits)
     return left, replace(settings, channels=tuple(name for name in settings.channels if name != channel))

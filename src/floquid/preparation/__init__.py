@@ -14,13 +14,11 @@ if TYPE_CHECKING:
     from floquid.preparation._clocks import clocked, clocks_of, in_phase, states_of, with_events, without_clock
     from floquid.preparation._excited import FORBIDDEN, WORDS, parted, refuse_others
     from floquid.preparation._forces import refuse_excited
-    from floquid.preparation._names import SHORT, for_command
-    from floquid.preparation._options import Options, RecordOptions, takes_settings
+    from floquid.preparation._options import Options, Reading, RecordOptions, takes_settings
     from floquid.preparation._prepare import Prepared, blas_threads, prepare, uneven_speed
     from floquid.preparation._proposal import Candidate, Proposal, propose
-    from floquid.preparation._reading import Reading
     from floquid.preparation._refuse import NO_NEWS, name_of, own_names, refuse_few
-    from floquid.preparation._settings import Excitation, IdentifierName, Settings, settings_of
+    from floquid.preparation._settings import SHORT, Excitation, IdentifierName, Settings, for_command, settings_of
 
 __all__ = ["Candidate", "Prepared", "Proposal", "Reading", "Settings", "prepare", "propose"]
 
@@ -30,11 +28,9 @@ __getattr__, __dir__ = named_late(
     _clocks="clocked clocks_of in_phase states_of with_events without_clock",
     _excited="FORBIDDEN WORDS parted refuse_others",
     _forces="refuse_excited",
-    _names="SHORT for_command",
-    _options="Options RecordOptions takes_settings",
+    _options="Options Reading RecordOptions takes_settings",
     _prepare="Prepared blas_threads prepare uneven_speed",
     _proposal="Candidate Proposal propose",
-    _reading="Reading",
     _refuse="NO_NEWS name_of own_names refuse_few",
-    _settings="Excitation IdentifierName Settings settings_of",
+    _settings="SHORT Excitation IdentifierName Settings for_command settings_of",
 )

@@ -266,7 +266,7 @@ def _off_harmonics(values: NDArray[np.float64], rate: float, period: float) -> f
     part = values[:, : round(periods * rate * period)]
     lines = np.abs(np.fft.rfft(part - part.mean(axis=1, keepdims=True), axis=1)) ** 2
     place = np.arange(lines.shape[1]) / periods
-    near = np.abs(place - np.rint(place)) * periods <= 2.5
+    near = np.rint(np.abs(place - np.rint(place)) * periods) <= 2  # lines on either side: those of a window
     return float(lines[:, ~near].sum() / max(lines.sum(), np.finfo(float).tiny))
 
 

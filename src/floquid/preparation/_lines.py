@@ -10,14 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Floats
-from floquid.checks import MOST_PERIODS
+from floquid.checks import BESIDE, MOST_PERIODS
+from floquid.innovations import FINE
 from floquid.sync import STEADY
 
 STEADY_LINES = 12
 """Harmonics of the period at which a response that repeats with it is looked for."""
-
-BESIDE = (1, 2, 3, 4)
-"""Lines on either side of a harmonic by which the level there is judged."""
 
 BLOCK = 256
 """Samples that are summed to lines at once."""
@@ -95,7 +93,7 @@ def _above_beside(
     that go with the values: 2(|C|² + |S|²) = |C - iS|² + |C + iS|².
     """
     fundamental = 2.0 * np.pi / period
-    slow = 2.0 * np.pi * np.array(BESIDE) / (times[-1] - times[0])
+    slow = 2.0 * np.pi * np.arange(1.0, BESIDE + 1.0) / (times[-1] - times[0])
     whole, i = np.unique(np.floor(harmonics), return_inverse=True)
     fractions, j = np.unique(np.round(harmonics - np.floor(harmonics), 12), return_inverse=True)
     values = values - values.mean(axis=1, keepdims=True)
@@ -112,10 +110,6 @@ def _above_beside(
     shape = (len(values), 1 + 2 * len(slow), 2, len(whole) * len(fractions))
     squares = np.sum(sums.reshape(shape) ** 2, axis=2)[..., i * len(fractions) + j]
     return np.sqrt(squares[:, 0] / np.maximum(squares[:, 1:].sum(axis=1) / len(slow), np.finfo(float).tiny))
-
-
-FINER = 4
-"""Frequencies looked at in each line: a tone between two of them still has a tenth of it in the lines beside."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,21 +150,21 @@ def _loudest(left: Floats, inputs: Floats, fundamental: float) -> float | None:
     """The frequency of the tone that is furthest above what is beside it; None where none is [cycles a sample]."""
     count = left.shape[1]
     ratios, level = _above(left)
-    margin = FINER * (max(BESIDE) + 1)
+    margin = FINE * (BESIDE + 1)
     ratios[:margin] = ratios[-margin:] = 0.0
     driven = _above(inputs - inputs.mean(axis=1, keepdims=True))[0] > LOUD
     for place in np.argsort(-ratios)[: max(int(np.sum(ratios > LOUD)), 0)]:
-        frequency = place / (FINER * count)
+        frequency = place / (FINE * count)
         harmonic = np.rint(frequency / fundamental)
         if abs(frequency - harmonic * fundamental) < max(STEADY * fundamental, 2.0 / count):
             continue
-        at = place + FINER * count * fundamental * np.arange(-STEADY_LINES, STEADY_LINES + 1)
-        beside = np.abs(np.rint(at)).astype(np.int64) % (FINER * count)
-        beside = np.minimum(beside, FINER * count - beside)
-        if any(driven[max(own - FINER, 0) : own + FINER + 1].any() for own in beside):
+        at = place + FINE * count * fundamental * np.arange(-STEADY_LINES, STEADY_LINES + 1)
+        beside = np.abs(np.rint(at)).astype(np.int64) % (FINE * count)
+        beside = np.minimum(beside, FINE * count - beside)
+        if any(driven[max(own - FINE, 0) : own + FINE + 1].any() for own in beside):
             continue
         weights = 1.0 / np.maximum(level[:, place], np.finfo(float).tiny)
-        return _refined(left, weights, frequency, 1.0 / (FINER * count))
+        return _refined(left, weights, frequency, 1.0 / (FINE * count))
     return None
 
 
@@ -181,15 +175,15 @@ def _above(values: Floats) -> tuple[Floats, Floats]:
     """
     from scipy.fft import rfft
 
-    length = FINER * values.shape[1]
+    length = FINE * values.shape[1]
     most, level = np.zeros(length // 2 + 1), np.zeros((len(values), length // 2 + 1))
     for own, beside in zip(values, level, strict=True):  # spectra of all channels at once take five times as much
         power = np.abs(rfft(own, length)) ** 2
-        for line in BESIDE:
-            by = FINER * line
+        for line in range(1, BESIDE + 1):
+            by = FINE * line
             beside[by:] += power[:-by]
             beside[:-by] += power[by:]
-        beside /= len(BESIDE)
+        beside /= BESIDE
         power /= np.maximum(beside, np.finfo(float).tiny)
         np.maximum(most, power, out=most)
     return np.sqrt(most), level

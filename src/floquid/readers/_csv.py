@@ -24,9 +24,8 @@ from floquid._arrays import Floats
 from floquid.core import Channel, Record, as_point, channel_of
 from floquid.errors import InputError
 from floquid.io import Source
-from floquid.readers._body import read_body
+from floquid.readers._body import Text, read_body, text_in, text_of_workbook
 from floquid.readers._layout import RECORD_LINE, Layout, find_layout, is_date, is_number
-from floquid.readers._text import Text, text_in, text_of_workbook
 from floquid.tables import (
     Table,
     TimeColumn,

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from floquid.fit import WITHIN
-from floquid.reporting._case import Case
-from floquid.reporting._look import BLACK, CURVES, DASHES, MARKERS, Figure, hover, legend_above, new_figure
+from floquid.reporting._case import BLACK, CURVES, DASHES, MARKERS, Case, Figure, hover, legend_above, new_figure
 from floquid.views import SpectraOfModes, families, in_unit, shape_curves
 
 if TYPE_CHECKING:

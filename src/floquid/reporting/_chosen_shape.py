@@ -9,7 +9,7 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid.core import PeriodicModel
-from floquid.reporting._look import (
+from floquid.reporting._case import (
     BLACK,
     BLUE,
     CURVES,

@@ -12,22 +12,24 @@ from floquid.findings import texts
 from floquid.fit import WITHIN
 from floquid.inputs import TransferFunctions
 from floquid.pipeline import Analysis, measure_transfer, predicted_rest
-from floquid.reporting._case import LONGEST, POINTS, Case
-from floquid.reporting._chosen_figures import Chosen
-from floquid.reporting._look import (
+from floquid.reporting._case import (
     BLACK,
     BLUE,
     CURVES,
     DASHES,
     GREEN,
     GREY,
+    LONGEST,
     MARKERS,
+    POINTS,
     SIZE,
     VERMILION,
+    Case,
     Figure,
     legend_above,
     new_figure,
 )
+from floquid.reporting._chosen_figures import Chosen
 from floquid.reporting._modes_figures import mark_labels
 from floquid.transfer import MeasuredTransfer
 from floquid.views import SpectraOfModes, envelope, in_unit, magnitude_bands, phase_degrees, shortened

@@ -12,7 +12,19 @@ from floquid.core import PeriodicModel
 from floquid.fit import WITHIN
 from floquid.pipeline import Analysis
 from floquid.reconstruction import StateModel
-from floquid.reporting._case import Case
+from floquid.reporting._case import (
+    BLACK,
+    BLUE,
+    GREY,
+    HEIGHT,
+    SIZE,
+    VERMILION,
+    Case,
+    Figure,
+    hover,
+    legend_above,
+    new_figure,
+)
 from floquid.reporting._chosen_figures import (
     Chosen,
     coefficient_source,
@@ -21,7 +33,6 @@ from floquid.reporting._chosen_figures import (
     shape_figures,
     shape_source,
 )
-from floquid.reporting._look import BLACK, BLUE, GREY, HEIGHT, SIZE, VERMILION, Figure, hover, legend_above, new_figure
 from floquid.views import (
     DampingUnit,
     closed_period,

@@ -11,7 +11,7 @@ from floquid.findings import Severity, texts
 from floquid.pipeline import Analysis
 from floquid.preparation import for_command
 from floquid.reporting import _words as words
-from floquid.reporting._case import Case
+from floquid.reporting._case import Case, Figure
 from floquid.reporting._chosen_figures import family_source, harmonic_source, link_responses
 from floquid.reporting._driven_figures import (
     harmonic_figure,
@@ -23,7 +23,6 @@ from floquid.reporting._driven_figures import (
     reach_figures,
     transfer_figures,
 )
-from floquid.reporting._look import Figure
 from floquid.reporting._modes_figures import Truth, mode_figures, mode_source, system_figures
 from floquid.reporting._record_figures import (
     composite_figure,
@@ -162,7 +161,7 @@ def rendered(case: Case, figures: dict[str, list[Figure]], title: str | None, **
     """The page with these figures by their places; what `content` does not have, the page does without."""
     models = {f"{place}-{number}": made for place, group in figures.items() for number, made in enumerate(group)}
     drawn = {
-        place: [{"name": f"{place}-{number}", "words": described(made)} for number, made in enumerate(group)]
+        place: listed({f"{place}-{number}": made for number, made in enumerate(group)})
         for place, group in figures.items()
     }
     analysis = case.analysis
@@ -172,9 +171,7 @@ def rendered(case: Case, figures: dict[str, list[Figure]], title: str | None, **
         | content
         | {
             "title": title or title_of(case),
-            "bokeh": bokeh_scripts(),
-            "embedded": embedded(models),
-            "behaviour": asset("page.js"),
+            **drawn_by(models),
             "figures": dict.fromkeys(PLACES, ()) | drawn,
             "case": case,
             "told": analysis.model.unselected is not None,
@@ -185,6 +182,17 @@ def rendered(case: Case, figures: dict[str, list[Figure]], title: str | None, **
             "settings": words.settings_rows(analysis),
         },
     )
+
+
+def drawn_by(figures: dict[str, Figure]) -> dict[str, Any]:
+    """Content of a page with these `figures` by the names of their places: scripts, data, and their descriptions."""
+    content = {"bokeh": bokeh_scripts(), "embedded": embedded(figures), "behaviour": asset("page.js")}
+    return content | {"figures": listed(figures)}
+
+
+def listed(figures: dict[str, Figure]) -> list[dict[str, str]]:
+    """The places of `figures` with their descriptions."""
+    return [{"name": name, "words": described(made)} for name, made in figures.items()]
 
 
 def filled(template: str, **content: Any) -> str:

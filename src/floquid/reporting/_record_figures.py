@@ -9,21 +9,22 @@ import numpy as np
 from floquid._arrays import Mask
 from floquid.fit import WITHIN
 from floquid.lti import WHITE, composites
-from floquid.reporting._case import POINTS, Case
-from floquid.reporting._chosen_figures import Chosen
-from floquid.reporting._look import (
+from floquid.reporting._case import (
     BLACK,
     BLUE,
     CURVES,
     GREY,
     MARKERS,
     ORANGE,
+    POINTS,
     VERMILION,
+    Case,
     Figure,
     hover,
     legend_above,
     new_figure,
 )
+from floquid.reporting._chosen_figures import Chosen
 from floquid.sync import ShaftAngle
 from floquid.views import (
     SpeedUnit,

@@ -5,7 +5,6 @@ from __future__ import annotations
 from base64 import b64encode
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from functools import partial
 from io import BytesIO
 from os import PathLike
 from pathlib import Path
@@ -27,10 +26,9 @@ from floquid.pipeline import Analysis, blas_threads
 from floquid.plot import figure_of_fit, style
 from floquid.reporting import _words as words
 from floquid.reporting._case import Case, case_of
-from floquid.reporting._comparison_page import comparison_page
+from floquid.reporting._comparison_page import comparison_page, monitor_page
 from floquid.reporting._driven_figures import matrix_rows, measured_figures, paths_of
 from floquid.reporting._modes_figures import Truth, mode_figures, mode_source
-from floquid.reporting._monitor_page import monitor_page
 from floquid.reporting._page import filled, modes_of, page, rendered, title_of, verdict_of
 from floquid.reporting._survey_page import survey_page
 from floquid.surveys import Survey
@@ -91,29 +89,17 @@ def report(
         Called with what is about to be done, in words.
     """
     of = "report"
-    match analysis:
-        case Analysis():
-            known = _truth(analysis, truth, of)
-            units: dict[str, Any] = {"unit": speed_unit, "damping": damping_unit}
-            write = partial(_text, analysis, brief=brief, truth=known, **units, progress=progress)
-        case TransferFit():
-            _refuse_of_lines(truth, of, brief=brief)
-            write = partial(lines_page, analysis, damping=damping_unit)
-        case Survey():
-            _refuse_of_lines(truth, of, brief=brief)
-            write = partial(survey_page, analysis, damping=damping_unit)
-        case Comparison() | Monitor():
-            _refuse_of_lines(truth, of, brief=brief)
-            write = partial(comparison_page if isinstance(analysis, Comparison) else monitor_page, analysis)
-        case MeasuredTransfer():
-            remedy = "Fit modes to them: `floquid transfer --lines`."
-            raise input_error("analysis", of, "hold modes", "holds transfer functions as measured", remedy)
-        case Updated():
-            must, got = "have a page", "holds parameters that were fitted to results"
-            raise input_error("analysis", of, must, got, "Its `summary()` says all there is.")
-        case _:
-            must, got = "be an Analysis", f"is a {type(analysis).__name__}"
-            raise input_error("analysis", of, must, got, "Pass what `identify` or `load` gives.")
+    result: Any = analysis
+    kind = getattr(result, "kind", "")
+    if kind not in PAGES:
+        must, got = "be an Analysis", f"is a {type(analysis).__name__}"
+        raise input_error("analysis", of, *NO_PAGE.get(kind, (must, got, "Pass what `identify` or `load` gives.")))
+    options: dict[str, Any] = {"damping": damping_unit}
+    if kind == "analysis":
+        known = _truth(result, truth, of)
+        options |= {"unit": speed_unit, "brief": brief, "truth": known, "progress": progress}
+    else:
+        _refuse_of_lines(truth, of, brief=brief)
     place = as_path(path, of=of)
     if place.suffix.lower() not in ENDINGS:
         raise input_error("path", of, "end in .html", f"is {place}", "The report is a web page.")
@@ -122,7 +108,7 @@ def report(
     if title is not None and not isinstance(title, str):
         raise input_error("title", of, "be a text", f"is a {type(title).__name__}")
     with atomic_path(place, of=of) as temporary:  # refused before the page is drawn
-        temporary.write_text(write(title=title), encoding="utf-8")
+        temporary.write_text(PAGES[kind](result, title=title, **options), encoding="utf-8")
     return place
 
 
@@ -276,3 +262,23 @@ def lines_page(fit: TransferFit, *, title: str | None, damping: DampingUnit) -> 
         paths_left=len(lines.inputs) * len(lines.outputs) - len(paths),
         steps=words.steps(shown),
     )
+
+
+PAGES: dict[str, Callable[..., str]] = {
+    "analysis": _text,
+    "fitted": lines_page,
+    "survey": survey_page,
+    "comparison": lambda found, *, title, **_: comparison_page(found, title=title),
+    "monitor": lambda found, *, title, **_: monitor_page(found, title=title),
+}
+"""The function of the page of each kind of result."""
+
+NO_PAGE = {
+    "measured": (
+        "hold modes", "holds transfer functions as measured", "Fit modes to them: `floquid transfer --lines`."
+    ),
+    "update": (
+        "have a page", "holds parameters that were fitted to results", "Its `summary()` says all there is."
+    ),
+}  # fmt: skip
+"""Kinds of results without one: what a result must be, what it is, and what to do."""

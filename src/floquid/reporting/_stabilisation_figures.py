@@ -8,17 +8,18 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid.order import OrderScan, Stability
-from floquid.reporting._case import POINTS, Case
-from floquid.reporting._look import (
+from floquid.reporting._case import (
     BLACK,
     BLUE,
     CURVES,
     DASHES,
     GREEN,
     GREY,
+    POINTS,
     SIZE,
     SKY,
     VERMILION,
+    Case,
     Figure,
     hover,
     legend_above,

@@ -9,8 +9,7 @@ import numpy as np
 
 from floquid._checks import counted
 from floquid.fit import WITHIN
-from floquid.reporting._chosen_shape import channels_of, chosen_figures, shape_columns
-from floquid.reporting._look import (
+from floquid.reporting._case import (
     BLACK,
     CURVES,
     DASHES,
@@ -23,7 +22,8 @@ from floquid.reporting._look import (
     legend_above,
     new_figure,
 )
-from floquid.reporting._page import asset, bokeh_scripts, described, embedded, filled
+from floquid.reporting._chosen_shape import channels_of, chosen_figures, shape_columns
+from floquid.reporting._page import drawn_by, filled, listed
 from floquid.surveys import (
     DAMPING,
     Damping,
@@ -61,7 +61,6 @@ def survey_page(found: Survey, *, title: str | None, damping: DampingUnit = "per
     measure: Damping = "decrement" if damping == "decrement" else "ratio"
     marks = _marks(found, measure)
     over, chosen = _figures(found, marks, measure), chosen_figures(found, marks)
-    figures = over | chosen
     unstable = any((track.growth > 0.0).any() for track in found.tracks)
     count = f"{counted(len(found.tracks), 'mode')} followed over {counted(len(found.points), 'point')}"
     return filled(
@@ -79,12 +78,8 @@ def survey_page(found: Survey, *, title: str | None, damping: DampingUnit = "per
         edges=[edge_words(found, edge) for edge in found.edges],
         points=[_point_row(found, point) for point in found.points],
         sources=[], steps=STEPS, settings=[], hits=[],
-        figures=[{"name": name, "words": described(made)} for name, made in over.items()],
-        chosen=[{"name": name, "words": described(made)} for name, made in chosen.items()],
         orbits="orbits" in chosen, blades="waves-0" in chosen,
-        bokeh=bokeh_scripts(),
-        embedded=embedded(figures),
-        behaviour=asset("page.js"),
+        **drawn_by(over | chosen) | {"figures": listed(over), "chosen": listed(chosen)},
     )  # fmt: skip
 
 

@@ -121,12 +121,7 @@ def steps(analysis: Analysis, unit: SpeedUnit = "hz") -> list[str]:
     if words := whitening_words(analysis.whitening, analysis.model.channels):
         done.append(words)
     done += [step for step in analysis.model.provenance.steps if step not in done]
-    return list(dict.fromkeys(_sentence(step) for step in done))
-
-
-def _sentence(step: str) -> str:
-    """Begins with a capital, ends with a full stop."""
-    return (step[:1].upper() + step[1:]).rstrip(".") + "."
+    return list(dict.fromkeys(((step[:1].upper() + step[1:]).rstrip(".") + ".") for step in done))
 
 
 def sources(analysis: Analysis) -> list[str]:

@@ -8,8 +8,8 @@ from floquid.shapes._arguments import APART, Blades, Pairs, pairs_of
 from floquid.shapes._blades import WORDS, BladePattern, PatternShare, Words
 from floquid.shapes._path import PathShapes, path_shapes
 from floquid.shapes._read import ModeReading, Participation, ShapeOptions, ShapeReadings, ordinal, read_shapes
+from floquid.shapes._shares import CLEAR, Whirl, sense_of
 from floquid.shapes._sidebands import PeriodicAmount, Sidebands, sidebands_of
-from floquid.shapes._whirl import CLEAR, Whirl, sense_of
 
 __all__ = [
     "WORDS", "BladePattern", "ModeReading", "Participation", "PathShapes", "PatternShare", "PeriodicAmount",

@@ -73,7 +73,7 @@ def path_shapes(result: Analysis | PeriodicModel) -> PathShapes:
     each pair is given, real multipliers are left out. Raises InputError where `result` is something else, or has a mode
     without such a branch.
     """
-    model = result.model if isinstance(result, Analysis) else result
+    model = getattr(result, "model", None)
     if not isinstance(model, PeriodicModel):
         must, remedy = "be an Analysis or a PeriodicModel", "Pass what `identify` gave."
         raise input_error("result", OF, must, f"is {describe(result)}", remedy)

@@ -14,11 +14,9 @@ from floquid._arrays import Floats, Integers
 from floquid._checks import Rebuilt, Sealed, describe, input_error, positive
 from floquid.core import Channel, Identified, PeriodicModes, Shape, as_point, channels_named, couples_of
 from floquid.periodic import CONFIDENT
-from floquid.pipeline import Analysis
 from floquid.shapes._arguments import APART, OF, Blades, Family, Pair, Pairs, families_of, pairs_of
 from floquid.shapes._blades import WORDS, BladePattern, Words, pattern_of
-from floquid.shapes._shares import Energies
-from floquid.shapes._whirl import Whirl, whirl_of
+from floquid.shapes._shares import Energies, Whirl, whirl_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -244,7 +242,7 @@ def _refuse_period(result: Any, modes: PeriodicModes, given: float | None) -> No
 
     A speed that makes no whole number of periods a revolution is another shaft's.
     """
-    stated = result.settings.periods_per_revolution if isinstance(result, Analysis) else 1.0
+    stated = getattr(getattr(result, "settings", None), "periods_per_revolution", 1.0)
     turns = modes.period * modes.point.get("speed_rpm", 0.0) / 60.0
     whole = round(1.0 / turns) if turns > 0.0 else 0
     if whole > 1 and abs(whole * turns - 1.0) < APART:

@@ -190,7 +190,7 @@ def sidebands_of(result: Analysis | PeriodicModel) -> Sidebands | None:
 
     Those of a known system, which has no deviations, are exact.
     """
-    model = result.model if isinstance(result, Analysis) else result
+    model = result.model
     whole = model.unselected
     if whole is None:
         return _exact(model) if model.covariance is None else None

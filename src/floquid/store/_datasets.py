@@ -166,7 +166,7 @@ def get_fields(group: Any, kind: type) -> dict[str, Any]:
         elif place == "json":
             found[name] = ShapeOptions(**json.loads(get(group, name, text=True)))
         elif place == "findings":
-            found[name] = get_findings(group, name)
+            found[name] = tuple(from_mapping(json.loads(text)) for text in get(group, name, "findings"))
         elif isinstance(place, str):
             found[name] = _as_declared(group, name, place, _declared(kind).get(name, ""))
         elif place is Mapping:
@@ -208,11 +208,6 @@ def get_numbers(group: Any) -> dict[str, float]:
     """Numbers by their names."""
     # By no place: a quantity of the operating point may be called as a text or a flag elsewhere.
     return {str(name): float(get(group, name, None)) for name in group}
-
-
-def get_findings(group: Any, name: str) -> tuple[Finding, ...]:
-    """The findings in a dataset of a group."""
-    return tuple(from_mapping(json.loads(text)) for text in get(group, name, "findings"))
 
 
 def _channels(group: Any) -> tuple[Channel, ...]:

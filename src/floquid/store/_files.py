@@ -17,7 +17,7 @@ from floquid.checks import Criterion, Validation
 from floquid.comparison import Comparison, Updated
 from floquid.core import CLOCKS, Clock, ConstantPeriod, PeriodicModel, Record
 from floquid.innovations import Mode
-from floquid.inputs import InputMode, Uncertainty
+from floquid.inputs import InputMode
 from floquid.io import (
     GUARD,
     LARGE_FORMAT,
@@ -96,11 +96,10 @@ def _write(analysis: Result, stream: BytesIO) -> None:
         file.attrs["format"] = RESULT_FORMAT
         file.attrs["version"] = VERSION
         file.attrs["floquid"] = __version__
-        kind = KINDS.get(type(analysis))
-        if kind is not None:
-            file.attrs["kind"] = kind
-        writers: dict[type, Callable[[Any, Any], None]] = {Analysis: _put_analysis, TransferFit: _put_fit}
-        writers.get(type(analysis), put_object)(file, analysis)
+        if analysis.kind in KINDS:
+            file.attrs["kind"] = analysis.kind
+        writers: dict[str, Callable[[Any, Any], None]] = {"analysis": _put_analysis, "fitted": _put_fit}
+        writers.get(analysis.kind, put_object)(file, analysis)
 
 
 def _put_analysis(file: Any, analysis: Analysis) -> None:
@@ -139,11 +138,8 @@ def _put_decay(group: Any, analysis: Analysis, decay: Decay) -> None:
 
 def _put_driven(group: Any, fit: Driven) -> None:
     """A fit of records whose excitation goes on: its modes, and what cannot be made of them again."""
-    if isinstance(fit, Uncertainty):
-        put(group, "direct", fit.at.direct, "harmonics")
-    else:
-        put(group, "columns", fit.at.columns, "channels, columns; that of the channel")
-        put(group, "initial", fit.at.initial, "records, states")
+    for name, (array, axes) in fit.kept.items():
+        put(group, name, array, axes)
     for number, mode in enumerate(fit.at.modes, start=1):
         put_object(group.create_group(f"modes/mode{number}"), mode)
 
@@ -261,10 +257,9 @@ def _read_fit(file: Any) -> TransferFit:
 def _read(file: Any) -> Result:
     kind = str(file.attrs.get("kind", ""))
     if kind:
-        own = next((own for own, name in KINDS.items() if kind == name), None)
-        if own is None:
+        if kind not in KINDS:
             raise DamagedError(f"it is of the kind {kind!r}, which this floquid does not know (update floquid)")
-        return _read_fit(file) if own is TransferFit else get_object(file, own)
+        return _read_fit(file) if kind == "fitted" else get_object(file, KINDS[kind])
     settings, found = _settings(file["settings"]), get_fields(file, Analysis)
     model, state, count = found["model"], found.get("state"), len(file["records"])
     shafts = tuple(get_object(hit, ShaftAngle) for hit in _hits(file, "shafts", count)) if "shafts" in file else ()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import fields
+from typing import Any
 
 from floquid.checks import Validation
 from floquid.comparison import ComparedPoint, Comparison, Direction, Misfit, Pair, Updated
@@ -22,11 +23,8 @@ from floquid.transfer import MeasuredTransfer, TransferFit
 
 VERSION = 4
 
-KINDS: dict[type, str] = {
-    Survey: "survey", Comparison: "comparison", Updated: "update", Monitor: "monitor",
-    MeasuredTransfer: "measured", TransferFit: "fitted",
-}  # fmt: skip
-"""The attribute `kind` of the files of results, by their types; that of an analysis has none."""
+KINDS: dict[str, Any] = {own.kind: own for own in (Survey, Comparison, Updated, Monitor, MeasuredTransfer, TransferFit)}
+"""Types of results by the attribute `kind` of their files; that of an analysis has none."""
 
 ABSENT = (
     "later", "point", "fitted", "rounded", "shapes", "turn", "branch", "begins", "agreement", "whirl_interval",

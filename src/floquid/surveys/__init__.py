@@ -1,11 +1,18 @@
 """Modes over an operating point: tracks through results at several speeds, and the edges of instability."""
 
-from floquid.surveys._known import KNOWN, ObservedSystem, is_linearised, known_exponents, known_modes
 from floquid.surveys._objects import BRANCHES, Seen, branch_of, invariants, similarities, turn_between
-from floquid.surveys._points import NOT_READ, objects_of, point_of
-from floquid.surveys._records import Matches, match_records, matches_of
+from floquid.surveys._points import (
+    KNOWN,
+    NOT_READ,
+    ObservedSystem,
+    is_linearised,
+    known_exponents,
+    known_modes,
+    objects_of,
+    point_of,
+)
 from floquid.surveys._survey import survey
-from floquid.surveys._tracking import assigned
+from floquid.surveys._tracking import Matches, assigned, match_records, matches_of
 from floquid.surveys._types import Edge, Link, Point, Survey, Track
 from floquid.surveys._words import (
     DAMPING,

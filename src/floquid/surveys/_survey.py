@@ -17,9 +17,8 @@ from floquid._checks import counted, input_error, integer, positive
 from floquid._show import late
 from floquid.shapes import Blades, Pairs, ShapeOptions, Words, ordinal
 from floquid.surveys._edges import Crossing, Followed, crossings
-from floquid.surveys._known import known_modes
 from floquid.surveys._objects import Seen, similarities
-from floquid.surveys._points import OF, check_points, objects_of, point_of
+from floquid.surveys._points import OF, check_points, known_modes, objects_of, point_of
 from floquid.surveys._tracking import Path, tracked
 from floquid.surveys._types import Edge, Point, Survey, Track
 from floquid.surveys._words import DOUBTFUL
@@ -147,7 +146,7 @@ def _followed(given: Sequence[Point], over: str, gap: int, confidence: float) ->
         paths = tracked([objects[k] for k in there], values[there], gap)
     alone = [path for path in paths if len(path.places) == 1]
     both = [(_track(path, there, points), path) for path in paths if len(path.places) > 1]
-    both.sort(key=lambda own: _height(own[0]))
+    both.sort(key=lambda own: float(np.median(np.abs(own[0].frequency))))
     tracks, paths = named([track for track, _ in both]), [path for _, path in both]
     followed = [{there[at]: held.own for at, held in zip(path.places, path.objects, strict=True)} for path in paths]
     notes, doubts = meetings(tracks, followed, values, over)
@@ -169,11 +168,6 @@ def _reason(point: Point, over: str) -> str:
     state = "no result" if point.model is None else "the model fails"
     first = (point.reason or "").partition(". ")[0].rstrip(".")
     return f"{over} = {point.values[over]:g}: {state}. {first}."
-
-
-def _height(track: Track) -> float:
-    """The middle frequency of a track, by which tracks are numbered."""
-    return float(np.median(np.abs(track.frequency)))
 
 
 def _track(path: Path, there: Sequence[int], points: Sequence[Point]) -> Track:

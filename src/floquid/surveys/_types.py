@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import ClassVar
 
 import numpy as np
 
@@ -257,6 +258,7 @@ class Survey(Told, Drawn, Rebuilt):
         Points without a result, doubtful links, and what else a reader must know.
     """
 
+    kind: ClassVar[str] = "survey"  # by which its file, its page and its text are made
     over: str
     points: tuple[Point, ...]
     tracks: tuple[Track, ...]

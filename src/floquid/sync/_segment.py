@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from floquid._checks import input_error
+from floquid._checks import input_error, several
 from floquid.core import ConstantPeriod, Cycles, PhaseClock, Record
 from floquid.errors import NotSynchronousError
 from floquid.sync._shaft_angle import tied
@@ -28,16 +28,16 @@ def segment(records: Record | Sequence[Record]) -> tuple[Cycles, ...]:
     than the first, or at other phases; InputError where a record has no clock, holds no whole period, has missing
     samples, or differs from the first in period or channels.
     """
-    several = (records,) if isinstance(records, Record) else tuple(records)
-    if not several:
+    hits = several(records, Record)
+    if not hits:
         raise input_error("records", "segment", "hold at least one record", "is empty")
-    first = several[0]
+    first = hits[0]
     phases = samples_per_period(first)
     phase = _clock(first).phase(first.start)
-    refuse_unlike(several, "segment")
-    for number, record in enumerate(several[1:], start=2):
+    refuse_unlike(hits, "segment")
+    for number, record in enumerate(hits[1:], start=2):
         _check_alike(first, record, number)
-    return tuple(_cut(record, phases, phase) for record in several)
+    return tuple(_cut(record, phases, phase) for record in hits)
 
 
 def samples_per_period(record: Record) -> int:

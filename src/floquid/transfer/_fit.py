@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._arrays import Complexes, Floats
-from floquid._checks import Rebuilt, frozen_array, input_error
+from floquid._checks import Rebuilt, frozen_array, input_error, positive
 from floquid.core import PeriodicModel, Provenance, modelled
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, Severity, failure, note, texts, warning
@@ -46,6 +46,7 @@ class TransferFit(Rebuilt):
         What was done, and what a reader must know.
     """
 
+    kind: ClassVar[str] = "fitted"  # by which its file, its page and its text are made
     measured: TransferFunctions
     model: PeriodicModel
     modal: Modal
@@ -133,8 +134,7 @@ def fit_transfer(
     period = known if period is None else period
     if period is None:
         raise input_error("period", of, "be given", "is not, and the lines have none", "Pass `period=` in s.")
-    if not (np.isfinite(period) and period > 0.0):
-        raise input_error("period", of, "be above 0", f"is {period!r}", "Give it in s.")
+    positive(period, "period", of, unit="s")
     if own.std is None:
         remedy = "A constant one will do where nothing is known: only its ratios count then."
         raise input_error("measured", of, "have deviations", "has none", remedy)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,7 @@ class MeasuredTransfer(Rebuilt):
         What was done, and what a reader must know.
     """
 
+    kind: ClassVar[str] = "measured"  # by which its file, its page and its text are made
     transfer: TransferFunctions
     period: float
     method: str

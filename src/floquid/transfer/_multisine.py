@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import Rebuilt, frozen_array, input_error
+from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive
 from floquid.core import Channel, ConstantPeriod, Record
 
 ROUNDED = 1e-6
@@ -73,8 +73,7 @@ class Multisine(Rebuilt):
 
         Raises InputError where `repeats` is not at least 1, or `channels` do not name the inputs.
         """
-        if repeats < 1:
-            raise input_error("repeats", "Multisine.record", "be at least 1", f"is {repeats}", "Four give a variance.")
+        integer(repeats, "repeats", "Multisine.record", at_least=1, remedy="Four give a variance.")
         named = [f"u{number}" for number in range(1, len(self.values) + 1)] if channels is None else list(channels)
         return Record(
             values=np.tile(self.values, repeats),
@@ -127,14 +126,10 @@ def multisine(
     """
     of = "multisine"
     for name, value in (("period", period), ("sample_rate", sample_rate), ("rms", rms)):
-        if not (np.isfinite(value) and value > 0.0):
-            raise input_error(name, of, "be above 0", f"is {value!r}", "Give it in s, in Hz, or in the input's unit.")
-    if turns < 4:
-        raise input_error("turns", of, "be at least 4", f"is {turns}", "As turns=128.")
-    if seed < 0:
-        raise input_error("seed", of, "be 0 or more", f"is {seed}", "As seed=0.")
-    if inputs < 1:
-        raise input_error("inputs", of, "be at least 1", f"is {inputs}", "As inputs=1.")
+        positive(value, name, of, remedy="Give it in s, in Hz, or in the input's unit.")
+    integer(turns, "turns", of, at_least=4, remedy="As turns=128.")
+    integer(seed, "seed", of, at_least=0, remedy="As seed=0.")
+    integer(inputs, "inputs", of, at_least=1, remedy="As inputs=1.")
     if not 0.0 <= spare < 1.0:
         raise input_error("spare", of, "be from 0 to less than 1", f"is {spare}", "As spare=0.1.")
     exact = turns * period * sample_rate

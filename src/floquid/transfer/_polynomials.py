@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from floquid._arrays import BLOCK
 from floquid.core import Channel
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, warning
@@ -17,7 +18,6 @@ from floquid.transfer._measured import MeasuredTransfer, measured_of
 
 DEGREE = 2  # degree of the polynomials
 FREE = (20, 0.6)  # lines of a window beyond the unknowns: a number, and a share of them more
-TOGETHER = 256  # windows that are solved at once
 
 POOR = 1e6
 """The variance of G, over that from inputs of the same power at every line, from which on they have none to tell it."""
@@ -71,8 +71,9 @@ def by_polynomials(
     noise, explained = np.zeros((outputs.shape[1], len(lines))), np.zeros((outputs.shape[1], len(lines)))
     bends = np.zeros((len(asked), len(lines)))
     even = 1.0 / (records * (2 * half + 1))
-    for row, begin in product(range(len(asked)), range(0, len(lines), TOGETHER)):
-        own = slice(begin, begin + TOGETHER)
+    together = max(BLOCK // (unknowns * records * (2 * half + 1)), 1)  # windows that are solved at once
+    for row, begin in product(range(len(asked)), range(0, len(lines), together)):
+        own = slice(begin, begin + together)
         middle = lines[own] + asked[row] * periods
         solved, variance, left, share = _windows(outputs, (inputs, known), middle, asked, periods, half)
         driven = slice(0, (DEGREE + 1) * len(asked) * inputs.shape[1])

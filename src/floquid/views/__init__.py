@@ -29,8 +29,20 @@ from floquid.views._mode_table import (
     note_meanings,
     with_error,
 )
-from floquid.views._modes import check_analysis, grows
-from floquid.views._names import element_unit, in_unit, input_unit, shortened
+from floquid.views._names import (
+    SpeedUnit,
+    check_analysis,
+    element_unit,
+    grows,
+    in_unit,
+    input_unit,
+    over_label,
+    over_unit,
+    shortened,
+    speed_texts,
+    speed_unit,
+    speed_words,
+)
 from floquid.views._outcome import (
     cycle_words,
     done_words,
@@ -44,14 +56,16 @@ from floquid.views._sidebands import impedance
 from floquid.views._spectra import (
     SpectraOfModes,
     Spectrum,
+    Synthesis,
     envelope,
+    lifted_points,
     lifted_spectrum,
+    raw_noise,
     record_spectrum,
     spectra_of_modes,
+    synthesis,
 )
-from floquid.views._speed import SpeedUnit, over_label, over_unit, speed_texts, speed_unit, speed_words
 from floquid.views._synchronisation import Synchronisation, synchronisation
-from floquid.views._synthesis import Synthesis, lifted_points, raw_noise, synthesis
 from floquid.views._three_phase import to_alpha_beta, to_dq, to_sequence
 
 __all__ = [

@@ -12,7 +12,7 @@ from floquid.core import PeriodicModel
 from floquid.lti import ModalModel
 from floquid.periodic import assemble
 from floquid.pipeline import Analysis
-from floquid.views._modes import check_analysis, paired
+from floquid.views._names import check_analysis, paired
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

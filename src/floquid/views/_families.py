@@ -13,7 +13,7 @@ from floquid.lti import fit_residues
 from floquid.order import OrderScan
 from floquid.periodic import physical_exponents
 from floquid.pipeline import Analysis
-from floquid.views._modes import check_analysis, frozen, paired
+from floquid.views._names import check_analysis, frozen, paired
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

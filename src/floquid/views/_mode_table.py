@@ -14,7 +14,7 @@ from floquid._checks import describe, input_error
 from floquid.core import Branch, PeriodicModel
 from floquid.periodic import CONFIDENT, participation
 from floquid.pipeline import Analysis
-from floquid.views._modes import grows
+from floquid.views._names import grows
 
 DampingUnit: TypeAlias = Literal["percent", "decrement"]
 """Units of damping: the damping ratio ζ in percent, or the logarithmic decrement δ = 2πζ/√(1 - ζ²)."""

@@ -1,10 +1,19 @@
-"""Names in as much room as there is, the units of the elements of A(t)."""
+"""Choice of modes, channels and hits; names in as much room as there is; units of A(t) and of the speed of a shaft."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from typing import Literal, TypeAlias
 
-from floquid.core import Channel
+import numpy as np
+from numpy.typing import NDArray
+
+from floquid._arrays import Complexes, Integers
+from floquid._checks import describe, index, input_error
+from floquid.core import Channel, PeriodicModel
+from floquid.findings import Finding, Severity
+from floquid.fit import DEVIATIONS
+from floquid.pipeline import Analysis
 from floquid.reconstruction import StateModel
 
 VELOCITY = "d/dt "  # what the name of a state that is the derivative of another begins with
@@ -82,3 +91,106 @@ def _time(power: int) -> str:
         return ""
     raised = f"s{_POWERS.get(abs(power), '')}"
     return raised if power > 0 else f"1/{raised}"
+
+
+SpeedUnit: TypeAlias = Literal["hz", "rpm"]
+
+UNITS = {"hz": ("Hz", 1.0), "rpm": ("rpm", 60.0)}
+
+
+def speed_unit(unit: object, of: str) -> tuple[str, float]:
+    """The symbol of a `unit` of speed, and how many of it are a revolution a second.
+
+    Raises InputError in the name of the callable `of` where it is none.
+    """
+    if not isinstance(unit, str) or unit not in UNITS:
+        raise input_error("speed_unit", of, 'be "hz" or "rpm"', f"is {describe(unit)}")
+    return UNITS[unit]
+
+
+def speed_words(analysis: Analysis, unit: SpeedUnit = "hz") -> str:
+    """The speed of the shaft by the period and the periods a revolution of an `analysis`, in words with its `unit`."""
+    symbol, factor = speed_unit(unit, "speed_words")
+    periods = analysis.settings.periods_per_revolution
+    shaft = "" if unit == "hz" and periods == 1.0 else "shaft at "
+    more = "" if periods == 1.0 else f", {periods:g} periods a revolution"
+    return f"{shaft}{factor / (analysis.model.period * periods):.6g} {symbol}{more}"
+
+
+def speed_texts(findings: Iterable[Finding], unit: SpeedUnit, *severities: Severity) -> tuple[str, ...]:
+    """The sentences of those `findings` that are of one of the `severities`, the speed of the shaft in a `unit`.
+
+    In a finding the speed is the number `hz`.
+    """
+    symbol, factor = speed_unit(unit, "speed_texts")
+    return tuple(
+        str(own).replace(f"{own.numbers['hz']:.6g} Hz", f"{factor * own.numbers['hz']:.6g} {symbol}")
+        if "hz" in own.numbers
+        else str(own)
+        for own in findings
+        if own.severity in severities
+    )
+
+
+ENDINGS = {
+    "_rpm": "rpm",
+    "_m_s": "m/s",
+    "_hz": "Hz",
+    "_rad_s": "rad/s",
+    "_c": "°C",
+    "_n": "N",
+    "_nm": "N m",
+    "_deg": "deg",
+}
+"""Units by the endings of names."""
+
+
+def over_unit(name: str) -> tuple[str, str]:
+    """Words and unit of a quantity by its `name`: speed and rpm of `speed_rpm`; an empty unit where none is named."""
+    for ending, unit in sorted(ENDINGS.items(), key=lambda one: -len(one[0])):
+        if name.endswith(ending) and len(name) > len(ending):
+            return name[: -len(ending)].replace("_", " "), unit
+    return name.replace("_", " "), ""
+
+
+def over_label(name: str) -> str:
+    """Words of a quantity by its `name`, with its unit in brackets."""
+    words, unit = over_unit(name)
+    return f"{words} [{unit}]" if unit else words
+
+
+def grows(model: PeriodicModel, mode: int) -> bool:
+    r"""True where a `mode` of the `model` grows beyond doubt, or as far as is known.
+
+    .. math:: \Re\lambda > 4\,\sigma_{\Re\lambda}
+
+    Without a deviation, :math:`\Re\lambda > 0`.
+    """
+    std = 0.0 if model.exponent_std is None else float(model.exponent_std[mode].real)
+    return bool(model.exponents[mode].real > DEVIATIONS * (std if np.isfinite(std) else 0.0))
+
+
+def check_analysis(analysis: Analysis, of: str, *, channel: int | None = None, hit: int = 0) -> None:
+    """Refuse an `analysis` that is none, and a `channel` or a `hit` that it has not; `of` is the callable."""
+    if not isinstance(analysis, Analysis):
+        raise input_error("analysis", of, "be an Analysis", f"is {analysis!r:.60}", "Pass what `identify` gives.")
+    index(hit, "hit", of, analysis.model.n_hits)
+    if channel is not None:
+        index(channel, "channel", of, len(analysis.model.channels))
+
+
+def paired(one: Complexes, other: Complexes) -> Integers:
+    """Index in `other` of each mode of `one` (modes of `one`,): each taken once, so that the differences are least."""
+    from scipy.optimize import linear_sum_assignment
+
+    off = np.abs(np.subtract.outer(one, other))
+    found = np.argmin(off, axis=1)
+    rows, columns = linear_sum_assignment(off)
+    found[rows] = columns
+    return found.astype(np.int64)
+
+
+def frozen(values: NDArray) -> NDArray:
+    """The array, read-only."""
+    values.flags.writeable = False
+    return values

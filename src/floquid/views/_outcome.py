@@ -15,7 +15,7 @@ from floquid.findings import Severity, texts
 from floquid.pipeline import Analysis
 from floquid.preparation import in_phase
 from floquid.views._mode_table import mode_notes, with_error
-from floquid.views._speed import SpeedUnit, speed_texts, speed_words
+from floquid.views._names import SpeedUnit, speed_texts, speed_words
 
 ORDER = "all_needed"  # the code of the finding that the line on the order has
 IN_LINES = (ORDER, "forced", "interference")  # the codes of all findings that a line of the outcome has, in short

@@ -15,8 +15,8 @@ from floquid.fit import filter_gain, filtered
 from floquid.periodic import instants, unexplained
 from floquid.pipeline import Analysis
 from floquid.views._families import families
-from floquid.views._modes import check_analysis
-from floquid.views._synthesis import Response, response_of
+from floquid.views._names import check_analysis
+from floquid.views._spectra import Response, response_of
 
 STRETCHES, FEWEST = 12, 4  # stretches that a record is cut into at most, and cycles that each has at least
 LARGEST = 2**13  # samples of a stretch that are looked at, at most: those in its middle

@@ -9,9 +9,8 @@ import pytest
 import floquid as fq
 from floquid.fleets import _fleet as module
 from floquid.fleets import kept_results
-from floquid.fleets._rows import COLUMNS
 from floquid.fleets._runner import DIED
-from floquid.fleets._table import opened
+from floquid.fleets._table import COLUMNS, opened
 from floquid.systems import JeffcottRotor
 
 parquet = pytest.importorskip("pyarrow.parquet")

@@ -7,9 +7,8 @@ import pytest
 
 from floquid.fit import CHUNK, LONGEST_STEP, ROUNDING
 from floquid.innovations import _products, _result
-from floquid.innovations._covariance import colour, whitening_of
+from floquid.innovations._covariance import colour, stable_gains, whitening_of
 from floquid.innovations._derivatives import gradient, slopes
-from floquid.innovations._gain import stable_gains
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import matrices, predicted
 from floquid.innovations._products import as_real, merged

@@ -15,8 +15,7 @@ from floquid.innovations._covariance import reweighed
 from floquid.innovations._derivatives import slopes
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import predicted
-from floquid.innovations._solve import normal_of, roughly, solve
-from floquid.innovations._thinned import thinned
+from floquid.innovations._solve import normal_of, roughly, solve, thinned
 from floquid.innovations.search import _fewer
 from floquid.inputs import Limits, samples_of
 

@@ -9,8 +9,7 @@ from tests.unit.inputs.test_start import samples_from
 
 from floquid.fit import chi2_limit
 from floquid.inputs import Limits, bare_mode, fitted_together, linearise, searched
-from floquid.inputs.search._bands import far_growths, growths, helpful, shrinkages
-from floquid.inputs.search._point import Point
+from floquid.inputs.search._bands import Point, far_growths, growths, helpful, shrinkages
 from floquid.inputs.search._search import additions, kinds, removals
 from floquid.inputs.search._structure import Structure
 

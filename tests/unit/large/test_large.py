@@ -13,7 +13,7 @@ import floquid as fq
 from floquid.core import ConstantPeriod, LazyRecord, Record
 from floquid.errors import IdentificationError, InputError
 from floquid.large import _identify, _part, _result
-from floquid.large._sweeps import Plan
+from floquid.large._modes import Plan
 from floquid.lti import fit_residues
 
 PHASES = 12

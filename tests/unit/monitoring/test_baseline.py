@@ -6,7 +6,7 @@ from scipy import stats
 from tests.machines import machine
 
 from floquid.monitoring._baseline import chart, fit_baseline, scatter_of, squared_limit
-from floquid.monitoring._least_squares import columns_of, regress, selected, slopes_of, squared_distances, terms_of
+from floquid.monitoring._work import columns_of, regress, selected, slopes_of, squared_distances, terms_of
 
 
 def drawn(seed, records=40, modes=2):

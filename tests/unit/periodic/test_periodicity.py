@@ -7,7 +7,7 @@ import pytest
 from scipy.special import chdtrc, chdtri, chndtr
 
 from floquid import Record, identify, load, save
-from floquid.cli._printed import print_analysis
+from floquid.cli.output.printed import print_analysis
 from floquid.core import ConstantPeriod, Estimates, PeriodicModel
 from floquid.errors import InputError
 from floquid.exports import summary

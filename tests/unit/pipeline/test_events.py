@@ -12,11 +12,11 @@ from rich.console import Console
 from scipy.integrate import solve_ivp
 
 from floquid import ConstantPeriod, InputError, PulseTimes, Record, identify, load, save
-from floquid.cli._printed import print_found
-from floquid.cli._records import event_files, read_events
+from floquid.cli.arguments.records import event_files, read_events
+from floquid.cli.output.printed import print_found
 from floquid.exports import summary
 from floquid.preparation import in_phase
-from floquid.preparation._events import common_orbit
+from floquid.preparation._prepare import common_orbit
 from floquid.sync import between_events
 
 REAL, PAIR = 0.62, 0.45 + 0.35j

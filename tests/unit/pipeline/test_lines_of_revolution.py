@@ -162,7 +162,11 @@ def test_lines_are_fourier_sums_over_those_beside(samples, wander):
     times += wander * np.sin(0.03 * times)
     values = generator.standard_normal((2, samples)) + 5.0 + np.cos(times)
     harmonics = np.array([0.5, 1.0, 4.0 / 3.0, 1.7, 3.5, 7.0])
-    lines = np.array([0.0, *BESIDE, *(-k for k in BESIDE)]) * SYSTEM.period / (times[-1] - times[0])
+    lines = (
+        np.array([0.0, *(s * k for k in range(1, BESIDE + 1) for s in (1, -1))])
+        * SYSTEM.period
+        / (times[-1] - times[0])
+    )
     angles = 2.0 * np.pi / SYSTEM.period * np.multiply.outer(np.add.outer(harmonics, lines), times)
     sizes = np.abs(np.einsum("ct,hlt->chl", values - values.mean(axis=1, keepdims=True), np.exp(-1j * angles)))
     exact = sizes[..., 0] / np.sqrt(np.mean(sizes[..., 1:] ** 2, axis=2))

@@ -18,8 +18,7 @@ from floquid.lti import ERA
 from floquid.order import Stability
 from floquid.order import scan as scan_orders
 from floquid.reporting import _page
-from floquid.reporting._case import MOST_CHANNELS, POINTS, case_of
-from floquid.reporting._look import CURVES, DASHES, MARKERS
+from floquid.reporting._case import CURVES, DASHES, MARKERS, MOST_CHANNELS, POINTS, case_of
 from floquid.reporting._modes_figures import MOST, _upper, element_name, elements_shown
 from floquid.reporting._page import page
 from floquid.reporting._record_figures import response_sources

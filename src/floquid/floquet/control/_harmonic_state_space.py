@@ -11,15 +11,7 @@ from numpy.typing import ArrayLike
 from floquid._arrays import Complexes, Floats, Integers
 from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive
 from floquid.floquet.control._system import Matrices, PeriodicSystem, with_inputs
-from floquid.floquet.hill_method import (
-    STEPS,
-    block_toeplitz,
-    hill,
-    most_harmonics,
-    refuse_undamped,
-    smoothed,
-    speeds,
-)
+from floquid.floquet.hill_method import STEPS, block_toeplitz, hill, most_harmonics, refuse_undamped, smoothed, speeds
 from floquid.floquet.matrices import AbstractPeriodicMatrix, FunctionMatrix, checked_tolerance, fourier, reach
 
 _LARGEST = 2500  # rows of the lifted state matrix

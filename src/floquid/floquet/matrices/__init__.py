@@ -13,16 +13,16 @@ from floquid.floquet.matrices._arithmetic import (
     repetitions,
     scaled,
 )
-from floquid.floquet.matrices._conversion import (
-    Reach,
-    after_jumps,
-    elements,
-    fourier,
-    of_function,
-    reach,
-    to_harmonics,
+from floquid.floquet.matrices._conversion import Reach, after_jumps, elements, fourier, of_function, reach, to_harmonics
+from floquid.floquet.matrices._forms import (
+    LAST,
+    FunctionMatrix,
+    PiecewiseMatrix,
+    Prepared,
+    StateMatrix,
+    periodic,
+    prepare,
 )
-from floquid.floquet.matrices._forms import FunctionMatrix, PiecewiseMatrix
 from floquid.floquet.matrices._matrix import (
     SAME,
     AbstractPeriodicMatrix,
@@ -36,11 +36,4 @@ from floquid.floquet.matrices._matrix import (
     probe_times,
     refuse_other_period,
 )
-from floquid.floquet.matrices._series import (
-    HarmonicMatrix,
-    Interpolation,
-    SampledMatrix,
-    constant_matrix,
-    line_weights,
-)
-from floquid.floquet.matrices._state_matrix import LAST, Prepared, StateMatrix, periodic, prepare
+from floquid.floquet.matrices._series import HarmonicMatrix, Interpolation, SampledMatrix, constant_matrix, line_weights

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import overload
+from typing import ClassVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -78,6 +78,7 @@ class FloquetModes(Told, Drawn, Rebuilt):
         The mean of tr A(t) over the period [1/s], which the exponents sum to (Liouville).
     """
 
+    kind: ClassVar[str] = "modes"  # by which its file, its page and its text are made
     exponents: Complexes
     coefficients: Complexes
     harmonics: Integers

@@ -8,8 +8,7 @@ from itertools import islice
 import numpy as np
 
 from floquid.fit import chi2_limit, scaled_inverse, wald_rise
-from floquid.innovations._covariance import white
-from floquid.innovations._gain import stable_gains
+from floquid.innovations._covariance import stable_gains, white
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted
 from floquid.innovations._products import as_real, gap_of, merged

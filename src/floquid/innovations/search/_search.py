@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from floquid.core import NearAxis
 from floquid.errors import IdentificationError
 from floquid.fit import FEW_STEPS, OFF, ROUNDS, chi2_limit
-from floquid.innovations._covariance import reweighed, white, whitening_of
-from floquid.innovations._gain import SMALL, stable_gains
+from floquid.innovations._covariance import SMALL, reweighed, stable_gains, white, whitening_of
 from floquid.innovations._mode import Mode
 from floquid.innovations._predictor import Predictor, predicted, rebuilt
 from floquid.innovations._products import APART

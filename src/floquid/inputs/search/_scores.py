@@ -15,15 +15,7 @@ from floquid.fit import HALF_DIGITS, ROUNDING, chi2_limit, inverse_root, score_g
 from floquid.inputs._modes import InputMode, followed
 from floquid.inputs._samples import Samples
 from floquid.inputs._slopes import slopes_in_parts
-from floquid.inputs._solver import (
-    Linearisation,
-    carried,
-    columns_at,
-    normal_equations,
-    numbers_of,
-    scale_of,
-    slopes_of,
-)
+from floquid.inputs._solver import Linearisation, carried, columns_at, normal_equations, numbers_of, scale_of, slopes_of
 from floquid.inputs.search._structure import Limits
 
 Group = Callable[[Samples, slice], NDArray[np.float64]]

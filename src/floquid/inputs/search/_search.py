@@ -14,9 +14,8 @@ from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, linearise, solve
 from floquid.inputs._start import bare_mode, candidates, conjugated, fitted_together
-from floquid.inputs.search._bands import centred, far_growths, growths, helpful, shrinkages
+from floquid.inputs.search._bands import HOPE, REST, Point, centred, far_growths, growths, helpful, shrinkages
 from floquid.inputs.search._near_axis import block_of_pair, block_of_reals, ordinary
-from floquid.inputs.search._point import HOPE, REST, Point
 from floquid.inputs.search._scores import by_noise_beyond
 from floquid.inputs.search._structure import Limits, Structure
 from floquid.search import LOOSE, NEAR, REACH, Move, descended

@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.random import SeedSequence
@@ -55,6 +56,7 @@ class Bootstrap(Told, Rebuilt):
         Whether each draw was identified from the beginning.
     """
 
+    kind: ClassVar[str] = "bootstrap"  # by which its file, its page and its text are made
     exponents: Spread
     multipliers: Spread
     frequencies_hz: Spread

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,12 +168,11 @@ def predicted_rest(analysis: Analysis) -> tuple[NDArray[np.float64], NDArray[np.
     Of outputs alone one sample ahead. Where nothing was left out (`validate`), by the fit to all samples. The mask is
     true where samples were fitted (samples,). NaN where nothing was measured.
     """
-    fit = analysis.driven
-    assert fit is not None
+    fit: Any = analysis.driven
     samples = fit.samples
     part, mask = first_part(samples) if analysis.settings.validate else (samples, np.ones(samples.n_samples, bool))
     with blas_threads(analysis.records):
-        if isinstance(fit, Uncertainty):
+        if not analysis.ambient:
             own = fit.at if mask.all() else solve_driven(without_last(samples)[0], fit.at.modes, fit.at.direct)
             response = columns_at(samples, own.modes, own.direct).response(own.coefficients)
             return np.where(samples.there, response, np.nan), mask

@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias, Unpack, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from floquid._checks import frozen_array, input_error
+from floquid._checks import frozen_array, input_error, integer, positive
 from floquid.core import Record, channels_named
 from floquid.errors import IdentificationError
 from floquid.pipeline._frequencies import POINTS
@@ -153,15 +153,13 @@ def _refuse_options(method: Method | None, repeat: int | None, drop: int, curvat
     """Refuse options that are not possible, or of another method."""
     if method not in (None, *get_args(Method)):
         raise input_error("method", OF, f"be one of {get_args(Method)}", f"is {method!r}", "Or leave it out.")
-    if repeat is not None and repeat < 2:
-        raise input_error("repeat", OF, "be 2 periods or more", f"is {repeat}", "Leave it out: it is found.")
+    if repeat is not None:
+        integer(repeat, "repeat", OF, at_least=2, remedy="Leave it out: it is found.")
     if repeat is not None and method not in (None, "repeats"):
         must, got = f"be left out with method={method!r}", f"is {repeat}"
         raise input_error("repeat", OF, must, got, 'It counts for method="repeats" alone.')
-    if drop < 0:
-        raise input_error("drop", OF, "be 0 or more", f"is {drop}", "As drop=1.")
-    if not (np.isfinite(curvature) and curvature > 0.0):
-        raise input_error("curvature", OF, "be above 0", f"is {curvature!r}", f"As curvature={CURVATURE}.")
+    integer(drop, "drop", OF, at_least=0, remedy="As drop=1.")
+    positive(curvature, "curvature", OF, remedy=f"As curvature={CURVATURE}.")
     if curvature != CURVATURE and method != "chirps":
         must, got = "be left out but of chirps", f"is {curvature!r} with method={method!r}"
         raise input_error("curvature", OF, must, got, 'It counts for method="chirps" alone.')

@@ -30,16 +30,7 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid.core import Channel
 from floquid.io import Source
-from floquid.tables import (
-    Table,
-    TimeColumn,
-    WholeLines,
-    make_channels,
-    number_in,
-    numbered,
-    rate_of_step,
-    rows_of,
-)
+from floquid.tables import Table, TimeColumn, WholeLines, make_channels, number_in, numbered, rate_of_step, rows_of
 
 _UNITS = {"": "-", "-": "-", "°": "deg"}
 

@@ -16,10 +16,9 @@ from numpy.typing import NDArray
 from floquid._checks import input_error
 from floquid.core import Record
 from floquid.io import Source, is_mat_4, letters, load_variables, mat_order, refuse_wrong_name
-from floquid.readers.variables._arrays import Arrays
 from floquid.readers.variables._by_name import MATLAB, NUMPY, TIME_NAMES, Dialect, Kind, Variable
 from floquid.readers.variables._by_path import table_of_variables
-from floquid.readers.variables._hdf5 import load_hdf5
+from floquid.readers.variables._hdf5 import Arrays, load_hdf5
 from floquid.tables import Table, numbers_of, orbit_of, texts_of
 
 _NPY = b"\x93NUMPY"

@@ -1,0 +1,1 @@
+"""Arguments of commands: options, settings, records, and points of a survey."""

@@ -1,0 +1,1 @@
+"""The commands, a file each; `identify` has `report`, and `demo` has `simulate`."""

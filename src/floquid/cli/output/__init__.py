@@ -1,0 +1,1 @@
+"""Output of commands: on the terminal, and in folders of results."""
