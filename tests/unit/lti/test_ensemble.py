@@ -88,7 +88,7 @@ def test_the_noise_that_all_inputs_tell(samples):
 def test_poles_that_any_matrix_gives_have_deviations():
     """Four steps of four poles leave a residual that says nothing of them: deviations were rounding."""
     identifier = Ensemble()
-    model = identifier.extract(identifier.prepare(decays(inputs=2, samples=3, noise=1e-3)), 4)
+    model = identifier.extract(identifier.prepare(decays(inputs=1, samples=5, noise=1e-3)), 4)
     assert model.order == 4
     off = np.abs(np.sort_complex(model.poles) - np.sort_complex(LOGS)).max()
     std = np.sqrt(np.diag(model.covariance))
