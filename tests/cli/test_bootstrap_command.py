@@ -28,7 +28,7 @@ def rows_after(text, title):
 def test_the_tables_say_what_the_numbers_say(monkeypatch):
     drawn, given = [], []
     monkeypatch.setattr(
-        "floquid.cli._bootstrap.bootstrap_analysis",
+        "floquid.cli.commands.bootstrap.bootstrap_analysis",
         lambda *own, **options: given.append(options) or drawn.append(floquid.bootstrap(*own, **options)) or drawn[0],
     )
     text = typed(f"bootstrap kept/result.h5 {COMMON} --seed 3")

@@ -9,7 +9,7 @@ from tests.cli.test_commands import strict_json, typed
 from tests.unit.large.test_large import decay
 
 import floquid as fq
-from floquid.cli import _large
+from floquid.cli.commands import identify as commanded
 
 
 @pytest.fixture
@@ -78,8 +78,10 @@ def test_checks_of_a_part_end_as_those_of_a_record(monkeypatch):
     assert fq.load("wrong/result.h5").passed is False
     colour = scipy.signal.lfilter([1.0], [1.0, -0.6], np.random.default_rng(0).standard_normal((5, 3600)))
     fq.write(replace(decay(cycles=300, noise=0.0), values=decay(cycles=300, noise=0.0).values + 0.3 * colour), "c.h5")
-    real, kept = _large.identify_large, []
-    monkeypatch.setattr(_large, "identify_large", lambda *own, **options: kept.append(real(*own, **options)) or kept[0])
+    real, kept = commanded.identify_large, []
+    monkeypatch.setattr(
+        commanded, "identify_large", lambda *own, **options: kept.append(real(*own, **options)) or kept[0]
+    )
     typed("identify c.h5 --memory 1GB --out found --enforce", code=3, message="The noise is not white")
-    monkeypatch.setattr(_large, "identify_large", lambda *_, **__: kept[0])
+    monkeypatch.setattr(commanded, "identify_large", lambda *_, **__: kept[0])
     typed("identify c.h5 --memory 1GB --out found")

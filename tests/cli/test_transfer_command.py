@@ -223,7 +223,8 @@ def test_lines_of_a_file_are_fitted(tmp_path, capsys, monkeypatch):
     assert found["exponents"][0][0] == pytest.approx(-0.5, abs=5 * found["exponents_std"][0][0])
     assert load(tmp_path / "g.h5").model.real.tolist() == [True]
     pages = []
-    monkeypatch.setattr(_report, "lines_page", lambda fit, **options: pages.append(fit) or "<p>a page of lines</p>")
+    drawn = {**_report.PAGES, "fitted": lambda fit, **options: pages.append(fit) or "<p>a page of lines</p>"}
+    monkeypatch.setattr(_report, "PAGES", drawn)
     assert run(["report", str(tmp_path / "g.h5")]) == 0
     assert pages[0].model.real.tolist() == [True]
     assert (tmp_path / "report.html").read_text(encoding="utf-8") == "<p>a page of lines</p>"
