@@ -46,6 +46,7 @@ SAMPLES = {
     "all_needed": {"number": 3, "frequency": 31.2, "rise": 1.4},
     "strongest_peak": {"frequency": 32.81, "share": 105640.18, "loud": True},
     "hits_disagree": {"frequency": 32.81, "share": 0.02, "probability": 1e-120},
+    "two_of_one_multiplier": {"frequency": 32.81},
     "hits_unlike": {
         "frequency": 2.5,
         "hits": [1, 3],

@@ -178,6 +178,7 @@ def test_hits_that_disagree_are_told_and_keep_shapes_of_their_own(hits, analysis
     assert found.model.order == 4
     assert not found.model.one_shape
     assert "The hits disagree on the shape of the mode at 0.3339 Hz by 5.2 %" in str(warned)
+    assert "may be two of one multiplier" in " ".join(found.choice.doubts)
     assert "hits_disagree" not in [finding.code for finding in analysis.findings]
 
 

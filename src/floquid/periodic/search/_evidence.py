@@ -33,6 +33,7 @@ def evidence(result: SearchResult) -> tuple[Finding, ...]:
         note("all_needed", number=int((~entries.fixed).sum())),
         highest,
         *clusters(result),
+        *two_of_one_multiplier(result),
         *doubles(result),
         *near_axis(result),
         *combinations(result),
@@ -102,6 +103,12 @@ def clusters(result: SearchResult) -> tuple[Finding, ...]:
     """Modes whose harmonics do not have one exponent."""
     exponents = result.solution.entries.exponents
     return tuple(warning("cluster", frequency=_hertz(exponents[entry])) for entry in result.clusters)
+
+
+def two_of_one_multiplier(result: SearchResult) -> tuple[Finding, ...]:
+    """Doubt of the order where hits do not share the shape of a mode: two modes of one multiplier have two shapes."""
+    off = result.disagreement
+    return () if off is None else (warning("two_of_one_multiplier", frequency=_hertz(off.exponent)),)
 
 
 def near_axis(result: SearchResult) -> tuple[Finding, ...]:
