@@ -41,7 +41,7 @@ def of_every_format(kinds=WRITTEN):
 
 
 EVERY_FORMAT = of_every_format()
-EVERY_WAY = of_every_format({kind.name: kind for kind in WRITTEN}.values())
+EVERY_WAY = of_every_format({kind.name: kind for kind in reversed(WRITTEN)}.values())
 """One suffix of each format: others are read and written alike, as the tests of all suffixes see."""
 
 NO_CHECKSUMS = {".csv"}

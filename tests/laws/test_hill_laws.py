@@ -29,7 +29,7 @@ def pieces(n, edges, period, seed):
 seeds, periods = st.integers(0, 2**32 - 1), st.floats(0.5, 3.0)
 smooth = st.builds(trigonometric, st.integers(1, 4), st.integers(0, 3), periods, seeds)
 jumping = st.builds(
-    pieces, st.integers(1, 2), st.sampled_from([(0.0, 0.4), (0.1, 0.25, 0.7), (0.05, 0.5, 0.6, 0.9)]), periods, seeds
+    pieces, st.integers(1, 3), st.sampled_from([(0.0, 0.4), (0.1, 0.25, 0.7), (0.05, 0.5, 0.6, 0.9)]), periods, seeds
 )
 
 

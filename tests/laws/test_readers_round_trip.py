@@ -25,7 +25,7 @@ CHANNELS = st.builds(
     st.sampled_from([None, "other"]),
     WORDS,
 )
-WRITTEN = list({kind.name: kind for kind in FORMATS if kind.save}.values())
+WRITTEN = list({kind.name: kind for kind in reversed(FORMATS) if kind.save}.values())
 """One suffix of each format."""
 NUMBERS = st.floats(allow_infinity=False, width=64)
 

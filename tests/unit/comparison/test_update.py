@@ -154,11 +154,12 @@ def test_outputs_for_a_model_without():
     def of_two(values):
         return mathieu({"q": 0.4} | values)
 
-    modes = known_modes(of_two({**begin, "period": 5.0}), outputs=np.eye(2), channels=["X", "Y"])
+    outputs = np.array([[1.0, 0.5], [0.0, 1.0]])
+    modes = known_modes(of_two({**begin, "period": 5.0}), outputs=outputs, channels=["X", "Y"])
     off = 1e-4j * np.sign(modes.exponents.imag)
     point = replace(modes, exponents=modes.exponents + off, covariance=1e-8 * np.eye(4))
     plain = fq.update(of_two, point, begin)
-    seen = fq.update(of_two, point, begin, np.eye(2), channels=["X", "Y"])
+    seen = fq.update(of_two, point, begin, outputs, channels=["X", "Y"])
     assert plain.values != begin
     assert plain.values == pytest.approx(dict(seen.values), rel=1e-6)
     with pytest.raises(

@@ -366,6 +366,13 @@ def test_few_samples(samples):
     found_within_deviations(identified(data), full)
 
 
+def test_inputs_of_unequal_length():
+    full, data = ringing([-0.02 + 1.0j, -0.03 + 2.0j], inputs=3, lengths=[200, 101, 40])
+    model = identified(data)
+    found_within_deviations(model, full)
+    assert_allclose(model.residual_std, data.noise, rtol=0.4)
+
+
 @pytest.mark.parametrize("inputs", [1, 2])
 def test_two_modes_of_equal_poles_are_two_where_two_inputs_tell_their_shapes_apart(inputs):
     """With one input their sum is a mode like any other."""

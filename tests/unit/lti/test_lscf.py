@@ -214,6 +214,20 @@ KINDS = {
 
 
 @BOTH
+@pytest.mark.parametrize("multipliers", KINDS.values(), ids=KINDS)
+def test_every_kind_of_pole_is_exact_without_noise(kind, multipliers):
+    data, residues = ringing(multipliers, outputs=6, inputs=2, samples=120)
+    expected = full(multipliers)
+    found = identified(kind(), data, len(expected))
+    assert found.outcome is Outcome.SUCCESS
+    assert farthest(found.multipliers, expected) < 1e-9
+    assert np.count_nonzero(found.multipliers.imag == 0) == sum(not np.imag(mu) for mu in multipliers)
+    for mu, residue in zip(multipliers, residues, strict=True):
+        position = np.argmin(np.abs(found.multipliers - mu))
+        assert_allclose(found.residues[position], residue, atol=1e-6)
+
+
+@BOTH
 def test_strong_modes_far_outside_a_band_leave_nothing_in_it(kind):
     """Their skirts are smooth on the band; the few roots found outside do not follow them."""
     far = [np.exp(-0.02 + 0.3j), np.exp(-0.02 + 2.8j)]

@@ -227,6 +227,15 @@ def test_an_option_changes_the_fit(kind, name):
     assert plain != other
 
 
+@pytest.mark.parametrize("kind", [pytest.param(kind, marks=[pytest.mark.slow] * (kind == "ambient")) for kind in KINDS])
+def test_harmonics_are_as_many_as_asked_for(kind):
+    """An option that chooses another way to fit changes the fit where its value is ignored, too."""
+    if "harmonics" not in FORBIDDEN[kind]:
+        # A mode is counted from its strongest line, which may be any of them.
+        kept = (identified(kind, "plain", (("harmonics", 1),)).model.coefficients != 0.0).any(axis=(1, 2))
+        assert kept.sum(axis=1).max() == 3
+
+
 @pytest.mark.parametrize(
     ("kind", "name"),
     [pytest.param(*cell, marks=[pytest.mark.slow] * long(*cell)) for cell in CELLS if cell[1] in BUILT],

@@ -34,7 +34,7 @@ OFF = np.tile(np.arange(LINES) >= LINES // 2, CHANNELS)
 
 
 @pytest.mark.first(1)
-@pytest.mark.parametrize("off", [2e-3, 0.0, 0.3])
+@pytest.mark.parametrize("off", [2e-3, 0.0, 0.02, 0.3])
 def test_intervals_hold_a_share_in_95_of_100_draws(off, monkeypatch):
     """Next to its bound, where a share has no slope, and far from it; that of the rest is its mirror image."""
     monkeypatch.setattr("floquid.shapes._shares._dropped", lambda _: 0.0)
