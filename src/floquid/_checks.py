@@ -235,6 +235,12 @@ def describe(value: object) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
+def kind_of(thing: object) -> str:
+    """The kind of a result by its class: "analysis", "survey", ...; empty of all else, whatever fields it has."""
+    kind = getattr(type(thing), "kind", "")
+    return kind if isinstance(kind, str) else ""
+
+
 def positive(value: object, argument: str, of: str, *, unit: str = "", remedy: str = "") -> float:
     """`value` as a finite number above zero."""
     number = finite(value, argument, of, unit=unit, remedy=remedy)

@@ -132,7 +132,7 @@ class Updated(Told, Rebuilt):
         What a reader must know, a sentence each.
     """
 
-    kind: ClassVar[str] = "update"  # by which its file, its page and its text are made
+    kind: ClassVar[str] = "update"  # by it the functions for a result are found
     values: Mapping[str, float]
     start: Mapping[str, float]
     covariance: Floats

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from floquid._checks import input_error
+from floquid._checks import input_error, kind_of
 from floquid._show import late
 from floquid.core import PeriodicModel, Record
 from floquid.errors import InputError
@@ -60,7 +60,7 @@ def side_of(thing: Any, argument: str, of: str) -> Side:
         return _example(thing, argument, of)
     if isinstance(thing, (str, os.PathLike)):
         return _saved(Path(thing), argument, of)
-    if getattr(thing, "kind", "") == "survey":
+    if kind_of(thing) == "survey":
         points = tuple(point for point in thing.points if point.model is not None)
         return Side(label=f"survey of {len(thing.points)} points", points=points, over=thing.over)
     if callable(thing) and not isinstance(thing, KNOWN):

@@ -215,7 +215,7 @@ class Comparison(Told, Drawn, Rebuilt):
         What a reader must know, a sentence each.
     """
 
-    kind: ClassVar[str] = "comparison"  # by which its file, its page and its text are made
+    kind: ClassVar[str] = "comparison"  # by it the functions for a result are found
     a: str
     b: str
     over: str | None

@@ -62,7 +62,7 @@ def update(
     parameters
         A `Parameter`, or the value to start from, by name.
     outputs
-        C of the model where it has none: a matrix, or a function of what `model` takes. Modes are then paired by their
+        C in place of the model's own: a matrix, or a function of what `model` takes. Modes are then paired by their
         shapes too.
     channels
         The rows of `outputs`; those of the results by default.

@@ -64,7 +64,7 @@ class LargeResult(Sealed):
         The channels and periods of that part.
     """
 
-    kind: ClassVar[str] = "large"  # by which its file, its page and its text are made
+    kind: ClassVar[str] = "large"  # by it the functions for a result are found
     path: Path
     period: float
     exponents: Complexes

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._arrays import Floats, Indices, Mask
-from floquid._checks import counted, input_error, integer, positive
+from floquid._checks import counted, input_error, integer, kind_of, positive
 from floquid.fit import WITHIN
 from floquid.monitoring._amounts import aligned, amounts_along, amounts_without_model, template_of, trend_of
 from floquid.monitoring._baseline import (
@@ -103,7 +103,7 @@ def monitor(
     if of_rate >= 0.5:
         raise input_error("rate", OF, "lie below 0.5", f"is {of_rate:g}", "It is the share of false alarms: 0.001.")
     whole: Any = results
-    survey = whole if getattr(whole, "kind", "") == "survey" else None
+    survey = whole if kind_of(whole) == "survey" else None
     given = tuple(map(as_record, whole)) if survey is None else survey.points
     if not given:
         raise input_error("results", OF, "hold a result", "none was given", "Pass what `identify` gave of each record.")

@@ -294,7 +294,7 @@ class Monitor(Told, Drawn, Sealed):
         What else a reader must know.
     """
 
-    kind: ClassVar[str] = "monitor"  # by which its file, its page and its text are made
+    kind: ClassVar[str] = "monitor"  # by it the functions for a result are found
     files: tuple[str, ...]
     over: str
     x: Floats

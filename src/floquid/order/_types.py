@@ -165,7 +165,7 @@ class OrderScan(Told, Drawn, Rebuilt):
         When poles counted as one.
     """
 
-    kind: ClassVar[str] = "scan"  # by which its file, its page and its text are made
+    kind: ClassVar[str] = "scan"  # by it the functions for a result are found
     orders: tuple[int, ...]
     models: tuple[ModalModel, ...]
     stable: tuple[Integers, ...]

@@ -69,7 +69,7 @@ class Analysis(Told, Drawn, Brief):
         know.
     """
 
-    kind: ClassVar[str] = "analysis"  # by which its file, its page and its text are made
+    kind: ClassVar[str] = "analysis"  # by it the functions for a result are found
     settings: Settings
     records: tuple[Record, ...]
     model: PeriodicModel

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from floquid._checks import counted, input_error, timed_matrices
+from floquid._checks import counted, input_error, kind_of, timed_matrices
 from floquid.comparison import Comparison, Updated
 from floquid.core import Branch
 from floquid.errors import IdentificationError, InputError
@@ -90,7 +90,7 @@ def report(
     """
     of = "report"
     result: Any = analysis
-    kind = getattr(result, "kind", "")
+    kind = kind_of(result)
     if kind not in PAGES:
         must, got = "be an Analysis", f"is a {type(analysis).__name__}"
         raise input_error("analysis", of, *NO_PAGE.get(kind, (must, got, "Pass what `identify` or `load` gives.")))

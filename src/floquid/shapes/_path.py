@@ -68,10 +68,10 @@ class PathShapes(Rebuilt):
 def path_shapes(result: Analysis | PeriodicModel) -> PathShapes:
     """Read poles and shapes of a structure from what a sensor saw that ran over it to and fro.
 
-    `result` is what `identify` found, or its `model`, on any branch. Each mode is moved to the branch on which its
-    shape is even about a turning point of the path (`turning_point`): that has the frequency of the structure. One of
-    each pair is given, real multipliers are left out. Raises InputError where `result` is something else, or has a mode
-    without such a branch.
+    `result` is what `identify` found, any result with a `model`, or that model, on any branch. Each mode is moved to
+    the branch on which its shape is even about a turning point of the path (`turning_point`): that has the frequency
+    of the structure. One of each pair is given, real multipliers are left out. Raises InputError where `result` is
+    something else, or has a mode without such a branch.
     """
     model = getattr(result, "model", None)
     if not isinstance(model, PeriodicModel):

@@ -70,18 +70,18 @@ def known_modes(
     """The modes of a known system, in its channels where it has outputs.
 
     `system` is a matrix A(t) with its period, (A, period), a system with outputs, a file or a linearisation as
-    `floquet.read_matrix` and `floquet.read_openfast` give it, or its modes. `outputs` is C of a system without, and
-    `channels` are its rows. InputError where it is something else.
+    `floquet.read_matrix` and `floquet.read_openfast` give it, or its modes. `outputs` is C in place of the system's
+    own, and `channels` are its rows. InputError where it is something else.
     """
     if isinstance(system, (FloquetModes, PeriodicModel)):
         return system
     matrix, period, observed = _described(system)
+    own, names, point = (None, None, {}) if observed is None else observed()
     if outputs is not None:
-        return modes_of(matrix, period, outputs=outputs, channels=channels)
-    if observed is None:
+        own, names = outputs, channels
+    if own is None:
         return modes_of(matrix, period)
-    outputs, names, point = observed()
-    return modes_of(matrix, period, outputs=outputs, channels=names, point=point)
+    return modes_of(matrix, period, outputs=own, channels=names, point=point)
 
 
 def known_exponents(system: Any) -> Complexes:

@@ -41,7 +41,7 @@ class Point(Sealed):
     names
         The pattern of each mode over the blades, with its family (modes,); empty where it was not read.
     whirl_interval, leak_interval
-        95 % intervals of the index and of the leak (modes, 2), as `whirl` and `blades`.
+        95 % intervals of the index and of the leak (modes, 2), as `whirl` and `blades`; NaN without a deviation.
     blades
         The share of the largest pattern, the leak and its deviation, and the harmonic of its line (modes, 4);
         NaN where they were not read, None where no blades were given.
@@ -104,7 +104,7 @@ class Track(Sealed):
     name_share, leak, leak_std, leak_interval
         The share of the largest pattern, and that of motion off one line of the fixed frame with its deviation; NaN
         where they were not read (places,). A 95 % interval of the leak (places, 2). Of a mode that stands for several
-        it is all there is, and the deviation NaN.
+        it is all there is, and the deviation NaN. Intervals are NaN where shapes have no deviations.
     """
 
     name: str
@@ -258,7 +258,7 @@ class Survey(Told, Drawn, Rebuilt):
         Points without a result, doubtful links, and what else a reader must know.
     """
 
-    kind: ClassVar[str] = "survey"  # by which its file, its page and its text are made
+    kind: ClassVar[str] = "survey"  # by it the functions for a result are found
     over: str
     points: tuple[Point, ...]
     tracks: tuple[Track, ...]

@@ -46,7 +46,7 @@ class TransferFit(Rebuilt):
         What was done, and what a reader must know.
     """
 
-    kind: ClassVar[str] = "fitted"  # by which its file, its page and its text are made
+    kind: ClassVar[str] = "fitted"  # by it the functions for a result are found
     measured: TransferFunctions
     model: PeriodicModel
     modal: Modal

@@ -43,7 +43,7 @@ class MeasuredTransfer(Rebuilt):
         What was done, and what a reader must know.
     """
 
-    kind: ClassVar[str] = "measured"  # by which its file, its page and its text are made
+    kind: ClassVar[str] = "measured"  # by it the functions for a result are found
     transfer: TransferFunctions
     period: float
     method: str

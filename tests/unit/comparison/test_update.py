@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import kstest
 
 import floquid as fq
-from floquid import Parameter
+from floquid import Parameter, floquet
 from floquid.core import PeriodicModel
 from floquid.errors import IdentificationError, InputError
 from floquid.surveys import known_modes
@@ -166,6 +166,19 @@ def test_outputs_for_a_model_without():
         InputError, match="name the 1 rows of `outputs`, but are not given, and a result has 2 channels"
     ):
         fq.update(of_two, point, begin, np.eye(1, 2))
+
+
+def test_outputs_stand_in_place_of_those_of_a_file(tmp_path):
+    """They were dropped without a word."""
+    mean, turning = np.array([[0.0, 1.0], [-1.0, -0.2]]), np.array([[0.0, 0.0], [-0.2, 0.0]])
+    times = np.linspace(0.0, 5.0, 41)[:-1]
+    A = mean[..., None] + turning[..., None] * np.cos(2.0 * np.pi / 5.0 * times)
+    np.savez(tmp_path / "a.npz", A=A, period=5.0, C=np.eye(1, 2))
+    file = floquet.read_matrix(tmp_path / "a.npz")
+    assert len(known_modes(file).channels) == 1
+    given = known_modes(file, outputs=[[0.0, 2.0], [1.0, 0.0]], channels=["v", "x"])
+    assert [channel.name for channel in given.channels] == ["v", "x"]
+    assert given.coefficients[:, 1] == pytest.approx(known_modes(file).coefficients[:, 0])
 
 
 CHAIN = {f"k{i}": (3.0, 4.0, 2.5, 5.0)[i] for i in range(4)} | {f"c{i}": (0.02, 0.03, 0.015, 0.04)[i] for i in range(4)}

@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -233,6 +234,7 @@ def test_a_result_read_back_gives_the_same_page(analysis, text, tmp_path):
     ("change", "message"),
     [
         ({"analysis": "result.h5"}, "`analysis` of `report` must be an Analysis, but is a str"),
+        ({"analysis": SimpleNamespace(kind=np.zeros(2))}, "must be an Analysis, but is a SimpleNamespace"),
         ({"path": "report.pdf"}, "`path` of `report` must end in .html"),
         ({"path": "no/such/folder/report.html"}, "there is no folder"),
         ({"title": 3}, "`title` of `report` must be a text"),

@@ -14,7 +14,17 @@ from floquid._checks import input_error
 from floquid.cli._errors import CriteriaNotMetError
 from floquid.cli.arguments.options import Damping, ModelOptions, RecordOptions, ShaftSpeed, choices_of, given
 from floquid.cli.arguments.records import check_files, read_records
-from floquid.cli.arguments.shared import OUTPUT, Flag, Format, OutputFolder, RecordFiles, Saved, SettingsFile, Verbose
+from floquid.cli.arguments.shared import (
+    OUTPUT,
+    RESULT,
+    Flag,
+    Format,
+    OutputFolder,
+    RecordFiles,
+    Saved,
+    SettingsFile,
+    Verbose,
+)
 from floquid.cli.output.folder import NAMES, draw_result, in_memory, maybe_folder, result_file, write_result
 from floquid.cli.output.printed import print_analysis
 from floquid.cli.output.terminal import json_text, print_files, print_folder, progress, terminal
@@ -156,12 +166,11 @@ def report(
 
 
 TAKEN = ("period", "rate", "origin", "channels", "order", "mode_false_alarm", "seconds")
-RESULT = "result.h5"
 
 
 def identify_in_blocks(
     files: Sequence[Path],
-    given: Mapping[str, Any],
+    options: Mapping[str, Any],
     memory: str,
     out: Path | None,
     format_: str,
@@ -179,7 +188,7 @@ def identify_in_blocks(
         raise input_error(
             "--memory", of, "come with --out", "no folder was named", "Residues stay there: add `--out DIR`."
         )
-    others = [name for name in given if name not in TAKEN]
+    others = [name for name in options if name not in TAKEN]
     if others:
         must, got = "stand alone with --memory", "is given with it"
         taken = ", ".join(f"--{name}".replace("_", "-") for name in TAKEN)
@@ -188,17 +197,19 @@ def identify_in_blocks(
     if (out / "summary.json").exists():
         got = f"{out} holds the result of a record in memory"
         raise input_error("--out", of, "be a folder of its own with --memory", got, "Name another folder.")
-    said = [given.get(name) for name in ("period", "rate", "channels")]
-    record = read(files[0], lazy=True, period=said[0], rate=said[1], channels=said[2], origin=given.get("origin", 0.0))
+    said = [options.get(name) for name in ("period", "rate", "channels")]
+    record = read(
+        files[0], lazy=True, period=said[0], rate=said[1], channels=said[2], origin=options.get("origin", 0.0)
+    )
     out.mkdir(parents=True, exist_ok=True)
     with bar(True) as report:
         found = identify_large(
             record,
             out / RESULT,
             memory=memory,
-            order=given.get("order"),
-            false_alarm=given.get("mode_false_alarm", 1e-9),
-            seconds=given.get("seconds", SECONDS),
+            order=options.get("order"),
+            false_alarm=options.get("mode_false_alarm", 1e-9),
+            seconds=options.get("seconds", SECONDS),
             report=report,
         )
     if format_ == "json":

@@ -78,7 +78,7 @@ class FloquetModes(Told, Drawn, Rebuilt):
         The mean of tr A(t) over the period [1/s], which the exponents sum to (Liouville).
     """
 
-    kind: ClassVar[str] = "modes"  # by which its file, its page and its text are made
+    kind: ClassVar[str] = "modes"  # by it the functions for a result are found
     exponents: Complexes
     coefficients: Complexes
     harmonics: Integers

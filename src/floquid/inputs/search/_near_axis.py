@@ -1,6 +1,6 @@
 r"""Pairs near an axis, and two real multipliers of one sign, by their mean and squared half-difference.
 
-The equation, and which of them become blocks (`inputs/_block`), are in `fit/_near_axis`.
+The equation, and which of them become blocks (`inputs/_modes`), are in `fit/_near_axis`.
 """
 
 from __future__ import annotations

@@ -56,7 +56,7 @@ class Bootstrap(Told, Rebuilt):
         Whether each draw was identified from the beginning.
     """
 
-    kind: ClassVar[str] = "bootstrap"  # by which its file, its page and its text are made
+    kind: ClassVar[str] = "bootstrap"  # by it the functions for a result are found
     exponents: Spread
     multipliers: Spread
     frequencies_hz: Spread

@@ -154,7 +154,7 @@ def _refuse_options(method: Method | None, repeat: int | None, drop: int, curvat
     if method not in (None, *get_args(Method)):
         raise input_error("method", OF, f"be one of {get_args(Method)}", f"is {method!r}", "Or leave it out.")
     if repeat is not None:
-        integer(repeat, "repeat", OF, at_least=2, remedy="Leave it out: it is found.")
+        integer(repeat, "repeat", OF, at_least=2, remedy="Periods of one repeat; leave it out, and it is found.")
     if repeat is not None and method not in (None, "repeats"):
         must, got = f"be left out with method={method!r}", f"is {repeat}"
         raise input_error("repeat", OF, must, got, 'It counts for method="repeats" alone.')
