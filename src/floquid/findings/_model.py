@@ -131,7 +131,12 @@ def _chance(probability: float) -> str:
 
 
 def _unlike(
-    frequency: float, hits: Sequence[int], decays: Sequence[float], frequencies: Sequence[float], probability: float
+    frequency: float,
+    hits: Sequence[int],
+    decays: Sequence[float],
+    frequencies: Sequence[float],
+    probability: float,
+    torn: bool = False,
 ) -> str:
     each = [
         f"hit {hit} has {alone:.5g} Hz and decays by {decay:.4g} 1/s"
@@ -139,16 +144,20 @@ def _unlike(
     ]
     return (
         f"The hits disagree on the mode at {frequency:.4g} Hz (by chance: {_chance(probability)}): {'; '.join(each)}. "
-        "Its deviation covers both. It may depend on the strength of the blow, or the machine may have changed in "
-        "between. Identify each hit alone and compare."
+        + ("No exponent fits all. " if torn else "Its deviation covers both. ")
+        + "It may depend on the strength of the blow, or the machine may have changed in between. Identify each hit "
+        "alone and compare."
     )
 
 
-def _disagree(frequency: float, share: float, probability: float) -> str:
+def _disagree(frequency: float, share: float, probability: float, groups: Sequence[Sequence[int]] = ()) -> str:
+    told = " share one shape, and ".join(f"{'hits' if len(g) > 1 else 'hit'} {', '.join(map(str, g))}" for g in groups)
     return (
         f"The hits disagree on the shape of the mode at {frequency:.4g} Hz by {100.0 * share:.2g} % (by chance: "
-        f"{_chance(probability)}), so no common shape was fitted. Two modes may share its multiplier, or its shape may "
-        "depend on the strength of the blow. Identify each hit alone and compare."
+        f"{_chance(probability)}), so no common shape was fitted. "
+        + (f"{told[:1].upper()}{told[1:]} another. " if told else "")
+        + "Two modes may share its multiplier, its shape may depend on the strength of the blow, or the machine may "
+        "have changed in between. Identify each hit alone and compare."
     )
 
 
@@ -166,6 +175,7 @@ FIT: dict[str, str | Callable[..., str]] = {
     "cluster": "The mode at {frequency:.4g} Hz is most likely several that fold onto one another: its harmonics ask "
     "for different exponents. Its deviation covers them.",
     "one_shape": "The {hits} hits share one shape of each mode and differ in its initial state only.",
+    "two_shapes": "The hits share two shapes of the mode at {frequency:.4g} Hz: two modes have its multiplier.",
     "hits_disagree": _disagree,
     "hits_unlike": _unlike,
     "two_of_one_multiplier": "The mode at {frequency:.4g} Hz may be two of one multiplier: the hits do not share its "

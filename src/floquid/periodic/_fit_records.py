@@ -42,11 +42,12 @@ from floquid.periodic.search import (
     Bounds,
     Point,
     SearchResult,
+    as_one_of_hits,
     coloured,
     disagreement,
     evidence,
     finished,
-    period_step,
+    own_step,
     priced,
     read_as_modes,
     searched,
@@ -228,6 +229,7 @@ def fit(
     if samples.projected:
         # The forced response was at every phase for itself: now it has the harmonics that are there.
         point = Point.at(samples.final, *price_of(samples.final, base), base.joined(point.entries))
+    point, torn = as_one_of_hits(point, harmonic_false_alarm) if search else (point, False)
     result = finished(
         point,
         noise_floor,
@@ -239,6 +241,7 @@ def fit(
     )
     if not (~result.solution.entries.fixed).any():
         raise IdentificationError(_no_mode(result))
+    result = replace(result, unlike=tuple(replace(each, torn=torn) for each in result.unlike))
     if auto:
         result = without_noise(result)
     result = with_one_shape(read_as_modes(result), harmonic_false_alarm, noise_floor, most)
@@ -343,7 +346,7 @@ def result_of(
         noise=noise_of(result.blocks, result.solution, noise_floor) if noise is None else noise,
         free=free_records(records, clocks, result, samples.nu),
         period_std=period_std,
-        own_period=None if clocks[0].measured else period_step(result.solution),
+        own_period=None if clocks[0].measured else own_step(result),
         misfit=result.misfit,
         whitening=taps,
         findings=(*_interference(result, names), *evidence(result), *colour),

@@ -160,13 +160,7 @@ def own_period(
     blocks = _noisy(model, records, clocks, noise, "own_period")
     if not model.one_shape:
         return period_step(_evaluated(model, blocks, ModeParameters.of(model)))
-    solution = _evaluated(model, blocks, replace(ModeParameters.of(model), free_period=True))
-    shared = _shared(model, blocks, solution)
-    covariance, last = shared.normal_inverse, len(solution.gradient) - 1
-    if not 0.0 < covariance[last, last] < model.fundamental**2:
-        return None
-    step = float(covariance[last] @ shared.normal.gradient)
-    return -step / model.fundamental, float(np.sqrt(covariance[last, last])) / model.fundamental
+    return _shared(model, blocks, _evaluated(model, blocks, ModeParameters.of(model))).period_step()
 
 
 def unexplained(model: PeriodicModel, records: Sequence[Record], clocks: Clocks) -> tuple[Floats, ...]:

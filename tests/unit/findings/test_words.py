@@ -45,7 +45,8 @@ SAMPLES = {
     "white": {"colour": 1.2, "taps": 3, "independent": 0.5},
     "all_needed": {"number": 3, "frequency": 31.2, "rise": 1.4},
     "strongest_peak": {"frequency": 32.81, "share": 105640.18, "loud": True},
-    "hits_disagree": {"frequency": 32.81, "share": 0.02, "probability": 1e-120},
+    "hits_disagree": {"frequency": 32.81, "share": 0.02, "probability": 1e-120, "groups": [[1, 2], [3]]},
+    "two_shapes": {"frequency": 32.81},
     "two_of_one_multiplier": {"frequency": 32.81},
     "hits_unlike": {
         "frequency": 2.5,
@@ -53,6 +54,7 @@ SAMPLES = {
         "decays": [0.25, 0.27],
         "frequencies": [2.51, 2.5],
         "probability": 1e-9,
+        "torn": True,
     },
     "product": {"frequency": 5.0, "of": (2.0, 3.0)},
     "interference": {"frequency": 50.0, "amplitude": 0.02, "unit": "-", "channel": "tip x"},

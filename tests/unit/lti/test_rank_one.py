@@ -1,22 +1,17 @@
 """Several hits: modes of equal multipliers are told apart, and none are made where there are none."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import linear_sum_assignment
 from scipy.signal import lfilter
 
-from floquid import PeriodicModel, Record, identify
-from floquid.core import ConstantPeriod
 from floquid.lti import MaximumLikelihood, ModalModel, TimeResponses
 from floquid.lti._exponentials import fit
 from floquid.lti._factor import factor, factors
 from floquid.lti._poles import PoleSet
 from floquid.lti._significance import Removal
 from floquid.lti.likelihood._rank_one import Products, Stacked, fit_products, ranks
-from floquid.testing import assert_exponents_close
 
 IDENTIFIER = MaximumLikelihood()
 EQUAL = [-0.02 + 1.0j, -0.02 + 1.0j]
@@ -194,40 +189,6 @@ def test_refining_on_another_noise_keeps_them_apart():
     refined = IDENTIFIER.refine(IDENTIFIER.prepare(again), model)
     assert refined.order == 4
     assert farthest(refined.multipliers, model.multipliers) < 1e-6
-
-
-@pytest.mark.slow
-def test_the_chain_finds_both_from_two_records_and_one_from_one():
-    """A symmetric rotor: two modes of one exponent, each with its own periodic shape."""
-    generator = np.random.default_rng(0)
-    upper = np.array([-0.03 + 0.35j, -0.03 + 0.35j])
-    coefficients = generator.standard_normal((2, 2, 1, 3)) + 1j * generator.standard_normal((2, 2, 1, 3))
-    coefficients = coefficients * (
-        generator.standard_normal((2, 1, 2, 1)) + 1j * generator.standard_normal((2, 1, 2, 1))
-    )
-    truth = PeriodicModel(
-        exponents=np.stack([upper, upper.conj()], axis=1).ravel(),
-        coefficients=np.stack([coefficients, coefficients[..., ::-1].conj()], axis=1).reshape(4, 2, 2, 3),
-        harmonics=np.arange(-1, 2),
-        period=6.0,
-        channels=["x", "y"],
-    )
-    values = truth.response(0.5 * np.arange(12 * 60))
-    values = values + 0.02 * np.abs(values).max() * generator.standard_normal(values.shape)
-    records = [
-        Record(values=values[:, hit], sample_rate=2.0, channels=["x", "y"], clock=ConstantPeriod(period=6.0))
-        for hit in range(2)
-    ]
-    both = identify(records)
-    assert both.model.order == 4
-    assert_exponents_close(both.model.exponents, truth.exponents, 6.0, atol=2e-3)
-    assert "the residues of the 2 hits have that rank" in " ".join(both.choice.reasons)
-    back = both.model.response(0.5 * np.arange(12 * 60))
-    assert np.abs(back - truth.response(0.5 * np.arange(12 * 60))).max() < 0.05 * np.abs(values).max()
-    alone = identify(records[0])
-    assert alone.model.order == 2
-    assert "modes of equal multipliers are seen as one" in " ".join(alone.choice.reasons)
-    assert dataclasses.is_dataclass(alone.choice)
 
 
 @pytest.mark.slow

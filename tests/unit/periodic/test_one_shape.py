@@ -173,11 +173,12 @@ def test_hits_that_disagree_are_told_and_keep_shapes_of_their_own(hits, analysis
     found = identify(hits.records(0, other=other), validate=False)
     (warned,) = (finding for finding in found.findings if finding.code == "hits_disagree")
     assert warned.numbers["frequency"] == pytest.approx(2.1 / (2.0 * np.pi), rel=1e-2)
-    # Outer products part what is left in two modes of one multiplier: the fit of the samples has the least criterion.
+    # Two modes of one multiplier would be in all hits.
     assert found.fit.constrained
     assert found.model.order == 4
     assert not found.model.one_shape
-    assert "The hits disagree on the shape of the mode at 0.3339 Hz by 5.2 %" in str(warned)
+    assert "The hits disagree on the shape of the mode at 0.3339 Hz by 5.5 %" in str(warned)
+    assert "Hits 1, 2 share one shape, and hit 3 another." in str(warned)
     assert "may be two of one multiplier" in " ".join(found.choice.doubts)
     assert "hits_disagree" not in [finding.code for finding in analysis.findings]
 
@@ -227,7 +228,7 @@ def test_a_mode_next_to_a_copy_of_itself_is_not_determined():
 
 def test_hits_that_agree_are_not_told_to_disagree_where_one_shape_moves_a_mode(hits, monkeypatch):
     """A weak mode that ran away was told as hits that disagree, by chance 1."""
-    monkeypatch.setattr("floquid.periodic.search._one_shape.FARTHEST", 0.0)
+    monkeypatch.setattr("floquid.periodic.search._several_shapes.FARTHEST", 0.0)
     found = identify(hits.records(0), validate=False)
     assert not found.model.one_shape
     assert "hits_disagree" not in [finding.code for finding in found.findings]

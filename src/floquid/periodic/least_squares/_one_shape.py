@@ -42,7 +42,7 @@ class OneShape:
     blocks: tuple[Block, ...]  # The samples, with their noise
     entries: ModeParameters  # The modes, and what is fixed beside them
     linear: tuple[Linear, ...]  # The fit with residues free in each hit at these exponents, a block each
-    states: Complexes  # The state of each entry in each hit, of growing modes at the end of the hit (entries, hits)
+    states: Complexes  # The state of each entry in each hit, of growing modes at its end; zero stays (entries, hits)
     held: Integers  # The hit in which the state of each entry stays (entries,)
 
     @staticmethod
@@ -70,6 +70,15 @@ class OneShape:
         held = np.argmax(np.abs(states), axis=1)
         states = states / states[np.arange(len(held)), held][:, None]
         return OneShape(tuple(blocks), entries, tuple(linear), states, held)
+
+    def period_step(self) -> tuple[float, float] | None:
+        """(own period - T)/T by one step with the fundamental as a parameter, and its deviation; None if untold."""
+        entries = replace(self.entries, free_period=True)
+        wider = OneShape(self.blocks, entries, self.linear, self.states, self.held)
+        covariance, last, omega = wider.normal_inverse, wider.n_rates - 1, entries.fundamental
+        if not 0.0 < covariance[last, last] < omega**2:
+            return None
+        return -float(covariance[last] @ wider.normal.gradient) / omega, float(np.sqrt(covariance[last, last])) / omega
 
     @cached_property
     def own(self) -> Indices:
@@ -165,6 +174,7 @@ class OneShape:
         entries, hits = self.states.shape
         moves = np.broadcast_to(~self.entries.fixed[:, None], (entries, hits)).copy()
         moves[np.arange(entries), self.held] = False
+        moves &= self.states != 0.0  # an entry that is in some hits alone stays so
         return np.flatnonzero(np.concatenate([moves.ravel(), (moves & ~self.entries.real[:, None]).ravel()]))
 
     @cached_property

@@ -120,7 +120,7 @@ def _unlike_hits(point: Point) -> tuple[tuple[Unlike, ...], Floats]:
             further[places] += (each.sum() / degrees - 1.0) * whole[places]
             farthest = int(np.argmax(each))
             ends = sorted([farthest, int(np.argmin(values @ weights[farthest] @ (values[farthest] - mean)))])
-            first, second = ((hits[told[k]], complex(*values[k])) for k in ends)
+            first, second = ((hits[told[k]], _moved_alone(point, hits[told[k]], entry)) for k in ends)
             unlike.append(Unlike(entry, (first, second), probability))
     return tuple(unlike), further
 
@@ -131,6 +131,12 @@ def _of_hit(point: Point, hit: int) -> tuple[Floats, Floats]:
     alone = weighted([point.blocks[k] for k in there], point.entries, [point.solution.linear[k] for k in there])
     inverse = scaled_inverse(alone.information, ROUNDING, floor=True)
     return inverse @ alone.gradient, inverse @ alone.gauss_newton @ inverse
+
+
+def _moved_alone(point: Point, hit: int, entry: int) -> complex:
+    """Difference of an exponent that one hit alone has from that of all."""
+    alone = point.of_hit(hit, point.entries).settled()
+    return complex(alone.entries.exponents[entry] - point.entries.exponents[entry])
 
 
 def _clusters(point: Point) -> tuple[tuple[int, ...], Floats]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
 from floquid.core import PeriodicModel, kind_open
-from floquid.findings import Finding, note, warning
+from floquid.findings import Finding, failure, note, warning
 from floquid.fit import CHUNK, DEVIATIONS, EVIDENT, SIGNIFICANT, SURE, WITHIN
 from floquid.periodic.least_squares import shapes
 from floquid.periodic.search._objective import SearchResult
@@ -38,6 +38,7 @@ def evidence(result: SearchResult) -> tuple[Finding, ...]:
         *near_axis(result),
         *combinations(result),
         *(() if result.one is None else (note("one_shape", hits=result.one.states.shape[1]),)),
+        *(note("two_shapes", frequency=_hertz(entries.exponents[entry])) for entry in result.twice),
     )
 
 
@@ -50,18 +51,20 @@ def disagreement(result: SearchResult) -> tuple[Finding, ...]:
         hits, alone = zip(*((hit + 1, complex(value + step)) for hit, step in each.moved), strict=True)
         decays, frequencies = [-one.real for one in alone], [_hertz(one) for one in alone]
         found.append(
-            warning(
+            (failure if each.torn else warning)(
                 "hits_unlike",
                 frequency=_hertz(complex(value)),
                 hits=list(hits),
                 decays=decays,
                 frequencies=frequencies,
                 probability=each.probability,
+                torn=each.torn,
             )
         )
     if off is None or found:
         return tuple(found)
-    return (warning("hits_disagree", frequency=_hertz(off.exponent), share=off.share, probability=off.probability),)
+    shares = {"frequency": _hertz(off.exponent), "share": off.share, "probability": off.probability}
+    return (warning("hits_disagree", **shares, groups=[[hit + 1 for hit in hits] for hits in off.groups]),)
 
 
 def _hertz(exponent: complex) -> float:

@@ -117,6 +117,12 @@ class Point:
         linear = eliminated(self.blocks, entries, carried(self.solution, entries))
         return _weighted(self.blocks, self.floors, self.price, entries, linear)
 
+    def of_hit(self, hit: int, entries: ModeParameters) -> Point:
+        """Take other modes for the samples of one hit alone."""
+        there = [number for number, block in enumerate(self.blocks) if block.hit == hit]
+        blocks, floors = [self.blocks[number] for number in there], [self.floors[number] for number in there]
+        return Point.at(blocks, floors, self.price, entries)
+
     def renamed(self, entries: ModeParameters) -> Point:
         """Rename the entries of the fit: columns stay the same functions in the same order."""
         return replace(self, solution=replace(self.solution, entries=entries))
@@ -232,6 +238,7 @@ class Disagreement:
     exponent: complex
     share: float
     probability: float
+    groups: tuple[tuple[int, ...], ...]  # the hits of each shape where there are two
 
 
 @dataclass(frozen=True, slots=True)
@@ -241,6 +248,7 @@ class Unlike:
     entry: int
     moved: tuple[tuple[int, complex], tuple[int, complex]]  # hit, and the step from the exponent of all
     probability: float  # by which noise makes as much of a difference between all hits
+    torn: bool = False  # whether the exponents of the hits are so far apart that one of all is none
 
 
 @dataclass(frozen=True, slots=True)
@@ -259,6 +267,7 @@ class SearchResult:
     one: OneShape | None = None  # the same fit with one shape for all hits, where they agree
     disagreement: Disagreement | None = None  # of the hits, where they do not
     unlike: tuple[Unlike, ...] = ()  # modes whose exponent differs between hits
+    twice: tuple[int, ...] = ()  # entries that have one multiplier with others, and the hits share all shapes
 
 
 def placed(result: SearchResult, places: Mapping[int, int]) -> SearchResult:

@@ -10,7 +10,7 @@ import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
 from floquid.errors import IdentificationError
-from floquid.fit import FARTHEST, FEW_STEPS, QUIET, REST, ROUNDS, SLOW, chi2_limit, is_vague
+from floquid.fit import FEW_STEPS, QUIET, REST, ROUNDS, SLOW, chi2_limit, is_vague
 from floquid.periodic.least_squares import (
     Block,
     ModeParameters,
@@ -20,11 +20,18 @@ from floquid.periodic.least_squares import (
     eliminated,
     least_noise,
     linearise,
-    real_parts,
     residuals_of,
 )
 from floquid.periodic.search._objective import Disagreement, SearchResult
 from floquid.periodic.search._peaks import strongest
+from floquid.periodic.search._several_shapes import (
+    carried,
+    degrees_of,
+    difference,
+    groups_of,
+    several_shapes,
+    stays,
+)
 from floquid.search import GAP, LOOSE
 
 
@@ -41,22 +48,41 @@ def with_one_shape(result: SearchResult, false_alarm: float, floor: float, most:
     if len(hits) < 2 or result.as_read or not (~entries.fixed).any():
         return result
     with suppress(IdentificationError, np.linalg.LinAlgError):
-        shared, bands = OneShape.at(result.blocks, entries, result.solution.linear).solved(), result.bands
+        start, bands = OneShape.at(result.blocks, entries, result.solution.linear), result.bands
+        shared = start.solved()
         if (np.abs(shared.entries.exponents.real) * 2.0 * np.pi > SLOW * entries.fundamental).any():
             shared = grown(shared, least_noise(result.blocks, result.solution, floor), most)
             bands = np.where(entries.fixed[:, None], bands, shared.entries.bands)
         probability = agreement(shared, result)
-        away = np.abs(shared.entries.exponents - entries.exponents) * 2.0 * np.pi / entries.fundamental
         if probability > false_alarm:  # the hits agree
             misfit = misfit_of_all(result.blocks, result.residuals)
-            told = (away < FARTHEST).all() and not _lost(shared, result.solution).any()
+            told = stays(shared, entries.exponents) and not _lost(shared, result.solution).any()
             return replace(result, one=shared, bands=bands, misfit=misfit) if told else result
-        if all((block.noise < QUIET * block.largest).all() for block in result.blocks):
+        # Where exponents are far apart between hits, so are the shapes at one exponent of all.
+        torn = any(each.torn for each in result.unlike)
+        if torn or all((block.noise < QUIET * block.largest).all() for block in result.blocks):
             return result
-        entry, share = difference(shared)
-        value = complex(entries.exponents[entry] + 1j * entries.fundamental * entries.offsets[entry])
-        return replace(result, disagreement=Disagreement(value, share, probability))
+        return _with_several_shapes(start, result, probability, false_alarm)
     return result
+
+
+def _with_several_shapes(start: OneShape, result: SearchResult, probability: float, false_alarm: float) -> SearchResult:
+    """The result with several modes of one multiplier where all hits share their shapes; else how much they differ."""
+    free = result.solution.entries
+
+    def agrees(trial: OneShape) -> bool:
+        return agreement(trial, result) > false_alarm
+
+    places, several = several_shapes(start, agrees)
+    groups = () if several is None else groups_of(several, places, agrees)
+    if several is None or groups or result.unlike:
+        entry = places[len(free.exponents)]
+        value = complex(free.exponents[entry] + 1j * free.fundamental * free.offsets[entry])
+        return replace(result, disagreement=Disagreement(value, difference(start, entry), probability, groups))
+    twice = tuple(sorted({place for place in places if places.count(place) > 1}))
+    solution = replace(several.as_solution(), further=carried(result.solution, places))
+    misfit, bands = misfit_of_all(result.blocks, result.residuals), result.bands[places]
+    return replace(result, one=several, solution=solution, bands=bands, misfit=misfit, twice=twice)
 
 
 def _lost(shared: OneShape, free: Solution) -> Mask:
@@ -112,28 +138,15 @@ def of_shapes(
 
 def agreement(shared: OneShape, free: SearchResult) -> float:
     """Probability that noise makes as much of a difference to the fit of free residues."""
+    cost = sum(float(np.sum(squares / block.noise**2)) for block, squares in zip(free.blocks, shared.left, strict=True))
+    return chance(cost - free.solution.cost, degrees_of(shared, free.solution.entries))
+
+
+def chance(rise: float, degrees: int) -> float:
+    """Probability that noise makes as much of a difference; one where none was made."""
     from scipy.special import chdtrc
 
-    entries = free.solution.entries
-    modes = ~entries.fixed[entries.columns().modes]
-    numbers = int(modes.sum() + (modes & entries.sines()).sum())
-    degrees = numbers * sum(len(block.rows) for block in shared.blocks) - shared.n_numbers
-    cost = sum(float(np.sum(squares / block.noise**2)) for block, squares in zip(free.blocks, shared.left, strict=True))
-    return float(chdtrc(degrees, max(cost - free.solution.cost, 0.0))) if degrees > 0 else 1.0
-
-
-def difference(shared: OneShape) -> tuple[int, float]:
-    """The entry whose free residues differ most from one shape, and that over its response, in amplitude."""
-    off, size = np.zeros((2, len(shared.entries.exponents)))
-    for block, reduced, values in zip(shared.blocks, shared.reduced, shared.coefficients, strict=True):
-        for entry in np.unique(shared.modes):
-            rows = np.flatnonzero(np.tile(shared.modes == entry, 2))
-            gram = reduced.gram[np.ix_(rows, rows)]
-            for total, part in ((off, values[shared.own] - reduced.seen[shared.own]), (size, values[shared.own])):
-                each = real_parts(part)[rows]
-                total[entry] += float(np.sum(each * (gram @ each) / block.noise**2))
-    worst = int(np.argmax(off))
-    return worst, float(np.sqrt(off[worst] / max(size[worst], np.finfo(float).tiny)))
+    return float(chdtrc(degrees, max(rise, 0.0))) if degrees > 0 else 1.0
 
 
 def narrowed(shared: OneShape, alarm: float) -> Integers:

@@ -10,7 +10,7 @@ from floquid._arrays import Floats, Indices, Integers, Mask
 from floquid.fit import HALF_DIGITS, LONGEST_STEP, ROUNDING, is_vague, scaled_inverse, score_gain
 from floquid.periodic.least_squares import ModeParameters, Solution
 from floquid.periodic.search._folds import folds
-from floquid.periodic.search._objective import Point
+from floquid.periodic.search._objective import Point, SearchResult
 from floquid.search import GAP
 
 
@@ -196,6 +196,12 @@ def _gain(solution: Solution, ties: Floats) -> float:
     """Reduction of the cost by a Gauss-Newton step of parameters that tie columns as given."""
     gradient, matrix, _ = solution.by_column.tied(ties)
     return score_gain(gradient, matrix, ROUNDING)
+
+
+def own_step(result: SearchResult) -> tuple[float, float] | None:
+    """(own period - T)/T of a result by one step, and its deviation; None where the samples do not tell it."""
+    # Free residues of two modes at one exponent tell nothing.
+    return result.one.period_step() if result.one is not None and result.twice else period_step(result.solution)
 
 
 def period_step(solution: Solution) -> tuple[float, float] | None:

@@ -84,8 +84,8 @@ def completed(
             *(() if start.floor is None else (note("believed_down_to", floor=start.floor),)),
             *_rings(fitted, cycles),
             *_done(fitted, why_sampled(fitted, shafts), settings.periods_per_revolution),
+            *fitted.warnings,  # causes, before what comes of them
             *(own for own in (fails, *doubts, *uneven_speed(shafts)) if own is not None),
-            *fitted.warnings,
             *(warning("order_ambiguous", order=own.order, doubts=own.doubts) for own in doubted),
             *(() if changed else combinations_of(model, lifted.noise, nonlinear=start.floor is not None)),
             *findings_of(

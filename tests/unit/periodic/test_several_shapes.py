@@ -1,0 +1,78 @@
+"""Hits that share several shapes of one multiplier, and hits of which one differs: in its shape, or in its decay."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from tests.several_hits import Hits
+
+from floquid import identify
+from floquid.testing import pair_exponents
+
+EQUAL = [-0.2 + 2.1j, -0.2 + 2.1j, -0.3 + 0.7j]
+
+
+def told(found):
+    return [finding.code for finding in (*found.findings, *found.fit.findings)]
+
+
+def of_equal(hits, periods=30, noise=0.01, seed=0, channels=2):
+    """Two modes of one multiplier, a symmetric rotor's, beside a third: each hit has some of all."""
+    generator = np.random.default_rng(seed)
+    drawn = Hits.drawn(EQUAL, hits, periods, noise=noise)
+    states = generator.standard_normal((3, hits)) + 1j * generator.standard_normal((3, hits))
+    return replace(drawn, states=states)
+
+
+@pytest.mark.parametrize("hits", [3, 5])
+def test_modes_of_one_multiplier_are_found_with_their_shapes(hits):
+    """They were one mode with a shape for each hit: order 4, and ambiguous."""
+    drawn = of_equal(hits)
+    found = identify(drawn.records(0))
+    assert found.model.order == 6
+    assert found.model.one_shape
+    assert found.passed
+    assert "two_shapes" in told(found)
+    assert not found.choice.ambiguous
+    pairing = pair_exponents(found.model.exponents, [*drawn.exponents, *drawn.exponents.conj()], 1.0)
+    std = found.model.exponent_std[pairing.permutation]
+    assert (np.abs(pairing.differences.real) < 4.0 * std.real).all()
+    assert (np.abs(pairing.differences.imag) < 4.0 * std.imag).all()
+    # By free residues of two columns that are all but one, the period was told to be another.
+    own, spread = found.fit.own_period
+    assert abs(own) < 4.0 * spread < 1e-2
+
+
+def test_two_hits_have_two_shapes_of_anything():
+    found = identify(of_equal(2).records(0), validate=False)
+    assert found.model.order == 4
+    assert found.choice.ambiguous
+    assert "hits_disagree" in told(found)
+
+
+def test_hits_in_two_groups_are_no_two_modes():
+    """A machine that changed after the second of five hits."""
+    drawn = of_equal(5)
+    states = drawn.states.copy()
+    states[1, :2] = states[0, 2:] = 0.0
+    found = identify(replace(drawn, states=states).records(0), validate=False)
+    assert found.model.order == 4
+    assert found.choice.ambiguous
+    (warned,) = (finding for finding in found.findings if finding.code == "hits_disagree")
+    assert "Hits 1, 2 share one shape, and hits 3, 4, 5 another." in str(warned)
+
+
+def test_one_hit_that_decays_slower_makes_no_second_mode():
+    """It was two modes of one shape, each in the hits that decay like it: it passed, and its order was clear."""
+    drawn = Hits.drawn([-0.2 + 2.1j, -0.35 + 4.0j], 3, 30, noise=0.01)
+    drawn = replace(drawn, states=np.array([[1.5, 1.0, 1.5j], [1.0, 1.2j, 1.0j]]))
+    slower = replace(drawn, exponents=drawn.exponents + np.array([0.04, 0.0]))
+    found = identify([*drawn.records(0)[:2], slower.records(0)[2]])
+    assert found.model.order == 4
+    assert not found.passed
+    (failed,) = (finding for finding in found.findings if finding.code == "hits_unlike")
+    assert failed.severity.value == "failure"
+    assert failed.numbers["hits"][1] == 3
+    assert failed.numbers["decays"] == pytest.approx([0.2, 0.16], rel=0.01)
+    assert "No exponent fits all." in str(failed)
+    assert "hits_disagree" not in told(found)
