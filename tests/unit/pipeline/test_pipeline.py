@@ -245,7 +245,7 @@ def test_fewer_periods_than_modes_do_not_pass_without_a_word(seed):
     try:
         analysis = identify(ringing(many, n_cycles=7, noise=1e-3, seed=seed))
     except IdentificationError as error:
-        assert re.search("holds 7 whole periods, too few for the 8 poles|does not repeat", str(error))  # noqa: PT017
+        assert re.search("holds 7 whole periods, too few for the (8|10) poles|does not repeat", str(error))  # noqa: PT017
         return
     assert not analysis.passed or "misfit" in {finding.code for finding in analysis.findings}
 

@@ -66,12 +66,12 @@ def _left_out(point: Point, most: int) -> Floats:
     wide = replace(wide, bands=np.where(those[:, None], wide.padded(1, most).bands, wide.bands))
     columns, whole = wide.columns(), len(wide.with_slopes().modes)
     n, rows = len(columns.modes), entries.rows
+    inner = entries.columns().modes
     inside = within(columns.modes, columns.harmonics, entries.bands)
     kept, out = np.flatnonzero(inside), np.flatnonzero(~inside)
     functions = np.concatenate([kept, np.arange(n, whole)])
     kept, out, functions = (np.concatenate([k, m + k]) for k, m in ((kept, n), (out, n), (functions, whole)))
-    # A harmonic that noise may hide has, in the mean, this much in each of its numbers, over the noise.
-    hidden = 1.0
+    entry_of = np.tile(columns.modes, 2)[out]
     scatter, (place, signs) = np.zeros((len(rows.columns),) * 2), rows.of_coefficients(len(kept) // 2)
     parts = np.stack([rows.functions, len(functions) // 2 + rows.functions], axis=1)
     for block, linear, beside in zip(point.blocks, point.solution.linear, eliminated(point.blocks, wide), strict=True):
@@ -80,11 +80,19 @@ def _left_out(point: Point, most: int) -> Floats:
         square = np.diag(beside.gram)[out]
         left = square - np.sum(back * beside.gram[np.ix_(kept, out)], axis=0)
         told = left > HALF_DIGITS * square
-        products = (mixed[told].T * (hidden / left[told])) @ mixed[told]
         values = linear.coefficients / block.noise
+        # As much of each as noise lets it be, in the mean, but no more than the strongest harmonic of its mode.
+        energy = np.sum(values**2, axis=1) * np.diag(linear.gram)
+        strongest = np.array([energy[np.tile(inner == entry, 2)].max() for entry in range(len(entries.bands))])
+        hidden = np.minimum(1.0 / left, strongest[entry_of] / (values.shape[1] * square))
+        products = (mixed[told].T * hidden[told]) @ mixed[told]
         scatter += folded(products, values @ values.T, parts, place, signs)
-    ties, inverse = entries.ties(), scaled_inverse(point.solution.information, ROUNDING)
-    return np.diag(inverse @ ties @ scatter @ ties.T @ inverse)
+    # Parameters that noise leaves open carry errors of rounding to all others.
+    told = np.flatnonzero(np.diag(point.solution.covariance()) < entries.fundamental**2)
+    ties, inverse = entries.ties()[told], scaled_inverse(point.solution.information[np.ix_(told, told)], ROUNDING)
+    added = np.zeros(size)
+    added[told] = np.diag(inverse @ ties @ scatter @ ties.T @ inverse)
+    return added
 
 
 def _unlike_hits(point: Point) -> tuple[tuple[Unlike, ...], Floats]:

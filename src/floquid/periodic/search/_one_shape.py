@@ -107,7 +107,7 @@ def grown(shared: OneShape, least: Sequence[Floats], most: int) -> OneShape:
     bands = narrowed(shared, LOOSE)
     for _ in range(FEW_STEPS):
         padded = replace(shared.entries, bands=bands).padded(GAP + 1, most).bands
-        wide = shared.with_bands(padded).solved(at_rest=REST).with_noise(least)
+        wide = shared.with_bands(padded).solved(at_rest=REST, iterations=ROUNDS).with_noise(least)
         kept = narrowed(wide, LOOSE)
         if (kept[:, 0] >= bands[:, 0]).all() and (kept[:, 1] <= bands[:, 1]).all():
             break

@@ -207,10 +207,9 @@ def _fits(prepared: Prepared, cutting: Lifting, start: Start, report: Callable[[
             missing = [] if own is None else [own]
         # Modes that are missing turn in what is left as a wrong period would.
         wrong = None if missing else wrong_period_lifted(model, start.lifted, prepared)
-    distinct, fitted = 0 if model is None else model.order, None
+    fitted, twice = None, False
     if model is not None and start.modal is not None and start.modal.outer_products:
-        distinct = distinct_multipliers(model)
-    twice = model is not None and distinct < model.order
+        twice = distinct_multipliers(model) < model.order
     constrained = model is None or (settings.constrained and model.covariance is not None)
     if constrained and (settings.trust_period or not wrong):
         # Of a period that is trusted against the response, harmonics come apart: they are no modes to be looked for.
@@ -223,12 +222,6 @@ def _fits(prepared: Prepared, cutting: Lifting, start: Start, report: Callable[[
                     raise
                 # Poles that are none run away where residues are constrained.
                 missing.append(warning("order_not_held"))
-        if twice and fitted is not None and fitted.model.order <= distinct and not start.known:
-            # Where two modes have one multiplier indeed, only residues free in each hit tell them apart. What was taken
-            # off as a forced response has no place beside these.
-            apart, alarm = free_residues(prepared, cutting, start, model), settings.mode_false_alarm
-            if criterion(apart, alarm) < criterion(fitted, alarm):
-                fitted = replace(apart, warnings=fitted.warnings)
         if fitted is not None and fitted.constrained and not (wrong or missing):
             wrong = wrong_period_fitted(fitted, start.lifted, prepared, report)
     if fitted is None:
