@@ -76,3 +76,26 @@ def test_one_hit_that_decays_slower_makes_no_second_mode():
     assert failed.numbers["decays"] == pytest.approx([0.2, 0.16], rel=0.01)
     assert "No exponent fits all." in str(failed)
     assert "hits_disagree" not in told(found)
+
+
+def test_hits_share_a_shape_beside_a_pair_within_its_decay_of_an_axis():
+    """All modes kept residues of their own in each hit, a weak harmonic was not seen, and the right model failed."""
+    generator = np.random.default_rng(1)
+    exponents = -generator.uniform(0.05, 0.3, 5) + 1j * np.sort(generator.uniform(0.2, 6.0, 5))
+    found = identify(Hits.drawn(exponents, 4, 60, channels=3, noise=0.02, seed=1).records(1))
+    assert found.model.order == 10
+    assert found.model.one_shape
+    assert found.passed
+
+
+def test_weak_harmonics_that_two_modes_share_are_seen_by_all_hits_together():
+    """Their bands were those of free residues: samples left out had 1.4 times the expected error."""
+    strengths = np.zeros((2, 9))
+    strengths[0, 2:8] = 0.02, 0.05, 1.0, 0.3, 0.05, 0.02
+    strengths[1, :6] = 0.02, 0.05, 0.3, 0.6, 1.0, 0.05
+    exponents = np.array([-0.125 + 0.62j * np.pi, -0.135 + 0.02j + 4.62j * np.pi])  # the second folds onto the first
+    drawn = Hits.drawn(exponents, 2, 40, channels=4, noise=0.015, seed=9, phases=64)
+    shapes = np.random.default_rng(9).standard_normal((2, 4, 9, 2)) @ np.array([1.0, 1j]) * strengths[:, None]
+    found = identify(replace(drawn, shapes=shapes).records(9))
+    assert found.model.order == 4
+    assert found.passed

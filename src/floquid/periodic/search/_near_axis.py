@@ -248,7 +248,8 @@ def read_apart(result: SearchResult) -> SearchResult:
         places[int(place)] = len(apart_entries.exponents)
         ends = np.stack([entries.bands[place], bands[place]])
         modes, ends = _ordinary(mean, read.square, half, omega, ends)
-        as_read |= {len(apart_entries.exponents) + k: complex(read.std[k]) for k in range(len(modes.exponents))}
+        if square > -DEVIATIONS * np.sqrt(pair[1, 1]):  # surely conjugates are two exponentials, and are fitted as such
+            as_read |= {len(apart_entries.exponents) + k: complex(read.std[k]) for k in range(len(modes.exponents))}
         kept += [ends] * len(modes.exponents)
         apart_entries = apart_entries.joined(replace(modes, fixed=np.full(len(modes.exponents), held)))
     solution = linearise(result.blocks, apart_entries, carried(result.solution, apart_entries))

@@ -22,6 +22,7 @@ from floquid.periodic.least_squares import (
     linearise,
     residuals_of,
 )
+from floquid.periodic.search._folds import folds
 from floquid.periodic.search._objective import Disagreement, SearchResult
 from floquid.periodic.search._peaks import strongest
 from floquid.periodic.search._several_shapes import (
@@ -50,7 +51,8 @@ def with_one_shape(result: SearchResult, false_alarm: float, floor: float, most:
     with suppress(IdentificationError, np.linalg.LinAlgError):
         start, bands = OneShape.at(result.blocks, entries, result.solution.linear), result.bands
         shared = start.solved()
-        if (np.abs(shared.entries.exponents.real) * 2.0 * np.pi > SLOW * entries.fundamental).any():
+        brief = np.abs(shared.entries.exponents.real) * 2.0 * np.pi > SLOW * entries.fundamental
+        if brief.any() or folds(entries):
             shared = grown(shared, least_noise(result.blocks, result.solution, floor), most)
             bands = np.where(entries.fixed[:, None], bands, shared.entries.bands)
         probability = agreement(shared, result)
