@@ -12,16 +12,22 @@ from floquid.comparison import ComparedPoint, Comparison, Pair, mode_number
 from floquid.fit import WITHIN
 from floquid.monitoring import LEAST, Monitor
 from floquid.plot._exponents import short_tick
-from floquid.plot._style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILION, Into, drawing, grid_of
-from floquid.views import in_strip, over_label, region_on_branch
+from floquid.plot._style import Into, drawing, grid_of
+from floquid.views import Ink, in_strip, over_label, region_on_branch
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 ACROSS, MOST = 4, 12  # pairs that are drawn close up in a row, and at most
-_A: dict[str, Any] = {"linestyle": "none", "marker": "o", "color": BLUE, "markersize": 6.0, "markerfacecolor": "none"}
-_B: dict[str, Any] = {"linestyle": "none", "marker": "x", "color": VERMILION, "markersize": 5.5}
+_A: dict[str, Any] = {
+    "linestyle": "none",
+    "marker": "o",
+    "color": Ink.BLUE,
+    "markersize": 6.0,
+    "markerfacecolor": "none",
+}
+_B: dict[str, Any] = {"linestyle": "none", "marker": "x", "color": Ink.VERMILION, "markersize": 5.5}
 
 
 def comparison(found: Comparison, *, point: int | None = None, ax: Into = None) -> Figure:
@@ -51,8 +57,8 @@ def comparison(found: Comparison, *, point: int | None = None, ax: Into = None) 
         ):  # fmt: skip
             lam = model.exponents[[mode for object_ in modes for mode in object_]]
             strip.plot(lam.real, in_strip(lam, model.fundamental).imag, **look, label=label)
-        strip.axvline(0.0, color=BLACK, linewidth=0.9)
-        strip.axhline(0.5 * here.model_a.fundamental, color=ORANGE, linestyle="--", linewidth=0.9, label="ω/2")
+        strip.axvline(0.0, color=Ink.BLACK, linewidth=0.9)
+        strip.axhline(0.5 * here.model_a.fundamental, color=Ink.ORANGE, linestyle="--", linewidth=0.9, label="ω/2")
         strip.set(xlabel="Re λ [1/s]", ylabel="|Im λ| modulo ω [rad/s]", ylim=(0.0, 0.55 * here.model_a.fundamental))
         if found.over is not None:
             strip.set_title(f"{found.over} = {here.value:g}")
@@ -99,8 +105,8 @@ def _draw_close(axes: Axes, here: ComparedPoint, pair: Pair) -> None:
             axes.plot((off + region).real, (off + region).imag, color=look["color"], linewidth=1.0)
             reach = max(reach, *np.abs([region.real, region.imag]).max(axis=1))
     reach = 1.25 * max(reach, abs(apart.real), abs(apart.imag))
-    axes.axhline(0.0, color=GREY, linewidth=0.5)
-    axes.axvline(0.0, color=GREY, linewidth=0.5)
+    axes.axhline(0.0, color=Ink.SILVER, linewidth=0.5)
+    axes.axvline(0.0, color=Ink.SILVER, linewidth=0.5)
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach))
     axes.locator_params(nbins=3)
     for axis in (axes.xaxis, axes.yaxis):
@@ -115,7 +121,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY)
+COLOURS = (Ink.BLUE, Ink.VERMILION, Ink.GREEN, Ink.ORANGE, Ink.PURPLE, Ink.SKY)
 MARKS = ("o", "s", "^", "D", "v", "P")
 
 
@@ -144,7 +150,7 @@ def monitor(found: Monitor, *, ax: Into = None) -> Figure:
                 over = np.maximum(values[known] / limits[known], LEAST)
                 look: dict[str, Any] = {"color": COLOURS[k], "marker": MARKS[k], "markersize": 3.0}
                 top.plot(found.x[known], over, label=label, linewidth=0.8, **look)
-        top.axhline(1.0, color=BLACK, linewidth=0.9)
+        top.axhline(1.0, color=Ink.BLACK, linewidth=0.9)
         top.set(yscale="log", ylabel="over the limit")
         for axes_, word, scale, label in (
             (parts[0], "frequency", 2.0 * np.pi, "f - baseline [Hz]"),
@@ -154,7 +160,7 @@ def monitor(found: Monitor, *, ax: Into = None) -> Figure:
             for number, k in enumerate(kept):
                 name = charts.features[k].rpartition(" ")[0]
                 _bars(axes_, found, charts.residual[:, k] / scale, charts.residual_std[:, k] / scale, number, name)
-            axes_.axhline(0.0, color=BLACK, linewidth=0.6)
+            axes_.axhline(0.0, color=Ink.BLACK, linewidth=0.6)
             axes_.set(ylabel=label)
         _conditions(last, found)
         for axes_ in axes:
@@ -186,11 +192,13 @@ def periodic_amount(found: Monitor, *, ax: Into = None) -> Figure:
     with drawing(3.2, ax, of) as (figure, (axes,)):
         value, low, high = 100.0 * amounts.value, 100.0 * amounts.low, 100.0 * amounts.high
         bars = np.maximum(np.stack([value - low, high - value]), 0.0)
-        axes.errorbar(found.x, value, bars, color=BLUE, linestyle="none", marker="o", markersize=3.5, elinewidth=0.9)
+        axes.errorbar(
+            found.x, value, bars, color=Ink.BLUE, linestyle="none", marker="o", markersize=3.5, elinewidth=0.9
+        )
         words = "of the change looked for [%]" if amounts.along else "sidebands [% of the response]"
         axes.set(ylabel=words)
         _label(axes, found)
-        axes.axhline(0.0, color=BLACK, linewidth=0.6)
+        axes.axhline(0.0, color=Ink.BLACK, linewidth=0.6)
         _spans(axes, found)
     return figure
 
@@ -232,8 +240,8 @@ def _spans(axes: Axes, found: Monitor) -> None:
     """Shade the baseline, and the interval of the instant of a change."""
     places = np.flatnonzero(found.baseline)
     for run in np.split(places, np.flatnonzero(np.diff(places) > 1) + 1) if len(places) else []:
-        axes.axvspan(found.x[run[0]], found.x[run[-1]], facecolor=GREY, alpha=0.12, edgecolor="none", zorder=0)
+        axes.axvspan(found.x[run[0]], found.x[run[-1]], facecolor=Ink.SILVER, alpha=0.12, edgecolor="none", zorder=0)
     if found.change is not None:
         low, high = (float(found.x[k]) for k in found.change.interval)
         margin = 0.2 * float(np.median(np.diff(found.x))) if len(found.x) > 1 else 0.0
-        axes.axvspan(low - margin, high + margin, facecolor=VERMILION, alpha=0.25, edgecolor="none", zorder=0)
+        axes.axvspan(low - margin, high + margin, facecolor=Ink.VERMILION, alpha=0.25, edgecolor="none", zorder=0)

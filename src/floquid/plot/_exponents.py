@@ -12,8 +12,8 @@ from floquid._arrays import Complexes, Mask
 from floquid._checks import frozen_array, input_error
 from floquid.core import PeriodicModel
 from floquid.floquet import FloquetModes, stability, upper_modes
-from floquid.plot._style import BLACK, BLUE, GREEN, GREY, ORANGE, SIZE, VERMILION, Into, drawing, grid_of
-from floquid.views import exponent_ellipses, grows, multiplier_ellipses, with_error
+from floquid.plot._style import SIZE, Into, drawing, grid_of
+from floquid.views import Ink, exponent_ellipses, grows, multiplier_ellipses, with_error
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,12 +31,18 @@ WIDE = 6.0  # deviations that a close-up shows on either side, at least
 _SPOTS = [(x, y) for y in (1.0, -10.0, 8.0, -17.0) for x in (6.0, -6.0)]
 """Places of a number beside its mark [pt], the best ones first."""
 
-_RESTS: dict[str, Any] = {"linestyle": "none", "marker": "D", "color": GREEN, "markersize": 5.0}
-_DECAYS: dict[str, Any] = {"linestyle": "none", "marker": "o", "color": BLUE, "markersize": 5.5}
-_GROWS: dict[str, Any] = {"linestyle": "none", "marker": "^", "color": VERMILION, "markersize": 6.5}
-_COPIES: dict[str, Any] = {"linestyle": "none", "marker": ".", "color": GREY, "markersize": 4.0}
-_TRUE: dict[str, Any] = {"linestyle": "none", "marker": "x", "color": BLACK, "markersize": 6.5, "markeredgewidth": 1.2}
-_REGION: dict[str, Any] = {"color": GREEN, "linewidth": 1.1}
+_RESTS: dict[str, Any] = {"linestyle": "none", "marker": "D", "color": Ink.GREEN, "markersize": 5.0}
+_DECAYS: dict[str, Any] = {"linestyle": "none", "marker": "o", "color": Ink.BLUE, "markersize": 5.5}
+_GROWS: dict[str, Any] = {"linestyle": "none", "marker": "^", "color": Ink.VERMILION, "markersize": 6.5}
+_COPIES: dict[str, Any] = {"linestyle": "none", "marker": ".", "color": Ink.SILVER, "markersize": 4.0}
+_TRUE: dict[str, Any] = {
+    "linestyle": "none",
+    "marker": "x",
+    "color": Ink.BLACK,
+    "markersize": 6.5,
+    "markeredgewidth": 1.2,
+}
+_REGION: dict[str, Any] = {"color": Ink.GREEN, "linewidth": 1.1}
 
 
 def exponents(modes: FloquetModes | PeriodicModel, *, truth: ArrayLike | None = None, ax: Into = None) -> Figure:
@@ -82,10 +88,10 @@ def _columns(modes: FloquetModes | PeriodicModel, beyond: float) -> Complexes:
 
 def _draw_strip(axes: Axes, modes: FloquetModes | PeriodicModel, copies: Complexes) -> None:
     """The line of stability, the edges of the principal strip, and the copies of the exponents."""
-    axes.axvline(0.0, color=BLACK, linewidth=0.9)
+    axes.axvline(0.0, color=Ink.BLACK, linewidth=0.9)
     for edge in (-0.5, 0.5):
         label = "edges of the strip, ±ω/2"
-        axes.axhline(edge * modes.fundamental, color=ORANGE, linestyle="--", linewidth=0.9, label=label)
+        axes.axhline(edge * modes.fundamental, color=Ink.ORANGE, linestyle="--", linewidth=0.9, label=label)
     axes.plot(copies.real, copies.imag, **_COPIES, label=r"copies, $\lambda + im\omega$")
     axes.set(xlabel=r"Re $\lambda$ [1/s]", ylabel=r"Im $\lambda$ [rad/s]")
 
@@ -93,12 +99,12 @@ def _draw_strip(axes: Axes, modes: FloquetModes | PeriodicModel, copies: Complex
 def _draw_circle(axes: Axes, largest: float, *, cross: bool = True) -> None:
     """The unit circle, in limits that hold multipliers of size `largest`."""
     turn = np.linspace(0.0, 2.0 * np.pi, 361)
-    axes.plot(np.cos(turn), np.sin(turn), color=BLACK, linewidth=0.9, label="unit circle")
+    axes.plot(np.cos(turn), np.sin(turn), color=Ink.BLACK, linewidth=0.9, label="unit circle")
     reach = 1.15 * max(1.0, largest)
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
     if cross:
-        axes.axhline(0.0, color=GREY, linewidth=0.5)
-        axes.axvline(0.0, color=GREY, linewidth=0.5)
+        axes.axhline(0.0, color=Ink.SILVER, linewidth=0.5)
+        axes.axvline(0.0, color=Ink.SILVER, linewidth=0.5)
         axes.set(xlabel=r"Re $\mu$", ylabel=r"Im $\mu$")
 
 
@@ -177,7 +183,7 @@ def _draw_multipliers(axes: Axes, modes: FloquetModes) -> None:
         highest = int(np.ceil(max(float(sizes.max()), 0.0)))
         for power in [*range(-step, -int(decades), -step), *range(step, highest + 1, max(step, highest // 3 or 1))]:
             radius = 1.0 + power / decades
-            axes.plot(radius * np.cos(turn), radius * np.sin(turn), color=GREY, linewidth=0.5)
+            axes.plot(radius * np.cos(turn), radius * np.sin(turn), color=Ink.SILVER, linewidth=0.5)
             axes.text(0.0, radius, f"$10^{{{power}}}$", ha="center", va="bottom", color="#555555")
     _draw_circle(axes, float(radii.max()), cross=not vast)
     points = radii * angles

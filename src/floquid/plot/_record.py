@@ -11,21 +11,8 @@ from floquid._checks import index, integer
 from floquid.core import Cycles, channels_named
 from floquid.fit import WITHIN
 from floquid.pipeline import Analysis
-from floquid.plot._style import (
-    BLACK,
-    BLUE,
-    GREY,
-    ORANGE,
-    POINTS,
-    VERMILION,
-    Into,
-    degrees_a_period,
-    drawing,
-    grid_of,
-    label_values,
-    plain,
-)
-from floquid.views import Synthesis, check_analysis, envelope, lifted_points
+from floquid.plot._style import POINTS, Into, degrees_a_period, drawing, grid_of, label_values, plain
+from floquid.views import Ink, Synthesis, check_analysis, envelope, lifted_points
 from floquid.views import synthesis as synthesis_of
 
 if TYPE_CHECKING:
@@ -38,7 +25,7 @@ INSET_WITH_LABELS = 0.46  # the height below which the record must stay beside t
 STRETCHES = 40  # stretches of the record, each with its rms of the residual
 
 _RING: dict[str, Any] = {"linestyle": "none", "marker": "o", "markerfacecolor": "none"}
-_MODEL: dict[str, Any] = {"color": VERMILION, "linestyle": "-"}
+_MODEL: dict[str, Any] = {"color": Ink.VERMILION, "linestyle": "-"}
 
 
 def time_record(
@@ -87,9 +74,9 @@ def time_record(
     with drawing(4.0, ax, of) as (figure, (axes,)):
         shown = record.channels[row]
         label = plain(shown.name) + (f", hit {hit + 1}" if len(analysis.cycles) > 1 else "")
-        axes.plot(*envelope(times, values, POINTS), color=BLUE, linewidth=0.7, label=label)
+        axes.plot(*envelope(times, values, POINTS), color=Ink.BLUE, linewidth=0.7, label=label)
         marks = _marks(cycles, phase, periods_per_revolution)
-        ring: dict[str, Any] = {**_RING, "color": VERMILION}
+        ring: dict[str, Any] = {**_RING, "color": Ink.VERMILION}
         axes.plot(*envelope(instants, samples, POINTS), **ring, markersize=2.5, markeredgewidth=0.6, label=marks)
         axes.set(xlabel="time [s]", xlim=(times[0], times[-1]))
         largest = float(np.nanmax(np.abs(values)))
@@ -97,7 +84,7 @@ def time_record(
         _make_room(axes, times, values)
         end = int(np.searchsorted(times, instants[0] + inset_cycles * period + 0.5 / record.sample_rate))
         inset = axes.inset_axes(INSET)
-        inset.plot(*envelope(times[:end], values[:end], POINTS), color=BLUE)
+        inset.plot(*envelope(times[:end], values[:end], POINTS), color=Ink.BLUE)
         near = instants <= times[end - 1]
         inset.plot(*envelope(instants[near], samples[near], POINTS), **ring, markersize=5.0, markeredgewidth=1.0)
         inset.margins(x=0.02, y=0.12)
@@ -182,24 +169,26 @@ def _draw_close(axes: Axes, found: Synthesis, length: float) -> None:
     """The samples of the first cycles as rings, and the response through them."""
     inside = found.times <= found.times[0] + length * (1.0 + 1e-9)
     times = found.times[inside]
-    axes.plot(times, found.measured[inside], **_RING, color=BLUE, markersize=3.6, markeredgewidth=0.8, label="measured")
+    axes.plot(
+        times, found.measured[inside], **_RING, color=Ink.BLUE, markersize=3.6, markeredgewidth=0.8, label="measured"
+    )
     axes.plot(times, found.predicted[inside], **_MODEL, linewidth=1.2, label="model")
     axes.set_xlim(times[0], times[-1])
 
 
 def _draw_whole(axes: Axes, found: Synthesis) -> None:
-    axes.plot(*envelope(found.times, found.measured, POINTS), color=BLUE, linewidth=0.8, label="measured")
+    axes.plot(*envelope(found.times, found.measured, POINTS), color=Ink.BLUE, linewidth=0.8, label="measured")
     axes.plot(*envelope(found.times, found.predicted, POINTS), **_MODEL, linewidth=0.5, label="model")
     axes.set_xlim(found.times[0], found.times[-1])
 
 
 def _draw_left(axes: Axes, found: Synthesis) -> None:
     """Residual between the lines of the noise, and its rms stretch by stretch."""
-    axes.plot(*envelope(found.times, found.residual, POINTS), color=GREY, linewidth=0.5, label="measured − model")
+    axes.plot(*envelope(found.times, found.residual, POINTS), color=Ink.SILVER, linewidth=0.5, label="measured − model")
     for side in (-WITHIN, WITHIN):
-        axes.axhline(side * found.noise, color=BLACK, linestyle="--", linewidth=0.9, label="95 % of the noise")
+        axes.axhline(side * found.noise, color=Ink.BLACK, linestyle="--", linewidth=0.9, label="95 % of the noise")
     edges, rms = _steps(found)
-    axes.stairs(rms, edges, baseline=None, color=ORANGE, linewidth=1.6, zorder=3, label="rms of the residual")
+    axes.stairs(rms, edges, baseline=None, color=Ink.ORANGE, linewidth=1.6, zorder=3, label="rms of the residual")
     axes.set_xlim(found.times[0], found.times[-1])
     # What the model leaves out early on would hide all the rest if it set the scale alone.
     reach = max(3.0 * WITHIN * found.noise, 1.1 * float(np.nanquantile(np.abs(found.residual), 0.999)))

@@ -15,28 +15,17 @@ from floquid.core import PeriodicModel, channels_named
 from floquid.fit import WITHIN
 from floquid.floquet import FloquetModes, multiplier_is_real, stability, state_participation, upper_modes
 from floquid.periodic import participation
-from floquid.plot._style import (
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    VERMILION,
-    Into,
-    drawing,
-    grid_of,
-    label_angle,
-    label_values,
-    plain,
-    plain_decades,
-)
-from floquid.views import shape_curves, with_error
+from floquid.plot._style import Into, drawing, grid_of, label_angle, label_values, plain, plain_decades
+from floquid.views import Ink, shape_curves, with_error
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_COLORS, _DASHES = (BLUE, VERMILION, GREEN, ORANGE, PURPLE), ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)))
+_COLORS, _DASHES = (
+    (Ink.BLUE, Ink.VERMILION, Ink.GREEN, Ink.ORANGE, Ink.PURPLE),
+    ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1))),
+)
 _LOOKS = tuple((_COLORS[k % 5], _DASHES[(k + k // 5) % 5]) for k in range(25))
 """Told apart by dashes as well as by colour; no two alike, since all channels of a figure share its legend."""
 
@@ -203,7 +192,7 @@ def _draw_harmonics(axes: Axes, harmonics: Integers, shares: Floats) -> None:
     from matplotlib.ticker import MaxNLocator
 
     shown = shares >= _LEAST
-    axes.bar(harmonics[shown], shares[shown], color=GREY, edgecolor=BLUE, linewidth=0.8, width=0.7)
+    axes.bar(harmonics[shown], shares[shown], color=Ink.SILVER, edgecolor=Ink.BLUE, linewidth=0.8, width=0.7)
     axes.set(yscale="log", ylim=(_LEAST, 2.0), ylabel="part of the mode")
     if shown.any():
         axes.set_xlim(int(harmonics[shown].min()) - 1.4, int(harmonics[shown].max()) + 1.4)
@@ -297,7 +286,7 @@ def _draw_identified(
                 edge = {"color": color, "alpha": 0.25, "linewidth": 0.0}
                 axes.fill_between(phase, part - WITHIN * band, part + WITHIN * band, **edge)
     if curves.std is not None:
-        panels[0].fill_between([], [], [], color=GREY, alpha=0.4, linewidth=0.0, label="95 % intervals")
+        panels[0].fill_between([], [], [], color=Ink.SILVER, alpha=0.4, linewidth=0.0, label="95 % intervals")
     for axes, name in zip(panels, ("Re", "Im"), strict=True):
         axes.margins(y=0.12)
         label_values(axes, name, unit, largest)

@@ -12,16 +12,8 @@ from floquid._checks import index, input_error, integer, positive
 from floquid.core import channels_named
 from floquid.pipeline import Analysis
 from floquid.plot._style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
     POINTS,
-    PURPLE,
     SIZE,
-    SKY,
-    VERMILION,
     Into,
     columns_that_fit,
     degrees_a_period,
@@ -30,13 +22,22 @@ from floquid.plot._style import (
     grid_of,
     plain,
 )
-from floquid.views import Family, check_analysis, envelope, families, lifted_spectrum, record_spectrum, spectra_of_modes
+from floquid.views import (
+    Family,
+    Ink,
+    check_analysis,
+    envelope,
+    families,
+    lifted_spectrum,
+    record_spectrum,
+    spectra_of_modes,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COLORS = (BLUE, ORANGE, GREEN, VERMILION, PURPLE, SKY)
+COLORS = (Ink.BLUE, Ink.ORANGE, Ink.GREEN, Ink.VERMILION, Ink.PURPLE, Ink.SKY)
 DASHES = ("-", (0, (4, 1.5)), (0, (1, 1)), "-.")
 LINE_DASHES = ((0, (4, 2)), (0, (1, 1)), (0, (5, 1.5, 1, 1.5)))
 CURVES = 4  # singular values that are drawn: three of them are seldom modes at once
@@ -147,7 +148,7 @@ def _draw_record(
     _draw_levels(axes, levels)
     for number, mark in enumerate(np.unique(marks.round(12))):
         label = r"identified, $|\mathrm{Im}\,\lambda + m\omega|$" if number == 0 else None
-        axes.axvline(mark, color=GREY, linestyle=(0, (2, 2)), linewidth=0.8, zorder=1, label=label)
+        axes.axvline(mark, color=Ink.SILVER, linestyle=(0, (2, 2)), linewidth=0.8, zorder=1, label=label)
     axes.set_xlim(0.0, end)
 
 
@@ -157,7 +158,7 @@ def _draw_families(axes: Axes, shown: Sequence[Family], numbers: Sequence[int], 
     for row, family in enumerate(shown):
         x, strongest = family.omega * scale, int(np.argmax(family.share))
         others = np.delete(x, strongest)
-        look = {"linestyle": "none", "marker": "o", "color": BLUE, "markersize": 4.5}
+        look = {"linestyle": "none", "marker": "o", "color": Ink.BLUE, "markersize": 4.5}
         axes.plot(x[[strongest]], [row], **look)
         axes.plot(others, np.full(len(others), row), **look, markerfacecolor="none")
         for line in np.flatnonzero(x <= end - room):
@@ -199,7 +200,7 @@ def _draw_levels(axes: Axes, levels: Sequence[tuple[Floats, Floats]], *, named: 
     for color, curve in zip(COLORS, levels, strict=False):
         axes.plot(*curve, color=color, linestyle=":", linewidth=1.4)
     if named:
-        axes.plot([], [], color=BLACK, linestyle=":", linewidth=1.4, label="noise alone, mean")
+        axes.plot([], [], color=Ink.BLACK, linestyle=":", linewidth=1.4, label="noise alone, mean")
     axes.set_yscale("log")
     axes.set_ylim(bottom=DEPTH * min(float(level.min()) for _, level in levels))
 
@@ -271,7 +272,7 @@ def harmonic_spectra(
             x, y = envelope(found.frequencies_hz[inside], found.values[inside, number], POINTS)
             width, alpha = (0.8, 0.75 - 0.15 * number) if number else (1.3, 1.0)
             label = None if number else "singular values, descending"
-            axes.plot(x, y, color=BLACK, linewidth=width, alpha=alpha, label=label)
+            axes.plot(x, y, color=Ink.BLACK, linewidth=width, alpha=alpha, label=label)
         for number, own in enumerate(found.modes):
             look = {
                 "color": COLORS[number % len(COLORS)],

@@ -13,15 +13,7 @@ from floquid.lti import WHITE, Outcome, composites
 from floquid.order import Indicators, OrderScan, Stability
 from floquid.pipeline import Analysis
 from floquid.plot._style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
     POINTS,
-    PURPLE,
-    SKY,
-    VERMILION,
     Into,
     drawing,
     frequency_unit,
@@ -31,7 +23,7 @@ from floquid.plot._style import (
     several,
     whole_numbers,
 )
-from floquid.views import envelope, families, record_spectrum, unfolded
+from floquid.views import Ink, envelope, families, record_spectrum, unfolded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,10 +31,13 @@ if TYPE_CHECKING:
 
 
 MARKS: dict[Stability, tuple[str, dict[str, Any]]] = {  # told apart by form as well as by colour
-    Stability.NEW: ("new", {"marker": ".", "color": GREY, "markersize": 3.0}),
-    Stability.FREQUENCY: ("stable in frequency", {"marker": "+", "color": VERMILION, "markersize": 5.0}),
-    Stability.DAMPING: ("and damping", {"marker": "s", "color": GREEN, "markersize": 4.0, "markerfacecolor": "none"}),
-    Stability.SHAPE: ("and shape", {"marker": "o", "color": BLUE, "markersize": 4.0}),
+    Stability.NEW: ("new", {"marker": ".", "color": Ink.SILVER, "markersize": 3.0}),
+    Stability.FREQUENCY: ("stable in frequency", {"marker": "+", "color": Ink.VERMILION, "markersize": 5.0}),
+    Stability.DAMPING: (
+        "and damping",
+        {"marker": "s", "color": Ink.GREEN, "markersize": 4.0, "markerfacecolor": "none"},
+    ),
+    Stability.SHAPE: ("and shape", {"marker": "o", "color": Ink.BLUE, "markersize": 4.0}),
 }
 
 
@@ -113,7 +108,7 @@ def _draw_poles(axes: Axes, poles: list[Floats], scan: OrderScan, end: float) ->
 def _finish(axes: Axes, scan: OrderScan, chosen: int | None, end: float) -> None:
     """The order chosen, limits and labels."""
     if chosen is not None:
-        axes.axhline(chosen, color=BLACK, linestyle="--", linewidth=0.9, zorder=2, label="order chosen")
+        axes.axhline(chosen, color=Ink.BLACK, linestyle="--", linewidth=0.9, zorder=2, label="order chosen")
     lowest, highest = scan.orders[0], scan.orders[-1]
     margin = 0.04 * max(highest - lowest, 1)
     axes.set(xlim=(0.0, end), ylim=(lowest - margin, highest + margin), ylabel="order [complex poles]")
@@ -140,7 +135,7 @@ def _draw_indicator(axes: Axes, scan: OrderScan) -> None:
 def _draw_behind(axes: Axes, curve: Any, look: dict[str, Any], name: str, bottom: float | None = None) -> None:
     """A curve on an axis of its own to the right, drawn below the poles."""
     other = axes.twinx()
-    other.plot(*curve, color=SKY, **look)
+    other.plot(*curve, color=Ink.SKY, **look)
     other.set(yscale="log", ylabel=name)
     other.set_ylim(bottom=bottom)
     plain_decades(other)
@@ -154,10 +149,12 @@ def _draw_folds(axes: Axes, analysis: Analysis, end: float) -> None:
     half = np.pi / analysis.lifted.period
     for number in range(1, int(end / half * (1.0 - 1e-9)) + 1):
         label = r"multiples of $\omega$/2" if number == 1 else None
-        axes.axvline(number * half / (2.0 * np.pi), color=GREY, linestyle=":", linewidth=0.9, zorder=1, label=label)
+        axes.axvline(
+            number * half / (2.0 * np.pi), color=Ink.SILVER, linestyle=":", linewidth=0.9, zorder=1, label=label
+        )
 
 
-LOOKS = ((BLUE, "-", 1.8), (ORANGE, "-", 1.2), (GREEN, (0, (4, 1.5)), 1.2), (PURPLE, (0, (1, 1)), 1.2))
+LOOKS = ((Ink.BLUE, "-", 1.8), (Ink.ORANGE, "-", 1.2), (Ink.GREEN, (0, (4, 1.5)), 1.2), (Ink.PURPLE, (0, (1, 1)), 1.2))
 """Colour, dashes and width of the first curves; those further down lie on one another."""
 
 DEEP = 20  # how many singular values are shown beyond those above the noise
@@ -190,11 +187,13 @@ def _draw_curves(axes: Axes, found: Indicators) -> None:
     for number, (curve, (color, dashes, width)) in enumerate(zip(found.cmif.T, LOOKS, strict=False), start=1):
         look = {"color": color, "linestyle": dashes, "linewidth": width}
         axes.plot(*envelope(x, curve, POINTS), **look, label=f"CMIF {number}")
-    axes.plot(*envelope(x, found.composite / WHITE, POINTS), color=GREY, linewidth=1.0, label="composite", zorder=1.9)
+    axes.plot(
+        *envelope(x, found.composite / WHITE, POINTS), color=Ink.SILVER, linewidth=1.0, label="composite", zorder=1.9
+    )
     if found.residual is not None:
         curve = envelope(x, found.residual / WHITE, POINTS)
-        axes.plot(*curve, color=VERMILION, linewidth=0.8, label="composite, data − model")
-    axes.axhline(1.0, color=BLACK, linestyle="--", linewidth=0.9, label="white noise alone")
+        axes.plot(*curve, color=Ink.VERMILION, linewidth=0.8, label="composite, data − model")
+    axes.axhline(1.0, color=Ink.BLACK, linestyle="--", linewidth=0.9, label="white noise alone")
     axes.set(yscale="log", xlim=(0.0, x[-1]), ylabel="magnitude / white noise")
     plain_decades(axes)
     axes.set_ylim(bottom=min(0.3, 0.5 * float(found.composite.min() / WHITE)))
@@ -206,11 +205,11 @@ def _draw_values(axes: Axes, found: Indicators) -> None:
     numbers, values = np.arange(1, shown + 1), found.singular_values[:shown]
     floor = np.finfo(float).eps * values[0]
     values = np.maximum(values, floor)
-    look = {"linestyle": "none", "marker": "o", "color": BLUE, "markersize": 3.5}
+    look = {"linestyle": "none", "marker": "o", "color": Ink.BLUE, "markersize": 3.5}
     above = numbers <= found.n_above
     axes.plot(numbers[above], values[above], **look, label="above the noise")
     axes.plot(numbers[~above], values[~above], **look, markerfacecolor="none", label="not above it")
-    axes.axhline(found.noise_edge, color=BLACK, linestyle="--", linewidth=0.9)
+    axes.axhline(found.noise_edge, color=Ink.BLACK, linestyle="--", linewidth=0.9)
     axes.set(yscale="log", xlim=(0.0, shown + 1.0), ylabel="singular values / noise")
     whole_numbers(axes.xaxis)
     plain_decades(axes)
@@ -247,16 +246,16 @@ def _draw_composites(axes: Axes, analysis: Analysis, turn: float) -> None:
     found = analysis.modal.composites or composites(analysis.lifted.responses, analysis.modal)
     scale = turn / (2.0 * np.pi * analysis.lifted.period)
     curves = {
-        "data": (found.data, {"color": BLUE, "linewidth": 2.2}),
-        "model": (found.model, {"color": ORANGE, "linewidth": 1.0}),
-        "data − model": (found.difference, {"color": VERMILION, "linewidth": 0.8}),
+        "data": (found.data, {"color": Ink.BLUE, "linewidth": 2.2}),
+        "model": (found.model, {"color": Ink.ORANGE, "linewidth": 1.0}),
+        "data − model": (found.difference, {"color": Ink.VERMILION, "linewidth": 0.8}),
     }
     for name, (values, look) in curves.items():
         axes.plot(*envelope(found.angles * scale, values, POINTS), **look, label=name)
-    axes.axhline(WHITE, color=BLACK, linestyle="--", linewidth=0.9, label="white noise alone")
+    axes.axhline(WHITE, color=Ink.BLACK, linestyle="--", linewidth=0.9, label="white noise alone")
     for number, angle in enumerate(np.unique(np.abs(np.angle(analysis.modal.multipliers)))):
         label = "modes, folded" if number == 0 else None
-        axes.axvline(angle * scale, color=GREY, linestyle=(0, (2, 2)), linewidth=0.8, label=label, zorder=1)
+        axes.axvline(angle * scale, color=Ink.SILVER, linestyle=(0, (2, 2)), linewidth=0.8, label=label, zorder=1)
     axes.set(yscale="log", xlim=(0.0, np.pi * scale))
     # The model may fall to nothing far from its modes, and would flatten all the rest.
     axes.set_ylim(bottom=0.5 * min(WHITE, float(found.difference[found.difference > 0].min(initial=WHITE))))

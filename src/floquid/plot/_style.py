@@ -10,19 +10,12 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 import numpy as np
 
 from floquid._checks import input_error, integer
-from floquid.views import in_unit, shortened
+from floquid.views import Ink, in_unit, shortened
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
-
-
-# Okabe and Ito's palette.
-BLACK, ORANGE, SKY, GREEN, BLUE, VERMILION, PURPLE = (
-    "#000000", "#E69F00", "#56B4E9", "#009E73", "#0072B2", "#D55E00", "#CC79A7",
-)  # fmt: skip
-GREY = "#999999"
 
 
 Thing = TypeVar("Thing")
@@ -72,10 +65,10 @@ _PLUS = {"linestyle": "none", "marker": "+", "markersize": 7.0, "markeredgewidth
 LOOKS = tuple(
     Look({**points, "color": color}, {"color": color, "linestyle": dashes, "linewidth": width})
     for points, color, dashes, width in (
-        (_RING, BLUE, "-", 1.4),
-        (_DOT, VERMILION, "--", 0.9),
-        (_CROSS, GREEN, "-.", 0.9),
-        (_PLUS, PURPLE, ":", 1.2),
+        (_RING, Ink.BLUE, "-", 1.4),
+        (_DOT, Ink.VERMILION, "--", 0.9),
+        (_CROSS, Ink.GREEN, "-.", 0.9),
+        (_PLUS, Ink.PURPLE, ":", 1.2),
     )
 )  # told apart by form as well as by colour
 

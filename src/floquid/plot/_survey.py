@@ -10,29 +10,15 @@ from floquid._arrays import Floats
 from floquid._checks import index, input_error
 from floquid.fit import WITHIN
 from floquid.floquet import Instability, StabilityMap
-from floquid.plot._style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-    Into,
-    drawing,
-    grid_of,
-    label_values,
-    plain,
-)
+from floquid.plot._style import Into, drawing, grid_of, label_values, plain
 from floquid.surveys import DAMPING, Damping, Survey, Track, damping_of, link_runs, look_of, order_lines
-from floquid.views import over_label
+from floquid.views import Ink, over_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COLOURS = (BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY, BLACK)
+COLOURS = (Ink.BLUE, Ink.VERMILION, Ink.GREEN, Ink.ORANGE, Ink.PURPLE, Ink.SKY, Ink.BLACK)
 DASHES = ("solid", "dashdot", "dotted")  # of the tracks behind the first seven
 WAY = 48  # steps of the way of a multiplier from one point to the next
 FAN = 4  # harmonics of a fan on either side
@@ -98,10 +84,10 @@ def damping(found: Survey, *, unit: Damping = "decay", ax: Into = None) -> Figur
                     axes.plot(
                         x[[place, place]], ends, "s-", color=_look(found, number)[0], markersize=3.5, linewidth=1.6
                     )
-        axes.axhline(0.0, color=BLACK, linewidth=0.9)
+        axes.axhline(0.0, color=Ink.BLACK, linewidth=0.9)
         low, high = axes.get_ylim()
         unstable = (0.0, max(high, 0.0)) if unit == "decay" else (min(low, 0.0), 0.0)
-        axes.axhspan(*unstable, facecolor=VERMILION, alpha=0.08, zorder=0)
+        axes.axhspan(*unstable, facecolor=Ink.VERMILION, alpha=0.08, zorder=0)
         _label(axes, found)
         axes.set(ylabel=DAMPING[unit], ylim=(low, high))
     return figure
@@ -118,7 +104,7 @@ def multipliers(found: Survey, *, ax: Into = None) -> Figure:
     with drawing(3.9, ax, of, panels=grid_of(1, 2)) as (figure, (left, right)):
         _spans(left, found)
         angle = np.linspace(0.0, 2.0 * np.pi, 361)
-        right.plot(np.cos(angle), np.sin(angle), color=GREY, linewidth=0.9)
+        right.plot(np.cos(angle), np.sin(angle), color=Ink.SILVER, linewidth=0.9)
         for number, track in enumerate(found.tracks):
             periods = np.array([_period(found, point) for point in track.points.tolist()])
             sizes = np.exp(track.growth * periods)
@@ -134,7 +120,7 @@ def multipliers(found: Survey, *, ax: Into = None) -> Figure:
             if np.isfinite(way[-2:]).all():
                 ends = [(value.real, value.imag) for value in way[[-1, -2]]]
                 right.annotate("", *ends, arrowprops={"arrowstyle": "->", "color": _look(found, number)[0]})
-        left.axhline(1.0, color=BLACK, linewidth=0.9)
+        left.axhline(1.0, color=Ink.BLACK, linewidth=0.9)
         _label(left, found)
         left.set_ylabel("|μ|")
         right.set(xlabel="Re μ", ylabel="Im μ", aspect="equal")
@@ -177,7 +163,7 @@ def _unlinked(axes: Axes, found: Survey) -> None:
     x = [found.values[point] for point, model, _ in models if model is not None]
     hertz = [abs(model.exponents[mode].imag) / (2.0 * np.pi) for _, model, mode in models if model is not None]
     if x:
-        axes.plot(x, hertz, "x", color=GREY, markersize=5.0, label="on no track")
+        axes.plot(x, hertz, "x", color=Ink.SILVER, markersize=5.0, label="on no track")
 
 
 def _period(found: Survey, point: int) -> float:
@@ -194,9 +180,9 @@ def _spans(axes: Axes, found: Survey) -> None:
         turns = np.flatnonzero(np.diff(np.concatenate([[False], unstable, [False]]).astype(int)))
         ends = [_end(found, track, k, places) for k in turns.tolist()]
         for low, high in zip(ends[::2], ends[1::2], strict=True):
-            axes.axvspan(low, high, facecolor=VERMILION, alpha=0.12, edgecolor="none", zorder=0)
+            axes.axvspan(low, high, facecolor=Ink.VERMILION, alpha=0.12, edgecolor="none", zorder=0)
     for edge in found.edges:
-        axes.axvspan(*edge.interval, facecolor=VERMILION, alpha=0.3, edgecolor="none", zorder=0)
+        axes.axvspan(*edge.interval, facecolor=Ink.VERMILION, alpha=0.3, edgecolor="none", zorder=0)
 
 
 def _end(found: Survey, track: Track, place: int, x: Floats) -> float:
@@ -212,8 +198,8 @@ def _references(axes: Axes, found: Survey, orders: tuple[int, ...] | None, top: 
     """Orders of the speed, dotted, and half the fundamental, dashed."""
     x = found.values
     for label, hertz in order_lines(found, orders):
-        axes.plot(x, hertz, ":", color=GREY, linewidth=0.9)
-        style: dict[str, Any] = {"textcoords": "offset points", "color": GREY, "va": "center"}
+        axes.plot(x, hertz, ":", color=Ink.SILVER, linewidth=0.9)
+        style: dict[str, Any] = {"textcoords": "offset points", "color": Ink.SILVER, "va": "center"}
         inside = np.flatnonzero(hertz < top)
         if len(inside) and inside[-1] == len(x) - 1:
             axes.annotate(label, (1.0, hertz[-1]), (3, 0), xycoords=axes.get_yaxis_transform(), **style)
@@ -221,7 +207,9 @@ def _references(axes: Axes, found: Survey, orders: tuple[int, ...] | None, top: 
             ends = slice(int(inside[-1]), int(inside[-1]) + 2)
             axes.annotate(label, (float(np.interp(top, hertz[ends], x[ends])), top), (3, -7), **style)
     known = [k for k, point in enumerate(found.points) if point.model is not None]
-    axes.plot(x[known], [0.5 / _period(found, k) for k in known], "--", color=GREY, linewidth=0.9, label="half of 1/T")
+    axes.plot(
+        x[known], [0.5 / _period(found, k) for k in known], "--", color=Ink.SILVER, linewidth=0.9, label="half of 1/T"
+    )
 
 
 def _fan(axes: Axes, found: Survey, track: Track) -> None:
@@ -239,7 +227,7 @@ def _fan(axes: Axes, found: Survey, track: Track) -> None:
     for k in range(2 * FAN + 1):
         if k != FAN:
             width = 0.3 + 3.0 * shares[:, k].mean()
-            axes.plot(found.values[track.points], lines[:, k], color=GREY, linewidth=width, zorder=1)
+            axes.plot(found.values[track.points], lines[:, k], color=Ink.SILVER, linewidth=width, zorder=1)
 
 
 def _label(axes: Axes, found: Survey) -> None:
@@ -254,9 +242,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 LOOKS = {  # told apart by their hatching as well as by colour
-    Instability.DIVERGENCE: ("unstable: multiplier above 1", VERMILION, "///"),
-    Instability.PERIOD_DOUBLING: ("unstable: multiplier below −1", ORANGE, "\\\\\\"),
-    Instability.FLUTTER: ("unstable: a complex pair", PURPLE, "xxx"),
+    Instability.DIVERGENCE: ("unstable: multiplier above 1", Ink.VERMILION, "///"),
+    Instability.PERIOD_DOUBLING: ("unstable: multiplier below −1", Ink.ORANGE, "\\\\\\"),
+    Instability.FLUTTER: ("unstable: a complex pair", Ink.PURPLE, "xxx"),
 }
 
 _RASTER = 700
@@ -293,8 +281,8 @@ def _draw_growth(axes: Axes, found: StabilityMap) -> None:
         label, color, hatch = LOOKS[kind]
         axes.axvspan(low, high, facecolor=color, alpha=0.25, edgecolor="none")
         axes.axvspan(low, high, facecolor="none", edgecolor=color, hatch=hatch, linewidth=0.8, label=label)
-    axes.plot(x, found.growth, color=BLUE, linewidth=1.3, label=r"largest Re $\lambda$")
-    axes.axhline(found.margin, color=BLACK, linestyle="--", linewidth=0.9, label="limit of stability")
+    axes.plot(x, found.growth, color=Ink.BLUE, linewidth=1.3, label=r"largest Re $\lambda$")
+    axes.axhline(found.margin, color=Ink.BLACK, linestyle="--", linewidth=0.9, label="limit of stability")
     axes.set_xlim(float(x[0]), float(x[-1]))
     axes.margins(y=0.1)
     label_values(axes, r"growth", "1/s", float(np.abs(found.growth).max()))
@@ -326,6 +314,6 @@ def _draw_region(axes: Axes, found: StabilityMap) -> None:
         axes.fill([low[0]], [low[1]], facecolor=face, edgecolor=color, hatch=hatch, linewidth=0.0, label=label)
     axes.imshow(image, origin="lower", extent=(low[0], high[0], low[1], high[1]), aspect="auto", zorder=0.5)
     if found.boundary is not None and len(found.boundary):
-        axes.add_collection(LineCollection(list(found.boundary), colors=BLACK, linewidths=0.9, label="boundary"))
+        axes.add_collection(LineCollection(list(found.boundary), colors=Ink.BLACK, linewidths=0.9, label="boundary"))
     axes.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), ylabel=plain(found.names[1]))
     axes.grid(visible=False)

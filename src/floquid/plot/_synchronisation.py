@@ -12,23 +12,9 @@ from floquid.core import Record
 from floquid.findings import Severity
 from floquid.fit import WITHIN
 from floquid.pipeline import Analysis
-from floquid.plot._style import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY,
-    VERMILION,
-    Into,
-    drawing,
-    grid_of,
-    label_values,
-    whole_numbers,
-)
+from floquid.plot._style import Into, drawing, grid_of, label_values, whole_numbers
 from floquid.sync import ShaftAngle
-from floquid.views import SpeedUnit, Synchronisation, speed_texts
+from floquid.views import Ink, SpeedUnit, Synchronisation, speed_texts
 from floquid.views import speed_unit as unit_of_speed
 from floquid.views import synchronisation as synchronisation_of
 
@@ -39,7 +25,7 @@ if TYPE_CHECKING:
 WIDE = 6.0  # times the narrowest interval beyond which a stretch does not set the scale
 SIGNIFICANT = 4.0  # standard deviations from which on a difference of periods is one
 
-LOOKS = ((BLUE, "o"), (VERMILION, "s"), (GREEN, "^"), (ORANGE, "D"), (PURPLE, "v"), (SKY, "P"))
+LOOKS = ((Ink.BLUE, "o"), (Ink.VERMILION, "s"), (Ink.GREEN, "^"), (Ink.ORANGE, "D"), (Ink.PURPLE, "v"), (Ink.SKY, "P"))
 """Told apart by form as well as by colour."""
 
 POINTS = 1000  # instants at which the speed is drawn
@@ -72,20 +58,20 @@ def synchronisation(analysis: Analysis, *, hit: int = 0, ax: Into = None) -> Fig
 
 def _draw_slip(axes: Axes, found: Synchronisation) -> None:
     """The slip with its intervals, and the straight line through it."""
-    axes.axhline(0.0, color=BLACK, linewidth=0.9)
+    axes.axhline(0.0, color=Ink.BLACK, linewidth=0.9)
     told = found.told
     slip, width = np.degrees(found.slip[told]), WITHIN * np.degrees(found.slip_std[told])
-    look = {"linestyle": "none", "marker": "o", "markersize": 4.0, "color": BLACK, "capsize": 2.0}
+    look = {"linestyle": "none", "marker": "o", "markersize": 4.0, "color": Ink.BLACK, "capsize": 2.0}
     axes.errorbar(found.times[told], slip, width, **look, label="slip, 95 % intervals")
     if np.isfinite(found.relative):
         line = np.degrees(found.offset - 2.0 * np.pi * found.cycles * found.relative)
-        axes.plot(found.times, line, color=VERMILION, linestyle="--", label="straight line through it")
+        axes.plot(found.times, line, color=Ink.VERMILION, linestyle="--", label="straight line through it")
     _limit(axes, slip, width)
 
 
 def _draw_phases(axes: Axes, found: Synchronisation, upper: tuple[int, ...]) -> None:
     """The phases of the lines, side by side within each stretch, so that their bars can be told apart."""
-    axes.axhline(0.0, color=BLACK, linewidth=0.9)
+    axes.axhline(0.0, color=Ink.BLACK, linewidth=0.9)
     apart = np.diff(found.times).min(initial=np.inf) if len(found.times) > 1 else 0.0
     every, bars = [], []
     for number, (mode, m) in enumerate(zip(found.modes, found.harmonics, strict=True)):
@@ -147,7 +133,7 @@ def speed(shaft: ShaftAngle, record: Record | None = None, *, speed_unit: SpeedU
             _draw_geometry(panels[2], shaft)
         for axes in panels[:2]:
             for low, high in ((begin - margin, shaft.first), (shaft.last, end + margin)):
-                axes.axvspan(low, high, color=GREY, alpha=0.15, linewidth=0.0)
+                axes.axvspan(low, high, color=Ink.SILVER, alpha=0.15, linewidth=0.0)
         (verdict,) = speed_texts(shaft.findings[:1], speed_unit, *Severity)
         panels[0].set_title("\n".join(textwrap.wrap(verdict, ACROSS)), loc="left")
     return figure
@@ -157,10 +143,10 @@ def _draw_speed(axes: Axes, shaft: ShaftAngle, begin: float, end: float, unit: s
     """The speed with its band; the mean, in a `unit`; 1 rad/s has `factor` of them."""
     times = np.linspace(begin, end, POINTS)
     curve, width = factor * shaft.speed(times), WITHIN * factor * shaft.speed_std(times)
-    band = {"color": BLUE, "alpha": 0.25, "linewidth": 0.0}
+    band = {"color": Ink.BLUE, "alpha": 0.25, "linewidth": 0.0}
     axes.fill_between(times, curve - width, curve + width, **band, label="95 % interval")
-    axes.plot(times, curve, color=BLUE, label="speed")
-    axes.axhline(factor * shaft.mean_speed, color=BLACK, linestyle="--", linewidth=0.9, label="mean")
+    axes.plot(times, curve, color=Ink.BLUE, label="speed")
+    axes.axhline(factor * shaft.mean_speed, color=Ink.BLACK, linestyle="--", linewidth=0.9, label="mean")
     label_values(axes, "speed", unit, float(curve.max()))
     axes.tick_params(labelbottom=False)
 
@@ -175,11 +161,11 @@ def _draw_residuals(axes: Axes, shaft: ShaftAngle) -> None:
         std = float(np.degrees(shaft.jitter))
     kept = shaft.kept
     limit = 1.15 * max(float(np.abs(values[kept]).max()), 3.0 * std)
-    axes.axhspan(-WITHIN * std, WITHIN * std, color=BLUE, alpha=0.12, linewidth=0.0)
-    axes.plot(shaft.times[kept], values[kept], linestyle="none", marker="o", markersize=2.0, color=BLUE)
+    axes.axhspan(-WITHIN * std, WITHIN * std, color=Ink.BLUE, alpha=0.12, linewidth=0.0)
+    axes.plot(shaft.times[kept], values[kept], linestyle="none", marker="o", markersize=2.0, color=Ink.BLUE)
     out = np.clip(values[~kept], -limit, limit)
     if len(out):
-        cross: dict[str, Any] = {"linestyle": "none", "marker": "x", "color": VERMILION}
+        cross: dict[str, Any] = {"linestyle": "none", "marker": "x", "color": Ink.VERMILION}
         axes.plot(shaft.times[~kept], out, **cross, label="left out (at the rim: off scale)")
     axes.set_ylim(-1.05 * limit, 1.05 * limit)
     label_values(axes, name, unit, limit)
@@ -191,8 +177,8 @@ def _draw_geometry(axes: Axes, shaft: ShaftAngle) -> None:
     assert shaft.geometry_std is not None
     values, deviations = np.degrees(shaft.geometry), np.degrees(shaft.geometry_std)
     numbers = np.arange(len(values))
-    axes.errorbar(numbers, values, WITHIN * deviations, linestyle="none", marker="o", markersize=3.0, color=ORANGE)
-    axes.axhline(0.0, color=BLACK, linewidth=0.7)
+    axes.errorbar(numbers, values, WITHIN * deviations, linestyle="none", marker="o", markersize=3.0, color=Ink.ORANGE)
+    axes.axhline(0.0, color=Ink.BLACK, linewidth=0.7)
     axes.set_xlabel("line of the encoder")
     whole_numbers(axes.xaxis)
     label_values(axes, "ahead of even", "deg", float(np.nanmax(np.abs(values))))

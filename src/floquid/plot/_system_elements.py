@@ -14,8 +14,6 @@ from floquid.core import Channel, channels_named
 from floquid.fit import WITHIN
 from floquid.pipeline import Analysis
 from floquid.plot._style import (
-    BLACK,
-    GREY,
     LOOKS,
     Into,
     degrees_a_period,
@@ -28,7 +26,7 @@ from floquid.plot._style import (
     several,
 )
 from floquid.reconstruction import StateModel
-from floquid.views import closed_period, element_unit, expansion, identified_residue, in_unit
+from floquid.views import Ink, closed_period, element_unit, expansion, identified_residue, in_unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -87,7 +85,7 @@ def system_elements(
     with drawing(1.0 + 1.5 * len(chosen), ax, of, panels=grid_of(len(chosen)), sharex=True) as (figure, panels):
         for axes, (i, j) in zip(panels, chosen, strict=True):
             if known is not None:
-                axes.plot(known[0] * degrees, known[1][:, i - 1, j - 1], color=BLACK, label="truth")
+                axes.plot(known[0] * degrees, known[1][:, i - 1, j - 1], color=Ink.BLACK, label="truth")
             _draw_estimates(axes, named, i - 1, j - 1, degrees, length)
             axes.margins(y=0.12)
             largest = float(np.abs(axes.dataLim.intervaly).max())
@@ -236,7 +234,7 @@ def coefficients(
                 axes.vlines(found.harmonics[kept], 0.0, found.magnitudes[kept], **stems, label=words)
             deviations += [] if found.std is None else [(found.harmonics, found.std)]
         for harmonics, std in deviations:
-            axes.plot(harmonics, std, color=GREY, linestyle="--", label="one standard deviation")
+            axes.plot(harmonics, std, color=Ink.SILVER, linestyle="--", label="one standard deviation")
         _log_axis(axes, in_unit(f"|B| of {plain(shown[row].name)}", plain(shown[row].unit)))
         _draw_residue(panels, named, modes, row, hit, degrees_a_period(periods_per_revolution, of))
         for one, part in zip(panels, ("real part", "imaginary part"), strict=True):

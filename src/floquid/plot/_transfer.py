@@ -10,8 +10,8 @@ import numpy as np
 from floquid._checks import describe, index, input_error
 from floquid.fit import WITHIN
 from floquid.inputs import TransferFunctions
-from floquid.plot._style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILION, Into, drawing, grid_of, plain
-from floquid.views import in_unit, magnitude_bands, phase_degrees
+from floquid.plot._style import Into, drawing, grid_of, plain
+from floquid.views import Ink, in_unit, magnitude_bands, phase_degrees
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 FrequencyAxis: TypeAlias = Literal["linear", "log"]
 
-HARMONIC_COLORS = (BLACK, BLUE, VERMILION, GREEN, ORANGE, PURPLE, SKY)
+HARMONIC_COLORS = (Ink.BLACK, Ink.BLUE, Ink.VERMILION, Ink.GREEN, Ink.ORANGE, Ink.PURPLE, Ink.SKY)
 HARMONIC_DASHES = ("-", "--", ":", "-.")
 LINES = 150  # frequencies up to which a deviation is a bar
 MOST_PATHS = 8  # rows that a page holds
@@ -123,7 +123,7 @@ def nyquist(
                     axes.plot(curve.real, curve.imag, **look, linewidth=0.9, label=f"m = {harmonic}")
                     axes.plot(*curve[:1].view(float), color=look["color"], marker="o", markersize=3.5, linestyle="none")
             if (unit := plain(own.unit(row, column))) == "-":
-                axes.plot(-1.0, 0.0, color=BLACK, marker="+", markersize=9.0, linestyle="none")
+                axes.plot(-1.0, 0.0, color=Ink.BLACK, marker="+", markersize=9.0, linestyle="none")
             axes.set_title(f"{plain(own.inputs[column].name)} to {plain(own.outputs[row].name)}", loc="left")
             axes.set(xlabel=in_unit("Re $G_m$", unit), ylabel=in_unit("Im $G_m$", unit))
             axes.set_aspect("equal", adjustable="datalim")

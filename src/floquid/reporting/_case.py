@@ -13,16 +13,11 @@ import numpy as np
 
 from floquid.order import OrderScan
 from floquid.pipeline import Analysis
-from floquid.views import DampingUnit, shortened
+from floquid.views import DampingUnit, Ink, shortened
 
 Figure = Any  # a bokeh figure: its own types do not know what its properties become
 
-# Okabe and Ito's palette, from dark to light.
-BLACK, BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY = (
-    "#000000", "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9",
-)  # fmt: skip
-GREY = "#767676"
-CURVES = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK, GREY)
+CURVES = (Ink.BLUE, Ink.VERMILION, Ink.GREEN, Ink.PURPLE, Ink.ORANGE, Ink.SKY, Ink.BLACK, Ink.GREY)
 DASHES = ("solid", "dashed", "dotted", "dotdash", "dashdot", "solid", "dashed", "dotted")
 MARKERS = ("circle", "square", "triangle", "diamond", "inverted_triangle", "hex", "star", "square_pin")
 """Curves and marks are told apart by form as well as by colour; as many as one figure shows. All marks can be open
@@ -64,7 +59,7 @@ def new_figure(x: str, y: str, *, name: str, height: int = HEIGHT, **options: An
     for axis in made.axis:
         axis.axis_label_text_font_style = "normal"
         axis.axis_label_text_font_size = axis.major_label_text_font_size = SIZE
-        axis.axis_label_text_color = axis.major_label_text_color = BLACK
+        axis.axis_label_text_color = axis.major_label_text_color = Ink.BLACK
         axis.minor_tick_line_color = None
     for axis, kind in ((made.xaxis[0], options.get("x_axis_type")), (made.yaxis[0], options.get("y_axis_type"))):
         if kind != "log":
@@ -92,7 +87,7 @@ def legend_above(made: Figure, *, columns: int = 2) -> None:
     legend.click_policy = "hide"
     legend.border_line_color = None
     legend.label_text_font_size = SIZE
-    legend.label_text_color = BLACK
+    legend.label_text_color = Ink.BLACK
     legend.padding, legend.margin, legend.spacing = 2, 5, 8
     legend.glyph_height = 16
 

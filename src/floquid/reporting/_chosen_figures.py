@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from floquid.fit import WITHIN
-from floquid.reporting._case import BLACK, CURVES, DASHES, MARKERS, Case, Figure, hover, legend_above, new_figure
-from floquid.views import SpectraOfModes, families, in_unit, shape_curves
+from floquid.reporting._case import CURVES, DASHES, MARKERS, Case, Figure, hover, legend_above, new_figure
+from floquid.views import Ink, SpectraOfModes, families, in_unit, shape_curves
 
 if TYPE_CHECKING:
     from bokeh.models import ColumnDataSource
@@ -153,7 +153,7 @@ def coefficients_figure(case: Case, chosen: Chosen) -> Figure:
         tips += [("deviation", f"@floor{number}{{%.2g}} @unit{number}")] if told else []
         hover(made, [*tips, ("kept", "@kept")], [mark])
     if told:
-        made.add_layout(Span(location=1.0, dimension="width", line_color=BLACK, line_dash="dashed"))
+        made.add_layout(Span(location=1.0, dimension="width", line_color=Ink.BLACK, line_dash="dashed"))
     made.xaxis.ticker = BasicTicker(min_interval=1, num_minor_ticks=0, desired_num_ticks=13)
     made.x_range.min_interval = 3
     legend_above(made)

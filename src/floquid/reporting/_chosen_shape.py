@@ -9,30 +9,16 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid.core import PeriodicModel
-from floquid.reporting._case import (
-    BLACK,
-    BLUE,
-    CURVES,
-    DASHES,
-    GREY,
-    HEIGHT,
-    MARKERS,
-    SIZE,
-    VERMILION,
-    Figure,
-    hover,
-    legend_above,
-    new_figure,
-)
+from floquid.reporting._case import CURVES, DASHES, HEIGHT, MARKERS, SIZE, Figure, hover, legend_above, new_figure
 from floquid.shapes import CLEAR, ModeReading, pairs_of
 from floquid.surveys import Survey
-from floquid.views import over_unit
+from floquid.views import Ink, over_unit
 
 MOST = 8  # channels of a shape, the strongest
 LINES, LEAST = 3, 0.1  # lines that have an orbit, at most, and the share of the largest that each has
 SEEN = 1e-4  # of the largest: lines of a shape that are shown
 AROUND = 6  # harmonics on either side that are shown of waves over blades
-KINDS = (("forward", BLUE, "solid"), ("backward", VERMILION, "dashed"), ("planar", GREY, "dotted"))
+KINDS = (("forward", Ink.BLUE, "solid"), ("backward", Ink.VERMILION, "dashed"), ("planar", Ink.GREY, "dotted"))
 
 CHOSEN = """
 const row = marks.selected.indices[0];
@@ -204,7 +190,7 @@ def _pattern(name: str, waves: Any, shares: Sequence[float], where: str) -> Figu
     blues = [f"#{255 - 169 * k // 100:02x}{255 - 75 * k // 100:02x}{255 - 22 * k // 100:02x}" for k in range(101)]
     shade: Any = {"field": "share", "transform": LinearColorMapper(palette=blues, low=0.0, high=1.0)}
     cells = own.rect("m", "n", 1, 1, source=source, fill_color=shade, line_color="#dddddd")
-    centred: Any = {"text_align": "center", "text_baseline": "middle", "text_font_size": SIZE, "text_color": BLACK}
+    centred: Any = {"text_align": "center", "text_baseline": "middle", "text_font_size": SIZE, "text_color": Ink.BLACK}
     own.text("m", "n", "text", source=source, **centred)
     hover(own, [("", "n = @n, m = @m"), ("share", "@share{%.4f}")], [cells])
     return own

@@ -10,22 +10,9 @@ from floquid._checks import counted
 from floquid.comparison import RARE, ComparedPoint, Comparison, headings, missing_words, mode_number, pair_row, verdict
 from floquid.fit import WITHIN
 from floquid.monitoring import CHARTED, LEAST, Monitor, record_heads, record_rows, sentences
-from floquid.reporting._case import (
-    BLACK,
-    BLUE,
-    CURVES,
-    HEIGHT,
-    MARKERS,
-    ORANGE,
-    SIZE,
-    VERMILION,
-    Figure,
-    hover,
-    legend_above,
-    new_figure,
-)
+from floquid.reporting._case import CURVES, HEIGHT, MARKERS, SIZE, Figure, hover, legend_above, new_figure
 from floquid.reporting._page import drawn_by, filled
-from floquid.views import in_strip, over_label, over_unit, region_on_branch
+from floquid.views import Ink, in_strip, over_label, over_unit, region_on_branch
 
 NUMBERED = 64  # cells of the matrix of similarities up to which each has its number
 STEPS = (
@@ -81,8 +68,8 @@ def _strip(here: ComparedPoint, where: str) -> Figure:
     own = new_figure("Re λ [1/s]", "|Im λ| modulo ω [rad/s]", name="strip")
     own.title.text = f"Exponents{where}"
     for model, objects, colour, dash, marker, side in (
-        (here.model_a, here.modes_a, BLUE, "solid", "circle", "a"),
-        (here.model_b, here.modes_b, VERMILION, "dashed", "x", "b"),
+        (here.model_a, here.modes_a, Ink.BLUE, "solid", "circle", "a"),
+        (here.model_b, here.modes_b, Ink.VERMILION, "dashed", "x", "b"),
     ):
         modes = [mode for each in objects for mode in each]
         places = in_strip(model.exponents[modes], model.fundamental)
@@ -99,8 +86,8 @@ def _strip(here: ComparedPoint, where: str) -> Figure:
         hover(own, [("", f"mode @mode of {side}"), ("Re λ", "@x{%.6g} 1/s"), ("f", "@hertz{%.6g} Hz")], [dots])
     half = 0.5 * here.model_a.fundamental
     ends = np.concatenate([[0.0], here.model_a.exponents.real, here.model_b.exponents.real])
-    own.line([ends.min(), ends.max()], [half, half], line_color=ORANGE, line_dash="dashed", legend_label="ω/2")
-    own.line([0.0, 0.0], [0.0, half], line_color=BLACK)
+    own.line([ends.min(), ends.max()], [half, half], line_color=Ink.ORANGE, line_dash="dashed", legend_label="ω/2")
+    own.line([0.0, 0.0], [0.0, half], line_color=Ink.BLACK)
     legend_above(own, columns=3)
     return own
 
@@ -129,7 +116,7 @@ def _similarity(here: ComparedPoint, where: str) -> Figure:
         "x": columns.ravel(), "y": rows.ravel(), "mac": macs, "text": [f"{mac:.2f}" for mac in macs],
         "a": [labels[0][k] for k in rows.ravel()], "b": [labels[1][k] for k in columns.ravel()],
         "shade": [f"#{3 * f'{round(255 - 230 * mac):02x}'}" for mac in macs],
-        "ink": ["white" if mac > 0.5 else BLACK for mac in macs],
+        "ink": ["white" if mac > 0.5 else Ink.BLACK for mac in macs],
     }  # fmt: skip
     source: Any = ColumnDataSource(data)  # type: ignore[arg-type]
     cells = own.rect("x", "y", 1, 1, source=source, fill_color="shade", line_color="white")
@@ -149,12 +136,12 @@ def _differences(found: Comparison) -> Figure:
     data = {
         "x": [found.points[pair.point].value for pair in known], "y": [pair.z for pair in known], "mode": numbers,
         "hertz": [pair.frequencies_hz[0] for pair in known],
-        "fill": [BLUE if pair.counted else "white" for pair in known],
+        "fill": [Ink.BLUE if pair.counted else "white" for pair in known],
     }  # fmt: skip
     own = new_figure(over_label(found.over or ""), "z [deviations]", name="differences")
     own.title.text = "Difference of λ of each pair"
     source: Any = ColumnDataSource(data)  # type: ignore[arg-type]
-    dots = own.scatter("x", "y", source=source, size=8, line_color=BLUE, fill_color="fill")
+    dots = own.scatter("x", "y", source=source, size=8, line_color=Ink.BLUE, fill_color="fill")
     hover(own, [("", "mode @mode of a"), ("f", "@hertz{%.6g} Hz"), ("z", "@y{%.3g}")], [dots])
     own.y_range.start = 0.0
     return own
@@ -210,7 +197,7 @@ def _charts(found: Monitor) -> dict[str, Figure]:
             )
         ):
             _marks(own, found, np.maximum(values / limits, LEAST), None, k, name)
-        own.line(found.x[[0, -1]], [1.0, 1.0], line_color=BLACK)
+        own.line(found.x[[0, -1]], [1.0, 1.0], line_color=Ink.BLACK)
         made["charts"] = own
         for word, scale, words in (
             ("frequency", 2.0 * np.pi, "f - baseline [Hz]"),
@@ -277,11 +264,11 @@ def _spans(made: Figure, found: Monitor) -> None:
     places = np.flatnonzero(found.baseline)
     for run in np.split(places, np.flatnonzero(np.diff(places) > 1) + 1) if len(places) else []:
         span = BoxAnnotation(left=float(found.x[run[0]]), right=float(found.x[run[-1]]))
-        span.fill_color, span.fill_alpha = BLACK, 0.07
+        span.fill_color, span.fill_alpha = Ink.BLACK, 0.07
         made.add_layout(span)
     if found.change is not None:
         low, high = (float(found.x[k]) for k in found.change.interval)
         margin = 0.2 * float(np.median(np.diff(found.x))) if len(found.x) > 1 else 0.0
         span = BoxAnnotation(left=low - margin, right=high + margin)
-        span.fill_color, span.fill_alpha = VERMILION, 0.25
+        span.fill_color, span.fill_alpha = Ink.VERMILION, 0.25
         made.add_layout(span)

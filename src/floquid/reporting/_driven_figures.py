@@ -13,17 +13,12 @@ from floquid.fit import WITHIN
 from floquid.inputs import TransferFunctions
 from floquid.pipeline import Analysis, measure_transfer, predicted_rest
 from floquid.reporting._case import (
-    BLACK,
-    BLUE,
     CURVES,
     DASHES,
-    GREEN,
-    GREY,
     LONGEST,
     MARKERS,
     POINTS,
     SIZE,
-    VERMILION,
     Case,
     Figure,
     legend_above,
@@ -32,7 +27,7 @@ from floquid.reporting._case import (
 from floquid.reporting._chosen_figures import Chosen
 from floquid.reporting._modes_figures import mark_labels
 from floquid.transfer import MeasuredTransfer
-from floquid.views import SpectraOfModes, envelope, in_unit, magnitude_bands, phase_degrees, shortened
+from floquid.views import Ink, SpectraOfModes, envelope, in_unit, magnitude_bands, phase_degrees, shortened
 
 MOST_PATHS = 16  # paths from an input to an output that are drawn; transfer.csv holds all
 CLOSE = 5.0  # periods of the stretch left out
@@ -190,13 +185,13 @@ def harmonic_figure(found: SpectraOfModes, lines: Chosen) -> Figure:
         x_range=Range1d(start=0.0, end=found.end),
     )  # fmt: skip
     every = np.concatenate(found.modes) if found.modes else np.zeros(0)
-    made.vspan(x=every, line_color=GREY, line_alpha=0.35, line_width=1, legend_label="lines of all modes")
+    made.vspan(x=every, line_color=Ink.GREY, line_alpha=0.35, line_width=1, legend_label="lines of all modes")
     made.vspan(
-        x="frequency", source=lines.drawn, line_color=VERMILION, line_width=2, line_dash="dashed",
+        x="frequency", source=lines.drawn, line_color=Ink.VERMILION, line_width=2, line_dash="dashed",
         legend_label="of the mode chosen",
     )  # fmt: skip
     inside, drawn = found.frequencies_hz <= found.end, []
-    looks = (("first", BLACK, 2.0), ("second", BLUE, 1.5), ("third", GREEN, 1.0))
+    looks = (("first", Ink.BLACK, 2.0), ("second", Ink.BLUE, 1.5), ("third", Ink.GREEN, 1.0))
     for (label, colour, width), values in zip(looks, found.values.T, strict=False):
         x, y = envelope(found.frequencies_hz[inside], values[inside], POINTS)
         drawn.append(made.line(x, y, line_color=colour, line_width=width, legend_label=f"{label} singular value"))
@@ -231,7 +226,9 @@ def reach_figures(case: Case) -> list[Figure]:
             made.vbar(x=places, top=size, width=0.9 * width, fill_color=colour, line_color=None, legend_label=label)
             if own.coefficient_std is not None:
                 std = WITHIN * np.abs(own.coefficient_std[mode, source, used]) / np.sqrt(2.0) * rms[source]
-                made.segment(places, np.maximum(size - std, 0.0), places, size + std, line_color=BLACK, line_width=1.5)
+                made.segment(
+                    places, np.maximum(size - std, 0.0), places, size + std, line_color=Ink.BLACK, line_width=1.5
+                )
         made.xaxis.ticker = BasicTicker(min_interval=1, num_minor_ticks=0)
         made.x_range.min_interval = 2
         made.y_range.start = 0
@@ -255,10 +252,12 @@ def left_out_figures(case: Case) -> tuple[list[Figure], bool]:
     for row, label in zip(case.channels, case.labels(), strict=True):
         made = new_figure("time [s]", in_unit("response", analysis.model.channels[row].unit), name=f"left-{row}")
         made.title.text = label
-        made.scatter(seconds, values[row, place], size=5, fill_color="white", line_color=BLACK, legend_label="measured")
-        made.line(seconds, found[row, place], line_color=BLUE, line_width=2, legend_label="predicted")
+        made.scatter(
+            seconds, values[row, place], size=5, fill_color="white", line_color=Ink.BLACK, legend_label="measured"
+        )
+        made.line(seconds, found[row, place], line_color=Ink.BLUE, line_width=2, legend_label="predicted")
         made.line(
-            seconds, values[row, place] - found[row, place], line_color=VERMILION, line_dash="dashed",
+            seconds, values[row, place] - found[row, place], line_color=Ink.VERMILION, line_dash="dashed",
             legend_label="difference",
         )  # fmt: skip
         legend_above(made, columns=3)

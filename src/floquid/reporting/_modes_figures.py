@@ -12,19 +12,7 @@ from floquid.core import PeriodicModel
 from floquid.fit import WITHIN
 from floquid.pipeline import Analysis
 from floquid.reconstruction import StateModel
-from floquid.reporting._case import (
-    BLACK,
-    BLUE,
-    GREY,
-    HEIGHT,
-    SIZE,
-    VERMILION,
-    Case,
-    Figure,
-    hover,
-    legend_above,
-    new_figure,
-)
+from floquid.reporting._case import HEIGHT, SIZE, Case, Figure, hover, legend_above, new_figure
 from floquid.reporting._chosen_figures import (
     Chosen,
     coefficient_source,
@@ -35,6 +23,7 @@ from floquid.reporting._chosen_figures import (
 )
 from floquid.views import (
     DampingUnit,
+    Ink,
     closed_period,
     decrement,
     element_unit,
@@ -111,7 +100,7 @@ def _modes(made: Figure, source: ColumnDataSource, x: str, y: str, damping: Damp
     from bokeh.models import LabelSet, TapTool
 
     marks = made.scatter(
-        x, y, source=source, size=11, line_color=BLACK, fill_color=VERMILION, line_width=1.3, name="mode-marks",
+        x, y, source=source, size=11, line_color=Ink.BLACK, fill_color=Ink.VERMILION, line_width=1.3, name="mode-marks",
         nonselection_fill_color="white", nonselection_fill_alpha=0.6, nonselection_line_alpha=1.0,
     )  # fmt: skip
     made.add_layout(LabelSet(x=x, y=y, text=f"label_{x}", source=source, x_offset=7, y_offset=4, text_font_size=SIZE))
@@ -125,7 +114,7 @@ def _ellipses(made: Figure, curves: Complexes | None, turn: float = 1.0) -> None
     if curves is None:
         return
     made.multi_line(
-        list(curves.real), list(curves.imag * turn), line_color=BLACK, line_width=1.0, legend_label="95 % ellipse"
+        list(curves.real), list(curves.imag * turn), line_color=Ink.BLACK, line_width=1.0, legend_label="95 % ellipse"
     )
 
 
@@ -144,8 +133,8 @@ def exponents_figure(case: Case, source: ColumnDataSource) -> Figure:
     made.x_range.range_padding = made.y_range.range_padding = 0.15
     _ellipses(made, _upper(exponent_ellipses(case.analysis.model), case), case.turn)
     _modes(made, source, "decay", "frequency", case.damping)
-    made.ray(x=0, y=0, angle=np.pi / 2, length=0, line_color=GREY, line_dash="dashed")
-    made.ray(x=0, y=0, angle=-np.pi / 2, length=0, line_color=GREY, line_dash="dashed")
+    made.ray(x=0, y=0, angle=np.pi / 2, length=0, line_color=Ink.GREY, line_dash="dashed")
+    made.ray(x=0, y=0, angle=-np.pi / 2, length=0, line_color=Ink.GREY, line_dash="dashed")
     legend_above(made)
     return made
 
@@ -161,7 +150,9 @@ def multipliers_figure(case: Case, source: ColumnDataSource) -> Figure:
         x_range=Range1d(start=-largest, end=largest), y_range=Range1d(start=-0.1 * largest, end=largest),
     )  # fmt: skip
     angle = np.linspace(0.0, np.pi, 181)
-    made.line(np.cos(angle), np.sin(angle), line_color=GREY, line_dash="dashed", legend_label="unit circle: no decay")
+    made.line(
+        np.cos(angle), np.sin(angle), line_color=Ink.GREY, line_dash="dashed", legend_label="unit circle: no decay"
+    )
     _ellipses(made, _upper(multiplier_ellipses(model), case))
     _modes(made, source, "real", "imag", case.damping)
     legend_above(made)
@@ -254,13 +245,13 @@ def _over_period(
     if std is not None:
         width = WITHIN * std[order]
         made.varea(
-            turns, values - width, values + width, fill_color=BLUE, fill_alpha=0.25, legend_label="interval of 95 %"
+            turns, values - width, values + width, fill_color=Ink.BLUE, fill_alpha=0.25, legend_label="interval of 95 %"
         )
-    made.line(turns, values, line_color=BLUE, line_width=2, legend_label="identified")
+    made.line(turns, values, line_color=Ink.BLUE, line_width=2, legend_label="identified")
     if truth is not None:
         inside = (truth[0] >= 0.0) & (truth[0] <= period * (1.0 + 1e-9))
         made.line(
-            truth[0][inside] / period, truth[1][inside], line_color=VERMILION, line_dash="dashed", line_width=2,
+            truth[0][inside] / period, truth[1][inside], line_color=Ink.VERMILION, line_dash="dashed", line_width=2,
             legend_label="truth",
         )  # fmt: skip
     legend_above(made)

@@ -9,24 +9,11 @@ import numpy as np
 from floquid._arrays import Mask
 from floquid.fit import WITHIN
 from floquid.lti import WHITE, composites
-from floquid.reporting._case import (
-    BLACK,
-    BLUE,
-    CURVES,
-    GREY,
-    MARKERS,
-    ORANGE,
-    POINTS,
-    VERMILION,
-    Case,
-    Figure,
-    hover,
-    legend_above,
-    new_figure,
-)
+from floquid.reporting._case import CURVES, MARKERS, POINTS, Case, Figure, hover, legend_above, new_figure
 from floquid.reporting._chosen_figures import Chosen
 from floquid.sync import ShaftAngle
 from floquid.views import (
+    Ink,
     SpeedUnit,
     Synchronisation,
     envelope,
@@ -105,20 +92,20 @@ def _curves(case: Case, channel: int, hit: int) -> dict[str, dict[str, Any]]:
 def record_figures(case: Case, sources: dict[str, Chosen]) -> list[Figure]:
     """The whole record with the lifted points of phase zero, and a close-up with the model."""
     whole = new_figure("time [s]", response_label(case, 0), name="record")
-    whole.line("x", "y", source=sources["record"].drawn, line_color=BLUE, legend_label="measured")
-    whole.line("x", "y", source=sources["left"].drawn, line_color=VERMILION, legend_label="measured − model")
+    whole.line("x", "y", source=sources["record"].drawn, line_color=Ink.BLUE, legend_label="measured")
+    whole.line("x", "y", source=sources["left"].drawn, line_color=Ink.VERMILION, legend_label="measured − model")
     marks = whole.scatter(
-        "x", "y", source=sources["points"].drawn, marker="circle", size=5, fill_color=None, line_color=BLACK,
+        "x", "y", source=sources["points"].drawn, marker="circle", size=5, fill_color=None, line_color=Ink.BLACK,
         legend_label="one sample a period",
     )  # fmt: skip
     hover(whole, [("time", "@x s"), ("value", "@y")], [marks])
     legend_above(whole)
     near = new_figure("time [s]", response_label(case, 0), name="near")
     near.scatter(
-        "x", "y", source=sources["near"].drawn, marker="circle", size=5, fill_color=None, line_color=BLUE,
+        "x", "y", source=sources["near"].drawn, marker="circle", size=5, fill_color=None, line_color=Ink.BLUE,
         legend_label="measured",
     )  # fmt: skip
-    near.line("x", "model", source=sources["near"].drawn, line_color=ORANGE, line_width=2, legend_label="model")
+    near.line("x", "model", source=sources["near"].drawn, line_color=Ink.ORANGE, line_width=2, legend_label="model")
     legend_above(near)
     return [whole, near]
 
@@ -131,13 +118,13 @@ def spectrum_figure(case: Case, sources: dict[str, Chosen], family: Chosen) -> F
     every = np.concatenate([row["frequency"] for row in family.modes]) if family.modes else np.zeros(0)
     nyquist = 0.5 * case.analysis.lifted.n_phases / case.analysis.lifted.period
     end = min(nyquist, max(every, default=nyquist) + 0.5 / case.analysis.lifted.period)
-    made.vspan(x=every, line_color=GREY, line_alpha=0.35, line_width=1, legend_label="lines of all modes")
+    made.vspan(x=every, line_color=Ink.GREY, line_alpha=0.35, line_width=1, legend_label="lines of all modes")
     made.vspan(
-        x="frequency", source=family.drawn, line_color=VERMILION, line_width=2, line_dash="dashed",
+        x="frequency", source=family.drawn, line_color=Ink.VERMILION, line_width=2, line_dash="dashed",
         legend_label="of the mode chosen",
     )  # fmt: skip
-    made.line("x", "y", source=sources["spectrum"].drawn, line_color=BLUE, legend_label="record")
-    made.line("x", "y", source=sources["noise"].drawn, line_color=BLACK, line_dash="dotted", line_width=2,
+    made.line("x", "y", source=sources["spectrum"].drawn, line_color=Ink.BLUE, legend_label="record")
+    made.line("x", "y", source=sources["noise"].drawn, line_color=Ink.BLACK, line_dash="dotted", line_width=2,
               legend_label="noise alone")  # fmt: skip
     # The invisible curve gives the range: spans reach from edge to edge of whatever is shown.
     top = made.line("x", "y", source=sources["spectrum"].drawn, line_alpha=0.0)
@@ -155,12 +142,14 @@ def composite_figure(case: Case) -> Figure:
         "frequency in the lifted band, 0 to ω/2 [Hz]", "composite / noise", name="composite", y_axis_type="log"
     )
     scale = case.turn / analysis.lifted.period
-    curves = (("data", found.data, BLUE, 2.5, "solid"), ("model", found.model, ORANGE, 1.2, "solid"),
-              ("data − model", found.difference, VERMILION, 1.0, "solid"))  # fmt: skip
+    curves = (("data", found.data, Ink.BLUE, 2.5, "solid"), ("model", found.model, Ink.ORANGE, 1.2, "solid"),
+              ("data − model", found.difference, Ink.VERMILION, 1.0, "solid"))  # fmt: skip
     for name, values, colour, width, dash in curves:
         x, y = envelope(found.angles * scale, values, POINTS)
         made.line(x, y, line_color=colour, line_width=width, line_dash=dash, legend_label=name)
-    made.line([0.0, np.pi * scale], [WHITE, WHITE], line_color=BLACK, line_dash="dashed", legend_label="white noise")
+    made.line(
+        [0.0, np.pi * scale], [WHITE, WHITE], line_color=Ink.BLACK, line_dash="dashed", legend_label="white noise"
+    )
     made.y_range.start = 0.5 * min(WHITE, float(found.difference[found.difference > 0].min(initial=WHITE)))
     made.y_range.end = 2.0 * max(WHITE, float(found.data.max()))
     legend_above(made)
@@ -177,7 +166,7 @@ def synchronisation_figure(found: list[Synchronisation]) -> Figure | None:
     made = new_figure("time [s]", "ahead of the clock [°]", name="synchronisation", height=260)
     most = _shown(found, told)
     made.y_range = Range1d(start=-most, end=most)
-    made.add_layout(Span(location=0.0, dimension="width", line_color=BLACK, line_dash="dashed"))
+    made.add_layout(Span(location=0.0, dimension="width", line_color=Ink.BLACK, line_dash="dashed"))
     for number, (one, own) in enumerate(zip(found, told, strict=True)):
         slip, width = np.degrees(one.slip[own]), np.degrees(WITHIN * one.slip_std[own])
         name = f"hit {number + 1}, bars of 95 %" if len(found) > 1 else "stretches of the record, bars of 95 %"
@@ -194,10 +183,12 @@ def speed_figure(shaft: ShaftAngle, unit: SpeedUnit) -> Figure:
     times = np.linspace(shaft.first, shaft.last, POINTS // 3)
     speed, width = factor * shaft.speed(times), factor * WITHIN * shaft.speed_std(times)
     made = new_figure("time [s]", f"speed of the shaft [{symbol}]", name="speed", height=260)
-    made.varea(times, speed - width, speed + width, fill_color=BLUE, fill_alpha=0.25, legend_label="interval of 95 %")
-    made.line(times, speed, line_color=BLUE, line_width=1.5, legend_label="speed")
+    made.varea(
+        times, speed - width, speed + width, fill_color=Ink.BLUE, fill_alpha=0.25, legend_label="interval of 95 %"
+    )
+    made.line(times, speed, line_color=Ink.BLUE, line_width=1.5, legend_label="speed")
     mean = factor * shaft.mean_speed
-    made.line([times[0], times[-1]], [mean, mean], line_color=BLACK, line_dash="dashed", legend_label="mean")
+    made.line([times[0], times[-1]], [mean, mean], line_color=Ink.BLACK, line_dash="dashed", legend_label="mean")
     legend_above(made)
     return made
 

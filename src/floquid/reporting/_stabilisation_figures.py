@@ -8,33 +8,17 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid.order import OrderScan, Stability
-from floquid.reporting._case import (
-    BLACK,
-    BLUE,
-    CURVES,
-    DASHES,
-    GREEN,
-    GREY,
-    POINTS,
-    SIZE,
-    SKY,
-    VERMILION,
-    Case,
-    Figure,
-    hover,
-    legend_above,
-    new_figure,
-)
-from floquid.views import envelope, families, unfolded
+from floquid.reporting._case import CURVES, DASHES, POINTS, SIZE, Case, Figure, hover, legend_above, new_figure
+from floquid.views import Ink, envelope, families, unfolded
 
 if TYPE_CHECKING:
     from bokeh.models import ColumnDataSource
 
 LEVELS = {  # told apart by form as well as by colour
-    Stability.NEW: ("new", "circle", GREY, 3),
-    Stability.FREQUENCY: ("stable in frequency", "cross", VERMILION, 8),
-    Stability.DAMPING: ("and damping", "square", GREEN, 7),
-    Stability.SHAPE: ("and shape", "circle", BLUE, 7),
+    Stability.NEW: ("new", "circle", Ink.GREY, 3),
+    Stability.FREQUENCY: ("stable in frequency", "cross", Ink.VERMILION, 8),
+    Stability.DAMPING: ("and damping", "square", Ink.GREEN, 7),
+    Stability.SHAPE: ("and shape", "circle", Ink.BLUE, 7),
 }
 
 FILLED = (Stability.NEW, Stability.SHAPE)
@@ -74,11 +58,11 @@ def _draw_cmif(made: Figure, scan: OrderScan, turn: float) -> None:
     made.add_layout(
         LogAxis(
             y_range_name="cmif", axis_label="largest CMIF / white noise", axis_label_text_font_style="normal",
-            axis_label_text_font_size=SIZE, axis_label_text_color=BLACK, minor_tick_line_color=None,
+            axis_label_text_font_size=SIZE, axis_label_text_color=Ink.BLACK, minor_tick_line_color=None,
         ),
         "right",
     )  # fmt: skip
-    made.line(angles * turn / scan.indicators.dt, level, y_range_name="cmif", line_color=SKY, line_alpha=0.8)
+    made.line(angles * turn / scan.indicators.dt, level, y_range_name="cmif", line_color=Ink.SKY, line_alpha=0.8)
 
 
 def _draw_poles(
@@ -128,7 +112,7 @@ def indicator_figures(case: Case) -> list[Figure]:
             line_dash=DASHES[number], line_width=1.5, legend_label=f"CMIF {number + 1}",
         )  # fmt: skip
     curves.line(
-        [0.0, 0.5 / found.dt], [1.0, 1.0], line_color=BLACK, line_dash="dashed", legend_label="white noise alone"
+        [0.0, 0.5 / found.dt], [1.0, 1.0], line_color=Ink.BLACK, line_dash="dashed", legend_label="white noise alone"
     )
     legend_above(curves)
     shown = found.singular_values[: found.n_above + DEEP]
@@ -137,11 +121,11 @@ def indicator_figures(case: Case) -> list[Figure]:
     for above, words in ((True, "above the noise"), (False, "not above it")):
         own = (numbers <= found.n_above) == above
         values.scatter(
-            numbers[own], np.maximum(shown[own], np.finfo(float).eps * shown[0]), size=6, line_color=BLUE,
-            fill_color=BLUE if above else None, legend_label=f"{int(own.sum())} {words}" if above else words,
+            numbers[own], np.maximum(shown[own], np.finfo(float).eps * shown[0]), size=6, line_color=Ink.BLUE,
+            fill_color=Ink.BLUE if above else None, legend_label=f"{int(own.sum())} {words}" if above else words,
         )  # fmt: skip
     values.line(
-        [0.0, len(shown) + 1.0], [found.noise_edge, found.noise_edge], line_color=BLACK, line_dash="dashed",
+        [0.0, len(shown) + 1.0], [found.noise_edge, found.noise_edge], line_color=Ink.BLACK, line_dash="dashed",
         legend_label="largest of noise alone",
     )  # fmt: skip
     legend_above(values)
@@ -151,7 +135,7 @@ def indicator_figures(case: Case) -> list[Figure]:
 def _mode_lines(made: Figure, source: ColumnDataSource, column: str, top: float) -> None:
     """Marks of the modes of the model, with their numbers; the one chosen stands out."""
     made.vspan(
-        x=column, source=source, line_color=VERMILION, line_width=2.5, nonselection_line_color=GREY,
+        x=column, source=source, line_color=Ink.VERMILION, line_width=2.5, nonselection_line_color=Ink.GREY,
         nonselection_line_width=1.0, nonselection_line_alpha=1.0, legend_label="modes of the table",
     )  # fmt: skip
     made.text(

@@ -9,19 +9,7 @@ import numpy as np
 
 from floquid._checks import counted
 from floquid.fit import WITHIN
-from floquid.reporting._case import (
-    BLACK,
-    CURVES,
-    DASHES,
-    GREY,
-    HEIGHT,
-    ROW,
-    VERMILION,
-    Figure,
-    hover,
-    legend_above,
-    new_figure,
-)
+from floquid.reporting._case import CURVES, DASHES, HEIGHT, ROW, Figure, hover, legend_above, new_figure
 from floquid.reporting._chosen_shape import channels_of, chosen_figures, shape_columns
 from floquid.reporting._page import drawn_by, filled, listed
 from floquid.surveys import (
@@ -36,7 +24,7 @@ from floquid.surveys import (
     order_lines,
     track_rows,
 )
-from floquid.views import DampingUnit, over_label, over_unit
+from floquid.views import DampingUnit, Ink, over_label, over_unit
 
 MOST = 8  # tracks of one look
 COLUMNS = 4  # of a legend
@@ -133,15 +121,17 @@ def _figures(found: Survey, marks: Any, unit: Damping) -> dict[str, Figure]:
         if first:
             for order, hertz in order_lines(found):
                 drawn.line(
-                    found.values, np.where(hertz > 1.15 * high, np.nan, hertz), line_color=GREY, line_dash="dotted"
+                    found.values, np.where(hertz > 1.15 * high, np.nan, hertz), line_color=Ink.GREY, line_dash="dotted"
                 )
                 last = np.flatnonzero(hertz <= high)[-1:]
-                drawn.text(found.values[last], hertz[last], [order] * len(last), text_color=GREY, text_font_size="12px")
+                drawn.text(
+                    found.values[last], hertz[last], [order] * len(last), text_color=Ink.GREY, text_font_size="12px"
+                )
         else:
-            drawn.line(found.values[[0, -1]], [0.0, 0.0], line_color=BLACK)
+            drawn.line(found.values[[0, -1]], [0.0, 0.0], line_color=Ink.BLACK)
         for edge in found.edges:
             if edge.value is not None:
-                drawn.line([edge.value] * 2, [low, high], line_color=VERMILION, line_dash="dotted")
+                drawn.line([edge.value] * 2, [low, high], line_color=Ink.VERMILION, line_dash="dotted")
         drawn.add_tools(TapTool(renderers=[dots]))
         told = [
             ("", "@name"),

@@ -30,6 +30,7 @@ from floquid.views._mode_table import (
     with_error,
 )
 from floquid.views._names import (
+    Ink,
     SpeedUnit,
     check_analysis,
     element_unit,

@@ -19,6 +19,15 @@ from floquid.reconstruction import StateModel
 VELOCITY = "d/dt "  # what the name of a state that is the derivative of another begins with
 LATER = "(t + "  # what comes between the name of a channel and the delay of a delayed state
 
+
+class Ink:
+    """Okabe and Ito's palette and two greys: readable in print, in grey and by the colour-blind."""
+
+    BLACK, BLUE, VERMILION, GREEN = "#000000", "#0072B2", "#D55E00", "#009E73"
+    PURPLE, ORANGE, SKY = "#CC79A7", "#E69F00", "#56B4E9"
+    GREY, SILVER = "#767676", "#999999"  # on the page, on paper
+
+
 _TIME_POWER = {"velocity": 1, "acceleration": 2}
 _POWERS = {2: "²", 3: "³", 4: "⁴", 5: "⁵"}
 
