@@ -9,6 +9,7 @@ from floquid.comparison._types import (
     Pair,
     headings,
     missing_words,
+    mode_labels,
     mode_number,
     pair_row,
     update_words,

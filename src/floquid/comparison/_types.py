@@ -17,6 +17,13 @@ from floquid.views import with_error
 RARE = 0.01  # the probability below which differences are told to be more than the deviations explain
 
 
+def mode_labels(here: ComparedPoint) -> tuple[list[str], list[str]]:
+    """The numbers of the modes of both sides of a point, for the rows and columns of its similarities."""
+    sides = (here.model_a, here.modes_a), (here.model_b, here.modes_b)
+    of_a, of_b = (["/".join(str(mode_number(model, mode)) for mode in own) for own in each] for model, each in sides)
+    return of_a, of_b
+
+
 def mode_number(model: PeriodicModel, mode: int) -> int:
     """The number of a `mode` of a `model` in tables, where each pair is one row, from 1."""
     return model.upper_modes.index(mode) + 1

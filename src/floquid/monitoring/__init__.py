@@ -3,16 +3,19 @@
 from floquid.monitoring._monitor import monitor
 from floquid.monitoring._types import (
     CHARTED,
-    LEAST,
     Amounts,
     Change,
     Charts,
     Monitor,
     Part,
     Trend,
+    amount_label,
+    beside_baseline,
+    over_limits,
     record_heads,
     record_rows,
     sentences,
+    spans_of,
 )
 
 __all__ = ["Amounts", "Change", "Charts", "Monitor", "Part", "Trend", "monitor"]

@@ -26,6 +26,46 @@ CHARTED = (
 """The columns of charts, for people."""
 
 
+def over_limits(charts: Charts) -> dict[str, Floats]:
+    """Each of the `charts` over its limit by its name (records,); NaN of a record that it does not have."""
+    pairs = {
+        "T²": (charts.t2, charts.t2_limit),
+        "moving average": (charts.ewma, charts.ewma_limit),
+        "along the direction": (charts.directed, charts.directed_limit),
+    }
+    return {name: np.maximum(values / limits, LEAST) for name, (values, limits) in pairs.items()}
+
+
+def beside_baseline(charts: Charts) -> dict[str, tuple[str, list[tuple[str, Floats, Floats]]]]:
+    """Frequencies and decays of `charts` less the baseline: a label, and name, values and deviations of each mode."""
+    found = {}
+    for word, scale, label in (
+        ("frequency", 2.0 * np.pi, "f - baseline [Hz]"),
+        ("decay", 1.0, "Re λ - baseline [1/s]"),
+    ):
+        kept = [(k, name.rpartition(" ")[0]) for k, name in enumerate(charts.features) if name.endswith(word)]
+        both = charts.residual / scale, charts.residual_std / scale
+        found[word] = label, [(name, *(part[:, k] for part in both)) for k, name in kept]
+    return found
+
+
+def amount_label(amounts: Amounts) -> str:
+    """The axis of `amounts` in percent."""
+    return "of the change looked for [%]" if amounts.along else "sidebands [% of the response]"
+
+
+def spans_of(found: Monitor) -> tuple[list[tuple[float, float]], list[tuple[float, float]]]:
+    """Stretches of the baseline, and the interval of the instant of a change, in the order that `found` has."""
+    places = np.flatnonzero(found.baseline)
+    runs = np.split(places, np.flatnonzero(np.diff(places) > 1) + 1) if len(places) else []
+    healthy = [(float(found.x[run[0]]), float(found.x[run[-1]])) for run in runs]
+    if found.change is None:
+        return healthy, []
+    low, high = (float(found.x[k]) for k in found.change.interval)
+    margin = 0.2 * float(np.median(np.diff(found.x))) if len(found.x) > 1 else 0.0
+    return healthy, [(low - margin, high + margin)]
+
+
 def feature_change(part: Part) -> str:
     """The change of a feature in a `part` of a change: frequencies in Hz, decays in 1/s, with the deviation."""
     scale, unit = (2.0 * np.pi, "Hz") if part.unit == HERTZ else (1.0, part.unit)

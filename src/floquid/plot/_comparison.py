@@ -8,18 +8,16 @@ import numpy as np
 
 from floquid._arrays import Floats
 from floquid._checks import index, input_error
-from floquid.comparison import ComparedPoint, Comparison, Pair, mode_number
+from floquid.comparison import ComparedPoint, Comparison, Pair, mode_labels, mode_number
 from floquid.fit import WITHIN
-from floquid.monitoring import LEAST, Monitor
-from floquid.plot._exponents import short_tick
-from floquid.plot._style import Into, drawing, grid_of
+from floquid.monitoring import Monitor, amount_label, beside_baseline, over_limits, spans_of
+from floquid.plot._style import CLOSE_ACROSS, CLOSE_UPS, Into, drawing, grid_of, short_tick, with_close_ups
 from floquid.views import Ink, in_strip, over_label, region_on_branch
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-ACROSS, MOST = 4, 12  # pairs that are drawn close up in a row, and at most
 _A: dict[str, Any] = {
     "linestyle": "none",
     "marker": "o",
@@ -44,13 +42,8 @@ def comparison(found: Comparison, *, point: int | None = None, ax: Into = None) 
     number = 0 if found.worst is None else found.worst.point
     number = number if point is None else index(point, "point", of, len(found.points))
     here = found.points[number]
-    pairs = [pair for pair in found.pairs if pair.point == number][:MOST]
-    rows = -(-len(pairs) // ACROSS)
-    panels = np.vstack(
-        [np.repeat([[0, 1]], ACROSS, axis=1), 2 + np.arange(2 * rows * ACROSS).reshape(rows, 2 * ACROSS) // 2]
-    )
-    panels[panels >= 2 + len(pairs)] = -1
-    layout = {"panels": panels.tolist(), "height_ratios": (3.0, *[1.7] * rows), "empty_sentinel": -1}
+    pairs = [pair for pair in found.pairs if pair.point == number][:CLOSE_UPS]
+    rows, layout = with_close_ups(len(pairs), (3.0, 1.7))
     with drawing(3.4 + 1.9 * rows, ax, of, **layout) as (figure, (strip, macs, *close)):
         for model, modes, look, label in (
             (here.model_a, here.modes_a, _A, "a"), (here.model_b, here.modes_b, _B, "b"),
@@ -65,19 +58,16 @@ def comparison(found: Comparison, *, point: int | None = None, ax: Into = None) 
         _draw_macs(macs, here)
         for place, (pair, axes) in enumerate(zip(pairs, close, strict=True)):
             _draw_close(axes, here, pair)
-            if place % ACROSS == 0:
+            if place % CLOSE_ACROSS == 0:
                 axes.set_ylabel("Im λ − a [rad/s]", fontsize=8.0)
-            if place + ACROSS >= len(pairs):
+            if place + CLOSE_ACROSS >= len(pairs):
                 axes.set_xlabel("Re λ − a [1/s]", fontsize=8.0)
     return figure
 
 
 def _draw_macs(axes: Axes, here: ComparedPoint) -> None:
     """The similarity of each mode of a with each of b, in grey and as a number where there is room."""
-    labels = [
-        ["/".join(str(mode_number(model, mode)) for mode in modes) for modes in each]
-        for model, each in ((here.model_a, here.modes_a), (here.model_b, here.modes_b))
-    ]
+    labels = mode_labels(here)
     axes.imshow(np.nan_to_num(here.macs), cmap="Greys", vmin=0.0, vmax=1.0, aspect="auto")
     axes.grid(False)
     axes.set(xlabel="mode of b", ylabel="mode of a", title="similarity of shapes (mac)")
@@ -117,10 +107,6 @@ def _draw_close(axes: Axes, here: ComparedPoint, pair: Pair) -> None:
     axes.set_title(f"a {numbers[0]}, b {numbers[1]}{z}", fontsize=8.0)
 
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 COLOURS = (Ink.BLUE, Ink.VERMILION, Ink.GREEN, Ink.ORANGE, Ink.PURPLE, Ink.SKY)
 MARKS = ("o", "s", "^", "D", "v", "P")
 
@@ -138,28 +124,16 @@ def monitor(found: Monitor, *, ax: Into = None) -> Figure:
         raise input_error("found", of, "have a baseline", "was made without", "Pass `baseline`.")
     with drawing(8.6, ax, of, panels=grid_of(4), sharex=ax is None) as (figure, axes):
         top, *parts, last = axes
-        for k, (values, limits, label) in enumerate(
-            (
-                (charts.t2, charts.t2_limit, "T²"),
-                (charts.ewma, charts.ewma_limit, "moving average"),
-                (charts.directed, charts.directed_limit, "along the direction"),
-            )
-        ):
-            known = np.isfinite(values)
+        for k, (label, over) in enumerate(over_limits(charts).items()):
+            known = np.isfinite(over)
             if known.any():
-                over = np.maximum(values[known] / limits[known], LEAST)
                 look: dict[str, Any] = {"color": COLOURS[k], "marker": MARKS[k], "markersize": 3.0}
-                top.plot(found.x[known], over, label=label, linewidth=0.8, **look)
+                top.plot(found.x[known], over[known], label=label, linewidth=0.8, **look)
         top.axhline(1.0, color=Ink.BLACK, linewidth=0.9)
         top.set(yscale="log", ylabel="over the limit")
-        for axes_, word, scale, label in (
-            (parts[0], "frequency", 2.0 * np.pi, "f - baseline [Hz]"),
-            (parts[1], "decay", 1.0, "Re λ - baseline [1/s]"),
-        ):
-            kept = [k for k, name in enumerate(charts.features) if name.endswith(word)]
-            for number, k in enumerate(kept):
-                name = charts.features[k].rpartition(" ")[0]
-                _bars(axes_, found, charts.residual[:, k] / scale, charts.residual_std[:, k] / scale, number, name)
+        for axes_, (label, shown) in zip(parts, beside_baseline(charts).values(), strict=True):
+            for number, (name, values, std) in enumerate(shown):
+                _bars(axes_, found, values, std, number, name)
             axes_.axhline(0.0, color=Ink.BLACK, linewidth=0.6)
             axes_.set(ylabel=label)
         _conditions(last, found)
@@ -195,8 +169,7 @@ def periodic_amount(found: Monitor, *, ax: Into = None) -> Figure:
         axes.errorbar(
             found.x, value, bars, color=Ink.BLUE, linestyle="none", marker="o", markersize=3.5, elinewidth=0.9
         )
-        words = "of the change looked for [%]" if amounts.along else "sidebands [% of the response]"
-        axes.set(ylabel=words)
+        axes.set(ylabel=amount_label(amounts))
         _label(axes, found)
         axes.axhline(0.0, color=Ink.BLACK, linewidth=0.6)
         _spans(axes, found)
@@ -238,10 +211,6 @@ def _conditions(axes: Axes, found: Monitor) -> None:
 
 def _spans(axes: Axes, found: Monitor) -> None:
     """Shade the baseline, and the interval of the instant of a change."""
-    places = np.flatnonzero(found.baseline)
-    for run in np.split(places, np.flatnonzero(np.diff(places) > 1) + 1) if len(places) else []:
-        axes.axvspan(found.x[run[0]], found.x[run[-1]], facecolor=Ink.SILVER, alpha=0.12, edgecolor="none", zorder=0)
-    if found.change is not None:
-        low, high = (float(found.x[k]) for k in found.change.interval)
-        margin = 0.2 * float(np.median(np.diff(found.x))) if len(found.x) > 1 else 0.0
-        axes.axvspan(low - margin, high + margin, facecolor=Ink.VERMILION, alpha=0.25, edgecolor="none", zorder=0)
+    for spans, color, alpha in zip(spans_of(found), (Ink.SILVER, Ink.VERMILION), (0.12, 0.25), strict=True):
+        for span in spans:
+            axes.axvspan(*span, facecolor=color, alpha=alpha, edgecolor="none", zorder=0)

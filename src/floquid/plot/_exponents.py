@@ -12,7 +12,7 @@ from floquid._arrays import Complexes, Mask
 from floquid._checks import frozen_array, input_error
 from floquid.core import PeriodicModel
 from floquid.floquet import FloquetModes, stability, upper_modes
-from floquid.plot._style import SIZE, Into, drawing, grid_of
+from floquid.plot._style import CLOSE_ACROSS, CLOSE_UPS, SIZE, Into, drawing, grid_of, short_tick, with_close_ups
 from floquid.views import Ink, exponent_ellipses, grows, multiplier_ellipses, with_error
 
 if TYPE_CHECKING:
@@ -25,7 +25,6 @@ _FAMILY = 3  # copies of an exponent that are drawn on either side of it
 
 _NUMBERED = 12
 LEVEL = 0.95
-MOST, ACROSS = 12, 4  # modes that are drawn close up, at most, and how many of them in a row
 WIDE = 6.0  # deviations that a close-up shows on either side, at least
 
 _SPOTS = [(x, y) for y in (1.0, -10.0, 8.0, -17.0) for x in (6.0, -6.0)]
@@ -237,15 +236,9 @@ def _identified(model: PeriodicModel, truth: ArrayLike | None, ax: Into, of: str
     """The exponents and the multipliers of a model, and each exponent close up with the region of its errors."""
     known = None if truth is None else frozen_array(truth, "truth", of, axes=("exponents",), dtype=np.complex128)
     upper, edges = list(model.upper_modes), exponent_ellipses(model, LEVEL)
-    close = upper[:MOST] if edges is not None else []
-    rows = -(-len(close) // ACROSS)
+    close = upper[:CLOSE_UPS] if edges is not None else []
+    rows, layout = with_close_ups(len(close), (3.2, 1.55))
     paired = None if known is None else _truth_of(model, known)
-    # Two panels share the first row; below, each mode has one, and the last row may have room.
-    panels = np.vstack(
-        [np.repeat([[0, 1]], ACROSS, axis=1), 2 + np.arange(2 * rows * ACROSS).reshape(rows, 2 * ACROSS) // 2]
-    )
-    panels[panels >= 2 + len(close)] = -1
-    layout = {"panels": panels.tolist(), "height_ratios": (3.2, *[1.55] * rows), "empty_sentinel": -1}
     with drawing(3.6 + 1.75 * rows, ax, of, **layout) as (figure, (left, right, *below)):
         _draw_plane(left, model, upper, paired)
         _draw_circle(right, float(np.abs(model.multipliers).max(initial=0.0)))
@@ -257,7 +250,7 @@ def _identified(model: PeriodicModel, truth: ArrayLike | None, ax: Into, of: str
             mu = np.asarray(np.exp(paired * model.period), dtype=np.complex128)
             right.plot(mu.real, mu.imag, **_TRUE)
         for number, (mode, axes) in enumerate(zip(close, below, strict=True)):
-            row, column = divmod(number, ACROSS)
+            row, column = divmod(number, CLOSE_ACROSS)
             assert edges is not None
             _draw_close(axes, model, mode, number + 1, edges[mode], paired)
             if row == rows - 1:
@@ -336,10 +329,3 @@ def _draw_close(
     sign = "+" if value.imag >= 0.0 else "-"
     axes.set_title(f"mode {number}:  {real}\n{sign} {imag} i".replace("-", "−"), fontsize=8.0)
     axes.tick_params(labelsize=7.5)
-
-
-def short_tick(value: float, _: float) -> str:
-    """A number at a tick, such as 2e−5."""
-    if abs(value) < 1e-300:
-        return "0"
-    return f"{value:.3g}".replace("e-0", "e-").replace("-", "−")

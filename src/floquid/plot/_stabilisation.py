@@ -23,7 +23,7 @@ from floquid.plot._style import (
     several,
     whole_numbers,
 )
-from floquid.views import Ink, envelope, families, record_spectrum, unfolded
+from floquid.views import Ink, end_of_lines, envelope, record_spectrum, unfolded
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -70,9 +70,7 @@ def stabilisation(
             end = np.pi / scan.indicators.dt
         else:
             _draw_spectrum(axes, analysis)
-            # Half a fundamental beyond the highest line: past it there are poles of noise alone.
-            highest = max(line for family in families(analysis) for line in family.omega)
-            end = highest + np.pi / analysis.lifted.period
+            end = 2.0 * np.pi * end_of_lines(analysis)
         _draw_poles(axes, poles, scan, end)
         if analysis is not None:
             _draw_folds(axes, analysis, end)

@@ -27,6 +27,7 @@ LONGEST = 38  # the longest text that fits beside or above the axes, in characte
 PLAIN_FROM, PLAIN_TO = 5e-3, 1e4  # values of this size are written out
 POINTS = 4000  # points that a curve is drawn with, at most: more look the same
 SIZE = 9.0  # of all text [pt]
+CLOSE_UPS, CLOSE_ACROSS = 12, 4  # panels close up, at most, and how many of them in a row
 ACROSS, HANDLE = 100, 9  # characters that a row of a legend holds, and those that a handle and the gaps about it take
 
 _LOOK = {
@@ -122,6 +123,21 @@ def drawing(
 def grid_of(rows: int, columns: int = 1) -> list[list[int]]:
     """The numbers of the panels of a full grid, row by row."""
     return [list(range(row * columns, (row + 1) * columns)) for row in range(rows)]
+
+
+def with_close_ups(count: int, heights: tuple[float, float]) -> tuple[int, dict[str, Any]]:
+    """Rows of `count` panels close up below two large ones, and their layout for `drawing`, each row of a height."""
+    rows = -(-count // CLOSE_ACROSS)
+    below = 2 + np.arange(2 * rows * CLOSE_ACROSS).reshape(rows, 2 * CLOSE_ACROSS) // 2
+    panels = np.vstack([np.repeat([[0, 1]], CLOSE_ACROSS, axis=1), below])
+    panels[panels >= 2 + count] = -1
+    ratios = (heights[0], *[heights[1]] * rows)
+    return rows, {"panels": panels.tolist(), "height_ratios": ratios, "empty_sentinel": -1}
+
+
+def short_tick(value: float, _: float) -> str:
+    """A number at a tick, such as 2e−5."""
+    return "0" if abs(value) < 1e-300 else f"{value:.3g}".replace("e-0", "e-").replace("-", "−")
 
 
 def _given(into: Axes | Iterable[Axes], count: int, of: str) -> list[Axes]:

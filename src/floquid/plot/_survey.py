@@ -237,10 +237,6 @@ def _label(axes: Axes, found: Survey) -> None:
     axes.set(xlabel=over_label(found.over), xlim=(x.min() - margin, x.max() + margin))
 
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 LOOKS = {  # told apart by their hatching as well as by colour
     Instability.DIVERGENCE: ("unstable: multiplier above 1", Ink.VERMILION, "///"),
     Instability.PERIOD_DOUBLING: ("unstable: multiplier below −1", Ink.ORANGE, "\\\\\\"),

@@ -134,10 +134,6 @@ def _period(state: StateModel, of: str) -> float:
 SHORT, LINE = 10, 18
 """The longest name of a channel that stands beside its unit, and the longest line of another, in characters."""
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
-
 PARTS = ("real", "imag")
 
 

@@ -7,9 +7,29 @@ from typing import Any
 import numpy as np
 
 from floquid._checks import counted
-from floquid.comparison import RARE, ComparedPoint, Comparison, headings, missing_words, mode_number, pair_row, verdict
+from floquid.comparison import (
+    RARE,
+    ComparedPoint,
+    Comparison,
+    headings,
+    missing_words,
+    mode_labels,
+    mode_number,
+    pair_row,
+    verdict,
+)
 from floquid.fit import WITHIN
-from floquid.monitoring import CHARTED, LEAST, Monitor, record_heads, record_rows, sentences
+from floquid.monitoring import (
+    CHARTED,
+    Monitor,
+    amount_label,
+    beside_baseline,
+    over_limits,
+    record_heads,
+    record_rows,
+    sentences,
+    spans_of,
+)
 from floquid.reporting._case import CURVES, HEIGHT, MARKERS, SIZE, Figure, hover, legend_above, new_figure
 from floquid.reporting._page import drawn_by, filled
 from floquid.views import Ink, in_strip, over_label, over_unit, region_on_branch
@@ -96,10 +116,7 @@ def _similarity(here: ComparedPoint, where: str) -> Figure:
     """The similarity of each shape of a with each of b, in greys, with numbers where there is room."""
     from bokeh.models import ColumnDataSource, FixedTicker, Range1d
 
-    labels = [
-        ["/".join(str(mode_number(model, mode)) for mode in modes) for modes in each]
-        for model, each in ((here.model_a, here.modes_a), (here.model_b, here.modes_b))
-    ]
+    labels = mode_labels(here)
     count, across = map(len, labels)
     own = new_figure(
         "mode of b", "mode of a", name="similarity", height=min(HEIGHT, 110 + 30 * count),
@@ -189,34 +206,21 @@ def _charts(found: Monitor) -> dict[str, Figure]:
     label = over_label(found.over)
     if charts is not None:
         own = new_figure(label, "over the limit", name="charts", y_axis_type="log")
-        for k, (name, values, limits) in enumerate(
-            (
-                ("T²", charts.t2, charts.t2_limit),
-                ("moving average", charts.ewma, charts.ewma_limit),
-                ("along the direction", charts.directed, charts.directed_limit),
-            )
-        ):
-            _marks(own, found, np.maximum(values / limits, LEAST), None, k, name)
+        for k, (name, over) in enumerate(over_limits(charts).items()):
+            _marks(own, found, over, None, k, name)
         own.line(found.x[[0, -1]], [1.0, 1.0], line_color=Ink.BLACK)
         made["charts"] = own
-        for word, scale, words in (
-            ("frequency", 2.0 * np.pi, "f - baseline [Hz]"),
-            ("decay", 1.0, "Re λ - baseline [1/s]"),
-        ):
+        for word, (words, shown) in beside_baseline(charts).items():
             own = new_figure(label, words, name=word)
-            kept = [k for k, name in enumerate(charts.features) if name.endswith(word)][:MOST]
-            for number, k in enumerate(kept):
-                bars = WITHIN * charts.residual_std[:, k] / scale
-                name = charts.features[k].rpartition(" ")[0]
-                _marks(own, found, charts.residual[:, k] / scale, (bars, bars), number, name)
+            for number, (name, values, std) in enumerate(shown[:MOST]):
+                _marks(own, found, values, (WITHIN * std, WITHIN * std), number, name)
             made[word] = own
         for k, name in enumerate(found.covariates):
             own = new_figure(label, over_label(name), name=f"covariate-{k}", height=200)
             _marks(own, found, found.conditions[:, k], None, k, "")
             made[f"covariate-{k}"] = own
     if amounts is not None:
-        words = "of the change looked for [%]" if amounts.along else "sidebands [% of the response]"
-        own = new_figure(label, words, name="amount")
+        own = new_figure(label, amount_label(amounts), name="amount")
         value = 100.0 * amounts.value
         _marks(own, found, value, (value - 100.0 * amounts.low, 100.0 * amounts.high - value), 0, "")
         made["amount"] = own
@@ -261,14 +265,6 @@ def _spans(made: Figure, found: Monitor) -> None:
     """Shade the baseline, and the interval of the instant of a change."""
     from bokeh.models import BoxAnnotation
 
-    places = np.flatnonzero(found.baseline)
-    for run in np.split(places, np.flatnonzero(np.diff(places) > 1) + 1) if len(places) else []:
-        span = BoxAnnotation(left=float(found.x[run[0]]), right=float(found.x[run[-1]]))
-        span.fill_color, span.fill_alpha = Ink.BLACK, 0.07
-        made.add_layout(span)
-    if found.change is not None:
-        low, high = (float(found.x[k]) for k in found.change.interval)
-        margin = 0.2 * float(np.median(np.diff(found.x))) if len(found.x) > 1 else 0.0
-        span = BoxAnnotation(left=low - margin, right=high + margin)
-        span.fill_color, span.fill_alpha = Ink.VERMILION, 0.25
-        made.add_layout(span)
+    for spans, colour, alpha in zip(spans_of(found), (Ink.BLACK, Ink.VERMILION), (0.07, 0.25), strict=True):
+        for left, right in spans:
+            made.add_layout(BoxAnnotation(left=left, right=right, fill_color=colour, fill_alpha=alpha))

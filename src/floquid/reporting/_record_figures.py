@@ -16,6 +16,7 @@ from floquid.views import (
     Ink,
     SpeedUnit,
     Synchronisation,
+    end_of_lines,
     envelope,
     in_unit,
     lifted_points,
@@ -117,7 +118,7 @@ def spectrum_figure(case: Case, sources: dict[str, Chosen], family: Chosen) -> F
     made = new_figure("frequency [Hz]", spectrum_label(case, 0), name="spectrum", y_axis_type="log", height=380)
     every = np.concatenate([row["frequency"] for row in family.modes]) if family.modes else np.zeros(0)
     nyquist = 0.5 * case.analysis.lifted.n_phases / case.analysis.lifted.period
-    end = min(nyquist, max(every, default=nyquist) + 0.5 / case.analysis.lifted.period)
+    end = min(nyquist, end_of_lines(case.analysis))
     made.vspan(x=every, line_color=Ink.GREY, line_alpha=0.35, line_width=1, legend_label="lines of all modes")
     made.vspan(
         x="frequency", source=family.drawn, line_color=Ink.VERMILION, line_width=2, line_dash="dashed",

@@ -9,7 +9,7 @@ import numpy as np
 from floquid._arrays import Floats
 from floquid.order import OrderScan, Stability
 from floquid.reporting._case import CURVES, DASHES, POINTS, SIZE, Case, Figure, hover, legend_above, new_figure
-from floquid.views import Ink, envelope, families, unfolded
+from floquid.views import Ink, end_of_lines, envelope, unfolded
 
 if TYPE_CHECKING:
     from bokeh.models import ColumnDataSource
@@ -74,7 +74,7 @@ def _draw_poles(
     assert case.scan is not None
     made.y_range = Range1d(start=0.0, end=1.1 * max(case.scan.orders))
     _mode_lines(made, source, column, 1.05 * max(case.scan.orders))
-    end = _end(case) if column == "frequency" else 0.5 / case.analysis.model.period
+    end = end_of_lines(case.analysis) if column == "frequency" else 0.5 / case.analysis.model.period
     made.x_range = Range1d(start=-0.02 * end, end=1.02 * end)
     marks = []
     for stability, (name, marker, colour, size) in LEVELS.items():
@@ -90,12 +90,6 @@ def _draw_poles(
     tips = [("order", "@order"), ("frequency", "@frequency{%.7g} Hz"), ("Re λ", "@decay{%.4g} 1/s"), ("mode", "@mode")]
     hover(made, tips, marks)
     legend_above(made)
-
-
-def _end(case: Case) -> float:
-    """Half a fundamental above the highest line of the model [Hz]: beyond it are poles of noise alone."""
-    highest = max((float(own.omega.max()) for own in families(case.analysis) if len(own.omega)), default=0.0)
-    return highest * case.turn + 0.5 / case.analysis.model.period
 
 
 def indicator_figures(case: Case) -> list[Figure]:

@@ -13,7 +13,7 @@ from floquid.views._ellipses import (
     region_on_branch,
 )
 from floquid.views._expansion import Expansion, ShapeCurves, closed_period, expansion, identified_residue, shape_curves
-from floquid.views._families import Family, families, unfolded
+from floquid.views._families import Family, end_of_lines, families, unfolded
 from floquid.views._mode_table import (
     DAMPING_WORDS,
     MODE_NOTES,

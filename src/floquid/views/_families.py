@@ -72,6 +72,15 @@ def families(analysis: Analysis) -> tuple[Family, ...]:
     return tuple(found)
 
 
+def end_of_lines(analysis: Analysis) -> float:
+    """Half a fundamental above the highest line of an `analysis` [Hz]: beyond it are poles of noise alone."""
+    nyquist = 0.5 * analysis.lifted.n_phases / analysis.lifted.period
+    highest = max(
+        (float(own.omega.max()) / (2.0 * np.pi) for own in families(analysis) if len(own.omega)), default=nyquist
+    )
+    return highest + 0.5 / analysis.lifted.period
+
+
 def unfolded(scan: OrderScan, analysis: Analysis) -> tuple[Complexes, ...]:
     r"""The exponents of the poles of each order, each on the branch whose zeroth harmonic is the strongest.
 
