@@ -151,10 +151,7 @@ def _not_apart(fit: Fit, std: NDArray[np.float64], lasting: NDArray[np.bool_]) -
 
 
 def _one(fit: Fit, model: PeriodicModel, group: NDArray[np.int64], shares: NDArray[np.float64]) -> bool:
-    """True where modes that outlast a period are nearer to each other than their deviations tell: a copy may be false.
-
-    Poles of excitation that die within a period often are the same and are there.
-    """
+    """True where modes that outlast a period are nearer to each other than their deviations: a copy may be false."""
     modes = [fit.at.modes[number] for number in group]
     lasting = any(-mode.exponent.real * model.period < GONE for mode in modes)
     near = min(DEVIATIONS * float(shares[group].max()), NEAR)

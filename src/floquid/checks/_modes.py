@@ -178,11 +178,7 @@ def _moving(model: PeriodicModel, near: float) -> list[Finding]:
 
 
 def _repeats(model: PeriodicModel) -> int:
-    """The number of times that the system repeats in a period: the common divisor of the distances of its lines.
-
-    Lines are those that are above the noise of all channels and hits together. One where fewer than two modes have
-    several.
-    """
+    """The number of times that the system repeats in a period: the common divisor of the distances of its lines."""
     std = model.coefficient_std
     if std is None:
         return 1

@@ -139,10 +139,7 @@ def _neighbours(first: Floats, second: Floats) -> list[tuple[int, int]]:
 
 
 def _about(thing: Seen, half_turns: int) -> tuple[Floats, Floats, float]:
-    """Mean and squared half-difference of an object about an axis, their slopes, and a variance of second order.
-
-    The two are a couple, or a pair and its mirror image about half turns of the period.
-    """
+    """Mean and squared half-difference of an object about an axis, their slopes, and a variance of second order."""
     if len(thing.modes) > 1:
         (a, b), turned = thing.exponents.tolist(), np.eye(4)
     else:

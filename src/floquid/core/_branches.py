@@ -171,10 +171,7 @@ def _noise(model: PeriodicModel) -> Floats:
 
 
 def _products(lines: Complexes, harmonics: Integers) -> Complexes:
-    """Σ B_{k+n} conj(B_{k-n}) over channels and hits, over the energy (branches k, distances n); all k from the first.
-
-    Distances begin at zero, that counts once, the others twice.
-    """
+    """Σ B_{k+n} conj(B_{k-n}) over channels and hits, over the energy (branches, distances n), all k from the first."""
     first, count = int(harmonics[0]), int(np.ptp(harmonics)) + 1
     dense = np.zeros((*lines.shape[:2], 3 * count), complex)
     dense[..., count + harmonics - first] = lines

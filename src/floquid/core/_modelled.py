@@ -176,25 +176,7 @@ def modelled(
     driven: Driven | None = None,
     as_read: Mapping[int, complex] | None = None,
 ) -> PeriodicModel:
-    """The periodic model of estimates, modes in their order, each pair followed by its conjugate.
-
-    Raises IdentificationError where a mode has no deviation.
-
-    Parameters
-    ----------
-    estimates
-        Exponents and coefficients with their joint covariance.
-    channels, provenance
-        Those of the records.
-    kept
-        Mask of the terms that the model keeps (terms,): all others are zero in it. None for all.
-    unselected
-        The same fit with more harmonics.
-    driven
-        What measured inputs do beside driving the modes; None where none were measured.
-    as_read
-        Deviations of exponents near an axis, by the modes of the estimates.
-    """
+    """The periodic model of estimates, modes in their order, each pair followed by its conjugate."""
     entries = np.repeat(np.arange(len(estimates.exponents)), np.where(estimates.real, 1, 2))
     back = np.append(False, entries[1:] == entries[:-1])[: len(entries)]
     slopes = np.where(back[:, None], estimates.exponent_slopes[entries].conj(), estimates.exponent_slopes[entries])

@@ -167,11 +167,7 @@ def _weights(model: PeriodicModel, mode: int) -> tuple[Floats, Floats]:
 
 
 def _states(weighted: Complexes, by_hit: Floats, *, real: bool) -> tuple[Complexes, Floats]:
-    """Factors of the hits by which their lines make shapes at right angles (shapes, hits), and squared singular values.
-
-    The lines are `weighted` (channels, hits, harmonics). The first shape is that of the mode, the others are what the
-    hits have beside it.
-    """
+    """Factors of hits by which their lines make shapes at right angles (shapes, hits), and squared singular values."""
     hits = len(by_hit)
     rows = np.moveaxis(weighted, 1, 2).reshape(-1, hits)
     if real:

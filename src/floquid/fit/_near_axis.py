@@ -63,10 +63,7 @@ def near_axis(mode: AxisMode, omega: float, std: float = 0.0) -> bool:
 
 
 def couples(modes: Sequence[AxisMode], covariance: Floats, places: Integers, omega: float) -> Iterator[list[int]]:
-    """Numbers of modes that may be of either kind: each pair near an axis, and two real multipliers of one sign.
-
-    Real and imaginary parts of exponents are at `places` (modes, 2) in the covariance.
-    """
+    """Numbers of modes that may be of either kind: each pair near an axis, and two real multipliers of one sign."""
     reals: dict[float, list[int]] = {}
     for number, (mode, (_, imag)) in enumerate(zip(modes, places.tolist(), strict=True)):
         if mode.square is not None:
@@ -121,10 +118,7 @@ def begun_off(away: float, decay: float, omega: float) -> float:
 
 
 def block_stands(trial: AxisFit, without: AxisFit, variance: float, omega: float, *, real: bool) -> bool:
-    """True where a fit with a block, its last mode, takes the place of one with a pair, or two `real` multipliers.
-
-    Its q has a `variance`. It does not where q is not determined, or one kind is certain and regular.
-    """
+    """True where a fit with a block, its last mode, takes the place of one with a pair, or two `real` multipliers."""
     square, std = trial.modes[-1].square, float(np.sqrt(max(variance, 0.0)))
     assert square is not None
     # Where its deviation reaches the next axis, q is not determined.

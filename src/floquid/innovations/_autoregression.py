@@ -80,10 +80,7 @@ def _width(samples: Samples, lags: int, harmonics: int, acting: int) -> int:
 def _regressors(
     samples: Samples, lags: int, harmonics: int, acting: int
 ) -> Iterator[tuple[slice, NDArray[np.float64]]]:
-    """Known columns, inputs that act at once, and samples and inputs before, all but the first turned (…, samples).
-
-    They are formed part by part of the samples.
-    """
+    """Known columns, inputs that act at once, and samples and inputs before, all but the first turned (…, samples)."""
     for parts in samples.parts(_width(samples, lags, harmonics, acting)):
         for own in parts:
             part, past = samples.part(own), past_of(samples, own, parts[0].start, lags)

@@ -16,11 +16,7 @@ from floquid.inputs import Samples
 def slopes(
     samples: Samples, at: Predictor, root: Callable[[slice], NDArray[np.float64]]
 ) -> Iterator[tuple[slice, NDArray[np.float64]]]:
-    """Derivatives of W e by all parameters (samples, channels, parameters), in parts.
-
-    `root` is W of some samples (samples, channels, channels). Parameters are those of `Mode.moved` of each mode, the
-    coefficients of the known columns by channel, and the first states of each record.
-    """
+    """Derivatives of W e by all parameters (samples, channels, parameters), in parts."""
     size, width, channels = at.initial.shape[1], width_of(at), len(samples.values)
     states = np.zeros((CHUNK + 1, size + channels, width))
     for place, parts in enumerate(samples.parts(numbers_of(samples, at.modes))):
@@ -138,10 +134,7 @@ def _pulled(
     behind: NDArray[np.float64],
     shares: NDArray[np.float64],
 ) -> None:
-    """Add a part's share to the gradient by the parameters of each mode, by the adjoint (samples, states).
-
-    `shares` are pulls on the signals that each channel holds (channels, samples).
-    """
+    """Add a part's share to the gradient by the parameters of each mode, by the adjoint (samples, states)."""
     drives, row = np.concatenate([part.inputs, at.innovations[:, own]]), 0
     for mode, gradient_of_mode in zip(at.modes, found, strict=True):
         rows = slice(row, row + mode.rows)

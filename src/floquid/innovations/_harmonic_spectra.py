@@ -186,11 +186,7 @@ def _whole_period(samples: Samples) -> int:
 
 
 def _by_spectra(samples: Samples, harmonics: int, phases: int, lags: int) -> NDArray[np.float64]:
-    """Correlations of the modulated outputs at whole periods from 1 on, real parts, then imaginary ones.
-
-    (outputs, inputs, lags). Segments are padded with zeros, and the mean of their correlations is that of the outputs
-    times that of the window.
-    """
+    """Correlations of the modulated outputs at whole periods from 1 on, real parts, then imaginary ones."""
     window = np.zeros((SEGMENT + 1) * lags * phases)
     window[: SEGMENT * lags * phases] = 1.0
     _, values, _ = _averaged(samples, _turns(harmonics, "h_oma"), window)

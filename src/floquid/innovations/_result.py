@@ -262,12 +262,7 @@ def sized(fit: FitOf) -> FitOf:
 
 
 def _estimates(fit: Fit, step: NDArray[np.float64] | None = None, *, held: bool = True) -> Estimates:
-    """Exponents, shapes and gains with their joint covariance, of the modes of a fit as those of inputs alone.
-
-    The scale of a state is free. With `held` the largest coefficient of each mode has no deviation; without, every
-    coefficient has one, as what is fitted to them needs. After a step of all parameters, to first order, where one is
-    given.
-    """
+    """Exponents, shapes and gains with their joint covariance, of the modes of a fit as those of inputs alone."""
     modes = fit.input_modes
     joint = _joint(fit, modes, held=held)
     errors = joint.errors

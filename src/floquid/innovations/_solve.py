@@ -85,10 +85,7 @@ def thinned(samples: Samples, at: Predictor, stride: int) -> Iterator[tuple[NDAr
 def _carried(
     ahead: NDArray[np.float64], edges: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """The samples of each block from its last on, and the transitions from the next of each to the end of the block.
-
-    (blocks, samples), (blocks, samples, states, states): zero where a block is shorter. Last those over whole blocks.
-    """
+    """The samples of each block from its last on, and the transitions from the next of each to the end of the block."""
     longest = int(np.diff(edges).max())
     behind = edges[1:, None] - 1 - np.arange(longest)
     inside, behind = (behind >= edges[:-1, None])[..., None, None], np.maximum(behind, 0)
@@ -192,10 +189,7 @@ def _solve(samples: Samples, start: Predictor, *, rough: bool, least: float, ste
 
 
 def held(at: Predictor, whole: NDArray[np.float64], root: NDArray[np.float64], period: float) -> NDArray[np.float64]:
-    """A step on which no exponent moves further than `LONGEST_STEP`, all else the best for those that are held there.
-
-    One that is held keeps its direction. W W' is the inverse of the matrix (parameters, directions).
-    """
+    """A step on which no exponent moves further than `LONGEST_STEP`, all else the best for those held there."""
     own = [slice(place.start, place.start + mode.rows) for mode, place in zip(at.modes, places(at.modes), strict=True)]
     step, fixed = whole, np.zeros(len(whole), bool)
     while True:

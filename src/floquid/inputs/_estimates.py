@@ -89,11 +89,7 @@ def estimates_of(
     fundamental: float,
     free: Sequence[NDArray[np.bool_]] | None = None,
 ) -> Estimates:
-    """The estimates of modes with amplitudes 2 c (outputs, turns) each, of pairs once.
-
-    Columns are those of each mode: real parts at each turn, then imaginary ones of those that turn. Parameters are
-    those that are `free` of each mode (a mask may be given), and the others of the errors.
-    """
+    """The estimates of modes with amplitudes 2 c (outputs, turns) each, of pairs once."""
     turning = [np.ones(len(mode.turns), bool) if not mode.real else mode.turns > 0.0 for mode in modes]
     begins = np.array([mode.axis for mode in modes])
     columns, place = [], 0
@@ -131,10 +127,7 @@ def estimates_of(
 def selection_of(
     modes: Sequence[InputMode], free: Sequence[NDArray[np.bool_]] | None = None, width: int | None = None
 ) -> NDArray[np.float64]:
-    """Selection of the parameters of estimates from the free ones of a fit (parameters, free parameters).
-
-    `free` are masks over the parameters of each mode, its own if not given; `width` counts the others behind them, too.
-    """
+    """Selection of the parameters of estimates from the free ones of a fit (parameters, free parameters)."""
     masks = _free(modes, free)
     count, ends = len(modes), np.cumsum([0, *(int(free.sum()) for free in masks)]).tolist()
     parts = []
@@ -225,10 +218,7 @@ def driven_of(
     fundamental: float,
     begins: NDArray[np.float64],
 ) -> Driven | None:
-    """Effects of inputs beside driving the modes; None where there are no inputs.
-
-    `direct` has D (outputs, inputs) by harmonics from 0 on, `begins` are the times at which the records begin [s].
-    """
+    """Effects of inputs beside driving the modes; None where there are no inputs."""
     if not inputs:
         return None
     last = max(direct, default=-1)

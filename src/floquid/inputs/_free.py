@@ -180,10 +180,7 @@ def polished(samples: Samples, own: Phases, steps: int = FEW_STEPS) -> tuple[Pha
 
 
 def fitted_freely(samples: Samples, order: int | None = None) -> Linearisation | None:
-    """The modes of matrices at each phase that are free, of the best order by the criterion of Schwarz (1978), or one.
-
-    None where the samples do not meet the same phases, where there are too many of those for the record, or no mode.
-    """
+    """The modes of matrices free at each phase, of the best order by the criterion of Schwarz (1978); None without."""
     at = phases_of(samples)
     if at is None or samples.hold == "first":
         return None

@@ -256,10 +256,7 @@ def answering(samples: Samples, mode: InputMode, other: Samples, delay: int) -> 
 
 
 def state_of(samples: Samples, mode: InputMode) -> NDArray:
-    """The state of a mode, driven by the inputs from its initial value on (samples,); real of a real multiplier.
-
-    Of a block both (2, samples).
-    """
+    """The state of a mode, driven by the inputs from its initial value on (samples,); real of a real multiplier."""
     found = np.empty((mode.states, samples.n_samples), float if mode.real else complex)
     for parts, state in zip(
         samples.parts(4 * (1 + len(mode.reach))), mode.initial.reshape(mode.states, -1).T, strict=True

@@ -31,10 +31,7 @@ class DrivenFit(Rebuilt):
         provenance: Provenance,
         as_read: Mapping[int, complex] | None = None,
     ) -> PeriodicModel:
-        """The periodic model of a fit, each mode with its conjugate, with deviations.
-
-        Deviations of exponents near an axis are those `as_read`, by the numbers of their modes, where they are given.
-        """
+        """The periodic model of a fit, each mode with its conjugate, with deviations."""
         samples, size = self.samples, len(channels)
         return modelled(
             self.estimates,

@@ -66,10 +66,7 @@ class Followed:
                     self._carried[cuts[cuts.index(own) - 1].start] = rows[..., 0]
 
     def rows(self, part: Samples, start: int, record: int) -> NDArray:
-        """The derivatives in a part that begins with a sample of a record ([2,] samples).
-
-        They are as `slopes_of_state` has them, or `reached_by`, of the first values of all records.
-        """
+        """The derivatives in a part that begins with a sample of a record ([2,] samples)."""
         mode, width = self._mode, self._mode.states
         if self._state is None:
             rows, behind = reached_by(part, replace(mode, initial=np.ones(width, complex))), 0
@@ -101,10 +98,7 @@ class Followed:
 def slopes_in_parts(
     samples: Samples, modes: Sequence[InputMode], states: Sequence[NDArray | None], numbers: int
 ) -> Iterator[Part]:
-    """Derivatives of the states of modes, part by part of the samples.
-
-    Parts are so long that `numbers` of each sample make a block.
-    """
+    """Derivatives of the states of modes, part by part of the samples."""
     parts = samples.parts(numbers)
     followed = [Followed(samples, mode, state, parts) for mode, state in zip(modes, states, strict=True)]
     for record, cuts in enumerate(parts):

@@ -232,10 +232,7 @@ def carried(samples: Samples, shape: NDArray[np.complex128], turns: Sequence[flo
 def slopes_of(
     samples: Samples, at: Linearisation, channel: int, states: Sequence[NDArray], weight: float = 1.0
 ) -> NDArray:
-    """Derivatives of a channel's response by the free parameters, c and D held (parameters, samples), times a weight.
-
-    Of the precision that the derivatives of the states have.
-    """
+    """Derivatives of a channel's response by free parameters, c and D held (parameters, samples), times a weight."""
     masks = at.free
     precision = np.float32 if all(own.dtype in (np.float32, np.complex64) for own in states) else np.float64
     found, place = np.empty((sum(int(own.sum()) for own in masks), samples.n_samples), precision), 0

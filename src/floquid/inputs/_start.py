@@ -260,11 +260,7 @@ def chosen_together(
 def fitted_together(
     samples: Samples, response: NDArray[np.float64], bare: Sequence[InputMode], *, acting: int | None = None
 ) -> tuple[float, list[InputMode]]:
-    """Modes with known exponents and harmonics, from a response (channels, samples): all products together.
-
-    With the gain in twice the logarithm of the likelihood, the products free. The first inputs, `acting` of them, act
-    on the response at once as well: all by default.
-    """
+    """Modes with known exponents and harmonics, from a response (channels, samples): all products together."""
     columns = _Products(samples, bare, acting)
     gram, seen, size, strengths = columns.sums(response)
     solved, energy = scaled_inverse(gram, HALF_DIGITS) @ seen, np.sum(response**2, axis=1)
@@ -310,10 +306,7 @@ class _Products:
     def sums(
         self, response: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], list[NDArray[np.float64]]]:
-        """Products of the columns, over their lengths, with one another and a response, the lengths, the drives' rms.
-
-        A column that is nothing, as the imaginary part of turn zero, has an infinite length.
-        """
+        """Products of columns, over their lengths, with one another and a response, the lengths, the drives' rms."""
         gram, seen = np.zeros((self.count, self.count)), np.zeros((self.count, len(response)))
         squares = [0.0] * len(self._bare)
         for own, columns, drives in self:

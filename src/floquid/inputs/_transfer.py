@@ -165,21 +165,7 @@ def transfer_of(
     channels: tuple[Sequence[Channel], Sequence[Channel]],
     free: Sequence[NDArray[np.bool_]] | None = None,
 ) -> TransferFunctions:
-    """G of a fit with its deviations by all that is uncertain in it, to first order.
-
-    Parameters
-    ----------
-    grid
-        Frequencies and harmonics.
-    modes, shapes, direct
-        Modes, their amplitudes 2 c (outputs, turns), and D (outputs, inputs) by harmonics from 0 on.
-    errors
-        Those of the free numbers of the modes, and of the amplitudes of each output in the order of `Grid.units`.
-    channels
-        The outputs and the inputs.
-    free
-        Masks of the free numbers of each mode; its own if not given.
-    """
+    """G of a fit with its deviations by all that is uncertain in it, to first order."""
     outputs, inputs = channels
     masks = [mode.free for mode in modes] if free is None else free
     slopes, units = grid.slopes(modes, shapes, masks), grid.units(modes, list(direct), len(inputs))

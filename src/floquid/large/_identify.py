@@ -160,12 +160,7 @@ BLOCK = 2.0**26  # bytes of a block at most: larger ones are read no faster
 def _found(
     sketch: Floats, period: float, order: int | None, false_alarm: float, seconds: float
 ) -> tuple[Modes, tuple[str, ...]]:
-    """The modes of a sketch by maximum likelihood, its noise being what generous poles leave, and then these.
-
-    With the reason why there may be more, where the search was at the end of its time.
-
-    What repeats in each period is fitted beside generous poles and taken off: a mean would take a part of each mode.
-    """
+    """The modes of a sketch by maximum likelihood, its noise being what generous poles leave, and then these."""
     era, search, cycles = ERA(), MaximumLikelihood(false_alarm=false_alarm, seconds=seconds), sketch.shape[1]
     raw = TimeResponses(values=(sketch - sketch.mean(axis=1, keepdims=True))[:, None], dt=period)
     generous = Modes.of(era.extract(era.prepare(raw), COLUMNS // 2).multipliers)
@@ -210,10 +205,7 @@ def _risen(modes: Modes, responses: Floats, false_alarm: float) -> Modes:
 
 
 def _write(plan: Plan, modes: Modes, path: Path, report: Callable[[str], None]) -> Floats:
-    """Sweeps of exact sums until the step is small, and the result written to a path.
-
-    Gives the energy of each mode in each channel over its noise (channels, modes).
-    """
+    """Sweeps of exact sums until the step is small, and the result written to a path."""
     # A plain file for the sums: where a disk is full, HDF5 does not end with an error that can be caught.
     with TemporaryFile(dir=path.parent) as kept:
         number = 2
@@ -282,10 +274,7 @@ def _put(
     kept: BinaryIO,
     path: Path,
 ) -> Floats:
-    """Write the result: exponents on the branch that carries most energy, and residues channel by channel.
-
-    Gives the energy of each mode in each channel over its noise (channels, modes).
-    """
+    """Write the result: exponents on the branch that carries most energy, and residues channel by channel."""
     import h5py
 
     record, clock = plan.record, plan.clock
@@ -326,10 +315,7 @@ def _residues(plan: Plan, inverse: Complexes, kept: BinaryIO) -> Iterator[tuple[
 def _physical(
     plan: Plan, basis: Basis, modes: Modes, sums: Sums, covariance: Floats, kept: BinaryIO
 ) -> tuple[Modes, Complexes, Floats, Floats]:
-    """The modes of positive frequency on the branch whose zeroth harmonic is strongest, exponents and covariance.
-
-    With them the energy of each mode in each channel over its noise (channels, modes).
-    """
+    """The modes of positive frequency on the branch whose zeroth harmonic is strongest, exponents and covariance."""
     phases, loud = plan.phases, np.zeros((plan.record.n_channels, len(modes.logs)))
     energy, decay = np.zeros((len(modes.logs), phases)), np.exp(-np.outer(modes.logs, np.arange(phases) / phases))
     for rows, found in _residues(plan, basis.pseudoinverse(modes)[modes.places], kept):

@@ -160,10 +160,7 @@ class Basis:
         return inverse @ (self.columns.T @ late)
 
     def rises(self, gram: Floats) -> Floats:
-        """Rises of χ² where one mode is left out and the others and the constants are fitted again (modes,).
-
-        `gram` are the products of the sums of all responses over their noise (columns, columns).
-        """
+        """Rises of χ² where one mode is left out and the others and the constants are fitted again (modes,)."""
         kept = slice(0, self.fitted)
         inverse = np.linalg.inv(self.triangle[kept, kept])
         squares, unit = ((inverse @ middle @ inverse.T)[1:, 1:] for middle in (gram[kept, kept], np.eye(self.fitted)))
@@ -171,10 +168,7 @@ class Basis:
         return np.array([np.trace(np.linalg.solve(unit[part, part], squares[part, part])) for part in parts])
 
     def step(self, gram: Floats, responses: int) -> tuple[Floats, Floats]:
-        """The step of maximum likelihood, and the covariance of decays and angles.
-
-        `gram` are the products of the sums of all `responses` over their noise (columns, columns).
-        """
+        """The step of maximum likelihood, and the covariance of decays and angles."""
         # What noise adds to the squares of the residues says nothing of the exponents: it adds to the variance alone.
         kept, rest = slice(0, self.fitted), slice(self.fitted, None)
         inverse = np.linalg.inv(self.triangle[kept, kept])

@@ -47,11 +47,7 @@ class Verdict:
 
 
 def part_of(plan: Plan, loud: Floats, room: float) -> tuple[Integers, Record]:
-    """Rows and record of the channels with the largest energies `loud` (channels, modes), in their first periods.
-
-    Each mode counts alike, so that one that is weak everywhere is in the part, too. There is `room` for that many
-    samples: at least for the fewest periods of a channel.
-    """
+    """Rows and record of the channels with the largest energies `loud` (channels, modes), in their first periods."""
     record, fewest = plan.record, FEWEST * plan.phases
     most = min(max(SAMPLES, fewest), room)
     count = int(min(CHANNELS, most // fewest))

@@ -215,11 +215,7 @@ def _modelled(
     channels: tuple[Channel, ...],
     source: str,
 ) -> PeriodicModel:
-    """The model that `assemble` makes of residues (channels, modes, phases) that begin at a phase of the clock.
-
-    `spread` and `slope` are those of the residues of all multipliers (order, order), `covariance` that of decays and
-    angular frequencies, mode by mode [1/s²].
-    """
+    """The model that `assemble` makes of residues (channels, modes, phases) that begin at a phase of the clock."""
     count, _, phases = residues.shape
     all_of = np.repeat(residues.transpose(1, 0, 2).reshape(len(modes.logs), -1), [1 if r else 2 for r in modes.real], 0)
     conjugates = np.ones(modes.order, bool)

@@ -120,10 +120,7 @@ def _mean(records: Sequence[Aligned]) -> dict[int, Complexes]:
 
 
 def trend_of(x: Floats, values: Floats, std: Floats | None) -> Trend | None:
-    r"""The slope of values over x (records,) by weighted least squares, and its test.
-
-    Without deviations `std` the scatter about the line gives them; with them it widens them where it is larger.
-    """
+    """The slope of values over x (records,) by weighted least squares, and its test."""
     from scipy.special import stdtr
 
     there = np.isfinite(values) & np.isfinite(x)

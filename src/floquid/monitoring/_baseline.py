@@ -80,10 +80,7 @@ class Baseline:
         return np.einsum("ij,jk,ik->i", columns, self.gram, columns)
 
     def spread(self, covariance: Floats, covariates: Floats, std: Floats) -> Floats:
-        """Covariance of features about their prediction at known coefficients (records, features, features).
-
-        Deviations of the record, errors `std` of the covariates (records, covariates), and the scatter.
-        """
+        """Covariance of features about their prediction at known coefficients (records, features, features)."""
         return covariance + _moved(self.regression, self.terms, self.scaled(covariates), std / self.half) + self.scatter
 
     def limit(self, degrees: int, rate: float) -> float:

@@ -106,10 +106,7 @@ def check_size(records: int, covariates: int, degree: int) -> None:
 def check_quiet(
     work: Work, base: Baseline, values: Floats, covariance: Floats, conditions: Floats, errors: Floats, inside: Mask
 ) -> None:
-    """Refuse a baseline in which a record stands out, or that changes.
-
-    A record is compared with the others, at 0.1 % over their number; the mean of T² with its 99.9 % limit.
-    """
+    """Refuse a baseline in which a record stands out, or that changes."""
     places = np.flatnonzero(inside)
     columns = base.columns(conditions)
     residual = values - base.regression.predicted(columns)
@@ -149,11 +146,7 @@ def check_quiet(
 
 
 def _goes_with_order(residual: Floats, scatter: Floats, whole: Floats) -> bool:
-    """True where the scatter of residuals (records, features) goes with their order.
-
-    Of the part along the largest scatter, over the deviations of the `whole`, steps and ramps from each record on are
-    correlated with it; the largest correlation is compared with those of the records in other orders.
-    """
+    """True where the scatter of residuals (records, features) goes with their order."""
     scale = np.sqrt(np.diag(whole))
     axis = np.linalg.eigh(scatter / np.outer(scale, scale))[1][:, -1]
     part = np.nan_to_num(residual / scale) @ np.linalg.solve(whole / np.outer(scale, scale), axis)

@@ -86,10 +86,7 @@ def regress(values: Floats, covariance: Floats, columns: Floats) -> Regression:
 def selected(
     values: Floats, covariance: Floats, covariates: Floats, terms: tuple[Term, ...], level: float
 ) -> list[int]:
-    """Places of the terms that tests ask for: the least significant is left out until all that may be are needed.
-
-    A term stays as long as one of its products does, and the constant always.
-    """
+    """Places of the terms that tests ask for: the least significant is left out until all that may be are needed."""
     from scipy.special import chdtrc
 
     kept = list(range(len(terms)))

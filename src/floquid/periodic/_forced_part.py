@@ -119,10 +119,7 @@ def _listed(forced: str | Sequence[int], most: float, nu: float) -> tuple[int, .
 def forced_base(
     chosen: tuple[list[float], bool] | None, fundamental: float, *, wanders: bool, turning: bool = False
 ) -> ModeParameters:
-    """Entries fitted in any case: offset, drift and the harmonics listed, let follow the speed where it wanders.
-
-    With `turning`, the harmonics may change linearly with time, as they do where the period is a little off.
-    """
+    """Entries fitted in any case: offset, drift and the harmonics listed, let follow the speed where it wanders."""
     if chosen is None:
         return forced_entries([], fundamental)
     turns, drift = chosen

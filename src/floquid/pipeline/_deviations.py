@@ -59,10 +59,7 @@ def fails(found: Fit) -> bool:
 
 
 def widening(misfit: float | None, records: Sequence[Record]) -> float:
-    """Factor of the deviations from the misfit: 1 where only noise is left, or nothing is known.
-
-    `misfit` is what the fit leaves over the level of the noise, `records` what was fitted; NaN marks missing samples.
-    """
+    """Factor of the deviations from the misfit: 1 where only noise is left, or nothing is known."""
     if misfit is None:
         return 1.0
     fewest = min(int(np.isfinite(record.values).sum(axis=1).min()) for record in records)

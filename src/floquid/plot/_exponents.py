@@ -261,10 +261,7 @@ def _identified(model: PeriodicModel, truth: ArrayLike | None, ax: Into, of: str
 
 
 def _truth_of(model: PeriodicModel, truth: Complexes) -> Complexes:
-    """The true exponent of each mode, moved by whole multiples of iω to its branch (modes,); NaN where there is none.
-
-    Paired so that the differences together are least; of a pair, one may be given.
-    """
+    """The true exponent of each mode, moved by multiples of iω to its branch (modes,); NaN where there is none."""
     from scipy.optimize import linear_sum_assignment
 
     turn = model.fundamental

@@ -120,10 +120,7 @@ def from_sample(records: Sequence[Record], first: int) -> tuple[Record, ...]:
 
 
 def responses_of(records: tuple[Record, ...], settings: Settings) -> tuple[tuple[Record, ...], tuple[Finding, ...]]:
-    """The records without channels that are no responses, forces and pulses, and which were left out.
-
-    A channel that the settings name stays, and so do all where there would be none.
-    """
+    """The records without channels that are no responses, forces and pulses, and which were left out."""
     kept, left = [], {}
     for record in records:
         keep = {*settings.channels, record.clock_channel}
@@ -185,10 +182,7 @@ def parted(records: tuple[Record, ...], settings: Settings) -> tuple[tuple[Recor
 def hits_of(
     records: tuple[Record, ...], settings: Settings, given: tuple[float, ...] = ()
 ) -> tuple[tuple[Record, ...], tuple[Finding, ...]]:
-    """The free response after each impact as a record of its own, and which impacts were found, or are `given` [s].
-
-    Raises IdentificationError where there is no impact.
-    """
+    """The free response after each impact as a record of its own, and which impacts were found, or are `given` [s]."""
     free, said = [], []
     for number, record in enumerate(records, start=1):
         where = _name(number, records)

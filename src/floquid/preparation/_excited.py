@@ -52,13 +52,7 @@ FEWEST = 8
 
 
 def refuse_others(settings: Settings, of: str) -> None:
-    """Refuse options that records of a kind cannot have.
-
-    Raises
-    ------
-    InputError
-        There is such an option.
-    """
+    """Refuse options that records of a kind cannot have."""
     usual, kind = Settings(), settings.kind
     for name, reason in FORBIDDEN[kind].items():
         if getattr(settings, name) != getattr(usual, name):
@@ -67,15 +61,7 @@ def refuse_others(settings: Settings, of: str) -> None:
 
 
 def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parted:
-    """The samples of records whose excitation goes on, with what measures it.
-
-    Raises
-    ------
-    InputError
-        The records, the inputs or the clock are not possible.
-    IdentificationError
-        The inputs say nothing of the system, or the records are too short.
-    """
+    """The samples of records whose excitation goes on, with what measures it."""
     if any(record.clock is not None and record.clock.cycles for record in records):
         must, got = "be of free responses where their clocks are events", "are of records whose excitation goes on"
         raise input_error("records", of, must, got, "Give the period, or a tachometer.")
@@ -271,10 +257,7 @@ def _off_harmonics(values: NDArray[np.float64], rate: float, period: float) -> f
 
 
 def _beside(lines: Lines, given: float, settings: Settings) -> tuple[tuple[float, ...], tuple[Finding, ...]]:
-    """The harmonics of the period that are fitted beside the modes, and what is said of them.
-
-    `given` are the periods of a revolution as far as they were said.
-    """
+    """The harmonics of the period that are fitted beside the modes, and what is said of them."""
     asked, told = settings.forced_harmonics, ()
     if not isinstance(asked, str):
         turns = tuple(harmonic / given for harmonic in asked)

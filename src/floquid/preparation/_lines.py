@@ -169,10 +169,7 @@ def _loudest(left: Floats, inputs: Floats, fundamental: float) -> float | None:
 
 
 def _above(values: Floats) -> tuple[Floats, Floats]:
-    """The amplitude of each line over that of those beside it, the most of all channels (lines,).
-
-    With the square of the latter (channels, lines).
-    """
+    """The amplitude of each line over that of those beside it, the most of all channels (lines,)."""
     from scipy.fft import rfft
 
     length = FINE * values.shape[1]

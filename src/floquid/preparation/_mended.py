@@ -29,10 +29,7 @@ MOST_ABSENT = 0.5  # the share of a channel's samples that may be missing: beyon
 def without_faults(
     record: Record, faults: Sequence[Finding], inputs: Sequence[str]
 ) -> tuple[Record, tuple[Finding, ...]]:
-    """The record with clipped samples, and those of a response that stands still, missing; and which.
-
-    What the `inputs` are must be known at every sample: theirs are left.
-    """
+    """The record with clipped samples, and those of a response that stands still, missing; and which."""
     values, found = np.array(record.values), []
     rows = {record.channels[row].name: row for row in _responses(record, inputs)}
     for fault in (own.numbers for own in faults):

@@ -65,10 +65,7 @@ def refuse_short(records: Sequence[Record], clocks: Sequence[PhaseClock]) -> Non
 
 
 def refuse_few(periods: float, check: str = "", slip: str = "") -> None:
-    """Refuse a record of fewer than 4 periods, one whose last lacks a little among them.
-
-    `check` names what else may be wrong but the period, `slip` is a sentence on its unit.
-    """
+    """Refuse a record of fewer than 4 periods, one whose last lacks a little among them."""
     if periods < FEWEST:
         whole = int(periods)
         raise IdentificationError(

@@ -182,10 +182,7 @@ def _names_above(
 def _names_in(
     lines: _Lines, ways: Sequence[Callable[[str], list[str]]], rows: Sequence[Sequence[str]]
 ) -> _Names | None:
-    """The names, as many as the cells of the `rows`, in the last of the `lines`, or in the one before it over units.
-
-    They are parted in the first of the `ways` that fits.
-    """
+    """The names, as many as the cells of the `rows`, in the last of the `lines`, or in the one before it over units."""
     if not lines:
         return None
     top, line = lines[-1]

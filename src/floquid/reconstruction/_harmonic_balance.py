@@ -54,10 +54,7 @@ class Slopes:
 
 
 def solved(matrices: Array, mode: Mode, anchor: Array, fundamental: float) -> tuple[Mode, Array]:
-    """The mode of these coefficient matrices (d, harmonics, n, n) near another, and the bordered Jacobian there.
-
-    `anchor` is c (harmonics, displacements). NoModeError where there is none near it.
-    """
+    """The mode of these coefficient matrices (d, harmonics, n, n) near another, and the bordered Jacobian there."""
     width = len(mode.coefficients) // 2
     turns = 1j * fundamental * np.arange(-width, width + 1)
     lam, u = mode.exponent, mode.coefficients / np.sum(anchor.conj() * mode.coefficients)

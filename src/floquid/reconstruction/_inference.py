@@ -36,10 +36,7 @@ def transition_of(estimates: Estimates, basis: Basis, point: Point, times: Array
 def variances(
     estimates: Estimates, basis: Basis, point: Point, moment: Array, times: Array
 ) -> tuple[Array, Array, Array]:
-    """Variances of A and Φ (times, n, n) and of both parts of the exponents (2, modes), of those of the unknowns.
-
-    `moment` (unknowns, unknowns) is the covariance of the unknowns of the point, or what comes to it.
-    """
+    """Variances of A and Φ (times, n, n) and of both parts of the exponents (2, modes), of those of the unknowns."""
     n = len(basis.names)
     # An estimated period moves the exponents too.
     moving = len(point.parameters) + int(estimates.fundamental_std > 0.0)

@@ -306,10 +306,7 @@ Fitted = Callable[[AbstractStructure, tuple[Point, Basis] | None], tuple[Point, 
 def found_structure(
     fit: Fitted, report: Callable[[str], None] = lambda _: None
 ) -> tuple[AbstractStructure, tuple[Point, Basis], tuple[Finding, ...]]:
-    """The simplest second-order form that the data do not contradict, its fit, and what was added and gained by that.
-
-    Forward selection from constant symmetric stiffness and constant damping, by likelihood ratio tests.
-    """
+    """The simplest second-order form that the data do not contradict, its fit, and what was added and gained."""
     from scipy.special import chdtrc
 
     now: AbstractStructure = SecondOrder(stiffness=Block(symmetry="symmetric"), damping=Block())

@@ -173,10 +173,7 @@ class Jacobian:
         return Jacobian(self.by_coefficient - other.by_coefficient, self.by_rate - other.by_rate)
 
     def loosened(self, matrix: Floats, loose: Complexes) -> Jacobian:
-        """With what the errors E of states from all channels do: δA = DA - AD, D = diag(E, E), and δB = DB.
-
-        `loose` are the slopes of E (displacements, displacements, terms, channels, hits).
-        """
+        """With what the errors E of states from all channels do: δA = DA - AD, D = diag(E, E), and δB = DB."""
         total, count = self.by_coefficient.copy(), len(loose)
         for i, j in np.ndindex(count, count):
             unit = np.zeros((count, count))

@@ -171,10 +171,7 @@ class _Fit:
         return _Fit(model, coordinates, estimates, tuple(seen), tuple(own), system, times, gains)
 
     def at(self, structure: AbstractStructure, near: tuple[Point, Basis] | None = None) -> tuple[Point, Basis]:
-        """The best fit of a structure near A(t) of the free model, or near that of another fit.
-
-        Raises IdentificationError where there is none.
-        """
+        """The best fit of a structure near A(t) of the free model, or near that of another fit."""
         count = len(self.coordinates.states) // structure.degree
         basis = structure.basis(count)
         whole, slopes = basis.in_time(self.model.fundamental * self.times)

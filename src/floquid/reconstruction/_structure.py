@@ -114,10 +114,7 @@ class Basis:
         return self.known + np.tensordot(parameters, self.matrices, axes=1)
 
     def in_time(self, turns: Floats) -> tuple[Floats, Floats]:
-        """The state matrix with no parameter, and its slopes, at these angles ωt.
-
-        They are (times, states, states) and (parameters, times, states, states).
-        """
+        """The state matrix with no parameter, and its slopes, at these angles ωt."""
         phases = np.exp(1j * np.multiply.outer(turns, self.harmonics))
         d, n = self.degree, self.known.shape[-1]
         whole, slopes = np.zeros((len(turns), d * n, d * n)), np.zeros((len(self.names), len(turns), d * n, d * n))

@@ -124,10 +124,7 @@ def measured_beside(analysis: Analysis, found: TransferFunctions) -> tuple[Measu
 def measured_figures(
     lines: TransferFunctions, at: TransferFunctions, drawn: TransferFunctions, paths: list[Path], *, each: bool = False
 ) -> list[Figure]:
-    """Lines as measured with bars of 95 %, and the model's G with bands: a figure a path, or each harmonic of it.
-
-    `at` is that of the model at the lines, and `drawn` that of its curves.
-    """
+    """Lines as measured with bars of 95 %, and the model's G with bands: a figure a path, or each harmonic of it."""
     from bokeh.models import ColumnDataSource, Whisker
 
     assert lines.std is not None

@@ -67,11 +67,7 @@ def mode_source(case: Case) -> ColumnDataSource:
 
 
 def mark_labels(x: Floats, y: Floats, wide: float = 0.0, high: float = 0.0, gap: float = GAP) -> list[str]:
-    """The numbers of the modes for their marks; those whose texts would meet stand together at the first mark.
-
-    Positions `x` and `y` are in the units of axes that show `wide` by `high` at least. Texts are measured on a phone,
-    and a `gap` is left after each.
-    """
+    """The numbers of the modes for their marks; those whose texts would meet stand together at the first mark."""
     across, up = (max(max(v, default=0.0) - min(v, default=0.0), least) or 1.0 for v, least in ((x, wide), (y, high)))
     held = {k: [k + 1] for k in range(len(x))}
 
@@ -177,10 +173,7 @@ Truth = tuple[Floats, Floats]
 
 
 def elements_shown(values: Floats, std: Floats | None, *, second_order: bool) -> list[tuple[int, int]]:
-    """The elements that are no identity: all of them where they are few, or else those that vary most.
-
-    `values` are those of A(t) or B(t) (times, states, columns), `std` their deviations.
-    """
+    """The elements that are no identity: all of them where they are few, or else those that vary most."""
     _, n, columns = values.shape
     places = [(i, j) for i in range(n // 2 if second_order else 0, n) for j in range(columns)]
     if len(places) <= MOST:

@@ -83,10 +83,7 @@ def pairs_of(pairs: Pairs, channels: Sequence[Channel]) -> tuple[Pair, ...]:
 def families_of(
     blades: Blades, fixed: Sequence[str], scales: Mapping[str, float], channels: Sequence[Channel]
 ) -> tuple[Family, ...]:
-    """Groups of `blades`, then channels of the `fixed` frame, each with its scale; InputError where one is impossible.
-
-    Without `blades` they are the groups that channels themselves state, with all their members.
-    """
+    """Groups of `blades`, then channels of the `fixed` frame, with scales; InputError where one is impossible."""
     named = _named(blades) if blades else _stated(channels)
     found = [Family(name, _members(name, members, channels), _scale(scales, name)) for name, members in named.items()]
     rows = channels_named(channels, fixed, argument="fixed", of=OF)

@@ -188,10 +188,7 @@ def pattern_of(
     is_compared: bool,
     words: Words,
 ) -> BladePattern:
-    """The pattern of a `shape` over `families`, lines at Im λ + kω by its `exponent` and the rotor's `fundamental`.
-
-    Of a real multiplier lines of negative frequency, mirror images, do not count (`is_real`).
-    """
+    """The pattern of a `shape` over `families`, lines at Im λ + kω by its `exponent` and the rotor's `fundamental`."""
     parts = [_lines(shape, exponent, fundamental, family, is_real, is_compared) for family in families]
     branches = np.unique(np.concatenate([part.branch.ravel() for part in parts]))
     sums = [sum(float(part.energy[part.branch == k].sum()) for part in parts) for k in branches]
@@ -243,10 +240,7 @@ def _lines(
 def _shares(
     part: _Lines, branch: int, energies: Energies, first: int, turned: bool, words: Words
 ) -> Iterator[PatternShare]:
-    """The share of each space harmonic of one family on a branch; `turned` where its frequency is below zero.
-
-    Among the `energies` those of the family begin at the `first`.
-    """
+    """The share of each space harmonic of one family on a branch; `turned` where its frequency is below zero."""
     for row, wave in enumerate(part.family.waves.tolist()):
         inside = np.zeros(len(energies.v) // 2, bool)
         inside[first + row * part.branch.shape[1] : first + (row + 1) * part.branch.shape[1]] = (

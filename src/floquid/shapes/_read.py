@@ -238,10 +238,7 @@ def read_shapes(
 
 
 def _refuse_period(result: Any, modes: PeriodicModes, given: float | None) -> None:
-    """Refuse to read blades where ω is not the speed of the rotor, as stated or as `speed_rpm` says.
-
-    A speed that makes no whole number of periods a revolution is another shaft's.
-    """
+    """Refuse to read blades where ω is not the speed of the rotor, as stated or as `speed_rpm` says."""
     stated = getattr(getattr(result, "settings", None), "periods_per_revolution", 1.0)
     turns = modes.period * modes.point.get("speed_rpm", 0.0) / 60.0
     whole = round(1.0 / turns) if turns > 0.0 else 0

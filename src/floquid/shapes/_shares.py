@@ -93,10 +93,7 @@ class Energies:
 
 
 def _dropped(shape: Shape) -> float:
-    """The energy that a model may lack at most, over that of the noise of its harmonics: one at either end of them.
-
-    A harmonic is kept where noise alone hardly has as much.
-    """
+    """The energy that a model may lack at most, over that of the noise of its harmonics: one at either end of them."""
     numbers = 2 * len(shape.channels)
     kept = int((shape.values != 0.0).any(axis=0).sum())
     return 2.0 * chi2_limit(numbers, SURE) / numbers / max(kept, 1)

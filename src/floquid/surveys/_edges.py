@@ -98,10 +98,7 @@ class Smooth:
 
 
 def smooth(x: Floats, values: Floats, covariance: Floats) -> Smooth:
-    """Functions through `values` (functions, points) at `x` (points,), by their covariance at each point.
-
-    `covariance` (points, functions, functions) is that of the values of one point; points are independent.
-    """
+    """Functions through `values` (functions, points) at `x` (points,), by their covariance at each point."""
     from scipy.linalg import null_space
 
     count, points = values.shape
@@ -352,10 +349,7 @@ def _locked(track: Followed, point: int, half: int, x: Floats) -> _Pair | None:
 
 
 def _couple(track: Followed, point: int, x: Floats) -> _Pair | None:
-    """Two real multipliers, the partner of the one that grows from the mean of both where it is below the noise.
-
-    That mean is smooth over x: of the pairs of the track it is the real part. The more certain of both is taken.
-    """
+    """Two real multipliers, the partner of the one that grows from the mean of both where it is below the noise."""
     own = track[point]
     best = int(own.exponents.real.argmax())
     known, variance = float(own.exponents[best].real), float(own.covariance[best, best])

@@ -211,10 +211,7 @@ def turn_between(known: Sequence[Seen], new: Sequence[Seen], wanted: Sequence[co
 
 
 def _products(known: Seen, new: Seen) -> Complexes:
-    """Inner products of the bases of two objects by harmonic, the new one on each branch.
-
-    (branches, modes, new modes, harmonics), over the root of the modes of the smaller one.
-    """
+    """Inner products of the bases of two objects by harmonic, the new one on each branch."""
     own = known.basis.reshape(known.shapes.shape)
     others = new.branches.reshape(len(BRANCHES), *new.shapes.shape)
     return np.einsum("acm,kbcm->kabm", own.conj(), others) / np.sqrt(min(len(own), others.shape[1]))

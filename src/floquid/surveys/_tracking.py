@@ -87,10 +87,7 @@ class Match:
 
 
 def tracked(points: Sequence[Sequence[Seen]], x: Floats, gap: int, seed: int = 0) -> list[Path]:
-    """Tracks through the objects of points, which ascend in `x` (points,); a path of one object is none yet.
-
-    Records have one phase zero in common, or each has its own, whichever links their modes: one for all of them.
-    """
+    """Tracks through the objects of points, which ascend in `x` (points,); a path of one object is none yet."""
     common, own = (_tracked(points, x, gap, seed, turns=turns) for turns in (False, True))
     links = sum(len(path.steps) for path in own)
     return own if _cost(own) < _cost(common) - TURN * links else common
@@ -210,10 +207,7 @@ class Matches(Sealed):
     mirrored: Mask
 
     def covariance(self, points: Sequence[Point]) -> Floats:
-        """Covariance of Re λ, then Im λ, of the modes of each of the `points` (records, 2 modes, 2 modes).
-
-        NaN where a mode is missing.
-        """
+        """Covariance of Re λ, then Im λ, of the modes of each of the `points` (records, 2 modes, 2 modes)."""
         count = self.modes.shape[1]
         out = np.full((len(points), 2 * count, 2 * count), np.nan)
         for row, point in enumerate(points):

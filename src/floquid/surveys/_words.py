@@ -102,10 +102,7 @@ DASHES = ("solid", "dashed", "dashdot")
 
 
 def look_of(track: Track, found: Survey) -> tuple[str, str] | None:
-    """Colour and dash of a `track` by the family and the direction that it has at most points of `found`.
-
-    Of several patterns the first counts. None where modes have no names.
-    """
+    """Colour and dash of a `track` by the family and the direction that it has at most points of `found`."""
     seen = Counter(word for word in track.names if word)
     if not seen:
         return (OTHER, "dotted") if any(word for own in found.tracks for word in own.names) else None

@@ -240,10 +240,7 @@ def _residuals(rung: _Rung, x: Floats, wave: Floats, lines: Integers) -> Floats:
 
 
 def _climb(x: Floats, wave: Floats, lines: Integers, n_lines: int, most: int, floor: float, known: float) -> _Rung:
-    """The straight line, or where it is significantly worse the spline that Akaike's criterion prefers.
-
-    That is the corrected one; the one of a known variance where what is left is no more than `known` [rad²] a pulse.
-    """
+    """The straight line, or where it is significantly worse the spline that Akaike's criterion prefers."""
     from scipy.special import fdtrc
 
     line = _solve(x, wave, lines, n_lines, *LINE)

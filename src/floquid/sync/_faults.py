@@ -161,10 +161,7 @@ def wrapped(record: Record) -> tuple[Finding, ...]:
 
 
 def _jumps(counts: Floats, ends: tuple[float, float], whole: float) -> int:
-    """Number of jumps by the whole range of counts whose lowest and highest are `ends`; 0 where there is no reason.
-
-    That is where they do not leave the range, or are no smoother without the jumps.
-    """
+    """Number of jumps by the whole range of counts whose lowest and highest are `ends`; 0 where there is no reason."""
     lowest, highest = ends
     signed = -0.5 * whole <= lowest and highest < 0.5 * whole
     if not (signed or (lowest >= 0.0 and highest < whole)) or highest - lowest < FULL * (whole - 1.0):

@@ -98,10 +98,7 @@ def _memory(complete: Mask, channels: int) -> tuple[int, Mask]:
 
 
 def _errors(in_time: Floats, memory: int, whole: Mask, free: Mask) -> tuple[Floats, Floats, float]:
-    """Squares of the errors of the predictions forwards and backwards (samples,), and the least that counts.
-
-    They are in units of their own mean square over `free` rows and of channels; NaN where there is no prediction.
-    """
+    """Squares of the errors of the predictions forwards and backwards (samples,), and the least that counts."""
     samples, channels = in_time.shape
     used = _used(in_time, memory, free)
     mean, gram = _moments(in_time, used if used.any() else free)

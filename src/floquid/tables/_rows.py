@@ -22,11 +22,7 @@ _STRAY = 3  # rows that a lattice may stray from even places among those of othe
 
 
 def repair_rows(time: TimeColumn, channels: Sequence[Channel], values: Floats, source: Source) -> TimeAxis:
-    """The even time axis behind a column of `time`: of all its rows, or of those that hold `values` (channels, rows).
-
-    It is of all rows unless these are uneven, or many are empty while the others are even by themselves. Refused where
-    the `channels` of a `source` have several.
-    """
+    """The even time axis behind a column of `time`: of all rows, or of those that hold `values` (channels, rows)."""
     there = ~np.isnan(values)
     if there.all():
         return repair(time, source)

@@ -53,10 +53,7 @@ class Lines(Grid):
         return np.asarray(np.isfinite(self.values) & (self.std.real > 0.0) & (self.std.imag > 0.0))
 
     def weighed(self, values: NDArray[np.complex128], output: int) -> NDArray[np.float64]:
-        """Real and imaginary parts of what was measured of one output over their deviations (…, 2 · values).
-
-        `values` are (…, harmonics, inputs, frequencies).
-        """
+        """Real and imaginary parts of what was measured of one output over their deviations (…, 2 · values)."""
         there = self.there[:, output]
         own, std = values[..., there], self.std[:, output][there]
         return np.concatenate([own.real / std.real, own.imag / std.imag], axis=-1)
@@ -238,11 +235,7 @@ def near_real(
     refused: list[complex],
     within: float = OFF_AXIS,
 ) -> Iterator[list[int]]:
-    """Pairs, by their numbers, for which one real multiplier or two are to be tried: those of one sign together first.
-
-    They are `within` deviations of the axis. `parameters` has the covariance of the free numbers of all modes,
-    and it may have more beyond. Pairs that were not taken join `refused`.
-    """
+    """Pairs, by number, for which one real multiplier or two are to be tried: those of one sign together first."""
     spread, place = None, 0
     near: dict[float, list[int]] = {}
     for number, mode in enumerate(modes):

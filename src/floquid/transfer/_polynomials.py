@@ -194,11 +194,7 @@ def _windows(
     half: int,
     degree: int = DEGREE,
 ) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-    """Solutions in windows about some lines of the response (windows, unknowns, outputs), and their quality.
-
-    The diagonal of the inverse of the normal matrix (windows, unknowns), the variance of the lines and the share of
-    their power that the inputs explain (windows, outputs).
-    """
+    """Solutions in windows about some lines of the response (windows, unknowns, outputs), and their quality."""
     records, count = len(outputs), outputs.shape[2]
     offsets = np.arange(-half, half + 1)
     line = (middle[:, None] + offsets) % count

@@ -142,10 +142,7 @@ def _with_one_more(lines: Lines, now: Fitted | None) -> Fitted | None:
 def _bare(
     lines: Lines, exponent: complex, main: int, bands: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
 ) -> InputMode:
-    """A mode reached by one harmonic above all: a pair with one harmonic on either side, or a real one of some bands.
-
-    Bands are the turns and the reach.
-    """
+    """A mode reached by one harmonic above all: a pair with one on either side, or a real one of some bands."""
     inputs, records = lines.values.shape[2], len(lines.echoes[1]) * lines.alive
     turns, reach = (np.arange(-1.0, 2.0),) * 2 if bands is None else bands
     gains = np.full((inputs, len(reach)), 0.01 + 0.0j)

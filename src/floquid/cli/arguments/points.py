@@ -49,10 +49,7 @@ class Job:
 def jobs_of(
     files: Sequence[Path], choices: Choices, over: str | None, table: Path | None, shapes: ShapeOptions = NOT_READ
 ) -> list[Job]:
-    """The points that files are, by their values: those of the table first, then of the files, then of the clock.
-
-    Without a quantity `over`, each file is a point of its own, and none needs a value.
-    """
+    """The points that files are, by their values: those of the table first, then of the files, then of the clock."""
     rows = {} if table is None else _rows(table)
     tables = {file: kept for file in files if (kept := kept_results(file)) is not None}
     given = [one for file in files if file not in tables for one in _expanded(file, table)]

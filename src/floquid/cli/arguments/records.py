@@ -130,10 +130,7 @@ def _time(cell: str, where: str, of: str) -> float:
 
 
 def _record(cells: Sequence[str], files: Sequence[Path], where: str, of: str) -> int | None:
-    """The place of the record that a row names by its file, with or without folder and suffix, or by number from 1.
-
-    None where it names a file that was not given.
-    """
+    """The place of the record that a row names by its file, with or without folder and suffix, or by number from 1."""
     word = cells[0] if len(cells) > 1 else ""
     named = [number for number, file in enumerate(files) if word in (str(file), file.name, file.stem)]
     if len(named) == 1:

@@ -266,10 +266,7 @@ def write_result(
     *,
     record: Record | None = None,
 ) -> str:
-    """Write the result, its summary and settings into a folder, where they take their names together.
-
-    Returns the mark by which `draw_result` knows it again.
-    """
+    """Write the result, its summary and settings into a folder, where they take their names together."""
     place = folder.unfinished
     report("writing the result")
     if record is not None:

@@ -232,10 +232,7 @@ def _print_elements(
     stds: Floats | None,
     blocks: Sequence[slice],
 ) -> bool:
-    """Print the last rows of matrices over a period (times, states, columns), the digits of each block alike.
-
-    In two tables below one another where one is too wide; False where these are, too.
-    """
+    """Print the last rows of matrices over a period (times, states, columns), the digits of each block alike."""
     low, high = values.min(axis=0), values.max(axis=0)
     places = range(values.shape[1] - len(rows), values.shape[1])
     cells = [[cell for block in blocks for cell in _alike(low[i, block], high[i, block])] for i in places]

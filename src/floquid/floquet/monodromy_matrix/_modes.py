@@ -315,11 +315,7 @@ def seen(
     point: Mapping[str, float] | None,
     of: str,
 ) -> PeriodicModel:
-    """The model of modes with `coefficients` (modes, states, harmonics) in the outputs y = C(t) x, C the `outputs`.
-
-    `harmonics` are -N to N; products beyond are left out. `channels` are y1, y2, ... by default, and `of` is the
-    caller, for messages.
-    """
+    """The model of modes with `coefficients` (modes, states, harmonics) in the outputs y = C(t) x, C the `outputs`."""
     matrix = operand(outputs, "outputs", of)
     if matrix.shape[1] != coefficients.shape[1]:
         must = f"have shape (outputs, {coefficients.shape[1]})"

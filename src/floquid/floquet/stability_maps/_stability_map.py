@@ -40,10 +40,7 @@ _NUMBERS = 50_000  # of the matrices of one sample of a batch
 
 @contextmanager
 def shared_by(count: int, of: Family) -> Iterator[Callable[..., Spectra]]:
-    """The spectra at points (points, parameters), found by `workers` processes; a listener is told how many are done.
-
-    The points are taken in chunks that do not depend on how many work on them. Nothing is left behind.
-    """
+    """The spectra at points (points, parameters) by `workers` processes; a listener is told how many are done."""
     pool = _pool(of, count) if integer(count, "workers", of.of, at_least=1) > 1 else None
     size = min(_CHUNK if of.vectorised else _CHUNK_PLAIN, 1 + _NUMBERS // len(of.scale) ** 2)
 

@@ -85,10 +85,7 @@ def narrowed(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
 def _narrower(
     now: Predictor, spread: NDArray[np.float64], limits: Limits, most: int
 ) -> tuple[list[tuple[NDArray[np.bool_], NDArray[np.bool_]]], NDArray[np.float64]]:
-    """The harmonics of shape and gains that are kept, and the step to what all are without the others.
-
-    Each that goes takes the others to where they are without it (parameters, parameters).
-    """
+    """The harmonics of shape and gains that are kept, and the step to what all are without the others."""
     free = anchored(now)
     before = np.concatenate([*(mode.parameters for mode in now.modes), np.zeros(now.columns.size + now.initial.size)])
     own, lost, count, gone = before.copy(), 0.0, 0, 0

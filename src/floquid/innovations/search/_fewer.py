@@ -95,10 +95,7 @@ def _few(samples: Samples, now: Predictor, limits: Limits) -> Predictor:
 
 
 def without(samples: Samples, now: Predictor, gone: Sequence[Mode], limits: Limits) -> Predictor | None:
-    """The predictor without some modes, the others moved to where they are best; None unless noise explains those.
-
-    Of a fit that has not ended it must explain them at its end, too, as the linearisation has it.
-    """
+    """The predictor without some modes, the others moved to where they are best; None unless noise explains those."""
     if not 0 < len(gone) < len(now.modes):
         return None
     normal = roughly(samples, now)

@@ -45,12 +45,7 @@ PARTNERS = (0.1, 0.3, 1.0)
 def searched(
     samples: Samples, first: NDArray[np.float64], limits: Limits, report: Callable[[str], None] = lambda _: None
 ) -> tuple[NearAxis[Predictor], bool]:
-    """The predictor of the modes that rise above the noise, from outputs alone or with measured inputs.
-
-    Exponents near an axis are read as those of either kind. With it, whether the budget of time was over before the
-    search ended. It begins with first innovations (channels, samples). Units do not matter: all is done on signals of
-    rms 1.
-    """
+    """The predictor of the modes that rise above the noise, from outputs alone or with measured inputs."""
     outputs = _none(samples).noise
     inputs, known = (np.sqrt(np.mean(own**2, axis=1, keepdims=True)) for own in (samples.inputs, samples.known))
     of_one = replace(

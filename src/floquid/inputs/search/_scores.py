@@ -100,10 +100,7 @@ class Scores:
     def by_inputs(
         self, asked: Sequence[tuple[int, float]], inputs: NDArray[np.float64] | None = None
     ) -> NDArray[np.float64]:
-        """The gains by the inputs at a harmonic more that a mode does not have yet: of modes and harmonics (asked,).
-
-        By other inputs if they are given (inputs, samples).
-        """
+        """The gains by the inputs at a harmonic more that a mode does not have yet: of modes and harmonics (asked,)."""
         if not asked:
             return np.zeros(0)
         now, samples, alone = self.now, self.samples, []
@@ -170,10 +167,7 @@ class Scores:
     def _by_noise(
         self,
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], float, np.random.Generator, list[NDArray[np.float64]]]:
-        """The gradient by noise that drives each mode, the size of its slopes, and that of their sum beside the fit.
-
-        With a generator and the draws that were made by it, which may be more later.
-        """
+        """The gradient by noise that drives each mode, the size of its slopes, and that of their sum beside the fit."""
         pulls, squares = self._pulls(self.left[None])[:, 0]
         sizes, total = np.sqrt(squares) + TINY, np.zeros(self.left.shape, self.precision)
         for number, size in enumerate(sizes):
@@ -184,10 +178,7 @@ class Scores:
         return pulls, sizes, float(np.linalg.norm(beside[-1])), generator, drawn
 
     def _drawn(self, generator: np.random.Generator, *beside: NDArray) -> tuple[list[NDArray[np.float64]], NDArray]:
-        """Gradients and squares of a few draws of noise as `_pulls` has them, after the fit and before (4, modes).
-
-        With the residuals of all, and of other responses (responses, channels, samples).
-        """
+        """Gradients and squares of a few draws of noise as `_pulls` has them, after the fit and before (4, modes)."""
         whole = np.empty((FEW + len(beside), *self.left.shape), self.precision)
         for own in whole[:FEW]:
             own[:] = self.samples.kept(np.asarray(generator.standard_normal(own.shape, self.precision)))
@@ -210,10 +201,7 @@ class Scores:
         return (shape * followed(self.samples, self.now.modes[number], drive)).real
 
     def _pulls(self, lefts: NDArray) -> NDArray[np.float64]:
-        """Gradients by noise that drives each mode, of what is left, and squares of the slopes (2, draws, modes).
-
-        What is left is (draws, channels, samples); there is nothing where it is no noise.
-        """
+        """Gradients by noise that drives each mode, of what is left, and squares of the slopes (2, draws, modes)."""
         found = np.empty((2, len(lefts), len(self.now.modes)))
         for number in range(len(self.now.modes)):
             heard, shape = self.shape_heard(self.samples, number)
@@ -288,10 +276,7 @@ class Scores:
         return np.array(found)
 
     def step_along(self, slopes: NDArray[np.float64]) -> tuple[float, float]:
-        """The step of one parameter with these slopes (channels, samples), all others moving along, and its deviation.
-
-        Infinite where nothing is known of it.
-        """
+        """The step of one parameter with these slopes (channels, samples), others moving along, and its deviation."""
         now, size, pull, mixed = self.now, 0.0, 0.0, np.zeros(len(self.root))
         slopes = self.weights[:, None] * slopes
         taken = sum(columns @ slopes[:, own].T for own, columns in now.columns)

@@ -161,10 +161,7 @@ def _twins(modes: Sequence[InputMode]) -> Iterator[list[int]]:
 
 
 def afresh(point: Point) -> Iterator[Move[Structure]]:
-    """Modes with few harmonics and all products fitted together: all, the stronger half, or pairs near an axis as real.
-
-    A fit may have ended beside the least J, with harmonics and modes that make up for one another.
-    """
+    """Modes with few harmonics, all products fitted together: all, the stronger half, or pairs near an axis as real."""
     samples, modes, omega = point.samples, point.structure.modes, point.samples.fundamental
     strong = sorted(np.argsort(-point.scores.of_modes)[: (len(modes) + 1) // 2].tolist())
     near = [mode for mode in modes if near_axis(mode, omega)]

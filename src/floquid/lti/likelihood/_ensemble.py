@@ -197,10 +197,7 @@ def _lowered(fit: ProductFit, stacked: Stacked, order: int) -> ProductFit:
 
 
 def _straightened(fit: ProductFit, stacked: Stacked) -> ProductFit:
-    """The fit with two real multipliers of one sign as a pair where that costs less: noise makes the one of the other.
-
-    The pair starts as far off the axis as they are apart.
-    """
+    """The fit with two real multipliers of one sign as a pair where that costs less: noise makes one of the other."""
     for kind, axis in ((POSITIVE, 0.0), (NEGATIVE, np.pi)):
         poles = fit.products.poles
         along = np.flatnonzero(poles.kind == kind)

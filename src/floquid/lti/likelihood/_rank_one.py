@@ -283,10 +283,7 @@ def separated(model: ModalModel, data: TimeResponses, false_alarm: float, noise:
 
 
 def pruned(fit: ProductFit, stacked: Stacked, limits: Callable[[Products], list[float]], *, least: int) -> ProductFit:
-    """The fit without the entries, one after another, whose absence raises the cost by less than their `limits`.
-
-    At `least` this number of entries is kept.
-    """
+    """The fit without the entries, one after another, whose absence raises the cost by less than their `limits`."""
     while len(fit.products.poles) > least:
         trials = [
             polish_products(fit.products.without(entry), stacked, tolerance=1e-2)

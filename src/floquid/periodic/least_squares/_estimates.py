@@ -81,10 +81,7 @@ def estimates_of(blocks: Sequence[Block], solution: Solution) -> Estimates:
 
 
 def estimates_of_shapes(shared: OneShape, further: Floats | None = None) -> Estimates:
-    """Coefficients of the modes of a fit of one shape for all hits, with their joint covariance.
-
-    `further` is added to the variances of the parameters that move exponents.
-    """
+    """Coefficients of the modes of a fit of one shape for all hits, with their joint covariance."""
     entries, columns_free, count = shared.entries, shared.own, len(shared.entries.exponents)
     columns, sines, parameters = entries.columns(), entries.sines(), entries.parameters()
     n, rates = len(columns_free), shared.n_rates
@@ -202,12 +199,7 @@ def model_of(
     as_read: Mapping[int, complex] | None = None,
     one: OneShape | None = None,
 ) -> PeriodicModel:
-    """The periodic model of the entries that are not fixed, each with its conjugate, harmonics within the bands.
-
-    Up to `most` fundamentals of the axis can be seen; None where no wider bands are to be fitted. Deviations of
-    exponents near an axis are those `as_read`, by their entries, where they are given. With `one`, the same fit with
-    one shape for all hits, exponents and coefficients are of that.
-    """
+    """The periodic model of the entries that are not fixed, each with its conjugate, harmonics within the bands."""
     order = _in_order(solution.entries if one is None else one.entries)
     whole = estimates_of(blocks, solution) if one is None else estimates_of_shapes(one, solution.further)
     estimates = whole.picked(modes=order)

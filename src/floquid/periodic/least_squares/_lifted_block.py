@@ -138,10 +138,7 @@ class LiftedBlock(Block):
         return cycles if self.known is None else cycles - self.known @ (self.known.T @ cycles)
 
     def _factors(self, columns: Columns) -> tuple[NDArray, NDArray, NDArray, Terms, Integers]:
-        """Starts of the cycles, functions of the cycle (cycles, functions) and of the phase (phases, terms), and terms.
-
-        With the function of the cycle of each term (terms,). Of plain columns, functions of the cycle are μ^n.
-        """
+        """Starts of cycles, functions of the cycle (cycles, functions) and of the phase (phases, terms), and terms."""
         if ((columns.factors >= TREND) & (columns.factors <= FOLLOWS[-1])).any():
             raise input_error("entries", "LiftedBlock", "be exponentials", "one is not", "Fit the record itself.")
         starts = np.asarray(np.arange(self.n_cycles) * self.lifted.period, np.float64)
@@ -185,10 +182,7 @@ def _products(
     times: Floats,
     outer: Integers,
 ) -> tuple[Complexes, ...]:
-    """Σ (first one) (second other), with t at the second, with t at both (terms, terms).
-
-    `first` and `second` are functions of the cycle and the same times nT, the two factors are of the phase.
-    """
+    """Σ (first one) (second other), with t at the second, with t at both (terms, terms)."""
     long = {(p, q): (first[p].T @ second[q])[outer][:, outer] for p in (0, 1) for q in (0, 1)}
     short = [(left_factor * (times**k)[:, None]).T @ right_factor for k in range(3)]
     return (

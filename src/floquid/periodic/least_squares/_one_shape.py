@@ -179,10 +179,7 @@ class OneShape:
 
     @cached_property
     def whole(self) -> tuple[Floats, Floats, Floats]:
-        """Gauss-Newton matrix and gradient of exponents and all states, and their products with shapes.
-
-        The last are (channels, numbers of a shape, parameters). Shapes are not eliminated.
-        """
+        """Gauss-Newton matrix and gradient of exponents and all states, and their products with shapes."""
         parameters = self.entries.parameters()
         n, hits = len(self.entries.sines()), self.states.shape[1]
         rate = np.where(parameters.turns[:, None], 1j, 1.0) * parameters.weights[:, :n]

@@ -141,10 +141,7 @@ def weighted(blocks: Sequence[Block], entries: ModeParameters, linear: Sequence[
 
 
 def folded(curvature: Floats, moments: Floats, functions: Integers, place: Integers, signs: Floats) -> Floats:
-    """Products of rows (rows, rows) from those of functions of time and the moments of coefficients.
-
-    Each row is two parts, cosine and sine: a function, a place among the coefficients and a factor (rows, 2).
-    """
+    """Products of rows (rows, rows) from those of functions of time and the moments of coefficients."""
     products = np.zeros((len(place), len(place)))
     for i, j in np.ndindex(2, 2):
         both = curvature[functions[:, i][:, None], functions[:, j]] * moments[place[:, i][:, None], place[:, j]]
@@ -256,10 +253,7 @@ def _by_functions(sums: Sums, columns: Columns, fitted: Integers) -> tuple[Float
 
 
 def _sizes(gram: Floats, columns: Columns) -> Floats:
-    """The sums of squares of the cosines and sines, of a forced response the larger of the two for both (2 columns,).
-
-    At half of the sampling rate all samples are at one phase of a turn: the other is rounding, and is left at zero.
-    """
+    """Sums of squares of the cosines and sines, of a forced response the larger of both for both (2 columns,)."""
     size = np.diag(gram)
     half = len(size) // 2
     forced = np.tile(columns.exponents[columns.modes[:half]] == 0.0, 2)
@@ -267,10 +261,7 @@ def _sizes(gram: Floats, columns: Columns) -> Floats:
 
 
 def _inverse(matrix: Floats, size: Floats) -> tuple[Floats, bool]:
-    """The inverse of a Gram matrix, directions that are rounding left out; and whether its columns are well apart.
-
-    `size` are the squares (columns,) that tell what rounding is.
-    """
+    """The inverse of a Gram matrix, directions that are rounding left out; and whether its columns are well apart."""
     if not len(matrix):
         return matrix, True
     scale = np.sqrt(np.where(size > np.finfo(float).tiny, size, 1.0))

@@ -289,11 +289,7 @@ def model_at(
     bands: Integers,
     noise: Floats,
 ) -> PeriodicModel:
-    """The periodic model of modes whose exponents and their covariance are known, its amplitudes by least squares.
-
-    `others` are lines beside them that are no modes (lines,) [1/s], `bands` the harmonics that the model keeps of each
-    mode (modes, 2), `noise` its deviation (channels, hits).
-    """
+    """The periodic model of modes whose exponents and their covariance are known, its amplitudes by least squares."""
     omega = entries.fundamental
     both = entries.joined(ModeParameters.made(others, (0, 0), omega, real=others.imag == 0.0, fixed=True)).joined(
         beside(omega)

@@ -111,11 +111,7 @@ def find_lines(
     false_alarm: float = 1e-9,
     report: Callable[[str], None] = lambda _: None,
 ) -> Lines:
-    """Lines found one after another in the spectrum of the residual, all fitted jointly.
-
-    With `shortened`, the end of a record, where the response has died, is left out: a first look is then quick. Noise
-    passes for a line with the probability `false_alarm`.
-    """
+    """Lines found one after another in the spectrum of the residual, all fitted jointly."""
     if shortened:
         blocks = [_alive(block) for block in blocks]
     point = lines(blocks, beside(_fundamental(blocks)), false_alarm, report)
@@ -132,11 +128,7 @@ def lines_by(
     false_alarm: float = 1e-9,
     report: Callable[[str], None] = lambda _: None,
 ) -> Lines:
-    """Lines by an identifier of LTI systems; one without covariance starts the least squares of its poles.
-
-    Raises InputError where samples are missing, or the rates of the records differ; IdentificationError where the
-    identifier finds no pole.
-    """
+    """Lines by an identifier of LTI systems; one without covariance starts the least squares of its poles."""
     if any(np.isnan(r.values).any() for r in records) or len({r.sample_rate for r in records}) > 1:
         must = "have all samples, at one rate, with an `identifier`"
         raise input_error("records", "fse", must, "they do not", "Leave `identifier` out: the search copes with that.")

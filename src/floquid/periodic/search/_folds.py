@@ -51,10 +51,7 @@ def nearest(entries: ModeParameters, first: int, second: int) -> tuple[int, int,
 
 
 def folds(entries: ModeParameters, *, wanders: bool = False) -> list[Fold]:
-    """Pairs of modes that fold onto one another within half of their mean decay.
-
-    Where the speed `wanders`, frequencies run in time and harmonics in angle: other branches share no lines.
-    """
+    """Pairs of modes that fold onto one another within half of their mean decay."""
     places = np.flatnonzero(~entries.fixed & ~entries.real & (entries.factors == PLAIN))
     values, omega = entries.exponents[places], entries.fundamental
     decays = np.abs(values.real)

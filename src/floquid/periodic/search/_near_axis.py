@@ -259,10 +259,7 @@ def read_apart(result: SearchResult) -> SearchResult:
 
 
 def _ordinary(mean: float, square: float, half: int, omega: float, bands: Integers) -> tuple[ModeParameters, Integers]:
-    """Two real multipliers, or a pair, of a mean and squared half-difference, and the band to report.
-
-    `bands` are that of the fit and that to report (2, 2).
-    """
+    """Two real multipliers, or a pair, of a mean and squared half-difference, and the band to report."""
     root = np.sqrt(abs(square))
     if square > 0.0:
         values = [mean + root, mean - root]

@@ -151,10 +151,7 @@ def _fitted(model: PeriodicModel) -> PeriodicModel:
 
 
 def aligned(model: PeriodicModel, found: PeriodicModel) -> tuple[Complexes, Complexes]:
-    """The exponents and coefficients found, in the order, on the branches and with the harmonics of `model`.
-
-    The scale of a state that is free is that of `model`.
-    """
+    """The exponents and coefficients found, in the order, on the branches and with the harmonics of `model`."""
     exponents = np.zeros(model.order, complex)
     coefficients = np.zeros(model.coefficients.shape, complex)
     kept = (model.coefficients != 0).any(axis=(1, 2))
@@ -167,10 +164,7 @@ def aligned(model: PeriodicModel, found: PeriodicModel) -> tuple[Complexes, Comp
 
 
 def _scale(model: PeriodicModel, mode: int, found: PeriodicModel, one: int, turns: int) -> complex:
-    """The factor that gives a mode found the scale of a mode of `model`, whose state is free in records with inputs.
-
-    It is of a coefficient that has no deviation, or of the gain or first state that is 1, where there is one.
-    """
+    """The factor that gives a mode found the scale of a mode of `model`, whose state is free in records with inputs."""
     known = np.abs(model.coefficients[mode])
     std = known if model.coefficient_std is None else np.abs(model.coefficient_std[mode])
     for channel, hit, place in np.argwhere((std <= HALF_DIGITS * known) & (known > 0.0)).tolist():

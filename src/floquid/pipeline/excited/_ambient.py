@@ -92,10 +92,7 @@ def _refuse_copies(first: NDArray[np.float64], own: Parted) -> None:
 
 
 def _other_period(samples: Samples, *, trusted: bool) -> tuple[float, tuple[Finding, ...]]:
-    """The frequency far from that given with which the response seems to repeat [rad/s], zero where none.
-
-    One that is near, or half the period, is refused, and told where the period is `trusted`.
-    """
+    """The frequency far from that given with which the response seems to repeat [rad/s], zero where none."""
     found, given = repetition(samples), 2.0 * np.pi / samples.fundamental
     told: tuple[Finding, ...] = ()
     if found.own > found.limit and found.own > CLEARLY * found.given and abs(found.shift) > found.resolution:
@@ -140,10 +137,7 @@ def ambient_fit(
     columns: NDArray[np.float64],
     initial: NDArray[np.float64],
 ) -> Fit:
-    """The fit of random excitation to its records at its modes, coefficients of known columns and first states.
-
-    Raises IdentificationError where its predictor diverges.
-    """
+    """The fit of random excitation to its records at its modes, coefficients of known columns and first states."""
     with blas_threads(records):
         samples, acting = with_acting(parted(records, settings))
         at = predicted(samples, modes, columns, initial)

@@ -36,11 +36,7 @@ def completed(
     doubts: tuple[Finding, ...],
     report: Callable[[str], None],
 ) -> Analysis:
-    """The analysis of a fit, without a verdict.
-
-    `free` is the model whose residues are free at each phase, None where the fit did not start from one; `doubts` speak
-    against the order given, and against the period.
-    """
+    """The analysis of a fit, without a verdict."""
     fails = model_failure(fitted, settings)
     fitted, shafts = with_misfit(fitted), prepared.shafts
     whole = by_cycles(fitted, shafts)

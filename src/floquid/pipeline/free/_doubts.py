@@ -177,10 +177,7 @@ def of_sums(found: Analysis) -> tuple[Finding, ...]:
 
 
 def _sum_of_others(analysis: Analysis) -> Sum | None:
-    """A response (of channels · hits) that is a sum of others beside the noise: what the model leaves, but the smooth.
-
-    Records with hardly any noise are passed over: there, fewer modes than channels make sums of all of them.
-    """
+    """A response (of channels · hits) that is a sum of others beside the noise."""
     records = analysis.responses
     left = unexplained(analysis.model, records, analysis.clocks)
     if len({record.sample_rate for record in records}) > 1:
@@ -201,10 +198,7 @@ def _sum_of_others(analysis: Analysis) -> Sum | None:
 
 
 def _noise_of(rests: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The noise of samples that may hold a response too (rows,).
-
-    Their root mean square, or what their median second difference is in white noise, if that is less.
-    """
+    """The noise of samples that may hold a response too (rows,)."""
     from scipy.special import ndtri
 
     # The median size of a normal number is its upper quartile.

@@ -53,11 +53,7 @@ def identified_free(prepared: Prepared, report: Callable[[str], None]) -> Analys
 
 
 def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
-    """The chain from the responses with their clocks on.
-
-    Where what the model leaves of the first period stands out, the records without it are identified, too: they count
-    where that lowers the criterion, the samples left out being numbers that fit exactly.
-    """
+    """The chain from the responses with their clocks on."""
     prepared = with_steady_period(prepared, report)
     best, left_out = _best(prepared, report), 0
     chosen, alarm = prepared.settings, prepared.settings.mode_false_alarm
@@ -88,11 +84,7 @@ def _identified(prepared: Prepared, report: Callable[[str], None]) -> Analysis:
 
 
 def _best(prepared: Prepared, report: Callable[[str], None]) -> Candidate:
-    """The best fit from the first start that leads to a model.
-
-    Of the fits from one start, that of the least criterion counts. What poles of lifted responses lead to is returned
-    whatever it leaves, and their refusal is raised where no other start leads to a model.
-    """
+    """The best fit from the first start that leads to a model."""
     report("cutting into periods")
     cutting = cut(prepared)
     report("estimating the noise")

@@ -72,11 +72,7 @@ class Start:
 
 
 def cut(prepared: Prepared) -> Lifting:
-    """The responses cut into whole samples a period, resampled where they have none, and lifted.
-
-    Shafts turn at a speed of their own in each hit: there, a cycle is as long as the mean over all of them, as the
-    period of the model is.
-    """
+    """The responses cut into whole samples a period, resampled where they have none, and lifted."""
     settings, speeds = prepared.settings, None
     synchronous = not out_of_step(prepared.responses, prepared.clocks)
     if synchronous:
@@ -95,11 +91,7 @@ def cut(prepared: Prepared) -> Lifting:
 
 
 def filled(records: Sequence[Record], longest: Sequence[float]) -> tuple[Record, ...]:
-    """The records with cubics over missing samples: good enough to start from, and for nothing else.
-
-    Stretches of missing samples that are longer than `longest` (records,) [s] are left as they are, unless hardly
-    anything is there without them.
-    """
+    """The records with cubics over missing samples: good enough to start from, and for nothing else."""
     whole = []
     for record, limit in zip(records, longest, strict=True):
         missing = np.isnan(record.values)
@@ -134,10 +126,7 @@ def out_of_step(responses: Sequence[Record], clocks: Sequence[PhaseClock]) -> st
 
 
 def start_of(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]) -> Start:
-    """The poles of the lifted responses beside their forced response.
-
-    Raises IdentificationError where no mode rises above the noise, or the order or the noise cannot be told.
-    """
+    """The poles of the lifted responses beside their forced response."""
     settings, lifted = prepared.settings, cutting.lifted
     by_default = settings.identifier is None and settings.order is None and settings.constrained
     floors = [None, *(floor for floor in FLOORS if by_default and quiet(lifted))]

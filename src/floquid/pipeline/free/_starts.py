@@ -45,10 +45,7 @@ def ensembles(prepared: Prepared, cutting: Lifting, report: Callable[[str], None
 
 
 def averaged(prepared: Prepared, cutting: Lifting, report: Callable[[str], None]) -> Iterator[Start]:
-    """Poles of the samples of brief records as those of a time-invariant system, by rising order.
-
-    They are what a weak parametric excitation leaves of it.
-    """
+    """Poles of the samples of brief records as those of a time-invariant system, by rising order."""
     whole = brief_responses(prepared, cutting)
     if whole is None:
         return
@@ -186,12 +183,7 @@ def ringing(multipliers: Complexes, lifted: Lifted) -> int:
 
 
 def fitted_ringing(start: Start, records: Sequence[Record], fit: Callable[[Sequence[Record], Lifted], Fit]) -> Fit:
-    """The fit of the cycles in which the modes of `start` ring, and half as many more.
-
-    `records` are fitted with the lifted responses in `start` by `fit`. Where it ends at modes that ring for longer than
-    was looked at, that is done again with as many as they ring. All cycles are fitted beside what goes on after the
-    modes: a forced response, a steady tone.
-    """
+    """The fit of the cycles in which the modes of `start` ring, and half as many more."""
     lifted = start.whole
     whole = cycles = int(lifted.responses.lengths.max())
     if start.modal is not None and not start.known:
