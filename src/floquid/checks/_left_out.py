@@ -212,7 +212,9 @@ class Folds:
 def _folds(model: PeriodicModel, cycles: Sequence[Integers]) -> Folds | None:
     """Pieces of some cycles in all hits, or parts of each cycle of some brief hits; None where there are too few."""
     last = max(int(numbers.max()) for numbers in cycles)
-    first, end = _predictable(model, last + 1)
+    # A cycle that alone contains a short-lived mode cannot be predicted by the others
+    rates = model.exponents.real * model.period
+    first, end = int((rates < -GONE).any()), last + 1 - int((rates > GONE).any())
     folds = min(FOLDS, (end - first) // 2)
     if model.one_shape and folds < 2:
         return _of_hits(cycles, last + 1)
@@ -269,12 +271,6 @@ def cycles_of(model: PeriodicModel, instants: Sequence[tuple[Floats, Floats]], n
         cycle = np.floor(turns + 1e-9).astype(np.int64)
         cycles.append(np.where(cycle < end, cycle, -1))
     return cycles
-
-
-def _predictable(model: PeriodicModel, cycles: int) -> tuple[int, int]:
-    """Cycles that the remaining ones can predict: one that alone contains a short-lived mode is left out."""
-    rates = model.exponents.real * model.period
-    return int((rates < -GONE).any()), cycles - int((rates > GONE).any())
 
 
 def only(record: Record, there: Mask) -> Record:

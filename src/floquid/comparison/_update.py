@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from floquid._arrays import Complexes, Floats, Integers, Mask
+from floquid._arrays import Complexes, Floats, Mask
 from floquid._checks import counted, describe, input_error
 from floquid.comparison._compare import joint_parts, set_against
 from floquid.comparison._pairs import Match, chi_square, in_model, parts_of
@@ -199,7 +199,10 @@ def _exponent_slopes(problem: _Problem, point: Point, model: PeriodicModel, thet
     """
     out = np.zeros((model.order, len(theta)), complex)
     modes = np.array(model.upper_modes, int)
-    partners = _partners(model, modes)
+    # The mode that each may meet: the conjugate of a pair, the other of a couple; of a single multiplier itself
+    of = {mode: other for a, b in model.couples for mode, other in ((a, b), (b, a))}
+    mirror = np.abs(np.subtract.outer(model.exponents, model.exponents.conj())).argmin(axis=1)
+    partners = np.array([of.get(mode, mode) if model.real[mode] else mirror[mode] for mode in modes.tolist()], int)
     lam, fundamental = model.exponents, model.fundamental
     turns = 1j * fundamental * np.rint((lam[modes] - lam[partners]).imag / fundamental)
     apart = lam[modes] - lam[partners] - turns
@@ -217,13 +220,6 @@ def _exponent_slopes(problem: _Problem, point: Point, model: PeriodicModel, thet
         mean, square = ((ends[0] - ends[1]) / (2.0 * step) for ends in (means, squares))
         out[modes, column] = mean + np.where(alone, 0.0, square / apart)
     return np.concatenate([out.real, out.imag])
-
-
-def _partners(model: PeriodicModel, modes: Integers) -> Integers:
-    """The mode that each may meet: the conjugate of a pair, the other of a couple; of a single multiplier itself."""
-    of = {mode: other for a, b in model.couples for mode, other in ((a, b), (b, a))}
-    mirror = np.abs(np.subtract.outer(model.exponents, model.exponents.conj())).argmin(axis=1)
-    return np.array([of.get(mode, mode) if model.real[mode] else mirror[mode] for mode in modes.tolist()], int)
 
 
 def _beside(model: PeriodicModel, exponents: Complexes) -> Complexes:

@@ -148,7 +148,9 @@ def synthesis(
     name, unit = shown[row].name, shown[row].unit
     with drawing(6.2, ax, of, panels=grid_of(3), height_ratios=(1.2, 1.2, 1.0)) as (figure, (close, whole, left)):
         _draw_close(close, found, close_cycles * analysis.model.period)
-        _draw_whole(whole, found)
+        whole.plot(*envelope(found.times, found.measured, POINTS), color=Ink.BLUE, linewidth=0.8, label="measured")
+        whole.plot(*envelope(found.times, found.predicted, POINTS), **_MODEL, linewidth=0.5, label="model")
+        whole.set_xlim(found.times[0], found.times[-1])
         _draw_left(left, found)
         largest = float(np.nanmax(np.abs(found.measured)))
         label_values(close, "response", unit, largest)
@@ -174,12 +176,6 @@ def _draw_close(axes: Axes, found: Synthesis, length: float) -> None:
     )
     axes.plot(times, found.predicted[inside], **_MODEL, linewidth=1.2, label="model")
     axes.set_xlim(times[0], times[-1])
-
-
-def _draw_whole(axes: Axes, found: Synthesis) -> None:
-    axes.plot(*envelope(found.times, found.measured, POINTS), color=Ink.BLUE, linewidth=0.8, label="measured")
-    axes.plot(*envelope(found.times, found.predicted, POINTS), **_MODEL, linewidth=0.5, label="model")
-    axes.set_xlim(found.times[0], found.times[-1])
 
 
 def _draw_left(axes: Axes, found: Synthesis) -> None:

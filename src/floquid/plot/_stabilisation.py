@@ -66,7 +66,9 @@ def stabilisation(
     poles = _poles(scan, analysis)
     with drawing(4.4, ax, "stabilisation") as (figure, (axes,)):
         if analysis is None:
-            _draw_indicator(axes, scan)
+            found = scan.indicators
+            curve = envelope(found.angles / (2.0 * np.pi * found.dt), found.cmif[:, 0], POINTS)
+            _draw_behind(axes, curve, {"linewidth": 1.2, "label": "CMIF"}, "largest CMIF / white noise")
             end = np.pi / scan.indicators.dt
         else:
             _draw_spectrum(axes, analysis)
@@ -121,13 +123,6 @@ def _draw_spectrum(axes: Axes, analysis: Analysis) -> None:
     look = {"linewidth": 1.0, "label": "spectrum of the record"}
     curve = envelope(found[0].omega / (2.0 * np.pi), mean, POINTS)
     _draw_behind(axes, curve, look, "spectrum of the record / noise", bottom=0.5)
-
-
-def _draw_indicator(axes: Axes, scan: OrderScan) -> None:
-    """The largest mode indicator function."""
-    found = scan.indicators
-    curve = envelope(found.angles / (2.0 * np.pi * found.dt), found.cmif[:, 0], POINTS)
-    _draw_behind(axes, curve, {"linewidth": 1.2, "label": "CMIF"}, "largest CMIF / white noise")
 
 
 def _draw_behind(axes: Axes, curve: Any, look: dict[str, Any], name: str, bottom: float | None = None) -> None:

@@ -130,7 +130,8 @@ def tones_of(values: Floats, inputs: Floats, known: Floats, fundamental: float) 
     """
     taken: list[float] = []
     while True:
-        columns = np.concatenate([_columns(taken, values.shape[1]), known])
+        angles = 2.0 * np.pi * np.multiply.outer(np.array(taken), np.arange(values.shape[1]))
+        columns = np.concatenate([np.concatenate([np.cos(angles), np.sin(angles)]), known])
         fitted = np.linalg.lstsq(columns.T, values.T, rcond=None)[0].T
         left = values - fitted @ columns
         found = _loudest(left, inputs, fundamental) if len(taken) < STEADY_LINES else None
@@ -139,11 +140,6 @@ def tones_of(values: Floats, inputs: Floats, known: Floats, fundamental: float) 
         taken.append(found)
     amplitudes = np.hypot(*np.split(fitted[:, : 2 * len(taken)], 2, axis=1))
     return tuple(Tone(frequency, own) for frequency, own in zip(taken, amplitudes.T, strict=True))
-
-
-def _columns(frequencies: list[float], count: int) -> Floats:
-    angles = 2.0 * np.pi * np.multiply.outer(np.array(frequencies), np.arange(count))
-    return np.concatenate([np.cos(angles), np.sin(angles)])
 
 
 def _loudest(left: Floats, inputs: Floats, fundamental: float) -> float | None:

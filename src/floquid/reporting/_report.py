@@ -177,6 +177,9 @@ def brief_page(case: Case, *, title: str | None, unit: SpeedUnit) -> str:
     with style():
         figure.savefig(stream, format="png", dpi=DPI)
     content: dict[str, Any] = verdict_of(analysis) | found
+    # The options that differ from those of a run without any
+    usual = {field.name: field.default for field in fields(analysis.settings)}
+    rows = words.settings_rows(analysis)
     content |= {
         "table": replace(table, rows=table.rows[:MOST_MODES]),
         "modes_left": max(0, len(table.rows) - MOST_MODES),
@@ -187,16 +190,9 @@ def brief_page(case: Case, *, title: str | None, unit: SpeedUnit) -> str:
         "described": name,
         "summary": words.summary_line(case, unit),
         "sources": words.sources(analysis),
-        "settings": _given(analysis),
+        "settings": [(name, value) for name, value in rows if getattr(analysis.settings, name) != usual[name]],
     }
     return filled("brief.html.jinja", title=title or title_of(case), **content)
-
-
-def _given(analysis: Analysis) -> list[tuple[str, str]]:
-    """The options that differ from those of a run without any."""
-    usual = {field.name: field.default for field in fields(analysis.settings)}
-    rows = words.settings_rows(analysis)
-    return [(name, value) for name, value in rows if getattr(analysis.settings, name) != usual[name]]
 
 
 POINTS = 600  # frequencies of a curve, beside those measured

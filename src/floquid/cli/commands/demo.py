@@ -13,7 +13,6 @@ import numpy as np
 from cyclopts import Parameter
 from rich.table import Table
 
-from floquid._arrays import Floats
 from floquid._checks import input_error
 from floquid.cli.arguments.options import Choices
 from floquid.cli.arguments.shared import Format, NewRecordFile, Noise, Periods, Place, Seed, Whole
@@ -122,7 +121,7 @@ def demo(
         report("simulating")
         record = rotor.simulate(n_periods=periods, noise=noise, seed=seed)
         analysis = _identify(rotor, record, report)
-        mark = write_result(folder, analysis, _settings(analysis), report, record=record)
+        mark = write_result(folder, analysis, Choices(settings=analysis.settings).text(), report, record=record)
     if format == "json":
         sys.stdout.write(json_text(summary(analysis)))
     else:
@@ -131,20 +130,11 @@ def demo(
             print_title(terminal(), title)
             print_whole(terminal(), table)
     with progress(3) as report:
-        draw_result(out, analysis, mark, report, figures=True, truth=_truth(rotor))
+        # The true A(t) over a period
+        dense = np.linspace(0.0, rotor.period, 361)
+        draw_result(out, analysis, mark, report, figures=True, truth=(dense, rotor.system(dense)))
     if format == "text":
         print_folder(out, "record.npz", figures=True)
-
-
-def _settings(analysis: Analysis) -> str:
-    """The settings of an analysis as the text of settings.toml."""
-    return Choices(settings=analysis.settings).text()
-
-
-def _truth(rotor: JeffcottRotor) -> tuple[Floats, Floats]:
-    """Instants over a period [s], and the true A(t) at each."""
-    dense = np.linspace(0.0, rotor.period, 361)
-    return dense, rotor.system(dense)
 
 
 def _identify(rotor: JeffcottRotor, record: Record, report: Callable[[str], None]) -> Analysis:

@@ -198,7 +198,9 @@ _FLOOR = 16.0 * 2.0**-52  # entries below this share of the largest are rounding
 def to_harmonics(matrix: AbstractPeriodicMatrix, n_harmonics: int | None, tolerance: float) -> HarmonicMatrix:
     """The Fourier series; see `AbstractPeriodicMatrix.to_harmonics`."""
     of = "AbstractPeriodicMatrix.to_harmonics"
-    _check_period(matrix, of)
+    # Only a function can be other than its period says, and what is made of one period would hide it
+    if matrix.is_function:
+        refuse_other_period(matrix, of)
     if n_harmonics is not None:
         count = integer(n_harmonics, "n_harmonics", of, at_least=0)
         lines = np.arange(-count, count + 1)
@@ -225,12 +227,6 @@ def to_harmonics(matrix: AbstractPeriodicMatrix, n_harmonics: int | None, tolera
     got = f"with {LAST} of them the upper ones are still {left:.2g} of the matrix, which is to be {accuracy:g}"
     remedy = "At a jump they never do: say how many to keep by `n_harmonics`, or use pieces or samples."
     raise input_error("tolerance", of, "be one that the harmonics fall below", got, remedy)
-
-
-def _check_period(matrix: AbstractPeriodicMatrix, of: str) -> None:
-    """Only a function can be other than its period says, and what is made of one period would hide it."""
-    if matrix.is_function:
-        refuse_other_period(matrix, of)
 
 
 def after_jumps(matrix: AbstractPeriodicMatrix, times: Floats) -> Floats:

@@ -51,7 +51,9 @@ def identified_driven(prepared: Prepared, report: Callable[[str], None]) -> Anal
     free = None
     if settings.harmonics is None and at_limit(found, limits) and limits.highest < HIGHEST:
         report("fitting matrices at each phase")
-        free = _if_better(fitted_freely(samples, settings.order), found)
+        # The criterion of Schwarz (1978) chooses
+        one = fitted_freely(samples, settings.order)
+        free = one if one is not None and one.criterion > found.criterion else None
         found = free or found
     late = (warning("out_of_time", seconds=settings.seconds),) if unfinished else ()
     if not found.modes and late:
@@ -104,11 +106,6 @@ def unchecked(
         shafts=own.shafts,
         findings=(*prepared.findings, *done_beside(own), *told, *missed, *late),
     )
-
-
-def _if_better(one: Linearisation | None, other: Linearisation) -> Linearisation | None:
-    """A fit if the criterion of Schwarz (1978) prefers it to another; None if not."""
-    return one if one is not None and one.criterion > other.criterion else None
 
 
 def at_limit(found: Linearisation, limits: Limits) -> bool:
