@@ -179,7 +179,7 @@ def frozen_array(
         if isinstance(error, InputError):
             raise
         must = f"be an array of numbers of shape {_shape_words(axes)}"
-        raise input_error(argument, of, must, f"is {describe(value)}", remedy) from None
+        raise wrong_value(argument, of, must, value, remedy) from None
     if array.ndim != len(axes) or any(isinstance(a, int) and n != a for a, n in zip(axes, array.shape, strict=True)):
         raise input_error(argument, of, f"have shape {_shape_words(axes)}", f"has shape {array.shape}", remedy)
     if finite:
@@ -235,6 +235,19 @@ def describe(value: object) -> str:
     return text if len(text) <= 60 else f"{text[:57]}..."
 
 
+def wrong_value(argument: str, of: str, must: str, value: object, remedy: str = "") -> InputError:
+    """The error of an argument that is another `value` than it must be."""
+    return input_error(argument, of, must, f"is {describe(value)}", remedy)
+
+
+def an_instance(value: object, kind: type[Made], argument: str, of: str, remedy: str = "") -> Made:
+    """`value`, which must be of a class."""
+    if not isinstance(value, kind):
+        article = "an" if kind.__name__[0] in "AEIO" else "a"
+        raise wrong_value(argument, of, f"be {article} {kind.__name__}", value, remedy)
+    return value
+
+
 def kind_of(thing: object) -> str:
     """The kind of a result by its class: "analysis", "survey", ...; empty of all else, whatever fields it has."""
     kind = getattr(type(thing), "kind", "")
@@ -259,7 +272,7 @@ def finite(value: object, argument: str, of: str, *, unit: str = "", remedy: str
         with suppress(OverflowError):
             number = float(value)  # type: ignore[arg-type]
     if not isfinite(number):
-        raise input_error(argument, of, f"be a finite number{_in(unit)}", f"is {describe(value)}", remedy)
+        raise wrong_value(argument, of, f"be a finite number{_in(unit)}", value, remedy)
     return number
 
 
@@ -268,9 +281,9 @@ def integer(
 ) -> int:
     """`value` as an integer of at least `at_least`, and of `at_most` where that is given."""
     if not isinstance(value, Integral) or isinstance(value, (bool, np.bool_)) or int(value) < at_least:
-        raise input_error(argument, of, f"be an integer of at least {at_least}", f"is {describe(value)}", remedy)
+        raise wrong_value(argument, of, f"be an integer of at least {at_least}", value, remedy)
     if at_most is not None and int(value) > at_most:
-        raise input_error(argument, of, f"be an integer of at most {at_most}", f"is {describe(value)}", remedy)
+        raise wrong_value(argument, of, f"be an integer of at most {at_most}", value, remedy)
     return int(value)
 
 

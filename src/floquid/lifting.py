@@ -245,9 +245,8 @@ def refuse_values(
             remedy = "Give it in another unit, or leave it out with `channels=`."
             raise input_error(argument, of, must, f"{name} reaches {largest:.3g}", remedy)
         if highest - lowest <= ROUNDING * largest:
-            remedy = "Leave it out with `channels=`, or check its sensor."
-            must = "have channels that vary"
-            raise input_error(argument, of, must, f"{name} is constant ({there.flat[0]:g})", remedy)
+            must, got = "have channels that vary", f"{name} is constant ({there.flat[0]:g})"
+            raise input_error(argument, of, must, got, "Leave it out with `channels=`, or check its sensor.")
 
 
 def largest_values(values: Floats, n_channels: int) -> Floats:

@@ -45,9 +45,8 @@ def pair_exponents(estimated: ArrayLike, truth: ArrayLike, period: float) -> Pai
     found = frozen_array(estimated, "estimated", of, axes=("estimates",), dtype=np.complex128)
     true = frozen_array(truth, "truth", of, axes=("truth",), dtype=np.complex128)
     if len(found) < len(true):
-        must = f"hold at least the {len(true)} exponents of `truth`"
-        remedy = "To see which true exponents were missed, exchange the two arguments."
-        raise input_error("estimated", of, must, f"holds {len(found)}", remedy)
+        got, remedy = f"holds {len(found)}", "To see which true exponents were missed, exchange the two arguments."
+        raise input_error("estimated", of, f"hold at least the {len(true)} exponents of `truth`", got, remedy)
     from scipy.optimize import linear_sum_assignment
 
     apart = np.subtract.outer(found, true).T

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from floquid._checks import input_error, kind_of
+from floquid._checks import input_error, kind_of, wrong_value
 from floquid._show import late
 from floquid.core import PeriodicModel, Record
 from floquid.errors import InputError
@@ -72,7 +72,7 @@ def side_of(thing: Any, argument: str, of: str) -> Side:
         if "`results` of `survey`" not in str(error):
             raise
         must = "be a result, a survey, modes, a known system, a file of one of these, or systems:NAME"
-        raise input_error(argument, of, must, f"is {thing!r:.60}") from None
+        raise wrong_value(argument, of, must, thing) from None
     label = shorten("; ".join(point.files), 60, placeholder=" …") or type(thing).__name__
     return Side(label=label, points=(point,), rows=_marks(getattr(thing, "records", ())))
 
@@ -98,16 +98,14 @@ def _example(word: str, argument: str, of: str) -> Side:
     name, *settings = word.removeprefix(SYSTEM).split(",")
     example = "For example: systems:jeffcott or systems:jeffcott,support_y=2.01"
     if name not in SYSTEMS:
-        must = f"name an example system ({', '.join(SYSTEMS)})"
-        raise input_error(argument, of, must, f"is {word!r}", example)
+        raise wrong_value(argument, of, f"name an example system ({', '.join(SYSTEMS)})", word, example)
     try:
         numbers = {key.strip(): float(value) for key, _, value in (one.partition("=") for one in settings)}
         made: Callable[..., JeffcottRotor] = SYSTEMS[name]
         rotor = made(**numbers)
     except (ValueError, TypeError):
         known = ", ".join(key for key, value in vars_of(JeffcottRotor()).items() if isinstance(value, float))
-        must = f"set numbers of {name} ({known})"
-        raise input_error(argument, of, must, f"is {word!r}", example) from None
+        raise wrong_value(argument, of, f"set numbers of {name} ({known})", word, example) from None
     if "speed" in numbers:
         return Side(label=word, points=(point_of(rotor),))
     return Side(label=word, system=lambda point, _: _turning(rotor, point))
@@ -132,9 +130,8 @@ def _saved(path: Path, argument: str, of: str) -> Side:
             return replace(_saved(inside, argument, of), label=label)
         folders = [path] if is_linearised(path) else [one for one in sorted(path.iterdir()) if is_linearised(one)]
         if not folders:
-            must = "hold a result, a survey or .lin files"
             remedy = "Name the folder that `floquid identify --out` or `floquid survey --out` wrote."
-            raise input_error(argument, of, must, f"{path} holds none", remedy)
+            raise input_error(argument, of, "hold a result, a survey or .lin files", f"{path} holds none", remedy)
         points = tuple(replace(point_of(_matrix(folder, argument, of)), files=(str(folder),)) for folder in folders)
         return Side(label=label, points=points, over="speed_rpm" if len(points) > 1 else None)
     if is_result(path):
@@ -208,9 +205,8 @@ def check_periods(one: Point, other: Point, of: str) -> None:
     assert other.model is not None
     lengths = one.model.period, other.model.period
     if abs(lengths[0] / lengths[1] - 1.0) > APART:
-        got = f"has {lengths[1]:.6g} s, and a {lengths[0]:.6g} s"
         remedy = "Compare at one speed, and with the period of the same part of a revolution: λ is known modulo iω."
-        raise input_error("b", of, "have the period of a", got, remedy)
+        raise input_error("b", of, "have the period of a", f"has {lengths[1]:.6g} s, and a {lengths[0]:.6g} s", remedy)
 
 
 def scaled(model: PeriodicModel, scale: Mapping[str, float]) -> PeriodicModel:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._arrays import Complexes, Floats, Mask
-from floquid._checks import counted, describe, input_error
+from floquid._checks import counted, input_error, wrong_value
 from floquid.comparison._compare import joint_parts, set_against
 from floquid.comparison._pairs import Match, chi_square, in_model, parts_of
 from floquid.comparison._parameters import Direction, Misfit, Parameter, Updated
@@ -81,7 +81,7 @@ def update(
     """
     if not callable(model):
         remedy = "Pass a function of a dictionary, as lambda v: (A(v), v['period'])."
-        raise input_error("model", OF, "be a function of the parameters", f"is {describe(model)}", remedy)
+        raise wrong_value("model", OF, "be a function of the parameters", model, remedy)
     start = _parameters(parameters)
     points = _points(results)
     taken = {name for point in points for name in (*point.values, "period")} & set(start)
@@ -93,8 +93,8 @@ def update(
 
 def _parameters(given: Mapping[str, Parameter | float]) -> dict[str, Parameter]:
     if not isinstance(given, Mapping) or not given:
-        remedy = 'Such as {"stiffness": Parameter(value=2.0)}.'
-        raise input_error("parameters", OF, "be parameters by name", f"is {describe(given)}", remedy)
+        must = "be parameters by name"
+        raise wrong_value("parameters", OF, must, given, 'Such as {"stiffness": Parameter(value=2.0)}.')
     return {name: one if isinstance(one, Parameter) else Parameter(value=one) for name, one in given.items()}
 
 

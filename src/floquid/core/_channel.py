@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
-from floquid._checks import answers_slips, finite, input_error, integer
+from floquid._checks import answers_slips, finite, input_error, integer, wrong_value
 from floquid._show import Brief
 
 Quantity = Literal["displacement", "velocity", "acceleration", "strain", "force", "angle", "pulse", "other"]
@@ -79,10 +79,10 @@ class Channel(Brief):
 
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name.strip():
-            raise input_error("name", "Channel", "be a word", f"is {self.name!r}", "Give each channel a name.")
+            raise wrong_value("name", "Channel", "be a word", self.name, "Give each channel a name.")
         unit = self.unit.strip() if isinstance(self.unit, str) else None
         if unit is None:
-            raise input_error("unit", "Channel", "be a text", f"is {self.unit!r}", 'Use "-" for no unit.')
+            raise wrong_value("unit", "Channel", "be a text", self.unit, 'Use "-" for no unit.')
         unit = "-" if unit in ("", "1") else unit
         object.__setattr__(self, "unit", unit)
         object.__setattr__(self, "name", self.name.strip())
@@ -91,8 +91,7 @@ class Channel(Brief):
             open_to = possible if unit in _UNITS else get_args(Quantity)
             object.__setattr__(self, "quantity", _by_name(self.name, open_to) or possible[0])
         elif self.quantity not in get_args(Quantity):
-            must = f"be one of {', '.join(get_args(Quantity))}"
-            raise input_error("quantity", "Channel", must, f"is {self.quantity!r}")
+            raise wrong_value("quantity", "Channel", f"be one of {', '.join(get_args(Quantity))}", self.quantity)
         elif unit in _UNITS and self.quantity not in (*possible, "pulse", "other"):
             must = f"be a unit of {self.quantity}"
             got = f"is {unit!r}, a unit of {' or '.join(possible)} (channel {self.name!r})"
@@ -110,9 +109,9 @@ class Channel(Brief):
             put(self, "axis", axis_by_words(self.name, self.direction))
         for key, words in (("frame", get_args(Frame)), ("axis", get_args(Axis))):
             if getattr(self, key) not in (None, *words):
-                raise input_error(key, "Channel", f"be {', '.join(words)} or None", f"is {getattr(self, key)!r}")
+                raise wrong_value(key, "Channel", f"be {', '.join(words)} or None", getattr(self, key))
         if not isinstance(self.group, str) or not (self.group.isprintable() and ";" not in self.group):
-            raise input_error("group", "Channel", "be a word", f"is {self.group!r}")
+            raise wrong_value("group", "Channel", "be a word", self.group)
         if self.member is not None:
             put(self, "member", integer(self.member, "member", "Channel", at_least=1))
         if self.angle is not None:
@@ -156,7 +155,7 @@ def channels_named(channels: Sequence[Channel], names: Sequence[str], *, argumen
     known = [channel.name for channel in channels]
     listing = "The channels are: " + ", ".join(known) + "."
     if isinstance(names, str) or not all(isinstance(name, str) for name in names):
-        raise input_error(argument, of, "be a list of channel names", f"is {names!r}", listing)
+        raise wrong_value(argument, of, "be a list of channel names", names, listing)
     for position, name in enumerate(names):
         if name not in known:
             raise input_error(argument, of, "name channels of the record", f"has {name!r}", listing)

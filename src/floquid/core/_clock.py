@@ -8,7 +8,7 @@ from typing import Protocol, get_args, runtime_checkable
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid._checks import Rebuilt, answers_slips, finite, frozen_array, input_error, integer, positive
+from floquid._checks import Rebuilt, answers_slips, finite, frozen_array, input_error, integer, positive, wrong_value
 
 _TURNS = {"ppr": "pulses_per_revolution=ppr", "name": 'channel="tach"', "signal": 'channel="tach"'}
 _PERIOD = {"T": "period=T", "f": "period=1/f", "omega": "period=2*np.pi/omega", "rpm": "period=60/rpm"}
@@ -59,9 +59,8 @@ class ConstantPeriod:
         object.__setattr__(self, "period", positive(self.period, "period", "ConstantPeriod", unit="s"))
         object.__setattr__(self, "origin", finite(self.origin, "origin", "ConstantPeriod", unit="s"))
         if np.spacing(abs(self.origin)) > 1e-3 * self.period:
-            must = "be near enough to zero for phases to be told"
-            got = f"is {self.origin:g} s, with a period of {self.period:g} s"
-            raise input_error("origin", "ConstantPeriod", must, got, "Count time from a nearer start.")
+            got, remedy = f"is {self.origin:g} s, with a period of {self.period:g} s", "Count time from a nearer start."
+            raise input_error("origin", "ConstantPeriod", "be near enough to zero for phases to be told", got, remedy)
 
     @property
     def fundamental(self) -> float:
@@ -193,7 +192,7 @@ class PulseTimes(Rebuilt, _Measured):
         integer(self.pulses_per_revolution, "pulses_per_revolution", "PulseTimes", at_least=1)
         _check_periods(self)
         if not isinstance(self.cycles, (bool, np.bool_)):
-            raise input_error("cycles", "PulseTimes", "be true or false", f"is {self.cycles!r}")
+            raise wrong_value("cycles", "PulseTimes", "be true or false", self.cycles)
         object.__setattr__(self, "cycles", bool(self.cycles))
         if self.cycles and (self.pulses_per_revolution, self.periods_per_revolution) != (1, 1.0):
             got = f"are {self.pulses_per_revolution} and {self.periods_per_revolution:g}"
@@ -212,7 +211,7 @@ CLOCKS: tuple[type[Clock], ...] = get_args(Clock)
 
 def _check_name(channel: str, of: str) -> None:
     if not isinstance(channel, str) or not channel.strip():
-        raise input_error("channel", of, "name a channel of the record", f"is {channel!r}")
+        raise wrong_value("channel", of, "name a channel of the record", channel)
 
 
 def _check_periods(clock: TachometerSignal | AzimuthSignal | PulseTimes) -> None:

@@ -133,8 +133,7 @@ class PeriodicModel(Drawn, Rebuilt):
         """Refuse estimates of another model."""
         off = np.abs(np.subtract.outer(estimates.exponents, self.exponents)).min(axis=1, initial=np.inf)
         if (off > 1e-9 * self.fundamental).any() or estimates.blocks.shape != self.coefficients.shape[1:3]:
-            must = "belong to the model"
-            remedy = "Pass `estimates=None`: the model then has no joint covariance."
+            must, remedy = "belong to the model", "Pass `estimates=None`: the model then has no joint covariance."
             raise input_error("estimates", "PeriodicModel", must, "their exponents or channels are others", remedy)
 
     def __repr__(self) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._arrays import Floats, Mask
-from floquid._checks import Rebuilt, answers_slips, describe, finite, frozen_array, input_error, positive
+from floquid._checks import Rebuilt, answers_slips, describe, finite, frozen_array, input_error, positive, wrong_value
 from floquid._show import Brief
 from floquid.core._channel import Channel, channels_named
 from floquid.core._clock import CLOCKS, Clock
@@ -57,7 +57,7 @@ def as_point(point: Mapping[str, float] | None, of: str) -> Mapping[str, float]:
     if point is None:
         return MappingProxyType({})
     if not isinstance(point, Mapping):
-        raise input_error("point", of, "hold numbers by name", f"is {describe(point)}", _EXAMPLE)
+        raise wrong_value("point", of, "hold numbers by name", point, _EXAMPLE)
     for name in point:
         if not names_quantity(name):
             raise input_error("point", of, "have plain words for names", f"has {describe(name)}", _EXAMPLE)
@@ -160,7 +160,7 @@ class Record(Rebuilt):
             raise input_error("values", "Record", "hold at least one sample", f"has shape {array.shape}")
         if clock is not None and not isinstance(clock, CLOCKS):
             must = f"be a {', '.join(kind.__name__ for kind in CLOCKS)} or None"
-            raise input_error("clock", "Record", must, f"is {clock!r}", "Pass ConstantPeriod(period=...).")
+            raise wrong_value("clock", "Record", must, clock, "Pass ConstantPeriod(period=...).")
         put = object.__setattr__
         put(self, "values", array)
         put(self, "sample_rate", positive(sample_rate, "sample_rate", "Record", unit="Hz"))
@@ -238,7 +238,7 @@ class Record(Rebuilt):
 def as_channels(channels: Sequence[Channel | str], of: str) -> tuple[Channel, ...]:
     """Channels, or names of channels, as a tuple of channels with distinct names; InputError where they are not."""
     if isinstance(channels, str) or not all(isinstance(c, (Channel, str)) for c in channels) or not len(channels):
-        raise input_error("channels", of, "be a list of Channel or of names, at least one", f"is {channels!r}")
+        raise wrong_value("channels", of, "be a list of Channel or of names, at least one", channels)
     named = tuple(c if isinstance(c, Channel) else Channel(name=str(c)) for c in channels)
     names = [c.name for c in named]
     doubled = [name for name in dict.fromkeys(names) if names.count(name) > 1]

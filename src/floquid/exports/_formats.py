@@ -196,8 +196,7 @@ def _traces(channels: Sequence[Channel], places: Sequence[Dof], joined: Sequence
         unknown = [name for name in line if name not in nodes]
         if unknown:
             listing = "There are: " + ", ".join(nodes) + "."
-            must = "be of locations of channels"
-            raise input_error("lines", "export_modes", must, f"has {unknown[0]!r}", listing)
+            raise input_error("lines", "export_modes", "be of locations of channels", f"has {unknown[0]!r}", listing)
         if len(line) < 2:
             continue
         own = "".join(f"{nodes[name]:10d}" for name in line)

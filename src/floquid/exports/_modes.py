@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from floquid._checks import describe, input_error
+from floquid._checks import input_error, wrong_value
 from floquid.core import PeriodicModel
 from floquid.exports._formats import PLAIN, mat_cells, mat_file, mat_names, mat_structs, uff_bytes
 from floquid.exports._summary import mode_entries, summary
@@ -71,8 +71,7 @@ def export_modes(
     """
     of = "export_modes"
     if not isinstance(result, (Analysis, PeriodicModel)):
-        got = f"is {describe(result)}"
-        raise input_error("result", of, "be an Analysis or a PeriodicModel", got, "Pass what `identify` gave.")
+        raise wrong_value("result", of, "be an Analysis or a PeriodicModel", result, "Pass what `identify` gave.")
     file = as_path(path, of=of)
     suffix = file.suffix.lower()
     if suffix not in MODE_FORMATS:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
-from floquid._checks import describe, input_error, integer
+from floquid._checks import an_instance, input_error, integer, wrong_value
 from floquid.core import Channel, ModelInputs, PeriodicModel, Provenance, Record
 from floquid.errors import IdentificationError
 from floquid.floquet import DiscretePeriodicSystem, PeriodicSystem, SampledMatrix, discretise
@@ -47,10 +47,7 @@ def to_periodic_system(
     do not tell the states.
     """
     of = "exports.to_periodic_system"
-    if not isinstance(model, PeriodicModel):
-        raise input_error(
-            "model", of, "be a PeriodicModel", f"is {describe(model)}", "Of an analysis pass its `model`."
-        )
+    an_instance(model, PeriodicModel, "model", of, "Of an analysis pass its `model`.")
     if not model.order:
         raise input_error("model", of, "have modes", "has none")
     if states is None:
@@ -157,8 +154,8 @@ def from_periodic_system(
     if isinstance(system, PeriodicSystem):
         system = discretise(system, integer(n_phases, "n_phases", of, at_least=4))
     if not isinstance(system, DiscretePeriodicSystem):
-        must, remedy = "be a PeriodicSystem or a DiscretePeriodicSystem", "One of python-control by `floquet.realise`."
-        raise input_error("system", of, must, f"is {describe(system)}", remedy)
+        must = "be a PeriodicSystem or a DiscretePeriodicSystem"
+        raise wrong_value("system", of, must, system, "One of python-control by `floquet.realise`.")
     outputs = _named(channels, system.outputs, "channels", of)
     sources = _named(inputs, system.inputs, "inputs", of)
     exponents = system.exponents()
@@ -297,7 +294,7 @@ def to_xarray(thing: Record | PeriodicModel) -> xr.Dataset:
     if isinstance(thing, Record):
         return record_to_xarray(thing)
     if not isinstance(thing, PeriodicModel):
-        raise input_error("thing", "to_xarray", "be a Record or a PeriodicModel", f"is {describe(thing)}")
+        raise wrong_value("thing", "to_xarray", "be a Record or a PeriodicModel", thing)
     model, xarray = thing, load_package("xarray", "to_xarray")
     variables: dict[str, Any] = {}
     for name, unit in _OF_MODES.items():

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import describe, input_error
+from floquid._checks import input_error, wrong_value
 from floquid._json import for_json
 from floquid.core import Channel
 from floquid.exports._formats import PLAIN, mat_cells, mat_file, mat_structs
@@ -41,8 +41,7 @@ def export_transfer(found: TransferFunctions, path: str | PathLike[str]) -> None
     """
     of = "export_transfer"
     if not isinstance(found, TransferFunctions):
-        got = f"is {describe(found)}"
-        raise input_error("found", of, "be TransferFunctions", got, "Pass what `analysis.transfer()` gives.")
+        raise wrong_value("found", of, "be TransferFunctions", found, "Pass what `analysis.transfer()` gives.")
     file = as_path(path, of=of)
     suffix = file.suffix.lower()
     ports = re.fullmatch(r"\.s(\d+)p", suffix)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from floquid._checks import Rebuilt, input_error
+from floquid._checks import Rebuilt, wrong_value
 from floquid.findings._inputs import AMBIENT, INPUTS
 from floquid.findings._model import FIT, MODEL, ORDER, SYSTEM
 from floquid.findings._period import PERIOD
@@ -63,7 +63,7 @@ class Finding(Rebuilt):
 
     def __post_init__(self) -> None:
         if not self.words and self.code not in WORDS:
-            raise input_error("code", "Finding", "be one of the table of words", f"is {self.code!r}")
+            raise wrong_value("code", "Finding", "be one of the table of words", self.code)
         object.__setattr__(self, "severity", Severity(self.severity))
         plain = {name: _plain(value) for name, value in self.numbers.items()}
         object.__setattr__(self, "numbers", MappingProxyType(plain))

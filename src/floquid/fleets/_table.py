@@ -224,9 +224,8 @@ def opened(path: Path, of: str) -> Iterator[Table]:
     if not path.absolute().parent.is_dir():
         raise input_error("out", of, "lie in a folder that exists", f"there is no {path.absolute().parent}")
     if path.exists() and not is_fleet(path):
-        raise input_error(
-            "out", of, "be a table of `fleet`, or no file yet", f"{path} is another file", "Choose a new name."
-        )
+        must = "be a table of `fleet`, or no file yet"
+        raise input_error("out", of, must, f"{path} is another file", "Choose a new name.")
     lock = FileLock(path.with_name(f".{path.name}.lock"), timeout=0.0)
     try:
         with lock:
@@ -244,10 +243,8 @@ def opened(path: Path, of: str) -> Iterator[Table]:
                         Path(lock.lock_file).unlink()
                         table.parts.rmdir()
     except Timeout:
-        got = f"another run is writing {path}"
-        raise input_error(
-            "out", of, "be a table of one run at a time", got, "Wait for it, or choose another name."
-        ) from None
+        must, got = "be a table of one run at a time", f"another run is writing {path}"
+        raise input_error("out", of, must, got, "Wait for it, or choose another name.") from None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid._checks import Rebuilt, describe, input_error, integer
+from floquid._checks import Rebuilt, describe, input_error, integer, wrong_value
 from floquid.errors import IdentificationError
 from floquid.inputs import Samples
 from floquid.lti import ERA, AbstractIdentifier, ModalModel, TimeResponses
@@ -160,7 +160,7 @@ def h_oma(
     of = "h_oma"
     _check(samples, of)
     if form not in get_args(HomaForm):
-        raise input_error("form", of, 'be "frequency" or "time"', f"is {form!r}")
+        raise wrong_value("form", of, 'be "frequency" or "time"', form)
     phases = _whole_period(samples)
     most = min(own.stop - own.start for own in samples.records) // phases // (SEGMENT + 1)
     if integer(lags, "lags", of, at_least=2) > most:

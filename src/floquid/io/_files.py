@@ -11,7 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from floquid._checks import describe, input_error, printable
+from floquid._checks import input_error, printable, wrong_value
 from floquid.errors import InputError
 
 
@@ -104,10 +104,10 @@ _WRITABLE = "Choose a folder that exists and that you may write to."
 def as_path(path: object, *, of: str, argument: str = "path") -> Path:
     """`path` as a `Path`, the `argument` of the public callable `of`."""
     if not isinstance(path, (str, os.PathLike)):
-        raise input_error(argument, of, "be the path of a file", f"is {describe(path)}", "Pass a string or a Path.")
+        raise wrong_value(argument, of, "be the path of a file", path, "Pass a string or a Path.")
     text = os.fspath(path)
     if not isinstance(text, str) or not text or "\0" in text:
-        raise input_error(argument, of, "be the path of a file", f"is {describe(text)}", "Pass a string or a Path.")
+        raise wrong_value(argument, of, "be the path of a file", text, "Pass a string or a Path.")
     return Path(text)
 
 

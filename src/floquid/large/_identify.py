@@ -16,7 +16,7 @@ from typing import BinaryIO
 import numpy as np
 
 from floquid._arrays import Complexes, Floats
-from floquid._checks import describe, input_error, positive
+from floquid._checks import an_instance, input_error, positive, wrong_value
 from floquid._version import __version__
 from floquid.core import LazyRecord
 from floquid.errors import IdentificationError
@@ -119,15 +119,13 @@ def memory_of(value: float | str) -> float:
     except (TypeError, ValueError):
         size = 0.0
     if size <= 0.0:
-        raise input_error("memory", OF, "be bytes, or a text such as 1GB", f"is {value!r}")
+        raise wrong_value("memory", OF, "be bytes, or a text such as 1GB", value)
     return size
 
 
 def planned(record: LazyRecord, memory: float) -> Plan:
     """Cycles and blocks of a record within a memory [bytes]; InputError where it cannot be cut, or has no room."""
-    if not isinstance(record, LazyRecord):
-        remedy = "Take `read(path, lazy=True)`; `identify` takes a record in memory."
-        raise input_error("record", OF, "be a LazyRecord", f"is {describe(record)}", remedy)
+    an_instance(record, LazyRecord, "record", OF, "Take `read(path, lazy=True)`; `identify` takes a record in memory.")
     if record.clock is None:
         raise input_error("record", OF, "have a period", "has none", "Pass `period=` to `read`.")
     exact = record.clock.period * record.sample_rate
@@ -137,19 +135,15 @@ def planned(record: LazyRecord, memory: float) -> Plan:
         raise input_error("record", OF, must, got, "Identify a part that fits into memory with `identify`.")
     most = 4 * COLUMNS
     if cycles < most:
-        must, got = f"have {most} periods or more", f"has {cycles}"
-        raise input_error("record", OF, must, got, "Identify it with `identify`.")
+        raise input_error("record", OF, f"have {most} periods or more", f"has {cycles}", "Identify it with `identify`.")
     # The sketch with the copies that the search makes of it, then a block that is read, one that waits and one in work.
     left = memory - PROGRAM
     columns = min(COLUMNS, int(0.5 * left / (SKETCH * cycles)))
     block = min(0.1 * left, BLOCK)
     if columns < COLUMNS // 4 or block < 8.0 * phases:
         least = PROGRAM + max(0.5 * COLUMNS * SKETCH * cycles, 80.0 * phases)
-        must, got = (
-            f"be at least {least / 1e6:.0f} MB for {cycles} periods of {phases} samples",
-            f"is {memory / 1e6:.0f} MB",
-        )
-        raise input_error("memory", OF, must, got, "Allow more.")
+        must = f"be at least {least / 1e6:.0f} MB for {cycles} periods of {phases} samples"
+        raise input_error("memory", OF, must, f"is {memory / 1e6:.0f} MB", "Allow more.")
     return Plan(record, record.clock, phases, cycles, block, columns)
 
 

@@ -22,7 +22,7 @@ from typing import ClassVar, Literal, final, get_args
 import numpy as np
 
 from floquid._arrays import Complexes, Floats
-from floquid._checks import input_error, integer
+from floquid._checks import integer, wrong_value
 from floquid.errors import InputError
 from floquid.fit import HALF_DIGITS
 from floquid.lti._exponentials import fit_residues
@@ -161,7 +161,7 @@ class PyOMA2SSI(AbstractIdentifier):
 
     def __post_init__(self) -> None:
         if self.method not in get_args(Method):
-            raise input_error("method", "PyOMA2SSI", 'be "cov" or "dat"', f"is {self.method!r}")
+            raise wrong_value("method", "PyOMA2SSI", 'be "cov" or "dat"', self.method)
         if self.block_rows is not None:
             integer(self.block_rows, "block_rows", "PyOMA2SSI", at_least=2)
 

@@ -140,9 +140,8 @@ def check_quiet(
     found = change_of(values[inside], own - base.scatter, columns[inside], later, RARE)
     if found is not None:
         at = places[found.index]
-        got = f"changes from record {at} ({file_of(work.points[at])}) on"
-        remedy = "End the baseline before, or add the covariate that explains it."
-        raise input_error("baseline", OF, "be of a machine that does not change", got, remedy)
+        must, got = "be of a machine that does not change", f"changes from record {at} ({file_of(work.points[at])}) on"
+        raise input_error("baseline", OF, must, got, "End the baseline before, or add the covariate that explains it.")
 
 
 def _goes_with_order(residual: Floats, scatter: Floats, whole: Floats) -> bool:

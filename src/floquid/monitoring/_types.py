@@ -44,8 +44,8 @@ def beside_baseline(charts: Charts) -> dict[str, tuple[str, list[tuple[str, Floa
         ("decay", 1.0, "Re λ - baseline [1/s]"),
     ):
         kept = [(k, name.rpartition(" ")[0]) for k, name in enumerate(charts.features) if name.endswith(word)]
-        both = charts.residual / scale, charts.residual_std / scale
-        found[word] = label, [(name, *(part[:, k] for part in both)) for k, name in kept]
+        values, std = charts.residual / scale, charts.residual_std / scale
+        found[word] = label, [(name, values[:, k], std[:, k]) for k, name in kept]
     return found
 
 

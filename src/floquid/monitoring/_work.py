@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
-from floquid._checks import counted, input_error
+from floquid._checks import counted, input_error, wrong_value
 from floquid._show import late
 from floquid.fit import HALF_DIGITS, scaled_inverse, wald_rise
 from floquid.surveys import Matches, Point, point_of
@@ -202,8 +202,8 @@ def mask_of(baseline: slice | ArrayLike | None, count: int) -> Mask:
     except (IndexError, TypeError, ValueError):
         out[:] = False
     if not out.any():
-        must, got = f"name some of the {counted(count, 'record')}", f"is {baseline!r:.60}"
-        raise input_error("baseline", OF, must, got, "Such as slice(0, 30), or 0:30 for the command.")
+        must = f"name some of the {counted(count, 'record')}"
+        raise wrong_value("baseline", OF, must, baseline, "Such as slice(0, 30), or 0:30 for the command.")
     return out
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid._checks import input_error, integer
+from floquid._checks import input_error, integer, wrong_value
 from floquid.lti import ERA, AbstractIdentifier, ModalModel, Outcome, TimeResponses, fit_residues, weighted_blocks
 from floquid.order._types import Criteria, OrderScan, Stability, Tolerances, both_compressed, indicators_of
 
@@ -57,8 +57,8 @@ def scan(
     """
     chosen = ERA() if identifier is None else identifier
     if not isinstance(chosen, AbstractIdentifier):
-        must, remedy = "be an identifier of `floquid.lti`, or None", "Pass an object, such as ERA()."
-        raise input_error("identifier", "scan", must, f"is {identifier!r:.60}", remedy)
+        must = "be an identifier of `floquid.lti`, or None"
+        raise wrong_value("identifier", "scan", must, identifier, "Pass an object, such as ERA().")
     listed = _orders(orders, int(data.lengths.max()))
     report("compressing the responses")
     exact, product = both_compressed(data)
@@ -88,8 +88,7 @@ def _orders(orders: Sequence[int] | None, samples: int) -> tuple[int, ...]:
         most = min(MOST, samples // 2)
         return tuple(range(2, most + 1, 2)) or (1,)
     if isinstance(orders, (str, bytes)) or not isinstance(orders, Sequence | range | np.ndarray) or not len(orders):
-        remedy = "Pass e.g. range(2, 42, 2)."
-        raise input_error("orders", "scan", "be a list of positive integers", f"is {orders!r:.60}", remedy)
+        raise wrong_value("orders", "scan", "be a list of positive integers", orders, "Pass e.g. range(2, 42, 2).")
     listed = sorted({integer(order, "orders", "scan", at_least=1) for order in orders})
     if listed[-1] >= samples:
         remedy = "Record more samples, or ask for fewer poles."

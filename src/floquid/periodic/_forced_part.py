@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._arrays import Complexes, Floats, Integers, Mask
-from floquid._checks import Rebuilt, input_error, positive
+from floquid._checks import Rebuilt, input_error, positive, wrong_value
 from floquid.core import Channel, PhaseClock, Record
 from floquid.errors import IdentificationError
 from floquid.fit import HALF_DIGITS, SLOW, SURE, chi2_limit
@@ -106,7 +106,7 @@ def _listed(forced: str | Sequence[int], most: float, nu: float) -> tuple[int, .
     remedy = 'Pass "auto", "none" or harmonics of the revolution, as (1, 2).'
     if isinstance(forced, str):
         if forced not in ("auto", "none"):
-            raise input_error("forced", "fit", "be auto, none or a list of whole numbers", f"is {forced!r}", remedy)
+            raise wrong_value("forced", "fit", "be auto, none or a list of whole numbers", forced, remedy)
         return None if forced == "none" else ()
     chosen = tuple(dict.fromkeys(int(j) for j in forced))
     for j in chosen:

@@ -265,8 +265,7 @@ def _check(model: PeriodicModel, records: Sequence[Record], clocks: Clocks, of: 
     if not model.order:
         raise input_error("model", of, "have a mode", "has none", "Identify again: nothing was found in the record.")
     if len(clocks) != len(records):
-        must, got = "be one a record", f"there are {len(clocks)}, and {len(records)} records"
-        raise input_error("clocks", of, must, got)
+        raise input_error("clocks", of, "be one a record", f"there are {len(clocks)}, and {len(records)} records")
     if model.n_hits != len(records) or any(record.n_channels != len(model.channels) for record in records):
         must = f"be {model.n_hits} of {len(model.channels)} channels, as the model"
         got = f"there are {len(records)}, of {[record.n_channels for record in records]}"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid._checks import index, input_error
+from floquid._checks import an_instance, index, input_error
 from floquid.comparison import ComparedPoint, Comparison, Pair, mode_labels, mode_number
 from floquid.fit import WITHIN
 from floquid.monitoring import Monitor, amount_label, beside_baseline, over_limits, spans_of
@@ -37,8 +37,7 @@ def comparison(found: Comparison, *, point: int | None = None, ax: Into = None) 
     and one more for each pair, twelve at most. Raises InputError where one is something else.
     """
     of = "comparison"
-    if not isinstance(found, Comparison):
-        raise input_error("found", of, "be a Comparison", f"is {found!r:.60}", "Pass floquid.compare(...).")
+    an_instance(found, Comparison, "found", of, "Pass floquid.compare(...).")
     number = 0 if found.worst is None else found.worst.point
     number = number if point is None else index(point, "point", of, len(found.points))
     here = found.points[number]
@@ -108,6 +107,7 @@ def _draw_close(axes: Axes, here: ComparedPoint, pair: Pair) -> None:
 
 
 COLOURS = (Ink.BLUE, Ink.VERMILION, Ink.GREEN, Ink.ORANGE, Ink.PURPLE, Ink.SKY)
+MADE = "Pass what `monitor` made."
 MARKS = ("o", "s", "^", "D", "v", "P")
 
 
@@ -119,7 +119,7 @@ def monitor(found: Monitor, *, ax: Into = None) -> Figure:
     InputError where it has no charts, or one is something else.
     """
     of = "monitor"
-    charts = _checked(found, of).charts
+    charts = an_instance(found, Monitor, "found", of, MADE).charts
     if charts is None:
         raise input_error("found", of, "have a baseline", "was made without", "Pass `baseline`.")
     with drawing(8.6, ax, of, panels=grid_of(4), sharex=ax is None) as (figure, axes):
@@ -159,10 +159,9 @@ def periodic_amount(found: Monitor, *, ax: Into = None) -> Figure:
     has sidebands, or one is something else.
     """
     of = "periodic_amount"
-    amounts = _checked(found, of).amounts
+    amounts = an_instance(found, Monitor, "found", of, MADE).amounts
     if amounts is None:
-        got = "has none"
-        raise input_error("found", of, "have records with sidebands", got, "Identify with `constrained=True`.")
+        raise input_error("found", of, "have records with sidebands", "has none", "Identify with `constrained=True`.")
     with drawing(3.2, ax, of) as (figure, (axes,)):
         value, low, high = 100.0 * amounts.value, 100.0 * amounts.low, 100.0 * amounts.high
         bars = np.maximum(np.stack([value - low, high - value]), 0.0)
@@ -174,12 +173,6 @@ def periodic_amount(found: Monitor, *, ax: Into = None) -> Figure:
         axes.axhline(0.0, color=Ink.BLACK, linewidth=0.6)
         _spans(axes, found)
     return figure
-
-
-def _checked(found: Any, of: str) -> Monitor:
-    if not isinstance(found, Monitor):
-        raise input_error("found", of, "be a Monitor", f"is a {type(found).__name__}", "Pass what `monitor` made.")
-    return found
 
 
 def _bars(axes: Axes, found: Monitor, values: Floats, std: Floats, number: int, name: str) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._arrays import Complexes, Mask
-from floquid._checks import frozen_array, input_error
+from floquid._checks import frozen_array, wrong_value
 from floquid.core import PeriodicModel
 from floquid.floquet import FloquetModes, stability, upper_modes
 from floquid.plot._style import CLOSE_ACROSS, CLOSE_UPS, SIZE, Into, drawing, grid_of, short_tick, with_close_ups
@@ -65,11 +65,11 @@ def exponents(modes: FloquetModes | PeriodicModel, *, truth: ArrayLike | None = 
     if isinstance(modes, PeriodicModel):
         return _identified(modes, truth, ax, of)
     if truth is not None:
-        must, got = "be given for an identified model alone", f"is {truth!r:.60}"
-        raise input_error("truth", of, must, got, "Leave it out: the exponents of a known A(t) are the truth.")
+        must = "be given for an identified model alone"
+        raise wrong_value("truth", of, must, truth, "Leave it out: the exponents of a known A(t) are the truth.")
     if not isinstance(modes, FloquetModes):
-        must, remedy = "be a FloquetModes or a PeriodicModel", "Pass floquet.modes(A, period) or analysis.model."
-        raise input_error("modes", of, must, f"is {modes!r:.60}", remedy)
+        must = "be a FloquetModes or a PeriodicModel"
+        raise wrong_value("modes", of, must, modes, "Pass floquet.modes(A, period) or analysis.model.")
     with drawing(3.9, ax, of, panels=grid_of(1, 2)) as (figure, (left, right)):
         _draw_exponents(left, modes)
         _draw_multipliers(right, modes)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from floquid._checks import input_error
+from floquid._checks import input_error, wrong_value
 from floquid.io import as_path, atomic_path
 from floquid.pipeline import Analysis
 from floquid.plot._style import style
@@ -83,7 +83,7 @@ def save_figures(
     place = as_path(folder, of=of, argument="folder")
     if isinstance(formats, str) or not all(form in get_args(Format) for form in formats):
         words = ", ".join(f'"{form}"' for form in get_args(Format))
-        raise input_error("formats", of, f"be a list of {words}", f"is {formats!r}", 'Pass e.g. ["png", "pdf"].')
+        raise wrong_value("formats", of, f"be a list of {words}", formats, 'Pass e.g. ["png", "pdf"].')
     from threadpoolctl import threadpool_limits
 
     written, plots = [], analysis.plot

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid._checks import frozen_array, index, input_error
+from floquid._checks import frozen_array, index, input_error, wrong_value
 from floquid.core import PeriodicModel, channels_named
 from floquid.fit import WITHIN
 from floquid.floquet import FloquetModes, multiplier_is_real, stability, state_participation, upper_modes
@@ -84,8 +84,8 @@ def periodic_shapes(
     if isinstance(modes, PeriodicModel):
         return _identified(modes, states, of, hit, weights, ax, name)
     if not isinstance(modes, FloquetModes):
-        must, remedy = "be a FloquetModes or a PeriodicModel", "Pass floquet.modes(A, period) or analysis.model."
-        raise input_error("modes", name, must, f"is {modes!r:.60}", remedy)
+        must = "be a FloquetModes or a PeriodicModel"
+        raise wrong_value("modes", name, must, modes, "Pass floquet.modes(A, period) or analysis.model.")
     names = _names(modes, states, name)
     damping = _damping(modes)
     chosen = sorted(_asked(modes, of, name) or upper_modes(modes), key=lambda r: (damping[r], -modes.exponents[r].real))
@@ -128,8 +128,7 @@ def _asked(modes: FloquetModes | PeriodicModel, of: Sequence[int] | None, name: 
         return []
     chosen = [int(r) for r in of if isinstance(r, (int, np.integer)) and 0 <= r < modes.order]
     if len(chosen) != len(of) or not 1 <= len(chosen) <= _MOST:
-        must = f"list one to {_MOST} indices from 0 to {modes.order - 1}"
-        raise input_error("of", name, must, f"is {list(of)!r:.60}")
+        raise wrong_value("of", name, f"list one to {_MOST} indices from 0 to {modes.order - 1}", list(of))
     return chosen
 
 

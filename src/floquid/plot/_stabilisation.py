@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid._checks import input_error, integer
+from floquid._checks import an_instance, integer
 from floquid.lti import WHITE, Outcome, composites
 from floquid.order import Indicators, OrderScan, Stability
 from floquid.pipeline import Analysis
@@ -59,8 +59,7 @@ def stabilisation(
     that is marked, and `ax` the axes to draw into. Raises InputError where one is something else, or the analysis is of
     other responses.
     """
-    if not isinstance(scan, OrderScan):
-        raise input_error("scan", "stabilisation", "be an OrderScan", f"is {scan!r:.60}", "Pass what `scan` gives.")
+    an_instance(scan, OrderScan, "scan", "stabilisation", "Pass what `scan` gives.")
     if chosen is not None:
         integer(chosen, "chosen", "stabilisation", at_least=1)
     poles = _poles(scan, analysis)
@@ -163,9 +162,7 @@ def indicators(found: Indicators, *, ax: Into = None) -> Figure:
     `found` is what `order.indicators` found, and `ax` are two axes to draw into. Raises InputError where one is
     something else.
     """
-    if not isinstance(found, Indicators):
-        remedy = "Pass what `order.indicators` gives."
-        raise input_error("found", "indicators", "be an Indicators", f"is {found!r:.60}", remedy)
+    an_instance(found, Indicators, "found", "indicators", "Pass what `order.indicators` gives.")
     with drawing(3.8, ax, "indicators", panels=grid_of(1, 2), width_ratios=(3, 2)) as (figure, (left, right)):
         _draw_curves(left, found)
         _draw_values(right, found)

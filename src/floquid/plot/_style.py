@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import numpy as np
 
-from floquid._checks import input_error, integer
+from floquid._checks import input_error, integer, wrong_value
 from floquid.views import Ink, in_unit, shortened
 
 if TYPE_CHECKING:
@@ -147,7 +147,7 @@ def _given(into: Axes | Iterable[Axes], count: int, of: str) -> list[Axes]:
     own = [into] if isinstance(into, Axes) else list(np.ravel(np.asarray(into, object)))
     must = "be axes of matplotlib" if count == 1 else f"be {count} axes of matplotlib, one for each panel"
     if not all(isinstance(one, Axes) for one in own) or not own:
-        raise input_error("ax", of, must, f"is {into!r:.60}", f"For example: `figure.subplots({count})`.")
+        raise wrong_value("ax", of, must, into, f"For example: `figure.subplots({count})`.")
     if len(own) != count:
         raise input_error("ax", of, must, f"are {len(own)}", f"For example: `figure.subplots({count})`.")
     return own
@@ -179,7 +179,7 @@ def several(things: Thing | Mapping[str, Thing], kind: type[Thing], argument: st
     ):
         word = kind.__name__
         must = f"be {'an' if word[0] in 'AEIO' else 'a'} {word}, or up to {len(LOOKS)} of them by name"
-        raise input_error(argument, of, must, f"is {things!r:.60}", f'Pass e.g. {{"one": {word.lower()}}}.')
+        raise wrong_value(argument, of, must, things, f'Pass e.g. {{"one": {word.lower()}}}.')
     return {str(name): thing for name, thing in things.items()}
 
 

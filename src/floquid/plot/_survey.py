@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid._checks import index, input_error
+from floquid._checks import an_instance, index, wrong_value
 from floquid.fit import WITHIN
 from floquid.floquet import Instability, StabilityMap
 from floquid.plot._style import Into, drawing, grid_of, label_values, plain
@@ -41,7 +41,7 @@ def campbell(
     Raises InputError where `found` is no survey, `fan` no track, or the axes do not fit.
     """
     of = "campbell"
-    _check(found, of)
+    an_instance(found, Survey, "found", of, "Pass floquid.survey(...).")
     chosen = None if fan is None else found.tracks[index(fan, "fan", of, len(found.tracks))]
     with drawing(4.2, ax, of) as (figure, (axes,)):
         _spans(axes, found)
@@ -69,9 +69,9 @@ def damping(found: Survey, *, unit: Damping = "decay", ax: Into = None) -> Figur
     δ = -2π Re λ/|Im λ|; `ax` the axes to draw into. Raises InputError where one is something else.
     """
     of = "damping"
-    _check(found, of)
+    an_instance(found, Survey, "found", of, "Pass floquid.survey(...).")
     if unit not in DAMPING:
-        raise input_error("unit", of, f"be one of {', '.join(DAMPING)}", f"is {unit!r}")
+        raise wrong_value("unit", of, f"be one of {', '.join(DAMPING)}", unit)
     with drawing(4.2, ax, of) as (figure, (axes,)):
         _spans(axes, found)
         for number, track in enumerate(found.tracks):
@@ -100,7 +100,7 @@ def multipliers(found: Survey, *, ax: Into = None) -> Figure:
     and `ax` two axes to draw into. Raises InputError where one is something else.
     """
     of = "multipliers"
-    _check(found, of)
+    an_instance(found, Survey, "found", of, "Pass floquid.survey(...).")
     with drawing(3.9, ax, of, panels=grid_of(1, 2)) as (figure, (left, right)):
         _spans(left, found)
         angle = np.linspace(0.0, 2.0 * np.pi, 361)
@@ -125,11 +125,6 @@ def multipliers(found: Survey, *, ax: Into = None) -> Figure:
         left.set_ylabel("|μ|")
         right.set(xlabel="Re μ", ylabel="Im μ", aspect="equal")
     return figure
-
-
-def _check(found: Survey, of: str) -> None:
-    if not isinstance(found, Survey):
-        raise input_error("found", of, "be a Survey", f"is {found!r:.60}", "Pass floquid.survey(...).")
 
 
 def _look(found: Survey, number: int) -> tuple[str, str, str]:
@@ -254,9 +249,7 @@ def stability_map(found: StabilityMap, *, ax: Into = None) -> Figure:
     `found` is what `floquet.stability_map` found, and `ax` the axes to draw into. Raises InputError where one is
     something else.
     """
-    if not isinstance(found, StabilityMap):
-        must, remedy = "be a StabilityMap", "Pass floquet.stability_map(...)."
-        raise input_error("found", "stability_map", must, f"is {found!r:.60}", remedy)
+    an_instance(found, StabilityMap, "found", "stability_map", "Pass floquet.stability_map(...).")
     with drawing(3.6 if len(found.names) == 1 else 5.0, ax, "stability_map") as (figure, (axes,)):
         if len(found.names) == 1:
             _draw_growth(axes, found)

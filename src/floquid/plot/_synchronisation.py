@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from floquid._checks import input_error
+from floquid._checks import wrong_value
 from floquid.core import Record
 from floquid.findings import Severity
 from floquid.fit import WITHIN
@@ -116,9 +116,9 @@ def speed(shaft: ShaftAngle, record: Record | None = None, *, speed_unit: SpeedU
     where one of these is something else.
     """
     if not isinstance(shaft, ShaftAngle):
-        raise input_error("shaft", "speed", "be a ShaftAngle", f"is {shaft!r:.60}", "Pass sync.shaft_angle(record).")
+        raise wrong_value("shaft", "speed", "be a ShaftAngle", shaft, "Pass sync.shaft_angle(record).")
     if record is not None and not isinstance(record, Record):
-        raise input_error("record", "speed", "be a Record or None", f"is {record!r:.60}")
+        raise wrong_value("record", "speed", "be a Record or None", record)
     begin, end = shaft.first, shaft.last
     if record is not None:
         begin, end = min(begin, record.start), max(end, float(record.times[-1]))

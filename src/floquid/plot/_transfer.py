@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 
-from floquid._checks import describe, index, input_error
+from floquid._checks import index, input_error, wrong_value
 from floquid.fit import WITHIN
 from floquid.inputs import TransferFunctions
 from floquid.plot._style import Into, drawing, grid_of, plain
@@ -62,7 +62,7 @@ def transfer(
 
     own, of = found() if callable(found) else found, "transfer"
     if frequency_axis not in ("linear", "log"):
-        raise input_error("frequency_axis", of, 'be "linear" or "log"', f"is {describe(frequency_axis)}")
+        raise wrong_value("frequency_axis", of, 'be "linear" or "log"', frequency_axis)
     if frequency_axis == "log":
         own = _above_zero(own, of)
     paths = _paths(own, output, driven_by, of, all_paths=all_paths)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 
 from floquid._arrays import Floats
-from floquid._checks import describe, input_error
+from floquid._checks import input_error, wrong_value
 from floquid.core import (
     AzimuthSignal,
     Channel,
@@ -33,7 +33,7 @@ def clocked(records: Record | Sequence[Record], settings: Settings, of: str) -> 
         remedy = f"Read files with `read`; of arrays write `{of}({EXAMPLE}, period=T)`."
         if isinstance(records, LazyRecord):
             remedy = "One that is larger than memory is identified by `identify_large`; others are read without `lazy`."
-        raise input_error("records", of, "be a Record or a list of them", f"is {describe(records)}", remedy)
+        raise wrong_value("records", of, "be a Record or a list of them", records, remedy)
     used = []
     for record in several:
         if settings.events is not None and not (record.clock is not None and record.clock.cycles):
@@ -76,8 +76,7 @@ def _marked(record: Record, channel: str) -> Record:
         raise InputError(str(error).replace("`channel` of `pulse_times`", f"`events` of `{OF}`")) from error
     names = [own.name for own in record.channels if own.name != channel]
     if not names:
-        remedy = "Read the responses, too."
-        raise input_error("events", OF, "leave a channel of responses", "is the only one", remedy)
+        raise input_error("events", OF, "leave a channel of responses", "is the only one", "Read the responses, too.")
     return record.select(names)
 
 
@@ -96,9 +95,8 @@ def without_clock(record: Record) -> Record:
 def refuse_no_clock(records: Sequence[Record], of: str) -> None:
     """Refuse records that nothing ties to the phase."""
     if any(record.clock is None for record in records):
-        got = "the record has none" if len(records) == 1 else "one has none"
-        remedy = "Give the period: `period=`, or `read(path, period=...)`."
-        raise input_error("records", of, "have a clock", got, remedy)
+        must, got = "have a clock", "the record has none" if len(records) == 1 else "one has none"
+        raise input_error("records", of, must, got, "Give the period: `period=`, or `read(path, period=...)`.")
 
 
 def shafts_of(records: Sequence[Record], report: Callable[[str], None], of: str) -> tuple[ShaftAngle, ...]:

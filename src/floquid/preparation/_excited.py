@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import input_error
+from floquid._checks import input_error, wrong_value
 from floquid.checks import Parted
 from floquid.core import Channel, Record, channels_named, over_gaps, runs_of
 from floquid.errors import IdentificationError
@@ -56,8 +56,8 @@ def refuse_others(settings: Settings, of: str) -> None:
     usual, kind = Settings(), settings.kind
     for name, reason in FORBIDDEN[kind].items():
         if getattr(settings, name) != getattr(usual, name):
-            must, got = f"be left as it is {WORDS[kind]}", f"is {getattr(settings, name)!r:.60}"
-            raise input_error(name, of, must, got, f"{reason[0].upper()}{reason[1:]}.")
+            must = f"be left as it is {WORDS[kind]}"
+            raise wrong_value(name, of, must, getattr(settings, name), f"{reason[0].upper()}{reason[1:]}.")
 
 
 def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parted:
@@ -91,8 +91,7 @@ def parted(records: Sequence[Record], settings: Settings, of: str = OF) -> Parte
     whole = _refuse_absent(outputs, values)
     rate = records[0].sample_rate
     if rate * period <= LEAST:
-        must, got = f"be more than {LEAST:g} samples", f"is {rate * period:.4g}"
-        raise input_error("period", of, must, got, "Sample faster.")
+        raise input_error("period", of, f"be more than {LEAST:g} samples", f"is {rate * period:.4g}", "Sample faster.")
     periods = sum(int(own.sum()) for own in whole) / (rate * period)
     if periods < FEWEST:
         raise IdentificationError(

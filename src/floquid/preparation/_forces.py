@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from floquid._checks import input_error
+from floquid._checks import wrong_value
 from floquid.core import Record
 from floquid.errors import IdentificationError
 from floquid.preparation._mended import NO_RESPONSE
@@ -27,11 +27,11 @@ BESIDE = 3  # lines on either side of a harmonic of the period that are its own
 def refuse_excited(settings: Settings) -> None:
     """Refuse settings of records whose excitation goes on: the response is free."""
     if settings.inputs:
-        must, got = "be empty: the response is free", f"is {list(settings.inputs)!r}"
-        raise input_error("inputs", "lifted", must, got, "`identify` takes measured inputs.")
+        must = "be empty: the response is free"
+        raise wrong_value("inputs", "lifted", must, list(settings.inputs), "`identify` takes measured inputs.")
     if settings.excitation != "none":
-        must, got = 'be "none": the response is free', f"is {settings.excitation!r}"
-        raise input_error("excitation", "lifted", must, got, "`identify` takes random excitation.")
+        must = 'be "none": the response is free'
+        raise wrong_value("excitation", "lifted", must, settings.excitation, "`identify` takes random excitation.")
 
 
 def refuse_driven(records: Sequence[Record], settings: Settings) -> None:

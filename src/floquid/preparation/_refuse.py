@@ -129,13 +129,8 @@ def refuse_copies(records: Sequence[Record], of: str = "identify") -> None:
             name = name_of(channel.name, hit, len(records))
             found = seen.setdefault(sha256(values.tobytes()).digest(), name)
             if found != name and np.ptp(values) > 0.0:
-                raise input_error(
-                    "records",
-                    of,
-                    "be independent measurements",
-                    f"{name} is a copy of {found}, sample by sample",
-                    f"Leave one of them out: {NO_NEWS}",
-                )
+                must, got = "be independent measurements", f"{name} is a copy of {found}, sample by sample"
+                raise input_error("records", of, must, got, f"Leave one of them out: {NO_NEWS}")
 
 
 def name_of(channel: str, hit: int, hits: int) -> str:

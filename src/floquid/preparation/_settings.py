@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
-from floquid._checks import answers_slips, describe, finite, input_error, integer, positive
+from floquid._checks import answers_slips, finite, input_error, integer, positive, wrong_value
 from floquid._show import Brief
 from floquid.core import MOST_TIMES, AzimuthSignal, Branch, Form, Hold
 from floquid.errors import InputError
@@ -179,7 +179,7 @@ class Settings(Brief):
             value = getattr(self, name)
             listed = isinstance(value, (tuple, list))
             if not listed or not all(isinstance(entry, str) for entry in value):
-                raise input_error(name, of, "be a list of channel names", f"is {value!r}", 'Pass e.g. ["x", "y"].')
+                raise wrong_value(name, of, "be a list of channel names", value, 'Pass e.g. ["x", "y"].')
             object.__setattr__(self, name, tuple(value))
         if self.order is not None:
             integer(self.order, "order", of, at_least=1)
@@ -210,13 +210,12 @@ class Settings(Brief):
             object.__setattr__(self, "identifier", _identifier_named(self.identifier, self.mode_false_alarm))
         if not isinstance(self.identifier, AbstractIdentifier):
             must = f"be one of {', '.join(get_args(IdentifierName))}, an object of `floquid.lti`, or None"
-            remedy = "Pass a word, or AMI(), say."
-            raise input_error("identifier", "Settings", must, f"is {self.identifier!r:.60}", remedy)
+            raise wrong_value("identifier", "Settings", must, self.identifier, "Pass a word, or AMI(), say.")
 
     def _check_flag(self, name: str) -> None:
         value = getattr(self, name)
         if not isinstance(value, (bool, np.bool_)):
-            raise input_error(name, "Settings", "be true or false", f"is {value!r}")
+            raise wrong_value(name, "Settings", "be true or false", value)
         object.__setattr__(self, name, bool(value))
 
     def _check_words(self) -> None:
@@ -224,14 +223,14 @@ class Settings(Brief):
         for name, words in (("hold", Hold), ("excitation", Excitation), ("branch", Branch)):
             if getattr(self, name) not in get_args(words):
                 must = "be one of " + ", ".join(f'"{one}"' for one in get_args(words))
-                raise input_error(name, "Settings", must, f"is {getattr(self, name)!r}")
+                raise wrong_value(name, "Settings", must, getattr(self, name))
 
     def _check_form(self) -> None:
         """Refuse a form, a delay and a structure that do not go together."""
         of = "Settings"
         if self.form not in get_args(Form):
             words = ", ".join(f'"{one}"' for one in get_args(Form))
-            raise input_error("form", of, f"be one of {words}", f"is {self.form!r}")
+            raise wrong_value("form", of, f"be one of {words}", self.form)
         if self.delay is not None:
             object.__setattr__(self, "delay", positive(self.delay, "delay", of, unit="s"))
             if self.form != "delayed":
@@ -254,8 +253,8 @@ class Settings(Brief):
         if isinstance(structure, AbstractStructure):
             structure = text_of(structure)
         if not isinstance(structure, str):
-            must, remedy = 'be a structure, its text or "auto"', 'Pass e.g. "stiffness 2 symmetric; damping 0".'
-            raise input_error("structure", of, must, f"is {structure!r:.60}", remedy)
+            must = 'be a structure, its text or "auto"'
+            raise wrong_value("structure", of, must, structure, 'Pass e.g. "stiffness 2 symmetric; damping 0".')
         try:
             meant = structure_of(structure)
         except InputError as error:
@@ -294,7 +293,7 @@ class Settings(Brief):
         for name in ("tach", "azimuth", "events"):
             value = getattr(self, name)
             if value is not None and (not isinstance(value, str) or not value.strip()):
-                raise input_error(name, of, "be the name of a channel", f"is {value!r}")
+                raise wrong_value(name, of, "be the name of a channel", value)
         if len(named) > 1 and named != ["period", "estimate_period"]:
             must, got = "not be given beside another clock", f"{' and '.join(named)} are"
             raise input_error(named[1], of, must, got, "Say in one way what ties the record to the period.")
@@ -333,8 +332,8 @@ def settings_of(settings: Settings | None, options: Mapping[str, Any], of: str) 
             remedy = f"Did you mean {meant}?" if meant else f"Its options are: {', '.join(known)}."
             raise InputError(f"`{of}` has no option `{name}`. {remedy}")
     if not isinstance(settings, Settings | None):
-        remedy = f"Write `{of}({EXAMPLE}, period=T)`."
-        raise input_error("settings", of, "be Settings, or options by name", f"is {describe(settings)}", remedy)
+        must = "be Settings, or options by name"
+        raise wrong_value("settings", of, must, settings, f"Write `{of}({EXAMPLE}, period=T)`.")
     return replace(settings or Settings(), **options)  # type: ignore[arg-type]
 
 
@@ -349,7 +348,7 @@ def _forced_text(value: object) -> str:
             raise ValueError
     except (TypeError, ValueError):
         must = 'be "auto", "none" or harmonics of the revolution'
-        raise input_error("forced", "Settings", must, f"is {value!r}", 'Pass e.g. "1,2".') from None
+        raise wrong_value("forced", "Settings", must, value, 'Pass e.g. "1,2".') from None
     return ",".join(str(number) for number in numbers)
 
 

@@ -12,7 +12,7 @@ from typing import Any, Literal, Protocol, final, overload
 
 import numpy as np
 
-from floquid._checks import describe, input_error
+from floquid._checks import an_instance, input_error, wrong_value
 from floquid.core import Channel, ConstantPeriod, LazyRecord, Record
 from floquid.io import GUARD, DamagedError, Source, as_path, atomic_path, readable_file
 from floquid.readers._csv import load_csv, load_xlsx, save_csv
@@ -289,9 +289,8 @@ def read(
     if lazy and (names is not None or not header):
         got = "is given" if names is not None else "is False"
         option = "names" if names is not None else "header"
-        raise input_error(
-            option, "read", "be left out with `lazy=True`", got, "Read the record whole, or leave it out."
-        )
+        must = "be left out with `lazy=True`"
+        raise input_error(option, "read", must, got, "Read the record whole, or leave it out.")
     if lazy:
         return read_lazily(path, period=period, rate=rate, channels=channels, origin=origin)
     source, kind, table = load_table(path, of="read", channels=channels, ignore_time=rate is not None, header=header)
@@ -314,8 +313,7 @@ def write(record: Record, path: str | PathLike[str]) -> None:
     character, or the suffix is not of a format that is written. So it does where the folder does not exist or cannot be
     written to.
     """
-    if not isinstance(record, Record):
-        raise input_error("record", "write", "be a Record", f"is {describe(record)}", "Pass Record(values=..., ...).")
+    an_instance(record, Record, "record", "write", "Pass Record(values=..., ...).")
     file = as_path(path, of="write")
     kind = format_of(file, of="write")
     if kind.save is None:
@@ -340,7 +338,7 @@ def load_table(
     kind = format_of(source.path, of=of)
     readable_file(path, of=of)
     if channels is not None and (isinstance(channels, str) or len(channels) == 0):
-        raise input_error("channels", of, "be a list of names, at least one", f"is {channels!r}")
+        raise wrong_value("channels", of, "be a list of names, at least one", channels)
     load = partial(kind.load, source, channels=channels, ignore_time=ignore_time)
     if not header:
         if kind.load not in (load_csv, load_xlsx):

@@ -110,8 +110,7 @@ def derivative_of(channel: Channel, of: str = OF) -> int:
     if channel.quantity not in DERIVATIVES:
         must = "name channels of displacement, velocity or acceleration"
         got = f"channel {channel.name!r} measures {channel.quantity} [{channel.unit}]"
-        remedy = "Choose motions, or give the channel its quantity."
-        raise input_error("states", of, must, got, remedy)
+        raise input_error("states", of, must, got, "Choose motions, or give the channel its quantity.")
     return DERIVATIVES[str(channel.quantity)]
 
 

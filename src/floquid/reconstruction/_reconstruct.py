@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._arrays import Complexes, Floats, Mask
-from floquid._checks import Rebuilt, frozen_array, input_error, integer
+from floquid._checks import Rebuilt, frozen_array, input_error, integer, wrong_value
 from floquid._show import Drawings, Drawn
 from floquid.core import MOST_TIMES, Form, PeriodicModel, Provenance
 from floquid.findings import Finding, texts
@@ -299,8 +299,7 @@ def _built_from(
 ) -> tuple[Shapes, Terms | None, Mask]:
     """The shapes that A(t) is built from, where the estimates are that tell their deviations, and which count."""
     if isinstance(harmonics, str) and harmonics not in ("auto", "model"):
-        must = 'be "auto", "model" or a whole number'
-        raise input_error("harmonics", "reconstruct", must, f"is {harmonics!r}")
+        raise wrong_value("harmonics", "reconstruct", 'be "auto", "model" or a whole number', harmonics)
     if not isinstance(harmonics, str):
         integer(harmonics, "harmonics", "reconstruct", at_least=0)
     estimates = model.estimates
@@ -331,7 +330,7 @@ def instants_of(times: ArrayLike | int, period: float, of: str) -> Floats:
     else:
         instants = frozen_array(times, "times", of, axes=("times",))
     if not len(instants):
-        raise input_error("times", of, "hold at least one instant", f"is {times!r}")
+        raise wrong_value("times", of, "hold at least one instant", times)
     return instants
 
 
@@ -342,9 +341,9 @@ def coordinates_of(model: PeriodicModel, states: Names, form: str, delay: float 
         raise input_error("model", "reconstruct", "have modes", "has none", remedy)
     if form not in get_args(Form):
         words = ", ".join(f'"{one}"' for one in get_args(Form))
-        raise input_error("form", "reconstruct", f"be one of {words}", f"is {form!r}")
+        raise wrong_value("form", "reconstruct", f"be one of {words}", form)
     if delay is not None and form != "delayed":
-        raise input_error("delay", "reconstruct", 'be None unless form="delayed"', f"is {delay!r}")
+        raise wrong_value("delay", "reconstruct", 'be None unless form="delayed"', delay)
     if form == "delayed":
         return delayed(model, states, delay)
     return (second_order if form == "second-order" else first_order)(model, states)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._arrays import Floats
-from floquid._checks import finite, input_error
+from floquid._checks import finite, input_error, wrong_value
 from floquid.core import Estimates, Form, PeriodicModel
 from floquid.errors import IdentificationError
 from floquid.findings import Finding
@@ -82,9 +82,8 @@ def refine(
     """
     estimates = model.unselected if model.unselected is not None else model.estimates
     if estimates is None:
-        must = "have the joint covariance of its coefficients (`estimates`)"
-        remedy = "Identify with maximum likelihood and `constrained=True`, the defaults."
-        raise input_error("model", OF, must, "has none", remedy)
+        got, remedy = "has none", "Identify with maximum likelihood and `constrained=True`, the defaults."
+        raise input_error("model", OF, "have the joint covariance of its coefficients (`estimates`)", got, remedy)
     if not 0.0 <= finite(refuse, "refuse", OF) < 1.0:
         raise input_error("refuse", OF, "be a probability below one", f"is {refuse:g}")
     if isinstance(structure, str):
@@ -92,7 +91,7 @@ def refine(
     given = isinstance(structure, AbstractStructure)
     if not given and structure != "auto":
         must = 'be "auto", a structure such as SecondOrder(stiffness=Block(harmonics=2)), or its text'
-        raise input_error("structure", OF, must, f"is {structure!r:.60}")
+        raise wrong_value("structure", OF, must, structure)
     fit = _Fit.made(model, states, structure.degree if given else 2, estimates)
     if given:
         near, findings = None, ()

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid._checks import input_error, positive
+from floquid._checks import input_error, positive, wrong_value
 from floquid.core import Channel, PeriodicModel, channels_named
 from floquid.errors import IdentificationError
 from floquid.reconstruction._coordinates import OF, Coordinates, Part, State, channel_noise, derivative_of, refuse_rest
@@ -28,9 +28,8 @@ def second_order(model: PeriodicModel, states: Names) -> Coordinates:
     """Displacements and their velocities; an entry of `states` may be several channels of one motion."""
     if model.order % 2:
         must = "have an even number of modes: a channel gives two states, displacement and velocity"
-        got = f"has {model.order}"
         remedy = 'Identify again with an even `order`, pass `form="delayed"`, or leave A(t) out.'
-        raise input_error("model", OF, must, got, remedy)
+        raise input_error("model", OF, must, f"has {model.order}", remedy)
     if states == ALL and ALL not in {channel.name for channel in model.channels}:
         return combined(model, model.order // 2)
     groups = displacement_rows(model.channels, states)
@@ -71,7 +70,7 @@ def displacement_rows(channels: Sequence[Channel], states: Names, *, of: str = O
     """The rows of the channels of each displacement: one name, several joined by +, or a list of names."""
     listing = "The channels are: " + ", ".join(channel.name for channel in channels) + "."
     if isinstance(states, str):
-        raise input_error("states", of, "be a list of channel names", f"is {states!r}", listing)
+        raise wrong_value("states", of, "be a list of channel names", states, listing)
     known = {channel.name for channel in channels}
     groups: list[list[str]] = []
     for entry in states:
@@ -80,7 +79,7 @@ def displacement_rows(channels: Sequence[Channel], states: Names, *, of: str = O
         elif isinstance(entry, (list, tuple)):
             groups.append(list(entry))
         else:
-            raise input_error("states", of, "be a list of channel names", f"is {states!r}", listing)
+            raise wrong_value("states", of, "be a list of channel names", states, listing)
     channels_named(channels, [name for group in groups for name in group], argument="states", of=of)
     place = {channel.name: row for row, channel in enumerate(channels)}
     rows = [[place[name] for name in group] for group in groups]

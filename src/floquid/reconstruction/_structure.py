@@ -10,7 +10,7 @@ from typing import ClassVar, Literal, get_args
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid._checks import Rebuilt, counted, finite, input_error, integer
+from floquid._checks import Rebuilt, counted, finite, input_error, integer, wrong_value
 from floquid._show import Brief
 
 Symmetry = Literal["none", "symmetric", "skew", "diagonal"]
@@ -45,7 +45,7 @@ class Block(Rebuilt):
         integer(self.harmonics, "harmonics", "Block", at_least=0)
         if self.symmetry not in get_args(Symmetry):
             words = ", ".join(f'"{one}"' for one in get_args(Symmetry))
-            raise input_error("symmetry", "Block", f"be one of {words}", f"is {self.symmetry!r}")
+            raise wrong_value("symmetry", "Block", f"be one of {words}", self.symmetry)
         for place, value in self.known.items():
             if not (isinstance(place, tuple) and len(place) == 2):
                 got = f"has the key {place!r}"
@@ -309,7 +309,7 @@ def structure_of(text: str) -> AbstractStructure | Literal["auto"]:
     Raises InputError where the text says no structure.
     """
     if not isinstance(text, str) or not text.strip():
-        raise input_error("text", OF, "say a structure", f"is {text!r:.60}", EXAMPLES)
+        raise wrong_value("text", OF, "say a structure", text, EXAMPLES)
     if text.strip() == AUTO:
         return AUTO
     blocks: dict[str, Block] = {}
@@ -336,8 +336,7 @@ def text_of(structure: AbstractStructure | str) -> str:
     if isinstance(structure, str) and structure == AUTO:
         return AUTO
     if not isinstance(structure, (SecondOrder, FirstOrder)):
-        must, got = 'be SecondOrder, FirstOrder or "auto"', f"is {structure!r:.60}"
-        raise input_error("structure", "text_of", must, got)
+        raise wrong_value("structure", "text_of", 'be SecondOrder, FirstOrder or "auto"', structure)
     return "; ".join(_clause(name, block) for name, block, _ in structure.blocks())
 
 

@@ -71,10 +71,9 @@ def pairs_of(pairs: Pairs, channels: Sequence[Channel]) -> tuple[Pair, ...]:
         rows = channels_named(channels, [x, y], argument="pairs", of=OF)
         for row in rows:
             if channels[row].frame == "rotating":
+                must = "be in the fixed frame"
                 remedy = "Whirl is that of the fixed frame; name turning members by `blades`."
-                raise input_error(
-                    "pairs", OF, "be in the fixed frame", f"has {channels[row].name!r}, which turns", remedy
-                )
+                raise input_error("pairs", OF, must, f"has {channels[row].name!r}, which turns", remedy)
         found.append(Pair(f"{x}:{y}", *rows))
     _refuse_units([channels[row] for pair in found for row in (pair.x, pair.y)], "pairs")
     return tuple(found)

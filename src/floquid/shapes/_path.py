@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._arrays import Complexes, Floats
-from floquid._checks import Rebuilt, describe, finite, frozen_array, input_error
+from floquid._checks import Rebuilt, finite, frozen_array, input_error, wrong_value
 from floquid.core import Channel, PeriodicModel, Shape, on_branch, turning_point
 from floquid.pipeline import Analysis
 
@@ -75,8 +75,7 @@ def path_shapes(result: Analysis | PeriodicModel) -> PathShapes:
     """
     model = getattr(result, "model", None)
     if not isinstance(model, PeriodicModel):
-        must, remedy = "be an Analysis or a PeriodicModel", "Pass what `identify` gave."
-        raise input_error("result", OF, must, f"is {describe(result)}", remedy)
+        raise wrong_value("result", OF, "be an Analysis or a PeriodicModel", result, "Pass what `identify` gave.")
     even = on_branch(model, "symmetric")
     phase, _ = turning_point(even)
     pairs = [mode for mode in even.upper_modes if not even.unpaired[mode]]

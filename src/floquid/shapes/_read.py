@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from floquid._arrays import Floats, Integers
-from floquid._checks import Rebuilt, Sealed, describe, input_error, positive
+from floquid._checks import Rebuilt, Sealed, input_error, positive, wrong_value
 from floquid.core import Channel, Identified, PeriodicModes, Shape, as_point, channels_named, couples_of
 from floquid.periodic import CONFIDENT
 from floquid.shapes._arguments import APART, OF, Blades, Family, Pair, Pairs, families_of, pairs_of
@@ -190,10 +190,9 @@ def read_shapes(
     modes = getattr(result, "model", result)
     if not isinstance(modes, PeriodicModes):
         must = "be an Analysis or modes in channels"
-        remedy = "Pass what `identify` gave, or `floquet.modes(..., outputs=C)`."
-        raise input_error("result", OF, must, f"is {describe(result)}", remedy)
+        raise wrong_value("result", OF, must, result, "Pass what `identify` gave, or `floquet.modes(..., outputs=C)`.")
     if words not in WORDS:
-        raise input_error("words", OF, f"be one of {', '.join(WORDS)}", f"is {describe(words)}")
+        raise wrong_value("words", OF, f"be one of {', '.join(WORDS)}", words)
     pairs_read = pairs_of(pairs, modes.channels)
     families = () if pairs_read and not blades and not fixed else families_of(blades, fixed, scales, modes.channels)
     if not (pairs_read or families or participation):

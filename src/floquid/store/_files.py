@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from floquid._checks import describe, input_error
+from floquid._checks import input_error, wrong_value
 from floquid._version import __version__
 from floquid.checks import Criterion, Validation
 from floquid.comparison import Comparison, Updated
@@ -76,8 +76,7 @@ def save(analysis: Result, path: str | PathLike[str]) -> None:
     name ends otherwise, or the file cannot be written there.
     """
     if not isinstance(analysis, Result):
-        must = "be an Analysis"
-        raise input_error("analysis", "save", must, f"is {describe(analysis)}", "Pass what `identify` gave.")
+        raise wrong_value("analysis", "save", "be an Analysis", analysis, "Pass what `identify` gave.")
     place = as_path(path, of="save")
     if place.suffix.lower() not in RESULT_ENDINGS and not place.is_dir():
         remedy = "A result is an HDF5 file; tables and .mat files are written by `export_modes`."

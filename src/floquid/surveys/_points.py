@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._arrays import Complexes, Floats
-from floquid._checks import describe, input_error
+from floquid._checks import input_error, wrong_value
 from floquid.core import Channel, PeriodicModel, Shape
 from floquid.floquet import (
     AbstractPeriodicMatrix,
@@ -116,7 +116,7 @@ def _described(system: Any) -> tuple[Any, float | None, Callable[[], tuple[Any, 
         case (inner, period):
             return inner, period, None
     remedy = "Pass A(t) with its period, as `(A, period)`, or `floquet.modes(A, period, outputs=C)`."
-    raise input_error("system", "floquid", "be a known system", f"is {describe(system)}", remedy)
+    raise wrong_value("system", "floquid", "be a known system", system, remedy)
 
 
 def is_linearised(folder: Path) -> bool:

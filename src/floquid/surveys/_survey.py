@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid._checks import counted, input_error, integer, positive
+from floquid._checks import counted, input_error, integer, positive, wrong_value
 from floquid._show import late
 from floquid.shapes import Blades, Pairs, ShapeOptions, Words, ordinal
 from floquid.surveys._edges import Crossing, Followed, crossings
@@ -86,8 +86,7 @@ def survey(
     shapes = ShapeOptions(pairs=pairs, blades=blades, fixed=fixed, scales=dict(scales), words=words)
     if callable(results):
         if between is None or not between[0] < between[1]:
-            got = f"is {between!r}"
-            raise input_error("between", OF, "hold the two ends of the range", got, "Such as between=(0.4, 1.2).")
+            raise wrong_value("between", OF, "hold the two ends of the range", between, "Such as between=(0.4, 1.2).")
         grid = np.linspace(*between, integer(points, "points", OF, at_least=FEWEST))
         known = [_known(results, over, value, shapes) for value in grid.tolist()]
         found = replace(_surveyed(known, over, missed, confidence), shapes=shapes)

@@ -80,10 +80,9 @@ def of_azimuth(record: Record, clock: AzimuthSignal) -> Evidence:
     angles = found[:whole].reshape(-1, block)[tight].mean(axis=1)
     path = float(np.abs(np.diff(angles)).sum())
     if not (np.diff(angles) > 0.0).all():
-        must = "be of a shaft that turns one way throughout"
         got = f"{channel.name!r} gets on by {angles[-1] - angles[0]:.3g} revolutions on a path of {path:.3g}"
         remedy = "Cut the record to a part in which the shaft turns, or check the channel."
-        raise input_error("record", OF, must, got, remedy)
+        raise input_error("record", OF, "be of a shaft that turns one way throughout", got, remedy)
     return Evidence(
         times=record.start + places[tight].mean(axis=1) / record.sample_rate,
         angles=2.0 * np.pi * angles,

@@ -54,8 +54,7 @@ def samples_per_period(record: Record) -> int:
         raise input_error("period", "segment", must, got, "Check the units of the period and of the sampling rate.")
     cycles = record.n_samples / exact
     if cycles < 1.0:
-        must = f"be shorter than the record ({record.duration:.6g} s)"
-        got = f"is {period:.6g} s"
+        must, got = f"be shorter than the record ({record.duration:.6g} s)", f"is {period:.6g} s"
         raise input_error("period", "segment", must, got, "Check the unit of the period, or use a longer record.")
     phases = round(exact)
     if abs(exact - phases) * cycles > LARGEST_DRIFT:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from floquid import floquet
 from floquid._arrays import Complexes, Floats
-from floquid._checks import finite, input_error, integer, positive
+from floquid._checks import finite, input_error, integer, positive, wrong_value
 from floquid.core import Channel, ConstantPeriod, Provenance, Record
 
 DampingForm = Literal["identity", "support"]
@@ -68,7 +68,7 @@ class JeffcottRotor:
         object.__setattr__(self, "damping", _not_negative(self.damping, "damping", of))
         if self.damping_form not in get_args(DampingForm):
             words = " or ".join(f'"{form}"' for form in get_args(DampingForm))
-            raise input_error("damping_form", of, f"be {words}", f"is {self.damping_form!r}")
+            raise wrong_value("damping_form", of, f"be {words}", self.damping_form)
 
     @property
     def period(self) -> float:
@@ -187,8 +187,7 @@ class JeffcottRotor:
             start=start,
         )
         if not np.isfinite(values).all():
-            must = "end before the response overflows"
-            got = f"is {periods}, and this rotor is unstable"
+            must, got = "end before the response overflows", f"is {periods}, and this rotor is unstable"
             raise input_error("n_periods", of, must, got, "Take fewer periods or another speed.")
         if level > 0.0:
             largest = np.abs(values).max(axis=1, keepdims=True)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
-from floquid._checks import counted, input_error
+from floquid._checks import counted, input_error, wrong_value
 from floquid.core import Channel
 from floquid.errors import InputError
 from floquid.io import Source
@@ -128,7 +128,7 @@ def numbered(names: Sequence[str]) -> list[str]:
 def with_names(table: Table, names: Sequence[str], source: Source) -> Table:
     """The `table` of a `source`, its first channels renamed: to the `names`, or to the labels that one names."""
     if isinstance(names, str) or not names or not all(isinstance(name, str) for name in names):
-        raise input_error("names", source.of, "be a list of names, at least one", f"is {names!r}")
+        raise wrong_value("names", source.of, "be a list of names, at least one", names)
     chosen = table.labels[names[0]] if len(names) == 1 and names[0] in table.labels else names
     count = len(table.channels)
     if len(chosen) > count:

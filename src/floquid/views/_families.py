@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid._checks import Sealed, input_error
+from floquid._checks import Sealed, an_instance, input_error
 from floquid.errors import FloquidError
 from floquid.lti import fit_residues
 from floquid.order import OrderScan
@@ -98,8 +98,7 @@ def unfolded(scan: OrderScan, analysis: Analysis) -> tuple[Complexes, ...]:
     """
     of = "unfolded"
     check_analysis(analysis, of)
-    if not isinstance(scan, OrderScan):
-        raise input_error("scan", of, "be an OrderScan", f"is {scan!r:.60}", "Pass what `order.scan` gives.")
+    an_instance(scan, OrderScan, "scan", of, "Pass what `order.scan` gives.")
     period = analysis.lifted.period
     if abs(scan.indicators.dt - period) > 1e-6 * period:
         got = f"one of responses sampled every {scan.indicators.dt:.6g} s, and the period is {period:.6g} s"

@@ -10,7 +10,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from floquid._arrays import Floats, Integers, Mask
-from floquid._checks import describe, input_error
+from floquid._checks import wrong_value
 from floquid.core import Branch, PeriodicModel
 from floquid.periodic import CONFIDENT, participation
 from floquid.pipeline import Analysis
@@ -187,7 +187,7 @@ def decrement(ratio: float) -> tuple[float, float]:
 def check_damping_unit(unit: object, of: str) -> None:
     """Refuse in the name of the callable `of` a `unit` of damping that is none."""
     if unit not in ("percent", "decrement"):
-        raise input_error("damping_unit", of, 'be "percent" or "decrement"', f"is {describe(unit)}")
+        raise wrong_value("damping_unit", of, 'be "percent" or "decrement"', unit)
 
 
 def _harmonics(analysis: Analysis, mode: int, _: bool) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Complexes, Integers
-from floquid._checks import describe, index, input_error
+from floquid._checks import an_instance, index, wrong_value
 from floquid.core import Channel, PeriodicModel
 from floquid.findings import Finding, Severity
 from floquid.fit import DEVIATIONS
@@ -113,7 +113,7 @@ def speed_unit(unit: object, of: str) -> tuple[str, float]:
     Raises InputError in the name of the callable `of` where it is none.
     """
     if not isinstance(unit, str) or unit not in UNITS:
-        raise input_error("speed_unit", of, 'be "hz" or "rpm"', f"is {describe(unit)}")
+        raise wrong_value("speed_unit", of, 'be "hz" or "rpm"', unit)
     return UNITS[unit]
 
 
@@ -181,8 +181,7 @@ def grows(model: PeriodicModel, mode: int) -> bool:
 
 def check_analysis(analysis: Analysis, of: str, *, channel: int | None = None, hit: int = 0) -> None:
     """Refuse an `analysis` that is none, and a `channel` or a `hit` that it has not; `of` is the callable."""
-    if not isinstance(analysis, Analysis):
-        raise input_error("analysis", of, "be an Analysis", f"is {analysis!r:.60}", "Pass what `identify` gives.")
+    an_instance(analysis, Analysis, "analysis", of, "Pass what `identify` gives.")
     index(hit, "hit", of, analysis.model.n_hits)
     if channel is not None:
         index(channel, "channel", of, len(analysis.model.channels))

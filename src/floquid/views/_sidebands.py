@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._arrays import Complexes, Floats, Indices, Mask
-from floquid._checks import describe, frozen_array, input_error, positive
+from floquid._checks import frozen_array, input_error, positive, wrong_value
 from floquid.core import Channel, channels_named
 from floquid.inputs import TransferFunctions
 from floquid.pipeline import Analysis
@@ -190,7 +190,7 @@ def source_of(
         return cast("Source", _Model(subject, frozen_array(hertz, "frequencies_hz", of, axes=("frequencies",))))
     if not isinstance(subject, TransferFunctions):
         must = "be a Record, TransferFunctions or an Analysis"
-        raise input_error("subject", of, must, f"is {describe(subject)}", "Pass `analysis.transfer()`, say.")
+        raise wrong_value("subject", of, must, subject, "Pass `analysis.transfer()`, say.")
     if frequencies_hz is not None:
         must, remedy = "be left out of transfer functions", "They have frequencies of their own."
         raise input_error("frequencies_hz", of, must, "is given", remedy)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
 
 from cyclopts import Group, Parameter
 
-from floquid._checks import finite, input_error, positive
+from floquid._checks import finite, input_error, positive, wrong_value
 from floquid.cli.arguments.shared import (
     FREQUENCY_HELP,
     HEADER_HELP,
@@ -141,7 +141,7 @@ def given(options: object, of: str) -> dict[str, Any]:
         if said.get(name) is not None:
             said[name] = split(text := said[name])
             if name == "inputs" and not said[name]:  # an empty variable of a shell would make a free response of it
-                raise input_error(f"--{name}", of, "name a channel", f"is {text!r}", "Name one, or leave it out.")
+                raise wrong_value(f"--{name}", of, "name a channel", text, "Name one, or leave it out.")
     return {name: value for name, value in said.items() if value is not None}
 
 
@@ -230,7 +230,7 @@ def choices_of(file: Path | None) -> Choices:
             reading["names"] = Settings(channels=content.pop("names")).channels
         if (header := content.pop("header", None)) is not None:
             if not isinstance(header, bool):
-                raise input_error("header", "Settings", "be true or false", f"is {header!r}")
+                raise wrong_value("header", "Settings", "be true or false", header)
             reading["header"] = header
         if "point" in content:
             reading["point"] = as_point(content.pop("point"), "Settings")

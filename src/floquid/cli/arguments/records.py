@@ -139,6 +139,5 @@ def _record(cells: Sequence[str], files: Sequence[Path], where: str, of: str) ->
         return int(word) - 1
     if word and not _is_number(word):
         return None
-    must, got = "name a record in the first column of each row", f"{where} has {word!r}"
     remedy = f"Write the name of a file such as {files[0].name}, or its number, 1 to {len(files)}."
-    raise input_error(OPTION, of, must, got, remedy)
+    raise input_error(OPTION, of, "name a record in the first column of each row", f"{where} has {word!r}", remedy)

@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from cyclopts import Group, Parameter, Token
 
-from floquid._checks import input_error, positive
+from floquid._checks import input_error, positive, wrong_value
 from floquid.core import as_point
 from floquid.errors import InputError
 from floquid.io import is_result
@@ -105,7 +105,7 @@ def point_given(words: Sequence[str], of: str) -> dict[str, float]:
             as_point({name: found[name]}, of)
         except (ValueError, InputError):
             example = "For example: --point speed_rpm=742"
-            raise input_error("--point", of, "be NAME=NUMBER", f"is {word!r}", example) from None
+            raise wrong_value("--point", of, "be NAME=NUMBER", word, example) from None
     return found
 
 

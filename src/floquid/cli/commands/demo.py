@@ -13,7 +13,7 @@ import numpy as np
 from cyclopts import Parameter
 from rich.table import Table
 
-from floquid._checks import input_error
+from floquid._checks import wrong_value
 from floquid.cli.arguments.options import Choices
 from floquid.cli.arguments.shared import Format, NewRecordFile, Noise, Periods, Place, Seed, Whole
 from floquid.cli.commands.identify import STAGES
@@ -90,8 +90,8 @@ def simulate(
 def _system_named(name: str) -> JeffcottRotor:
     """The example system of that name, with its parameters as published."""
     if name not in SYSTEMS:
-        remedy = f"There is: {', '.join(SYSTEMS)}."
-        raise input_error("SYSTEM", "floquid", "be the name of an example system", f"is {name!r}", remedy)
+        must = "be the name of an example system"
+        raise wrong_value("SYSTEM", "floquid", must, name, f"There is: {', '.join(SYSTEMS)}.")
     return SYSTEMS[name]()
 
 

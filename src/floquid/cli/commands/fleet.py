@@ -57,13 +57,11 @@ def fleet(
         A settings.toml written by `floquid identify`; options given here come first.
     """
     if not files:
-        raise input_error(
-            "FILES", OF, "name records", "none was given", "For example: floquid fleet 'lake/*/*.parquet'"
-        )
+        must = "name records"
+        raise input_error("FILES", OF, must, "none was given", "For example: floquid fleet 'lake/*/*.parquet'")
     if scheduler is not None and workers is not None:
-        raise input_error(
-            "--scheduler", OF, "not be given beside --workers", "both are given", "It has its own workers."
-        )
+        must = "not be given beside --workers"
+        raise input_error("--scheduler", OF, must, "both are given", "It has its own workers.")
     choices = choices_of(settings).with_given(**given(record, OF), **given(model, OF))
     with ExitStack() as held:
         by = None if scheduler is None else held.enter_context(scheduled(scheduler, of=OF, argument="--scheduler"))

@@ -94,9 +94,8 @@ def identify(
         return
     choices = choices_of(settings).with_given(**given(record, OF), **given(model, OF))
     if enforce and not choices.settings.validate:
-        must, got = "come with the checks of the model", "they are switched off"
         remedy = "Leave out --no-validate, and `validate = false` in the settings."
-        raise input_error("--enforce", OF, must, got, remedy)
+        raise input_error("--enforce", OF, "come with the checks of the model", "they are switched off", remedy)
     if figures and out is None:
         raise input_error("--figures", OF, "come with --out", "no folder was named", "Add `--out DIR`.")
     stages, mark = STAGES + (1 if out else 0) + (3 if choices.settings.structure else 0), ""
@@ -185,9 +184,8 @@ def identify_in_blocks(
     if len(files) != 1:
         raise input_error("FILES", of, "be one file with --memory", f"are {len(files)}", "Give one.")
     if out is None:
-        raise input_error(
-            "--memory", of, "come with --out", "no folder was named", "Residues stay there: add `--out DIR`."
-        )
+        must = "come with --out"
+        raise input_error("--memory", of, must, "no folder was named", "Residues stay there: add `--out DIR`.")
     others = [name for name in options if name not in TAKEN]
     if others:
         must, got = "stand alone with --memory", "is given with it"

@@ -7,7 +7,7 @@ from dataclasses import replace
 from rich.console import Console
 
 from floquid._bar import bar
-from floquid._checks import counted, input_error
+from floquid._checks import counted, input_error, wrong_value
 from floquid.cli.arguments.options import ModelOptions, RecordOptions, choices_of, given
 from floquid.cli.arguments.points import jobs_of, points_of
 from floquid.cli.arguments.shared import Format, MonitorFiles, OptionalWhole, OutputFolder, Place, SettingsFile, Whole
@@ -120,8 +120,8 @@ def _slice(text: str) -> slice:
             else slice(0, int(first))
         )
     except ValueError:
-        must, got = "be a range of records, counted from 0", f"is {text!r:.40}"
-        raise input_error("--baseline", OF, must, got, "Such as 0:30 for the first thirty.") from None
+        must = "be a range of records, counted from 0"
+        raise wrong_value("--baseline", OF, must, text, "Such as 0:30 for the first thirty.") from None
 
 
 def print_monitor(console: Console, found: Monitor) -> None:

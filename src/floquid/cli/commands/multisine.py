@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 from rich.console import Console
 
-from floquid._checks import input_error
+from floquid._checks import input_error, wrong_value
 from floquid.cli.arguments.shared import Frequency, NewRecordFile, OptionalWhole, Whole, period_of, split
 from floquid.cli.output.terminal import terminal
 from floquid.core import Channel
@@ -92,6 +92,5 @@ def _band(text: str) -> tuple[float, float] | None:
     try:
         low, high = (float(word) for word in split(text))
     except ValueError:
-        must = "be two frequencies with a comma"
-        raise input_error("--band", DESIGN, must, f"is {text!r}", "As --band 0.1,2.") from None
+        raise wrong_value("--band", DESIGN, "be two frequencies with a comma", text, "As --band 0.1,2.") from None
     return low, high

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import numpy as np
 from cyclopts import Parameter
 
-from floquid._checks import input_error
+from floquid._checks import wrong_value
 from floquid.cli.arguments.shared import Format, Saved, split
 from floquid.cli.output.folder import modes_in
 from floquid.cli.output.terminal import json_text, new_table, print_title, print_whole, terminal
@@ -147,8 +147,7 @@ def scales_of(words: Sequence[str], of: str) -> dict[str, float]:
         try:
             found[name.strip()] = float(Fraction(number.strip()))
         except (ValueError, ZeroDivisionError):
-            remedy = "For example: --scale fa=1/60"
-            raise input_error("--scale", of, "be NAME=NUMBER", f"is {word!r}", remedy) from None
+            raise wrong_value("--scale", of, "be NAME=NUMBER", word, "For example: --scale fa=1/60") from None
     return found
 
 

@@ -118,8 +118,7 @@ def _surveyed(points: list, over: str, gap: int, confidence: float) -> Survey:
     lost = [point for point in points if point.model is None and over not in point.values]
     if len(lost) == len(points):
         got = f"{', '.join(lost[0].files)} does not: {(lost[0].reason or '').rstrip('.')}"
-        must = "hold a record or a result"
-        raise input_error("FILES", OF, must, got)
+        raise input_error("FILES", OF, "hold a record or a result", got)
     found = survey_points([point for point in points if point not in lost], over=over, gap=gap, confidence=confidence)
     words = [f"{', '.join(point.files)} is left out: {point.reason}" for point in lost]
     return replace(found, warnings=(*words, *found.warnings))

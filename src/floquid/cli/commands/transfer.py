@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.table import Table
 
-from floquid._checks import counted, input_error
+from floquid._checks import counted, input_error, wrong_value
 from floquid._json import for_json
 from floquid.cli.arguments.options import Choices, RecordOptions, choices_of, given
 from floquid.cli.arguments.records import check_files, read_records
@@ -121,8 +121,8 @@ def transfer(
     if method == "model":
         _refuse_with_a_model(reference, repeat, curvature)
     if method == "repeats" and hertz is not None:
-        must, remedy = "not be given with --method repeats", "Leave it out: the lines are those of the inputs."
-        raise input_error("--at", OF, must, f"is {at!r}", remedy)
+        must = "not be given with --method repeats"
+        raise wrong_value("--at", OF, must, at, "Leave it out: the lines are those of the inputs.")
     with progress(STAGES) as report:
         records = []
         if lines is None and not saved:
@@ -219,7 +219,7 @@ def _refuse_with_a_model(reference: str, repeat: int | None, curvature: float) -
         ("--curvature", curvature, CURVATURE, "It counts for --method chirps."),
     ):
         if value != usual:
-            raise input_error(option, OF, "not be given with --method model", f"is {value!r}", remedy)
+            raise wrong_value(option, OF, "not be given with --method model", value, remedy)
 
 
 def _print(found: TransferFunctions, findings: Sequence[Finding], more: dict[str, Any], out: Path | None) -> None:
@@ -351,7 +351,7 @@ def _whole(text: str) -> list[int]:
     try:
         return [int(word) for word in split(text)]
     except ValueError:
-        raise input_error("--harmonics", OF, "be whole numbers with commas", f"is {text!r}", "As -1,0,1.") from None
+        raise wrong_value("--harmonics", OF, "be whole numbers with commas", text, "As -1,0,1.") from None
 
 
 def _frequencies(text: str) -> list[float] | None:
@@ -365,4 +365,4 @@ def _frequencies(text: str) -> list[float] | None:
         return [float(word) for word in split(text)]
     except ValueError:
         must = "be frequencies with commas, or first:last:number"
-        raise input_error("--at", OF, must, f"is {text!r}", "As 0.1:2:200.") from None
+        raise wrong_value("--at", OF, must, text, "As 0.1:2:200.") from None

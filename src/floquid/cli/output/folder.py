@@ -121,8 +121,7 @@ def in_memory(found: Any, of: str) -> Any:
     """A result with all that it was made of; refused where that stayed on the disk."""
     if found.kind == "large":
         must, got = "be of a record in memory", "is of one that was read in blocks (`--memory`)"
-        remedy = "`floquid compare`, `survey` and `shapes` take it."
-        raise input_error("RESULT", of, must, got, remedy)
+        raise input_error("RESULT", of, must, got, "`floquid compare`, `survey` and `shapes` take it.")
     return found
 
 

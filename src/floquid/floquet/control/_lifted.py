@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._arrays import Complexes, Floats
-from floquid._checks import Rebuilt, describe, frozen_array, input_error, integer, positive
+from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive, wrong_value
 from floquid.floquet.control._discrete import DiscretePeriodicSystem, checked_phase
 from floquid.io import load_package
 
@@ -172,7 +172,7 @@ def realise(system: control.StateSpace, n_phases: int, *, first_phase: int = 0) 
     period.
     """
     if not isinstance(system, load_package("control", _OF).StateSpace):
-        raise input_error("system", _OF, "be a control.StateSpace", f"is {describe(system)}", "Use `control.ss`.")
+        raise wrong_value("system", _OF, "be a control.StateSpace", system, "Use `control.ss`.")
     phases = integer(n_phases, "n_phases", _OF, at_least=1)
     first = checked_phase(first_phase, phases, _OF)
     A, B, C, D = (np.asarray(matrix, np.float64) for matrix in (system.A, system.B, system.C, system.D))

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from floquid._arrays import Floats, Indices
-from floquid._checks import frozen_array, input_error
+from floquid._checks import an_instance, frozen_array, input_error, wrong_value
 from floquid._show import Brief
 from floquid.floquet.matrices import (
     SAME,
@@ -127,8 +127,7 @@ class PeriodicSystem(Brief):
 
 def _check_shape(matrix: Operand, argument: str, shape: tuple[int, int], words: str) -> None:
     if matrix.shape != shape:
-        must = f"have shape {words} = {shape}"
-        raise input_error(argument, "PeriodicSystem", must, f"has shape {matrix.shape}")
+        raise input_error(argument, "PeriodicSystem", f"have shape {words} = {shape}", f"has shape {matrix.shape}")
 
 
 def _over_one_period(given: dict[str, Operand]) -> dict[str, AbstractPeriodicMatrix]:
@@ -167,9 +166,7 @@ def input_units(prepared: Prepared, reach: Floats) -> Floats:
 
 def checked_system(system: PeriodicSystem, of: str, *, inputs: bool) -> None:
     """Refuse what is no periodic system, and one without inputs where they are needed."""
-    if not isinstance(system, PeriodicSystem):
-        got = f"is {type(system).__name__}"
-        raise input_error("system", of, "be a PeriodicSystem", got, "Of A(t) alone: `PeriodicSystem(A=...)`.")
+    an_instance(system, PeriodicSystem, "system", of, "Of A(t) alone: `PeriodicSystem(A=...)`.")
     if inputs and system.B is None:
         raise input_error("system", of, "have inputs", "has none", "Give it a `B`.")
 
@@ -227,7 +224,7 @@ def simulate(
     """
     checked_system(system, _OF, inputs=False)
     if between not in get_args(Between):
-        raise input_error("between", _OF, 'be "linear" or "held"', f"is {between!r}")
+        raise wrong_value("between", _OF, 'be "linear" or "held"', between)
     instants = frozen_array(times, "times", _OF, axes=("times",))
     if not instants.size or (np.diff(instants) < 0.0).any():
         raise input_error("times", _OF, "ascend and hold one instant at least", f"has shape {instants.shape}")

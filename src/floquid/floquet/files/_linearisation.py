@@ -9,7 +9,7 @@ from typing import Literal, final
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive
+from floquid._checks import Rebuilt, frozen_array, input_error, integer, positive, wrong_value
 from floquid.floquet.files._lin_file import LinSignals
 from floquid.floquet.matrices import balanced_units
 
@@ -164,7 +164,7 @@ class OpenFastLinearisation(Rebuilt):
         values = getattr(self, matrix) if matrix in ("A", "B", "C", "D") else None
         if values is None:
             held = ", ".join(name for name in "ABCD" if getattr(self, name) is not None)
-            raise input_error("matrix", of, f"be one that the files hold ({held})", f"is {matrix!r}")
+            raise wrong_value("matrix", of, f"be one that the files hold ({held})", matrix)
         most = _most_harmonics(self.azimuths)
         count = most if n_harmonics is None else integer(n_harmonics, "n_harmonics", of, at_least=0)
         if count > most:
@@ -208,8 +208,7 @@ class OpenFastLinearisation(Rebuilt):
         """
         count = self.azimuths.size
         if count % 2 or count < 6:
-            got = f"has {count}"
-            remedy = "Linearise at an even number of azimuths, better a multiple of four."
+            got, remedy = f"has {count}", "Linearise at an even number of azimuths, better a multiple of four."
             raise input_error("azimuths", f"{_OF}.every_other", "have an even number of at least six", got, remedy)
         halves = {name: getattr(self, name) for name in "ABCD"}
         return replace(

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Floats
-from floquid._checks import Rebuilt, describe, input_error, positive
+from floquid._checks import Rebuilt, describe, input_error, positive, wrong_value
 from floquid.errors import InputError
 from floquid.floquet.files._array_files import OF, Contents, contents, printable
 from floquid.floquet.files._linearisation import OpenFastLinearisation
@@ -114,7 +114,7 @@ def read_matrix(
 def _paths(paths: object) -> list[Path]:
     given = [paths] if isinstance(paths, (str, os.PathLike)) else paths
     if not isinstance(given, Iterable) or isinstance(given, (bytes, bytearray)):
-        raise input_error("paths", OF, "be a path, or several", f"is {describe(paths)}")
+        raise wrong_value("paths", OF, "be a path, or several", paths)
     return [as_path(one, of=OF, argument="paths") for one in given]
 
 
@@ -122,7 +122,7 @@ def _openfast(files: list[Path], period: float | None, interpolation: Interpolat
     """The harmonics of a turbine that its azimuths determine."""
     if period is not None:
         remedy = "It is 2π over the mean speed of the rotor, which the files state."
-        raise input_error("period", OF, "be left out for .lin files", f"is {describe(period)}", remedy)
+        raise wrong_value("period", OF, "be left out for .lin files", period, remedy)
     model = read_openfast(files)
     words = f"OpenFAST, {model.azimuths.size} azimuths of one revolution at {model.rotor_speed:.6g} rad/s"
     if interpolation is None:
@@ -154,7 +154,7 @@ def _made(found: Contents, period: float | None, interpolation: Interpolation | 
     pieces = "edges" in found.arrays
     if interpolation is not None and (series or pieces):
         what = "harmonics" if series else "constant pieces"
-        raise input_error("interpolation", OF, f"be left out for {what}", f"is {interpolation!r}")
+        raise wrong_value("interpolation", OF, f"be left out for {what}", interpolation)
     try:
         matrix, words, warnings = _periodic(found, values, length, interpolation)
         outputs = _output_values(found, values.shape[1:], complex_numbers=series)
@@ -326,8 +326,7 @@ def _period(found: Contents, given: float | None) -> float:
         return stated
     length = positive(given, "period", OF, unit="s")
     if stated is not None and abs(stated - length) > _SAME * stated:
-        got = f"is {length:.9g} s"
-        raise input_error("period", OF, f"be left out or be that of {found.path}, {stated:.9g} s", got)
+        raise input_error("period", OF, f"be left out or be that of {found.path}, {stated:.9g} s", f"is {length:.9g} s")
     return length
 
 

@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from floquid._arrays import Floats
-from floquid._checks import describe, input_error, integer
+from floquid._checks import input_error, integer, wrong_value
 from floquid.floquet.files._lin_file import LinFile, LinSignals, read_lin
 from floquid.floquet.files._linearisation import OpenFastLinearisation, mean_over_revolution
 from floquid.io import as_path
@@ -81,7 +81,7 @@ def read_openfast(
     for the files; Hale, «Ordinary Differential Equations», ch. VI.1-2, for coordinates transverse to an orbit.
     """
     if azimuth not in ("phase", "drop", "keep"):
-        raise input_error("azimuth", _OF, 'be "phase", "drop" or "keep"', f"is {describe(azimuth)}")
+        raise wrong_value("azimuth", _OF, 'be "phase", "drop" or "keep"', azimuth)
     files = [read_lin(path, of=_OF, argument="paths") for path in _paths(paths)]
     if n_azimuths is not None and len(files) != integer(n_azimuths, "n_azimuths", _OF, at_least=3):
         raise input_error("paths", _OF, f"name {n_azimuths} files", f"names {len(files)}", "Is a file missing?")
@@ -100,7 +100,7 @@ def _paths(paths: object) -> list[Path]:
     """The files that are named, one by one, by folders or by patterns."""
     given = [paths] if isinstance(paths, (str, os.PathLike)) else paths
     if not isinstance(given, Iterable) or isinstance(given, (bytes, bytearray)):
-        raise input_error("paths", _OF, "be a path, or several", f"is {describe(paths)}")
+        raise wrong_value("paths", _OF, "be a path, or several", paths)
     found: list[Path] = []
     for one in given:
         path = as_path(one, of=_OF, argument="paths")

@@ -204,8 +204,7 @@ def periodic(system: StateMatrix, period: float | None, breaks: ArrayLike, of: s
     """A(t), in whatever form it was given, as a square periodic matrix of its period, or refused."""
     if isinstance(system, AbstractPeriodicMatrix):
         if period is not None and positive(period, "period", of, unit="s") != system.period:
-            must = f"be left out or be that of the matrix, {system.period:g} s"
-            got = f"is {period:g} s"
+            must, got = f"be left out or be that of the matrix, {system.period:g} s", f"is {period:g} s"
             raise input_error("period", of, must, got, "To declare another period use `repeated` or `reduced`.")
         if np.size(breaks):
             must = "be left out beside a periodic matrix"

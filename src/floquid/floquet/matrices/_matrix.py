@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._arrays import Floats
-from floquid._checks import frozen_array, input_error, integer, positive
+from floquid._checks import frozen_array, input_error, integer, positive, wrong_value
 
 if TYPE_CHECKING:
     from floquid.floquet.matrices._series import HarmonicMatrix, SampledMatrix
@@ -310,7 +310,7 @@ def named(names: Sequence[str] | None, count: int, letter: str, argument: str, o
     if names is None:
         return tuple(f"{letter}{i}" for i in range(1, count + 1))
     if isinstance(names, str) or not all(isinstance(name, str) and name for name in names):
-        raise input_error(argument, of, "be a list of names", f"is {names!r}")
+        raise wrong_value(argument, of, "be a list of names", names)
     if len(names) != count:
         raise input_error(argument, of, f"have {count} names", f"has {len(names)}")
     doubled = [name for name in dict.fromkeys(names) if list(names).count(name) > 1]

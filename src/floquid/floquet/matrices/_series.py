@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from floquid._arrays import Complexes, Floats, Integers
-from floquid._checks import Rebuilt, frozen_array, input_error
+from floquid._checks import Rebuilt, frozen_array, input_error, wrong_value
 from floquid._show import Brief
 from floquid.floquet.matrices._matrix import (
     AbstractPeriodicMatrix,
@@ -68,8 +68,7 @@ class HarmonicMatrix(Brief, AbstractPeriodicMatrix):
         if not values.size:
             raise input_error("coefficients", of, "hold a matrix", f"has shape {values.shape}")
         if np.abs(values - values[..., ::-1].conj()).max() > 1e-12 * np.abs(values).max():
-            must = "be those of a real matrix"
-            got = "the coefficient of some -m is not the conjugate of that of m"
+            must, got = "be those of a real matrix", "the coefficient of some -m is not the conjugate of that of m"
             raise input_error("coefficients", of, must, got, "Give both, or use `HarmonicMatrix.from_cosines`.")
         object.__setattr__(self, "harmonics", harmonics)
         object.__setattr__(self, "coefficients", values)
@@ -206,7 +205,7 @@ class SampledMatrix(Rebuilt, AbstractPeriodicMatrix):
         kind = self.interpolation or ("fourier" if equal else "cubic")
         if kind not in get_args(Interpolation):
             words = " or ".join(f'"{word}"' for word in get_args(Interpolation))
-            raise input_error("interpolation", of, f"be {words}", f"is {kind!r}")
+            raise wrong_value("interpolation", of, f"be {words}", kind)
         if kind == "fourier" and not equal:
             must = 'be "cubic" or "linear" for samples at unequal steps'
             raise input_error("interpolation", of, must, 'is "fourier"')

@@ -61,8 +61,7 @@ def transition(
     instants = frozen_array(times, "times", of, axes=("times",))
     begin = finite(start, "start", of, unit="s")
     if instants.size and (instants[0] < begin or (np.diff(instants) < 0).any()):
-        must = f"ascend from `start` = {begin:g} [s]"
-        got = f"begins at {instants[0]:g} and may go back"
+        must, got = f"ascend from `start` = {begin:g} [s]", f"begins at {instants[0]:g} and may go back"
         raise input_error("times", of, must, got, "Backwards in time use Φ(t, t₀) = Φ(t₀, t)⁻¹.")
     found = factors(prepared, np.concatenate([[begin], instants]), tolerance, of)
     out = np.empty((len(instants), *prepared.matrix.shape))

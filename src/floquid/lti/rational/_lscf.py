@@ -9,7 +9,7 @@ from typing import ClassVar, final
 import numpy as np
 
 from floquid._arrays import BLOCK, Complexes, Floats
-from floquid._checks import finite, input_error, integer
+from floquid._checks import finite, input_error, integer, wrong_value
 from floquid.lti._era import hankel_covariance
 from floquid.lti._exponentials import model_of
 from floquid.lti._factor import Factor, energetic_length, energies, factors, is_safe, product_noise
@@ -191,7 +191,7 @@ def checked_options(degree: int | None, band: tuple[float, float] | None, of: st
     if band is None:
         return
     if not isinstance(band, tuple) or len(band) != 2:
-        raise input_error("band", of, "be two fractions of the Nyquist frequency", f"is {band!r}")
+        raise wrong_value("band", of, "be two fractions of the Nyquist frequency", band)
     low, high = (finite(edge, "band", of) for edge in band)
     if not 0.0 <= low < high <= 1.0:
         remedy = "They are fractions of 1/(2 dt): (0, 1) is all there is."

@@ -208,8 +208,7 @@ def _check(modal: ModalModel, lifted: Lifted, harmonics: int | None, of: str = "
         got = f"its residues have shape {modal.residues.shape} and the responses {lifted.responses.values.shape}"
         raise input_error("modal", of, "be a model of `lifted.responses`", got)
     if harmonics is not None and not 0 <= 2 * harmonics < lifted.n_phases:
-        must = f"be at least 0 and less than half the {lifted.n_phases} samples a period"
-        got = f"is {harmonics}"
+        must, got = f"be at least 0 and less than half the {lifted.n_phases} samples a period", f"is {harmonics}"
         raise input_error("harmonics", "assemble", must, got, "Ask for fewer harmonics, or sample faster.")
     if harmonics is None and not _has_deviations(modal):
         got = "is None: which harmonics rise above the noise cannot be told"

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from floquid._arrays import Complexes, Integers
-from floquid._checks import Rebuilt, frozen_array, input_error, positive
+from floquid._checks import Rebuilt, frozen_array, input_error, positive, wrong_value
 from floquid.core import PeriodicModel, Record
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, texts, warning
@@ -102,7 +102,7 @@ class PeriodEstimate(Rebuilt):
         from scipy.special import ndtri
 
         if not 0.0 < level < 1.0:
-            raise input_error("level", "PeriodEstimate.interval", "lie between 0 and 1", f"is {level!r}", "As 0.95.")
+            raise wrong_value("level", "PeriodEstimate.interval", "lie between 0 and 1", level, "As 0.95.")
         if self.period is None or self.period_std is None:
             raise IdentificationError(f"There is no interval: the record does not tell the period. {self.reasons[-1]}")
         half = float(ndtri(0.5 + 0.5 * level)) * self.period_std
@@ -207,8 +207,7 @@ def _bounds(records: Sequence[Record], longest: float | None, shortest: float | 
     low = least if shortest is None else positive(shortest, "shortest", "estimate_period", unit="s")
     low = max(low, least)
     if not low < high:
-        got = f"{high:g} s is not above {low:g} s"
-        must = "lie above `shortest` and two sampling intervals"
+        must, got = "lie above `shortest` and two sampling intervals", f"{high:g} s is not above {low:g} s"
         raise input_error("longest", "estimate_period", must, got, "Widen the bounds, or take a longer record.")
     return high, low
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from floquid._arrays import Complexes, Floats, Indices, Integers, Mask
-from floquid._checks import Rebuilt, finite, input_error
+from floquid._checks import Rebuilt, finite, input_error, wrong_value
 from floquid.core import Estimates, PeriodicModel
 from floquid.findings import Finding, note, texts, warning
 from floquid.fit import RARE, SURE, covariance_root
@@ -268,7 +268,7 @@ def _orders(harmonics: Sequence[int]) -> Integers:
     whole = given.ndim == 1 and given.size and np.issubdtype(given.dtype, np.integer)
     if not whole or given.min() < 1 or len(np.unique(given)) < len(given):
         must = "be different whole numbers from 1 on"
-        raise input_error("harmonics", "periodicity", must, f"is {harmonics!r:.60}", "Pass e.g. (1, 2).")
+        raise wrong_value("harmonics", "periodicity", must, harmonics, "Pass e.g. (1, 2).")
     return np.sort(given).astype(np.int64)
 
 

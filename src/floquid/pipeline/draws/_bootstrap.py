@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from floquid._arrays import Integers, Mask
 from floquid._bar import bar
-from floquid._checks import Rebuilt, describe, input_error, integer
+from floquid._checks import Rebuilt, integer, wrong_value
 from floquid._show import Told
 from floquid.errors import IdentificationError
 from floquid.findings import Finding, note, texts, warning
@@ -227,15 +227,13 @@ def bootstrap(
         Is told of each draw that is done.
     """
     if not isinstance(analysis, Analysis):
-        raise input_error(
-            "analysis", OF, "be a result of `identify`", f"is {describe(analysis)}", "Pass what `identify` gave."
-        )
+        raise wrong_value("analysis", OF, "be a result of `identify`", analysis, "Pass what `identify` gave.")
     if analysis.failed:
         raise IdentificationError(f"{analysis.warnings[0]}\n  Records drawn from it say nothing of how far off it is.")
     count = integer(draws, "draws", OF, at_least=FEWEST, remedy="A deviation of so few draws says nothing.")
     first = integer(seed, "seed", OF, at_least=0)
     if not isinstance(whole, (bool, np.bool_)):
-        raise input_error("whole", OF, "be true or false", f"is {describe(whole)}")
+        raise wrong_value("whole", OF, "be true or false", whole)
     several = _processors() if workers is None else integer(workers, "workers", OF, at_least=1)
     plan = redrawn(analysis, whole=bool(whole))
     seeds = SeedSequence(first).spawn(count)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from floquid._arrays import Floats, Mask
-from floquid._checks import Rebuilt, input_error
+from floquid._checks import Rebuilt, input_error, wrong_value
 from floquid.fit import HALF_DIGITS
 
 MATERIAL = 0.25  # the bias, over the deviation, below which it does not matter: the root-mean-square error grows by 3 %
@@ -96,7 +96,7 @@ class Spread(Rebuilt):
         `level` is the share, between 0 and 1. Raises InputError where `level` is not between 0 and 1.
         """
         if not 0.0 < level < 1.0:
-            raise input_error("level", "Spread.interval", "lie between 0 and 1", f"is {level!r}", "Pass e.g. 0.95.")
+            raise wrong_value("level", "Spread.interval", "lie between 0 and 1", level, "Pass e.g. 0.95.")
         low, high = np.quantile(_parts(self.draws), [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=0)
         return _whole(low, self.estimate), _whole(high, self.estimate)
 

@@ -55,9 +55,8 @@ def identified_ambient(prepared: Prepared, report: Callable[[str], None]) -> Ana
     own, settings = prepared.parted, prepared.settings
     assert own is not None
     if settings.inputs and settings.hold == "first":
-        got = "is 'first'"
         remedy = "In discrete time an input acts from its sample to the next: use hold='zero', and sample faster."
-        raise input_error("hold", OF, "be 'zero' or 'none' with random excitation", got, remedy)
+        raise input_error("hold", OF, "be 'zero' or 'none' with random excitation", "is 'first'", remedy)
     samples, acting = with_acting(own)
     phases = 2.0 * np.pi / (samples.fundamental * samples.step)
     other, repeats = (0.0, ()) if own.shafts else _other_period(samples, trusted=settings.trust_period)

@@ -9,7 +9,7 @@ from typing import Literal, TypeAlias, Unpack, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from floquid._checks import frozen_array, input_error, integer, positive
+from floquid._checks import frozen_array, input_error, integer, positive, wrong_value
 from floquid.core import Record, channels_named
 from floquid.errors import IdentificationError
 from floquid.pipeline._frequencies import POINTS
@@ -102,7 +102,7 @@ def measure_transfer(
     refuse_others(chosen, OF)
     if chosen.excitation != "none":
         remedy = "What nobody measured is noise here: repeats and lines average it."
-        raise input_error("excitation", OF, 'be "none"', f"is {chosen.excitation!r}", remedy)
+        raise wrong_value("excitation", OF, 'be "none"', chosen.excitation, remedy)
     _refuse_options(method, repeat, drop, curvature)
     _refuse_references(reference, chosen, method)
     turns = frozen_array(np.atleast_1d(harmonics), "harmonics", OF, axes=("harmonics",), dtype=np.int64).tolist()
@@ -115,16 +115,12 @@ def measure_transfer(
         # What repeats with the period stands at lines of its own, which are left out.
         own = parted(used, beside, OF)
         if own.shafts:
-            must, got = "have a constant period", "have a measured clock"
             remedy = "Lines are sharp at constant speed alone: use `identify`, which follows the angle."
-            raise input_error("records", OF, must, got, remedy)
+            raise input_error("records", OF, "have a constant period", "have a measured clock", remedy)
         missing = own.samples.n_samples - own.samples.count
         if missing:
-            must, remedy = (
-                "miss no sample",
-                "Lines are sums over every sample: cut the record at the gap, or `identify`.",
-            )
-            raise input_error("records", OF, must, f"miss {missing}", remedy)
+            remedy = "Lines are sums over every sample: cut the record at the gap, or `identify`."
+            raise input_error("records", OF, "miss no sample", f"miss {missing}", remedy)
         count = len(chosen.inputs)
         held = own.samples.inputs[count:] if reference else None
         samples, channels = replace(own.samples, inputs=own.samples.inputs[:count]), (own.outputs, own.inputs[:count])
@@ -152,7 +148,7 @@ def measure_transfer(
 def _refuse_options(method: Method | None, repeat: int | None, drop: int, curvature: float) -> None:
     """Refuse options that are not possible, or of another method."""
     if method not in (None, *get_args(Method)):
-        raise input_error("method", OF, f"be one of {get_args(Method)}", f"is {method!r}", "Or leave it out.")
+        raise wrong_value("method", OF, f"be one of {get_args(Method)}", method, "Or leave it out.")
     if repeat is not None:
         integer(repeat, "repeat", OF, at_least=2, remedy="Periods of one repeat; leave it out, and it is found.")
     if repeat is not None and method not in (None, "repeats"):
@@ -171,6 +167,6 @@ def _refuse_references(reference: Sequence[str], settings: Settings, method: Met
         return
     if isinstance(reference, str) or len(reference) != len(settings.inputs) or {*reference} & {*settings.inputs}:
         must = f"name {len(settings.inputs)} channels other than the inputs, one for each"
-        raise input_error("reference", OF, must, f"is {reference!r}", 'As reference=["command"].')
+        raise wrong_value("reference", OF, must, reference, 'As reference=["command"].')
     if method not in (None, "polynomials"):
-        raise input_error("method", OF, "be left out with `reference`", f"is {method!r}", "It is by polynomials.")
+        raise wrong_value("method", OF, "be left out with `reference`", method, "It is by polynomials.")
