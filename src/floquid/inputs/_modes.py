@@ -200,6 +200,27 @@ class InputMode(Rebuilt):
         """With some harmonics more at each end of a band."""
         return self.with_band(band, longer(getattr(self, band), by, highest, self.real))
 
+    def turned(self, by: float, omega: float, begins: NDArray[np.float64]) -> InputMode:
+        """A pair moved to another branch, λ + i·by·ω; its states are at `begins` [s]."""
+        return replace(
+            self,
+            exponent=self.exponent + 1j * by * omega,
+            turns=self.turns - by,
+            reach=self.reach + by,
+            initial=self.initial * np.exp(1j * by * omega * begins),
+        )
+
+    def conjugated(self) -> InputMode:
+        """Name a pair by the conjugate of its exponent."""
+        return replace(
+            self,
+            exponent=self.exponent.conjugate(),
+            turns=-self.turns[::-1],
+            reach=-self.reach[::-1],
+            gains=self.gains[:, ::-1].conj(),
+            initial=self.initial.conj(),
+        )
+
     def scaled(self) -> InputMode:
         """With the part of b and z that is largest made 1."""
         if self.square is not None:
@@ -242,17 +263,6 @@ def input_gain(exponent: complex, turn: float, omega: float, step: float, hold: 
     small = abs(rate) < 0.5
     later = complex(np.polyval(LINEAR, rate)) if small else (np.exp(rate) * (rate - 1.0) + 1.0) / rate**2
     return step * decay * (whole - later), step * decay * later * np.exp(-1j * turn * omega * step)
-
-
-def answering(samples: Samples, mode: InputMode, other: Samples, delay: int) -> InputMode:
-    """A mode with b such that it answers to other inputs as to these, except for the first samples of each answer."""
-    # The other inputs are these some samples later, or with another hold.
-    decay, ratios = np.exp(mode.exponent * samples.step), []
-    for turn in mode.reach.tolist():
-        both = [input_gain(mode.exponent, turn, own.fundamental, own.step, own.hold) for own in (samples, other)]
-        said, acts = (now + decay * then for now, then in both)
-        ratios.append(said / acts * np.exp((mode.exponent - 1j * turn * samples.fundamental) * delay * samples.step))
-    return replace(mode, gains=mode.gains * np.array(ratios))
 
 
 def state_of(samples: Samples, mode: InputMode) -> NDArray:

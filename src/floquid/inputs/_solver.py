@@ -335,7 +335,9 @@ def solve(
     steps = Steps(
         normal=normal,
         moved=lambda at, step: linearise(
-            samples, [mode.moved(own).scaled() for mode, own in zip(at.modes, _parts(at, step), strict=True)], at.direct
+            samples,
+            [mode.moved(own).scaled() for mode, own in zip(at.modes, steps_of(at.modes, step), strict=True)],
+            at.direct,
         ),
         limited=lambda at, step, _normal, _damping: _limited(at, step, period),
         enough=enough if below < np.inf else None,
@@ -356,10 +358,10 @@ def scale_of(samples: Samples, at: Linearisation, matrix: NDArray[np.float64]) -
     return np.sqrt(np.maximum(own, ROUNDING * own.max(initial=0.0) + 1e-300)) * weights
 
 
-def _parts(at: Linearisation, step: NDArray[np.float64]) -> list[NDArray[np.float64]]:
-    """A step of the free parameters as one of all parameters of each mode."""
+def steps_of(modes: Sequence[InputMode], step: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+    """A step of the free parameters as one of all parameters of each of the `modes`."""
     steps, place = [], 0
-    for mode in at.modes:
+    for mode in modes:
         own = np.zeros(len(mode.free))
         own[mode.free] = step[place : place + int(mode.free.sum())]
         place += int(mode.free.sum())
@@ -370,7 +372,8 @@ def _parts(at: Linearisation, step: NDArray[np.float64]) -> list[NDArray[np.floa
 def _limited(at: Linearisation, step: NDArray[np.float64], period: float) -> NDArray[np.float64]:
     """A step on which no exponent moves further than `LONGEST_STEP`."""
     longest = max(
-        mode.distance(own, LONGEST_STEP / period) * period for mode, own in zip(at.modes, _parts(at, step), strict=True)
+        mode.distance(own, LONGEST_STEP / period) * period
+        for mode, own in zip(at.modes, steps_of(at.modes, step), strict=True)
     )
     return step * min(1.0, LONGEST_STEP / max(longest, 1e-300))
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from floquid.fit import HALF_DIGITS, MODES, SURE, chi2_limit, inverse_root, scaled_inverse
 from floquid.inputs._lags import Thinned, low_pass, products_of_lags
-from floquid.inputs._modes import RUNAWAY, InputMode, runs_away
+from floquid.inputs._modes import RUNAWAY, InputMode, input_gain, runs_away
 from floquid.inputs._samples import Samples
 from floquid.inputs._slopes import slopes_in_parts
 from floquid.inputs._solver import columns_of, turning_of
@@ -186,28 +186,15 @@ def bare_mode(
     )
 
 
-def on_branch(mode: InputMode, turn: float, omega: float, begins: NDArray[np.float64]) -> InputMode:
-    """A pair whose zeroth harmonic was that at `turn`, at a frequency that is not negative; `begins` of its records."""
-    mode = replace(
-        mode,
-        exponent=mode.exponent + 1j * turn * omega,
-        turns=mode.turns - turn,
-        reach=mode.reach + turn,
-        initial=mode.initial * np.exp(1j * turn * omega * begins),
-    )
-    return mode if mode.exponent.imag >= 0.0 else conjugated(mode)
-
-
-def conjugated(mode: InputMode) -> InputMode:
-    """Name a pair by the conjugate of its exponent."""
-    return replace(
-        mode,
-        exponent=mode.exponent.conjugate(),
-        turns=-mode.turns[::-1],
-        reach=-mode.reach[::-1],
-        gains=mode.gains[:, ::-1].conj(),
-        initial=mode.initial.conj(),
-    )
+def answering(samples: Samples, mode: InputMode, other: Samples, delay: int) -> InputMode:
+    """A mode with b such that it answers to other inputs as to these, except for the first samples of each answer."""
+    # The other inputs are these some samples later, or with another hold.
+    decay, ratios = np.exp(mode.exponent * samples.step), []
+    for turn in mode.reach.tolist():
+        both = [input_gain(mode.exponent, turn, own.fundamental, own.step, own.hold) for own in (samples, other)]
+        said, acts = (now + decay * then for now, then in both)
+        ratios.append(said / acts * np.exp((mode.exponent - 1j * turn * samples.fundamental) * delay * samples.step))
+    return replace(mode, gains=mode.gains * np.array(ratios))
 
 
 def split_products(

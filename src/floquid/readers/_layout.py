@@ -277,9 +277,8 @@ def _on_trust(source: Source, words: _Lines, comments: _Lines) -> Layout:
     """The layout by the first line alone, whose odd rows are named one by one; refused where it is no header."""
     number, head = words[0]
     if any(all(map(is_number, parting.cells(head))) for parting in _PARTINGS):
-        must = "begin with a header row that names the columns"
-        remedy = "Write a first line such as `time [s],x [m],y [m]`, or pass `header=False`."
-        raise source.error(must, f"begins with numbers (line {number})", remedy)
+        must, got = "begin with a header row that names the columns", f"begins with numbers (line {number})"
+        raise source.error(must, got, "Write a first line such as `time [s],x [m],y [m]`, or pass `header=False`.")
     for place, (_, line) in enumerate(words):
         for parting in _PARTINGS[:3]:
             cells = parting.cells(line)

@@ -57,9 +57,8 @@ def find_time(source: Source, parts: Sequence[tuple[str, str | None]]) -> tuple[
         if known is not None:
             return column, known
         if len(match[1]) > 1:
-            must = "have its times in one of s, ms, us, ns, min, h"
-            got = f"has column {column + 1}, {name!r}, in {unit!r}"
-            raise source.error(must, got, "Export the times as numbers in seconds.")
+            must, remedy = "have its times in one of s, ms, us, ns, min, h", "Export the times as numbers in seconds."
+            raise source.error(must, f"has column {column + 1}, {name!r}, in {unit!r}", remedy)
     return None, None
 
 

@@ -31,7 +31,7 @@ from floquid.fit import (
     scaled_inverse,
     score_gain,
 )
-from floquid.inputs import Grid, InputMode, terms_of, turning
+from floquid.inputs import Grid, InputMode, steps_of, terms_of, turning
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -92,13 +92,8 @@ class Modal(Rebuilt):
 
     def moved(self, step: NDArray[np.float64]) -> Modal:
         """With the free numbers of the modes moved by a step."""
-        modes, place = [], 0
-        for mode in self.modes:
-            own = np.zeros(len(mode.free))
-            own[mode.free] = step[place : place + int(mode.free.sum())]
-            place += int(mode.free.sum())
-            modes.append(mode.moved(own))
-        return replace(self, modes=tuple(modes))
+        steps = steps_of(self.modes, step)
+        return replace(self, modes=tuple(mode.moved(own) for mode, own in zip(self.modes, steps, strict=True)))
 
     def with_amplitudes(self, numbers: NDArray) -> Modal:
         """With the amplitudes of all outputs (outputs, numbers), in the order of `Grid.units`."""

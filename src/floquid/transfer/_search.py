@@ -100,30 +100,12 @@ def _centred(lines: Lines, modal: Modal) -> Modal:
     for mode, shape in zip(modal.modes, modal.shapes, strict=True):
         if not mode.real:
             turn = mode.turns[np.argmax(np.linalg.norm(shape, axis=0))]
-            mode = replace(
-                mode,
-                exponent=mode.exponent + 1j * turn * lines.fundamental,
-                turns=mode.turns - turn,
-                reach=mode.reach + turn,
-                initial=mode.initial * np.exp(1j * turn * lines.fundamental * lines.echoes[1][: len(mode.initial)]),
-            )
+            mode = mode.turned(turn, lines.fundamental, lines.echoes[1][: len(mode.initial)])
             if mode.exponent.imag < 0.0:
-                mode, shape = _conjugate(mode), shape.conj()[:, ::-1]
+                mode, shape = mode.conjugated(), shape.conj()[:, ::-1]
         modes.append(mode)
         shapes.append(shape)
     return Modal(tuple(modes), tuple(shapes), modal.direct)
-
-
-def _conjugate(mode: InputMode) -> InputMode:
-    """The other one of a pair."""
-    return replace(
-        mode,
-        exponent=mode.exponent.conjugate(),
-        turns=-mode.turns[::-1],
-        reach=-mode.reach[::-1],
-        gains=mode.gains.conj()[:, ::-1],
-        initial=mode.initial.conj(),
-    )
 
 
 def _with_one_more(lines: Lines, now: Fitted | None) -> Fitted | None:

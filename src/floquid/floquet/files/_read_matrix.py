@@ -282,9 +282,8 @@ def _stack(found: Contents, key: str, *, complex_numbers: bool) -> NDArray[Any]:
     bad = ~np.isfinite(array)
     if bad.any():
         where = tuple(int(i) for i in np.argwhere(bad)[0])
-        got = f"has {int(bad.sum())} numbers there that are not, the first at index {where}"
-        must = f"hold finite numbers in `{key}`"
-        raise found.error(must, got, "Leave out those instants and give `times`, or mend it.")
+        must, remedy = f"hold finite numbers in `{key}`", "Leave out those instants and give `times`, or mend it."
+        raise found.error(must, f"has {int(bad.sum())} numbers there that are not, the first at index {where}", remedy)
     return array.astype(np.complex128 if complex_numbers else np.float64)
 
 

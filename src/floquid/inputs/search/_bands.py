@@ -18,7 +18,6 @@ from floquid.fit import FEW_STEPS, REST, wald_rise
 from floquid.inputs._modes import InputMode, ends_of
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, columns_of, solve
-from floquid.inputs._start import on_branch
 from floquid.inputs.search._scores import Scores, by_noise_beyond
 from floquid.inputs.search._structure import Limits, Price, Structure
 from floquid.search import GAP, HOPE, SAME, Move
@@ -263,7 +262,8 @@ def centred(samples: Samples, mode: InputMode, now: Linearisation, number: int) 
     own, shape = now.modes[number], np.abs(now.shape(number)) / now.noise
     energy = np.sum(shape**2, axis=1)
     turn = float(own.turns[int(np.argmax(energy))])
-    return on_branch(mode, turn, samples.fundamental, samples.times[ends_of(samples, mode)])
+    mode = mode.turned(turn, samples.fundamental, samples.times[ends_of(samples, mode)])
+    return mode if mode.exponent.imag >= 0.0 else mode.conjugated()
 
 
 def _weight(now: Linearisation, columns: slice, turning: NDArray[np.bool_], which: NDArray[np.int64]) -> float:

@@ -13,7 +13,7 @@ from floquid.fit import chi2_limit, half_of, near_axis, wald_rise
 from floquid.inputs._modes import InputMode
 from floquid.inputs._samples import Samples
 from floquid.inputs._solver import Linearisation, linearise, solve
-from floquid.inputs._start import bare_mode, candidates, conjugated, fitted_together
+from floquid.inputs._start import bare_mode, candidates, fitted_together
 from floquid.inputs.search._bands import HOPE, REST, Point, centred, far_growths, growths, helpful, shrinkages
 from floquid.inputs.search._near_axis import block_of_pair, block_of_reals, ordinary
 from floquid.inputs.search._scores import by_noise_beyond
@@ -92,7 +92,7 @@ def merges(point: Point) -> Iterator[Move[Structure]]:
     for pair in combinations([k for k, mode in enumerate(now.modes) if not mode.real], 2):
         two, one = sorted(pair, key=lambda number: weights[number])
         for sign in (1.0, -1.0):
-            first, second = now.modes[one], now.modes[two] if sign > 0.0 else conjugated(now.modes[two])
+            first, second = now.modes[one], now.modes[two] if sign > 0.0 else now.modes[two].conjugated()
             gap = second.exponent - first.exponent
             turn = round(gap.imag / omega)
             gap -= 1j * turn * omega

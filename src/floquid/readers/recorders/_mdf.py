@@ -39,9 +39,8 @@ def load_mdf(source: Source, *, channels: Sequence[str] | None, ignore_time: boo
         raise source.error("hold a channel of numbers", got, "Name channels of numbers by `channels=`.")
     if not found.together:
         words = ", ".join(f"{name} has {length}" for name, length in list(lengths.items())[:10])
-        got = f"does not: {words} samples"
         remedy = "Choose channels of one group with `channels=`, by the names above."
-        raise source.error("hold channels that were sampled together", got, remedy)
+        raise source.error("hold channels that were sampled together", f"does not: {words} samples", remedy)
     label, kind = found.master or ("time", _TIME)
     column = TimeColumn(values=found.times, scale=1.0, label=label) if kind <= _TIME else None
     return Table(

@@ -113,9 +113,8 @@ def _with_units(source: Source, names: Sequence[str], at: int) -> _Head:
     units = next(islice(_lines(source.path), at, None), "").split()
     has_units = bool(units) and units[0].startswith("(")
     if has_units and len(units) != len(names):
-        got = f"has {len(names)} names and {len(units)} units (lines {at} and {at + 1})"
-        must = "have a unit for each name"
-        raise source.error(must, got, "Names and units have no blanks in them: mend those lines.")
+        must, remedy = "have a unit for each name", "Names and units have no blanks in them: mend those lines."
+        raise source.error(must, f"has {len(names)} names and {len(units)} units (lines {at} and {at + 1})", remedy)
     if len(names) < 2:
         raise source.error("have a column for each channel", f"has the time alone (line {at})", "Export the channels.")
     for name in names:
@@ -284,8 +283,7 @@ def _times(source: Source, stream: BinaryIO, head: _BinaryHead) -> TimeColumn | 
     raw = np.frombuffer(stream.read(4 * head.n_samples), "<i4")
     scale, offset = head.first, head.second
     if not np.isfinite([scale, offset]).all() or scale <= 0.0 or not np.isfinite(1.0 / scale):
-        got = f"has {scale} and {offset}"
-        raise source.error("have a positive scale of its times, and an offset", got, _AGAIN)
+        raise source.error("have a positive scale of its times, and an offset", f"has {scale} and {offset}", _AGAIN)
     times = (raw - offset) / scale
     decimals = int(np.clip(np.floor(np.log10(scale)), 0, 15))
     if times.size > 1 and abs(times[-1] - times[0]) > 100.0 * times.size * 10.0**-decimals:

@@ -227,9 +227,8 @@ def find_datasets(source: Source, data: bytes) -> list[Dataset]:
             if datasets:
                 must = "have its content in datasets, each between two lines `    -1`"
                 raise source.error(must, f"has {shown} after one, at byte {place}", _COPY)
-            must = "be a universal file, whose first line is `    -1`"
             remedy = "Name it by its format, or export it as a universal file (dataset 58)."
-            raise source.error(must, f"begins with {shown}", remedy)
+            raise source.error("be a universal file, whose first line is `    -1`", f"begins with {shown}", remedy)
         dataset, place = _dataset(source, data, after)
         datasets.append(dataset)
     if not datasets:

@@ -174,10 +174,9 @@ def refuse_counts(source: Source, file: VariableFile, path: str) -> None:
         if beside and one.kind == "numbers" and one.size in (1, *variable.shape):
             scale = file.numbers(one.path)
             if (scale != (0 if _OFFSET.search(one.name) else 1)).any():
-                must = "hold the quantities that were measured"
                 got = f"has counts in `{printable(path)}`, and beside them `{printable(one.path)}`"
                 remedy = "Save the quantities themselves, as in counts * gain + offset; or rename it if it is no scale."
-                raise source.error(must, got, remedy)
+                raise source.error("hold the quantities that were measured", got, remedy)
 
 
 def require_numbers(source: Source, variable: Variable) -> None:
@@ -290,8 +289,7 @@ def time_column(source: Source, file: VariableFile, path: str, n_samples: int) -
     unit = file.variables[path].unit
     scale = SECONDS.get(unit) if unit not in ("", "-") else 1.0
     if scale is None:
-        must = "have its times in one of s, ms, us, ns, min, h"
-        got = f"has `{printable(path)}` in {unit!r}"
+        must, got = "have its times in one of s, ms, us, ns, min, h", f"has `{printable(path)}` in {unit!r}"
         raise source.error(must, got, "Save the times as numbers in seconds, or pass `rate=` [Hz] to ignore them.")
     kept = array if array.dtype == np.float32 else array.astype(np.float64)
     return TimeColumn(values=kept, scale=scale, label=printable(path))

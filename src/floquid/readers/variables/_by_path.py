@@ -75,11 +75,8 @@ def _table_by_path(source: Source, file: VariableFile, *, channels: Sequence[str
         missing = "channels" if "values" in file.variables else "values"
         such = example(file)
         named = f"Name them by `channels=`, as in {such}; without times beside them pass `rate=` [Hz], too. "
-        raise source.error(
-            "say which variables are its channels",
-            f"has no `{missing}` and none is named. It holds:\n{listing(file) or '    nothing'}",
-            f"{named if such else ''}{file.dialect.save}",
-        )
+        got = f"has no `{missing}` and none is named. It holds:\n{listing(file) or '    nothing'}"
+        raise source.error("say which variables are its channels", got, f"{named if such else ''}{file.dialect.save}")
     beside = _times(file)
     rows = [row for word in channels for row in _rows(source, file, beside, _parse(source, file, word))]
     _check_rows(source, rows)
