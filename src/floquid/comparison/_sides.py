@@ -31,27 +31,14 @@ APART = 0.02  # share by which periods and operating points may differ: beyond i
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Side:
-    """One side of a comparison.
+    """One side of a comparison."""
 
-    Parameters
-    ----------
-    label
-        Words for people.
-    points
-        Its points; none of a system that can be made at any.
-    over
-        The quantity that a survey goes over; None of one point.
-    system
-        The system at a point of the other side; None where the points are all there is.
-    rows
-        A mark of the samples of each channel that it was identified from.
-    """
-
-    label: str
-    points: tuple[Point, ...] = ()
-    over: str | None = None
+    label: str  # words for people
+    points: tuple[Point, ...] = ()  # none of a system that can be made at any
+    over: str | None = None  # the quantity that a survey goes over; None of one point
+    # The system at a point of the other side; None where the points are all there is
     system: Callable[[Point, str | None], Any] | None = None
-    rows: frozenset[str] = frozenset()
+    rows: frozenset[str] = frozenset()  # a mark of the samples of each channel that it was identified from
 
 
 def side_of(thing: Any, argument: str, of: str) -> Side:

@@ -34,32 +34,17 @@ CELLS = 4000  # of the integral of a limit: it is known to 1e-3 of its probabili
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Baseline:
-    """The features of a healthy machine over its covariates.
+    """The features of a healthy machine over its covariates."""
 
-    Parameters
-    ----------
-    asked, terms
-        The products of covariates up to the degree asked for, and those that tests ask for.
-    middle, half
-        By which covariates are centred and scaled (covariates,).
-    regression
-        The coefficients of the columns.
-    scatter, rank, degrees
-        The covariance of the features beyond their deviations (features, features), the number of directions that it
-        was found in, and the degrees of freedom that it rests on.
-    gram
-        The inverse of the sum of squares of all columns asked for, by which leverages are measured.
-    """
-
-    asked: tuple[Term, ...]
-    terms: tuple[Term, ...]
-    middle: Floats
-    half: Floats
-    regression: Regression
-    scatter: Floats
-    rank: int
-    degrees: int
-    gram: Floats
+    asked: tuple[Term, ...]  # products of covariates up to the degree asked for
+    terms: tuple[Term, ...]  # those that tests ask for
+    middle: Floats  # by which covariates are centred (covariates,)
+    half: Floats  # and scaled (covariates,)
+    regression: Regression  # the coefficients of the columns
+    scatter: Floats  # covariance of the features beyond their deviations (features, features)
+    rank: int  # the number of directions that it was found in
+    degrees: int  # the degrees of freedom that it rests on
+    gram: Floats  # inverse of the sum of squares of all columns asked for, by which leverages are measured
 
     def scaled(self, covariates: Floats) -> Floats:
         """Covariates (records, covariates) from their middle, over half their range."""

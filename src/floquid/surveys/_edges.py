@@ -22,28 +22,14 @@ STEADY = 1e-4  # share of the values themselves below which their differences ar
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Smooth:
-    """Functions through values at a few points, each with an amplitude of its own.
+    """Functions through values at a few points, each with an amplitude of its own."""
 
-    Parameters
-    ----------
-    x
-        The points, scaled to a length of one (points,).
-    y
-        The values, scaled (functions, points).
-    noise
-        The covariance of the values, point by point within each function (functions * points, functions * points).
-    scale
-        Size of each function (functions,).
-    grid, weights
-        Amplitudes that were looked at, and the posterior of each (functions, amplitudes).
-    """
-
-    x: Floats
-    y: Floats
-    noise: Floats
-    scale: Floats
-    grid: Floats
-    weights: Floats
+    x: Floats  # the points, scaled to a length of one (points,)
+    y: Floats  # the values, scaled (functions, points)
+    noise: Floats  # covariance of the values, a function after another (functions * points, functions * points)
+    scale: Floats  # size of each function (functions,)
+    grid: Floats  # amplitudes that were looked at (functions, amplitudes)
+    weights: Floats  # the posterior of each
 
     def draws(self, at: Floats, count: int, generator: np.random.Generator) -> Floats:
         """Functions drawn from the posterior (count, functions, places), at the scaled places `at`."""

@@ -18,36 +18,16 @@ ALIKE = 0.8  # share of the best similarity above which a branch may be chosen f
 
 @dataclass(frozen=True, kw_only=True)
 class Seen:
-    """One object of a point: what is followed from point to point.
+    """One object of a point: what is followed from point to point."""
 
-    Parameters
-    ----------
-    modes
-        The modes of the result: one, or both of a couple.
-    exponents
-        λ of each (modes,) [1/s].
-    covariance
-        Of real parts, then imaginary parts (2 modes, 2 modes); zero where none was estimated.
-    shapes
-        Coefficients over the noise of their channels (modes, channels, harmonics), harmonics from -n to n.
-    deviations
-        Of the real parts as the real part, of the imaginary parts as the imaginary part, as the shapes.
-    fundamental
-        ω [rad/s].
-    weak
-        True where no edge may rest on it.
-    agreement
-        One where all hits have its shape, less where it stands for several modes.
-    """
-
-    modes: tuple[int, ...]
-    exponents: Complexes
-    covariance: Floats
-    shapes: Complexes
-    deviations: Complexes
-    fundamental: float
-    weak: bool = False
-    agreement: float = 1.0
+    modes: tuple[int, ...]  # of the result: one, or both of a couple
+    exponents: Complexes  # λ of each (modes,) [1/s]
+    covariance: Floats  # real parts, then imaginary parts (2 modes, 2 modes); zero where none was estimated
+    shapes: Complexes  # over the noise of their channels (modes, channels, harmonics), harmonics from -n to n
+    deviations: Complexes  # of the shapes: of real parts the real part, of imaginary parts the imaginary part
+    fundamental: float  # ω [rad/s]
+    weak: bool = False  # no edge may rest on it
+    agreement: float = 1.0  # one where all hits have its shape, less where it stands for several modes
 
     @cached_property
     def basis(self) -> Complexes:

@@ -188,23 +188,12 @@ def _on(drawn: Drawn, thing: Seen, match: Match) -> Drawn:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Matches(Sealed):
-    """Modes of records by the mode of the machine that they are, on one branch.
+    """Modes of records by the mode of the machine that they are, on one branch."""
 
-    Parameters
-    ----------
-    exponents
-        λ [1/s], NaN where a mode is missing (records, modes).
-    modes
-        The mode of the record's model, -1 where it is missing (records, modes).
-    shifts, mirrored
-        The branch: λ is that of the model moved by this many fundamentals, of the mirror image where `mirrored`
-        (records, modes).
-    """
-
-    exponents: Complexes
-    modes: Integers
-    shifts: Integers
-    mirrored: Mask
+    exponents: Complexes  # λ [1/s], NaN where a mode is missing (records, modes)
+    modes: Integers  # the mode of the record's model, -1 where it is missing (records, modes)
+    shifts: Integers  # fundamentals by which λ is that of the model moved (records, modes)
+    mirrored: Mask  # λ is that of the mirror image (records, modes)
 
     def covariance(self, points: Sequence[Point]) -> Floats:
         """Covariance of Re λ, then Im λ, of the modes of each of the `points` (records, 2 modes, 2 modes)."""
