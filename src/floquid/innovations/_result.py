@@ -24,6 +24,7 @@ from floquid.inputs import (
     InputMode,
     Limits,
     Samples,
+    TransferParts,
     estimates_of,
     input_gain,
     runs_away,
@@ -84,7 +85,7 @@ class Fit(DrivenFit):
         """Exponents, shapes and gains of a fit that is `sized`, with their joint covariance."""
         return _estimates(self)
 
-    def answering(self) -> tuple[Any, ...]:
+    def transfer_parts(self) -> TransferParts:
         """Modes with their shapes, errors, and masks of what is free, as transfer functions are made of them."""
         modes = self.input_modes
         joint = _joint(self, modes, held=True, acting=self.acting)
@@ -108,7 +109,7 @@ class Fit(DrivenFit):
         return _estimates(here, step, held=False)
 
     @property
-    def kept(self) -> dict[str, tuple[Any, str]]:
+    def stored(self) -> dict[str, tuple[Any, str]]:
         """Arrays by which a file makes the fit again, beside its modes, with their axes."""
         columns = self.at.columns, "channels, columns; that of the channel"
         return {"columns": columns, "initial": (self.at.initial, "records, states")}

@@ -8,7 +8,7 @@ from floquid.core import Hold
 from floquid.inputs._estimates import Errors, driven_of, estimates_of, selection_of, terms_of
 from floquid.inputs._free import fitted_freely
 from floquid.inputs._modes import RUNAWAY, InputMode, input_gain, parts_of, runs_away, slopes_along_square
-from floquid.inputs._result import DrivenFit, Uncertainty, sealed
+from floquid.inputs._result import DrivenFit, TransferParts, Uncertainty, sealed
 from floquid.inputs._samples import LEAKAGE, Samples, samples_of
 from floquid.inputs._slopes import slopes_in_parts
 from floquid.inputs._solver import Linearisation, columns_at, linearise, numbers_of, slopes_of, solve, steps_of

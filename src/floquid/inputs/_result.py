@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,12 +20,33 @@ from floquid.inputs._transfer import Grid, TransferFunctions, transfer_of
 from floquid.inputs.search import Passed, Scores, passed, read_near_axis, unmeasured
 from floquid.search import GAP
 
+TransferParts: TypeAlias = tuple[
+    Sequence[InputMode], list[NDArray[np.complex128]], Errors, Sequence[NDArray[np.bool_]] | None
+]
+"""Modes, their shapes, errors, and masks of what is free (all where None)."""
+
+
+class FitParts(Protocol):
+    """Parts of a fit of either kind by which its model and its transfer functions are made."""
+
+    @property
+    def samples(self) -> Samples: ...
+    @property
+    def at(self) -> Any: ...
+    @property
+    def input_modes(self) -> list[InputMode]: ...
+    @property
+    def estimates(self) -> Estimates: ...
+    def estimates_at(self, exponents: NDArray[np.complex128]) -> Estimates: ...
+    def direct(self, inputs: int) -> dict[int, NDArray[np.complex128]]: ...
+    def transfer_parts(self) -> TransferParts: ...
+
 
 class DrivenFit(Rebuilt):
     """A fit of records whose excitation goes on: its model and transfer functions, by `estimates` and errors it has."""
 
     def model(
-        self: Any,
+        self: FitParts,
         channels: Sequence[Channel],
         inputs: Sequence[Channel],
         provenance: Provenance,
@@ -45,7 +66,7 @@ class DrivenFit(Rebuilt):
         )
 
     def transfer(
-        self: Any,
+        self: FitParts,
         channels: Sequence[Channel],
         inputs: Sequence[Channel],
         frequencies_hz: NDArray[np.float64],
@@ -60,7 +81,7 @@ class DrivenFit(Rebuilt):
             fundamental=self.samples.fundamental,
             held=(self.samples.step, self.samples.hold) if sampled else None,
         )
-        modes, shapes, errors, free = self.answering()
+        modes, shapes, errors, free = self.transfer_parts()
         return transfer_of(grid, modes, shapes, self.direct(len(inputs)), errors, (channels, inputs), free)
 
 
@@ -130,7 +151,7 @@ class Uncertainty(DrivenFit):
             for mode, state in zip(self.at.modes, self.at.states, strict=True)
         ]
 
-    def answering(self) -> tuple[Any, ...]:
+    def transfer_parts(self) -> TransferParts:
         """Modes with their shapes and errors, as transfer functions are made of them."""
         return self.at.modes, self.shapes, self.errors, None
 
@@ -145,7 +166,7 @@ class Uncertainty(DrivenFit):
         return here.estimates.moved(selection_of(here.at.modes) @ step)
 
     @property
-    def kept(self) -> dict[str, tuple[Any, str]]:
+    def stored(self) -> dict[str, tuple[Any, str]]:
         """Arrays by which a file makes the fit again, beside its modes, with their axes."""
         return {"direct": (self.at.direct, "harmonics")}
 

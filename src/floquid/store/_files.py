@@ -137,7 +137,7 @@ def _put_decay(group: Any, analysis: Analysis, decay: Decay) -> None:
 
 def _put_driven(group: Any, fit: Driven) -> None:
     """A fit of records whose excitation goes on: its modes, and what cannot be made of them again."""
-    for name, (array, axes) in fit.kept.items():
+    for name, (array, axes) in fit.stored.items():
         put(group, name, array, axes)
     for number, mode in enumerate(fit.at.modes, start=1):
         put_object(group.create_group(f"modes/mode{number}"), mode)
